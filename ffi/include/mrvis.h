@@ -147,8 +147,8 @@ typedef struct mrv_generate_options {
 /* A generated scene with other parameters. `options` may be NULL. */
 mrv_status mrv_scene_generate_with(const char *name, const mrv_generate_options *options, mrv_scene **scene);
 
-/* The same scene without instances: each placed mesh becomes triangles of the scene's own, which radiosity and form factors need.
- * MRV_ERROR_INPUT if it would have more than `max_triangles` (0: 2^31) triangles. */
+/* The same scene without instances: each placed mesh becomes triangles of the scene's own, which radiosity and form factors need. A
+ * scene without placed meshes is copied. MRV_ERROR_INPUT if it would have more than `max_triangles` (0: 2^31) triangles. */
 mrv_status mrv_scene_flatten(const mrv_scene *scene, uint64_t max_triangles, mrv_scene **flat);
 
 mrv_status mrv_scene_retain(const mrv_scene *scene);
@@ -225,7 +225,7 @@ mrv_status mrv_scene_builder_add_object(mrv_scene_builder *builder, const mrv_me
 mrv_status mrv_scene_builder_add_shared_mesh(mrv_scene_builder *builder, const mrv_mesh *mesh, uint32_t *index);
 
 /* Places a shared mesh. `transform` has twelve numbers: the rows of a 3 by 4 matrix that maps coordinates of the mesh to those of the
- * scene: rotation, reflection, uniform scale (within 1 %) and translation. `name` is unique among objects and instances. */
+ * scene: rotation, reflection, uniform scale (not 0, and equal within 1 %) and translation. `name` is unique among objects and instances. */
 mrv_status mrv_scene_builder_add_instance(mrv_scene_builder *builder, uint32_t mesh, const char *name,
                                           const double *transform);
 

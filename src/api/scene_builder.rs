@@ -116,8 +116,8 @@ impl SceneBuilder {
     /// the scene. The name is unique among objects and instances.
     ///
     /// # Errors
-    /// [`Error::Argument`] if there is no such mesh, the name is empty or taken, or the transform is not finite or has shear or unequal
-    /// scale of more than 1 %.
+    /// [`Error::Argument`] if there is no such mesh, the name is empty or taken, or the transform is not finite, has the scale 0, or has shear or
+    /// unequal scale of more than 1 %.
     pub fn add_instance(&mut self, mesh: u32, name: &str, transform: DAffine3) -> Result<()> {
         let wrong = |what: String| Err(Error::Argument(format!("instance `{}`: {what}", quote(name))));
         check_name("instance", name, &self.objects)?;
@@ -132,6 +132,9 @@ impl SceneBuilder {
         }
         if !transform.is_finite() {
             return wrong("`transform` holds a value that is not finite".into());
+        }
+        if transform.matrix3.determinant() == 0.0 {
+            return wrong("`transform` makes the mesh flat or a point: its scale must not be 0".into());
         }
         let ratio = stretch(transform.matrix3);
         if ratio > MAX_STRETCH {

@@ -275,7 +275,7 @@ impl Solution {
 
     /// The elements, constant pieces of lit sides of surfaces: the cells of `solution.vtu`. Borrowed.
     pub fn elements(&self) -> &[Element] {
-        &self.inner.mesh.elements
+        &self.inner.mesh.elements[..self.inner.mesh.lit]
     }
 
     /// Corners of the elements, each position once, in the coordinates of the file, scene units.

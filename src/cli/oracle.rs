@@ -71,10 +71,13 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     write_irradiance(&args.out, &found, photometry.map(|_| &lux as _))?;
     let (mean, noise) = (mean(&found), noise(&found));
     let mut warnings = scene.repairs.messages.clone();
-    if let Some(note) = model.note_of_turned_emitters().filter(|_| mean > 0.0) {
-        warn(common, std::slice::from_ref(&note));
-        warnings.push(note);
-    }
+    let notes = if mean > 0.0 {
+        model.notes_of_emitters()
+    } else {
+        Vec::from_iter(model.note_of_coarse_coordinates())
+    };
+    warn(common, &notes);
+    warnings.extend(notes);
     if mean == 0.0 && !scene.emitters.is_empty() {
         let cure = "if that is wrong, set --two-sided-emission or reverse the order of the corners of the emitters' faces";
         warn(common, &[format!("no light arrives at any point: {cure}")]);

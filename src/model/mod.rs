@@ -6,6 +6,7 @@
 
 pub mod cache;
 mod cut;
+mod emitter_notes;
 mod engines;
 mod instance;
 mod mesh;
@@ -17,7 +18,6 @@ pub mod testing;
 #[cfg(test)]
 mod tests;
 mod top_level;
-mod turned_emitters;
 mod update;
 
 pub use instance::{Instance, InstanceChange};

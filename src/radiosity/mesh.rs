@@ -60,8 +60,10 @@ pub struct RadiosityMesh {
     pub origin: DVec3,
     /// Corners of elements, each position once; scene units relative to `origin`.
     pub vertices: Vec<Vec3>,
-    /// The leaves of all surfaces; together they cover each lit side once.
+    /// The leaves of all surfaces, which cover each lit side once, then the sides that no light reaches, whole and black.
     pub elements: Vec<Element>,
+    /// Number of the leaves.
+    pub lit: usize,
     /// The instance of each element; empty in scenes without placed meshes.
     pub instances: Vec<PlacedElement>,
 }

@@ -1,8 +1,10 @@
 //! Promises of the solver: conservation, closed forms, and that it can be stopped.
 
 mod again;
+mod crossings;
 mod hurried;
 mod limits;
+mod ratios;
 mod sheets;
 mod sizes;
 mod unlit;

@@ -258,6 +258,13 @@ impl EndRule {
         Self::LIFT * self.slack()
     }
 
+    /// Height above the plane of one of two surfaces, with the other's rule, up to which a point of the other may lie in that plane:
+    /// both points err by up to r.
+    #[inline]
+    pub fn rounding_of_heights(self, other: EndRule) -> f32 {
+        2.0 * self.reach.max(other.reach)
+    }
+
     /// A point of a surface, lifted on the side of the unit vector `normal`.
     #[inline]
     pub fn lifted(self, at: Vec3, normal: Vec3) -> Vec3 {

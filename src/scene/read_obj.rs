@@ -363,7 +363,8 @@ fn libraries(obj: &Path, rest: &str) -> (Vec<PathBuf>, Vec<PathBuf>) {
     if several.len() > 1 && !whole.exists() && several.iter().any(|p| p.exists()) {
         return (several, vec![whole]);
     }
-    several.retain(|path| *path != whole && !path.exists());
+    // Names of different lengths differ at once; paths are compared part by part.
+    several.retain(|path| path.as_os_str() != whole.as_os_str() && !path.exists());
     (vec![whole], several)
 }
 

@@ -568,6 +568,8 @@ static void builders(void) {
   OK(mrv_scene_builder_add_object(b, &mesh));
   WRONG(mrv_scene_builder_add_object(b, &mesh), "taken");
   transform[3] = 2;
+  const double nothing[12] = {0};
+  WRONG(mrv_scene_builder_add_instance(b, index, "i", nothing), "scale must not be 0");
   OK(mrv_scene_builder_add_instance(b, index, "i", transform));
   OK(mrv_scene_builder_finish(b, NULL, &s));
   flattened(s);

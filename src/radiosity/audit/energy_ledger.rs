@@ -3,7 +3,6 @@
 use super::solved::{Closing, Solved};
 use crate::radiosity::elements::{RowFactors, Shape};
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::radiosity::surroundings::directed_share;
 use crate::scene::{Photometry, unit_in_metres};
 
 /// Powers, summed over all surfaces; means of the channels.
@@ -65,7 +64,7 @@ impl Solved {
         let (elements, area) = (&linked.elements, linked.elements.area);
         let mut ledger = Ledger::default();
         let mut powers = Powers::<Rgb>::default();
-        let (mut received, mut sent, mut directed, mut closed) = ([0.0; 3], [0.0; 3], [0.0; 3], 0.0);
+        let (mut received, mut sent, mut closed) = ([0.0; 3], [0.0; 3], 0.0);
         let by_rays = matches!(self.closing, Closing::Rays(_));
         for (e, (element, state)) in elements.elements.iter().zip(elements.states.iter()).enumerate() {
             let Shape::Surface { side, .. } = element.shape else { continue };
@@ -81,13 +80,11 @@ impl Solved {
             add(&mut powers.emitted, element.area, s.exitance);
             add(&mut powers.absorbed, element.area, absorbed);
             add(&mut received, element.area, state.irradiance);
-            // Rays send the light of profiles in their directions, links as if it were diffuse.
-            let directs = by_rays && s.profile.is_some();
-            let emitted = if directs { s.exitance } else { [0.0; 3] };
-            let diffuse: Rgb = std::array::from_fn(|k| state.radiosity[k] - emitted[k]);
-            add(&mut directed, element.area, emitted);
-            add(&mut sent, element.area * sent_part.min(1.0), diffuse);
-            add(&mut powers.escaped, element.area * (1.0 - sent_part).max(0.0), diffuse);
+            // Rays from the emitters say more of their light than the rows of a few small elements.
+            let emitted = if by_rays { s.exitance } else { [0.0; 3] };
+            let of_rows: Rgb = std::array::from_fn(|k| state.radiosity[k] - emitted[k]);
+            add(&mut sent, element.area * sent_part.min(1.0), of_rows);
+            add(&mut powers.escaped, element.area * (1.0 - sent_part).max(0.0), of_rows);
             if linked.surroundings.closed[side as usize] {
                 closed += element.area;
                 let covered = 1.0 - f64::from(state.row_target);
@@ -98,11 +95,11 @@ impl Solved {
                 ledger.row_sum_error_sampled += element.area * (sampled - 1.0).powi(2);
             }
         }
-        if mean(directed) > 0.0 {
-            let (length, exact) = (linked.surroundings.length, linked.engine.exact());
-            let share = directed_share(elements, &exact, length, linked.settings.seed);
-            add(&mut sent, share, directed);
-            add(&mut powers.escaped, 1.0 - share, directed);
+        if let Closing::Rays(local) = &self.closing {
+            let share = local.received;
+            add(&mut sent, share, powers.emitted);
+            let emitted = powers.emitted;
+            add(&mut powers.escaped, 1.0 - share, emitted);
         }
         for error in [&mut ledger.row_sum_error, &mut ledger.row_sum_error_sampled] {
             *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };

@@ -2,8 +2,7 @@
 
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::ElementState;
-use crate::radiosity::final_gather::{LocalPass, SharedLight};
-use crate::radiosity::links::Tally;
+use crate::radiosity::final_gather::{Gathered, LocalPass};
 use crate::radiosity::refinement::{LinkClosing, LinkedScene, Refined};
 use crate::radiosity::rgb::{Rgb, add};
 
@@ -38,10 +37,11 @@ impl Solved {
     }
 
     /// The same scene with the light that its elements gathered by more rays.
-    pub fn with_gathered(mut self, gathered: Vec<(u32, SharedLight)>, tally: Tally) -> Solved {
-        self.linked.tally.add(tally);
+    pub fn with_gathered(mut self, gathered: Gathered) -> Solved {
+        self.linked.tally.add(gathered.tally);
         if let Closing::Rays(local) = &mut self.closing {
-            for (leaf, light) in gathered {
+            local.received = gathered.received;
+            for (leaf, light) in gathered.light {
                 let result = &mut local.results[leaf as usize];
                 result.irradiance = light.irradiance;
                 result.noise = light.error.sqrt() as f32;

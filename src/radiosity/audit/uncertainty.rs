@@ -2,7 +2,7 @@
 
 use super::solved::{Closing, Solved};
 use crate::math::weld::weld;
-use crate::radiosity::elements::{Element as ElementNode, Elements, Shape};
+use crate::radiosity::elements::{Element as ElementNode, Elements, Shape, Side, surface_area};
 use crate::radiosity::mesh::{Element, PlacedElement, RadiosityMesh};
 use crate::radiosity::options::RowSums;
 use crate::radiosity::refinement::LinkedScene;
@@ -71,7 +71,7 @@ impl Solved {
         }
     }
 
-    /// The leaves of all surfaces as plain data, with their uncertainties.
+    /// The leaves of all surfaces and the dark sides as plain data, with their uncertainties.
     pub fn mesh(&self, scene: &Scene, uncertainty: &[f64]) -> RadiosityMesh {
         let elements = &self.linked.elements;
         let leaf = |(e, element): (usize, &ElementNode)| match &element.shape {
@@ -79,30 +79,41 @@ impl Solved {
             _ => None,
         };
         let leaves: Vec<_> = elements.elements.iter().enumerate().filter_map(leaf).collect();
-        let corners: Vec<Vec3> = leaves.par_iter().flat_map_iter(|(.., corners)| *corners).collect();
+        // Ids of placed meshes are those of elements, which dark sides have not.
+        let dark = if elements.instance_count() < 2 { &elements.dark[..] } else { &[] };
+        let mut corners: Vec<Vec3> = leaves.par_iter().flat_map_iter(|(.., corners)| *corners).collect();
+        corners.extend(dark.iter().flat_map(|(_, corners)| *corners));
         let (number, vertices) = weld(&corners);
+        let (number, number_of_dark) = number.split_at(4 * leaves.len());
         let links = links_at(&self.linked);
+        let of_side = |s: &Side, corners: &[u32], area: f64| Element {
+            corners: std::array::from_fn(|k| corners[k]),
+            radiosity: [0.0; 3],
+            irradiance: [0.0; 3],
+            error: [0.0; 3],
+            albedo: s.reflectance,
+            exitance: s.exitance,
+            area,
+            level: 0,
+            links: 0,
+            triangle: s.triangles[0],
+            object: scene.triangle_object[s.triangles[0] as usize],
+            material: scene.triangle_material[s.triangles[0] as usize],
+            front: s.front,
+        };
         let one = |(&(e, side, _), corners): (&(usize, u32, [Vec3; 4]), &[u32])| {
-            let (s, state) = (&elements.sides[side as usize], &elements.states[e]);
+            let (element, state) = (&elements.elements[e], &elements.states[e]);
             let level = mean(state.irradiance);
             let error = state
                 .irradiance
                 .map(|v| if level > 0.0 { uncertainty[e] * v / level } else { uncertainty[e] });
-            let t = s.triangles[0] as usize;
             Element {
-                corners: std::array::from_fn(|k| corners[k]),
                 radiosity: state.radiosity,
                 irradiance: state.irradiance,
                 error,
-                albedo: s.reflectance,
-                exitance: s.exitance,
-                area: elements.elements[e].area,
-                level: elements.elements[e].level,
+                level: element.level,
                 links: links[e],
-                triangle: s.triangles[0],
-                object: scene.triangle_object[t],
-                material: scene.triangle_material[t],
-                front: s.front,
+                ..of_side(&elements.sides[side as usize], corners, element.area)
             }
         };
         let instance_of_side = instances_of_sides(elements);
@@ -110,12 +121,14 @@ impl Solved {
             let instance = *instance_of_side.get(side as usize)?;
             Some(PlacedElement { instance, id: elements.surface_id(instance, e as u32).expect("a surface") })
         };
-        RadiosityMesh {
-            origin: scene.origin,
-            elements: leaves.par_iter().zip(number.par_chunks_exact(4)).map(one).collect(),
-            instances: leaves.par_iter().filter_map(placed).collect(),
-            vertices,
-        }
+        let mut all: Vec<Element> = leaves.par_iter().zip(number.par_chunks_exact(4)).map(one).collect();
+        all.extend(
+            dark.iter()
+                .zip(number_of_dark.chunks_exact(4))
+                .map(|((side, of), corners)| of_side(side, corners, surface_area(of))),
+        );
+        let instances = leaves.par_iter().filter_map(placed).collect();
+        RadiosityMesh { origin: scene.origin, elements: all, lit: leaves.len(), instances, vertices }
     }
 }
 

@@ -10,8 +10,10 @@ use crate::ray::EndRule;
 use crate::scene::Scene;
 use rayon::prelude::*;
 
-/// Largest number of subdivisions of a side. Limits the ranges of ids: 4^14 parts a side leave room for 10^10 sides in 64 bits.
-pub(super) const MAX_LEVEL: u32 = 14;
+/// Largest number of subdivisions of a side: parts of 2⁻²⁰ of its width are 16 roundings of its coordinates wide.
+pub(super) const MAX_LEVEL: u32 = 20;
+/// Bits of the ids of all elements: four times an id is a seed of 64 bits.
+const ID_BITS: u32 = 61;
 
 impl Elements {
     /// The elements of a scene before subdivision: its clusters and the sides that light can reach.
@@ -26,7 +28,15 @@ impl Elements {
     pub fn without(self, unlit: &[u32], scene: &Scene, hierarchy: &Hierarchy) -> Elements {
         let lit = |side: u32| side != Elements::NONE && unlit.binary_search(&side).is_err();
         let lit: Vec<[bool; 2]> = self.sides_of_triangle.iter().map(|sides| sides.map(lit)).collect();
-        Elements::of_lit(scene, hierarchy, self.min_area, &lit)
+        let dark = unlit.iter().filter_map(|&side| {
+            let side = &self.sides[side as usize];
+            match self.elements[side.element as usize].shape {
+                Shape::Surface { corners, .. } => Some((side.clone(), corners)),
+                Shape::Cluster(_) => None,
+            }
+        });
+        let dark = dark.collect();
+        Elements { dark, ..Elements::of_lit(scene, hierarchy, self.min_area, &lit) }
     }
 
     /// The elements for given lit sides of each face, front and back.
@@ -143,7 +153,7 @@ impl Build {
             element.centre = cluster.bounds.center();
             element.radius = 0.5 * cluster.bounds.diagonal();
         }
-        number(&mut elements, min_area);
+        number(&mut elements, sides.len());
         let mut sides_of_triangle = vec![[Elements::NONE; 2]; scene.triangles.len()];
         for (s, side) in sides.iter().enumerate() {
             for t in side.triangles {
@@ -160,6 +170,7 @@ impl Build {
             area,
             large_from: 0,
             min_area,
+            dark: Vec::new(),
             samples,
             instances: scene.triangles_of_instances(),
         }
@@ -215,13 +226,13 @@ fn cluster(range: [u32; 2], elements: &[Element], sides: &[Side], samples: &Side
     }
 }
 
-/// Gives every element a range of ids that is large enough for all possible elements below it.
-fn number(elements: &mut [Element], min_area: f64) {
+/// Gives every element a range of ids for all possible elements below it: as many levels as the bits of ids have room for.
+fn number(elements: &mut [Element], sides: usize) {
+    let levels = ((ID_BITS - sides.max(1).ilog2()) / 2 - 1).min(MAX_LEVEL);
     let mut size = vec![1u64; elements.len()];
     for e in (0..elements.len()).rev() {
         if !elements[e].is_cluster() {
-            let levels = (elements[e].area / min_area).log(4.0).max(0.0).floor() as u32;
-            size[e] = ((1u64 << (2 * (levels.min(MAX_LEVEL) + 1))) - 1) / 3;
+            size[e] = ((1u64 << (2 * (levels + 1))) - 1) / 3;
         }
         if e > 0 {
             size[elements[e].parent as usize] += size[e];

@@ -12,6 +12,9 @@ use rayon::prelude::*;
 /// Nodes of a cut: as many as a packet has segments, so that each segment of a packet can have a node of its own.
 const MAX_CUT: usize = 16;
 
+/// Height above a plane, relative to the radii, up to which a surface counts as lying in it: some thousand roundings of f32.
+const COPLANAR: f32 = 1e-3;
+
 /// A receiver for which faces are drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
@@ -124,6 +127,34 @@ impl EmitterTree {
         lit().all(|(n, _)| node(*n).second == 0).then(|| lit().map(move |(n, _)| node(*n).faces[0]))
     }
 
+    /// Estimate of the error with which one value stands for the direct light of a receiver of some area, as a part of the power of all
+    /// faces: the part that may arrive there, times (radius / distance)² where the receiver is small against the distance. Groups of
+    /// faces that contribute less than a tenth of `limit` are not opened.
+    pub fn variation(&self, receiver: &Receiver, area: f32, limit: f32) -> f32 {
+        let Some(root) = self.nodes.first() else { return 0.0 };
+        let (all, mut sum) = (std::f32::consts::PI * root.power, 0.0);
+        let (mut open, mut depth) = ([0u32; 64], usize::from(root.power > 0.0));
+        while depth > 0 && sum <= limit {
+            depth -= 1;
+            let node = &self.nodes[open[depth] as usize];
+            if node.second == 0 && !node.sees(receiver) {
+                continue;
+            }
+            let arrives = (node.bound(receiver) * area).min(std::f32::consts::PI * node.power);
+            let distance = (node.centre - receiver.centre).length();
+            let nearest = if node.second == 0 { distance.max(node.radius) } else { distance - node.radius };
+            let ratio = (receiver.radius / nearest.max(receiver.radius)).powi(2);
+            let error = arrives / all * ratio;
+            if node.second == 0 || error <= 0.1 * limit || depth + 2 > open.len() {
+                sum += error;
+            } else {
+                (open[depth], open[depth + 1]) = (open[depth] + 1, node.second);
+                depth += 2;
+            }
+        }
+        sum
+    }
+
     /// The cut that consists of the root: faces are drawn by power.
     pub fn whole(&self) -> Cut {
         match self.nodes.is_empty() {
@@ -206,6 +237,16 @@ impl Node {
         faces: [0, 0],
         second: 0,
     };
+
+    /// Whether parts of a single face and of the receiver lie above the planes of each other by more than rounding: not so for the parts of
+    /// the face itself.
+    fn sees(&self, receiver: &Receiver) -> bool {
+        let to = self.centre - receiver.centre;
+        let sine = self.axis.cross(receiver.normal).length();
+        let least = COPLANAR * (self.radius + receiver.radius);
+        receiver.normal.dot(to) + sine * self.radius > least
+            && -self.axis.dot(to) + sine * receiver.radius > least
+    }
 
     /// Irradiance of the receiver, with the largest cosines at both ends and the distance between the centres; 0 only if none of the
     /// faces can light any point of the receiver.

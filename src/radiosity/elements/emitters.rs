@@ -96,6 +96,11 @@ impl Emitters {
         self.tree.faces(cut).map(|places| places.map(face))
     }
 
+    /// See [`EmitterTree::variation`].
+    pub fn variation(&self, receiver: &Receiver, area: f32, limit: f32) -> f32 {
+        self.tree.variation(receiver, area, limit)
+    }
+
     /// The cut for receivers that are not known: faces are drawn by power.
     pub fn any_receiver(&self) -> Cut {
         self.tree.whole()
@@ -130,9 +135,19 @@ impl Emitters {
 
 /// The density with which a cosine-weighted ray from `from` finds the point `to` of an emitter, divided by the density of
 /// [`Emitters::sample`]; both are (position, unit normal). Both strategies find the point. Weighted by their densities
-/// (balance heuristic, Veach and Guibas 1995) each contributes less than the emitter's exitance at any distance.
-pub fn density_ratio(from: (Vec3, Vec3), to: (Vec3, Vec3), exitance: Rgb, density: f32) -> f32 {
+/// (balance heuristic, Veach and Guibas 1995) each contributes less than the emitter's exitance at any distance. 0 if either point lies
+/// less than `rounding` above the plane of the other, as the back of a lamp lies in the plane of its front.
+pub fn density_ratio(
+    from: (Vec3, Vec3),
+    to: (Vec3, Vec3),
+    rounding: f32,
+    exitance: Rgb,
+    density: f32,
+) -> f32 {
     let d = to.0 - from.0;
+    if from.1.dot(d) <= rounding || -to.1.dot(d) <= rounding {
+        return 0.0;
+    }
     let r2 = d.length_squared().max(f32::MIN_POSITIVE);
     // Two divisions by r²: r⁴ overflows 32 bits for most lengths.
     let kernel = (from.1.dot(d).max(0.0) / r2) * ((-to.1.dot(d)).max(0.0) / r2) / std::f32::consts::PI;

@@ -32,6 +32,7 @@ pub use lookup::Lookup;
 pub use profiles::{emission_gain, mean_over};
 pub use side_sampling::SideSampler;
 pub use state::{ElementState, LightStatistics, RowFactors};
+pub use subdivision::area as surface_area;
 
 use crate::math::Aabb;
 use crate::ray::EndRule;
@@ -150,6 +151,8 @@ pub struct Elements {
     pub large_from: u32,
     /// Smallest area of an element that subdivision makes, scene units squared.
     pub min_area: f64,
+    /// Sides without elements because no light reaches them, with their corners.
+    pub dark: Vec<(Side, [Vec3; 4])>,
     samples: SideSampler,
     /// The triangles of each instance of the scene.
     instances: Vec<InstanceTriangles>,

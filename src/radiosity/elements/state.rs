@@ -19,6 +19,9 @@ pub struct ElementState {
     pub feature_size: f32,
     /// What errors count here relative to the most important element, in `(0, 1]`; 1 where everything is important.
     pub importance: f32,
+    /// Whether another surface stands across the element, so that its mean light is right on neither side of it. Such an element exchanges no
+    /// light, and paths that meet it go on from there.
+    pub crossed: bool,
 }
 
 impl ElementState {
@@ -31,6 +34,7 @@ impl ElementState {
         row_target: 1.0,
         feature_size: 0.0,
         importance: 1.0,
+        crossed: false,
     };
 
     /// The state of a quarter of an element with this state: the same light, which varies half as much over half the size.

@@ -29,7 +29,8 @@ impl Elements {
     pub fn split(&mut self, element: u32) {
         let parent = self.elements[element as usize].clone();
         let Shape::Surface { side, corners } = parent.shape else { return };
-        if !parent.is_leaf() {
+        // The range of ids must hold four children of one id each.
+        if !parent.is_leaf() || parent.ids[1] - parent.ids[0] < 5 {
             return;
         }
         let first = self.elements.len() as u32;
@@ -75,7 +76,8 @@ pub(super) fn centroid(c: &[Vec3; 4]) -> Vec3 {
     if is_triangle(c) { (c[0] + c[1] + c[2]) / 3.0 } else { 0.25 * (c[0] + c[1] + c[2] + c[3]) }
 }
 
-fn area(corners: &[Vec3; 4]) -> f64 {
+/// Area of a surface with these corners, scene units squared.
+pub fn area(corners: &[Vec3; 4]) -> f64 {
     let [a, b, c, d] = corners.map(|p| p.as_dvec3());
     0.5 * (c - a).cross(d - b).length()
 }

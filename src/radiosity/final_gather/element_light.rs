@@ -6,7 +6,7 @@
 //! elements ([`super::sharing`]).
 
 use super::element_rays::{LeafRays, batches};
-use super::element_samples::ElementLight;
+use super::element_samples::{DIRECT, ElementLight, REFLECTED};
 use super::gatherer::{Buffers, FinalGather};
 use super::local_pass::LocalPass;
 use super::neighbours::Place;
@@ -21,6 +21,16 @@ const MIN_HALF: u32 = 4;
 /// Largest number of rays of each half, so that no element can use up all rays: noise of 1 % where one ray deviates by half of the mean.
 const MAX_HALF: u32 = 1024;
 
+/// What elements have gathered.
+pub struct Gathered {
+    /// Leaves with their light.
+    pub light: Vec<(u32, SharedLight)>,
+    /// Part of the emitted power that meets elements.
+    pub received: f64,
+    /// Cost of the rays.
+    pub tally: Tally,
+}
+
 impl FinalGather<'_> {
     /// The irradiance of the leaves after a local pass, by about `rays` more rays of their own, shared between neighbours. Leaves
     /// that the deadline leaves without rays are missing.
@@ -28,15 +38,14 @@ impl FinalGather<'_> {
     /// The sum of squared errors by area is smallest with rays in proportion to √area times the deviation of one ray (Neyman 1934).
     /// The rays of the local pass estimate the deviation: an estimate from the same rays as the light would correlate with it, and
     /// elements that happen to look dark would stay dark.
-    pub fn gather_elements(
-        &self,
-        local: &LocalPass,
-        rays: f64,
-        deadline: &Deadline,
-    ) -> (Vec<(u32, SharedLight)>, Tally) {
+    pub fn gather_elements(&self, local: &LocalPass, rays: f64, deadline: &Deadline) -> Gathered {
         let Elements { elements, states, .. } = &self.linked.elements;
         let wanted = |e: u32| {
             let result = &local.results[e as usize];
+            // The deviation is unknown where the first pass had no rays: these leaves get the smallest number.
+            if result.rays == 0 {
+                return 0.0;
+            }
             let weight = elements[e as usize].area * f64::from(states[e as usize].importance);
             weight.sqrt() * f64::from(result.noise) * f64::from(result.rays).sqrt()
         };
@@ -45,16 +54,38 @@ impl FinalGather<'_> {
         let of = |leaf: u32| {
             let half = 0.5 * rays * wanted(leaf) / sum.max(f64::MIN_POSITIVE);
             // Halves of large elements fill packets of sixteen.
-            LeafRays { leaf, count: ((half / 8.0).round() as u32 * 8).clamp(MIN_HALF, MAX_HALF) }
+            LeafRays {
+                leaf,
+                count: (8.0 * (half / 8.0).round()).clamp(f64::from(MIN_HALF), f64::from(MAX_HALF)) as u32,
+            }
         };
         let rays: Vec<LeafRays> = all.iter().map(|&leaf| of(leaf)).collect();
         let (light, tally) = self.trace_elements(&rays, deadline);
         let (leaves, light): (Vec<u32>, Vec<ElementLight>) =
             all.into_iter().zip(light).filter(|(_, light)| light.rays > 0).unzip();
-        let places: Vec<Place> = leaves.iter().map(|&e| self.place_of(e)).collect();
         let areas: Vec<f64> = leaves.iter().map(|&e| elements[e as usize].area).collect();
-        let shared = share(&places, &areas, &light, &self.ranks, deadline);
-        (leaves.into_iter().zip(shared).collect(), tally)
+        let (mut light, mut received_share) = (light, local.received);
+        if leaves.len() == rays.len() {
+            let received = light.iter().zip(&areas).map(|(light, area)| area * light.mean(DIRECT)).sum();
+            let factor;
+            (factor, received_share) = self.balance_of_direct_light(received, local.sampled);
+            light.iter_mut().for_each(|light| light.scale_direct(factor as f32));
+        }
+        // Light differs on both sides of a surface that stands across an element: it is neither a neighbour nor has any. Nor do elements
+        // that no ray of either pass has found lit share light with those behind the next wall.
+        let is_alone = |i: usize| {
+            let dark = local.results[leaves[i] as usize].irradiance == [0.0; 3];
+            states[leaves[i] as usize].crossed
+                || dark && light[i].mean(DIRECT) + light[i].mean(REFLECTED) == 0.0
+        };
+        let (alone, whole): (Vec<usize>, Vec<usize>) = (0..leaves.len()).partition(|&i| is_alone(i));
+        let places: Vec<Place> = whole.iter().map(|&i| self.place_of(leaves[i])).collect();
+        let of_whole: Vec<ElementLight> = whole.iter().map(|&i| light[i]).collect();
+        let areas: Vec<f64> = whole.iter().map(|&i| areas[i]).collect();
+        let shared = share(&places, &areas, &of_whole, &self.ranks, deadline);
+        let own = alone.iter().map(|&i| (leaves[i], SharedLight::alone(&light[i])));
+        let light = whole.iter().map(|&i| leaves[i]).zip(shared).chain(own).collect();
+        Gathered { light, received: received_share, tally }
     }
 
     fn place_of(&self, leaf: u32) -> Place {

@@ -5,7 +5,7 @@ use super::gatherer::{Buffers, FinalGather, PathVertex};
 use super::paths::weight;
 use crate::math::sampling::{mix, point_on};
 use crate::radiosity::elements::emitter_tree::Cut;
-use crate::radiosity::elements::{Elements, Shape, mean_over};
+use crate::radiosity::elements::{Elements, Shape, Side, mean_over};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
 use crate::ray::{LANES, Packet};
@@ -136,10 +136,21 @@ impl FinalGather<'_> {
         let elements = &self.linked.elements;
         let element = &elements.elements[leaf as usize];
         let Shape::Surface { side, corners } = element.shape else { return None };
-        let normal = elements.sides[side as usize].normal.as_dvec3();
+        let Side { normal: facing, end, .. } = elements.sides[side as usize];
+        let normal = facing.as_dvec3();
         let quarters = centres_of_quarters(&corners);
         let mut sum = [0.0; 3];
         for face in self.emitters.faces(cut)? {
+            // The back of a lamp lies in the plane of its front.
+            let rounding = end.rounding_of_heights(face.end);
+            let in_front = |at: Vec3, normal: Vec3, corners: &[Vec3; 4]| {
+                corners.iter().any(|c| normal.dot(*c - at) > rounding)
+            };
+            if !in_front(element.centre, facing, &face.corners)
+                || !in_front(face.corners[0], face.normal, &corners)
+            {
+                continue;
+            }
             let of = |at: Vec3| face.factor(at.as_dvec3(), normal);
             if face.profile.is_some() {
                 // A beam between all places has no closed form: its light is found by rays.

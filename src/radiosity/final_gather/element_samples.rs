@@ -27,6 +27,12 @@ impl ElementLight {
         f64::from(self.halves[kind].iter().sum::<Vec3>().element_sum()) / 6.0
     }
 
+    /// Multiplies direct light by a factor.
+    pub fn scale_direct(&mut self, factor: f32) {
+        self.halves[DIRECT].iter_mut().for_each(|e| *e *= factor);
+        self.squares[DIRECT] *= factor * factor;
+    }
+
     /// Direct light as the mean of what all rays have found.
     pub fn direct_of_rays(&mut self, half: usize, results: &[RayResult]) {
         let mut squares = 0.0;

@@ -43,9 +43,9 @@ pub fn assign_noise(
         .into_par_iter()
         .with_min_len(CHUNK)
         .map(|i| {
-            let (row, met) = rows.of(i);
+            let row = &rows.rows[i];
             let others = matrix.form_factors(i).map(|(j, f)| (f, brightness[j as usize]));
-            RowSpread::new(row, met.len() as f64, others)
+            RowSpread::new(row, f64::from(row.rays), others)
         })
         .collect();
     // Sums over the leaves below each parent.
@@ -57,7 +57,7 @@ pub fn assign_noise(
     let sums = matrix.rows();
     for (i, (row, spread)) in rows.rows.iter().zip(&spreads).enumerate() {
         let leaf = row.leaf as usize;
-        let n = rows.of(i).1.len() as f64;
+        let n = f64::from(row.rays);
         let around = around[elements.elements[leaf].parent as usize];
         let [direct, reflected] = [0, 1].map(|k| spread.spreads[k].variance(around[k]));
         let rays = (spread.spreads[1].freedom + 1.0).max(1.0);

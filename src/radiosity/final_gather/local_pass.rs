@@ -4,7 +4,8 @@
 //! average, and insides of furniture would receive light that never gets there. So in the end every element traces a few rays. The
 //! exchange of two elements is estimated by all rays that join them, from either side ([`TransportMatrix`]), so that no energy is
 //! created. The rays are stored, twelve bytes each, and the light is solved on them to the last bounce without further rays,
-//! starting from the light along links. See `docs/method.md`, Local pass.
+//! starting from the light along links. The direct light of all elements is brought to what
+//! rays from the emitters say of it. See `docs/method.md`, Local pass.
 
 use super::element_rays::LeafRays;
 use super::gatherer::FinalGather;
@@ -13,8 +14,11 @@ use super::ray_rows::RayRows;
 use super::untraced::estimate_untraced;
 use crate::math::sampling::mix;
 use crate::radiosity::deadline::{Deadline, RAY_SHARE};
-use crate::radiosity::elements::Shape;
+use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::Tally;
+use crate::radiosity::refinement::LinkedScene;
+use crate::radiosity::rgb::mean;
+use crate::radiosity::surroundings::{SampledShare, emitted_share};
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
 };
@@ -24,6 +28,8 @@ use crate::radiosity::transport::{
 const MIN_ROW_RAYS: f64 = 4.0;
 /// Largest number of rays of an element: 1/√4,096 = 1.6 % of the spread of one ray remain as noise.
 const MAX_ROW_RAYS: f64 = 4096.0;
+/// Expected relative error of the direct light that all elements receive together, by their own rays.
+const DIRECT_ERROR: f64 = 0.01;
 /// Rays that all elements share after the deadline. Too few rays can isolate two elements that only see each other, and their
 /// light would never decay.
 pub const LATE_RAYS: f64 = 1e5;
@@ -53,6 +59,10 @@ pub struct LocalPass {
     pub reciprocity: f64,
     /// Rays that are left for the light of the elements; none if there is no time for them.
     pub element_rays: Option<f64>,
+    /// Part of the emitted power that meets elements, by rays from the emitters.
+    pub sampled: SampledShare,
+    /// The same by these rays and those of the elements together.
+    pub received: f64,
     /// How the light converged.
     pub convergence: Convergence,
     /// Leaves with fewer rays than planned.
@@ -67,24 +77,48 @@ impl FinalGather<'_> {
     /// Traces about `rays` rays and solves the light on them. Without a number, or after the deadline, elements trace only a few:
     /// enough for the light of the whole scene, not for that of each element. Of many elements, some are then not traced.
     pub fn local_pass(&self, rays: Option<f64>, deadline: &Deadline) -> LocalPass {
-        let leaves = self.linked.leaves();
+        let all = self.linked.leaves();
+        let crossed = |&&e: &&u32| self.linked.elements.states[e as usize].crossed;
+        let leaves: Vec<u32> = all.iter().filter(|e| !crossed(e)).copied().collect();
         let mut rows = self.trace_rows(&leaves, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
         rows.number_rows(self.linked.elements.len(), &self.reflected);
         let matrix = self.transport_matrix(&rows, deadline);
-        let (irradiance, convergence) = self.light_on_rays(&rows, &matrix, deadline);
+        let mut direct = direct_light(&rows);
+        let sampled = self.emitted_share();
+        let mut received = sampled.share;
+        // The light of leaves without rows is not known here.
+        if rows.rows.len() == all.len() {
+            let area = |i: usize| self.linked.elements.elements[rows.rows[i].leaf as usize].area;
+            let sum = direct.iter().enumerate().map(|(i, e)| area(i) * mean(*e)).sum();
+            let factor;
+            (factor, received) = self.balance_of_direct_light(sum, sampled);
+            direct.iter_mut().flatten().for_each(|e| *e *= factor);
+        }
+        let (irradiance, convergence) =
+            solve(&RayTransport { matrix: &matrix, direct }, None, Method::Krylov, deadline);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
         for (row, irradiance) in rows.rows.iter().zip(irradiance) {
             results[row.leaf as usize].irradiance = irradiance;
         }
         assign_noise(&self.linked.elements, &rows, &matrix, &mut results);
         let untraced = leaves.len() - rows.rows.len();
-        if untraced > 0 {
-            estimate_untraced(&self.linked.elements, &leaves, &mut results);
+        if all.len() > rows.rows.len() {
+            estimate_untraced(&self.linked.elements, &all, &mut results);
         }
         let element_rays = rays.map(|rays| (1.0 - EXCHANGE_SHARE) * rays);
         let reciprocity = matrix.reciprocity();
         let RayRows { hurried, tally, .. } = rows;
-        LocalPass { results, reciprocity, element_rays, convergence, hurried, untraced, tally }
+        LocalPass {
+            results,
+            reciprocity,
+            element_rays,
+            sampled,
+            received,
+            convergence,
+            hurried,
+            untraced,
+            tally,
+        }
     }
 
     /// The number of rays, at most `rays`, that brings the error of the elements below `error`, relative to the mean.
@@ -142,6 +176,27 @@ impl FinalGather<'_> {
         rows
     }
 
+    /// The part of the emitted power that meets elements.
+    fn emitted_share(&self) -> SampledShare {
+        let LinkedScene { elements, engine, surroundings, settings, .. } = self.linked;
+        emitted_share(elements, &engine.exact(), surroundings.length, settings.seed)
+    }
+
+    /// The factor that brings the direct light that elements receive, W/m² times scene units squared, to what the emitters send them, and
+    /// that part of the emitted power. Both sums have errors: the elements' own is expected to be [`DIRECT_ERROR`], and the factor is nearer
+    /// to 1 where the share that rays have sampled is less certain, as of a lamp whose light mostly leaves the scene.
+    pub(super) fn balance_of_direct_light(&self, received: f64, sampled: SampledShare) -> (f64, f64) {
+        let Elements { elements, sides, .. } = &self.linked.elements;
+        let power: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
+        if received <= 0.0 || power <= 0.0 {
+            return (1.0, sampled.share);
+        }
+        let share = received / power;
+        let (own, other) = ((DIRECT_ERROR * share).powi(2), sampled.error.powi(2));
+        let share = share + own / (own + other) * (sampled.share - share);
+        (share * power / received, share)
+    }
+
     /// The exchange of the leaves, from their rays.
     fn transport_matrix(&self, rows: &RayRows, deadline: &Deadline) -> TransportMatrix {
         let linked = self.linked;
@@ -161,22 +216,13 @@ impl FinalGather<'_> {
             .collect();
         TransportMatrix::new(&matrix_rows, &rows.met, linked.settings.row_sums, &self.ranks, deadline)
     }
+}
 
-    /// Irradiance of the rows, W/m², starting from the light along links.
-    fn light_on_rays(
-        &self,
-        rows: &RayRows,
-        matrix: &TransportMatrix,
-        deadline: &Deadline,
-    ) -> (Field, Convergence) {
-        let direct: Field = (0..rows.rows.len())
-            .map(|i| {
-                let (row, met) = rows.of(i);
-                row.direct.to_array().map(|d| f64::from(d) / met.len() as f64)
-            })
-            .collect();
-        let start =
-            rows.rows.iter().map(|r| self.linked.elements.states[r.leaf as usize].irradiance).collect();
-        solve(&RayTransport { matrix, direct }, Some(start), Method::Krylov, deadline)
-    }
+/// Direct irradiance of the rows, W/m².
+fn direct_light(rows: &RayRows) -> Field {
+    let of = |i: usize| {
+        let row = &rows.rows[i];
+        row.direct.to_array().map(|d| f64::from(d) / f64::from(row.rays))
+    };
+    (0..rows.rows.len()).map(of).collect()
 }

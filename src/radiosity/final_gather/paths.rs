@@ -19,9 +19,9 @@ const FIRST_ROULETTE_BOUNCE: u64 = 3;
 
 impl FinalGather<'_> {
     /// Whether the mean light of an element may stand for the light at a point on it: if the point is seen from further away than
-    /// the element is large (secondary final gathers, Jensen 2001).
+    /// the element is large (secondary final gathers, Jensen 2001), and no other surface stands across it.
     fn trusts(&self, met: &PathVertex, distance: f32) -> bool {
-        distance >= self.trust_distance(met.leaf)
+        distance >= self.trust_distance(met.leaf) && !self.linked.elements.states[met.leaf as usize].crossed
     }
 
     /// One cosine-weighted ray and one shadow ray from each of `buffers.vertices`, to `buffers.results`. `random` gives four numbers
@@ -111,9 +111,16 @@ impl FinalGather<'_> {
             let side = &elements.sides[met.side as usize];
             let emits = side.exitance.iter().any(|&m| m > 0.0);
             if let Some(cut) = cut.filter(|_| emits) {
-                let own = (vertex.at, elements.sides[vertex.side as usize].normal);
+                let Side { normal, end, .. } = elements.sides[vertex.side as usize];
                 let density = self.emitters.density(cut, met.side);
-                let q = density_ratio(own, (met.at, side.normal), side.exitance, density);
+                let rounding = end.rounding_of_heights(side.end);
+                let q = density_ratio(
+                    (vertex.at, normal),
+                    (met.at, side.normal),
+                    rounding,
+                    side.exitance,
+                    density,
+                );
                 let gain = emission_gain(side.profile.as_deref(), met.at, side.normal, vertex.at);
                 result.direct = gain * weight(q) * to_vec(side.exitance);
             }
@@ -132,7 +139,8 @@ impl FinalGather<'_> {
         let (at, face, density) = self.emitters.sample(cut, u, v)?;
         let Side { normal, end, .. } = self.linked.elements.sides[vertex.side as usize];
         let own = (vertex.at, normal);
-        let q = density_ratio(own, (at, face.normal), face.exitance, density);
+        let rounding = end.rounding_of_heights(face.end);
+        let q = density_ratio(own, (at, face.normal), rounding, face.exitance, density);
         if q <= 0.0 {
             return None;
         }

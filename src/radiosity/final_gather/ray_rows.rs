@@ -15,6 +15,8 @@ pub struct RayRow {
     pub leaf: u32,
     /// End of its rays among all rays.
     pub end: usize,
+    /// Rays of the leaf: more than those of which is known what they met, if some met elements that other surfaces stand across.
+    pub rays: u32,
     /// Sum over the rays of the irradiance from emitters, W/m².
     pub direct: Vec3,
     /// Sum over the rays of the square of its mean over the channels.
@@ -41,12 +43,6 @@ pub struct RayRows {
 impl RayRows {
     fn new() -> RayRows {
         RayRows { rows: Vec::new(), met: Vec::new(), hurried: 0, tally: Tally::default() }
-    }
-
-    /// A row with the leaves that its rays met.
-    pub fn of(&self, i: usize) -> (&RayRow, &[u32]) {
-        let from = if i > 0 { self.rows[i - 1].end } else { 0 };
-        (&self.rows[i], &self.met[from..self.rows[i].end])
     }
 
     /// Traces the planned rays of each leaf. `instead` is asked for every batch of leaves when its turn comes: the rays that it
@@ -101,10 +97,14 @@ impl RayRows {
                 direct += found.direct;
                 gone += u32::from(found.gone);
                 squares += (found.direct.element_sum() / 3.0).powi(2);
-                let nothing = found.met.side == Elements::NONE;
-                self.met.push(if nothing { Elements::NONE } else { found.met.leaf });
+                if found.met.side == Elements::NONE {
+                    self.met.push(Elements::NONE);
+                } else if !gather.linked.elements.states[found.met.leaf as usize].crossed {
+                    self.met.push(found.met.leaf);
+                }
             }
-            self.rows.push(RayRow { leaf: of.leaf, end: self.met.len(), direct, squares, gone, outside: 0 });
+            let (leaf, rays, end) = (of.leaf, of.count, self.met.len());
+            self.rows.push(RayRow { leaf, rays, end, direct, squares, gone, outside: 0 });
         }
     }
 

@@ -46,6 +46,16 @@ pub struct SharedLight {
     pub error: f64,
 }
 
+impl SharedLight {
+    /// The light of an element by its own rays alone.
+    pub fn alone(light: &ElementLight) -> SharedLight {
+        let sum = light.halves.iter().flatten().map(|half| 0.5 * *half).sum::<Vec3>();
+        let rays = f64::from(2 * light.rays.max(1));
+        let error = light.squares.iter().map(|squares| f64::from(*squares)).sum::<f64>() / (rays * rays);
+        SharedLight { irradiance: sum.to_array().map(f64::from), error }
+    }
+}
+
 /// What the windows give for one element: by kind, window and half, W/m².
 type Fits = [[[Vec3; 2]; WINDOWS.len()]; KINDS];
 

@@ -94,8 +94,9 @@ pub fn solve(
         .all(|&e| e <= solved.linked.dark())
     {
         stages.notes.push(notes::DARK.into());
+        stages.notes.extend(model.note_of_coarse_coordinates());
     } else {
-        stages.notes.extend(model.note_of_turned_emitters());
+        stages.notes.extend(model.notes_of_emitters());
     }
     if !solved.is_finite() || irradiance.iter().flatten().any(|v| !v.is_finite()) {
         return Err(Error::Scene(notes::NOT_FINITE.into()));

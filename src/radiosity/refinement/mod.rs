@@ -4,6 +4,7 @@
 //! A [`Coarse`] scene has the link of the root with itself, which stands for all exchange of light [Sillion 95]; refining makes it
 //! a [`Refined`] one.
 
+mod crossings;
 mod feature_sizes;
 mod histogram;
 mod importance;

@@ -54,7 +54,7 @@ fn sizes_grow_where_importance_is_small() {
         // Neither all alike nor without end: seven times, for importance below a fiftieth.
         let (smallest, largest) = (grown[0].1, grown[grown.len() - 1].1);
         assert!(
-            smallest < 4.0 * SIZE && largest > 1.5 * smallest && largest < 7.1 * SIZE,
+            smallest < 5.0 * SIZE && largest > 1.5 * smallest && largest < 7.1 * SIZE,
             "{smallest} {largest}"
         );
         // Parts are born with the size of what they are parts of.

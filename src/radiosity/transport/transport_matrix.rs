@@ -120,6 +120,10 @@ impl TransportMatrix {
         for w in self.weights(i).map(|(_, w)| f64::from(w) / self.area[i]) {
             (sum, squares) = (sum + w, squares + w * w);
         }
+        // All of the row's own rays met elements that exchange no light.
+        if rays == 0 {
+            return sum.min(1.0);
+        }
         let (rays, met) = (rays as f64, met as f64);
         // Half a ray more of either kind (Jeffreys): none of a few rays does not mean probability 0.
         let part = (met + 0.5) / (rays + 1.0);

@@ -1,4 +1,5 @@
-//! Emitters whose front faces away from the whole scene: most often the corners of their faces are in the wrong order.
+//! What rays from the emitters tell about a scene: emitters whose front faces away from everything, most often because the corners of their
+//! faces are in the wrong order, and surfaces near them that are too large for the precision of coordinates.
 
 use super::Model;
 use crate::embree::Hits;
@@ -18,10 +19,57 @@ const PACKETS: usize = 4;
 /// Largest number of faces, evenly spread, whose centres are compared with the plane of an emitter: limits the time to that of
 /// as many products of vectors.
 const MAX_LOOKED_AT: usize = 4096;
-/// Names that the note lists.
+/// Names that a note lists.
 const MAX_NAMES: usize = 3;
+/// Smallest height at which rays start above a surface, as a part of its distance from an emitter, of which a note tells: irradiance there
+/// errs by about that part.
+const COARSE: f32 = 0.01;
+/// Part of an emitter's rays that must meet such surfaces.
+const MIN_COARSE_SHARE: f64 = 0.05;
 
 impl Model {
+    /// Notes of [`Model::note_of_turned_emitters`] and of coordinates that are too coarse.
+    pub(crate) fn notes_of_emitters(&self) -> Vec<String> {
+        [self.note_of_turned_emitters(), self.note_of_coarse_coordinates()].into_iter().flatten().collect()
+    }
+
+    /// A note if emitters light surfaces from so near that the precision of the surfaces' coordinates shows: rays start above a surface by
+    /// [`EndRule::height`](crate::ray::EndRule::height), 2e-6 of its largest coordinate.
+    pub(crate) fn note_of_coarse_coordinates(&self) -> Option<String> {
+        let emitters = &self.scene().emitters;
+        let step = emitters.len().div_ceil(MAX_TESTED).max(1);
+        let tested: Vec<&Emitter> = emitters.iter().step_by(step).collect();
+        let coarse = |emitter| self.coarsest_surface(emitter).map(|found| (found, emitter));
+        let found: Vec<((f32, f32), &Emitter)> = tested.into_par_iter().filter_map(coarse).collect();
+        let &((height, distance), worst) =
+            found.iter().max_by(|((h, d), _), ((i, e), _)| (h / d).total_cmp(&(i / e)))?;
+        let unit = &self.scene().unit;
+        let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
+        Some(format!(
+            "the emitter `{}`{more} lights a surface from so near that the precision of its coordinates shows: from {distance:.2e} {unit}, where \
+             rays start {height:.1e} {unit} above it, so that light there is wrong by some {:.0} %; cut that surface into smaller faces, or move \
+             the scene nearer to the origin",
+            quote(&worst.name),
+            100.0 * (height / distance).min(1.0)
+        ))
+    }
+
+    /// The height at which rays start above the surface that is coarsest against its distance from an emitter, and that distance; scene
+    /// units. None if few rays of the emitter meet coarse surfaces.
+    fn coarsest_surface(&self, emitter: &Emitter) -> Option<(f32, f32)> {
+        let (packets, hits) = self.rays_of_emitter(emitter, 1.0);
+        let mut coarse = Vec::new();
+        for (packet, hits) in packets.iter().zip(&hits) {
+            for lane in (0..LANES).filter(|&lane| hits.triangle[lane] != Hits::NOTHING) {
+                let distance = (packet.point(lane, hits.t[lane]) - packet.point(lane, 0.0)).length();
+                let height = self.end_on(hits.instance[lane], hits.triangle[lane]).height();
+                coarse.extend((height > COARSE * distance).then_some((height, distance)));
+            }
+        }
+        let enough = coarse.len() as f64 >= MIN_COARSE_SHARE * (PACKETS * LANES) as f64;
+        coarse.into_iter().filter(|_| enough).max_by(|(h, d), (i, e)| (h / d).total_cmp(&(i / e)))
+    }
+
     /// A note if emitters send all their light out of the scene although there are surfaces behind them.
     pub(crate) fn note_of_turned_emitters(&self) -> Option<String> {
         let emitters = &self.scene().emitters;
@@ -56,6 +104,17 @@ impl Model {
 
     /// Whether rays from one side of an emitter (1 front, −1 back) meet other surfaces.
     fn meets_others(&self, emitter: &Emitter, side: f32) -> bool {
+        let (_, hits) = self.rays_of_emitter(emitter, side);
+        let other = |hits: &Hits, lane: usize| match hits.triangle[lane] {
+            Hits::NOTHING => false,
+            // The first instance holds the scene's own faces.
+            t => hits.instance[lane] != 0 || emitter.triangles.binary_search(&t).is_err(),
+        };
+        hits.iter().any(|hits| (0..LANES).any(|lane| other(hits, lane)))
+    }
+
+    /// Cosine-weighted rays from one side of an emitter (1 front, −1 back), and what they meet.
+    fn rays_of_emitter(&self, emitter: &Emitter, side: f32) -> ([Packet; PACKETS], [Hits; PACKETS]) {
         let scene = self.scene();
         let length = 1.01 * self.bounds().diagonal();
         let seed = mix(u64::from(emitter.triangles[0]));
@@ -71,12 +130,7 @@ impl Model {
         }
         let mut hits = [Hits::NONE; PACKETS];
         self.traced().first_hits(self.widest_packets(), &packets, &mut hits);
-        let other = |hits: &Hits, lane: usize| match hits.triangle[lane] {
-            Hits::NOTHING => false,
-            // The first instance holds the scene's own faces.
-            t => hits.instance[lane] != 0 || emitter.triangles.binary_search(&t).is_err(),
-        };
-        hits.iter().any(|hits| (0..LANES).any(|lane| other(hits, lane)))
+        (packets, hits)
     }
 
     /// Whether the centre of another face lies in front of the emitter's first face, however small it looks from there.
@@ -94,19 +148,24 @@ impl Model {
 
 #[cfg(test)]
 mod tests {
-    use crate::model::{Detail, testing::model};
+    use crate::model::{Detail, Model, testing::model};
     use crate::scene::{LoadOptions, Soup, SoupMaterial, resolve};
     use glam::DVec3;
 
     /// The note about lamps (height, whether it faces up) above a floor.
     fn note(lamps: &[(f64, bool)], options: &LoadOptions) -> Option<String> {
+        with_lamps(4.0, lamps, options).note_of_turned_emitters()
+    }
+
+    /// Lamps above a floor of this width.
+    fn with_lamps(width: f64, lamps: &[(f64, bool)], options: &LoadOptions) -> Model {
         let mut soup = Soup::new("lamps");
         let square = |x: f64, z: f64, size: f64| {
             [[0.0, 0.0], [size, 0.0], [size, size], [0.0, size]].map(|[u, v]| DVec3::new(x + u, v, z))
         };
         let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
         let floor = soup.object("floor");
-        soup.polygon(floor, grey, &square(0.0, 0.0, 4.0));
+        soup.polygon(floor, grey, &square(0.0, 0.0, width));
         let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
         for (i, &(z, up)) in lamps.iter().enumerate() {
             let mut corners = square(0.5 + i as f64, z, 0.5);
@@ -117,7 +176,22 @@ mod tests {
             soup.polygon(lamp, light, &corners);
         }
         let scene = resolve(soup, options).expect("a scene");
-        model(&scene, Detail::Rays).note_of_turned_emitters()
+        model(&scene, Detail::Rays)
+    }
+
+    /// Rays start 0.2 above a floor of 100,000, and 2e-5 above one of 10.
+    #[test]
+    fn lamps_near_surfaces_with_coarse_coordinates_are_named() {
+        let note = |width: f64, z: f64| {
+            with_lamps(width, &[(z, false)], &LoadOptions::default()).note_of_coarse_coordinates()
+        };
+        assert_eq!(note(10.0, 1.0), None);
+        assert_eq!(note(1e5, 100.0), None);
+        let found = note(1e5, 1.0).expect("a note");
+        assert!(
+            found.contains("the emitter `lamp 0` lights a surface") && found.contains("smaller faces"),
+            "{found}"
+        );
     }
 
     #[test]

@@ -1,0 +1,88 @@
+//! Elements across which other surfaces stand, as a thin wall whose foot is in the middle of a floor.
+//!
+//! Light differs on both sides of such a line, so that the mean over the element is right on neither. These elements are split a few times
+//! along the line; what remains of them takes no part in the exchange of light, and paths that meet it go on from there.
+
+use super::linked_scene::LinkedScene;
+use crate::radiosity::elements::{Elements, Shape, Side};
+use crate::ray::{LANES, Occluder, Packet};
+use crate::visibility::Exact;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Distance of the segments that look for such surfaces from the edges and the plane of their element, as a part of its diameter: a surface
+/// nearer to an edge leaves less than this part of the element on its other side.
+const INSET: f32 = 1.0 / 128.0;
+/// Largest number of times that an element is split: it is then a sixteenth as wide.
+const MAX_SPLITS: usize = 4;
+/// Largest part of the number of all elements that is added by this.
+const MAX_ADDED: f64 = 0.25;
+/// Elements that may be added to any scene.
+const MIN_ROOM: usize = 1 << 13;
+/// Largest part of the area that takes no part in the exchange of light. In scenes with more, all elements do.
+const MAX_AREA: f64 = 0.02;
+/// Elements of one parallel task: four share a packet.
+const CHUNK: usize = LANES / 4;
+
+impl LinkedScene {
+    /// Splits the parts of large surfaces that other surfaces stand across, and marks what remains of them
+    /// ([`ElementState::crossed`](crate::radiosity::elements::ElementState::crossed)).
+    pub fn split_at_crossings(&mut self, exact: &Exact) {
+        self.elements.states.iter_mut().for_each(|state| state.crossed = false);
+        let leaves = self.leaves();
+        let mut room = ((MAX_ADDED * leaves.len() as f64) as usize).max(MIN_ROOM);
+        let mut found = crossed(&self.elements, exact, &leaves);
+        for _ in 0..MAX_SPLITS {
+            if found.is_empty() || 4 * found.len() > room {
+                break;
+            }
+            room -= 4 * found.len();
+            let first = self.elements.len() as u32;
+            found.iter().for_each(|&e| self.split(e));
+            let made: Vec<u32> = (first..self.elements.len() as u32).collect();
+            let whole = found.into_iter().filter(|&e| self.elements.elements[e as usize].is_leaf());
+            found = whole.chain(crossed(&self.elements, exact, &made)).collect();
+        }
+        let area: f64 = found.iter().map(|&e| self.elements.elements[e as usize].area).sum();
+        if area <= MAX_AREA * self.elements.area {
+            found.into_iter().for_each(|e| self.elements.states[e as usize].crossed = true);
+        }
+    }
+}
+
+/// The parts of large surfaces among some leaves across which other surfaces stand: segments along their edges are blocked.
+fn crossed(elements: &Elements, exact: &Exact, leaves: &[u32]) -> Vec<u32> {
+    let large = |e: &&u32| {
+        let element = &elements.elements[**e as usize];
+        matches!(element.shape, Shape::Surface { side, .. } if side >= elements.large_from && element.level > 0)
+    };
+    let parts: Vec<u32> = leaves.iter().filter(large).copied().collect();
+    let of_chunk = |parts: &[u32]| {
+        let mut packet = Packet::EMPTY;
+        for (k, &e) in parts.iter().enumerate() {
+            let Shape::Surface { side, corners } = elements.elements[e as usize].shape else { continue };
+            set_edges(&mut packet, 4 * k, &corners, &elements.sides[side as usize]);
+        }
+        let mut blocked = [0];
+        exact.occluded(std::slice::from_ref(&packet), &mut blocked);
+        let [blocked] = blocked;
+        (0..)
+            .zip(parts)
+            .filter(move |(k, _)| blocked >> (4 * k) & 0xf != 0)
+            .map(|(_, &e)| e)
+            .collect::<Vec<_>>()
+    };
+    parts.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect()
+}
+
+/// Sets lanes from `first` on to segments above the edges of an element, a little within it.
+fn set_edges(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side) {
+    let count = if corners[2] == corners[3] { 3 } else { 4 };
+    let middle = corners[..count].iter().sum::<Vec3>() / count as f32;
+    let diameter = 2.0 * corners.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
+    let above = middle + side.end.height().max(INSET * diameter) * side.normal;
+    let inner = |k: usize| above + (1.0 - 2.0 * INSET) * (corners[k % count] - middle);
+    for k in 0..count {
+        packet.set_between(first + k, inner(k), inner(k + 1), [0.0, 1.0]);
+    }
+}

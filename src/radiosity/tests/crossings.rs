@@ -1,0 +1,69 @@
+//! Thin walls that stand in the middle of elements.
+
+use super::*;
+use crate::path_tracer;
+
+/// A closed hall of 6 by 4 by 3 with a lamp below its ceiling at one end, and a thin wall across it that leaves a door of this width. No line
+/// of subdivision lies below the wall.
+fn hall_with_wall(door: f64) -> Scene {
+    const WALL: f64 = 3.037;
+    let mut soup = Soup::new("hall");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.6; 3]));
+    let light = soup.material(SoupMaterial::light("light", [50.0; 3]));
+    let hall = soup.object("hall");
+    inward(&mut soup, hall, grey, DVec3::ZERO, DVec3::new(6.0, 4.0, 3.0));
+    let wall = soup.object("wall");
+    let at = |y: f64, z: f64| DVec3::new(WALL, y, z);
+    soup.polygon(wall, grey, &[at(0.0, 0.0), at(4.0 - door, 0.0), at(4.0 - door, 3.0), at(0.0, 3.0)]);
+    let lamp = soup.object("lamp");
+    let below = |x: f64, y: f64| DVec3::new(x, y, 2.95);
+    soup.polygon(lamp, light, &[below(1.0, 1.5), below(1.0, 2.5), below(2.0, 2.5), below(2.0, 1.5)]);
+    resolve(soup, &LoadOptions::default()).expect("a scene")
+}
+
+/// Points on the floor at this distance behind the wall.
+fn behind(distance: f64) -> Vec<Point> {
+    let at = |k: u32| DVec3::new(3.037 + distance, 0.5 + 0.2 * f64::from(k), 0.0);
+    (0..11).map(|k| Point { position: at(k), normal: DVec3::Z }).collect()
+}
+
+fn mean_at(values: &[Rgb]) -> f64 {
+    values.iter().map(|v| v[0]).sum::<f64>() / values.len() as f64
+}
+
+#[test]
+fn no_light_passes_below_a_wall() {
+    let scene = hall_with_wall(0.0);
+    let points = [behind(0.005), behind(0.3), behind(2.0)].concat();
+    for options in [quick(), Options { audit: 0, error: 0.05, ..Options::default() }] {
+        let outcome = solved(&scene, &points, &options);
+        let lit = mean(outcome.record.mean_irradiance);
+        let most = outcome.irradiance.iter().map(|v| v[0]).fold(0.0, f64::max);
+        assert!(most < 1e-4 * lit, "{most} of {lit} behind the wall");
+        let Ledger { emitted, escaped, created, .. } = outcome.record.ledger;
+        assert!(
+            escaped.abs() < 3e-3 * emitted && created.abs() < 5e-3 * emitted,
+            "{:?}",
+            outcome.record.ledger
+        );
+        // The wall is black from behind: pictures do not look through it.
+        let dark = &outcome.mesh.elements[outcome.mesh.lit..];
+        assert!(dark.iter().any(|e| e.object == 1));
+    }
+}
+
+#[test]
+fn the_floor_behind_a_wall_with_a_door_is_not_brightened() {
+    let scene = hall_with_wall(0.8);
+    let options = Options { audit: 0, ..Options::default() };
+    let model = model_for(&scene, &options);
+    for distance in [0.005, 0.05] {
+        let points = behind(distance);
+        let found = mean_at(&solved(&scene, &points, &options).irradiance);
+        let settings = path_tracer::Settings { samples: 4096, direct_only: false, seed: 1 };
+        let truth = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance");
+        let want = mean_at(&truth.values);
+        // The points of the reference have a standard error of 1 % in their mean.
+        assert!((found / want - 1.0).abs() < 0.06, "{distance}: {found} instead of {want}");
+    }
+}

@@ -1,0 +1,73 @@
+//! Lamps and receivers of very different sizes and distances: what a lamp sends arrives, wherever it is.
+
+use super::*;
+use crate::form_factors::analytic::polygon_to_polygon;
+
+/// A square with this centre, width and normal direction (up or down the z axis).
+fn level(centre: DVec3, width: f64, up: bool) -> [DVec3; 4] {
+    let mut corners = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+        .map(|(u, v)| centre + width * DVec3::new(u, v, 0.0));
+    if !up {
+        corners.reverse();
+    }
+    corners
+}
+
+/// A grey floor about the origin and a square lamp above it that faces down.
+fn lamp_over_floor(floor: f64, lamp: (DVec3, f64), reflectance: f32) -> Scene {
+    let mut soup = Soup::new("ratio");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let light = SoupMaterial { reflectance: [reflectance; 3], ..SoupMaterial::light("light", [10.0; 3]) };
+    let light = soup.material(light);
+    let object = soup.object("floor");
+    soup.polygon(object, grey, &level(DVec3::ZERO, floor, true));
+    let object = soup.object("lamp");
+    soup.polygon(object, light, &level(lamp.0, lamp.1, false));
+    resolve(soup, &LoadOptions::default()).expect("a scene")
+}
+
+/// Power that elements of an object receive on one side, W.
+fn received(outcome: &Outcome, object: u32, front: bool) -> f64 {
+    let elements = outcome.mesh.elements.iter().filter(|e| e.object == object && e.front == front);
+    elements.map(|e| e.area * e.irradiance[0]).sum()
+}
+
+/// Power that elements of the floor receive from a lamp in closed form, W: what the lamp reflects back is less than a thousandth of it.
+fn sent(floor: f64, lamp: (DVec3, f64)) -> f64 {
+    let factor = polygon_to_polygon(&level(lamp.0, lamp.1, false), &level(DVec3::ZERO, floor, true));
+    10.0 * std::f64::consts::PI * lamp.1 * lamp.1 * factor
+}
+
+#[test]
+fn light_of_a_lamp_arrives_on_floors_of_any_size() {
+    for width in [1.0, 60.0, 2000.0, 1e5] {
+        // Beside the middle, which is a corner of elements.
+        let lamp = (DVec3::new(0.113 * width, 0.071 * width, 1.0), 1.0);
+        let scene = lamp_over_floor(width, lamp, 0.0);
+        for (error, local_rays, seed) in [(0.02, Some(400_000), 1), (0.1, None, 2)] {
+            let options = Options { error, local_rays, seed, audit: 0, ..Options::default() };
+            let outcome = solved(&scene, &[], &options);
+            let Ledger { emitted, created, .. } = outcome.record.ledger;
+            let (found, want) = (received(&outcome, 0, true), sent(width, lamp));
+            assert!(created.abs() < 5e-3 * emitted, "{width} {error}: created {created} of {emitted}");
+            assert!((found / want - 1.0).abs() < 0.01, "{width} {error}: {found} instead of {want}");
+        }
+    }
+}
+
+/// The back of a lamp lies in the plane of its front, which is a million times as bright as the ground.
+#[test]
+fn a_lamp_far_away_lights_the_ground_and_not_its_own_back() {
+    for (distance, width, reflectance) in [(30.0, 0.3, 0.5), (570.0, 4.7, 0.0), (570.0, 4.7, 0.5)] {
+        let lamp = (DVec3::new(0.3 * distance, 0.4 * distance, distance), width);
+        let scene = lamp_over_floor(20.0, lamp, reflectance);
+        for error in [0.02, 0.1] {
+            let options = Options { error, local_rays: Some(400_000), audit: 0, ..Options::default() };
+            let outcome = solved(&scene, &[], &options);
+            let (found, want) = (received(&outcome, 0, true), sent(20.0, lamp));
+            assert!((found / want - 1.0).abs() < 0.01, "{distance} {error}: {found} instead of {want}");
+            assert!(received(&outcome, 1, false) < 1e-6 * want, "the back of the lamp is lit");
+            assert!(received(&outcome, 1, true) < 0.01 * want, "more light than the ground reflects");
+        }
+    }
+}
