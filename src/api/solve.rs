@@ -273,9 +273,9 @@ impl Solution {
         self.inner.solved.model()
     }
 
-    /// The elements, constant pieces of lit sides of surfaces: the cells of `solution.vtu`. Borrowed.
+    /// The elements, constant pieces of lit sides of surfaces: the first cells of `solution.vtu`, those with `lit` 1. Borrowed.
     pub fn elements(&self) -> &[Element] {
-        &self.inner.mesh.elements[..self.inner.mesh.lit]
+        &self.inner.mesh.elements[..self.inner.mesh.lit()]
     }
 
     /// Corners of the elements, each position once, in the coordinates of the file, scene units.

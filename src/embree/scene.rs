@@ -7,7 +7,7 @@ use crate::ray::{LANES, Occluder, Packet};
 use glam::{Affine3A, Vec3};
 use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Options of an Embree scene.
 #[derive(Clone, Copy, Debug)]
@@ -75,6 +75,11 @@ impl SceneBuilder {
     /// # Errors
     /// [`Error::Embree`] if Embree reports an error.
     pub fn new(device: &Device, options: Options) -> Result<SceneBuilder> {
+        keep_scheduler();
+        SceneBuilder::started(device, options)
+    }
+
+    fn started(device: &Device, options: Options) -> Result<SceneBuilder> {
         use sys::RTCSceneFlags as F;
         let mut flags = F::RTC_SCENE_FLAG_NONE;
         if options.robust {
@@ -222,6 +227,17 @@ impl SceneBuilder {
         self.handle.device.check()?;
         Ok(CommittedScene { handle: Arc::new(self.handle) })
     }
+}
+
+/// Keeps the threads of Embree's task scheduler (oneTBB) until the process ends, by a small device and scene of its own. Without them the
+/// scheduler ends its threads with the last device and the last thread that used it, and starts others for the next; a thread that is
+/// ended can then read freed memory (one crash in 800 test processes).
+fn keep_scheduler() {
+    static KEPT: OnceLock<Option<CommittedScene>> = OnceLock::new();
+    KEPT.get_or_init(|| {
+        let device = Device::new(1).ok()?;
+        SceneBuilder::started(&device, Options::default()).and_then(SceneBuilder::commit).ok()
+    });
 }
 
 /// Tells whether a commit shall stop.

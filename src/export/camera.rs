@@ -9,7 +9,7 @@ use crate::Result;
 use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Traversal};
 use crate::progress::Progress;
 use crate::radiosity::mesh::RadiosityMesh;
-use crate::ray::{LANES, Packet};
+use crate::ray::{LANES, Occluder, Packet};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -60,10 +60,14 @@ pub struct Stage<'a> {
     /// Fronts and backs of sheets coincide: one Embree scene for each side, with the index in `mesh` of each
     /// triangle.
     sides: [(CommittedScene, Vec<u32>); 2],
+    /// By element, whether another surface stands across it.
+    crossed: Vec<bool>,
 }
 
 /// Embree's ray call for packets of neighbouring pixels: the widest needs the fewest calls. Does not change results.
 const TRAVERSAL: Traversal = Traversal { width: 16, coherent: false };
+/// Distance of segments within an element from its plane and its corners, as a part of its diameter.
+const INSET: f32 = 1.0 / 128.0;
 /// Largest number of back sides that a ray passes: limits the time of a ray to 64 queries.
 const MAX_LAYERS: usize = 64;
 
@@ -82,7 +86,8 @@ impl<'a> Stage<'a> {
             builder.add_triangles(&mesh.positions, &triangles, 1)?;
             Ok((builder.commit()?, chosen))
         };
-        Ok(Stage { mesh, sides: [side(true)?, side(false)?] })
+        let crossed = solution.elements.iter().map(|e| e.crossed).collect();
+        Ok(Stage { mesh, sides: [side(true)?, side(false)?], crossed })
     }
 
     /// First triangle that each ray of a packet hits on its front, and the distance. Surfaces are transparent from
@@ -125,15 +130,42 @@ impl<'a> Stage<'a> {
         self.interpolate(triangle, point, &self.mesh.radiosity).map(|b| b / std::f32::consts::PI)
     }
 
-    /// Interpolates values at the vertices of a triangle.
+    /// Interpolates values at the vertices of a triangle; in an element that another surface stands across, those on the side of the point
+    /// alone.
     fn interpolate(&self, triangle: u32, point: Vec3, values: &[[f32; 3]]) -> [f32; 3] {
         let [a, b, c] = self.mesh.corners(triangle as usize);
         let normal = (b - a).cross(c - a);
         let square = normal.length_squared();
         let share = |p: Vec3, q: Vec3| ((q - p).cross(point - p).dot(normal) / square).clamp(0.0, 1.0);
-        let weights = [share(b, c), share(c, a), share(a, b)];
+        let mut weights = [share(b, c), share(c, a), share(a, b)];
+        if self.crossed[self.mesh.element[triangle as usize] as usize] {
+            self.leave_out_blocked([a, b, c], point, &mut weights);
+        }
         let values = self.mesh.triangles[triangle as usize].map(|v| values[v as usize]);
         std::array::from_fn(|k| (0..3).map(|i| weights[i] * values[i][k]).sum())
+    }
+
+    /// Sets the weights of those corners to 0 that a surface hides from the point; the others then have the sum 1, if there are any.
+    fn leave_out_blocked(&self, corners: [Vec3; 3], point: Vec3, weights: &mut [f32; 3]) {
+        let [a, b, c] = corners;
+        let middle = (a + b + c) / 3.0;
+        let diameter = corners.iter().map(|p| 2.0 * p.distance(middle)).fold(0.0, f32::max);
+        let above = INSET * diameter * (b - a).cross(c - a).normalize_or_zero();
+        let mut rays = Packet::EMPTY;
+        for (k, corner) in corners.into_iter().enumerate() {
+            let to = corner + INSET * (middle - corner);
+            rays.set_between(k, point + above, to + above, [0.0, 1.0]);
+        }
+        let blocked = self.sides.iter().fold(0, |blocked, (scene, _)| {
+            let mut found = [0];
+            scene.occluded(std::slice::from_ref(&rays), &mut found);
+            blocked | found[0]
+        });
+        (0..3).filter(|k| blocked >> k & 1 != 0).for_each(|k| weights[k] = 0.0);
+        let sum: f32 = weights.iter().sum();
+        if sum > 0.0 {
+            weights.iter_mut().for_each(|w| *w /= sum);
+        }
     }
 
     /// Irradiance at the first hit of each ray of a packet, W/m²; `None` without a hit.

@@ -151,7 +151,9 @@ fn charts(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene) -> Vec<Chart> {
     let size = scene.bounds.diagonal().max(f32::MIN_POSITIVE);
     let mut known: HashMap<(u32, bool, [i32; 4]), usize> = HashMap::new();
     let mut charts: Vec<Chart> = Vec::new();
-    for t in 0..mesh.triangles.len() {
+    // Sides that no light reaches need no texels.
+    let lit = (0..mesh.triangles.len()).filter(|&t| (mesh.element[t] as usize) < solution.lit());
+    for t in lit {
         let element = &solution.elements[mesh.element[t] as usize];
         let normal = mesh.normals[mesh.triangles[t][0] as usize];
         let [a, b, c] = mesh.corners(t);

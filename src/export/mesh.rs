@@ -65,7 +65,10 @@ impl Mesh {
                 _ => {
                     let corners = &element.corners[..if element.is_triangle() { 3 } else { 4 }];
                     let sum: Vec3 = corners.iter().map(|&v| solution.vertices[v as usize]).sum();
-                    let irradiance = element.irradiance.map(|x| x as f32);
+                    let irradiance = match element.crossed {
+                        true => centroid(&at_outlines[e]),
+                        false => element.irradiance.map(|x| x as f32),
+                    };
                     let centre = out.vertex(sum / corners.len() as f32, normals[e], irradiance, element);
                     for k in 0..ring.len() {
                         out.triangle([centre, ring[k], ring[(k + 1) % ring.len()]], e);
@@ -154,6 +157,7 @@ impl Around {
 /// a vertex lies half an element away from it. So each vertex is corrected by the mean of what its elements lack: the difference
 /// between an element's irradiance and the mean of its vertices (one step of van Cittert's iteration). Where an element still lacks
 /// more than its uncertainty, as at the edge of a shadow, its own vertices are changed so that it does not; light is not continuous there.
+/// The vertices of elements that another surface stands across have the light of their neighbours, on either side of it.
 fn at_outlines(
     solution: &RadiosityMesh,
     normals: &[Vec3],
@@ -180,6 +184,9 @@ fn at_outlines(
     let changed = |((at, lacks), e): ((&Vec<[f64; 3]>, &[f64; 3]), &Element)| {
         // What the element lacks beyond its uncertainty is added; an excess scales the vertices, so that none becomes negative.
         let change = |v: f64, c: usize| {
+            if e.crossed {
+                return v;
+            }
             let beyond = lacks[c].abs() - e.error[c].max(VISIBLE_STEP * e.irradiance[c]);
             match beyond > 0.0 {
                 true if lacks[c] > 0.0 => v + beyond,
@@ -196,7 +203,8 @@ fn at_outlines(
 /// neighbours has the element's own light and does not count.
 fn lacking(solution: &RadiosityMesh, weights: &[Vec<f64>], at_outlines: &[Vec<[f64; 3]>]) -> Vec<[f64; 3]> {
     let of = |((e, weights), at): ((&Element, &Vec<f64>), &Vec<[f64; 3]>)| {
-        std::array::from_fn(|c| e.irradiance[c] - weights.iter().zip(at).map(|(w, v)| w * v[c]).sum::<f64>())
+        let lacks = |c: usize| e.irradiance[c] - weights.iter().zip(at).map(|(w, v)| w * v[c]).sum::<f64>();
+        if e.crossed { [0.0; 3] } else { std::array::from_fn(lacks) }
     };
     solution.elements.iter().zip(weights).zip(at_outlines).map(of).collect()
 }
@@ -224,7 +232,12 @@ fn weights(solution: &RadiosityMesh, element: &Element, outline: &[u32]) -> Vec<
     sums.iter().map(|s| if all > 0.0 { s / all } else { 1.0 / sums.len() as f64 }).collect()
 }
 
-/// Mean of the values of the elements that face along `normal`, weighted by the distance of their centres.
+fn centroid(values: &[[f32; 3]]) -> [f32; 3] {
+    std::array::from_fn(|c| values.iter().map(|v| v[c]).sum::<f32>() / values.len() as f32)
+}
+
+/// Mean of the values of the elements that face along `normal`, weighted by the distance of their centres. Elements that other surfaces
+/// stand across, and sides that no light reaches, count only beside no others.
 fn mean(
     solution: &RadiosityMesh,
     values: &[[f64; 3]],
@@ -233,7 +246,10 @@ fn mean(
     around: &[u32],
 ) -> [f64; 3] {
     let (mut sum, mut weights) = ([0.0; 3], 0.0);
-    for &e in around.iter().filter(|&&e| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE) {
+    let faces = |e: u32| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE;
+    let counts = |e: u32| !solution.elements[e as usize].crossed && (e as usize) < solution.lit();
+    let only_others = !around.iter().any(|&e| faces(e) && counts(e));
+    for &e in around.iter().filter(|&&e| faces(e) && (counts(e) || only_others)) {
         let weight = 1.0 / solution.elements[e as usize].area.sqrt();
         weights += weight;
         sum.iter_mut().zip(values[e as usize]).for_each(|(s, x)| *s += weight * x);

@@ -24,6 +24,7 @@ fn grey(corners: [u32; 4], irradiance: f64, area: f64, triangle: u32) -> Element
         object: 0,
         material: 0,
         front: true,
+        crossed: false,
     }
 }
 
@@ -61,6 +62,7 @@ fn square(light: impl Fn(Vec3) -> f64) -> (Scene, RadiosityMesh) {
             object: 0,
             material: 0,
             front: true,
+            crossed: false,
         });
     };
     for (x, y) in [(0.5, 0.0), (0.0, 0.5), (0.5, 0.5)] {

@@ -125,6 +125,7 @@ fn write(
     let count = |name, of: fn(&crate::radiosity::mesh::Element) -> u32| {
         array(name, "UInt32", 1, &s.elements.iter().map(of).collect::<Vec<_>>())
     };
+    let lit: Vec<u8> = (0..s.elements.len()).map(|e| u8::from(e < s.lit())).collect();
     let places = [array("points", "Float64", 3, &points)];
     let cells = [
         array("connectivity", "UInt32", 1, &connectivity),
@@ -142,6 +143,7 @@ fn write(
         count("material", |e| e.material),
         count("triangle", |e| e.triangle),
         count("front", |e| e.front.into()),
+        array("lit", "UInt8", 1, &lit),
     ];
     fields.extend(photometry.iter().flat_map(|photometry| photometric_fields(s, photometry)));
     if !s.instances.is_empty() {

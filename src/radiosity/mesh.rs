@@ -35,6 +35,8 @@ pub struct Element {
     pub material: u32,
     /// Whether the element is on the front of the face, from which its corners turn counterclockwise.
     pub front: bool,
+    /// Whether another surface stands across the element, as the foot of a thin wall does: its light is the mean of both sides of that.
+    pub crossed: bool,
 }
 
 impl Element {
@@ -62,8 +64,15 @@ pub struct RadiosityMesh {
     pub vertices: Vec<Vec3>,
     /// The leaves of all surfaces, which cover each lit side once, then the sides that no light reaches, whole and black.
     pub elements: Vec<Element>,
-    /// Number of the leaves.
-    pub lit: usize,
+    /// Number of these dark sides.
+    pub dark: usize,
     /// The instance of each element; empty in scenes without placed meshes.
     pub instances: Vec<PlacedElement>,
+}
+
+impl RadiosityMesh {
+    /// Number of the leaves, which are the first elements.
+    pub fn lit(&self) -> usize {
+        self.elements.len() - self.dark
+    }
 }

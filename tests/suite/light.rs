@@ -210,6 +210,29 @@ fn a_solution_is_shown() {
     assert!(refused.code == Some(2) && refused.stderr.contains("camera"), "{}", refused.stderr);
 }
 
+/// A closed room with a lamp in one half and an opaque wall whose foot is not on a line of subdivision: from the other half nothing is seen, and
+/// from the lit half no edge of the wall is dark.
+#[test]
+fn walls_are_black_from_their_dark_side() {
+    let scratch = Scratch::new();
+    let corners = "v 0 0 0\nv 6 0 0\nv 6 4 0\nv 0 4 0\nv 0 0 3\nv 6 0 3\nv 6 4 3\nv 0 4 3\nv 3.037 0 0\nv 3.037 4 0\nv 3.037 4 3\n\
+        v 3.037 0 3\nv 1 1.5 2.95\nv 1 2.5 2.95\nv 2 2.5 2.95\nv 2 1.5 2.95\n";
+    let faces = "f 1 2 3 4\nf 5 8 7 6\nf 1 4 8 5\nf 2 6 7 3\nf 1 5 6 2\nf 4 3 7 8\no wall\nf 9 10 11 12\nusemtl lamp\nf 13 14 15 16\n";
+    scratch.write("room.mtl", "newmtl grey\nKd .6 .6 .6\nnewmtl lamp\nKd 0 0 0\nKe 50 50 50\n");
+    scratch.write("room.obj", format!("mtllib room.mtl\n{corners}o room\nusemtl grey\n{faces}"));
+    let solve =
+        ["solve", "room.obj", "--out", "s", "--output", "image", "--image-size", "128x96", "--error", "0.1"];
+    let seen = |camera: &str| {
+        done(&scratch.mrvis(&[&solve[..], &["--audit", "0", "--quiet", "--camera", camera]].concat()));
+        let path = scratch.path("s").join("view.exr");
+        mrvis::internals::image_io::read_image(&path, Default::default(), 1.0).expect("an image")
+    };
+    assert!(seen("5.5,2,1.5,3,2,1.5,80").data().iter().all(|&v| v == 0.0));
+    let lit = seen("0.5,2,2.5,3.037,2,0,60");
+    let mean = lit.data().iter().sum::<f32>() / lit.data().len() as f32;
+    assert!(lit.data().iter().all(|&v| v > 0.3 * mean), "{mean}");
+}
+
 #[test]
 fn scaling_is_a_table_and_a_slope() {
     let scratch = scratch();

@@ -32,6 +32,7 @@ fn lit(scene: &Scene) -> RadiosityMesh {
                 object: scene.triangle_object[t],
                 material: 0,
                 front,
+                crossed: false,
             });
         }
     }

@@ -96,10 +96,10 @@ impl Solved {
             }
         }
         if let Closing::Rays(local) = &self.closing {
-            let share = local.received;
-            add(&mut sent, share, powers.emitted);
-            let emitted = powers.emitted;
-            add(&mut powers.escaped, 1.0 - share, emitted);
+            for (k, share) in local.received.into_iter().enumerate() {
+                sent[k] += share * powers.emitted[k];
+                powers.escaped[k] += (1.0 - share) * powers.emitted[k];
+            }
         }
         for error in [&mut ledger.row_sum_error, &mut ledger.row_sum_error_sampled] {
             *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };

@@ -100,6 +100,7 @@ impl Solved {
             object: scene.triangle_object[s.triangles[0] as usize],
             material: scene.triangle_material[s.triangles[0] as usize],
             front: s.front,
+            crossed: false,
         };
         let one = |(&(e, side, _), corners): (&(usize, u32, [Vec3; 4]), &[u32])| {
             let (element, state) = (&elements.elements[e], &elements.states[e]);
@@ -113,6 +114,7 @@ impl Solved {
                 error,
                 level: element.level,
                 links: links[e],
+                crossed: state.crossed,
                 ..of_side(&elements.sides[side as usize], corners, element.area)
             }
         };
@@ -128,7 +130,7 @@ impl Solved {
                 .map(|((side, of), corners)| of_side(side, corners, surface_area(of))),
         );
         let instances = leaves.par_iter().filter_map(placed).collect();
-        RadiosityMesh { origin: scene.origin, elements: all, lit: leaves.len(), instances, vertices }
+        RadiosityMesh { origin: scene.origin, elements: all, dark: dark.len(), instances, vertices }
     }
 }
 

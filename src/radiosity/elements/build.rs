@@ -11,7 +11,10 @@ use crate::scene::Scene;
 use rayon::prelude::*;
 
 /// Largest number of subdivisions of a side: parts of 2⁻²⁰ of its width are 16 roundings of its coordinates wide.
-pub(super) const MAX_LEVEL: u32 = 20;
+const MAX_LEVEL: u32 = 20;
+/// The same in scenes with placed meshes, where 64 bits hold the number of a side and the place of a part within it
+/// ([`Elements::surface_id`]).
+pub(super) const MAX_PLACED_LEVEL: u32 = 14;
 /// Bits of the ids of all elements: four times an id is a seed of 64 bits.
 const ID_BITS: u32 = 61;
 
@@ -153,7 +156,9 @@ impl Build {
             element.centre = cluster.bounds.center();
             element.radius = 0.5 * cluster.bounds.diagonal();
         }
-        number(&mut elements, sides.len());
+        let instances = scene.triangles_of_instances();
+        let deepest = if instances.len() > 1 { MAX_PLACED_LEVEL } else { MAX_LEVEL };
+        number(&mut elements, sides.len(), deepest);
         let mut sides_of_triangle = vec![[Elements::NONE; 2]; scene.triangles.len()];
         for (s, side) in sides.iter().enumerate() {
             for t in side.triangles {
@@ -172,7 +177,7 @@ impl Build {
             min_area,
             dark: Vec::new(),
             samples,
-            instances: scene.triangles_of_instances(),
+            instances,
         }
     }
 }
@@ -226,9 +231,10 @@ fn cluster(range: [u32; 2], elements: &[Element], sides: &[Side], samples: &Side
     }
 }
 
-/// Gives every element a range of ids for all possible elements below it: as many levels as the bits of ids have room for.
-fn number(elements: &mut [Element], sides: usize) {
-    let levels = ((ID_BITS - sides.max(1).ilog2()) / 2 - 1).min(MAX_LEVEL);
+/// Gives every element a range of ids for all possible elements below it: as many levels as the bits of ids have room for, at most
+/// `deepest`.
+fn number(elements: &mut [Element], sides: usize, deepest: u32) {
+    let levels = ((ID_BITS - sides.max(1).ilog2()) / 2 - 1).min(deepest);
     let mut size = vec![1u64; elements.len()];
     for e in (0..elements.len()).rev() {
         if !elements[e].is_cluster() {

@@ -5,13 +5,13 @@
 //! included, of its side, and of its place in the quadtree. It is the same whether other instances move, hide or are removed;
 //! instances that are added get numbers after all others. So light can be carried from one solution to the next.
 
-use super::build::MAX_LEVEL;
+use super::build::MAX_PLACED_LEVEL;
 use super::{Elements, Shape};
 use crate::scene::InstanceTriangles;
 use std::ops::Range;
 
 /// Bits of the place in the quadtree: a leading 1, then two for each subdivision. 35 bits are left for sides.
-const PATH_BITS: u32 = 2 * MAX_LEVEL + 1;
+const PATH_BITS: u32 = 2 * MAX_PLACED_LEVEL + 1;
 
 impl Elements {
     /// Number of instances, hidden ones included; 1 in scenes without placed meshes.
@@ -31,7 +31,7 @@ impl Elements {
         })
     }
 
-    /// The id of a surface of this instance; `None` for clusters.
+    /// The id of a surface of this instance, in scenes with placed meshes; `None` for clusters.
     pub fn surface_id(&self, instance: u32, element: u32) -> Option<u64> {
         let Shape::Surface { side, .. } = self.elements[element as usize].shape else { return None };
         let side = &self.sides[side as usize];

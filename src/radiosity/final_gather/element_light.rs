@@ -14,19 +14,22 @@ use super::sharing::{SharedLight, share};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::Tally;
+use crate::radiosity::rgb::{Rgb, mean};
 use rayon::prelude::*;
 
 /// Smallest number of rays of each half: a quarter of a packet; a half without rays has no estimate of its noise.
 const MIN_HALF: u32 = 4;
 /// Largest number of rays of each half, so that no element can use up all rays: noise of 1 % where one ray deviates by half of the mean.
 const MAX_HALF: u32 = 1024;
+/// Deviation of one ray from the mean light of its element, relative to that light, where it is not known.
+const USUAL_DEVIATION: f64 = 0.5;
 
 /// What elements have gathered.
 pub struct Gathered {
     /// Leaves with their light.
     pub light: Vec<(u32, SharedLight)>,
-    /// Part of the emitted power that meets elements.
-    pub received: f64,
+    /// Part of the emitted power that meets elements, by channel.
+    pub received: Rgb,
     /// Cost of the rays.
     pub tally: Tally,
 }
@@ -42,12 +45,14 @@ impl FinalGather<'_> {
         let Elements { elements, states, .. } = &self.linked.elements;
         let wanted = |e: u32| {
             let result = &local.results[e as usize];
-            // The deviation is unknown where the first pass had no rays: these leaves get the smallest number.
-            if result.rays == 0 {
-                return 0.0;
-            }
             let weight = elements[e as usize].area * f64::from(states[e as usize].importance);
-            weight.sqrt() * f64::from(result.noise) * f64::from(result.rays).sqrt()
+            // The deviation is unknown where the first pass had no rays: leaves that there was no time for get the smallest number.
+            let deviation = match result.rays {
+                0 if states[e as usize].crossed => USUAL_DEVIATION * mean(result.irradiance),
+                0 => 0.0,
+                rays => f64::from(result.noise) * f64::from(rays).sqrt(),
+            };
+            weight.sqrt() * deviation
         };
         let all = self.linked.leaves();
         let sum: f64 = all.iter().map(|&e| wanted(e)).sum();
@@ -68,7 +73,7 @@ impl FinalGather<'_> {
         if leaves.len() == rays.len() {
             let received = light.iter().zip(&areas).map(|(light, area)| area * light.mean(DIRECT)).sum();
             let factor;
-            (factor, received_share) = self.balance_of_direct_light(received, local.sampled);
+            (factor, received_share) = self.balance_of_direct_light(received, &local.sampled);
             light.iter_mut().for_each(|light| light.scale_direct(factor as f32));
         }
         // Light differs on both sides of a surface that stands across an element: it is neither a neighbour nor has any. Nor do elements
@@ -83,7 +88,12 @@ impl FinalGather<'_> {
         let of_whole: Vec<ElementLight> = whole.iter().map(|&i| light[i]).collect();
         let areas: Vec<f64> = whole.iter().map(|&i| areas[i]).collect();
         let shared = share(&places, &areas, &of_whole, &self.ranks, deadline);
-        let own = alone.iter().map(|&i| (leaves[i], SharedLight::alone(&light[i])));
+        let own = alone.iter().map(|&i| {
+            let noise = f64::from(local.results[leaves[i] as usize].noise);
+            let own = SharedLight::alone(&light[i]);
+            // Rays that all find no light tell no deviation.
+            (leaves[i], SharedLight { error: if own.error > 0.0 { own.error } else { noise * noise }, ..own })
+        });
         let light = whole.iter().map(|&i| leaves[i]).zip(shared).chain(own).collect();
         Gathered { light, received: received_share, tally }
     }

@@ -4,20 +4,20 @@
 //! average, and insides of furniture would receive light that never gets there. So in the end every element traces a few rays. The
 //! exchange of two elements is estimated by all rays that join them, from either side ([`TransportMatrix`]), so that no energy is
 //! created. The rays are stored, twelve bytes each, and the light is solved on them to the last bounce without further rays,
-//! starting from the light along links. The direct light of all elements is brought to what
+//! starting from the direct light, or from the light along links where the time is up. The direct light of all elements is brought to what
 //! rays from the emitters say of it. See `docs/method.md`, Local pass.
 
 use super::element_rays::LeafRays;
 use super::gatherer::FinalGather;
 use super::local_noise::{LocalResult, assign_noise};
-use super::ray_rows::RayRows;
+use super::ray_rows::{RayRow, RayRows};
 use super::untraced::estimate_untraced;
 use crate::math::sampling::mix;
 use crate::radiosity::deadline::{Deadline, RAY_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::links::Tally;
+use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::refinement::LinkedScene;
-use crate::radiosity::rgb::mean;
+use crate::radiosity::rgb::{Rgb, mean};
 use crate::radiosity::surroundings::{SampledShare, emitted_share};
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
@@ -61,8 +61,8 @@ pub struct LocalPass {
     pub element_rays: Option<f64>,
     /// Part of the emitted power that meets elements, by rays from the emitters.
     pub sampled: SampledShare,
-    /// The same by these rays and those of the elements together.
-    pub received: f64,
+    /// The same by these rays and those of the elements together, by channel.
+    pub received: Rgb,
     /// How the light converged.
     pub convergence: Convergence,
     /// Leaves with fewer rays than planned.
@@ -78,32 +78,44 @@ impl FinalGather<'_> {
     /// enough for the light of the whole scene, not for that of each element. Of many elements, some are then not traced.
     pub fn local_pass(&self, rays: Option<f64>, deadline: &Deadline) -> LocalPass {
         let all = self.linked.leaves();
-        let crossed = |&&e: &&u32| self.linked.elements.states[e as usize].crossed;
-        let leaves: Vec<u32> = all.iter().filter(|e| !crossed(e)).copied().collect();
-        let mut rows = self.trace_rows(&leaves, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
+        let Elements { elements, states, .. } = &self.linked.elements;
+        let mut rows = self.trace_rows(&all, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
+        let untraced = all.len() - rows.rows.len();
+        // Light that leaves receive outside the exchange, W/m² times scene units squared.
+        let apart = rows.take_out(|leaf| states[leaf as usize].crossed);
+        let light = |row: &RayRow| elements[row.leaf as usize].area * mean(direct_irradiance(row));
+        let light_apart: f64 = apart.iter().map(light).sum();
         rows.number_rows(self.linked.elements.len(), &self.reflected);
         let matrix = self.transport_matrix(&rows, deadline);
         let mut direct = direct_light(&rows);
         let sampled = self.emitted_share();
         let mut received = sampled.share;
-        // The light of leaves without rows is not known here.
-        if rows.rows.len() == all.len() {
-            let area = |i: usize| self.linked.elements.elements[rows.rows[i].leaf as usize].area;
-            let sum = direct.iter().enumerate().map(|(i, e)| area(i) * mean(*e)).sum();
+        // The light of leaves that were not traced is not known here.
+        if untraced == 0 {
+            let area = |i: usize| elements[rows.rows[i].leaf as usize].area;
+            let sum = direct.iter().enumerate().map(|(i, e)| area(i) * mean(*e)).sum::<f64>() + light_apart;
             let factor;
-            (factor, received) = self.balance_of_direct_light(sum, sampled);
+            (factor, received) = self.balance_of_direct_light(sum, &sampled);
             direct.iter_mut().flatten().for_each(|e| *e *= factor);
         }
+        // Of an iteration that the deadline ends at once the start remains. Otherwise it is the direct light: links bring a little light
+        // to rooms without any.
+        let along_links = || rows.rows.iter().map(|row| states[row.leaf as usize].irradiance).collect();
+        let start = deadline.late().then(along_links);
         let (irradiance, convergence) =
-            solve(&RayTransport { matrix: &matrix, direct }, None, Method::Krylov, deadline);
+            solve(&RayTransport { matrix: &matrix, direct }, start, Method::Krylov, deadline);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
         for (row, irradiance) in rows.rows.iter().zip(irradiance) {
             results[row.leaf as usize].irradiance = irradiance;
         }
         assign_noise(&self.linked.elements, &rows, &matrix, &mut results);
-        let untraced = leaves.len() - rows.rows.len();
         if all.len() > rows.rows.len() {
             estimate_untraced(&self.linked.elements, &all, &mut results);
+        }
+        for row in &apart {
+            let result = &mut results[row.leaf as usize];
+            result.kept = 1.0 - row.gone as f32 / row.rays as f32;
+            result.row_sum = result.kept;
         }
         let element_rays = rays.map(|rays| (1.0 - EXCHANGE_SHARE) * rays);
         let reciprocity = matrix.reciprocity();
@@ -139,7 +151,8 @@ impl FinalGather<'_> {
         let sample: Vec<LeafRays> = leaves.iter().step_by(step).map(timed).collect();
         let start = deadline.elapsed();
         let traced = RayRows::trace(self, &sample, |_| None, |_| ());
-        let each = (deadline.elapsed() - start) / traced.met.len().max(1) as f64;
+        let traced: u32 = traced.rows.iter().map(|row| row.rays).sum();
+        let each = (deadline.elapsed() - start) / f64::from(traced.max(1));
         let possible = RAY_SHARE * deadline.left() / each;
         let shared = (possible - MIN_ROW_RAYS * leaves.len() as f64) * SHARED_AFTER_SPLIT;
         (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
@@ -183,18 +196,21 @@ impl FinalGather<'_> {
     }
 
     /// The factor that brings the direct light that elements receive, W/m² times scene units squared, to what the emitters send them, and
-    /// that part of the emitted power. Both sums have errors: the elements' own is expected to be [`DIRECT_ERROR`], and the factor is nearer
-    /// to 1 where the share that rays have sampled is less certain, as of a lamp whose light mostly leaves the scene.
-    pub(super) fn balance_of_direct_light(&self, received: f64, sampled: SampledShare) -> (f64, f64) {
+    /// that part of the emitted power by channel. Both sums have errors: the elements' own is expected to be [`DIRECT_ERROR`], and the
+    /// factor is nearer to 1 where the share that rays have sampled is less certain, as of a lamp whose light mostly leaves the scene.
+    /// Engines that average clusters keep what they have found, as the sampled share is exact.
+    pub(super) fn balance_of_direct_light(&self, received: f64, sampled: &SampledShare) -> (f64, Rgb) {
         let Elements { elements, sides, .. } = &self.linked.elements;
         let power: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
-        if received <= 0.0 || power <= 0.0 {
+        if received <= 0.0 || power <= 0.0 || sampled.mean <= 0.0 {
             return (1.0, sampled.share);
         }
-        let share = received / power;
-        let (own, other) = ((DIRECT_ERROR * share).powi(2), sampled.error.powi(2));
-        let share = share + own / (own + other) * (sampled.share - share);
-        (share * power / received, share)
+        let mut share = received / power;
+        if matches!(self.linked.engine, VisibilityEngine::Exact(_)) {
+            let (own, other) = ((DIRECT_ERROR * share).powi(2), sampled.error.powi(2));
+            share += own / (own + other) * (sampled.mean - share);
+        }
+        (share * power / received, sampled.share.map(|of| of * share / sampled.mean))
     }
 
     /// The exchange of the leaves, from their rays.
@@ -220,9 +236,10 @@ impl FinalGather<'_> {
 
 /// Direct irradiance of the rows, W/m².
 fn direct_light(rows: &RayRows) -> Field {
-    let of = |i: usize| {
-        let row = &rows.rows[i];
-        row.direct.to_array().map(|d| f64::from(d) / f64::from(row.rays))
-    };
-    (0..rows.rows.len()).map(of).collect()
+    (0..rows.rows.len()).map(|i| direct_irradiance(&rows.rows[i])).collect()
+}
+
+/// Direct irradiance of a row, W/m².
+fn direct_irradiance(row: &RayRow) -> Rgb {
+    row.direct.to_array().map(|d| f64::from(d) / f64::from(row.rays))
 }

@@ -108,6 +108,28 @@ impl RayRows {
         }
     }
 
+    /// Removes the rows of some leaves, and what their rays have met.
+    pub fn take_out(&mut self, is_removed: impl Fn(u32) -> bool) -> Vec<RayRow> {
+        let mut removed = Vec::new();
+        if !self.rows.iter().any(|row| is_removed(row.leaf)) {
+            return removed;
+        }
+        let (mut first, mut met) = (0, Vec::with_capacity(self.met.len()));
+        let mut rows = Vec::with_capacity(self.rows.len());
+        for row in self.rows.drain(..) {
+            let own = first..row.end;
+            first = row.end;
+            if is_removed(row.leaf) {
+                removed.push(row);
+            } else {
+                met.extend_from_slice(&self.met[own]);
+                rows.push(RayRow { end: met.len(), ..row });
+            }
+        }
+        (self.rows, self.met) = (rows, met);
+        removed
+    }
+
     /// Replaces the leaves that rays have met by the numbers of their rows. Leaves without rows count as outside: the light that they
     /// reflect (by element, W/m²) becomes direct light.
     pub fn number_rows(&mut self, elements: usize, reflected: &[[f32; 3]]) {

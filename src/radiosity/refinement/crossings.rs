@@ -4,6 +4,7 @@
 //! along the line; what remains of them takes no part in the exchange of light, and paths that meet it go on from there.
 
 use super::linked_scene::LinkedScene;
+use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape, Side};
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::Exact;
@@ -13,13 +14,13 @@ use rayon::prelude::*;
 /// Distance of the segments that look for such surfaces from the edges and the plane of their element, as a part of its diameter: a surface
 /// nearer to an edge leaves less than this part of the element on its other side.
 const INSET: f32 = 1.0 / 128.0;
-/// Largest number of times that an element is split: it is then a sixteenth as wide.
-const MAX_SPLITS: usize = 4;
+/// Largest number of times that an element of the size of the local pass is split: its parts are then a sixteenth as wide.
+const MAX_SPLITS: i32 = 4;
 /// Largest part of the number of all elements that is added by this.
 const MAX_ADDED: f64 = 0.25;
 /// Elements that may be added to any scene.
 const MIN_ROOM: usize = 1 << 13;
-/// Largest part of the area that takes no part in the exchange of light. In scenes with more, all elements do.
+/// Largest part of the area that takes no part in the exchange of light; where more is crossed, the largest elements do.
 const MAX_AREA: f64 = 0.02;
 /// Elements of one parallel task: four share a packet.
 const CHUNK: usize = LANES / 4;
@@ -27,26 +28,41 @@ const CHUNK: usize = LANES / 4;
 impl LinkedScene {
     /// Splits the parts of large surfaces that other surfaces stand across, and marks what remains of them
     /// ([`ElementState::crossed`](crate::radiosity::elements::ElementState::crossed)).
-    pub fn split_at_crossings(&mut self, exact: &Exact) {
+    pub fn split_at_crossings(&mut self, exact: &Exact, deadline: &Deadline) {
         self.elements.states.iter_mut().for_each(|state| state.crossed = false);
+        if deadline.late() {
+            return;
+        }
         let leaves = self.leaves();
+        // Repeated passes do not split again what is as small as it gets.
+        let smallest = self.elements.min_area / 4f64.powi(MAX_SPLITS - 1);
         let mut room = ((MAX_ADDED * leaves.len() as f64) as usize).max(MIN_ROOM);
         let mut found = crossed(&self.elements, exact, &leaves);
-        for _ in 0..MAX_SPLITS {
-            if found.is_empty() || 4 * found.len() > room {
+        loop {
+            let large = |e: &&u32| self.elements.elements[**e as usize].area > smallest;
+            let to_split: Vec<u32> = found.iter().filter(large).copied().collect();
+            if to_split.is_empty() || 4 * to_split.len() > room || deadline.late() {
                 break;
             }
-            room -= 4 * found.len();
+            room -= 4 * to_split.len();
             let first = self.elements.len() as u32;
-            found.iter().for_each(|&e| self.split(e));
+            to_split.iter().for_each(|&e| self.split(e));
+            if self.elements.len() as u32 == first {
+                break;
+            }
             let made: Vec<u32> = (first..self.elements.len() as u32).collect();
             let whole = found.into_iter().filter(|&e| self.elements.elements[e as usize].is_leaf());
             found = whole.chain(crossed(&self.elements, exact, &made)).collect();
         }
-        let area: f64 = found.iter().map(|&e| self.elements.elements[e as usize].area).sum();
-        if area <= MAX_AREA * self.elements.area {
-            found.into_iter().for_each(|e| self.elements.states[e as usize].crossed = true);
-        }
+        let area = |e: u32| self.elements.elements[e as usize].area;
+        found.sort_by(|&a, &b| area(a).total_cmp(&area(b)).then(a.cmp(&b)));
+        let mut room = MAX_AREA * self.elements.area;
+        let mut marked = found;
+        marked.retain(|&e| {
+            room -= area(e);
+            room >= 0.0
+        });
+        marked.into_iter().for_each(|e| self.elements.states[e as usize].crossed = true);
     }
 }
 

@@ -3,7 +3,7 @@
 use super::side_rays::{ESCAPED, SideRays};
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::{Elements, Shape, Side, emission_gain};
-use crate::radiosity::rgb::mean;
+use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::LANES;
 use crate::visibility::Exact;
 use glam::Vec3;
@@ -20,8 +20,10 @@ const MAX_GRID: usize = 256;
 /// A share that rays have sampled.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SampledShare {
-    /// In `[0, 1]`.
-    pub share: f64,
+    /// By channel, in `[0, 1]`.
+    pub share: Rgb,
+    /// Of all channels together, in `[0, 1]`.
+    pub mean: f64,
     /// Its standard error.
     pub error: f64,
 }
@@ -52,10 +54,19 @@ pub fn emitted_share(elements: &Elements, exact: &Exact, length: f32, seed: u64)
         .collect();
     let [met, traced] = found.iter().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
     let traced = traced.max(1) as f64;
-    let share = met as f64 / traced;
+    let mean_share = met as f64 / traced;
+    // Rays share the mean power of the channels: each stands for as much of it.
+    let (mut sent, mut received) = ([0.0; 3], [0.0; 3]);
+    for ((side, _), [met, traced]) in groups.iter().zip(&found) {
+        let colour = side.exitance.map(|m| m / mean(side.exitance));
+        add(&mut sent, *traced as f64, colour);
+        add(&mut received, *met as f64, colour);
+    }
+    let share = |k: usize| if sent[k] > 0.0 { received[k] / sent[k] } else { mean_share };
     // Half a ray more of either kind (Jeffreys): no ray that leaves the scene does not mean that none can.
     let likely = (met as f64 + 0.5) / (traced + 1.0);
-    SampledShare { share, error: (likely * (1.0 - likely) / traced).sqrt() }
+    let error = (likely * (1.0 - likely) / traced).sqrt();
+    SampledShare { share: std::array::from_fn(share), mean: mean_share, error }
 }
 
 /// Rays of a side that meet sides with elements, and all its rays.

@@ -27,7 +27,7 @@ fn boxes_without_a_bottom_are_dark_inside() {
     }
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
     let outcome = solved(&scene, &[], &Options { audit: 0, ..Options::default() });
-    let (lit, dark) = outcome.mesh.elements.split_at(outcome.mesh.lit);
+    let (lit, dark) = outcome.mesh.elements.split_at(outcome.mesh.lit());
     assert!(!lit.iter().any(|e| e.object == 2 && !e.front), "no light gets there");
     assert!(dark.len() == 5 && dark.iter().all(|e| e.object == 2 && !e.front && e.radiosity == [0.0; 3]));
     assert!(outcome.mesh.elements.iter().any(|e| e.object == 2 && e.front));
