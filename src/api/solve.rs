@@ -284,7 +284,7 @@ impl Solution {
         vertices.iter().map(move |p| (origin + p.as_dvec3()).to_array())
     }
 
-    /// Mean irradiance of all surfaces, W/m², linear RGB.
+    /// Mean irradiance of all sides of surfaces that light arrives at, W/m², linear RGB.
     pub fn mean_irradiance(&self) -> [f64; 3] {
         self.inner.record.mean_irradiance
     }

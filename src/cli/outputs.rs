@@ -57,6 +57,9 @@ enum Kind {
     None,
 }
 
+/// All kinds of files.
+const KINDS: [Kind; 6] = [Kind::Ply, Kind::Glb, Kind::Vtu, Kind::Lightmap, Kind::Image, Kind::Page];
+
 /// What was written, and the pictures of the page if one is wanted.
 pub struct Written {
     /// Paths of the files.
@@ -139,7 +142,7 @@ impl Outputs {
             files.written.push(file);
         }
         let mut views = Vec::new();
-        if ![Kind::Ply, Kind::Glb, Kind::Lightmap, Kind::Image, Kind::Page].into_iter().any(wants) {
+        if !KINDS.into_iter().any(|kind| kind != Kind::Vtu && wants(kind)) {
             return Ok(Written { files: files.written, views });
         }
         let spinner = common.spinner("smoothing");
@@ -270,6 +273,11 @@ impl Outputs {
         let default: &[Kind] = if with_points { &[] } else { &[Kind::Glb, Kind::Vtu, Kind::Image] };
         let wanted = self.outputs.as_deref().unwrap_or(default);
         wanted.contains(&kind) && !wanted.contains(&Kind::None)
+    }
+
+    /// Whether files show the light of elements.
+    pub fn need_elements(&self, with_points: bool) -> bool {
+        !with_points || KINDS.into_iter().any(|kind| self.wants(kind, with_points))
     }
 
     /// Whether irradiance of pixels will be computed.

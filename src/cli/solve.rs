@@ -1,5 +1,6 @@
 //! `mrvis solve SCENE --out DIR`: light in a scene.
 
+mod at_points;
 mod luminous;
 mod scaling;
 pub mod sizes;
@@ -24,6 +25,7 @@ use crate::radiosity::{
 };
 use crate::scene::{Scene, StoredCamera};
 use crate::{Error, Result};
+use at_points::AtPoints;
 use glam::DVec3;
 use luminous::{Luminous, Reported};
 use scaling::scaling;
@@ -50,7 +52,7 @@ pub struct Args {
     /// Points x,y,z,nx,ny,nz for irradiance.csv.
     #[arg(long, value_name = "FILE.csv")]
     points: Option<PathBuf>,
-    /// Direct light only at points; with --points nothing else is computed.
+    /// Direct light only at points.
     #[arg(long)]
     direct_only: bool,
     /// Target error of links relative to the mean irradiance; their total error is estimated and audited.
@@ -198,6 +200,7 @@ fn options(args: &Args) -> Result<Options> {
         views: Vec::new(),
         audit: args.audit,
         direct_only: args.direct_only,
+        elements: args.outputs.need_elements(args.points.is_some()) || args.target_error.is_some(),
         light_rays: args.light_rays,
         gather_rays: args.gather_rays,
         local_rays: args.local_rays,
@@ -295,7 +298,8 @@ fn write(
     record.warnings.iter_mut().for_each(|warning| *warning = with_flags(warning));
     let photometric = photometry.map(|p| Luminous::of(p, &record));
     let compared = ComparedRecord { record, versus };
-    let mut record = Reported { compared, photometric, sharing: args.mpi.sharing() };
+    let at_points = AtPoints::of(&irradiance, photometry);
+    let mut record = Reported { compared, photometric, at_points, sharing: args.mpi.sharing() };
     let save = |record: &Reported| {
         let path = out.join("solution.json");
         let text = json_text(record).map_err(|e| Error::format(&path, None, e.to_string()))?;
@@ -335,7 +339,7 @@ fn write(
         WholeFile::write(&files[files.len() - 1], page)?;
     }
     args.common.write_json(&record)?;
-    args.common.print(&summary(&record, with_points))?;
+    args.common.print(&summary(&record))?;
     for file in files {
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }

@@ -5,7 +5,7 @@ use super::Model;
 use crate::embree::Hits;
 use crate::error::quote;
 use crate::math::sampling::{cosine_direction, mix, numbers, on_triangle};
-use crate::math::triangle_normal;
+use crate::math::{Aabb, triangle_normal};
 use crate::ray::{LANES, Packet};
 use crate::scene::Emitter;
 use glam::Vec3;
@@ -24,21 +24,73 @@ const MAX_NAMES: usize = 3;
 /// Smallest height at which rays start above a surface, as a part of its distance from an emitter, of which a note tells: irradiance there
 /// errs by about that part.
 const COARSE: f32 = 0.01;
+/// Part of the rays of an emitter that must end within its own diameter for a note of that: an emitter just behind a ceiling sends 98 % of its
+/// light to a tenth of its diameter, one in an open shade of three times its size none.
+const MIN_ENCLOSED_SHARE: f64 = 0.9;
 /// Part of an emitter's rays that must meet such surfaces.
 const MIN_COARSE_SHARE: f64 = 0.05;
 
 impl Model {
-    /// Notes of [`Model::note_of_turned_emitters`] and of coordinates that are too coarse.
+    /// Notes of emitters that are turned, or enclosed, and of coordinates that are too coarse.
     pub(crate) fn notes_of_emitters(&self) -> Vec<String> {
-        [self.note_of_turned_emitters(), self.note_of_coarse_coordinates()].into_iter().flatten().collect()
+        [self.note_of_turned_emitters(), self.note_of_enclosed_emitters(), self.note_of_coarse_coordinates()]
+            .into_iter()
+            .flatten()
+            .collect()
+    }
+
+    /// A note if the light of emitters ends close to them, as that of luminaires just above a ceiling does.
+    fn note_of_enclosed_emitters(&self) -> Option<String> {
+        let enclosed = |emitter| self.enclosure(emitter).map(|found| (emitter, found));
+        let found: Vec<(&Emitter, (u32, f32))> =
+            self.tested_emitters().into_par_iter().filter_map(enclosed).collect();
+        let &(first, (triangle, distance)) = found.first()?;
+        let scene = self.scene();
+        let object =
+            scene.object_names().nth(scene.triangle_object[triangle as usize] as usize).unwrap_or_default();
+        let more =
+            if found.len() > 1 { format!(" (and of {} more)", found.len() - 1) } else { String::new() };
+        Some(format!(
+            "the light of the emitter `{}`{more} ends at `{}`, {distance:.2} {} in front of it: move emitters in front of surfaces that they are \
+             behind of, as luminaires above a ceiling",
+            quote(&first.name),
+            quote(object),
+            scene.unit
+        ))
+    }
+
+    /// The surface nearest to an emitter among those that almost all of its light ends at, if they are nearer than its diameter, and its distance
+    /// in scene units.
+    fn enclosure(&self, emitter: &Emitter) -> Option<(u32, f32)> {
+        let scene = self.scene();
+        let corners = emitter.triangles.iter().flat_map(|&t| scene.corners(t));
+        let diameter = Aabb::of(corners).diagonal();
+        let (packets, hits) = self.rays_of_emitter(emitter, 1.0);
+        let mut near = Vec::new();
+        for (packet, hits) in packets.iter().zip(&hits) {
+            // The first instance holds the scene's own faces.
+            let own = |lane: usize| hits.triangle[lane] != Hits::NOTHING && hits.instance[lane] == 0;
+            for lane in (0..LANES).filter(|&lane| own(lane)) {
+                let distance = (packet.point(lane, hits.t[lane]) - packet.point(lane, 0.0)).length();
+                let triangle = hits.triangle[lane];
+                let itself = emitter.triangles.binary_search(&triangle).is_ok();
+                near.extend((distance < diameter && !itself).then_some((triangle, distance)));
+            }
+        }
+        let enough = near.len() as f64 >= MIN_ENCLOSED_SHARE * (PACKETS * LANES) as f64;
+        near.into_iter().filter(|_| enough).min_by(|(t, d), (u, e)| d.total_cmp(e).then(t.cmp(u)))
+    }
+
+    /// Emitters that are looked at: all, or evenly spread ones.
+    fn tested_emitters(&self) -> Vec<&Emitter> {
+        let emitters = &self.scene().emitters;
+        emitters.iter().step_by(emitters.len().div_ceil(MAX_TESTED).max(1)).collect()
     }
 
     /// A note if emitters light surfaces from so near that the precision of the surfaces' coordinates shows: rays start above a surface by
     /// [`EndRule::height`](crate::ray::EndRule::height), 2e-6 of its largest coordinate.
     pub(crate) fn note_of_coarse_coordinates(&self) -> Option<String> {
-        let emitters = &self.scene().emitters;
-        let step = emitters.len().div_ceil(MAX_TESTED).max(1);
-        let tested: Vec<&Emitter> = emitters.iter().step_by(step).collect();
+        let tested = self.tested_emitters();
         let coarse = |emitter| self.coarsest_surface(emitter).map(|found| (found, emitter));
         let found: Vec<((f32, f32), &Emitter)> = tested.into_par_iter().filter_map(coarse).collect();
         let &((height, distance), worst) =
@@ -72,9 +124,7 @@ impl Model {
 
     /// A note if emitters send all their light out of the scene although there are surfaces behind them.
     pub(crate) fn note_of_turned_emitters(&self) -> Option<String> {
-        let emitters = &self.scene().emitters;
-        let tested: Vec<&Emitter> =
-            emitters.iter().step_by(emitters.len().div_ceil(MAX_TESTED).max(1)).collect();
+        let tested = self.tested_emitters();
         let turned: Vec<&Emitter> = tested.par_iter().copied().filter(|e| self.is_turned(e)).collect();
         if turned.is_empty() {
             return None;
@@ -192,6 +242,16 @@ mod tests {
             found.contains("the emitter `lamp 0` lights a surface") && found.contains("smaller faces"),
             "{found}"
         );
+    }
+
+    /// A lamp of 0.5 just above a floor that faces up, and one at a distance.
+    #[test]
+    fn lamps_just_behind_a_surface_are_named() {
+        let note =
+            |z: f64| with_lamps(10.0, &[(z, false)], &LoadOptions::default()).note_of_enclosed_emitters();
+        assert_eq!(note(1.0), None);
+        let found = note(0.05).expect("a note");
+        assert!(found.contains("emitter `lamp 0` ends at `floor`, 0.05"), "{found}");
     }
 
     #[test]

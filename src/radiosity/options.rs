@@ -96,8 +96,11 @@ pub struct Options {
     pub views: Vec<View>,
     /// Number of elements whose error bars are checked.
     pub audit: usize,
-    /// Omit reflected light at points; with points nothing else is computed.
+    /// Omit reflected light at points.
     pub direct_only: bool,
+    /// Whether the light of elements is asked for: for meshes, pictures and lightmaps, and for its error. Otherwise the solution has no more
+    /// than irradiance at points needs.
+    pub elements: bool,
     /// Shadow rays from a point to an emitter that is partly visible; by default derived from the error.
     pub light_rays: Option<usize>,
     /// Rays from a point that gather reflected light, rounded up to a grid of blocks of sixteen; by default derived from the
@@ -144,6 +147,7 @@ impl Default for Options {
             views: Vec::new(),
             audit: 200,
             direct_only: false,
+            elements: true,
             light_rays: None,
             gather_rays: None,
             local_rays: None,

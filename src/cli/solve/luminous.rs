@@ -1,5 +1,6 @@
 //! Luminous quantities of a solution.
 
+use super::at_points::AtPoints;
 use crate::bench::side_by_side::ComparedRecord;
 use crate::cli::mpi::Sharing;
 use crate::radiosity::{Powers, Record};
@@ -14,6 +15,9 @@ pub struct Reported {
     /// Only with `--photometric`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub photometric: Option<Luminous>,
+    /// Light at the points of `--points`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_points: Option<AtPoints>,
     /// Only with `--mpi`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sharing: Option<Sharing>,

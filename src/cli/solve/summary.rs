@@ -7,9 +7,9 @@ use crate::plot::number;
 use crate::radiosity::{Record, Visibility};
 use std::fmt::Write as _;
 
-/// The record as text. `with_points`: irradiance at points was asked for.
-pub fn summary(reported: &Reported, with_points: bool) -> String {
-    let Reported { compared: ComparedRecord { record: r, versus }, photometric, .. } = reported;
+/// The record as text.
+pub fn summary(reported: &Reported) -> String {
+    let Reported { compared: ComparedRecord { record: r, versus }, photometric, at_points, .. } = reported;
     let mut text = String::new();
     let s = &r.seconds;
     // Writing to a string cannot fail.
@@ -37,32 +37,34 @@ pub fn summary(reported: &Reported, with_points: bool) -> String {
     let l = &r.ledger;
     let photometry = photometric.as_ref().map(|l| l.photometry);
     let (powers, unit) = l.shown(photometry);
-    let _ = writeln!(
-        text,
-        "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3} {unit}{4}",
-        number(powers.emitted),
-        number(powers.absorbed),
-        number(powers.escaped),
-        number(powers.created),
-        if photometry.is_none() { " (mean of the channels)" } else { "" }
-    );
-    if let Some([low, high]) = l.row_sums {
+    // Direct light at points needs no light of elements.
+    let has_elements = !powers.absorbed.is_nan();
+    if has_elements {
         let _ = writeln!(
             text,
-            "row sums of closed elements {low:.4} to {high:.4}, off by {:.1e} in the mean (as sampled {:.1e})",
-            l.row_sum_error, l.row_sum_error_sampled
+            "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3} {unit}{4}",
+            number(powers.emitted),
+            number(powers.absorbed),
+            number(powers.escaped),
+            number(powers.created),
+            if photometry.is_none() { " (mean of the channels)" } else { "" }
         );
+        let [red, green, blue] = r.mean_irradiance.map(number);
+        let estimate = match r.error_estimate {
+            Some(estimate) => format!("; estimated error {} %{}", number(100.0 * estimate), upper(r)),
+            None => "; error unknown".into(),
+        };
+        let estimate = if r.options.elements { estimate } else { String::new() };
+        let _ = writeln!(
+            text,
+            "mean irradiance of lit surfaces {red}, {green}, {blue} W/m\u{b2} (red, green, blue){estimate}"
+        );
+        if let Some(l) = photometric {
+            let _ = writeln!(text, "mean illuminance of lit surfaces {} lx", number(l.mean_illuminance_lx));
+        }
     }
-    let [red, green, blue] = r.mean_irradiance.map(number);
-    // Direct light at points needs no elements: their light was not refined and has no error estimate.
-    let estimate = match r.error_estimate {
-        Some(estimate) => format!("; estimated error {} %{}", number(100.0 * estimate), upper(r)),
-        None if r.options.direct_only && with_points => String::new(),
-        None => "; error unknown".into(),
-    };
-    let _ = writeln!(text, "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue){estimate}");
-    if let Some(l) = photometric {
-        let _ = writeln!(text, "mean illuminance {} lx", number(l.mean_illuminance_lx));
+    if let Some(at_points) = at_points {
+        text += &at_points.line(r);
     }
     if let Some(v) = versus {
         text += &side_by_side(r, v);

@@ -5,7 +5,8 @@ use crate::radiosity::elements::{RowFactors, Shape};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::scene::{Photometry, unit_in_metres};
 
-/// Powers, summed over all surfaces; means of the channels.
+/// Powers, summed over all surfaces; means of the channels. All but the emitted power are no numbers (`null` in JSON) where only direct light at
+/// points was computed.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Ledger {
     /// Unit of powers: W, or W/m² times scene units squared where the length of a scene unit is not known.
@@ -109,6 +110,11 @@ impl Solved {
             ledger.reciprocity_residual = local.reciprocity;
         }
         powers.created = std::array::from_fn(|k| received[k] - sent[k]);
+        if matches!(self.closing, Closing::Nothing) {
+            let unknown = [f64::NAN; 3];
+            powers =
+                Powers { emitted: powers.emitted, absorbed: unknown, escaped: unknown, created: unknown };
+        }
         ledger.closed_area = if area > 0.0 { closed / area } else { 0.0 };
         ledger.with_powers(powers, unit)
     }
@@ -126,6 +132,7 @@ impl Solved {
                 let kept = f64::from(result.kept);
                 RowSums { sampled: kept, used: kept, sent: f64::from(result.row_sum) }
             }
+            Closing::Nothing => RowSums { sampled: 1.0, used: 1.0, sent: 1.0 },
         }
     }
 }

@@ -69,7 +69,7 @@ pub struct AuditSize {
 impl AuditSize {
     /// The size that the options ask for; smaller targets need more paths.
     pub fn of(options: &Options) -> AuditSize {
-        let elements = if options.direct_only { 0 } else { options.audit };
+        let elements = if options.direct_only || !options.elements { 0 } else { options.audit };
         let factor = options.target_error.map_or(1.0, |target| (TARGET_OF_PATHS / target).powi(2));
         AuditSize { elements, paths: PATHS * factor.clamp(1.0, MAX_PATH_FACTOR).ceil() as u32 }
     }
@@ -87,7 +87,7 @@ struct Check {
 }
 
 /// The mean of squared errors and its standard error; none without any.
-fn mean_square(squares: &[f64]) -> Option<(f64, f64)> {
+pub(super) fn mean_square(squares: &[f64]) -> Option<(f64, f64)> {
     let n = squares.len() as f64;
     let mean = squares.iter().sum::<f64>() / n;
     let variance = squares.iter().map(|s| s * s).sum::<f64>() / n - mean * mean;
@@ -156,14 +156,13 @@ impl FinalGather<'_> {
         (high, tally)
     }
 
-    /// Mean irradiance of all elements, W/m².
+    /// Mean irradiance of the sides that light arrives at, W/m².
     fn level(&self) -> f64 {
         let elements = &self.linked().elements;
         let (mut area, mut light) = (0.0, 0.0);
-        for (element, state) in elements.elements.iter().zip(elements.states.iter()) {
-            if element.is_leaf() && !element.is_cluster() {
-                (area, light) = (area + element.area, light + element.area * mean(state.irradiance));
-            }
+        for e in self.linked().lit_leaves() {
+            let own = elements.elements[e as usize].area;
+            (area, light) = (area + own, light + own * mean(elements.states[e as usize].irradiance));
         }
         if area > 0.0 { light / area } else { 0.0 }
     }
@@ -181,11 +180,11 @@ impl FinalGather<'_> {
             return (Vec::new(), Tally::default());
         }
         let (mut areas, mut sum) = (Vec::new(), 0.0);
-        for e in self.linked().leaves() {
+        for e in self.linked().lit_leaves() {
             sum += self.linked().elements.elements[e as usize].area;
             areas.push((sum, e));
         }
-        if areas.is_empty() || self.level() <= 0.0 {
+        if areas.is_empty() {
             return (Vec::new(), Tally::default());
         }
         let drawn = |k: usize| {

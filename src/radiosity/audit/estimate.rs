@@ -1,6 +1,6 @@
 //! The estimated error of a solution.
 
-use super::ErrorBarAudit;
+use super::{ErrorBarAudit, PointsError};
 
 /// Audited elements whose RMS error is the error estimate: it is then known to about 1/√(2 · 50) = 10 % of itself where errors are
 /// normally distributed.
@@ -8,7 +8,7 @@ const MIN_AUDITED: usize = 50;
 /// Largest estimate from error bars alone, relative to the mean irradiance: larger ones say only that little is known.
 const MAX_FROM_BARS: f64 = 1.0;
 
-/// RMS error of the elements' irradiance relative to its mean. The estimate and its interval have one source.
+/// RMS error of the irradiance of elements, or of points, relative to its mean. The estimate and its interval have one source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorEstimate {
     /// The estimate.
@@ -27,9 +27,16 @@ pub enum ErrorSource {
     Audit,
     /// The error bars of all elements.
     Bars,
+    /// Independent paths from a sample of the points, where the light of elements was not asked for.
+    Points,
 }
 
 impl ErrorEstimate {
+    /// From the error at points.
+    pub fn of_points(error: PointsError) -> ErrorEstimate {
+        ErrorEstimate { rms: error.rms, upper: Some(error.rms_upper), source: ErrorSource::Points }
+    }
+
     /// From the audit if it has enough elements, else from the RMS of the error bars, `bars`; `None` if neither says anything.
     pub fn of(audit: &ErrorBarAudit, bars: f64) -> Option<ErrorEstimate> {
         if audit.elements >= MIN_AUDITED {

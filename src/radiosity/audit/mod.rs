@@ -3,6 +3,7 @@
 mod energy_ledger;
 mod error_bars;
 mod estimate;
+mod points_error;
 mod solved;
 mod uncertainty;
 
@@ -10,5 +11,6 @@ pub use energy_ledger::Ledger;
 pub(crate) use energy_ledger::Powers;
 pub use error_bars::{AuditSize, ErrorBarAudit};
 pub use estimate::{ErrorEstimate, ErrorSource};
+pub use points_error::PointsError;
 pub use solved::{Closing, Solved};
 pub use uncertainty::{error_estimate, link_uncertainty};

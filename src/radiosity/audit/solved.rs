@@ -12,6 +12,8 @@ pub enum Closing {
     Links(LinkClosing),
     /// Rays of the local pass.
     Rays(LocalPass),
+    /// Elements have no light: only direct light at points is asked for.
+    Nothing,
 }
 
 /// A scene whose light is final.
@@ -27,6 +29,11 @@ impl Solved {
     pub fn by_links(mut refined: Refined, deadline: &Deadline) -> Solved {
         let closing = Closing::Links(refined.close_links(deadline));
         Solved { linked: refined.linked, closing }
+    }
+
+    /// A scene without light of its elements.
+    pub fn without_elements(refined: Refined) -> Solved {
+        Solved { linked: refined.linked, closing: Closing::Nothing }
     }
 
     /// The final light of the local pass.
@@ -51,16 +58,19 @@ impl Solved {
         self
     }
 
-    /// Mean irradiance of all elements, W/m².
+    /// Mean irradiance of the sides that light arrives at, W/m²; no number where elements have no light.
     pub fn mean_irradiance(&self) -> Rgb {
-        let elements = &self.linked.elements;
-        let mut sum = [0.0; 3];
-        for (element, state) in elements.elements.iter().zip(elements.states.iter()) {
-            if element.is_leaf() && !element.is_cluster() {
-                add(&mut sum, element.area / elements.area, state.irradiance);
-            }
+        if matches!(self.closing, Closing::Nothing) {
+            return [f64::NAN; 3];
         }
-        sum
+        let elements = &self.linked.elements;
+        let (mut sum, mut area) = ([0.0; 3], 0.0);
+        for e in self.linked.lit_leaves() {
+            let own = elements.elements[e as usize].area;
+            area += own;
+            add(&mut sum, own, elements.states[e as usize].irradiance);
+        }
+        sum.map(|s| if area > 0.0 { s / area } else { 0.0 })
     }
 
     /// Whether all light is a finite number.

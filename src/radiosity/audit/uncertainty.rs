@@ -48,17 +48,17 @@ pub fn link_uncertainty(linked: &LinkedScene) -> Vec<f64> {
     variance.into_iter().map(|v| carried * v.sqrt()).collect()
 }
 
-/// Root mean square of the uncertainty over the surfaces, relative to the mean irradiance.
+/// Root mean square of the uncertainty over the sides that light arrives at, relative to their mean irradiance.
 pub fn error_estimate(linked: &LinkedScene, uncertainty: &[f64]) -> f64 {
     let elements = &linked.elements;
-    let (mut squares, mut sum) = (0.0, 0.0);
-    for (e, element) in elements.elements.iter().enumerate() {
-        if element.is_leaf() && !element.is_cluster() {
-            squares += element.area * uncertainty[e].powi(2);
-            sum += element.area * mean(elements.states[e].irradiance);
-        }
+    let (mut squares, mut sum, mut all) = (0.0, 0.0, 0.0);
+    for e in linked.lit_leaves() {
+        let area = elements.elements[e as usize].area;
+        all += area;
+        squares += area * uncertainty[e as usize].powi(2);
+        sum += area * mean(elements.states[e as usize].irradiance);
     }
-    if sum > 0.0 { (squares * elements.area).sqrt() / sum } else { 0.0 }
+    if sum > 0.0 { (squares * all).sqrt() / sum } else { 0.0 }
 }
 
 impl Solved {
@@ -68,6 +68,7 @@ impl Solved {
         match &self.closing {
             Closing::Rays(local) => local.results.iter().map(|r| f64::from(r.noise)).collect(),
             Closing::Links(_) => link_uncertainty(&self.linked),
+            Closing::Nothing => vec![0.0; self.linked.elements.len()],
         }
     }
 

@@ -174,9 +174,10 @@ impl FinalGather<'_> {
             .sum();
         (off > 0).then(|| {
             format!(
-                "{off} of {} points lie more than {reach:.1e} off every surface along their normals: taken as they are, with what \
-                 arrives there",
-                points.len()
+                "{off} of {} points lie farther than {reach:.2} {} from every surface: they receive what arrives at their place in space from \
+                 the side that their normal faces",
+                points.len(),
+                self.scene.unit
             )
         })
     }

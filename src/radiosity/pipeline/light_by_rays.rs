@@ -27,7 +27,12 @@ impl Stages<'_> {
         for attempt in 1.. {
             let found = self.local_pass(&mut refined.linked, &options, deadline);
             let notes = notes::unconverged(&found.convergence, deadline);
-            let solved = self.element_light(Solved::by_rays(refined.linked, found), &options, deadline);
+            let solved = Solved::by_rays(refined.linked, found);
+            if !options.elements {
+                self.notes.extend(notes);
+                return solved;
+            }
+            let solved = self.element_light(solved, &options, deadline);
             let smaller = self.smaller_error(&solved, &options, deadline);
             let Some(error) = smaller.filter(|_| attempt < MAX_ATTEMPTS) else {
                 self.notes.extend(notes);

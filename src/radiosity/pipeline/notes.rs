@@ -1,12 +1,16 @@
 //! Notes for the user about a solution that is not all that was asked for. Options are named by their field: first in the
 //! message with the value, or as option `field`.
 
+use crate::radiosity::audit::Ledger;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::{Ended, Iteration};
+use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::Unlit;
 use crate::radiosity::transport::Convergence;
 
+/// Part of the emitted power that may appear or vanish without a note, however small the estimated error: the noise of sampling.
+const MAX_IMBALANCE: f64 = 0.005;
 /// Part of the surfaces that may be unlit without a note: the insides of closed boxes are about half of a scene.
 const USUAL_UNLIT_AREA: f64 = 0.5;
 
@@ -28,6 +32,21 @@ pub fn ended(
         "{why} ended refinement before option `error` {error} was reached: links with errors below {bound:.1e} are as they were, \
          {estimate}"
     ))
+}
+
+/// If power appears or vanishes beyond the estimated error and [`MAX_IMBALANCE`].
+pub fn imbalance(ledger: &Ledger, estimate: Option<f64>) -> Option<String> {
+    let part = ledger.created / ledger.emitted;
+    let allowed = estimate.unwrap_or(0.0).max(MAX_IMBALANCE);
+    (part.abs() > allowed).then(|| {
+        format!(
+            "the energy does not balance: {:.1} % of the emitted power {}, more than the estimated error of {:.1} %; a smaller option `error` or \
+             option `min_area` brings it down",
+            100.0 * part.abs(),
+            if part > 0.0 { "arrives without having been sent" } else { "is lost on its way" },
+            100.0 * allowed
+        )
+    })
 }
 
 /// If the estimated error is larger than the target.
@@ -119,6 +138,17 @@ pub fn unconverged(convergence: &Convergence, deadline: &Deadline) -> Option<Str
         format!(
             "the light has not converged after {} sweeps: it still changes by {:.1e} of itself",
             convergence.sweeps, convergence.residual
+        )
+    })
+}
+
+/// If no light arrives at any of the points, of whose irradiance (W/m²) up to `dark` counts as none.
+pub fn dark_points(irradiance: &[Rgb], dark: f64) -> Option<String> {
+    let is_dark = !irradiance.is_empty() && irradiance.iter().flatten().all(|&e| e <= dark);
+    is_dark.then(|| {
+        format!(
+            "no light arrives at any of the {} points: they lie behind surfaces, or their normals point away from the light",
+            irradiance.len()
         )
     })
 }

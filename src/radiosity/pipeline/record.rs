@@ -1,7 +1,7 @@
 //! What is written down about a solution.
 
 use crate::model::summary::SceneSummary;
-use crate::radiosity::audit::{ErrorBarAudit, ErrorSource, Ledger};
+use crate::radiosity::audit::{ErrorBarAudit, ErrorSource, Ledger, PointsError};
 use crate::radiosity::links::Tally;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::options::Options;
@@ -70,7 +70,7 @@ pub struct Record {
     /// Those of the local pass, if there was one.
     #[serde(rename = "settled_local")]
     pub local_convergence: Option<Convergence>,
-    /// Whether the error estimate is no larger than [`Options::target_error`], where that is given.
+    /// Whether the error estimate is no larger than [`Options::target_error`], where that is given, and the energy balances.
     pub target_met: Option<bool>,
     /// Seconds by stage.
     pub seconds: Seconds,
@@ -90,15 +90,17 @@ pub struct Record {
     pub bundles: Tally,
     /// The energy ledger.
     pub ledger: Ledger,
-    /// RMS error of the elements' irradiance relative to its mean; `None` if it is unknown, or elements were not refined.
+    /// RMS error of the elements' irradiance relative to its mean, that of points where their light was not asked for; `None` if it is unknown.
     pub error_estimate: Option<f64>,
     /// Upper end of the 95 % interval of the estimate; `None` for an estimate from error bars.
     pub error_estimate_upper: Option<f64>,
     /// Where the estimate comes from: an audit by independent paths, or the error bars if there was none of enough elements.
     pub error_estimate_source: Option<ErrorSource>,
-    /// Comparison of error bars with errors; none if reflected light was omitted.
+    /// Error of the irradiance at points; none without an audit.
+    pub points_error: Option<PointsError>,
+    /// Comparison of error bars with errors; none if reflected light was omitted or the light of elements not asked for.
     pub audit: Option<ErrorBarAudit>,
-    /// Mean irradiance over all elements, W/m², RGB.
+    /// Mean irradiance over the sides that light arrives at, W/m², RGB; no numbers where only direct light at points was computed.
     pub mean_irradiance: Rgb,
     /// Whether the caller interrupted the solution.
     pub interrupted: bool,

@@ -10,12 +10,13 @@ use crate::model::{Detail, Model};
 use crate::points::Point;
 use crate::progress::Progress;
 use crate::radiosity::audit::{
-    AuditSize, Closing, ErrorBarAudit, ErrorEstimate, Solved, error_estimate, link_uncertainty,
+    AuditSize, Closing, ErrorBarAudit, ErrorEstimate, PointsError, Solved, error_estimate, link_uncertainty,
 };
 use crate::radiosity::deadline::{Deadline, DeadlinePlan};
 use crate::radiosity::elements::{Elements, lit_inside};
 use crate::radiosity::final_gather::FinalGather;
 use crate::radiosity::links::Tally;
+use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::options::{Options, Visibility};
 use crate::radiosity::refinement::{Coarse, Ended, Iteration, LinkedScene, Refined, apply_importance};
 use crate::radiosity::rgb::Rgb;
@@ -67,10 +68,11 @@ pub fn solve(
     let (coarse, unlit) = stages.coarse()?;
     let asked = !points.is_empty() || options.more_points;
     // Direct light at points needs no light of elements.
-    let idle = options.direct_only && !points.is_empty();
+    let idle = options.direct_only && !options.elements;
     let local = !idle && coarse.needs_local_pass(options);
     let plan = DeadlinePlan::new(deadline, asked, local);
     let start = Instant::now();
+    let coarse_light = [coarse.0.mean_irradiance; 3];
     let refined = match idle {
         true => coarse.unrefined(options),
         false => {
@@ -78,10 +80,11 @@ pub fn solve(
             coarse.refine(options, &estimate, progress, &plan.refinement)
         }
     };
-    let (solved, steps) = stages.final_light(refined, local, &plan, start);
+    let (solved, steps) = stages.final_light(refined, (idle, local), &plan, start);
     let gather = FinalGather::new(model, &solved.linked, options);
     let (irradiance, points_tally) = stages.points(&gather, points, &plan);
     let (uncertainty, audit, audit_tally) = stages.audit(&gather, &solved, &plan);
+    let points_error = stages.points_error((points, &irradiance), &plan);
     if !local && !idle && solved.linked.elements.has_profiles() {
         stages.notes.push(notes::DIFFUSE_LUMINAIRES.into());
     }
@@ -89,14 +92,15 @@ pub fn solve(
         stages.notes.push(notes::NO_EMITTERS.into());
     } else if irradiance
         .iter()
-        .chain([&solved.mean_irradiance()])
+        .chain([&coarse_light, &solved.mean_irradiance()])
         .flatten()
-        .all(|&e| e <= solved.linked.dark())
+        .all(|&e| e <= solved.linked.dark() || e.is_nan())
     {
         stages.notes.push(notes::DARK.into());
         stages.notes.extend(model.note_of_coarse_coordinates());
     } else {
         stages.notes.extend(model.notes_of_emitters());
+        stages.notes.extend(notes::dark_points(&irradiance, solved.linked.dark()));
     }
     if !solved.is_finite() || irradiance.iter().flatten().any(|v| !v.is_finite()) {
         return Err(Error::Scene(notes::NOT_FINITE.into()));
@@ -104,9 +108,10 @@ pub fn solve(
     let mut tally = solved.linked.tally;
     tally.add(points_tally);
     tally.add(audit_tally);
-    let parts = RecordParts { unlit, steps, tally, audit, uncertainty: &uncertainty, idle };
+    let parts = RecordParts { unlit, steps, tally, audit, uncertainty: &uncertainty, points_error };
     let record = stages.record(&solved, parts);
-    let outcome = Outcome { mesh: solved.mesh(scene, &uncertainty), record, irradiance };
+    let mesh = if options.elements { solved.mesh(scene, &uncertainty) } else { RadiosityMesh::default() };
+    let outcome = Outcome { mesh, record, irradiance };
     Ok((
         outcome,
         Solution {
@@ -158,8 +163,7 @@ struct RecordParts<'a> {
     tally: Tally,
     audit: ErrorBarAudit,
     uncertainty: &'a [f64],
-    /// Whether the light of elements was not refined.
-    idle: bool,
+    points_error: Option<PointsError>,
 }
 
 /// The stages of one solution, with the seconds and notes that they leave.
@@ -194,11 +198,11 @@ impl Stages<'_> {
         Ok((Coarse(linked), unlit))
     }
 
-    /// The final light, by a local pass or along links. `start` is when refinement began.
+    /// The final light: none, by a local pass or along links. `start` is when refinement began.
     fn final_light(
         &mut self,
         refined: Refined,
-        local: bool,
+        (idle, local): (bool, bool),
         plan: &DeadlinePlan,
         start: Instant,
     ) -> (Solved, RefinementSteps) {
@@ -208,6 +212,9 @@ impl Stages<'_> {
             ended: refined.ended,
             convergence: refined.convergence,
         };
+        if idle {
+            return (Solved::without_elements(refined), steps);
+        }
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
             self.progress.stage("local pass", 0);
@@ -262,16 +269,30 @@ impl Stages<'_> {
         })
     }
 
+    /// The error of the irradiance at points.
+    fn points_error(&mut self, found: (&[Point], &[Rgb]), plan: &DeadlinePlan) -> Option<PointsError> {
+        let (model, options) = (self.model, self.options);
+        timed(&mut self.seconds.audit, || PointsError::of(model, found, options, &plan.closing))
+    }
+
     fn record(mut self, solved: &Solved, parts: RecordParts) -> Record {
-        let RecordParts { unlit, steps, tally, audit, uncertainty, idle } = parts;
+        let RecordParts { unlit, steps, tally, audit, uncertainty, points_error } = parts;
         let (scene, options, linked) = (self.scene, self.options, &solved.linked);
-        let estimate = ErrorEstimate::of(&audit, error_estimate(linked, uncertainty)).filter(|_| !idle);
+        let estimate = match options.elements {
+            true => ErrorEstimate::of(&audit, error_estimate(linked, uncertainty)),
+            false => points_error.map(ErrorEstimate::of_points),
+        };
         let error_estimate = estimate.map(|e| e.rms);
         self.notes.extend(notes::ended(steps.ended, options, steps.iterations.last(), error_estimate));
         self.notes.extend(notes::missed(options, error_estimate));
+        let ledger = solved.ledger(&scene.unit);
+        let imbalance = notes::imbalance(&ledger, error_estimate);
+        let balanced = imbalance.is_none();
+        self.notes.extend(imbalance);
         let (bytes, local_convergence) = match &solved.closing {
             Closing::Links(links) => (links.bytes, None),
             Closing::Rays(local) => (0, Some(local.convergence)),
+            Closing::Nothing => (0, None),
         };
         Record {
             mrvis: env!("CARGO_PKG_VERSION").into(),
@@ -285,7 +306,7 @@ impl Stages<'_> {
             ended: steps.ended,
             convergence: steps.convergence,
             local_convergence,
-            target_met: options.target_error.map(|target| error_estimate.is_some_and(|e| e <= target)),
+            target_met: options.target_error.map(|t| balanced && error_estimate.is_some_and(|e| e <= t)),
             seconds: self.seconds,
             cache: self.model.report().origin.name().into(),
             links: linked.links.len(),
@@ -294,10 +315,11 @@ impl Stages<'_> {
             bytes: linked.elements.bytes() + size_of_val(linked.links.as_slice()) + bytes,
             exact_rays: tally.exact_rays,
             bundles: tally,
-            ledger: solved.ledger(&scene.unit),
+            ledger,
             error_estimate,
             error_estimate_upper: estimate.and_then(|e| e.upper),
             error_estimate_source: estimate.map(|e| e.source),
+            points_error,
             audit: (audit.elements > 0).then_some(audit),
             mean_irradiance: solved.mean_irradiance(),
             interrupted: self.progress.stopped(),

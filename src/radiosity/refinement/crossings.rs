@@ -14,8 +14,9 @@ use rayon::prelude::*;
 /// Distance of the segments that look for such surfaces from the edges and the plane of their element, as a part of its diameter: a surface
 /// nearer to an edge leaves less than this part of the element on its other side.
 const INSET: f32 = 1.0 / 128.0;
-/// Largest number of times that an element of the size of the local pass is split: its parts are then a sixteenth as wide.
-const MAX_SPLITS: i32 = 4;
+/// Largest number of times that an element of the size of the local pass is split: its parts are then an eighth as wide. Four times
+/// adds twice as many elements, a tenth of those of the Cornell box.
+const MAX_SPLITS: i32 = 3;
 /// Largest part of the number of all elements that is added by this.
 const MAX_ADDED: f64 = 0.25;
 /// Elements that may be added to any scene.

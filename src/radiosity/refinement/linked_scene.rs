@@ -4,7 +4,7 @@ use super::feature_sizes::FeatureSizes;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::emitter_tree::Receiver;
 use crate::radiosity::elements::emitters::Emitters;
-use crate::radiosity::elements::{Elements, LightStatistics, RowFactors, Shape};
+use crate::radiosity::elements::{Elements, LightStatistics, RowFactors, Shape, Side};
 use crate::radiosity::links::{BlockerCertificate, Link, Tally, VisibilityEngine};
 use crate::radiosity::options::{Inside, Options, Oracle, RowSums};
 use crate::radiosity::rgb::{Rgb, add, mean};
@@ -43,6 +43,10 @@ pub struct LinkTransportSettings {
     /// Seed of all samples.
     pub seed: u64,
 }
+
+/// Light on a side, as a part of the mean over all sides, below which it counts as dark: what passes through the edges of a closed room is
+/// below a millionth, and a side of so little light adds less than a thousandth to any mean.
+const MIN_LIT: f64 = 1e-3;
 
 /// The elements of a scene with their links and their light.
 pub struct LinkedScene {
@@ -127,6 +131,34 @@ impl LinkedScene {
         let Elements { elements, sides, .. } = &self.elements;
         let emitted: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
         1e-9 * emitted / elements[0].area
+    }
+
+    /// By side, whether light arrives there: at least [`MIN_LIT`] of the mean over all sides. Means of light and relative errors are those of
+    /// these sides, so that they do not depend on whether the outsides of a closed room have elements.
+    pub fn lit_sides(&self) -> Vec<bool> {
+        let Elements { elements, states, sides, .. } = &self.elements;
+        let (mut light, mut all) = (vec![0.0; sides.len()], 0.0);
+        for (element, state) in elements.iter().zip(states.iter()).filter(|(e, _)| e.is_leaf()) {
+            if let Shape::Surface { side, .. } = element.shape {
+                let power = element.area * mean(state.irradiance);
+                light[side as usize] += power;
+                all += power;
+            }
+        }
+        let least = MIN_LIT * all / self.elements.area;
+        let area = |side: &Side| elements[side.element as usize].area;
+        light.iter().zip(sides).map(|(power, side)| *power > least * area(side)).collect()
+    }
+
+    /// The leaves of the sides that light arrives at.
+    pub fn lit_leaves(&self) -> Vec<u32> {
+        let lit = self.lit_sides();
+        let mut leaves = self.leaves();
+        leaves.retain(|&e| match self.elements.elements[e as usize].shape {
+            Shape::Surface { side, .. } => lit[side as usize],
+            Shape::Cluster(_) => false,
+        });
+        leaves
     }
 
     /// The active nodes of the present links.

@@ -110,8 +110,13 @@ fn points_have_the_feature_size_of_their_surface() {
     let scene = forest();
     let points = ground(&scene, 400);
     let light = |options: Options| {
-        let options =
-            Options { visibility: Visibility::Mr, direct_only: true, importance: Vec::new(), ..options };
+        let options = Options {
+            visibility: Visibility::Mr,
+            direct_only: true,
+            elements: false,
+            importance: Vec::new(),
+            ..options
+        };
         solved(&scene, &points, &options).irradiance
     };
     let all = |size: f32| Options { feature_size: Some(size), ..ground_matters() };

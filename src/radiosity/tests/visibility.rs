@@ -56,7 +56,7 @@ fn skylight_under_leaves_is_averaged_within_its_tolerance() {
     let scene = build(&spec).expect("a forest");
     let points = ground(&scene, MANY);
     let direct = |points: &[Point], visibility, error| {
-        let options = Options { direct_only: true, error, ..with(visibility) };
+        let options = Options { direct_only: true, elements: false, error, ..with(visibility) };
         solved(&scene, points, &options)
     };
     let truth = direct(&points[..JUDGED], Visibility::Exact, 0.002);
@@ -98,8 +98,13 @@ fn light_of_dense_points_is_interpolated_and_leaks_through_no_wall() {
         DVec3::new((k % 130) as f64 / 10.0 - 6.5, (k / 130) as f64 / 10.0 - 6.5, 0.0)
     };
     let points: Vec<Point> = (0..130 * 130).map(|i| Point { position: place(i), normal: DVec3::Z }).collect();
-    let options =
-        |visibility, error| Options { direct_only: true, error, feature_size: Some(1.0), ..with(visibility) };
+    let options = |visibility, error| Options {
+        direct_only: true,
+        elements: false,
+        error,
+        feature_size: Some(1.0),
+        ..with(visibility)
+    };
     let direct = |points: &[Point], visibility, error| solved(&scene, points, &options(visibility, error));
     let free = largest(&solved(&room(0), &points, &options(Visibility::Exact, 0.1)));
     let truth = direct(&points[..JUDGED], Visibility::Exact, 0.002);
