@@ -28,6 +28,8 @@ const ERRORS: [(&str, &str); 6] = [
 /// Columns of the table besides the job: with more it becomes a list on a screen of a notebook.
 const MAX_OPTIONS: usize = 5;
 const MAX_ERRORS: usize = 2;
+/// Jobs without a row that are named.
+const MAX_FAULTS: usize = 10;
 
 /// What the page shows.
 pub struct Report<'a> {
@@ -35,6 +37,10 @@ pub struct Report<'a> {
     pub name: &'a str,
     /// Rows of the table of results.
     pub rows: &'a [Row],
+    /// Number of jobs of the job file.
+    pub jobs_in_all: usize,
+    /// Why jobs have no row.
+    pub faults: &'a [String],
     /// Pictures by name of the job.
     pub pictures: &'a [(String, Picture)],
     /// Errors of pictures that cannot be read.
@@ -111,10 +117,12 @@ fn headline(report: &Report) -> Markup {
             p.kicker { "Batch of jobs" }
             h1 { (report.name) }
             p.lead {
-                strong { (rows.len() - failed - skipped) } " of " strong { (rows.len()) } " jobs are done"
+                strong { (rows.len() - failed - skipped) } " of " strong { (report.jobs_in_all) } " jobs are done"
                 @if missed > 0 { ", " (missed) " of them missed a tolerance" }
                 @if skipped > 0 { ", " (skipped) " were skipped because a job that they need failed" } "."
             }
+            @for what in report.faults.iter().take(MAX_FAULTS) { p.warning { (what) } }
+            @if report.faults.len() > MAX_FAULTS { p.warning { "and " (report.faults.len() - MAX_FAULTS) " more jobs" } }
             div.figures {
                 (figure(&count(rows.len() as u64), "jobs"))
                 (figure(&seconds(total("job_seconds")), "time of all jobs together"))

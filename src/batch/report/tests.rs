@@ -27,13 +27,16 @@ fn the_page_has_all_jobs_and_refers_to_nothing() {
     let report = Report {
         name: "out",
         rows: &rows(),
+        jobs_in_all: 6,
+        faults: &["c: x.png was changed".into()],
         pictures: &pictures,
         unreadable: &["b.png: gone".into()],
         pictures_in_all: 3,
     };
     let page = report_page(&report).expect("a page");
     for part in [
-        "3</strong> of <strong>4</strong> jobs",
+        "3</strong> of <strong>6</strong> jobs",
+        "c: x.png was changed",
         "a &lt; b",
         "by error and visibility",
         "by visibility and error",
@@ -60,13 +63,29 @@ fn the_page_says_how_many_charts_it_leaves_out() {
         let fixed = json!({ "job": format!("j{k}"), "scene": "a.obj", "status": "done", "job_seconds": k, "error_estimate": 0.1 / k });
         row(fixed).into_iter().chain(options).collect::<Row>()
     });
-    let report = Report { name: "out", rows: &jobs, pictures: &[], unreadable: &[], pictures_in_all: 0 };
+    let report = Report {
+        name: "out",
+        rows: &jobs,
+        jobs_in_all: 2,
+        faults: &[],
+        pictures: &[],
+        unreadable: &[],
+        pictures_in_all: 0,
+    };
     assert!(report_page(&report).expect("a page").contains("40 of 56 charts"));
 }
 
 #[test]
 fn a_batch_without_jobs_has_a_page() {
-    let report = Report { name: "out", rows: &[], pictures: &[], unreadable: &[], pictures_in_all: 0 };
+    let report = Report {
+        name: "out",
+        rows: &[],
+        jobs_in_all: 0,
+        faults: &[],
+        pictures: &[],
+        unreadable: &[],
+        pictures_in_all: 0,
+    };
     assert!(report_page(&report).expect("a page").contains("0</strong> of <strong>0"));
 }
 
