@@ -30,6 +30,8 @@ mod shared_scenes;
 mod solve;
 mod writable;
 
+pub use limits::refused;
+
 use crate::error::is_obeyed;
 use crate::{Error, Result, model::embree_version};
 use clap::{
