@@ -19,6 +19,21 @@ use crate::optics::Extinction;
 use crate::progress::Progress;
 use crate::{Error, Result, error::shown};
 
+/// Why no point of a bench faces an emitter: there are too few of them, or no surface does.
+fn unlit(model: &Model, options: &Options) -> Result<Error> {
+    /// As many find a surface of a thousandth of the scene's area with a probability of 98 %.
+    const ENOUGH: usize = 4096;
+    let points = surface_points(model, ENOUGH.max(options.points), options.seed)?;
+    let path = shown(&model.scene().path);
+    Ok(match Workload::new(model, points, options.seed).pairs.is_empty() {
+        false => Error::Argument(format!(
+            "points {}: none of them faces an emitter, though surfaces of the scene do; ask for more (option `points`)",
+            options.points
+        )),
+        true => Error::Scene(format!("{path}: no surface faces an emitter: {}", model.cause_of_darkness())),
+    })
+}
+
 /// Measures a scene.
 ///
 /// The record is complete but for `build.load_s`, which the caller knows. All of it is independent of the number of
@@ -40,11 +55,7 @@ pub fn run(
     let points = surface_points(model, options.points, options.seed)?;
     let workload = Workload::new(model, points, options.seed);
     if workload.pairs.is_empty() {
-        return Err(Error::Scene(format!(
-            "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or set \
-             option `two_sided_emission`",
-            shown(&scene.path)
-        )));
+        return Err(unlit(model, options)?);
     }
     progress.stage("receivers", 0);
     let surfaces = receivers::choose(model, &single_rays(model), &options.receivers)?;
