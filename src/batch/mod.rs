@@ -36,7 +36,7 @@ pub use listed::{Listed, read_listed};
 pub use names::{TABLES, suggestion};
 pub use parse::parse;
 pub use places::Places;
-pub use report::{Report, report_page};
+pub use report::{JobPicture, Report, report_page};
 pub use schedule::{Capacity, Schedule, Task};
 pub use table::{rows, write_results};
 pub use template::resolve_outputs;

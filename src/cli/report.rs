@@ -5,7 +5,7 @@ use super::{
     merge::{missing, take_out_spoilt},
     one_line,
 };
-use crate::batch::{Entry, Journals, Report, has_journal, read_listed, report_page, rows};
+use crate::batch::{Entry, JobPicture, Journals, Report, has_journal, read_listed, report_page, rows};
 use crate::files::WholeFile;
 use crate::image_io::thumbnail;
 use crate::{Error, Result};
@@ -47,12 +47,14 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let rows = rows(&args.folder, entries.values());
     let mut entries: Vec<&Entry> = entries.values().filter(|e| e.has_outputs()).collect();
     entries.sort_by(|a, b| (a.index, &a.job).cmp(&(b.index, &b.job)));
-    let files: Vec<(&Entry, PathBuf)> = entries.into_iter().flat_map(|e| pictures(&args.folder, e)).collect();
-    let small = |(entry, file): &(&Entry, PathBuf)| (entry.job.clone(), thumbnail(file, SIDE));
+    let files: Vec<(&Entry, &Path)> = entries.into_iter().flat_map(pictures).collect();
     let (mut pictures, mut unreadable) = (Vec::new(), Vec::new());
-    for (job, picture) in files.iter().take(MAX_PICTURES).map(small) {
-        match picture {
-            Ok(picture) => pictures.push((job, picture)),
+    for (entry, file) in files.iter().take(MAX_PICTURES) {
+        match thumbnail(&args.folder.join(&entry.job).join(file), SIDE) {
+            Ok((picture, size)) => {
+                let (job, file) = (entry.job.clone(), file.display().to_string());
+                pictures.push(JobPicture { job, file, size, picture });
+            }
             Err(error) => unreadable.push(one_line(&error)),
         }
     }
@@ -75,10 +77,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     Ok(if jobs < in_all { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
-/// The pictures that a job has made.
-fn pictures<'a>(folder: &Path, entry: &'a Entry) -> Vec<(&'a Entry, PathBuf)> {
-    let of_job = folder.join(&entry.job);
-    let names = entry.outputs.iter().map(|file| &file.path);
-    let pictures = names.filter(|path| path.extension().is_some_and(|e| e == "png"));
-    pictures.map(|path| (entry, of_job.join(path))).collect()
+/// The pictures that a job has made, below its folder.
+fn pictures(entry: &Entry) -> impl Iterator<Item = (&Entry, &Path)> {
+    let names = entry.outputs.iter().map(|file| file.path.as_path());
+    names.filter(|path| path.extension().is_some_and(|e| e == "png")).map(move |path| (entry, path))
 }
