@@ -128,6 +128,27 @@ pub(crate) fn quote(text: &str) -> String {
     short
 }
 
+/// A message of a reader of text or of options, without the names that the language has for numbers.
+pub(crate) fn in_words(text: &str) -> String {
+    let mut text = text.to_owned();
+    for bits in ["8", "16", "32", "64", "128", "size"] {
+        for kind in ["u", "i"] {
+            text = text.replace(&format!("expected {kind}{bits}"), "expected a whole number");
+        }
+        text = text.replace(&format!("expected f{bits}"), "expected a number");
+    }
+    for (what, words) in [
+        ("invalid float literal", "expected a number"),
+        ("cannot parse float from empty string", "expected a number"),
+        ("invalid digit found in string", "expected a whole number"),
+        ("cannot parse integer from empty string", "expected a whole number"),
+        ("number too large to fit in target type", "too large a number"),
+    ] {
+        text = text.replace(what, words);
+    }
+    text
+}
+
 /// A number of a file or an option for a message: with an exponent if it has more than 20 digits otherwise.
 pub(crate) fn figure(value: f64) -> String {
     let text = value.to_string();
@@ -152,6 +173,20 @@ mod tests {
         assert_eq!(quote("a\u{1b}[31m b"), "a[31m b");
         assert_eq!(quote(&"é".repeat(80)), "é".repeat(80));
         assert_eq!(quote(&"é".repeat(81)), "é".repeat(79) + "…");
+    }
+
+    #[test]
+    fn numbers_have_no_types() {
+        for (text, want) in [
+            ("invalid type: string \"a\", expected f64", "invalid type: string \"a\", expected a number"),
+            ("invalid value, expected usize", "invalid value, expected a whole number"),
+            (
+                "'x' for '--seed <N>': invalid digit found in string",
+                "'x' for '--seed <N>': expected a whole number",
+            ),
+        ] {
+            assert_eq!(in_words(text), want);
+        }
     }
 
     #[test]

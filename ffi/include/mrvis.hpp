@@ -248,6 +248,12 @@ result<T> too_short(const char *name, std::size_t have, std::size_t want) {
   return incomplete<T>(std::string("`") + name + "` has " + std::to_string(have) + " entries, must have " + std::to_string(want));
 }
 
+/* An array of places or directions that does not have three numbers for each. */
+template <class T>
+result<T> no_triples(const char *name, std::size_t have) {
+  return incomplete<T>(std::string("`") + name + "` has " + std::to_string(have) + " entries, must have x, y and z for each point");
+}
+
 }  // namespace detail
 
 /* --- spans ---------------------------------------------------------------------------------------------------------- */
@@ -585,7 +591,8 @@ class solution : public detail::handle<mrv_solution, mrv_solution_retain, mrv_so
   }
   /* Irradiance at points: packed positions and normals, three numbers each. */
   result<std::vector<double>> irradiance(span<const double> positions, span<const double> normals) const {
-    if (positions.size() % 3 != 0 || normals.size() != positions.size())
+    if (positions.size() % 3 != 0) return detail::no_triples<std::vector<double>>("positions", positions.size());
+    if (normals.size() != positions.size())
       return detail::too_short<std::vector<double>>("normals", normals.size(), positions.size());
     std::vector<double> found(positions.size());
     const mrv_status status =
@@ -820,7 +827,8 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
   /* Irradiance at points by path tracing: packed positions and normals, three numbers each. */
   result<reference_light> reference(span<const double> positions, span<const double> normals, reference_options options = {},
                                     const progress &progress = {}) const {
-    if (positions.size() % 3 != 0 || normals.size() != positions.size())
+    if (positions.size() % 3 != 0) return detail::no_triples<reference_light>("positions", positions.size());
+    if (normals.size() != positions.size())
       return detail::too_short<reference_light>("normals", normals.size(), positions.size());
     detail::progress_call call(progress, options);
     reference_light found{std::vector<double>(positions.size()), std::vector<double>(positions.size())};

@@ -55,10 +55,25 @@ fn seal_below(folder: &Path, relative: &Path, files: &mut Vec<HashedFile>) -> Re
         }
         let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
         file.sync_all().map_err(|e| Error::io(&path, e))?;
-        let bytes = file.metadata().map_err(|e| Error::io(&path, e))?.len();
-        files.push(HashedFile { path: name, bytes, blake3: hash_file(&path)? });
+        let about = file.metadata().map_err(|e| Error::io(&path, e))?;
+        let (bytes, changed) = (about.len(), changed(&about));
+        files.push(HashedFile { path: name, bytes, blake3: hash_file(&path)?, changed });
     }
     sync_folder(folder)
+}
+
+/// See [`HashedFile::changed`]; nothing on systems without such a time.
+fn changed(about: &fs::Metadata) -> Option<i64> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        about.ctime().checked_mul(1_000_000_000)?.checked_add(about.ctime_nsec())
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = about;
+        None
+    }
 }
 
 /// Forces the names in a folder to disk.
@@ -107,23 +122,42 @@ pub fn publish(out: &Path, name: &str) -> Result<()> {
     Ok(())
 }
 
-/// Whether the outputs of a job are in their place. Those that a crash has left in the work folder, complete, are given it if
-/// `may_publish`; if that fails they are not in their place, and the job that runs again gives the reason.
-pub fn publish_left(out: &Path, name: &str, outputs: &[HashedFile], may_publish: bool) -> bool {
-    if !holds(&work(out, name), outputs, true) {
-        return holds(&out.join(name), outputs, false);
+/// Checks that the outputs of a job are in their place as the batch made them. Those that a crash has left in the work folder, complete,
+/// are given it if `may_publish`.
+///
+/// # Errors
+/// What is wrong with them, as `view.png is missing`.
+pub fn publish_left(out: &Path, name: &str, outputs: &[HashedFile], may_publish: bool) -> Result<(), String> {
+    if check_outputs(&work(out, name), outputs).is_err() {
+        return check_outputs(&out.join(name), outputs);
     }
-    !may_publish || publish(out, name).and_then(|()| sync_up(&out.join(name), out)).is_ok()
+    let published = match may_publish {
+        true => publish(out, name).and_then(|()| sync_up(&out.join(name), out)),
+        false => Ok(()),
+    };
+    published.map_err(|e| e.to_string())
 }
 
-/// Whether a folder holds these files with their sizes and, if `content`, their content.
-pub fn holds(folder: &Path, files: &[HashedFile], content: bool) -> bool {
-    folder.is_dir()
-        && files.iter().all(|file| {
-            let path = folder.join(&file.path);
-            let same_size = fs::metadata(&path).is_ok_and(|about| about.len() == file.bytes);
-            same_size && (!content || hash_file(&path).is_ok_and(|hash| hash == file.blake3))
-        })
+/// Checks that a folder holds these files with their content. Where neither size nor [`HashedFile::changed`] differ a file is not read.
+///
+/// # Errors
+/// What is wrong with the first that differs, as `view.png is missing`.
+pub fn check_outputs(folder: &Path, files: &[HashedFile]) -> Result<(), String> {
+    if !folder.is_dir() {
+        return Err("its folder is missing".into());
+    }
+    files.iter().try_for_each(|file| {
+        let path = folder.join(&file.path);
+        let Ok(about) = fs::metadata(&path) else {
+            return Err(format!("{} is missing", file.path.display()));
+        };
+        let is_untouched = || file.changed.is_some() && file.changed == changed(&about);
+        let is_same = || is_untouched() || hash_file(&path).is_ok_and(|hash| hash == file.blake3);
+        match about.len() == file.bytes && is_same() {
+            true => Ok(()),
+            false => Err(format!("{} was changed since the batch made it", file.path.display())),
+        }
+    })
 }
 
 /// Takes a lock of an output folder, made if it is missing; it is released when the file is closed, also by a crash. Several may hold a
@@ -204,18 +238,43 @@ mod tests {
             fs::write(work(out.path(), "a/b").join("sub/x"), text).expect("written");
             let files = seal(out.path(), "a/b").expect("sealed");
             assert_eq!((files.len(), files[0].bytes), (1, text.len() as u64));
-            assert!(!holds(&out.path().join("a/b"), &files, false));
+            assert!(check_outputs(&out.path().join("a/b"), &files).is_err());
             // A crash has left it there.
-            let place = |may_publish| publish_left(out.path(), "a/b", &files, may_publish);
+            let place = |may_publish| publish_left(out.path(), "a/b", &files, may_publish).is_ok();
             assert!(place(false) && work(out.path(), "a/b").exists());
             assert!(place(true) && place(true));
-            assert!(holds(&out.path().join("a/b"), &files, true));
+            check_outputs(&out.path().join("a/b"), &files).expect("all are there");
             assert!(!work(out.path(), "a/b").exists());
         }
         let former = withdraw(out.path(), "a/b").expect("moved");
         assert!(!out.path().join("a/b").exists() && former.join("sub/x").exists());
         remove(&former).expect("removed");
         remove(&withdraw(out.path(), "a/b").expect("nothing")).expect("nothing");
+    }
+
+    #[test]
+    fn changed_outputs_are_told_from_copied_ones() {
+        let out = tempfile::tempdir().expect("a folder");
+        begin(out.path(), "a").expect("made");
+        let file = work(out.path(), "a").join("x");
+        fs::write(&file, "one").expect("written");
+        let files = seal(out.path(), "a").expect("sealed");
+        publish(out.path(), "a").expect("published");
+        let (file, check) = (out.path().join("a/x"), || check_outputs(&out.path().join("a"), &files));
+        check().expect("as made");
+        // Another time, the same content: a copy.
+        let copy = out.path().join("copy");
+        fs::copy(&file, &copy).expect("copied");
+        fs::rename(&copy, &file).expect("renamed");
+        check().expect("as made");
+        // The same size and the same time of modification: an altered result. Times of files have steps of some milliseconds.
+        std::thread::sleep(std::time::Duration::from_millis(30));
+        let modified = fs::metadata(&file).and_then(|about| about.modified()).expect("a time");
+        fs::write(&file, "two").expect("written");
+        File::options().write(true).open(&file).and_then(|f| f.set_modified(modified)).expect("set");
+        assert_eq!(check(), Err("x was changed since the batch made it".into()));
+        fs::remove_file(&file).expect("removed");
+        assert_eq!(check(), Err("x is missing".into()));
     }
 
     #[test]

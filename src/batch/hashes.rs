@@ -22,6 +22,10 @@ pub struct HashedFile {
     pub bytes: u64,
     /// BLAKE3 of the content, hexadecimal; `unreadable` for an input that is missing or cannot be read.
     pub blake3: String,
+    /// Of outputs: when the system last noted a change, nanoseconds since 1970 (`ctime`, which programs cannot set). With the same size and
+    /// time a file has its content still, so that outputs are read again only where they were copied or changed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub changed: Option<i64>,
 }
 
 /// What tells without reading that a file was replaced while the batch runs.
@@ -40,7 +44,8 @@ pub struct Hashes {
 impl Hashes {
     /// The file with its hash, also if it cannot be read.
     pub fn of(&self, path: &Path) -> HashedFile {
-        let unreadable = |_| HashedFile { path: path.into(), bytes: 0, blake3: UNREADABLE.into() };
+        let unreadable =
+            |_| HashedFile { path: path.into(), bytes: 0, blake3: UNREADABLE.into(), changed: None };
         self.read(path).unwrap_or_else(unreadable)
     }
 
@@ -65,7 +70,7 @@ impl Hashes {
                 hash
             }
         };
-        Ok(HashedFile { path: path.into(), bytes: now.0, blake3 })
+        Ok(HashedFile { path: path.into(), bytes: now.0, blake3, changed: None })
     }
 }
 

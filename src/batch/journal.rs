@@ -134,14 +134,35 @@ pub struct Journal {
 /// The last line of each job.
 pub type Entries = HashMap<String, Entry>;
 
+/// What the journals of an output folder say.
+#[derive(Debug, Default)]
+pub struct Journals {
+    /// The last line of each job.
+    pub entries: Entries,
+    /// By damaged line, which is left out, its journal and what is wrong.
+    pub damaged: Vec<Error>,
+}
+
+impl Journals {
+    /// The lines, if all are whole.
+    ///
+    /// # Errors
+    /// The first damaged line.
+    pub fn whole(self) -> Result<Entries> {
+        self.damaged.into_iter().next().map_or(Ok(self.entries), Err)
+    }
+}
+
 /// Reads all journals of an output folder.
 ///
 /// # Errors
-/// A journal cannot be read, is damaged before its last line, or is of another version.
-pub fn read_journals(out: &Path) -> Result<Entries> {
-    let mut entries = Entries::new();
+/// A journal cannot be read, is of another version, or names files outside of the folder.
+pub fn read_journals(out: &Path) -> Result<Journals> {
+    let (mut entries, mut damaged) = (Entries::new(), Vec::new());
     for path in journals(out)? {
-        for (job, entry) in read(&path)?.0 {
+        let lines = read(&path)?;
+        damaged.extend(lines.damaged);
+        for (job, entry) in lines.entries {
             let former = entries.remove(&job);
             let made = entry.made || former.as_ref().is_some_and(|former| former.made);
             let last = former.filter(|former| former.time > entry.time).unwrap_or(entry);
@@ -149,7 +170,7 @@ pub fn read_journals(out: &Path) -> Result<Entries> {
             entries.insert(job, Entry { made, ..last });
         }
     }
-    Ok(entries)
+    Ok(Journals { entries, damaged })
 }
 
 /// Whether a batch has begun in this folder.
@@ -177,35 +198,44 @@ fn journals(out: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// The last line of each job, whatever the clock said, and the length of the journal up to the last whole line. A line that is not whole
-/// is the last and was being written when the program or the machine stopped.
-fn read(path: &Path) -> Result<(Entries, u64)> {
-    let mut entries = Entries::new();
+/// The last line of each job, whatever the clock said.
+fn read(path: &Path) -> Result<Journals> {
+    let mut journals = Journals::default();
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    let whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1);
-    for (k, line) in bytes[..whole].split_inclusive(|b| *b == b'\n').enumerate() {
-        let damaged = |what: String| Error::format(path, Some(k + 1), what);
-        let value: serde_json::Value = serde_json::from_slice(line)
-            .map_err(|e| damaged(format!("is damaged ({e}); remove the line to run its job again")))?;
-        if value["version"] != VERSION {
-            let what = format!("is of version {}, this program writes {VERSION}", value["version"]);
-            return Err(damaged(format!(
-                "{what}: choose another output folder, or the program that wrote it"
+    for (k, line) in bytes[..whole(&bytes)].split_inclusive(|b| *b == b'\n').enumerate() {
+        let at = |what: String| Error::format(path, Some(k + 1), what);
+        let value: serde_json::Result<serde_json::Value> = serde_json::from_slice(line);
+        if let Some(version) = value.as_ref().ok().and_then(|v| v.get("version")).filter(|v| **v != VERSION) {
+            return Err(at(format!(
+                "is of version {version}, this program writes {VERSION}: choose another output folder, or the program that wrote it"
             )));
         }
-        let mut entry: Entry = serde_json::from_value(value)
-            .map_err(|e| damaged(format!("is damaged ({e}); remove the line to run its job again")))?;
+        let mut entry: Entry = match value.and_then(serde_json::from_value) {
+            Ok(entry) => entry,
+            Err(e) => {
+                let what = format!("is damaged ({e}); remove the line to run its job again");
+                journals.damaged.push(at(what));
+                continue;
+            }
+        };
         let inside = |path: &Path| path.components().all(|c| matches!(c, Component::Normal(_)));
         let outputs = entry.outputs.iter().map(|file| Path::new(&file.path));
         if fault(&entry.job).is_some() || !outputs.chain([Path::new(&entry.record)]).all(inside) {
-            return Err(damaged(
-                "names files outside of the output folder; remove the line to run its job again".into(),
+            return Err(at(
+                "names files outside of the output folder; remove the line to run its job again".into()
             ));
         }
-        entry.made = entry.made_after(entries.get(&entry.job).is_some_and(|former| former.made));
-        entries.insert(entry.job.clone(), entry);
+        let former = journals.entries.get(&entry.job);
+        entry.made = entry.made_after(former.is_some_and(|former| former.made));
+        journals.entries.insert(entry.job.clone(), entry);
     }
-    Ok((entries, whole as u64))
+    Ok(journals)
+}
+
+/// The length of a journal up to the last whole line. One that is not whole is the last and was being written when the program or the
+/// machine stopped.
+fn whole(bytes: &[u8]) -> usize {
+    bytes.iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1)
 }
 
 impl Journal {
@@ -218,7 +248,7 @@ impl Journal {
         let at = |e| Error::io(&path, e);
         let mut options = File::options();
         let file = options.create(true).truncate(false).read(true).write(true).open(&path).map_err(at)?;
-        let (_, end) = read(&path)?;
+        let end = whole(&std::fs::read(&path).map_err(at)?) as u64;
         // The name of a new journal is on disk before its lines are.
         sync_up(&path, out)?;
         Ok(Journal { path, file, end })
@@ -269,6 +299,10 @@ mod tests {
         Entry::new((0, &job), "k", Status::Done, "mrvis".into())
     }
 
+    fn entries(out: &Path) -> Entries {
+        read_journals(out).and_then(Journals::whole).expect("read")
+    }
+
     #[test]
     fn a_half_line_is_ignored_and_replaced() {
         let out = tempfile::tempdir().expect("a folder");
@@ -281,10 +315,10 @@ mod tests {
         // Wherever the last line was cut, the others count.
         for cut in 0..line.len() {
             std::fs::write(&path, format!("{text}{}", &line[..cut])).expect("written");
-            assert_eq!(read_journals(out.path()).expect("read").len(), 2);
+            assert_eq!(entries(out.path()).len(), 2);
         }
         Journal::open(out.path(), "journal.jsonl").expect("opened").append(&[&entry("c")]).expect("written");
-        assert_eq!(read_journals(out.path()).expect("read").len(), 3);
+        assert_eq!(entries(out.path()).len(), 3);
     }
 
     #[test]
@@ -294,13 +328,13 @@ mod tests {
         let at = |status, time| Entry { status, time, ..entry("a") };
         let mut own = Journal::open(out.path(), "journal.jsonl").expect("opened");
         own.append(&[&at(Status::Done, 20.0), &at(Status::Failed, 10.0)]).expect("written");
-        let status = || read_journals(out.path()).expect("read")["a"].status;
+        let status = || entries(out.path())["a"].status;
         assert_eq!(status(), Status::Failed, "the clock was set back");
         // Of several journals the latest last line counts.
         let mut part = Journal::open(out.path(), "journal-1of2.jsonl").expect("opened");
         part.append(&[&at(Status::Missed, 15.0)]).expect("written");
         assert_eq!(status(), Status::Missed);
-        let made = || read_journals(out.path()).expect("read")["a"].made;
+        let made = || entries(out.path())["a"].made;
         assert!(made());
         part.append(&[&at(Status::Failed, 30.0)]).expect("written");
         assert!(made(), "its folder may still be there");
@@ -319,7 +353,7 @@ mod tests {
             ("{\"version\":2}\n", "missing field `job`"),
         ] {
             std::fs::write(&path, text).expect("written");
-            let found = read_journals(out.path()).expect_err("refused").to_string();
+            let found = read_journals(out.path()).and_then(Journals::whole).expect_err("refused").to_string();
             assert!(found.contains(want), "{found}");
         }
         for change in [
@@ -327,16 +361,21 @@ mod tests {
             |e: &mut Entry| e.job = "/victim".into(),
             |e: &mut Entry| e.record = "../victim.json".into(),
             |e: &mut Entry| {
-                e.outputs = vec![HashedFile { path: "/victim".into(), bytes: 1, blake3: String::new() }];
+                e.outputs = vec![HashedFile {
+                    path: "/victim".into(),
+                    bytes: 1,
+                    blake3: String::new(),
+                    changed: None,
+                }];
             },
         ] {
             let mut line = entry("a");
             change(&mut line);
             let text = serde_json::to_string(&line).expect("a line");
             std::fs::write(&path, text + "\n").expect("written");
-            let found = read_journals(out.path()).expect_err("refused").to_string();
+            let found = read_journals(out.path()).and_then(Journals::whole).expect_err("refused").to_string();
             assert!(found.contains("names files outside of the output folder"), "{found}");
         }
-        assert!(read_journals(&out.path().join("missing")).expect("nothing").is_empty());
+        assert!(entries(&out.path().join("missing")).is_empty());
     }
 }

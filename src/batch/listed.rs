@@ -4,7 +4,7 @@
 //! of its file in a small file of the output folder; the page and merged tables leave the lines of other jobs out.
 
 use super::folders::wait_for_lock;
-use super::journal::{Entries, Entry, read_journals};
+use super::journal::{Entry, Journals, read_journals};
 use super::names::FOLDER;
 use crate::files::WholeFile;
 use crate::{Error, Result};
@@ -32,6 +32,11 @@ impl Listed {
     pub fn has(&self, entry: &Entry) -> bool {
         let job = (entry.job.clone(), entry.key.clone());
         self.files.values().any(|jobs| jobs.contains(&job))
+    }
+
+    /// Names of all jobs.
+    pub fn names(&self) -> BTreeSet<&str> {
+        self.files.values().flatten().map(|(name, _)| name.as_str()).collect()
     }
 
     /// Adds the jobs of `other`.
@@ -85,12 +90,12 @@ fn read(out: &Path) -> Result<Option<Listed>> {
 ///
 /// # Errors
 /// A journal or the list cannot be read.
-pub fn read_listed(out: &Path) -> Result<(Entries, Listed)> {
-    let mut entries = read_journals(out)?;
-    let all = || entries.values().map(|entry| (entry.job.clone(), entry.key.clone()));
+pub fn read_listed(out: &Path) -> Result<(Journals, Listed)> {
+    let mut journals = read_journals(out)?;
+    let all = || journals.entries.values().map(|entry| (entry.job.clone(), entry.key.clone()));
     let listed = read(out)?.unwrap_or_else(|| Listed::new("", all()));
-    entries.retain(|_, entry| listed.has(entry));
-    Ok((entries, listed))
+    journals.entries.retain(|_, entry| listed.has(entry));
+    Ok((journals, listed))
 }
 
 #[cfg(test)]

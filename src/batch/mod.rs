@@ -24,19 +24,19 @@ mod toml_source;
 
 pub use expand::expand;
 pub use folders::{
-    begin, holds, lock, lock_split, publish, publish_left, remove, seal, sync_up, withdraw, work,
+    begin, check_outputs, lock, lock_split, publish, publish_left, remove, seal, sync_up, withdraw, work,
 };
 pub use graph::{check, order};
 pub use hashes::{HashedFile, Hashes, hash_file, key};
 #[cfg(test)]
 pub use job::COMMANDS;
 pub use job::{Job, Limits, Opt, Out, Reads, Value};
-pub use journal::{Entries, Entry, Journal, Status, has_journal, read_journals};
+pub use journal::{Entries, Entry, Journal, Journals, Status, has_journal, read_journals};
 pub use listed::{Listed, read_listed};
 pub use names::{TABLES, suggestion};
 pub use parse::parse;
 pub use places::Places;
-pub use report::{Report, report_page};
+pub use report::{JobPicture, Report, report_page};
 pub use schedule::{Capacity, Schedule, Task};
 pub use table::{rows, write_results};
 pub use template::resolve_outputs;

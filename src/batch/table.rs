@@ -32,19 +32,25 @@ pub fn rows<'a>(out: &Path, entries: impl IntoIterator<Item = &'a Entry>) -> Vec
 /// Column of a job whose output was compared with a reference: the RMS difference that the comparison found.
 pub const COMPARED: &str = "compared.rms";
 
+/// Column of the same job: the noise of the reference, which is part of that difference.
+pub const COMPARED_NOISE: &str = "compared.noise";
+
 /// Notes the results of comparisons at the jobs whose outputs were compared.
 fn add_comparisons(rows: &mut [Row]) {
-    let found: HashMap<String, Json> = rows
+    let found: HashMap<String, [Json; 2]> = rows
         .iter()
         .filter(|row| row["command"] == "compare")
         .filter_map(|row| {
             let compared = row.get("inputs")?.get(1)?.as_str()?;
-            Some(((*outputs_of(compared).first()?).to_owned(), row.get("rms")?.clone()))
+            let figures = ["rms", "reference_noise"].map(|name| row.get(name).cloned());
+            let [Some(rms), noise] = figures else { return None };
+            Some(((*outputs_of(compared).first()?).to_owned(), [rms, noise.unwrap_or_default()]))
         })
         .collect();
     for row in rows {
-        if let Some(rms) = row["job"].as_str().and_then(|job| found.get(job)) {
+        if let Some([rms, noise]) = row["job"].as_str().and_then(|job| found.get(job)) {
             row.insert(COMPARED.into(), rms.clone());
+            row.insert(COMPARED_NOISE.into(), noise.clone());
         }
     }
 }

@@ -8,7 +8,7 @@ use super::context::{Bench, PlannedRow};
 use super::measure::{MrRun, Queries, Timer};
 use super::page::{MrImage, ReceiverImages};
 use super::receivers::{Crop, ReceiverGrid, Surfaces};
-use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log, ratio};
+use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log, ratio, speedup};
 use super::rounds::{MAX_ROUNDS, MAX_TIME, rounds};
 use super::workload::Workload;
 use crate::embree::Traversal;
@@ -208,7 +208,7 @@ impl Bench<'_> {
             };
             let error = gallery.pooled_fbem(&references, images, row.feature_size)?;
             let same = interpolate_log_log(curve, error);
-            row.speedup_at_same_fbem = same.and_then(|t| ratio(t.seconds, seconds));
+            row.speedup_at_same_fbem = speedup(&row.route, same.and_then(|t| ratio(t.seconds, seconds)));
         }
         Ok(())
     }

@@ -138,6 +138,10 @@ fn sentence(record: &Record) -> Markup {
             }
             ", with a root mean square error of " (percent(best.rms)) " of the light. "
             (percent(best.aggregated_fraction)) " of its segments met averaged clusters."
+            @if let Some((row, speed)) = record.faster_at_same_fbem() {
+                " At the same feature error (FBEM) it was " strong { (times(Some(speed))) " as fast" }
+                " at feature size " (length(row.feature_size, &record.unit)) "."
+            }
             @if gain > NO_FASTER[1] {
                 " Certificates alone, without averaging, make exact rays " (times(Some(gain))) " as fast."
             }

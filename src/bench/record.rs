@@ -10,13 +10,15 @@ mod classes;
 mod compared;
 mod maps;
 mod scaling;
+mod spent;
 mod trust;
 
 pub use crate::model::summary::SceneSummary;
 pub use classes::{ClassRecord, ReceiverClass};
-pub use compared::{NO_FASTER, curve, ratio};
+pub use compared::{NO_FASTER, curve, ratio, speedup};
 pub use maps::{MapExactRow, MapMrRow, MapRecord};
 pub use scaling::{ScalingRecord, ScalingRow};
+pub use spent::Spent;
 pub use trust::{
     CalibrationBin, IntervalAudit, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow,
 };
@@ -54,6 +56,9 @@ pub struct Record {
     pub build: Build,
     /// The queries that both engines answer.
     pub workload: Workload,
+    /// What the run itself took.
+    #[serde(default)]
+    pub spent: Spent,
     /// Exact visibility, by number of rays.
     pub exact: Vec<ExactRow>,
     /// Exact visibility with certificates. Speed-ups refer to the fastest rows of `exact` and `certified` together.
@@ -320,6 +325,12 @@ impl Record {
     /// The MR row with the largest `speedup_at_same_rms`.
     pub fn best(&self) -> Option<&MrRow> {
         best_of(&self.mr)
+    }
+
+    /// The MR row that is fastest at the same feature-based error, if it is faster than exact rays, and how much.
+    pub fn faster_at_same_fbem(&self) -> Option<(&MrRow, f64)> {
+        let rows = self.shown_rows().iter().filter_map(|row| Some((row, row.speedup_at_same_fbem?)));
+        rows.filter(|(_, speed)| *speed >= NO_FASTER[1]).max_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
 

@@ -7,7 +7,7 @@ use super::options::Options;
 use super::page::ReceiverImages;
 use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
-use super::record::{self, Record};
+use super::record::{self, Record, Spent};
 use super::rounds::{MAX_TIME, timed};
 use super::rows::Measured;
 use super::sizes::{default_sizes, of_images};
@@ -18,6 +18,22 @@ use crate::model::summary::SceneSummary;
 use crate::optics::Extinction;
 use crate::progress::Progress;
 use crate::{Error, Result, error::shown};
+use std::time::Instant;
+
+/// Why no point of a bench faces an emitter: there are too few of them, or no surface does.
+fn unlit(model: &Model, options: &Options) -> Result<Error> {
+    /// As many find a surface of a thousandth of the scene's area with a probability of 98 %.
+    const ENOUGH: usize = 4096;
+    let points = surface_points(model, ENOUGH.max(options.points), options.seed)?;
+    let path = shown(&model.scene().path);
+    Ok(match Workload::new(model, points, options.seed).pairs.is_empty() {
+        false => Error::Argument(format!(
+            "points {}: none of them faces an emitter, though surfaces of the scene do; ask for more (option `points`)",
+            options.points
+        )),
+        true => Error::Scene(format!("{path}: no surface faces an emitter: {}", model.cause_of_darkness())),
+    })
+}
 
 /// Measures a scene.
 ///
@@ -36,15 +52,11 @@ pub fn run(
     let scene = model.scene();
     options.check_for(scene)?;
     let timer = Timer::new(options.threads)?;
-    let mut build = build_of(model);
+    let (mut build, mut spent, start) = (build_of(model), Spent::default(), Instant::now());
     let points = surface_points(model, options.points, options.seed)?;
     let workload = Workload::new(model, points, options.seed);
     if workload.pairs.is_empty() {
-        return Err(Error::Scene(format!(
-            "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or set \
-             option `two_sided_emission`",
-            shown(&scene.path)
-        )));
+        return Err(unlit(model, options)?);
     }
     progress.stage("receivers", 0);
     let surfaces = receivers::choose(model, &single_rays(model), &options.receivers)?;
@@ -56,16 +68,19 @@ pub fn run(
     bench.go_on()?;
     let every: Vec<usize> = (0..workload.pairs.len()).collect();
     let queries = Queries { scene, workload: &workload, pairs: &every };
-    let measured = bench.points(queries, &mr, &sample, MAX_TIME);
-    let classes = bench.classes(&workload, &mr, &measured)?;
+    spent.choice_s = start.elapsed().as_secs_f64();
+    let measured = timed(&mut spent.points_s, || bench.points(queries, &mr, &sample, MAX_TIME));
+    let classes = timed(&mut spent.classes_s, || bench.classes(&workload, &mr, &measured))?;
     bench.go_on()?;
+    let requested = Instant::now();
     let unbiased = if options.unbiased { bench.unbiased(queries, &mr, &measured) } else { Vec::new() };
     let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;
     let target = options.target.map(|target| bench.target(target, queries, &mr, &reference));
+    spent.requested_s = requested.elapsed().as_secs_f64();
     bench.go_on()?;
-    let mut images = bench.images(&surfaces, &mr, &mut rows, &mut warnings)?;
+    let mut images = timed(&mut spent.images_s, || bench.images(&surfaces, &mr, &mut rows, &mut warnings))?;
     bench.go_on()?;
-    let mut maps = bench.maps(&surfaces, &mr, &build)?;
+    let mut maps = timed(&mut spent.maps_s, || bench.maps(&surfaces, &mr, &build))?;
     build.exact_setup_s = build.embree_s + exact.iter().map(|row| row.setup_s).sum::<f64>();
     build.mr_setup_s = build.mr_preparation() + rows.iter().map(|row| row.decide_s).sum::<f64>();
     let nothing_averaged = unaveraged::sentence((&rows, &classes), &images, &maps, &scene.unit);
@@ -93,6 +108,7 @@ pub fn run(
             reference_rms: reference.standard_error(),
             rounds,
         },
+        spent,
         exact,
         certified,
         mr: rows,

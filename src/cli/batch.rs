@@ -16,12 +16,10 @@ pub use job_run::run_requested;
 use super::inputs::{Inputs, Output};
 use super::mpi::MpiArgs;
 use super::{interruption, limits};
-use crate::batch::{
-    Capacity, Hashes, Journal, Status, TABLES, lock, lock_split, read_journals, write_results,
-};
+use crate::batch::{Capacity, Hashes, Journal, Status, TABLES, lock, lock_split, write_results};
 use crate::threads::MAX_THREADS;
 use crate::{Result, memory};
-use plan::Plan;
+use plan::{Earlier, Plan};
 use reporter::Reporter;
 use runner::Settings;
 use shard::Shard;
@@ -113,8 +111,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         plan.chosen = shard.jobs(&plan.jobs, &plan.chosen);
     }
     if args.dry_run {
-        let (entries, done) = (read_journals(&args.out)?, plan.chosen_done(&args.out, &hashes, false)?.1);
-        super::print(&plan.listed(&entries, &done, args.capacity().threads))?;
+        super::print(&plan.listed(&plan.earlier(&hashes, false)?, args.capacity().threads))?;
         return Ok(ExitCode::SUCCESS);
     }
     args.check_log(&plan)?;
@@ -125,7 +122,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         args.shard.map(|shard| lock_split(&args.out, shard.parts())).transpose()?,
         args.shard.map(|_| lock(&args.out, &format!("lock{part}"), false)).transpose()?,
     ];
-    let (mut entries, done) = plan.chosen_done(&args.out, &hashes, true)?;
+    let Earlier { mut entries, done, spoilt } = plan.earlier(&hashes, true)?;
     plan.check_folders(&entries, &done)?;
     match args.shard {
         None => plan.listed.write(&args.out)?,
@@ -136,6 +133,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let to_do: Vec<usize> = plan.chosen.iter().copied().filter(|&k| !done[k]).collect();
     let work = plan.work(&entries, args.capacity().threads);
     let reporter = Reporter::new(work, &to_do, args.log.as_deref(), args.quiet)?;
+    spoilt.iter().for_each(|(k, what)| reporter.repeated(&plan.jobs[*k].name, what));
     let settings = Settings {
         capacity: args.capacity(),
         retry: args.retry,

@@ -4,7 +4,13 @@
 //! the command with an error: otherwise the system would end it without a word, or the machine would come to a standstill.
 
 use crate::{Error, Result, memory};
-use std::{io::Write as _, process, thread, time::Duration};
+use std::{
+    io::Write as _,
+    process,
+    sync::atomic::{AtomicBool, Ordering},
+    thread,
+    time::Duration,
+};
 
 /// Time between two comparisons. Memory is filled at some 5 GB/s, so about 0.1 GB are taken in that time.
 const INTERVAL: Duration = Duration::from_millis(20);
@@ -25,8 +31,31 @@ pub fn bytes(given: Option<f64>) -> Option<u64> {
     given.map(|g| (g * GIB) as u64).or_else(memory::usable)
 }
 
-/// A refused allocation aborts the program (SIGABRT) after a message of the runtime; the exit code is then that of all errors. Other
-/// reasons for that signal, as a defect of a library, have the same code and leave no core dump.
+/// What a refused allocation means: ends the command with an error of one line, unless the thread has an answer to it. Nothing is allocated.
+pub fn refused(bytes: usize) {
+    static ENDS: AtomicBool = AtomicBool::new(false);
+    if memory::may_be_refused() {
+        return;
+    }
+    // Other threads wait for the end.
+    while ENDS.swap(true, Ordering::Relaxed) {
+        thread::sleep(INTERVAL);
+    }
+    let mut line = [0; 160];
+    let mut rest = &mut line[..];
+    let what = "more bytes are needed, which the system refuses: take a smaller scene or coarser options";
+    // A closed standard error is ignored.
+    let _ = writeln!(rest, "mrvis: out of memory: {bytes} {what}");
+    let left = rest.len();
+    let _ = std::io::stderr().write_all(&line[..line.len() - left]);
+    // What runs at the end of a program may need memory.
+    #[cfg(unix)]
+    signal_hook::low_level::exit(2);
+    #[cfg(not(unix))]
+    process::abort();
+}
+
+/// Libraries may end the program by SIGABRT, as if memory is refused; the exit code is then that of all errors, and there is no core dump.
 pub fn end_aborts_as_errors() {
     // Without the handler the code is that of the signal.
     #[cfg(unix)]

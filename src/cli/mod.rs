@@ -30,7 +30,9 @@ mod shared_scenes;
 mod solve;
 mod writable;
 
-use crate::error::is_obeyed;
+pub use limits::refused;
+
+use crate::error::{in_words, is_obeyed};
 use crate::{Error, Result, model::embree_version};
 use clap::{
     FromArgMatches, Parser, Subcommand,
@@ -204,7 +206,7 @@ fn usage(error: &clap::Error) -> String {
     if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         return "no command is given".into();
     }
-    let text = error.to_string();
+    let text = in_words(&error.to_string());
     let what: Vec<&str> = text.lines().take_while(|l| !l.trim().is_empty()).map(str::trim).collect();
     let what = what.join(" ").trim_start_matches("error: ").to_owned();
     let similar = [ContextKind::SuggestedArg, ContextKind::SuggestedSubcommand, ContextKind::SuggestedValue];

@@ -79,8 +79,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     warn(common, &notes);
     warnings.extend(notes);
     if mean == 0.0 && !scene.emitters.is_empty() {
-        let cure = "if that is wrong, set --two-sided-emission or reverse the order of the corners of the emitters' faces";
-        warn(common, &[format!("no light arrives at any point: {cure}")]);
+        let cause = model.cause_of_darkness();
+        warn(common, &[format!("no light arrives at any point; if that is wrong: {cause}")]);
     }
     let mut json = serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),

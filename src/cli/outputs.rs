@@ -319,7 +319,9 @@ fn camera(text: &str) -> Result<[f64; 7], String> {
     let bad = || "seven numbers: eye x,y,z, target x,y,z, angle of view in degrees (1 to 170)".to_owned();
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|w| w.trim().parse()).collect();
     let camera: [f64; 7] = numbers.map_err(|_| bad())?.try_into().map_err(|_| bad())?;
-    let distinct = (0..3).any(|k| camera[k] != camera[k + 3]);
-    let fine = camera.iter().all(|v| v.is_finite()) && distinct && (1.0..=170.0).contains(&camera[6]);
+    if camera[..3] == camera[3..6] {
+        return Err("eye and target are the same point, so that there is no direction of view".into());
+    }
+    let fine = camera.iter().all(|v| v.is_finite()) && (1.0..=170.0).contains(&camera[6]);
     if fine { Ok(camera) } else { Err(bad()) }
 }

@@ -1,5 +1,5 @@
 //! What rays from the emitters tell about a scene: emitters whose front faces away from everything, most often because the corners of their
-//! faces are in the wrong order, and surfaces near them that are too large for the precision of coordinates.
+//! faces are in the wrong order or a luminaire is aimed wrongly, and surfaces near them that are too large for the precision of coordinates.
 
 use super::Model;
 use crate::embree::Hits;
@@ -30,13 +30,17 @@ const MIN_ENCLOSED_SHARE: f64 = 0.9;
 /// Part of an emitter's rays that must meet such surfaces.
 const MIN_COARSE_SHARE: f64 = 0.05;
 
+/// What to change if the light of luminaires, or else of emissive faces, misses everything.
+const AIM: &str = "check `at` and `aim` of its luminaire in the file of luminaires (of glTF, place and turn of the light's node)";
+const TURN: &str = "set option `two_sided_emission`, or reverse the order of the corners of their faces";
+
 impl Model {
     /// Notes of emitters that are turned, or enclosed, and of coordinates that are too coarse.
     pub(crate) fn notes_of_emitters(&self) -> Vec<String> {
-        [self.note_of_turned_emitters(), self.note_of_enclosed_emitters(), self.note_of_coarse_coordinates()]
-            .into_iter()
-            .flatten()
-            .collect()
+        let mut notes = self.notes_of_turned_emitters();
+        notes.extend(self.note_of_enclosed_emitters());
+        notes.extend(self.note_of_coarse_coordinates());
+        notes
     }
 
     /// A note if the light of emitters ends close to them, as that of luminaires just above a ceiling does.
@@ -87,6 +91,26 @@ impl Model {
         emitters.iter().step_by(emitters.len().div_ceil(MAX_TESTED).max(1)).collect()
     }
 
+    /// Why no light arrives anywhere, and what to change.
+    pub(crate) fn cause_of_darkness(&self) -> String {
+        let emitters = &self.scene().emitters;
+        let lamps = emitters.iter().filter(|emitter| self.is_luminaire(emitter)).count();
+        let mut causes = Vec::new();
+        if lamps < emitters.len() {
+            causes.push(format!("the emitters face away from everything; {TURN}"));
+        }
+        if lamps > 0 {
+            causes.push(format!("the light of each luminaire leaves the scene; {AIM}"));
+        }
+        causes.join("; ")
+    }
+
+    /// Whether an emitter has a distribution of directions, of a photometric file or a light of glTF.
+    fn is_luminaire(&self, emitter: &Emitter) -> bool {
+        let scene = self.scene();
+        scene.materials[scene.triangle_material[emitter.triangles[0] as usize] as usize].profile.is_some()
+    }
+
     /// A note if emitters light surfaces from so near that the precision of the surfaces' coordinates shows: rays start above a surface by
     /// [`EndRule::height`](crate::ray::EndRule::height), 2e-6 of its largest coordinate.
     pub(crate) fn note_of_coarse_coordinates(&self) -> Option<String> {
@@ -122,30 +146,31 @@ impl Model {
         coarse.into_iter().filter(|_| enough).max_by(|(h, d), (i, e)| (h / d).total_cmp(&(i / e)))
     }
 
-    /// A note if emitters send all their light out of the scene although there are surfaces behind them.
-    pub(crate) fn note_of_turned_emitters(&self) -> Option<String> {
+    /// Notes if emissive faces, or luminaires, send all their light out of the scene although there are surfaces behind them.
+    pub(crate) fn notes_of_turned_emitters(&self) -> Vec<String> {
         let tested = self.tested_emitters();
         let turned: Vec<&Emitter> = tested.par_iter().copied().filter(|e| self.is_turned(e)).collect();
-        if turned.is_empty() {
-            return None;
-        }
-        let names: Vec<String> =
-            turned.iter().take(MAX_NAMES).map(|e| format!("`{}`", quote(&e.name))).collect();
-        let more = if turned.len() > MAX_NAMES { ", ..." } else { "" };
-        Some(format!(
-            "the light of {} of {} emitters leaves the scene, as their fronts face away from everything: {}{more}; set option \
-             `two_sided_emission`, or reverse the order of the corners of their faces",
-            turned.len(),
-            tested.len(),
-            names.join(", ")
-        ))
+        let (lamps, faces): (Vec<&Emitter>, Vec<&Emitter>) =
+            turned.into_iter().partition(|emitter| self.is_luminaire(emitter));
+        let note = |(turned, why, cure): (Vec<&Emitter>, &str, &str)| {
+            let names: Vec<String> =
+                turned.iter().take(MAX_NAMES).map(|e| format!("`{}`", quote(&e.name))).collect();
+            let more = if turned.len() > MAX_NAMES { ", ..." } else { "" };
+            let (count, of, names) = (turned.len(), tested.len(), names.join(", "));
+            (count > 0).then(|| {
+                format!(
+                    "the light of {count} of {of} emitters leaves the scene, {why}: {names}{more}; {cure}"
+                )
+            })
+        };
+        let of_faces = (faces, "as their fronts face away from everything", TURN);
+        let of_lamps = (lamps, "as these luminaires shine away from everything", AIM);
+        [of_faces, of_lamps].into_iter().filter_map(note).collect()
     }
 
     /// Whether nothing is in front of an emitter that emits from its front alone, and something is behind it.
     fn is_turned(&self, emitter: &Emitter) -> bool {
-        let scene = self.scene();
-        let material = scene.triangle_material[emitter.triangles[0] as usize] as usize;
-        let one_sided = !scene.two_sided_emission || scene.materials[material].profile.is_some();
+        let one_sided = !self.scene().two_sided_emission || self.is_luminaire(emitter);
         one_sided
             && !self.meets_others(emitter, 1.0)
             && self.meets_others(emitter, -1.0)
@@ -204,7 +229,7 @@ mod tests {
 
     /// The note about lamps (height, whether it faces up) above a floor.
     fn note(lamps: &[(f64, bool)], options: &LoadOptions) -> Option<String> {
-        with_lamps(4.0, lamps, options).note_of_turned_emitters()
+        with_lamps(4.0, lamps, options).notes_of_turned_emitters().pop()
     }
 
     /// Lamps above a floor of this width.

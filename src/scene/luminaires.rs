@@ -4,8 +4,9 @@ use super::load_options::{PlacedLuminaire, Placements};
 use super::profile::{Distribution, Profile, axes};
 use super::read_luminaire::{Luminaire, read};
 use super::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial, power::unit_in_metres};
+use crate::error::{in_words, quote};
 use crate::files::input;
-use crate::{Error, Result, error::quote};
+use crate::{Error, Result};
 use glam::DVec3;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -95,7 +96,11 @@ fn placements(path: &Path, bytes: Vec<u8>, read: impl Fn(&Path) -> Result<Lumina
     let line = |at: usize| Some(1 + text[..at].matches('\n').count());
     let file: File = toml::from_str(&text).map_err(|e| {
         let what = "write [[luminaire]] with file, at and aim";
-        Error::format(path, e.span().and_then(|s| line(s.start)), format!("{}; {what}", quote(e.message())))
+        Error::format(
+            path,
+            e.span().and_then(|s| line(s.start)),
+            format!("{}; {what}", quote(&in_words(e.message()))),
+        )
     })?;
     let mut known: HashMap<PathBuf, Arc<Luminaire>> = HashMap::new();
     let mut files = vec![path.to_owned()];

@@ -94,7 +94,12 @@ static void check_errors(const mrv::model &model) {
   CHECK(!missing && missing.status() == mrv::status::io && !missing.message().empty() && !missing.value());
   const auto stopped = mrv::model::prepare(model.scene().value(), {}, [](const char *, double) { return false; });
   CHECK(!stopped && stopped.status() == mrv::status::cancelled);
-  CHECK(model.solve({}, [](const char *, double) { return false; }).value().info().value().interrupted);
+  const auto light = model.solve({}, [](const char *, double) { return false; });
+  CHECK(light.value().info().value().interrupted);
+  const std::array<double, 2> plane = {0, 0};
+  const std::array<double, 3> normal = {0, 0, 1};
+  for (const std::string &message : {light.value().irradiance(plane, normal).message(), model.reference(plane, plane).message()})
+    CHECK(message == "`positions` has 2 entries, must have x, y and z for each point");
 }
 
 #endif

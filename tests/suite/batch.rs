@@ -1,5 +1,6 @@
 //! `mrvis batch`: nothing is lost, nothing is repeated, and outputs are those of single commands.
 
+mod altered;
 mod bad_input;
 mod kept;
 mod parts;

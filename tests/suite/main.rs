@@ -7,6 +7,8 @@ mod capi;
 #[cfg(feature = "cli")]
 mod cli;
 #[cfg(feature = "cli")]
+mod cures;
+#[cfg(feature = "cli")]
 mod determinism;
 #[cfg(feature = "cli")]
 mod ended;

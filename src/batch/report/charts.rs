@@ -1,7 +1,7 @@
 //! Charts of errors against times: one for each scene, kind of error and two swept options.
 
 use super::super::row::Row;
-use super::{errors, swept, text, value};
+use super::{COMPARED, COMPARED_NOISE, errors, swept, text, value};
 use crate::Result;
 use crate::page::chart;
 use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
@@ -49,14 +49,34 @@ pub fn charts(rows: &[Row]) -> Result<(Vec<Chart>, usize)> {
                 let labels = if a == b { String::new() } else { format!("labels are {}; ", short(b)) };
                 let caption = format!(
                     "Each dot is a job; colours are {}, {labels}no other job is at once faster and more exact than those on \
-                     the Pareto front.",
-                    short(a)
+                     the Pareto front.{}",
+                    short(a),
+                    if column == COMPARED { noise(&known) } else { String::new() }
                 );
                 charts.push(Chart { title, markup: chart(&plot, 420, &caption)? });
             }
         }
     }
     Ok((charts, in_all))
+}
+
+/// Says how much of the differences from references is the noise of these.
+fn noise(rows: &[&Row]) -> String {
+    let values = || rows.iter().filter_map(|row| value(row, COMPARED_NOISE));
+    let (least, most) = (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max));
+    match most > 0.0 {
+        true if least == most => {
+            format!(" Each difference includes the noise of the reference, {}.", number(most))
+        }
+        true => {
+            format!(
+                " Each difference includes the noise of its reference, {} to {}.",
+                number(least),
+                number(most)
+            )
+        }
+        false => String::new(),
+    }
 }
 
 /// All pairs of options, in both orders; the only option with itself.

@@ -5,7 +5,7 @@ mod charts;
 mod tests;
 
 use super::row::{Row, cell};
-use super::table::COMPARED;
+use super::table::{COMPARED, COMPARED_NOISE};
 use crate::Result;
 use crate::image_io::Picture;
 use crate::page::{bytes, count, data_url, document, figure, seconds};
@@ -28,6 +28,8 @@ const ERRORS: [(&str, &str); 6] = [
 /// Columns of the table besides the job: with more it becomes a list on a screen of a notebook.
 const MAX_OPTIONS: usize = 5;
 const MAX_ERRORS: usize = 2;
+/// Jobs without a row that are named.
+const MAX_FAULTS: usize = 10;
 
 /// What the page shows.
 pub struct Report<'a> {
@@ -35,12 +37,41 @@ pub struct Report<'a> {
     pub name: &'a str,
     /// Rows of the table of results.
     pub rows: &'a [Row],
-    /// Pictures by name of the job.
-    pub pictures: &'a [(String, Picture)],
+    /// Number of jobs of the job file.
+    pub jobs_in_all: usize,
+    /// Why jobs have no row.
+    pub faults: &'a [String],
+    /// Pictures of jobs.
+    pub pictures: &'a [JobPicture],
     /// Errors of pictures that cannot be read.
     pub unreadable: &'a [String],
     /// Number of pictures that jobs have made.
     pub pictures_in_all: usize,
+}
+
+/// A picture that a job has made.
+pub struct JobPicture {
+    /// Name of the job.
+    pub job: String,
+    /// Name of the file below the job's folder.
+    pub file: String,
+    /// Width and height of the picture in the file, pixels.
+    pub size: [u32; 2],
+    /// The picture, or a smaller one.
+    pub picture: Picture,
+}
+
+impl JobPicture {
+    /// What it shows: a feature mask and a difference are told by the name of their file.
+    fn what(&self) -> String {
+        let stem = self.file.rsplit_once('.').map_or(self.file.as_str(), |(stem, _)| stem);
+        let size = stem.rsplit_once("mask-").map(|(_, size)| size).filter(|size| size.parse::<f64>().is_ok());
+        match (size, stem.ends_with("difference")) {
+            (Some(size), _) => format!("mask of features larger than {size}"),
+            (None, true) => "difference from the reference".into(),
+            (None, false) => "picture".into(),
+        }
+    }
 }
 
 /// The page as HTML, without references to other files.
@@ -111,10 +142,12 @@ fn headline(report: &Report) -> Markup {
             p.kicker { "Batch of jobs" }
             h1 { (report.name) }
             p.lead {
-                strong { (rows.len() - failed - skipped) } " of " strong { (rows.len()) } " jobs are done"
+                strong { (rows.len() - failed - skipped) } " of " strong { (report.jobs_in_all) } " jobs are done"
                 @if missed > 0 { ", " (missed) " of them missed a tolerance" }
                 @if skipped > 0 { ", " (skipped) " were skipped because a job that they need failed" } "."
             }
+            @for what in report.faults.iter().take(MAX_FAULTS) { p.warning { (what) } }
+            @if report.faults.len() > MAX_FAULTS { p.warning { "and " (report.faults.len() - MAX_FAULTS) " more jobs" } }
             div.figures {
                 (figure(&count(rows.len() as u64), "jobs"))
                 (figure(&seconds(total("job_seconds")), "time of all jobs together"))
@@ -227,7 +260,7 @@ fn shown(row: &Row, column: &Column) -> String {
 }
 
 fn pictures(report: &Report) -> Result<Markup> {
-    let urls = report.pictures.iter().map(|(job, picture)| Ok((job, data_url(picture)?)));
+    let urls = report.pictures.iter().map(|picture| Ok((picture, data_url(&picture.picture)?)));
     let urls = urls.collect::<Result<Vec<_>>>()?;
     Ok(html! {
         @if report.pictures_in_all > urls.len() + report.unreadable.len() {
@@ -235,8 +268,12 @@ fn pictures(report: &Report) -> Result<Markup> {
         }
         @for what in report.unreadable { p.warning { "A picture cannot be read: " (what) } }
         div.images.small {
-            @for (job, url) in &urls {
-                figure data-job=(job) { div.frame { img src=(url) alt=(format!("picture of {job}")); } figcaption { (job) } }
+            @for (picture, url) in &urls {
+                @let JobPicture { job, file, size: [width, height], .. } = picture;
+                figure data-job=(job) {
+                    div.frame { img src=(url) alt=(format!("{} of {job}", picture.what())); }
+                    figcaption { (job) ": " (picture.what()) ", " (file) ", " (width) " × " (height) " pixels" }
+                }
             }
         }
     })

@@ -22,23 +22,34 @@ fn rows() -> Vec<Row> {
 
 #[test]
 fn the_page_has_all_jobs_and_refers_to_nothing() {
-    let picture = Picture { width: 1, height: 1, pixels: vec![[1, 2, 3]] };
-    let pictures = [("e0.1-mr".to_owned(), picture)];
+    let picture = |file: &str| JobPicture {
+        job: "e0.1-mr".into(),
+        file: file.into(),
+        size: [800, 600],
+        picture: Picture { width: 1, height: 1, pixels: vec![[1, 2, 3]] },
+    };
+    let pictures = ["view.png", "floor-mask-0.5.png", "floor-mr-0.5-difference.png"].map(picture);
     let report = Report {
         name: "out",
         rows: &rows(),
+        jobs_in_all: 6,
+        faults: &["c: x.png was changed".into()],
         pictures: &pictures,
         unreadable: &["b.png: gone".into()],
-        pictures_in_all: 3,
+        pictures_in_all: 5,
     };
     let page = report_page(&report).expect("a page");
     for part in [
-        "3</strong> of <strong>4</strong> jobs",
+        "3</strong> of <strong>6</strong> jobs",
+        "c: x.png was changed",
         "a &lt; b",
         "by error and visibility",
         "by visibility and error",
         "Pareto front",
-        "1 of 3 pictures",
+        "3 of 5 pictures",
+        "e0.1-mr: picture, view.png, 800 × 600 pixels",
+        "e0.1-mr: mask of features larger than 0.5, floor-mask-0.5.png",
+        "e0.1-mr: difference from the reference, floor-mr-0.5-difference.png",
         "A picture cannot be read: b.png: gone",
         "data-value=\"0.05\"",
     ] {
@@ -53,6 +64,28 @@ fn the_page_has_all_jobs_and_refers_to_nothing() {
 }
 
 #[test]
+fn charts_of_differences_name_the_noise_of_the_reference() {
+    let job = |error: f64, rms: f64| {
+        row(json!({
+            "job": format!("e{error}"), "scene": "a.obj", "status": "done", "option.error": error, "job_seconds": 1.0 / error,
+            "compared.rms": rms, "compared.noise": 0.0125,
+        }))
+    };
+    let rows = [job(0.1, 0.2), job(0.05, 0.1)];
+    let report = Report {
+        name: "out",
+        rows: &rows,
+        jobs_in_all: 2,
+        faults: &[],
+        pictures: &[],
+        unreadable: &[],
+        pictures_in_all: 0,
+    };
+    let page = report_page(&report).expect("a page");
+    assert!(page.contains("Each difference includes the noise of the reference, 0.0125."), "{page}");
+}
+
+#[test]
 fn the_page_says_how_many_charts_it_leaves_out() {
     let names = "abcdefgh".chars();
     let jobs = [1.0, 2.0].map(|k| {
@@ -60,13 +93,29 @@ fn the_page_says_how_many_charts_it_leaves_out() {
         let fixed = json!({ "job": format!("j{k}"), "scene": "a.obj", "status": "done", "job_seconds": k, "error_estimate": 0.1 / k });
         row(fixed).into_iter().chain(options).collect::<Row>()
     });
-    let report = Report { name: "out", rows: &jobs, pictures: &[], unreadable: &[], pictures_in_all: 0 };
+    let report = Report {
+        name: "out",
+        rows: &jobs,
+        jobs_in_all: 2,
+        faults: &[],
+        pictures: &[],
+        unreadable: &[],
+        pictures_in_all: 0,
+    };
     assert!(report_page(&report).expect("a page").contains("40 of 56 charts"));
 }
 
 #[test]
 fn a_batch_without_jobs_has_a_page() {
-    let report = Report { name: "out", rows: &[], pictures: &[], unreadable: &[], pictures_in_all: 0 };
+    let report = Report {
+        name: "out",
+        rows: &[],
+        jobs_in_all: 0,
+        faults: &[],
+        pictures: &[],
+        unreadable: &[],
+        pictures_in_all: 0,
+    };
     assert!(report_page(&report).expect("a page").contains("0</strong> of <strong>0"));
 }
 

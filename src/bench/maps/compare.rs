@@ -4,7 +4,7 @@ use super::{Made, Map, Planned};
 use crate::Result;
 use crate::bench::context::PlannedRow;
 use crate::bench::gallery::fbem_of;
-use crate::bench::record::{Build, MapExactRow, MapMrRow, MapRecord, interpolate_log_log, ratio};
+use crate::bench::record::{Build, MapExactRow, MapMrRow, MapRecord, interpolate_log_log, ratio, speedup};
 use crate::metrics::Image;
 
 impl Map<'_> {
@@ -110,13 +110,16 @@ impl Map<'_> {
         let with_preparation = over(usize::MAX, &|e| e.seconds + build.embree_s, prepared);
         let same_features = interpolate_log_log(&by_features, row.fbem);
         Ok(MapMrRow {
-            speedup_at_same_rms: queries.map(|found| found.0),
+            speedup_at_same_rms: speedup(&row.route, queries.map(|found| found.0)),
             extrapolated: queries.is_some_and(|found| found.1),
             speedup_with_setup: with_setup(usize::MAX).map(|found| found.0),
             speedup_over_texels: with_setup(1).map(|found| found.0),
             texels_extrapolated: with_setup(1).is_some_and(|found| found.1),
             speedup_with_preparation: with_preparation.map(|found| found.0),
-            speedup_at_same_fbem: same_features.and_then(|same| ratio(same.seconds, row.seconds)),
+            speedup_at_same_fbem: speedup(
+                &row.route,
+                same_features.and_then(|same| ratio(same.seconds, row.seconds)),
+            ),
             ..row
         })
     }

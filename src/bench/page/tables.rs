@@ -9,6 +9,7 @@ use crate::plot::number;
 /// Scene, preparation and workload.
 pub(super) fn scene(record: &Record) -> Markup {
     let (scene, build, work) = (&record.scene, &record.build, &record.workload);
+    let spent: Vec<(&str, String)> = record.spent.parts().map(|(name, s)| (name, seconds(s))).into();
     html! {
         section {
             h2 { "Scene and workload" }
@@ -42,6 +43,7 @@ pub(super) fn scene(record: &Record) -> Markup {
                     ("reference rays", count(work.reference_rays as u64)),
                     ("noise of the reference (RMS)", number(work.reference_rms)),
                 ]))
+                (properties("Time of this run", &spent))
             }
             @if let Some(note) = &build.cache_note { p.note { (note) } }
             (repairs(record))
@@ -101,10 +103,14 @@ pub(super) fn measurements(record: &Record) -> Markup {
         ("s", "feature size, a length on the receiving surface"),
         ("rays", "segments from a point to an emitter"),
         (
+            "by",
+            "what answers: walks of bundles, the distance cut, exact rays where these are expected to be faster (speed-ups are 1), or \
+            certified exact rays",
+        ),
+        (
             "time",
             "time of the queries alone, minimum of several runs (as many for every row), without preparation",
         ),
-        ("decision", "time to decide on a sample whether MR is faster, part of the set-up"),
         ("RMS", "root mean square error of the visible fraction, the reference's noise subtracted"),
         ("bias", "mean error; positive: too bright"),
         (
@@ -148,8 +154,8 @@ fn mr_row(row: &MrRow, unit: &str) -> [Cell; 13] {
     [
         length(row.feature_size, unit).into(),
         row.rays.into(),
+        Cell::words(row.route_in_a_word()),
         seconds(row.seconds).into(),
-        seconds(row.decide_s).into(),
         number(row.rms).into(),
         signed(row.bias).into(),
         speed(if row.extrapolated { "~" } else { "" }, row.speedup_at_same_rms),

@@ -3,8 +3,8 @@
 use super::*;
 use crate::bench::record::{
     Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, IntervalAudit, ReceiverErrors,
-    ScalingRecord, ScalingRow, SceneSummary, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow,
-    Workload,
+    ScalingRecord, ScalingRow, SceneSummary, Spent, Target, TargetAsked, TargetChoice, UnbiasedLevel,
+    UnbiasedRow, Workload,
 };
 
 /// Shadows of 260 discs, six of them large, with noise; `large_only`: of the large ones.
@@ -170,6 +170,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             "messages": ["park.mtl:12: unknown material 'moss', grey used"]}),
         warnings: vec!["Another process used the machine while timing.".into()],
         build: build(),
+        spent: Spent { points_s: 12.3, ..Spent::default() },
         workload: Workload {
             points: 20_000,
             rays: 16,
@@ -226,6 +227,11 @@ fn a_page_stands_alone_and_escapes_names() {
     assert_eq!(page.matches("data:image/png;base64,").count(), 3 + 2 * 3);
     assert!(page.contains("s = 0.25\u{a0}m: no texel differs visibly from the image of s = 0.1\u{a0}m."));
     assert!(page.contains("24.1×") && page.contains("41 zero area faces"));
+    assert!(page.contains(">walks</td>") && page.contains("Time of this run"));
+    assert!(
+        page.contains("At the same feature error (FBEM) it was <strong>7.00×"),
+        "the headline names the gain of the table"
+    );
     assert_eq!(page, render(&record, &receivers, "mrvis bench").unwrap());
 }
 

@@ -9,6 +9,15 @@ pub const CERTIFIED: &str = "certified";
 /// Speed-ups between these are none: repeated runs of a row differ by 5 %.
 pub const NO_FASTER: [f64; 2] = [0.95, 1.05];
 
+/// Route of rows that plain exact rays answer.
+const EMBREE: &str = "embree";
+
+/// The speed-up of a row by this route. One that plain exact rays answer is what it is compared with: whatever luck and noise say, it has
+/// no gain.
+pub fn speedup(route: &str, found: Option<f64>) -> Option<f64> {
+    if route == EMBREE { found.map(|_| 1.0) } else { found }
+}
+
 /// Time (seconds) and error of rows, for [`interpolate_log_log`].
 pub fn curve<'a>(rows: impl IntoIterator<Item = &'a ExactRow>) -> Vec<(f64, f64)> {
     rows.into_iter().map(|row| (row.seconds, row.rms)).collect()
@@ -25,12 +34,12 @@ impl MrRow {
     pub fn compare(&mut self, exact: &[ExactRow], certified: &[ExactRow]) {
         let as_many = exact.iter().chain(certified).filter(|row| row.rays == self.rays && row.seconds > 0.0);
         let as_many = as_many.map(|row| row.seconds).min_by(f64::total_cmp).unwrap_or(0.0);
-        self.speedup_per_segment = ratio(as_many, self.seconds).unwrap_or(0.0);
+        self.speedup_per_segment = speedup(&self.route, ratio(as_many, self.seconds)).unwrap_or(0.0);
         let plain = interpolate_log_log(&curve(exact), self.rms);
         let fastest = interpolate_log_log(&curve(exact.iter().chain(certified)), self.rms);
         let over = |time: Option<Interpolated>| time.and_then(|t| ratio(t.seconds, self.seconds));
         self.speedup_over_plain_exact = over(plain);
-        self.speedup_at_same_rms = over(fastest);
+        self.speedup_at_same_rms = speedup(&self.route, over(fastest));
         self.extrapolated = fastest.is_some_and(|t| t.extrapolated);
         let gained = fastest.zip(plain).is_some_and(|(fastest, plain)| fastest.seconds < plain.seconds);
         self.compared_with = if gained { CERTIFIED } else { PLAIN }.into();
@@ -47,7 +56,18 @@ impl MrRow {
         match self.route.as_str() {
             "cut" => "distance cut",
             "bundle" => "walks of bundles",
+            "certified" => "exact rays with certificates",
             _ => "exact rays",
+        }
+    }
+
+    /// What answers, in a word.
+    pub fn route_in_a_word(&self) -> &'static str {
+        match self.route.as_str() {
+            "cut" => "cut",
+            "bundle" => "walks",
+            "certified" => "certified",
+            _ => "exact",
         }
     }
 

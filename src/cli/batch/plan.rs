@@ -39,6 +39,16 @@ pub struct Plan {
     pub chosen: Vec<usize>,
 }
 
+/// What earlier runs have done.
+pub struct Earlier {
+    /// The last line of each job.
+    pub entries: Entries,
+    /// By job, whether it is done.
+    pub done: Vec<bool>,
+    /// Jobs that would be done if their outputs were as they were made, and what is wrong with these.
+    pub spoilt: Vec<(usize, String)>,
+}
+
 impl Plan {
     /// Reads a job file and checks all of it.
     ///
@@ -110,37 +120,38 @@ impl Plan {
         needs.filter_map(|&need| Some(entries.get(&self.jobs[need].name)?.fingerprint())).collect()
     }
 
-    /// Whether the outputs of a job are there and are those that it would make. Finishes what a crash left between the journal and
-    /// the renaming of the folder.
-    fn is_done(&self, job: usize, entries: &Entries, hashes: &Hashes, may_finish: bool) -> bool {
-        let name = &self.jobs[job].name;
-        let Some(entry) = entries.get(name).filter(|e| e.key == self.keys[job]) else { return false };
+    /// The line of a job that would make the same outputs again.
+    fn current<'a>(&self, job: usize, entries: &'a Entries, hashes: &Hashes) -> Option<&'a Entry> {
+        let entry = entries.get(&self.jobs[job].name).filter(|e| e.key == self.keys[job])?;
         let same = |file: &HashedFile| {
             let now = hashes.of(&self.places.found(&file.path));
             (now.bytes, &now.blake3) == (file.bytes, &file.blake3)
         };
-        if !entry.has_outputs()
-            || !entry.inputs.iter().all(same)
-            || entry.needs != self.fingerprints(job, entries)
-        {
-            return false;
-        }
-        publish_left(&self.out, name, &entry.outputs, may_finish)
+        let is_current = entry.has_outputs()
+            && entry.inputs.iter().all(same)
+            && entry.needs == self.fingerprints(job, entries);
+        is_current.then_some(entry)
     }
 
-    /// The journals of the output folder, and by job whether it is done.
+    /// What earlier runs have done. Finishes what a crash left between the journal and the renaming of a folder, if it may.
     ///
     /// # Errors
     /// A journal cannot be read.
-    pub fn chosen_done(&self, out: &Path, hashes: &Hashes, may_finish: bool) -> Result<(Entries, Vec<bool>)> {
-        let entries = read_journals(out)?;
-        let mut done = vec![false; self.jobs.len()];
+    pub fn earlier(&self, hashes: &Hashes, may_finish: bool) -> Result<Earlier> {
+        let entries = read_journals(&self.out)?.whole()?;
+        let (mut done, mut spoilt) = (vec![false; self.jobs.len()], Vec::new());
         for &k in &self.chosen {
             // Outputs of a job that runs again are new inputs.
-            done[k] = self.jobs[k].needs.iter().all(|&need| done[need])
-                && self.is_done(k, &entries, hashes, may_finish);
+            if !self.jobs[k].needs.iter().all(|&need| done[need]) {
+                continue;
+            }
+            let Some(entry) = self.current(k, &entries, hashes) else { continue };
+            match publish_left(&self.out, &entry.job, &entry.outputs, may_finish) {
+                Ok(()) => done[k] = true,
+                Err(what) => spoilt.push((k, what)),
+            }
         }
-        Ok((entries, done))
+        Ok(Earlier { entries, done, spoilt })
     }
 
     /// The lines of the journal that are about jobs of this file as it is now: those of jobs that had other options are left out.
@@ -152,22 +163,31 @@ impl Plan {
     /// Refuses to replace folders that no batch made.
     ///
     /// # Errors
-    /// [`Error::Format`] with the folder.
+    /// [`Error::Format`] with the folders.
     pub fn check_folders(&self, entries: &Entries, done: &[bool]) -> Result<()> {
-        for &k in self.chosen.iter().filter(|&&k| !done[k]) {
-            let folder = self.out.join(&self.jobs[k].name);
-            let made = entries.get(&self.jobs[k].name).is_some_and(|entry| entry.made);
-            if !made && folder.symlink_metadata().is_ok() {
-                let what =
-                    "exists and was not made by this batch; remove it, or choose another output folder";
-                return Err(Error::format(folder, None, what));
+        /// Names of folders in a message.
+        const MAX_NAMES: usize = 20;
+        let made = |name: &str| entries.get(name).is_some_and(|entry| entry.made);
+        let names = self.chosen.iter().filter(|&&k| !done[k]).map(|&k| self.jobs[k].name.as_str());
+        let foreign: Vec<&str> =
+            names.filter(|name| !made(name) && self.out.join(name).symlink_metadata().is_ok()).collect();
+        let Some((first, others)) = foreign.split_first() else { return Ok(()) };
+        let what = "exists and was not made by this batch, as far as its journal says";
+        let cure = "or choose another output folder";
+        let what = match others {
+            [] => format!("{what}; remove it, {cure}"),
+            _ => {
+                let named = others.iter().take(MAX_NAMES).copied().collect::<Vec<_>>().join(", ");
+                let more = if others.len() > MAX_NAMES { ", ..." } else { "" };
+                format!("{what}, as do {} more: {named}{more}; remove them, {cure}", others.len())
             }
-        }
-        Ok(())
+        };
+        Err(Error::format(self.out.join(first), None, what))
     }
 
     /// The chosen jobs as text, with estimates for so many threads.
-    pub fn listed(&self, entries: &Entries, done: &[bool], threads: usize) -> String {
+    pub fn listed(&self, earlier: &Earlier, threads: usize) -> String {
+        let Earlier { entries, done, spoilt } = earlier;
         let mut text = String::new();
         let work = self.work(entries, threads);
         for &k in &self.chosen {
@@ -176,8 +196,9 @@ impl Plan {
                 Some(seconds) => Some(format!("{seconds:.1} s in an earlier run")),
                 None => (work[k] > 0.0).then(|| format!("about {} s", rounded(work[k]))),
             };
-            let state = if done[k] { "done" } else { "to do" };
-            let known: Vec<String> = [Some(state.into()), memory, seconds].into_iter().flatten().collect();
+            let what = spoilt.iter().find(|(job, _)| *job == k).map(|(_, what)| format!(" again: {what}"));
+            let state = if done[k] { "done".into() } else { format!("to do{}", what.unwrap_or_default()) };
+            let known: Vec<String> = [Some(state), memory, seconds].into_iter().flatten().collect();
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{} [{}]\n  {}", self.jobs[k].name, known.join(", "), self.shown[k]);
         }

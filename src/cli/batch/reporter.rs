@@ -107,6 +107,12 @@ impl Reporter {
         }
     }
 
+    /// A job that was done runs again for what is wrong with its outputs.
+    pub fn repeated(&self, name: &str, what: &str) {
+        self.note("repeated", json!({ "job": name, "reason": what }));
+        self.say(&format!("{name} runs again: {what}"));
+    }
+
     /// A failed job will run again.
     pub fn retried(&self, job: usize, name: &str, error: &str) {
         self.clear_line(job);

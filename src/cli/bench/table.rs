@@ -1,9 +1,10 @@
 //! The record of a benchmark as text.
 
 mod classes;
+mod headline;
 
 use super::super::args::grouped;
-use crate::bench::record::{Build, MapRecord, MrRow, NO_FASTER, Record, ScalingRow, Target, UnbiasedRow};
+use crate::bench::record::{Build, MapRecord, MrRow, Record, ScalingRow, Target, UnbiasedRow};
 use crate::error::quote;
 use crate::plot::number;
 use std::fmt::Write as _;
@@ -17,6 +18,7 @@ pub fn table(record: &Record) -> String {
     text += &classes::lines(&record.classes, unit);
     text += &maps(&record.maps);
     text += &setup(record);
+    text += &spent(record);
     text += &audits(&record.mr);
     text += &unbiased(&record.unbiased, unit);
     if let Some(target) = &record.target {
@@ -26,7 +28,7 @@ pub fn table(record: &Record) -> String {
     if !record.scaling.is_empty() {
         let _ = write!(text, "\n{}", scaling(&record.scaling));
     }
-    let result = record.nothing_averaged.clone().unwrap_or_else(|| headline(record.best(), unit));
+    let result = record.nothing_averaged.clone().unwrap_or_else(|| headline::of(record));
     let _ = writeln!(text, "\n{result}");
     text
 }
@@ -103,12 +105,12 @@ fn mr_rows(rows: &[MrRow]) -> String {
     let _ = writeln!(text, "\nmulti-resolution                                           speed-up at same");
     let _ = writeln!(
         text,
-        "       s   rays       time        RMS       bias       RMS      FBEM   segment  averaged  nodes  in bounds"
+        "       s   rays       time        RMS       bias       RMS      FBEM   segment  averaged  nodes  in bounds  by"
     );
     for row in rows {
         let _ = writeln!(
             text,
-            "{:>8} {:>6} {:>10} {:>10.5} {:>+10.5} {:>9} {:>9} {:>9} {:>7.1} % {:>6} {:>8.1} %",
+            "{:>8} {:>6} {:>10} {:>10.5} {:>+10.5} {:>9} {:>9} {:>9} {:>7.1} % {:>6} {:>8.1} %  {}",
             number(row.feature_size),
             row.rays,
             seconds(row.seconds),
@@ -119,7 +121,8 @@ fn mr_rows(rows: &[MrRow]) -> String {
             times(Some(row.speedup_per_segment), false),
             100.0 * row.aggregated_fraction,
             number(row.nodes_per_segment),
-            100.0 * row.interval_coverage
+            100.0 * row.interval_coverage,
+            row.route_in_words()
         );
     }
     if rows.iter().any(|row| row.extrapolated) {
@@ -284,6 +287,18 @@ fn setup(record: &Record) -> String {
     )
 }
 
+/// Where the time of the run went, in one line.
+fn spent(record: &Record) -> String {
+    let parts = record.spent.parts();
+    let total: f64 = parts.iter().map(|(_, s)| s).sum();
+    let parts: Vec<String> =
+        parts.iter().filter(|(_, s)| *s >= 1e-3).map(|(name, s)| format!("{name} {}", seconds(*s))).collect();
+    if parts.is_empty() {
+        return String::new();
+    }
+    format!("this run took {} after the preparation: {}\n", seconds(total), parts.join(", "))
+}
+
 /// Summary of the audits in one line.
 fn audits(rows: &[MrRow]) -> String {
     let audits: Vec<_> = rows.iter().filter_map(|row| row.audit.as_ref()).collect();
@@ -300,36 +315,6 @@ fn audits(rows: &[MrRow]) -> String {
     )
 }
 
-/// The result in one sentence.
-fn headline(best: Option<&MrRow>, unit: &str) -> String {
-    let Some((row, speed)) = best.and_then(|row| Some((row, row.speedup_at_same_rms?))) else {
-        return "no multi-resolution row could be compared with exact at the same error".into();
-    };
-    let about = if row.extrapolated { "about " } else { "" };
-    let speed = match speed {
-        v if v >= NO_FASTER[1] => format!("{about}{} times faster than", number(v)),
-        v if v > NO_FASTER[0] => "no faster than".into(),
-        v => format!("{about}{} times slower than", number(1.0 / v)),
-    };
-    let gain = row.certificates_gain();
-    let extrapolated =
-        if row.extrapolated { " (more exact rays than were measured, extrapolated)" } else { "" };
-    let certificates = match gain > NO_FASTER[1] {
-        true => format!("; certificates alone make exact rays {} times faster", number(gain)),
-        false => String::new(),
-    };
-    format!(
-        "best: s = {} {unit} with {} segments is {speed} {} at the same RMS error of {} %{extrapolated} (per segment {}); {} % of \
-         its segments met averaged clusters{certificates}",
-        number(row.feature_size),
-        row.rays,
-        row.compared_in_words(),
-        number(100.0 * row.rms),
-        times(Some(row.speedup_per_segment), false),
-        number(100.0 * row.aggregated_fraction)
-    )
-}
-
 fn seconds(s: f64) -> String {
     if s < 0.1 { format!("{:.2} ms", 1000.0 * s) } else { format!("{s:.3} s") }
 }
@@ -343,18 +328,34 @@ mod tests {
     use super::*;
     use crate::bench::record::ExactRow;
 
+    /// Whatever its measured time says, a row of plain exact rays is what it is compared with.
     #[test]
-    fn losses_are_said_plainly() {
-        let row = |speed| MrRow {
-            speedup_at_same_rms: Some(speed),
-            rms: 0.01,
-            feature_size: 0.1,
-            ..MrRow::default()
+    fn exact_rays_gain_nothing_over_themselves() {
+        let exact = [(4, 1.0, 0.02), (16, 4.0, 0.02)].map(|(rays, seconds, rms)| ExactRow {
+            rays,
+            seconds,
+            rms,
+            ..ExactRow::default()
+        });
+        let row = |route: &str| {
+            let route = route.into();
+            let mut row = MrRow { rays: 16, seconds: 3.0, rms: 0.002, route, ..MrRow::default() };
+            row.compare(&exact, &[]);
+            [row.speedup_at_same_rms.expect("a speed-up"), row.speedup_per_segment]
         };
-        assert!(headline(Some(&row(2.0)), "m").contains("2 times faster"));
-        assert!(headline(Some(&row(0.5)), "m").contains("2 times slower"));
-        assert!(headline(Some(&row(1.03)), "m").contains("no faster than exact rays"));
-        assert!(headline(None, "m").contains("no multi-resolution row"));
+        assert_eq!(row("embree"), [1.0, 1.0]);
+        assert!(row("bundle").iter().all(|speed| *speed > 1.2));
+    }
+
+    #[test]
+    fn rows_name_their_route_and_the_run_its_time() {
+        let row = |route: &str| MrRow { route: route.into(), rays: 16, ..MrRow::default() };
+        let spent = crate::bench::record::Spent { points_s: 2.0, images_s: 1.0, ..Default::default() };
+        let mr = vec![row("embree"), row("bundle")];
+        let text = table(&Record { mr, spent, ..Record::default() });
+        assert!(text.contains("%  exact rays\n") && text.contains("%  walks of bundles\n"), "{text}");
+        let time = "this run took 3.000 s after the preparation: rows over all points 2.000 s, shadow images 1.000 s";
+        assert!(text.contains(time), "{text}");
     }
 
     #[test]
@@ -366,16 +367,5 @@ mod tests {
         let text = table(&record);
         assert!(text.ends_with("\nNothing.\n") && !text.contains("best:"), "{text}");
         assert!(text.contains("\n     0.4     16") && !text.contains("\n     0.1     16"), "{text}");
-    }
-
-    #[test]
-    fn what_certificates_gain_is_not_the_gain_of_averaging() {
-        let exact = ExactRow { rays: 16, seconds: 2.0, rms: 0.01, ..ExactRow::default() };
-        let certified = ExactRow { seconds: 1.0, ..exact.clone() };
-        let mut row = MrRow { rays: 16, seconds: 1.0, rms: 0.01, ..MrRow::default() };
-        row.compare(&[exact], &[certified]);
-        let text = headline(Some(&row), "m");
-        assert!(text.contains("no faster than exact rays (Embree) with certificates"), "{text}");
-        assert!(text.contains("certificates alone make exact rays 2 times faster"), "{text}");
     }
 }

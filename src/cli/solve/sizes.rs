@@ -1,6 +1,6 @@
 //! Files of feature sizes.
 
-use crate::error::quote;
+use crate::error::{in_words, quote};
 use crate::files::input;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
@@ -22,7 +22,11 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<(String, f32)>> {
     let text = str::from_utf8(bytes).map_err(|_| Error::format(path, None, "not text in UTF-8"))?;
     let sizes: BTreeMap<String, f32> = toml::from_str(text).map_err(|e| {
         let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
-        Error::format(path, line, format!("{}; write lines like `sofa = 0.05`", quote(e.message())))
+        Error::format(
+            path,
+            line,
+            format!("{}; write lines like `sofa = 0.05`", quote(&in_words(e.message()))),
+        )
     })?;
     Ok(sizes.into_iter().collect())
 }

@@ -158,10 +158,6 @@ pub fn limit(options: &Options) -> String {
     format!("max_seconds {}", options.max_seconds.unwrap_or_default())
 }
 
-/// If the emitters light nothing.
-pub const DARK: &str = "no light arrives anywhere: the emitters face away from everything; set option `two_sided_emission`, or \
-                        reverse the order of the corners of their faces";
-
 /// If links alone give the light of luminaires.
 pub const DIFFUSE_LUMINAIRES: &str = "without a local pass (option `local_rays` 0, option `direct_only`) elements see luminaires as diffuse \
      emitters; direct light at points has their distribution";

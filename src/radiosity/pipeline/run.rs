@@ -96,7 +96,7 @@ pub fn solve(
         .flatten()
         .all(|&e| e <= solved.linked.dark() || e.is_nan())
     {
-        stages.notes.push(notes::DARK.into());
+        stages.notes.push(format!("no light arrives anywhere: {}", model.cause_of_darkness()));
         stages.notes.extend(model.note_of_coarse_coordinates());
     } else {
         stages.notes.extend(model.notes_of_emitters());

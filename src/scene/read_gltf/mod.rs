@@ -15,7 +15,7 @@ use super::{
     sources::{Sources, TextureKey},
     texture::Texture,
 };
-use crate::error::{quote, shown};
+use crate::error::{in_words, quote, shown};
 use crate::{Error, Result};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use gltf::Gltf;
@@ -60,7 +60,8 @@ fn open(path: &Path, bytes: &[u8], sources: &mut Sources) -> Result<(gltf::Docum
             "{nodes} nodes, more than {MAX_PLACEMENTS}: join meshes that belong together or split the scene"
         )));
     }
-    let unusable = |e: gltf::Error| wrong(format!("not a usable glTF file: {}", quote(&e.to_string())));
+    let unusable =
+        |e: gltf::Error| wrong(format!("not a usable glTF file: {}", quote(&in_words(&e.to_string()))));
     let Gltf { document, mut blob } = Gltf::from_slice_without_validation(bytes).map_err(unusable)?;
     // The crate's validation panics on a mesh whose accessor does not exist, so that is checked first.
     let mut json = document.into_json();

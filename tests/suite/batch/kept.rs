@@ -195,7 +195,11 @@ fn a_merge_after_a_crash_has_all_jobs() {
     std::fs::remove_dir_all(scratch.path("all/solve-0.3-mr")).expect("removed");
     let refused = merge(&["all"], "all");
     assert_eq!(refused.code, Some(2), "{}", refused.stdout);
-    assert!(refused.stderr.contains("the outputs of solve-0.3-mr are missing"), "{}", refused.stderr);
+    assert!(
+        refused.stderr.contains("solve-0.3-mr: its folder is missing: run the batch again"),
+        "{}",
+        refused.stderr
+    );
     let table = std::fs::read_to_string(scratch.path("all/results.csv")).expect("a table");
     assert_eq!(table.lines().count(), COUNT);
     let merged = merge(&["first", "second"], "all");

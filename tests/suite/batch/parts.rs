@@ -45,7 +45,7 @@ fn parts_make_the_whole() {
     std::fs::write(record, "{}").expect("changed");
     let refused = scratch.mrvis(&["merge", "first", "second", "third", "--out", "other"]);
     assert_eq!(refused.code, Some(2), "{}", refused.stdout);
-    assert!(refused.stderr.contains("solve-0.4-mr: was changed since"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("solve-0.4-mr: solution.json was changed since"), "{}", refused.stderr);
 }
 
 /// Parts without a job are parts nevertheless.

@@ -148,10 +148,10 @@ fn the_page_names_pictures_that_are_gone() {
     assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
     std::fs::remove_file(scratch.path("o/1/view.png")).expect("removed");
     let made = scratch.mrvis(&["report", "o"]);
-    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    assert_eq!(made.code, Some(1), "{}", made.stderr);
     let page = text(&scratch, "o/report.html");
     assert!(
-        page.contains("A picture cannot be read: o/1/view.png") && page.contains("data:image/png"),
+        page.contains("1: view.png is missing: run the batch again") && page.contains("data:image/png"),
         "{page}"
     );
 }
