@@ -22,6 +22,8 @@ const REFINEMENT_SHARE_BEFORE_LOCAL_PASS: f64 = 0.4;
 const REFINEMENT_SHARE: f64 = 0.6;
 /// Part of the time of the local pass that its rays may take; the solver of its matrix has the other half.
 pub const RAY_SHARE: f64 = 0.5;
+/// Part of the time that is left after the local pass that the rays of its elements are planned for, by the speed of those before.
+pub const GATHER_SHARE: f64 = 0.8;
 /// Part of the time of a point query that its rays are planned for: the estimate comes from a sample of points, so
 /// that a fifth is kept for its error.
 pub const QUERY_SHARE: f64 = 0.8;

@@ -13,7 +13,7 @@ use super::local_noise::{LocalResult, assign_noise};
 use super::ray_rows::{RayRow, RayRows};
 use super::untraced::estimate_untraced;
 use crate::math::sampling::mix;
-use crate::radiosity::deadline::{Deadline, RAY_SHARE};
+use crate::radiosity::deadline::{Deadline, GATHER_SHARE, RAY_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::refinement::LinkedScene;
@@ -57,8 +57,10 @@ pub struct LocalPass {
     pub results: Vec<LocalResult>,
     /// [`TransportMatrix::reciprocity`] of the form factors.
     pub reciprocity: f64,
-    /// Rays that are left for the light of the elements; none if there is no time for them.
+    /// Rays for the light of the elements; none if there is no time for them.
     pub element_rays: Option<f64>,
+    /// Rays of both passes together, as part of those that are useful.
+    pub traced_part: f64,
     /// Part of the emitted power that meets elements, by rays from the emitters.
     pub sampled: SampledShare,
     /// The same by these rays and those of the elements together, by channel.
@@ -74,12 +76,16 @@ pub struct LocalPass {
 }
 
 impl FinalGather<'_> {
-    /// Traces about `rays` rays and solves the light on them. Without a number, or after the deadline, elements trace only a few:
-    /// enough for the light of the whole scene, not for that of each element. Of many elements, some are then not traced.
-    pub fn local_pass(&self, rays: Option<f64>, deadline: &Deadline) -> LocalPass {
+    /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. Without a number, or after the
+    /// deadline, elements trace only a few: enough for the light of the whole scene, not for that of each element. Of many elements, some
+    /// are then not traced.
+    pub fn local_pass(&self, rays: Option<f64>, useful: f64, deadline: &Deadline) -> LocalPass {
         let all = self.linked.leaves();
         let Elements { elements, states, .. } = &self.linked.elements;
+        let start = deadline.elapsed();
         let mut rows = self.trace_rows(&all, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
+        let traced: f64 = rows.rows.iter().map(|row| f64::from(row.rays)).sum();
+        let seconds_a_ray = (deadline.elapsed() - start) / traced.max(1.0);
         let untraced = all.len() - rows.rows.len();
         // Light that leaves receive outside the exchange, W/m² times scene units squared.
         let apart = rows.take_out(|leaf| states[leaf as usize].crossed);
@@ -117,13 +123,19 @@ impl FinalGather<'_> {
             result.kept = 1.0 - row.gone as f32 / row.rays as f32;
             result.row_sum = result.kept;
         }
-        let element_rays = rays.map(|rays| (1.0 - EXCHANGE_SHARE) * rays);
+        let element_rays = rays.map(|rays| match deadline.limited() {
+            true => ((1.0 - EXCHANGE_SHARE) * useful).min(GATHER_SHARE * deadline.left() / seconds_a_ray),
+            false => (1.0 - EXCHANGE_SHARE) * rays,
+        });
+        let exchanged = rays.map_or(0.0, |rays| EXCHANGE_SHARE * rays);
+        let traced_part = (exchanged + element_rays.unwrap_or(0.0)) / useful;
         let reciprocity = matrix.reciprocity();
         let RayRows { hurried, tally, .. } = rows;
         LocalPass {
             results,
             reciprocity,
             element_rays,
+            traced_part,
             sampled,
             received,
             convergence,

@@ -85,8 +85,9 @@ impl Stages<'_> {
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all, options.error);
             let rays = rays.map(|rays| rays.min(useful));
-            let found = gather.local_pass(rays, deadline);
-            (found, notes::fewer_local_rays(rays, useful, deadline))
+            let found = gather.local_pass(rays, useful, deadline);
+            let note = notes::fewer_local_rays(rays.map(|_| found.traced_part), useful, deadline);
+            (found, note)
         });
         self.notes.extend(note);
         let all = linked.leaves().len();

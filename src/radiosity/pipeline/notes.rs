@@ -11,6 +11,8 @@ use crate::radiosity::transport::Convergence;
 
 /// Part of the emitted power that may appear or vanish without a note, however small the estimated error: the noise of sampling.
 const MAX_IMBALANCE: f64 = 0.005;
+/// Part of the rays below which a note tells of fewer: noise grows by less than 5 % above.
+const NEARLY_ALL: f64 = 0.9;
 /// Part of the surfaces that may be unlit without a note: the insides of closed boxes are about half of a scene.
 const USUAL_UNLIT_AREA: f64 = 0.5;
 
@@ -76,11 +78,11 @@ pub fn unlit(unlit: &Unlit) -> Option<String> {
     })
 }
 
-/// If the local pass had time for fewer rays than were asked for; none of them means the smallest number.
-pub fn fewer_local_rays(rays: Option<f64>, all: f64, deadline: &Deadline) -> Option<String> {
-    let fewer = match rays {
-        Some(rays) if rays >= all => return None,
-        Some(rays) => format!("{rays:.1e} of {all:.1e} rays"),
+/// If the local pass had time for a smaller part of all useful rays than [`NEARLY_ALL`]; none means the smallest number.
+pub fn fewer_local_rays(part: Option<f64>, all: f64, deadline: &Deadline) -> Option<String> {
+    let fewer = match part {
+        Some(part) if part >= NEARLY_ALL => return None,
+        Some(part) => format!("{:.1e} of {all:.1e} rays", part * all),
         None => format!("the fewest rays it can, instead of {all:.1e}"),
     };
     let why = why(deadline);
