@@ -88,26 +88,25 @@ impl<'a> Surfaces<'a> {
     fn nearest(&self, given: Vec3, normal: Vec3) -> Option<(f32, SurfaceHit<'_>)> {
         /// Largest number of surfaces that are tried.
         const MAX_SURFACES: usize = 64;
-        // One search on either side of the point, so that the nearest surface is met first.
-        let nearest = [1.0f32, -1.0].map(|side| {
-            let mut ray = Packet::EMPTY;
-            ray.set_ray(0, given, -side * normal);
-            (ray.near[0], ray.far[0]) = (0.0, self.slack);
-            for _ in 0..MAX_SURFACES {
-                let mut hits = Hits::NONE;
-                self.intersect(std::slice::from_ref(&ray), std::slice::from_mut(&mut hits));
-                let hit = self.place(&ray, &hits, 0, -side * normal)?;
-                if hit.cosine.abs() >= 0.5 {
-                    return Some((side * hits.t[0], hit));
-                }
-                ray.near[0] = hits.t[0].next_up();
+        /// Distance to which faces of one plane are moved off each other, in skins of the face.
+        const STACKED: f32 = 7.0;
+        let mut ray = Packet::EMPTY;
+        ray.set_ray(0, given + self.slack * normal, -normal);
+        (ray.near[0], ray.far[0]) = (0.0, 2.0 * self.slack);
+        let mut found: Option<(f32, SurfaceHit)> = None;
+        for _ in 0..MAX_SURFACES {
+            let mut hits = Hits::NONE;
+            self.intersect(std::slice::from_ref(&ray), std::slice::from_mut(&mut hits));
+            let Some(hit) = self.place(&ray, &hits, 0, -normal) else { break };
+            let depth = hits.t[0] - self.slack;
+            // Of faces that were moved off each other the first is that of this side of the common plane.
+            let nearer = |(other, _): &(f32, SurfaceHit)| depth.abs() + STACKED * hit.skin < other.abs();
+            if hit.cosine.abs() >= 0.5 && found.as_ref().is_none_or(nearer) {
+                found = Some((depth, hit));
             }
-            None
-        });
-        match nearest {
-            [Some(below), Some(above)] => Some(if below.0 <= -above.0 { below } else { above }),
-            [below, above] => below.or(above),
+            ray.near[0] = hits.t[0].next_up();
         }
+        found
     }
 
     /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`.

@@ -2,6 +2,7 @@
 
 mod again;
 mod crossings;
+mod generated;
 mod hurried;
 mod limits;
 mod ratios;
@@ -243,7 +244,7 @@ fn clutter_is_lit_as_paths_say() {
     let (rms, _) = limits::off(&outcome.irradiance, &limits::truth(&scene, &points, 1024));
     assert!(rms < 0.08, "{rms}");
     let Record { ledger, audit, .. } = outcome.record;
-    assert!(ledger.created.abs() < 1e-3 * ledger.emitted, "{ledger:?}");
+    assert!(ledger.created.abs() < 2e-3 * ledger.emitted, "{ledger:?}");
     assert!(ledger.reciprocity_residual > 0.0 && ledger.reciprocity_residual < 5e-3, "{ledger:?}");
     assert!(ledger.row_sum_error < 5e-3 && ledger.closed_area > 0.5, "{ledger:?}");
     let audit = audit.expect("an audit");

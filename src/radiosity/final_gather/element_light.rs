@@ -74,7 +74,7 @@ impl FinalGather<'_> {
             let received = light.iter().zip(&areas).map(|(light, area)| area * light.mean(DIRECT)).sum();
             let factor;
             (factor, received_share) = self.balance_of_direct_light(received, &local.sampled);
-            light.iter_mut().for_each(|light| light.scale_direct(factor as f32));
+            light.iter_mut().for_each(|light| light.scale(DIRECT, factor as f32));
         }
         // Light differs on both sides of a surface that stands across an element: it is neither a neighbour nor has any. Nor do elements
         // that no ray of either pass has found lit share light with those behind the next wall.
@@ -87,7 +87,8 @@ impl FinalGather<'_> {
         let places: Vec<Place> = whole.iter().map(|&i| self.place_of(leaves[i])).collect();
         let of_whole: Vec<ElementLight> = whole.iter().map(|&i| light[i]).collect();
         let areas: Vec<f64> = whole.iter().map(|&i| areas[i]).collect();
-        let shared = share(&places, &areas, &of_whole, &self.ranks, deadline);
+        let sides: Vec<u32> = whole.iter().map(|&i| self.side_of(leaves[i])).collect();
+        let shared = share(&places, (&sides, &areas), &of_whole, &self.ranks, deadline);
         let own = alone.iter().map(|&i| {
             let noise = f64::from(local.results[leaves[i] as usize].noise);
             let own = SharedLight::alone(&light[i]);
@@ -98,10 +99,16 @@ impl FinalGather<'_> {
         Gathered { light, received: received_share, tally }
     }
 
+    fn side_of(&self, leaf: u32) -> u32 {
+        match self.linked.elements.elements[leaf as usize].shape {
+            Shape::Surface { side, .. } => side,
+            Shape::Cluster(_) => unreachable!("leaves are surfaces"),
+        }
+    }
+
     fn place_of(&self, leaf: u32) -> Place {
         let element = &self.linked.elements.elements[leaf as usize];
-        let Shape::Surface { side, .. } = element.shape else { unreachable!("leaves are surfaces") };
-        let normal = self.linked.elements.sides[side as usize].normal;
+        let normal = self.linked.elements.sides[self.side_of(leaf) as usize].normal;
         Place { centre: element.centre, normal, radius: element.radius }
     }
 

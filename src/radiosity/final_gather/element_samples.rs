@@ -27,10 +27,10 @@ impl ElementLight {
         f64::from(self.halves[kind].iter().sum::<Vec3>().element_sum()) / 6.0
     }
 
-    /// Multiplies direct light by a factor.
-    pub fn scale_direct(&mut self, factor: f32) {
-        self.halves[DIRECT].iter_mut().for_each(|e| *e *= factor);
-        self.squares[DIRECT] *= factor * factor;
+    /// Multiplies the light of a kind by a factor.
+    pub fn scale(&mut self, kind: usize, factor: f32) {
+        self.halves[kind].iter_mut().for_each(|e| *e *= factor);
+        self.squares[kind] *= factor * factor;
     }
 
     /// Direct light as the mean of what all rays have found.

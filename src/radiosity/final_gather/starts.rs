@@ -11,6 +11,9 @@ use glam::Vec3;
 
 /// Largest number of surfaces that are tested around a point: bounds the time where many sheets lie on each other.
 const MAX_SURFACES: usize = 64;
+/// Distance to which overlapping faces of one plane are moved off each other, in roundings of a face's coordinates
+/// ([`EndRule::slack`]): 1.2e-5 of the largest coordinate, and a little more.
+const STACKED: f32 = 32.0;
 /// Smallest cosine between the normals of a point and of its surface, that of 60°: files hold smoothed normals.
 const MIN_COSINE: f32 = 0.5;
 
@@ -32,7 +35,7 @@ impl FinalGather<'_> {
         let mut packet = Packet::EMPTY;
         packet.set_between(0, from, to, [0.0, 1.0]);
         let mut found = None;
-        let mut nearest = f32::INFINITY;
+        let (mut nearest, mut lit) = (f32::INFINITY, false);
         for _ in 0..MAX_SURFACES {
             let mut hits = [Hits::NONE];
             self.traced.first_hits(self.traversal, std::slice::from_ref(&packet), &mut hits);
@@ -44,11 +47,16 @@ impl FinalGather<'_> {
             let corners @ [a, b, c] = self.scene.corners(triangle);
             let end = self.end_of(triangle);
             let parallel = triangle_normal(a, b, c).dot(normal).abs() >= MIN_COSINE;
-            if parallel && (t - 0.5).abs() < nearest {
+            // Of faces that were moved off each other the first is that of this side of the common plane, unless light does not get to its
+            // side.
+            let moved = STACKED * end.slack() / (2.0 * self.slack);
+            let nearer = (t - 0.5).abs() + moved < nearest;
+            let is_lit = self.linked.elements.met(triangle, -normal) != Elements::NONE;
+            if parallel && (found.is_none() || nearer || is_lit && !lit) {
                 let at = on_plane(corners, packet.point(0, t));
                 let at = off_edges(corners, at, edge_distance(magnitude(corners)));
-                (found, nearest) =
-                    (Some((at, end, self.feature_size_at(triangle, at, normal))), (t - 0.5).abs());
+                found = Some((at, end, self.feature_size_at(triangle, at, normal)));
+                (nearest, lit) = ((t - 0.5).abs(), is_lit);
             }
             // Surfaces nearer to each other than rounding count as one.
             packet.near[0] = (t + end.slack() / (2.0 * self.slack)).max(t.next_up());
