@@ -5,8 +5,13 @@
 //! share all vertices of a common edge, so that shape and colour have no cracks.
 
 mod camera;
+mod false_colours;
 mod gather;
 mod gltf;
+#[cfg(any(test, feature = "cli"))]
+mod grid_picture;
+#[cfg(any(test, feature = "cli"))]
+mod lettering;
 mod lightmap;
 mod mesh;
 mod picture;
@@ -22,6 +27,8 @@ mod vtu;
 pub use camera::{Camera, First, Frame, Stage, render};
 pub use gather::{light_of, visible_points};
 pub use gltf::write_glb;
+#[cfg(any(test, feature = "cli"))]
+pub use grid_picture::GridLight;
 pub use lightmap::{Lightmap, lightmap, write_lightmap_mesh};
 pub use mesh::Mesh;
 pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, bytes_per_pixel, developed, picture, suitable_lightmap};

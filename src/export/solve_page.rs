@@ -4,11 +4,11 @@
 //! right, and where the time went.
 
 mod audit;
-mod false_colours;
 mod flow;
 #[cfg(test)]
 mod tests;
 
+use super::false_colours::Bands;
 use crate::Result;
 use crate::image_io::Picture;
 use crate::page::{bytes, count, data_url, document, figure, file_name, percent, properties, seconds};
@@ -16,7 +16,6 @@ use crate::plot::number;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::{Record, Seconds};
 use crate::scene::{Photometry, Scene};
-use false_colours::Bands;
 use maud::{Markup, html};
 
 /// More notes than this are at the end of the page: the pictures come first.

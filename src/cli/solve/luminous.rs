@@ -1,6 +1,7 @@
 //! Luminous quantities of a solution.
 
 use super::at_points::AtPoints;
+use super::grids::MeasuredGrid;
 use crate::bench::side_by_side::ComparedRecord;
 use crate::cli::mpi::Sharing;
 use crate::radiosity::{Powers, Record};
@@ -18,6 +19,9 @@ pub struct Reported {
     /// Light at the points of `--points`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_points: Option<AtPoints>,
+    /// Light on the grids of `--grid`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub grids: Vec<MeasuredGrid>,
     /// Only with `--mpi`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sharing: Option<Sharing>,

@@ -11,7 +11,7 @@ const LOG_RATIO: f64 = 20.0;
 /// Parts of the pixels that may be darker than the first limit, and brighter than the last.
 const BEYOND: [f64; 2] = [0.03, 0.005];
 /// Colour of pixels without a surface.
-const NOTHING: [u8; 3] = [128; 3];
+pub(super) const NOTHING: [u8; 3] = [128; 3];
 
 /// Bands of values between round limits.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,12 +32,17 @@ impl Bands {
         Bands { limits }
     }
 
+    /// The limits between bands, ascending.
+    pub(super) fn limits(&self) -> &[f64] {
+        &self.limits
+    }
+
     /// Index of the band of a value, from 0 to the number of limits.
-    fn band(&self, value: f64) -> usize {
+    pub(super) fn band(&self, value: f64) -> usize {
         self.limits.partition_point(|&limit| limit <= value)
     }
 
-    fn colour(&self, band: usize) -> [u8; 3] {
+    pub(super) fn colour(&self, band: usize) -> [u8; 3] {
         false_colour(band as f32 / self.limits.len().max(1) as f32)
     }
 

@@ -1,0 +1,70 @@
+//! What lighting engineers ask of `solve` and `info`: grids, surfaces, luminaires, upward axis, pictures.
+
+use crate::run::{Outcome, Scratch};
+
+/// A floor of 4 x 2 m, a lamp of 1 x 1 m that faces it 2 m above its middle, and a bowl beside them.
+const HALL: &str = "mtllib hall.mtl\nusemtl grey\no floor\nv 0 0 0\nv 4 0 0\nv 4 2 0\nv 0 2 0\nf 1 2 3 4\n\
+    o bowl\nv 5 0 0\nv 6 0 .5\nv 6 1 1\nv 5 1 .5\nv 7 0 2\nf 5 6 7 8\nf 6 9 7\n\
+    usemtl glow\no lamp\nv 1.5 .5 2\nv 1.5 1.5 2\nv 2.5 1.5 2\nv 2.5 .5 2\nf 10 11 12 13\n";
+const GLOW: &str = "newmtl grey\nKd 0.4 0.5 0.3\nnewmtl glow\nKd 0 0 0\nKe 10 10 10\n";
+
+fn hall() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("hall.obj", HALL);
+    scratch.write("hall.mtl", GLOW);
+    scratch
+}
+
+fn done(outcome: &Outcome) {
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+}
+
+/// Lines of a CSV file without its header.
+fn rows(scratch: &Scratch, name: &str) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(scratch.path(name)).expect("a file");
+    text.lines().skip(1).map(|l| l.split(',').map(|x| x.parse().expect("a number")).collect()).collect()
+}
+
+#[test]
+fn a_grid_of_points_needs_no_file() {
+    let scratch = hall();
+    scratch.write("points.csv", "x,y,z,nx,ny,nz\n1,1,0,0,0,1\n");
+    let solve = ["solve", "hall.obj", "--out", "s", "--direct-only", "--photometric", "--points"];
+    let solved =
+        scratch.mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "bowl:0.5:0.8"]].concat());
+    assert!(solved.code == Some(2) && solved.stderr.contains("--grid: grid on `bowl`"), "{}", solved.stderr);
+    assert!(solved.stderr.contains("--points"), "{}", solved.stderr);
+    let solved =
+        scratch.mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "floor:0.5:0.8"]].concat());
+    done(&solved);
+    // The point of the file comes first, then both grids from their lower left corners.
+    let found = rows(&scratch, "s/irradiance.csv");
+    assert_eq!(found.len(), 1 + 8 + 32);
+    assert_eq!((&found[0][..6], &found[1][..3]), (&[1.0, 1.0, 0.0, 0.0, 0.0, 1.0][..], &[0.5, 0.5, 0.0][..]));
+    assert!((found[9][2] - 0.8).abs() < 1e-6 && (found[9][0] - 0.25).abs() < 1e-6, "{:?}", found[9]);
+    let record = scratch.json("s/solution.json");
+    let grid = &record["grids"][1];
+    assert!(grid["name"] == "floor" && grid["columns"] == 8 && grid["rows"] == 4, "{grid}");
+    assert!(grid["spacing"] == 0.5 && grid["height"] == 0.8 && grid["unit"] == "lx", "{grid}");
+    let lux: Vec<f64> = found[9..].iter().map(|row| row[9]).collect();
+    let mean = lux.iter().sum::<f64>() / 32.0;
+    let [stated, minimum, uniformity] =
+        ["mean", "minimum", "uniformity"].map(|key| grid[key].as_f64().expect("a number"));
+    assert!((stated / mean - 1.0).abs() < 1e-9 && (minimum / mean / uniformity - 1.0).abs() < 1e-9, "{grid}");
+    assert!(record["at_points"]["count"] == 1 && record["grids"][0]["count"] == 8);
+    for words in ["grid `floor` of 8 x 4: 32 points: minimum", "uniformity U0", "grid-floor-2.png"] {
+        assert!(solved.stdout.contains(words), "{words}: {}", solved.stdout);
+    }
+    for name in ["s/grid-floor.png", "s/grid-floor-2.png"] {
+        assert!(std::fs::read(scratch.path(name)).expect(name).starts_with(b"\x89PNG"), "{name}");
+    }
+    for (grid, words) in [
+        ("flor:1", "did you mean `floor`?"),
+        ("floor:0", "above 0"),
+        ("floor", "SURFACE:SPACING"),
+        ("floor:0.0001", "widen the spacing"),
+    ] {
+        let refused = scratch.mrvis(&["solve", "hall.obj", "--out", "s", "--grid", grid]);
+        assert!(refused.code == Some(2) && refused.stderr.contains(words), "{grid}: {}", refused.stderr);
+    }
+}
