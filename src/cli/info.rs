@@ -67,6 +67,7 @@ fn text(
     let _ = summary(&mut out, scene, seconds)
         .and_then(|()| clusters(&mut out, counts))
         .and_then(|()| emitters(&mut out, scene, photometry))
+        .and_then(|()| list_materials(&mut out, scene, objects))
         .and_then(|()| list_objects(&mut out, scene, objects))
         .and_then(|()| list_meshes(&mut out, scene, objects))
         .and_then(|()| outside_files(&mut out, scene))
@@ -196,6 +197,40 @@ fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std:
     Ok(())
 }
 
+/// Reflectances, the materials of the largest area first.
+fn list_materials(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
+    let materials = reflectances(s);
+    writeln!(out, "materials by area: reflectance, mean and RGB")?;
+    for (material, [r, g, b]) in materials.iter().take(limit) {
+        let mean = (r + g + b) / 3.0;
+        writeln!(out, "  {mean:>12.3}  {r:.3} {g:.3} {b:.3}  {}", quote(&s.materials[*material].name))?;
+    }
+    if materials.len() > limit {
+        writeln!(out, "  and {} more (--all)", materials.len() - limit)?;
+    }
+    Ok(())
+}
+
+/// Materials that faces have, with the reflectance of these faces in the mean over their area, that of textures included; by area in
+/// descending order. Faces of shared meshes count once.
+fn reflectances(s: &Scene) -> Vec<(usize, [f64; 3])> {
+    let mut sums = vec![[0.0; 4]; s.materials.len()];
+    for mesh in std::iter::once(s).chain(s.shared.iter().map(|mesh| mesh.as_ref())) {
+        for t in 0..mesh.triangles.len() {
+            let [a, b, c] = mesh.corners(t as u32).map(|p| p.as_dvec3());
+            let area = (b - a).cross(c - a).length();
+            // Shared meshes have the materials of the scene that places them.
+            let [r, g, b] = mesh.triangle_reflectance[t].map(f64::from);
+            if let Some(sum) = sums.get_mut(mesh.triangle_material[t] as usize) {
+                sum.iter_mut().zip([area, area * r, area * g, area * b]).for_each(|(sum, part)| *sum += part);
+            }
+        }
+    }
+    let mut order: Vec<usize> = (0..sums.len()).filter(|&m| sums[m][0] > 0.0).collect();
+    order.sort_by(|&a, &b| sums[b][0].total_cmp(&sums[a][0]));
+    order.into_iter().map(|m| (m, [1, 2, 3].map(|c| sums[m][c] / sums[m][0]))).collect()
+}
+
 fn list_objects(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
     let counts = face_counts(s);
     writeln!(out, "objects by number of triangles")?;
@@ -298,6 +333,13 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
         .collect();
     let objects: Vec<Value> =
         face_counts(s).iter().map(|&(i, n)| json!({ "name": s.objects[i].name, "triangles": n })).collect();
+    let materials: Vec<Value> = reflectances(s)
+        .into_iter()
+        .map(|(m, rgb)| {
+            let mean = rgb.iter().sum::<f64>() / 3.0;
+            json!({ "name": s.materials[m].name, "reflectance": rgb, "mean_reflectance": mean })
+        })
+        .collect();
     let bounds = s.world_bounds();
     let mut scene = json!({
         "path": s.path, "triangles": s.triangles.len(), "vertices": stored(s, |m| m.positions.len()),
@@ -327,6 +369,7 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
         "build": { "load_s": seconds },
         "emitters": emitters,
         "objects": objects,
+        "materials": materials,
         "repairs": s.repairs,
     })
 }

@@ -17,7 +17,7 @@ use super::outputs::{Outputs, Written};
 use super::progress::Bar;
 use super::writable::check_folder;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
-use crate::export::solve_page;
+use crate::export::{solve_page, surfaces};
 use crate::files::{WholeFile, json_text};
 use crate::image_io::{Picture, write_png};
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
@@ -316,12 +316,14 @@ fn write(
     }
     record.warnings.iter_mut().for_each(|warning| *warning = with_flags(warning));
     let photometric = photometry.map(|p| Luminous::of(p, &record));
+    let scene = solution.model().scene();
+    let surfaces = if record.options.elements { surfaces(scene, photometry, &mesh) } else { Vec::new() };
     let compared = ComparedRecord { record, versus };
     let (of_file, of_grids) = irradiance.split_at(points.len() - grids.points().count());
     let at_points = AtPoints::of(of_file, photometry);
     let (measured, pictures): (_, Vec<Picture>) = grids.measured(of_grids, photometry).into_iter().unzip();
     let sharing = args.mpi.sharing();
-    let mut record = Reported { compared, photometric, at_points, grids: measured, sharing };
+    let mut record = Reported { compared, photometric, at_points, grids: measured, surfaces, sharing };
     let save = |record: &Reported| {
         let path = out.join("solution.json");
         let text = json_text(record).map_err(|e| Error::format(&path, None, e.to_string()))?;
@@ -341,7 +343,7 @@ fn write(
         notes.borrow_mut().extend(note.map(|note| with_flags(&note)));
         irradiance
     };
-    let (scene, with_points) = (solution.model().scene(), args.has_points());
+    let with_points = args.has_points();
     let pixels = args.outputs.pixels(with_points);
     let Written { files, views } = args.outputs.write(
         &args.common,

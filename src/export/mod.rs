@@ -33,7 +33,7 @@ pub use lightmap::{Lightmap, lightmap, write_lightmap_mesh};
 pub use mesh::Mesh;
 pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, bytes_per_pixel, developed, picture, suitable_lightmap};
 pub use ply::write_ply;
-pub use solve_page::{PageView, solve_page};
+pub use solve_page::{PageView, SurfaceLight, solve_page, surfaces};
 pub use tone::Tone;
 pub use unwrapped::unwrapped_lightmap;
 pub use view::{VIEW, best_view};

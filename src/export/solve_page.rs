@@ -5,6 +5,7 @@
 
 mod audit;
 mod flow;
+mod surfaces;
 #[cfg(test)]
 mod tests;
 
@@ -17,6 +18,7 @@ use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::{Record, Seconds};
 use crate::scene::{Photometry, Scene};
 use maud::{Markup, html};
+pub use surfaces::{SurfaceLight, surfaces};
 
 /// More notes than this are at the end of the page: the pictures come first.
 const SHORT_NOTES: usize = 3;
@@ -79,6 +81,7 @@ pub fn solve_page(
             h2 { "Where the light goes" }
             (flow::section(&record.ledger, shown, scene, solution))
         }
+        (surfaces::section(scene, shown, solution))
         (audit::section(record)?)
         section {
             h2 { "Where the time goes" }

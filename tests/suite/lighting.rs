@@ -34,8 +34,8 @@ fn a_grid_of_points_needs_no_file() {
         scratch.mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "bowl:0.5:0.8"]].concat());
     assert!(solved.code == Some(2) && solved.stderr.contains("--grid: grid on `bowl`"), "{}", solved.stderr);
     assert!(solved.stderr.contains("--points"), "{}", solved.stderr);
-    let solved =
-        scratch.mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "floor:0.5:0.8"]].concat());
+    let solved = scratch
+        .mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "floor:0.5:0.8"]].concat());
     done(&solved);
     // The point of the file comes first, then both grids from their lower left corners.
     let found = rows(&scratch, "s/irradiance.csv");
@@ -67,4 +67,37 @@ fn a_grid_of_points_needs_no_file() {
         let refused = scratch.mrvis(&["solve", "hall.obj", "--out", "s", "--grid", grid]);
         assert!(refused.code == Some(2) && refused.stderr.contains(words), "{grid}: {}", refused.stderr);
     }
+}
+
+#[test]
+fn the_light_of_each_surface_is_stated() {
+    let scratch = hall();
+    let solve =
+        ["solve", "hall.obj", "--out", "s", "--photometric", "--output", "page", "--image-size", "32x24"];
+    done(&scratch.mrvis(&[&solve[..], &["--audit", "0", "--error", "0.2"]].concat()));
+    let surfaces = &scratch.json("s/solution.json")["surfaces"];
+    let floor = &surfaces[0];
+    assert!(floor["name"] == "floor" && floor["side"] == "front" && floor["unit"] == "lx", "{surfaces}");
+    let [area, minimum, mean, maximum] =
+        ["area", "minimum", "mean", "maximum"].map(|key| floor[key].as_f64().expect("a number"));
+    assert!((area - 8.0).abs() < 1e-4 && 0.0 < minimum && minimum < mean && mean < maximum, "{floor}");
+    let is_dark_back = |s: &serde_json::Value| s["side"] == "back" && s["maximum"] == 0.0;
+    assert!(!surfaces.as_array().expect("a list").iter().any(is_dark_back), "{surfaces}");
+    let page = std::fs::read_to_string(scratch.path("s/solution.html")).expect("a page");
+    for words in ["Light by surface", ">floor</td>", "mean lx", "area m²"] {
+        assert!(page.contains(words), "{words}");
+    }
+    // Points alone need no elements, whose light would be none.
+    done(&scratch.mrvis(&["solve", "hall.obj", "--out", "p", "--grid", "floor:1", "--audit", "0"]));
+    assert!(scratch.json("p/solution.json")["surfaces"].is_null());
+}
+
+#[test]
+fn reflectances_of_materials_are_listed() {
+    let scratch = hall();
+    let info = scratch.mrvis(&["info", "hall.obj", "--json", "i.json"]);
+    assert!(info.stdout.contains("0.400  0.400 0.500 0.300  grey"), "{}", info.stdout);
+    let grey = &scratch.json("i.json")["materials"][0];
+    let mean = grey["mean_reflectance"].as_f64().expect("a number");
+    assert!(grey["name"] == "grey" && (mean - 0.4).abs() < 1e-6, "{grey}");
 }
