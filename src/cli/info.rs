@@ -6,7 +6,7 @@ use crate::clusters::{self, Builder};
 use crate::{
     Result,
     error::{quote, shown},
-    scene::{Photometry, Scene},
+    scene::{Emitter, Photometry, Scene},
 };
 use serde_json::{Value, json};
 use std::{
@@ -182,9 +182,12 @@ fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std:
         };
         let power = s.power(e).map(round64).join(" ");
         let lumens = photometry.map_or(String::new(), |p| format!(", {} lm", round64(p.of(s.power(e)))));
+        let factors = factors(s, e).filter(|factors| *factors != [1.0; 2]).map_or(String::new(), |[d, m]| {
+            format!(", dimming {} and maintenance factor {} included", round64(d), round64(m))
+        });
         writeln!(
             out,
-            "  {:24} area {} {u}², width {} {u}, normal {normal}, power {power} W (RGB){lumens}",
+            "  {:24} area {} {u}², width {} {u}, normal {normal}, power {power} W (RGB){lumens}{factors}",
             quote(&e.name),
             round64(e.area),
             round(e.min_width),
@@ -195,6 +198,12 @@ fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std:
         writeln!(out, "  and {} more", s.emitters.len() - 20)?;
     }
     Ok(())
+}
+
+/// Dimming and maintenance factor of an emitter that is a luminaire.
+fn factors(s: &Scene, emitter: &Emitter) -> Option<[f64; 2]> {
+    let material = s.triangle_material[*emitter.triangles.first()? as usize];
+    Some(s.materials[material as usize].profile.as_ref()?.factors)
 }
 
 /// Reflectances, the materials of the largest area first.
@@ -325,10 +334,15 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
         .emitters
         .iter()
         .map(|e| {
-            json!({
+            let mut emitter = json!({
                 "name": e.name, "triangles": e.triangles.len(), "area": e.area, "normal": e.normal.to_array(),
                 "min_width": e.min_width, "radiance": e.emission, "power_w": s.power(e),
-            })
+            });
+            if let Some([dimming, maintenance]) = factors(s, e) {
+                emitter["dimming"] = dimming.into();
+                emitter["maintenance"] = maintenance.into();
+            }
+            emitter
         })
         .collect();
     let objects: Vec<Value> =

@@ -39,6 +39,10 @@ struct Entry {
     c0: Option<[f64; 3]>,
     /// Luminous flux that replaces that of the file, lm.
     flux: Option<Spanned<f64>>,
+    /// Part of the flux to which the luminaire is dimmed.
+    dimming: Option<Spanned<f64>>,
+    /// Maintenance factor: part of the flux that is left before the next service.
+    maintenance: Option<Spanned<f64>>,
 }
 
 impl Entry {
@@ -56,6 +60,16 @@ impl Entry {
         if flux <= 0.0 {
             return Err((self.file.span().start, "the table of this file sums to no light"));
         }
+        let is_part = |part: &Spanned<f64>| (0.0..=1.0).contains(part.get_ref()) && *part.get_ref() > 0.0;
+        for (part, what) in [
+            (&self.dimming, "`dimming` must be above 0 and at most 1"),
+            (&self.maintenance, "`maintenance` must be above 0 and at most 1"),
+        ] {
+            if let Some(part) = part.as_ref().filter(|part| !is_part(part)) {
+                return Err((part.span().start, what));
+            }
+        }
+        let factors = [self.dimming, self.maintenance].map(|part| part.map_or(1.0, Spanned::into_inner));
         let scale = match self.flux {
             Some(lm) if (0.0..=MAX_LUMENS).contains(lm.get_ref()) && *lm.get_ref() > 0.0 => {
                 lm.get_ref() / flux
@@ -64,7 +78,8 @@ impl Entry {
             None => 1.0,
         };
         let stem = || self.file.get_ref().file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(PlacedLuminaire { name: self.name.unwrap_or_else(stem), luminaire, at, axes, scale })
+        let name = self.name.unwrap_or_else(stem);
+        Ok(PlacedLuminaire { name, luminaire, at, axes, scale, factors })
     }
 }
 
@@ -152,7 +167,7 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
     let (low, high) = places.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
     let extent = (high - low).length();
     for placed in &options.luminaires.list {
-        let PlacedLuminaire { name, luminaire, at, axes, scale } = placed.clone();
+        let PlacedLuminaire { name, luminaire, at, axes, scale, factors } = placed.clone();
         // Once for each file.
         if let Some(note) = luminaire.note.as_ref().filter(|_| noted.insert(Arc::as_ptr(&luminaire))) {
             soup.repairs.messages.push(format!("luminaire `{}`: {note}", quote(&name)));
@@ -168,7 +183,8 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
         };
         let size = luminaire.opening.map(|v| v / metres);
         let distribution = luminaire.distribution.clone();
-        Lamp { name: free, at, axes, size, distribution, scale, colour: [1.0; 3] }.add(soup, extent, options);
+        Lamp { name: free, at, axes, size, distribution, scale, factors, colour: [1.0; 3] }
+            .add(soup, extent, options);
     }
 }
 
@@ -182,8 +198,9 @@ pub(super) struct Lamp {
     /// Length along C = 0, width along C = 90° and height, scene units.
     pub size: [f64; 3],
     pub distribution: Distribution,
-    /// Factor of all intensities.
+    /// Factor of all intensities, besides dimming and maintenance factor.
     pub scale: f64,
+    pub factors: [f64; 2],
     /// Factors of the channels.
     pub colour: [f64; 3],
 }
@@ -202,11 +219,12 @@ impl Lamp {
         let object = soup.object(&self.name);
         let area = length * width * metres * metres;
         for (half, flux) in halves.into_iter().enumerate().filter(|(_, f)| *f > DARK_HALF * total) {
-            let watts = flux * self.scale / options.photometry.lumens_per_watt;
+            let [dimming, maintenance] = self.factors;
+            let watts = flux * self.scale * dimming * maintenance / options.photometry.lumens_per_watt;
             let radiance = watts / (std::f64::consts::PI * area);
             let name = if half == 0 { self.name.clone() } else { format!("{} (back)", self.name) };
             let material = soup.material(SoupMaterial {
-                profile: Some(Arc::new(Profile::new(distribution.clone(), self.axes, flux))),
+                profile: Some(Arc::new(Profile::new(distribution.clone(), self.axes, flux, self.factors))),
                 ..SoupMaterial::light(name, self.colour.map(|c| (c * radiance) as f32))
             });
             let (centre, u, v) = match half {

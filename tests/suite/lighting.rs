@@ -101,3 +101,24 @@ fn reflectances_of_materials_are_listed() {
     let mean = grey["mean_reflectance"].as_f64().expect("a number");
     assert!(grey["name"] == "grey" && (mean - 0.4).abs() < 1e-6, "{grey}");
 }
+
+#[test]
+fn luminaires_are_dimmed_and_age() {
+    let scratch = hall();
+    scratch.write("lamp.ies", "TILT=NONE\n1 -1 1 2 1 1 2 0.1 0.1 0\n1 1 20\n0 90\n0\n100 100\n");
+    let lamp = "[[luminaire]]\nfile = \"lamp.ies\"\nat = [2, 1, 1]\naim = [0, 0, -1]\n";
+    scratch
+        .write("lum.toml", format!("{lamp}{}dimming = 0.5\nmaintenance = 0.8\n", lamp.replace("[2,", "[3,")));
+    let info = ["info", "hall.obj", "--luminaires", "lum.toml", "--photometric", "--json", "i.json"];
+    let info = scratch.mrvis(&info);
+    done(&info);
+    let words = "dimming 0.5 and maintenance factor 0.8 included";
+    assert_eq!(info.stdout.matches(words).count(), 1, "{}", info.stdout);
+    let emitters = &scratch.json("i.json")["emitters"];
+    let flux = |k: usize| emitters[k]["flux_lm"].as_f64().expect("a flux");
+    assert!((flux(2) / flux(1) - 0.4).abs() < 1e-6, "{emitters}");
+    assert!(
+        emitters[2]["dimming"] == 0.5 && emitters[2]["maintenance"] == 0.8 && emitters[1]["dimming"] == 1.0
+    );
+    assert!(emitters[0]["dimming"].is_null(), "a panel of the scene is no luminaire");
+}
