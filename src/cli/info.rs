@@ -1,5 +1,7 @@
 //! `mrvis info SCENE`: contents of a scene and its repairs.
 
+mod materials;
+
 use super::args::{Common, SceneArgs, grouped};
 use super::{cluster_args::ClusterArgs, flags::with_flags, inputs::Inputs};
 use crate::clusters::{self, Builder};
@@ -8,6 +10,7 @@ use crate::{
     error::{quote, shown},
     scene::{Emitter, Photometry, Scene},
 };
+use materials::{list_materials, reflectances};
 use serde_json::{Value, json};
 use std::{
     fmt::Write,
@@ -122,6 +125,8 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
         grouped(stored(s, |m| m.sheet_parts))
     )?;
     writeln!(out, "  size        {} x {} x {} {unit}", round(e.x), round(e.y), round(e.z))?;
+    let (up, from) = s.up_from();
+    writeln!(out, "  up          {} ({})", up.name(), from.words())?;
     writeln!(out, "  from        {} {} {}", round64(min.x), round64(min.y), round64(min.z))?;
     writeln!(out, "  to          {} {} {}", round64(max.x), round64(max.y), round64(max.z))?;
     if s.origin != glam::DVec3::ZERO {
@@ -204,40 +209,6 @@ fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std:
 fn factors(s: &Scene, emitter: &Emitter) -> Option<[f64; 2]> {
     let material = s.triangle_material[*emitter.triangles.first()? as usize];
     Some(s.materials[material as usize].profile.as_ref()?.factors)
-}
-
-/// Reflectances, the materials of the largest area first.
-fn list_materials(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
-    let materials = reflectances(s);
-    writeln!(out, "materials by area: reflectance, mean and RGB")?;
-    for (material, [r, g, b]) in materials.iter().take(limit) {
-        let mean = (r + g + b) / 3.0;
-        writeln!(out, "  {mean:>12.3}  {r:.3} {g:.3} {b:.3}  {}", quote(&s.materials[*material].name))?;
-    }
-    if materials.len() > limit {
-        writeln!(out, "  and {} more (--all)", materials.len() - limit)?;
-    }
-    Ok(())
-}
-
-/// Materials that faces have, with the reflectance of these faces in the mean over their area, that of textures included; by area in
-/// descending order. Faces of shared meshes count once.
-fn reflectances(s: &Scene) -> Vec<(usize, [f64; 3])> {
-    let mut sums = vec![[0.0; 4]; s.materials.len()];
-    for mesh in std::iter::once(s).chain(s.shared.iter().map(|mesh| mesh.as_ref())) {
-        for t in 0..mesh.triangles.len() {
-            let [a, b, c] = mesh.corners(t as u32).map(|p| p.as_dvec3());
-            let area = (b - a).cross(c - a).length();
-            // Shared meshes have the materials of the scene that places them.
-            let [r, g, b] = mesh.triangle_reflectance[t].map(f64::from);
-            if let Some(sum) = sums.get_mut(mesh.triangle_material[t] as usize) {
-                sum.iter_mut().zip([area, area * r, area * g, area * b]).for_each(|(sum, part)| *sum += part);
-            }
-        }
-    }
-    let mut order: Vec<usize> = (0..sums.len()).filter(|&m| sums[m][0] > 0.0).collect();
-    order.sort_by(|&a, &b| sums[b][0].total_cmp(&sums[a][0]));
-    order.into_iter().map(|m| (m, [1, 2, 3].map(|c| sums[m][c] / sums[m][0]))).collect()
 }
 
 fn list_objects(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
@@ -361,7 +332,7 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
         "closed_parts": stored(s, |m| m.closed_parts), "sheet_parts": stored(s, |m| m.sheet_parts),
         "clusters": clusters, "levels": levels, "large_surface_triangles": large, "builder": builder,
         "origin": s.origin.to_array(), "min": bounds.min.to_array(), "max": bounds.max.to_array(),
-        "two_sided_emission": s.two_sided_emission, "up": s.up_axis(),
+        "two_sided_emission": s.two_sided_emission, "up": s.up_axis(), "up_from": s.up_from().1.words(),
         "files": s.files, "files_outside": outside(s),
     });
     if !s.placements.is_empty() {

@@ -1,6 +1,7 @@
 //! Luminaires: plane emitters with an intensity distribution, placed in a scene.
 
 use super::load_options::{PlacedLuminaire, Placements};
+use super::names::counted;
 use super::profile::{Distribution, Profile, axes};
 use super::read_luminaire::{Luminaire, read};
 use super::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial, power::unit_in_metres};
@@ -24,6 +25,12 @@ const MIN_THICKNESS: f64 = 1e-2;
 /// The same relative to the extent of the scene: ten times the height up to which faces count as coplanar, 8 × 2⁻²³ = 1e-6, so that
 /// neither plate hides the other.
 const MIN_SEPARATION: f64 = 1e-5;
+
+/// Illuminance of a clear night with a quarter moon, lx.
+const NIGHT: f64 = 0.01;
+/// Illuminances of lit rooms and halls, lx, with room for a few lamps in the first and for spots in the second.
+const MIN_LUX: f64 = 1.0;
+const MAX_LUX: f64 = 1e5;
 
 /// A table `[[luminaire]]`.
 #[derive(serde::Deserialize)]
@@ -166,6 +173,7 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
     let places = soup.positions.iter().copied().chain(options.luminaires.list.iter().map(|placed| placed.at));
     let (low, high) = places.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
     let extent = (high - low).length();
+    let mut flux = 0.0;
     for placed in &options.luminaires.list {
         let PlacedLuminaire { name, luminaire, at, axes, scale, factors } = placed.clone();
         // Once for each file.
@@ -183,9 +191,31 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
         };
         let size = luminaire.opening.map(|v| v / metres);
         let distribution = luminaire.distribution.clone();
+        let emitted: f64 = distribution.halves().iter().sum();
+        flux += emitted * scale * factors[0] * factors[1];
         Lamp { name: free, at, axes, size, distribution, scale, factors, colour: [1.0; 3] }
             .add(soup, extent, options);
     }
+    if options.unit == "m" {
+        soup.repairs.messages.extend(too_large(high - low, flux, options.luminaires.list.len()));
+    }
+}
+
+/// A question if the luminaires light less than a clear night does, and would light a room well if the lengths were millimetres. `extents`:
+/// those of the scene, m; `flux`: that of its luminaires, lm.
+fn too_large(extents: DVec3, flux: f64, luminaires: usize) -> Option<String> {
+    let mut sides = extents.to_array();
+    sides.sort_by(f64::total_cmp);
+    let [height, width, length] = sides;
+    let lux = flux / (width * length);
+    // Terrains are flatter than 1 km.
+    let is_a_room = height > 1000.0 && (MIN_LUX..MAX_LUX).contains(&(1e6 * lux));
+    (is_a_room && lux < NIGHT).then(|| {
+        let some = counted(luminaires, "luminaire");
+        format!(
+            "{some} of {flux:.0} lm in a scene of {length:.0} m x {width:.0} m, {lux:.1e} lx: is the file in millimetres? use option `unit` mm"
+        )
+    })
 }
 
 /// A small plane emitter with an intensity distribution.

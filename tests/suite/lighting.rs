@@ -122,3 +122,45 @@ fn luminaires_are_dimmed_and_age() {
     );
     assert!(emitters[0]["dimming"].is_null(), "a panel of the scene is no luminaire");
 }
+
+#[test]
+fn the_upward_axis_says_where_it_is_from() {
+    let scratch = hall();
+    let up = |more: &[&str]| {
+        let solve = ["solve", "hall.obj", "--out", "s", "--grid", "floor:2", "--direct-only", "--quiet"];
+        done(&scratch.mrvis(&[&solve[..], more].concat()));
+        let record = scratch.json("s/solution.json");
+        format!("{} {}", record["scene"]["up"], record["scene"]["up_from"]).replace('"', "")
+    };
+    assert_eq!(up(&[]), "z guessed from the direction of most light");
+    assert_eq!(up(&["--up", "y"]), "y given");
+    assert_eq!(up(&["--emitter", "lamp=0"]), "z guessed from the extents");
+    let info = scratch.mrvis(&["info", "hall.obj", "--emitter", "lamp=0", "--json", "i.json"]);
+    assert!(info.stdout.contains("up          z (guessed from the extents)"), "{}", info.stdout);
+    assert_eq!(scratch.json("i.json")["scene"]["up_from"], "guessed from the extents");
+    let solved = scratch.mrvis(&["solve", "hall.obj", "--out", "s", "--grid", "floor:2", "--direct-only"]);
+    assert!(
+        solved.stdout.contains("z up (guessed from the direction of most light; --up"),
+        "{}",
+        solved.stdout
+    );
+}
+
+#[test]
+fn rooms_in_millimetres_are_questioned() {
+    let scratch = Scratch::new();
+    scratch.write("lamp.ies", "TILT=NONE\n1 -1 1 2 1 1 2 0.1 0.1 0\n1 1 20\n0 90\n0\n900 900\n");
+    scratch.write("lum.toml", "[[luminaire]]\nfile = \"lamp.ies\"\nat = [1, 1, 2]\naim = [0, 0, -1]\n");
+    let room = |size: f64| {
+        let corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1]];
+        let lines = corners.map(|corner| {
+            let [x, y, z] = corner.map(|c| size * f64::from(c));
+            format!("v {x} {y} {z}\n")
+        });
+        scratch.write("room.obj", lines.concat() + "f 1 2 3 4\nf 1 5 6 2\n");
+        scratch.mrvis(&["info", "room.obj", "--luminaires", "lum.toml"]).stdout
+    };
+    assert!(room(3000.0).contains("is the file in millimetres? use --unit mm"), "{}", room(3000.0));
+    // A room of 3 m, and a hall of 100 m.
+    assert!(!room(3.0).contains("millimetres") && !room(100.0).contains("millimetres"));
+}
