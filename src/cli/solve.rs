@@ -345,7 +345,7 @@ fn write(
     };
     let with_points = args.has_points();
     let pixels = args.outputs.pixels(with_points);
-    let Written { files, views } = args.outputs.write(
+    let Written { files, views, notes: of_files } = args.outputs.write(
         &args.common,
         (scene, photometry),
         &mesh,
@@ -354,7 +354,8 @@ fn write(
         (&gather, &watch.for_files(pixels, mesh.elements.len())),
     )?;
     watch.bar.finish();
-    let notes = notes.into_inner();
+    let mut notes = notes.into_inner();
+    notes.extend(of_files);
     if !notes.is_empty() {
         record.compared.record.warnings.extend(notes);
         save(&record)?;

@@ -13,6 +13,14 @@ const BEYOND: [f64; 2] = [0.03, 0.005];
 /// Colour of pixels without a surface.
 pub(super) const NOTHING: [u8; 3] = [128; 3];
 
+/// Width of the strips of a hatching, pixels.
+const STRIP: usize = 4;
+
+/// Colour of a pixel of a surface that emits, in column and row: black and white strips, unlike all bands.
+pub(super) fn hatched([column, row]: [usize; 2]) -> [u8; 3] {
+    if ((column + row) / STRIP).is_multiple_of(2) { [255; 3] } else { [40; 3] }
+}
+
 /// Bands of values between round limits.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Bands {
@@ -53,8 +61,8 @@ impl Bands {
         Picture { width, height: pixels.len() / width.max(1), pixels }
     }
 
-    /// The colours with their ranges, below a heading.
-    pub(super) fn legend(&self, heading: &str) -> Markup {
+    /// The colours with their ranges, below a heading; the hatching of emitters if they are seen.
+    pub(super) fn legend(&self, heading: &str, with_emitters: bool) -> Markup {
         let range = |band: usize| {
             let limit = |k: usize| number(self.limits[k]);
             match band {
@@ -70,6 +78,7 @@ impl Bands {
                     div { (swatch(self.colour(band))) span { (range(band)) } }
                 }
                 div { (swatch(NOTHING)) span { "no surface" } }
+                @if with_emitters { div { span.swatch.emitter {} span { "emits light" } } }
             }
         }
     }

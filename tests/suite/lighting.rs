@@ -164,3 +164,33 @@ fn rooms_in_millimetres_are_questioned() {
     // A room of 3 m, and a hall of 100 m.
     assert!(!room(3.0).contains("millimetres") && !room(100.0).contains("millimetres"));
 }
+
+/// A pixel that a lamp touches is not as bright as the lamp.
+#[test]
+fn edges_of_bright_faces_are_smooth() {
+    let scratch = hall();
+    let solve =
+        ["solve", "hall.obj", "--out", "s", "--output", "image", "--image-size", "160x120", "--audit", "0"];
+    done(&scratch.mrvis(&[&solve[..], &["--error", "0.2", "--camera", "0,-5,1.2,2,1,1,50"]].concat()));
+    let picture = image::open(scratch.path("s/view.png")).expect("a picture").to_luma8();
+    // The lamp is above the middle, before nothing.
+    let lamp: Vec<u8> = picture.enumerate_pixels().filter(|(_, y, _)| *y < 60).map(|(.., p)| p[0]).collect();
+    let count = |range: std::ops::RangeInclusive<u8>| lamp.iter().filter(|v| range.contains(v)).count();
+    assert!(count(250..=255) > 20, "the lamp is seen");
+    assert!(count(30..=210) > 10, "{} pixels between black and white", count(30..=210));
+}
+
+#[test]
+fn a_camera_that_sees_nothing_says_so() {
+    let scratch = hall();
+    let solve =
+        ["solve", "hall.obj", "--out", "s", "--output", "image", "--image-size", "16x12", "--audit", "0"];
+    let solve = |camera| scratch.mrvis(&[&solve[..], &["--error", "0.2", "--camera", camera]].concat());
+    let away = solve("2,-5,1,2,-9,1,50");
+    done(&away);
+    let words =
+        "view.png at 2, -5, 1 sees no surface: the scene reaches from 0, 0, 0 to 7, 2, 2; give --camera";
+    assert!(away.stdout.contains(words), "{}", away.stdout);
+    assert!(scratch.json("s/solution.json")["warnings"].to_string().contains(words));
+    assert!(!solve("2,-5,1,2,1,1,50").stdout.contains("sees no surface"));
+}

@@ -23,7 +23,7 @@ pub fn summary(reported: &Reported) -> String {
         grouped(r.exact_rays as usize)
     );
     if r.scene.up_from.starts_with("guessed") {
-        let _ = writeln!(text, "{} up ({}; --up y or --up z states it)", r.scene.up, r.scene.up_from);
+        let _ = writeln!(text, "{} up ({}; --up y or --up z sets it)", r.scene.up, r.scene.up_from);
     }
     if r.unlit.sides > 0 {
         let _ = writeln!(
