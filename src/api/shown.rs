@@ -323,7 +323,7 @@ impl Solution {
                 if progress.stopped() {
                     return Err(stopped("the page"));
                 }
-                views.push(PageView::of(&camera, SIZE[0], &frame));
+                views.push(PageView::of(&stage, &inner.mesh, (&camera, SIZE), &frame));
             }
             export::solve_page(&inner.record, (inner.scene(), None, &inner.mesh), &views, "")
         })?

@@ -20,8 +20,9 @@ const GROUPS: [(&str, &[&str]); 3] = [
 ];
 
 /// Options of `solve` that only `mrvis help solve` lists.
-const ADVANCED: [&str; 20] = [
+const ADVANCED: [&str; 21] = [
     "builder",
+    "cache",
     "compare",
     "feature_sizes",
     "gather_rays",

@@ -1,13 +1,16 @@
 //! `mrvis info SCENE`: contents of a scene and its repairs.
 
+mod materials;
+
 use super::args::{Common, SceneArgs, grouped};
 use super::{cluster_args::ClusterArgs, flags::with_flags, inputs::Inputs};
 use crate::clusters::{self, Builder};
 use crate::{
     Result,
     error::{quote, shown},
-    scene::{Photometry, Scene},
+    scene::{Emitter, Photometry, Scene},
 };
+use materials::{list_materials, reflectances};
 use serde_json::{Value, json};
 use std::{
     fmt::Write,
@@ -67,6 +70,7 @@ fn text(
     let _ = summary(&mut out, scene, seconds)
         .and_then(|()| clusters(&mut out, counts))
         .and_then(|()| emitters(&mut out, scene, photometry))
+        .and_then(|()| list_materials(&mut out, scene, objects))
         .and_then(|()| list_objects(&mut out, scene, objects))
         .and_then(|()| list_meshes(&mut out, scene, objects))
         .and_then(|()| outside_files(&mut out, scene))
@@ -121,6 +125,8 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
         grouped(stored(s, |m| m.sheet_parts))
     )?;
     writeln!(out, "  size        {} x {} x {} {unit}", round(e.x), round(e.y), round(e.z))?;
+    let (up, from) = s.up_from();
+    writeln!(out, "  up          {} ({})", up.name(), from.words())?;
     writeln!(out, "  from        {} {} {}", round64(min.x), round64(min.y), round64(min.z))?;
     writeln!(out, "  to          {} {} {}", round64(max.x), round64(max.y), round64(max.z))?;
     if s.origin != glam::DVec3::ZERO {
@@ -181,9 +187,12 @@ fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std:
         };
         let power = s.power(e).map(round64).join(" ");
         let lumens = photometry.map_or(String::new(), |p| format!(", {} lm", round64(p.of(s.power(e)))));
+        let factors = factors(s, e).filter(|factors| *factors != [1.0; 2]).map_or(String::new(), |[d, m]| {
+            format!(", dimming {} and maintenance factor {} included", round64(d), round64(m))
+        });
         writeln!(
             out,
-            "  {:24} area {} {u}², width {} {u}, normal {normal}, power {power} W (RGB){lumens}",
+            "  {:24} area {} {u}², width {} {u}, normal {normal}, power {power} W (RGB){lumens}{factors}",
             quote(&e.name),
             round64(e.area),
             round(e.min_width),
@@ -194,6 +203,12 @@ fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std:
         writeln!(out, "  and {} more", s.emitters.len() - 20)?;
     }
     Ok(())
+}
+
+/// Dimming and maintenance factor of an emitter that is a luminaire.
+fn factors(s: &Scene, emitter: &Emitter) -> Option<[f64; 2]> {
+    let material = s.triangle_material[*emitter.triangles.first()? as usize];
+    Some(s.materials[material as usize].profile.as_ref()?.factors)
 }
 
 fn list_objects(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
@@ -290,14 +305,26 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
         .emitters
         .iter()
         .map(|e| {
-            json!({
+            let mut emitter = json!({
                 "name": e.name, "triangles": e.triangles.len(), "area": e.area, "normal": e.normal.to_array(),
                 "min_width": e.min_width, "radiance": e.emission, "power_w": s.power(e),
-            })
+            });
+            if let Some([dimming, maintenance]) = factors(s, e) {
+                emitter["dimming"] = dimming.into();
+                emitter["maintenance"] = maintenance.into();
+            }
+            emitter
         })
         .collect();
     let objects: Vec<Value> =
         face_counts(s).iter().map(|&(i, n)| json!({ "name": s.objects[i].name, "triangles": n })).collect();
+    let materials: Vec<Value> = reflectances(s)
+        .into_iter()
+        .map(|(m, rgb)| {
+            let mean = rgb.iter().sum::<f64>() / 3.0;
+            json!({ "name": s.materials[m].name, "reflectance": rgb, "mean_reflectance": mean })
+        })
+        .collect();
     let bounds = s.world_bounds();
     let mut scene = json!({
         "path": s.path, "triangles": s.triangles.len(), "vertices": stored(s, |m| m.positions.len()),
@@ -305,7 +332,7 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
         "closed_parts": stored(s, |m| m.closed_parts), "sheet_parts": stored(s, |m| m.sheet_parts),
         "clusters": clusters, "levels": levels, "large_surface_triangles": large, "builder": builder,
         "origin": s.origin.to_array(), "min": bounds.min.to_array(), "max": bounds.max.to_array(),
-        "two_sided_emission": s.two_sided_emission, "up": s.up_axis(),
+        "two_sided_emission": s.two_sided_emission, "up": s.up_axis(), "up_from": s.up_from().1.words(),
         "files": s.files, "files_outside": outside(s),
     });
     if !s.placements.is_empty() {
@@ -327,6 +354,7 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
         "build": { "load_s": seconds },
         "emitters": emitters,
         "objects": objects,
+        "materials": materials,
         "repairs": s.repairs,
     })
 }

@@ -8,6 +8,7 @@ use crate::{
         developed, picture, suitable_lightmap, write_glb, write_lightmap_mesh, write_ply, write_vtu,
     },
     image_io::{Picture, write_exr_rgb, write_png},
+    plot::number,
     points::Point,
     progress::Progress,
     radiosity::mesh::RadiosityMesh,
@@ -66,6 +67,8 @@ pub struct Written {
     pub files: Vec<PathBuf>,
     /// Pictures, one per camera.
     pub views: Vec<PageView>,
+    /// Notes for the user.
+    pub notes: Vec<String>,
 }
 
 /// The files of a folder that are written unless the caller stops.
@@ -75,6 +78,8 @@ struct Files<'a> {
     progress: &'a dyn Progress,
     /// Paths of the files so far.
     written: Vec<PathBuf>,
+    /// Notes for the user about them.
+    notes: Vec<String>,
 }
 
 impl Files<'_> {
@@ -134,7 +139,7 @@ impl Outputs {
         (irradiance, progress): (Gather, &dyn Progress),
     ) -> Result<Written> {
         let wants = |kind| self.wants(kind, with_points);
-        let mut files = Files { common, folder, progress, written: Vec::new() };
+        let mut files = Files { common, folder, progress, written: Vec::new(), notes: Vec::new() };
         if wants(Kind::Vtu) {
             let _spinner = common.spinner("writing solution.vtu");
             let file = files.path("solution.vtu");
@@ -143,7 +148,7 @@ impl Outputs {
         }
         let mut views = Vec::new();
         if !KINDS.into_iter().any(|kind| kind != Kind::Vtu && wants(kind)) {
-            return Ok(Written { files: files.written, views });
+            return Ok(Written { files: files.written, views, notes: files.notes });
         }
         let spinner = common.spinner("smoothing");
         let mesh = Mesh::new_unless(solution, progress);
@@ -165,7 +170,7 @@ impl Outputs {
             let wants_images = wants(Kind::Image);
             views = self.write_views(&mut files, (&mesh, solution), scene, wants_images, irradiance)?;
         }
-        Ok(Written { files: files.written, views })
+        Ok(Written { files: files.written, views, notes: files.notes })
     }
 
     /// The lightmap, in the texture coordinates of the file if they are suitable.
@@ -223,7 +228,10 @@ impl Outputs {
                 continue;
             }
             let width = self.image_size[0];
-            let view = PageView::of(camera, width, &frame);
+            if frame.first.iter().all(Option::is_none) {
+                files.notes.push(self.sees_nothing(camera, scene));
+            }
+            let view = PageView::of(&stage, solution, (camera, self.image_size), &frame);
             if wants_images {
                 let name = |kind| format!("{}.{kind}", camera.name);
                 files.write(&name("exr"), |path| write_exr_rgb(path, width, &frame.radiance, progress))?;
@@ -234,6 +242,24 @@ impl Outputs {
             }
         }
         Ok(views)
+    }
+
+    /// The note on a camera that no surface is in front of.
+    fn sees_nothing(&self, camera: &Camera, scene: &Scene) -> String {
+        let bounds = scene.world_bounds();
+        let [low, high] = [bounds.min, bounds.max].map(|corner| {
+            let corner = scene.origin + corner.as_dvec3();
+            corner.to_array().map(number).join(", ")
+        });
+        let eye = (scene.origin + camera.eye.as_dvec3()).to_array().map(number).join(", ");
+        let cure = match self.camera {
+            Some(_) => "give --camera another target, or leave it out for an automatic one",
+            None => "give one with --camera",
+        };
+        format!(
+            "the camera of {}.png at {eye} sees no surface: the scene reaches from {low} to {high}; {cure}",
+            camera.name
+        )
     }
 
     /// Pixels of the largest image that is written.

@@ -1,6 +1,7 @@
 //! `mrvis solve SCENE --out DIR`: light in a scene.
 
 mod at_points;
+mod grids;
 mod luminous;
 mod scaling;
 pub mod sizes;
@@ -16,8 +17,9 @@ use super::outputs::{Outputs, Written};
 use super::progress::Bar;
 use super::writable::check_folder;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
-use crate::export::solve_page;
+use crate::export::{solve_page, surfaces};
 use crate::files::{WholeFile, json_text};
+use crate::image_io::{Picture, write_png};
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
 use crate::radiosity::{
@@ -27,6 +29,7 @@ use crate::scene::{Scene, StoredCamera};
 use crate::{Error, Result};
 use at_points::AtPoints;
 use glam::DVec3;
+use grids::{GridArg, Grids};
 use luminous::{Luminous, Reported};
 use scaling::scaling;
 use std::cell::RefCell;
@@ -39,6 +42,7 @@ use watch::{Watch, prepare};
 /// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
 #[derive(clap::Args, Debug)]
 #[command(mut_arg("scene", |a| a.required(false).required_unless_present("scaling")))]
+#[command(group = clap::ArgGroup::new("measured").args(["points", "grids"]).multiple(true))]
 pub struct Args {
     #[command(flatten)]
     scene: Option<SceneArgs>,
@@ -52,6 +56,11 @@ pub struct Args {
     /// Points x,y,z,nx,ny,nz for irradiance.csv.
     #[arg(long, value_name = "FILE.csv")]
     points: Option<PathBuf>,
+    /// A regular grid of points over a plane surface (repeatable): SURFACE:SPACING or SURFACE:SPACING:HEIGHT; an object, group or material
+    /// (of a solid the faces that look up), points at most SPACING apart and HEIGHT above it, in scene units. Writes irradiance.csv as
+    /// --points does and grid-SURFACE.png; minimum, mean, maximum and uniformity are in the summary.
+    #[arg(long = "grid", value_name = "SURFACE:SPACING")]
+    grids: Vec<GridArg>,
     /// Direct light only at points.
     #[arg(long)]
     direct_only: bool,
@@ -70,8 +79,8 @@ pub struct Args {
     /// Engine for visibility.
     #[arg(long, value_enum, default_value = "exact")]
     visibility: Engine,
-    /// Solve again with this engine and report times of both and the difference at the points; needs --points.
-    #[arg(long, value_enum, value_name = "ENGINE", requires = "points")]
+    /// Solve again with this engine and report times of both and the difference at the points; needs --points or --grid.
+    #[arg(long, value_enum, value_name = "ENGINE", requires = "measured")]
     compare: Option<Engine>,
     /// Feature size in scene units: smaller shadows may be averaged [default: each receiver's diameter]. With
     /// --importance or --importance-camera it is up to 7 times larger on surfaces that matter only by the light they
@@ -175,6 +184,13 @@ impl From<Engine> for Visibility {
     }
 }
 
+impl Args {
+    /// Whether light at points is asked for.
+    fn has_points(&self) -> bool {
+        self.points.is_some() || !self.grids.is_empty()
+    }
+}
+
 /// Options of the solver. The views of cameras are added when the scene is loaded.
 fn options(args: &Args) -> Result<Options> {
     Ok(Options {
@@ -200,14 +216,14 @@ fn options(args: &Args) -> Result<Options> {
         views: Vec::new(),
         audit: args.audit,
         direct_only: args.direct_only,
-        elements: args.outputs.need_elements(args.points.is_some()) || args.target_error.is_some(),
+        elements: args.outputs.need_elements(args.has_points()) || args.target_error.is_some(),
         light_rays: args.light_rays,
         gather_rays: args.gather_rays,
         local_rays: args.local_rays,
         step_seconds: args.step_seconds,
         max_seconds: args.max_seconds,
         seconds_spent: 0.0,
-        more_points: args.outputs.gathers(args.points.is_some()),
+        more_points: args.outputs.gathers(args.has_points()),
         target_error: args.target_error,
         max_links: args.max_links,
         builder: args.clusters.builder,
@@ -246,14 +262,17 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     };
     let _folder = args.mpi.on_first(|| check_folder(out))?;
     args.common.check_json()?;
-    let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
+    let mut points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
     let scene = scene.load_flat(&args.common)?;
+    let grids = Grids::of(&args.grids, &scene)?;
+    points.extend(grids.points());
     let read = scene.files.iter().chain(&args.points).chain(&args.feature_sizes);
     let inputs = Inputs::of(read.map(PathBuf::as_path));
-    let mut written = args.outputs.names(&scene, args.points.is_some());
+    let mut written = args.outputs.names(&scene, args.has_points());
     written.push("solution.json".into());
-    written.extend(args.points.as_ref().map(|_| "irradiance.csv".into()));
+    written.extend(args.has_points().then(|| "irradiance.csv".into()));
+    written.extend(grids.pictures());
     args.common.check_outputs(&inputs, Output::within("--out", out, written))?;
     if args.importance_camera {
         options.views = views(&scene, args.outputs.camera)?;
@@ -277,7 +296,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let met = outcome.record.target_met != Some(false);
-    write(args, out, &points, (outcome, versus, load), (&solution, &watch))?;
+    write(args, out, (&points, &grids), (outcome, versus, load), (&solution, &watch))?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
@@ -285,7 +304,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
 fn write(
     args: &Args,
     out: &Path,
-    points: &[Point],
+    (points, grids): (&[Point], &Grids),
     (outcome, versus, load): (Outcome, Option<Versus>, f64),
     (solution, watch): (&Solution, &Watch),
 ) -> Result<()> {
@@ -297,29 +316,36 @@ fn write(
     }
     record.warnings.iter_mut().for_each(|warning| *warning = with_flags(warning));
     let photometric = photometry.map(|p| Luminous::of(p, &record));
+    let scene = solution.model().scene();
+    let surfaces = if record.options.elements { surfaces(scene, photometry, &mesh) } else { Vec::new() };
     let compared = ComparedRecord { record, versus };
-    let at_points = AtPoints::of(&irradiance, photometry);
-    let mut record = Reported { compared, photometric, at_points, sharing: args.mpi.sharing() };
+    let (of_file, of_grids) = irradiance.split_at(points.len() - grids.points().count());
+    let at_points = AtPoints::of(of_file, photometry);
+    let (measured, pictures): (_, Vec<Picture>) = grids.measured(of_grids, photometry).into_iter().unzip();
+    let sharing = args.mpi.sharing();
+    let mut record = Reported { compared, photometric, at_points, grids: measured, surfaces, sharing };
     let save = |record: &Reported| {
         let path = out.join("solution.json");
         let text = json_text(record).map_err(|e| Error::format(&path, None, e.to_string()))?;
         WholeFile::write(&path, text)
     };
     save(&record)?;
-    if args.points.is_some() {
+    if args.has_points() {
         let file = Irradiance { points: points.to_vec(), values: irradiance, standard_errors: Vec::new() };
         let lux = |rgb| photometry.unwrap_or_default().of(rgb);
         write_irradiance(&out.join("irradiance.csv"), &file, photometry.map(|_| &lux as _))?;
     }
+    let mut written: Vec<PathBuf> = grids.pictures().into_iter().map(|name| out.join(name)).collect();
+    written.iter().zip(&pictures).try_for_each(|(path, picture)| write_png(path, picture))?;
     let notes = RefCell::new(Vec::new());
     let gather = |points: &[Point], part: f64| {
         let PointLight { irradiance, note } = solution.irradiance_within(points, part, watch);
         notes.borrow_mut().extend(note.map(|note| with_flags(&note)));
         irradiance
     };
-    let (scene, with_points) = (solution.model().scene(), args.points.is_some());
+    let with_points = args.has_points();
     let pixels = args.outputs.pixels(with_points);
-    let Written { mut files, views } = args.outputs.write(
+    let Written { files, views, notes: of_files } = args.outputs.write(
         &args.common,
         (scene, photometry),
         &mesh,
@@ -328,19 +354,21 @@ fn write(
         (&gather, &watch.for_files(pixels, mesh.elements.len())),
     )?;
     watch.bar.finish();
-    let notes = notes.into_inner();
+    let mut notes = notes.into_inner();
+    notes.extend(of_files);
     if !notes.is_empty() {
         record.compared.record.warnings.extend(notes);
         save(&record)?;
     }
+    written.extend(files);
     if args.outputs.wants_page() {
         let page = solve_page(&record.compared.record, (scene, photometry, &mesh), &views, &command_line())?;
-        files.push(out.join("solution.html"));
-        WholeFile::write(&files[files.len() - 1], page)?;
+        written.push(out.join("solution.html"));
+        WholeFile::write(&written[written.len() - 1], page)?;
     }
     args.common.write_json(&record)?;
     args.common.print(&summary(&record))?;
-    for file in files {
+    for file in written {
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }
     Ok(())

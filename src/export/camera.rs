@@ -178,6 +178,44 @@ impl<'a> Stage<'a> {
     }
 }
 
+impl Camera {
+    /// The direction of the ray through a place in a picture of so many columns and rows, in pixels from its upper left corner.
+    fn directions(&self, [width, height]: [usize; 2]) -> impl Fn(f32, f32) -> Vec3 {
+        let right = self.forward.cross(self.up).normalize();
+        let up = right.cross(self.forward);
+        let half = (0.5 * self.angle).tan();
+        let forward = self.forward;
+        move |x, y| {
+            let (u, v) = (2.0 * x / width as f32 - 1.0, 1.0 - 2.0 * y / height as f32);
+            (forward + right * (u * half * width as f32 / height as f32) + up * (v * half)).normalize()
+        }
+    }
+}
+
+/// Radiance at [`LANES`] places of a pixel, W/(m² sr); black where no surface is visible.
+pub(super) fn samples_of_pixel(
+    stage: &Stage,
+    camera: &Camera,
+    size: [usize; 2],
+    pixel: usize,
+) -> [[f32; 3]; LANES] {
+    /// Places along a side of the pixel.
+    const SIDE: usize = 4;
+    const { assert!(SIDE * SIDE == LANES) };
+    let direction = camera.directions(size);
+    let (column, row) = (pixel % size[0], pixel / size[0]);
+    let mut rays = Packet::EMPTY;
+    for lane in 0..LANES {
+        let within = |k: usize| (k as f32 + 0.5) / SIDE as f32;
+        let d = direction(column as f32 + within(lane % SIDE), row as f32 + within(lane / SIDE));
+        rays.set_ray(lane, camera.eye, d);
+    }
+    let met = stage.first(&rays);
+    std::array::from_fn(|lane| {
+        met[lane].map_or([0.0; 3], |(triangle, t)| stage.radiance(triangle, rays.point(lane, t)))
+    })
+}
+
 /// Renders a picture with `samples` × `samples` rays per pixel. Empty if `progress` has stopped.
 pub fn render(
     stage: &Stage,
@@ -187,13 +225,7 @@ pub fn render(
     progress: &dyn Progress,
 ) -> Frame {
     progress.stage("rendering", height as u64);
-    let right = camera.forward.cross(camera.up).normalize();
-    let up = right.cross(camera.forward);
-    let half = (0.5 * camera.angle).tan();
-    let direction = |x: f32, y: f32| {
-        let (u, v) = (2.0 * x / width as f32 - 1.0, 1.0 - 2.0 * y / height as f32);
-        (camera.forward + right * (u * half * width as f32 / height as f32) + up * (v * half)).normalize()
-    };
+    let direction = camera.directions([width, height]);
     let samples = samples.max(1);
     let share = 1.0 / (samples * samples) as f32;
     let step = 1.0 / samples as f32;

@@ -5,8 +5,13 @@
 //! share all vertices of a common edge, so that shape and colour have no cracks.
 
 mod camera;
+mod false_colours;
 mod gather;
 mod gltf;
+#[cfg(any(test, feature = "cli"))]
+mod grid_picture;
+#[cfg(any(test, feature = "cli"))]
+mod lettering;
 mod lightmap;
 mod mesh;
 mod picture;
@@ -22,11 +27,13 @@ mod vtu;
 pub use camera::{Camera, First, Frame, Stage, render};
 pub use gather::{light_of, visible_points};
 pub use gltf::write_glb;
+#[cfg(any(test, feature = "cli"))]
+pub use grid_picture::GridLight;
 pub use lightmap::{Lightmap, lightmap, write_lightmap_mesh};
 pub use mesh::Mesh;
 pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, bytes_per_pixel, developed, picture, suitable_lightmap};
 pub use ply::write_ply;
-pub use solve_page::{PageView, solve_page};
+pub use solve_page::{PageView, SurfaceLight, solve_page, surfaces};
 pub use tone::Tone;
 pub use unwrapped::unwrapped_lightmap;
 pub use view::{VIEW, best_view};

@@ -1,10 +1,14 @@
 //! Cameras and pictures as the command and users of the crate ask for them.
 
-use super::camera::Pixel;
+use super::camera::{Pixel, samples_of_pixel};
+use super::solve_page::Seen;
+use super::tone::luminance;
 use super::visible_points;
-use super::{Camera, Frame, Lightmap, PageView, Stage, Tone, light_of, lightmap, render, unwrapped_lightmap};
+use super::{
+    Camera, First, Frame, Lightmap, PageView, Stage, Tone, light_of, lightmap, render, unwrapped_lightmap,
+};
 use crate::Result;
-use crate::image_io::Picture;
+use crate::image_io::{Picture, linear_to_srgb};
 use crate::points::Point;
 use crate::progress::Progress;
 use crate::radiosity::mesh::RadiosityMesh;
@@ -106,10 +110,59 @@ pub fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
     Picture { width, height: light.len() / width.max(1), pixels }
 }
 
+/// Brightness of the screen, of 1, above which a face is bright: tone mapping leaves little of what the samples of a pixel on its edge
+/// differ by.
+const BRIGHT: f32 = 0.5;
+/// Ratio of luminances from which on neighbouring pixels have an edge between them.
+const EDGE: f32 = 2.0;
+
+/// The tone-mapped picture of a camera. On the edges of bright faces the colours of samples are averaged, not their light: a lamp
+/// that is a hundred times brighter than white would fill all pixels that it touches.
+fn smoothly_developed(stage: &Stage, (camera, size): (&Camera, [usize; 2]), frame: &Frame) -> Picture {
+    let light = &frame.radiance;
+    let mut picture = developed(size[0], light);
+    let tone = Tone::of(light.iter().copied());
+    let [columns, rows] = size;
+    let is_edge = |k: usize| {
+        let (x, y) = (k % columns, k / columns);
+        let (across, down) =
+            (x.saturating_sub(1)..(x + 2).min(columns), y.saturating_sub(1)..(y + 2).min(rows));
+        let around = down.flat_map(|y| across.clone().map(move |x| light[y * columns + x]));
+        let (darkest, brightest) = around.fold((light[k], light[k]), |(low, high), l| {
+            (
+                if luminance(l) < luminance(low) { l } else { low },
+                if luminance(l) > luminance(high) { l } else { high },
+            )
+        });
+        luminance(brightest) > EDGE * luminance(darkest) && luminance(tone.linear(brightest)) > BRIGHT
+    };
+    picture.pixels.par_iter_mut().enumerate().filter(|(k, _)| is_edge(*k)).for_each(|(k, colour)| {
+        let samples = samples_of_pixel(stage, camera, size, k).map(|light| tone.linear(light));
+        let mean: [f32; 3] =
+            std::array::from_fn(|c| samples.iter().map(|s| s[c]).sum::<f32>() / samples.len() as f32);
+        *colour = mean.map(|v| (linear_to_srgb(v) * 255.0).round() as u8);
+    });
+    picture
+}
+
 impl PageView {
     /// The picture of a camera on the page.
-    pub fn of(camera: &Camera, width: usize, frame: &Frame) -> PageView {
-        let irradiance = frame.first.iter().map(|f| f.map(|f| f.irradiance)).collect();
-        PageView { name: camera.name.clone(), picture: developed(width, &frame.radiance), irradiance }
+    pub fn of(
+        stage: &Stage,
+        solution: &RadiosityMesh,
+        (camera, size): (&Camera, [usize; 2]),
+        frame: &Frame,
+    ) -> PageView {
+        let emits = |f: &First| solution.elements[f.element as usize].exitance != [0.0; 3];
+        let seen = |f: &Option<First>| match f {
+            None => Seen::Nothing,
+            Some(f) if emits(f) => Seen::Emitter,
+            Some(f) => Seen::Surface(f.irradiance),
+        };
+        PageView {
+            name: camera.name.clone(),
+            picture: smoothly_developed(stage, (camera, size), frame),
+            seen: frame.first.iter().map(seen).collect(),
+        }
     }
 }

@@ -4,11 +4,12 @@
 //! right, and where the time went.
 
 mod audit;
-mod false_colours;
 mod flow;
+mod surfaces;
 #[cfg(test)]
 mod tests;
 
+use super::false_colours::{Bands, hatched};
 use crate::Result;
 use crate::image_io::Picture;
 use crate::page::{bytes, count, data_url, document, figure, file_name, percent, properties, seconds};
@@ -16,8 +17,8 @@ use crate::plot::number;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::{Record, Seconds};
 use crate::scene::{Photometry, Scene};
-use false_colours::Bands;
 use maud::{Markup, html};
+pub use surfaces::{SurfaceLight, surfaces};
 
 /// More notes than this are at the end of the page: the pictures come first.
 const SHORT_NOTES: usize = 3;
@@ -54,8 +55,19 @@ pub struct PageView {
     pub name: String,
     /// The tone-mapped picture.
     pub picture: Picture,
-    /// Irradiance by pixel, W/m²; `None` where no surface is visible.
-    pub irradiance: Vec<Option<[f32; 3]>>,
+    /// What each pixel shows.
+    pub seen: Vec<Seen>,
+}
+
+/// What a pixel shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Seen {
+    /// No surface.
+    Nothing,
+    /// A surface that emits: what it receives is not to be seen.
+    Emitter,
+    /// A surface with this irradiance, W/m².
+    Surface([f32; 3]),
 }
 
 /// The page as HTML, in lux with `photometry`. `command` is the command line that repeats the run, if there is one.
@@ -80,6 +92,7 @@ pub fn solve_page(
             h2 { "Where the light goes" }
             (flow::section(&record.ledger, shown, scene, solution))
         }
+        (surfaces::section(scene, shown, solution))
         (audit::section(record)?)
         section {
             h2 { "Where the time goes" }
@@ -148,14 +161,22 @@ fn notes(record: &Record) -> Markup {
 }
 
 fn pictures(views: &[PageView], shown: Shown) -> Result<Markup> {
-    let light = |view: &PageView| -> Vec<Option<f32>> {
-        view.irradiance.iter().map(|e| e.map(|e| shown.of(e.map(f64::from)) as f32)).collect()
+    let light = |seen: &Seen| match seen {
+        Seen::Surface(e) => Some(shown.of(e.map(f64::from)) as f32),
+        Seen::Nothing | Seen::Emitter => None,
     };
-    let lights: Vec<Vec<Option<f32>>> = views.iter().map(light).collect();
+    let lights: Vec<Vec<Option<f32>>> =
+        views.iter().map(|view| view.seen.iter().map(light).collect()).collect();
+    let with_emitters = views.iter().any(|view| view.seen.contains(&Seen::Emitter));
     let bands = Bands::of(lights.iter().flatten().flatten().copied());
     let mut figures = Vec::new();
     for (view, light) in views.iter().zip(&lights) {
-        let coloured = bands.picture(view.picture.width, light);
+        let mut coloured = bands.picture(view.picture.width, light);
+        for (k, colour) in
+            coloured.pixels.iter_mut().enumerate().filter(|(k, _)| view.seen[*k] == Seen::Emitter)
+        {
+            *colour = hatched([k % view.picture.width, k / view.picture.width]);
+        }
         figures.push(html! {
             div.views {
                 figure {
@@ -172,7 +193,7 @@ fn pictures(views: &[PageView], shown: Shown) -> Result<Markup> {
     Ok(html! {
         @if views.is_empty() { p { "The scene has no surface to show." } }
         @for figure in figures { (figure) }
-        @if !views.is_empty() { (bands.legend(shown.legend())) }
+        @if !views.is_empty() { (bands.legend(shown.legend(), with_emitters)) }
     })
 }
 

@@ -22,6 +22,12 @@ pub struct SceneSummary {
     pub clusters: usize,
     /// Levels of the deepest hierarchy.
     pub levels: usize,
+    /// The upward axis, `y` or `z`.
+    #[serde(default)]
+    pub up: String,
+    /// Where it is from: `given`, `that of glTF`, or `guessed from` something.
+    #[serde(default)]
+    pub up_from: String,
     /// Number of visible instances of shared meshes; absent in scenes without instances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub instances: Option<usize>,
@@ -38,6 +44,7 @@ impl SceneSummary {
     pub fn of(model: &Model) -> SceneSummary {
         let scene = model.scene();
         let hierarchies = || model.meshes().iter().map(|mesh| mesh.hierarchy());
+        let (up, up_from) = scene.up_from();
         let placed = model.instances().len() > 1;
         SceneSummary {
             path: scene.path.display().to_string(),
@@ -48,6 +55,8 @@ impl SceneSummary {
             sheet_parts: model.meshes().iter().map(|mesh| mesh.scene().sheet_parts).sum(),
             clusters: hierarchies().map(|h| h.micro.clusters.len() + h.large.clusters.len()).sum(),
             levels: hierarchies().map(|h| h.micro.levels().max(h.large.levels())).max().unwrap_or(0),
+            up: up.name().into(),
+            up_from: up_from.words().into(),
             instances: placed.then(|| model.instances().iter().skip(1).filter(|i| i.is_present()).count()),
             visible_triangles: placed.then(|| model.visible_triangles()),
         }

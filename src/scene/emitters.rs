@@ -137,7 +137,7 @@ fn hemisphere() -> impl Iterator<Item = DVec3> {
 }
 
 /// Convex hull, counterclockwise, without collinear points (Andrew's monotone chain).
-fn hull(mut p: Vec<DVec2>) -> Vec<DVec2> {
+pub(super) fn hull(mut p: Vec<DVec2>) -> Vec<DVec2> {
     p.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     p.dedup();
     let mut hull: Vec<DVec2> = Vec::new();

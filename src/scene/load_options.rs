@@ -50,8 +50,10 @@ pub(crate) struct PlacedLuminaire {
     pub(super) at: DVec3,
     /// Unit vectors towards γ = 0, C = 0 and C = 90°.
     pub(super) axes: [DVec3; 3],
-    /// Factor of all intensities.
+    /// Factor of all intensities, besides the two below.
     pub(super) scale: f64,
+    /// Dimming and maintenance factor, above 0 and at most 1.
+    pub(super) factors: [f64; 2],
 }
 
 impl Default for LoadOptions {

@@ -1,6 +1,7 @@
 //! Luminaires: plane emitters with an intensity distribution, placed in a scene.
 
 use super::load_options::{PlacedLuminaire, Placements};
+use super::names::counted;
 use super::profile::{Distribution, Profile, axes};
 use super::read_luminaire::{Luminaire, read};
 use super::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial, power::unit_in_metres};
@@ -25,6 +26,12 @@ const MIN_THICKNESS: f64 = 1e-2;
 /// neither plate hides the other.
 const MIN_SEPARATION: f64 = 1e-5;
 
+/// Illuminance of a clear night with a quarter moon, lx.
+const NIGHT: f64 = 0.01;
+/// Illuminances of lit rooms and halls, lx, with room for a few lamps in the first and for spots in the second.
+const MIN_LUX: f64 = 1.0;
+const MAX_LUX: f64 = 1e5;
+
 /// A table `[[luminaire]]`.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -39,6 +46,10 @@ struct Entry {
     c0: Option<[f64; 3]>,
     /// Luminous flux that replaces that of the file, lm.
     flux: Option<Spanned<f64>>,
+    /// Part of the flux to which the luminaire is dimmed.
+    dimming: Option<Spanned<f64>>,
+    /// Maintenance factor: part of the flux that is left before the next service.
+    maintenance: Option<Spanned<f64>>,
 }
 
 impl Entry {
@@ -56,6 +67,16 @@ impl Entry {
         if flux <= 0.0 {
             return Err((self.file.span().start, "the table of this file sums to no light"));
         }
+        let is_part = |part: &Spanned<f64>| (0.0..=1.0).contains(part.get_ref()) && *part.get_ref() > 0.0;
+        for (part, what) in [
+            (&self.dimming, "`dimming` must be above 0 and at most 1"),
+            (&self.maintenance, "`maintenance` must be above 0 and at most 1"),
+        ] {
+            if let Some(part) = part.as_ref().filter(|part| !is_part(part)) {
+                return Err((part.span().start, what));
+            }
+        }
+        let factors = [self.dimming, self.maintenance].map(|part| part.map_or(1.0, Spanned::into_inner));
         let scale = match self.flux {
             Some(lm) if (0.0..=MAX_LUMENS).contains(lm.get_ref()) && *lm.get_ref() > 0.0 => {
                 lm.get_ref() / flux
@@ -64,7 +85,8 @@ impl Entry {
             None => 1.0,
         };
         let stem = || self.file.get_ref().file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(PlacedLuminaire { name: self.name.unwrap_or_else(stem), luminaire, at, axes, scale })
+        let name = self.name.unwrap_or_else(stem);
+        Ok(PlacedLuminaire { name, luminaire, at, axes, scale, factors })
     }
 }
 
@@ -151,8 +173,9 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
     let places = soup.positions.iter().copied().chain(options.luminaires.list.iter().map(|placed| placed.at));
     let (low, high) = places.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
     let extent = (high - low).length();
+    let mut flux = 0.0;
     for placed in &options.luminaires.list {
-        let PlacedLuminaire { name, luminaire, at, axes, scale } = placed.clone();
+        let PlacedLuminaire { name, luminaire, at, axes, scale, factors } = placed.clone();
         // Once for each file.
         if let Some(note) = luminaire.note.as_ref().filter(|_| noted.insert(Arc::as_ptr(&luminaire))) {
             soup.repairs.messages.push(format!("luminaire `{}`: {note}", quote(&name)));
@@ -168,8 +191,31 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
         };
         let size = luminaire.opening.map(|v| v / metres);
         let distribution = luminaire.distribution.clone();
-        Lamp { name: free, at, axes, size, distribution, scale, colour: [1.0; 3] }.add(soup, extent, options);
+        let emitted: f64 = distribution.halves().iter().sum();
+        flux += emitted * scale * factors[0] * factors[1];
+        Lamp { name: free, at, axes, size, distribution, scale, factors, colour: [1.0; 3] }
+            .add(soup, extent, options);
     }
+    if options.unit == "m" {
+        soup.repairs.messages.extend(too_large(high - low, flux, options.luminaires.list.len()));
+    }
+}
+
+/// A question if the luminaires light less than a clear night does, and would light a room well if the lengths were millimetres. `extents`:
+/// those of the scene, m; `flux`: that of its luminaires, lm.
+fn too_large(extents: DVec3, flux: f64, luminaires: usize) -> Option<String> {
+    let mut sides = extents.to_array();
+    sides.sort_by(f64::total_cmp);
+    let [height, width, length] = sides;
+    let lux = flux / (width * length);
+    // Terrains are flatter than 1 km.
+    let is_a_room = height > 1000.0 && (MIN_LUX..MAX_LUX).contains(&(1e6 * lux));
+    (is_a_room && lux < NIGHT).then(|| {
+        let some = counted(luminaires, "luminaire");
+        format!(
+            "{some} of {flux:.0} lm in a scene of {length:.0} m x {width:.0} m, {lux:.1e} lx: is the file in millimetres? use option `unit` mm"
+        )
+    })
 }
 
 /// A small plane emitter with an intensity distribution.
@@ -182,8 +228,9 @@ pub(super) struct Lamp {
     /// Length along C = 0, width along C = 90° and height, scene units.
     pub size: [f64; 3],
     pub distribution: Distribution,
-    /// Factor of all intensities.
+    /// Factor of all intensities, besides dimming and maintenance factor.
     pub scale: f64,
+    pub factors: [f64; 2],
     /// Factors of the channels.
     pub colour: [f64; 3],
 }
@@ -202,11 +249,12 @@ impl Lamp {
         let object = soup.object(&self.name);
         let area = length * width * metres * metres;
         for (half, flux) in halves.into_iter().enumerate().filter(|(_, f)| *f > DARK_HALF * total) {
-            let watts = flux * self.scale / options.photometry.lumens_per_watt;
+            let [dimming, maintenance] = self.factors;
+            let watts = flux * self.scale * dimming * maintenance / options.photometry.lumens_per_watt;
             let radiance = watts / (std::f64::consts::PI * area);
             let name = if half == 0 { self.name.clone() } else { format!("{} (back)", self.name) };
             let material = soup.material(SoupMaterial {
-                profile: Some(Arc::new(Profile::new(distribution.clone(), self.axes, flux))),
+                profile: Some(Arc::new(Profile::new(distribution.clone(), self.axes, flux, self.factors))),
                 ..SoupMaterial::light(name, self.colour.map(|c| (c * radiance) as f32))
             });
             let (centre, u, v) = match half {

@@ -19,6 +19,8 @@ mod load;
 mod load_options;
 mod luminaires;
 mod magnitudes;
+#[cfg(any(test, feature = "cli"))]
+mod measuring_grid;
 mod moves;
 mod mtl;
 mod names;
@@ -62,6 +64,8 @@ pub use load_options::LoadOptions;
 pub use luminaires::lit_from_memory;
 pub use luminaires::read_placements;
 pub(crate) use magnitudes::magnitude;
+#[cfg(any(test, feature = "cli"))]
+pub use measuring_grid::MeasuringGrid;
 pub(crate) use moves::Move;
 #[cfg(any(test, feature = "internals"))]
 pub use mtl::read_materials;

@@ -151,12 +151,14 @@ pub struct Profile {
     axes: [DVec3; 3],
     /// Flux of the half of the distribution that the face emits, lm.
     flux: f64,
+    /// Dimming and maintenance factor, which the emission of the face contains.
+    pub factors: [f64; 2],
 }
 
 impl Profile {
     /// The emission of a plane face whose half of the distribution has `flux` lumens.
-    pub fn new(distribution: Arc<Distribution>, axes: [DVec3; 3], flux: f64) -> Profile {
-        Profile { distribution, axes, flux }
+    pub fn new(distribution: Arc<Distribution>, axes: [DVec3; 3], flux: f64, factors: [f64; 2]) -> Profile {
+        Profile { distribution, axes, flux, factors }
     }
 
     /// Radiance towards `direction` (a unit vector away from the face) relative to that of a diffuse face of the same flux,

@@ -14,7 +14,40 @@ pub enum UpAxis {
     Z,
 }
 
+/// Where the upward axis is from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UpFrom {
+    /// An option.
+    Given,
+    /// glTF.
+    Format,
+    /// The direction of most light.
+    Light,
+    /// The shortest extent.
+    Extents,
+}
+
+impl UpFrom {
+    /// In words: "given" or "guessed from ...".
+    pub fn words(self) -> &'static str {
+        match self {
+            UpFrom::Given => "given",
+            UpFrom::Format => "that of glTF",
+            UpFrom::Light => "guessed from the direction of most light",
+            UpFrom::Extents => "guessed from the extents",
+        }
+    }
+}
+
 impl UpAxis {
+    /// `y` or `z`.
+    pub fn name(self) -> &'static str {
+        match self {
+            UpAxis::Y => "y",
+            UpAxis::Z => "z",
+        }
+    }
+
     /// Its unit vector.
     pub fn vector(self) -> Vec3 {
         match self {
@@ -32,15 +65,20 @@ const MAIN_EMISSION: f32 = 0.15;
 const FLAT: f32 = 1.1;
 
 impl Scene {
-    /// The upward axis: as the options say; y in glTF; in other formats the one of y and z down which most light is emitted;
-    /// without such light the one along which the scene is shorter, or z where both are alike.
+    /// The upward axis, see [`Scene::up_from`].
     pub(crate) fn up_axis(&self) -> UpAxis {
+        self.up_from().0
+    }
+
+    /// The upward axis, and where it is from: as the options say; y in glTF; in other formats the one of y and z down which most light is
+    /// emitted; without such light the one along which the scene is shorter, or z where both are alike.
+    pub(crate) fn up_from(&self) -> (UpAxis, UpFrom) {
         if let Some(up) = self.up {
-            return up;
+            return (up, UpFrom::Given);
         }
         let kind = self.path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         if kind == "gltf" || kind == "glb" {
-            return UpAxis::Y;
+            return (UpAxis::Y, UpFrom::Format);
         }
         let (mut down, mut total) = (Vec3::ZERO, 0.0);
         for emitter in &self.emitters {
@@ -51,7 +89,11 @@ impl Scene {
         let (main, along_y) = (down.y.max(down.z), down.y > down.z);
         let extent = self.world_bounds().extent();
         let lower_along_y = extent.z > FLAT * extent.y;
-        let is_y = if main > MAIN_EMISSION * total { along_y } else { lower_along_y };
-        if is_y { UpAxis::Y } else { UpAxis::Z }
+        let (is_y, from) = if main > MAIN_EMISSION * total {
+            (along_y, UpFrom::Light)
+        } else {
+            (lower_along_y, UpFrom::Extents)
+        };
+        (if is_y { UpAxis::Y } else { UpAxis::Z }, from)
     }
 }

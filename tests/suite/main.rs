@@ -22,6 +22,8 @@ mod install;
 #[cfg(feature = "cli")]
 mod light;
 #[cfg(feature = "cli")]
+mod lighting;
+#[cfg(feature = "cli")]
 mod outputs;
 #[cfg(feature = "cli")]
 mod package;

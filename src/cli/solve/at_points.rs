@@ -2,7 +2,6 @@
 
 use super::super::args::grouped;
 use crate::plot::number;
-use crate::radiosity::Record;
 use crate::scene::Photometry;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -24,11 +23,7 @@ pub struct AtPoints {
 impl AtPoints {
     /// Of irradiances, W/m²; none without points.
     pub fn of(irradiance: &[[f64; 3]], photometry: Option<Photometry>) -> Option<AtPoints> {
-        let value = |e: &[f64; 3]| match photometry {
-            Some(photometry) => photometry.of(*e),
-            None => e.iter().sum::<f64>() / 3.0,
-        };
-        let values = || irradiance.iter().map(value);
+        let values = || irradiance.iter().map(|e| AtPoints::value(*e, photometry));
         let mean = values().sum::<f64>() / irradiance.len() as f64;
         let minimum = values().reduce(f64::min)?;
         Some(AtPoints {
@@ -41,8 +36,14 @@ impl AtPoints {
         })
     }
 
-    /// One line of the summary.
-    pub fn line(&self, record: &Record) -> String {
+    /// What is stated of an irradiance, W/m².
+    pub fn value(irradiance: [f64; 3], photometry: Option<Photometry>) -> f64 {
+        photometry
+            .map_or_else(|| irradiance.iter().sum::<f64>() / 3.0, |photometry| photometry.of(irradiance))
+    }
+
+    /// The numbers in words.
+    pub fn words(&self) -> String {
         let AtPoints { count, unit, minimum, mean, maximum, uniformity } = self;
         let mut line = format!(
             "{} point{}: minimum {}, mean {}, maximum {} {unit}",
@@ -56,11 +57,7 @@ impl AtPoints {
         if let Some(uniformity) = uniformity {
             let _ = write!(line, ", uniformity U0 (minimum / mean) {uniformity:.2}");
         }
-        if let Some(error) = record.points_error {
-            let [rms, upper] = [error.rms, error.rms_upper].map(|e| number(100.0 * e));
-            let _ = write!(line, "; estimated error {rms} % (at most {upper} % with 95 % probability)");
-        }
-        line + "\n"
+        line
     }
 }
 

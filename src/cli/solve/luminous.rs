@@ -1,8 +1,10 @@
 //! Luminous quantities of a solution.
 
 use super::at_points::AtPoints;
+use super::grids::MeasuredGrid;
 use crate::bench::side_by_side::ComparedRecord;
 use crate::cli::mpi::Sharing;
+use crate::export::SurfaceLight;
 use crate::radiosity::{Powers, Record};
 use crate::scene::Photometry;
 use serde::Serialize;
@@ -18,6 +20,12 @@ pub struct Reported {
     /// Light at the points of `--points`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_points: Option<AtPoints>,
+    /// Light on the grids of `--grid`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub grids: Vec<MeasuredGrid>,
+    /// Light of the largest surfaces, where the light of elements is asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub surfaces: Vec<SurfaceLight>,
     /// Only with `--mpi`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sharing: Option<Sharing>,

@@ -1,6 +1,7 @@
 //! The record of a solution as text.
 
 use super::super::args::grouped;
+use super::grids;
 use super::luminous::Reported;
 use crate::bench::side_by_side::{ComparedRecord, Versus};
 use crate::plot::number;
@@ -9,7 +10,8 @@ use std::fmt::Write as _;
 
 /// The record as text.
 pub fn summary(reported: &Reported) -> String {
-    let Reported { compared: ComparedRecord { record: r, versus }, photometric, at_points, .. } = reported;
+    let Reported { compared: ComparedRecord { record: r, versus }, photometric, at_points, grids, .. } =
+        reported;
     let mut text = String::new();
     let s = &r.seconds;
     // Writing to a string cannot fail.
@@ -20,6 +22,9 @@ pub fn summary(reported: &Reported) -> String {
         grouped(r.links),
         grouped(r.exact_rays as usize)
     );
+    if r.scene.up_from.starts_with("guessed") {
+        let _ = writeln!(text, "{} up ({}; --up y or --up z sets it)", r.scene.up, r.scene.up_from);
+    }
     if r.unlit.sides > 0 {
         let _ = writeln!(
             text,
@@ -63,9 +68,7 @@ pub fn summary(reported: &Reported) -> String {
             let _ = writeln!(text, "mean illuminance of lit surfaces {} lx", number(l.mean_illuminance_lx));
         }
     }
-    if let Some(at_points) = at_points {
-        text += &at_points.line(r);
-    }
+    text += &grids::lines(at_points.as_ref(), grids, r);
     if let Some(v) = versus {
         text += &side_by_side(r, v);
     }

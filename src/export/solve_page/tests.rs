@@ -14,7 +14,7 @@ fn page(audit: usize, photometry: Option<Photometry>) -> (String, Record) {
     let view = PageView {
         name: "view <1>".into(),
         picture: Picture { width: 2, height: 2, pixels: vec![[9; 3]; 4] },
-        irradiance: vec![Some([1.0; 3]), Some([2.0; 3]), Some([5.0; 3]), None],
+        seen: vec![Seen::Surface([1.0; 3]), Seen::Surface([2.0; 3]), Seen::Surface([5.0; 3]), Seen::Nothing],
     };
     let page =
         solve_page(&outcome.record, (model.scene(), photometry, &outcome.mesh), &[view], "mrvis solve")
@@ -52,7 +52,7 @@ fn photometric_pages_are_in_lux() {
     assert!(!page.contains(&format!("{} W", number(record.ledger.emitted))));
     // The pixels have 1, 2 and 5 W/m² in each channel.
     let lux = [1.0, 2.0, 5.0].map(|e| photometry.of([e; 3]) as f32);
-    assert!(page.contains(&Bands::of(lux.into_iter()).legend("Illuminance in lx:").into_string()));
+    assert!(page.contains(&Bands::of(lux.into_iter()).legend("Illuminance in lx:", false).into_string()));
 }
 
 /// The streams of the flow are the ledger: what materials absorb and what escapes.
@@ -61,4 +61,21 @@ fn pages_without_an_audit_say_nothing_about_it() {
     let (page, record) = page(0, None);
     assert!(record.audit.is_none() || record.audit.is_some_and(|a| a.elements == 0));
     assert!(!page.contains("Are the error bars right?"));
+}
+
+/// What emits is hatched, and its irradiance has no part in the choice of colours.
+#[test]
+fn emitters_are_not_painted_by_what_they_receive() {
+    let view = |seen| PageView {
+        name: "view".into(),
+        picture: Picture { width: 4, height: 1, pixels: vec![[9; 3]; 4] },
+        seen: [Seen::Surface([1.0; 3]), Seen::Surface([2.0; 3]), Seen::Nothing, seen].to_vec(),
+    };
+    let page = |seen| pictures(&[view(seen)], Shown(None)).expect("a page").into_string();
+    let emitting = page(Seen::Emitter);
+    assert!(emitting.contains("emits light") && !page(Seen::Nothing).contains("emits light"));
+    let bands = Bands::of([1.0, 2.0].into_iter());
+    let mut picture = bands.picture(4, &[Some(1.0), Some(2.0), None, None]);
+    picture.pixels[3] = hatched([3, 0]);
+    assert!(emitting.contains(&data_url(&picture).expect("a picture")));
 }

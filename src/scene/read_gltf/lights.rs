@@ -102,6 +102,7 @@ impl Reader<'_> {
                     size: [side, side, 0.0],
                     distribution,
                     scale: light.strength,
+                    factors: [1.0; 2],
                     colour: light.colour,
                 }
                 .add(soup, extent, options);

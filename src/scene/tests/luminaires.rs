@@ -131,6 +131,9 @@ fn wrong_luminaires_name_file_and_line() {
         (2, "aim = [0, 0, 0]", "lights.toml:4: `aim`"),
         (2, "aim = [0, 0, -1]\nc0 = [0, 0, 1]", "lights.toml:4: `aim`"),
         (2, "aim = [0, 0, -1]\nflux = -3", "lights.toml:5: `flux`"),
+        (2, "aim = [0, 0, -1]\ndimming = 0", "lights.toml:5: `dimming` must be above 0 and at most 1"),
+        (2, "aim = [0, 0, -1]\n\nmaintenance = 1.01", "lights.toml:6: `maintenance` must be above 0"),
+        (2, "aim = [0, 0, -1]\nmaintenance = nan", "lights.toml:5: `maintenance`"),
         (2, "aim = [0, 0, -1]\ncolour = 1", "lights.toml:5: "),
         (2, "", "lights.toml:1: missing field `aim`"),
     ] {

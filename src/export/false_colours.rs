@@ -11,7 +11,15 @@ const LOG_RATIO: f64 = 20.0;
 /// Parts of the pixels that may be darker than the first limit, and brighter than the last.
 const BEYOND: [f64; 2] = [0.03, 0.005];
 /// Colour of pixels without a surface.
-const NOTHING: [u8; 3] = [128; 3];
+pub(super) const NOTHING: [u8; 3] = [128; 3];
+
+/// Width of the strips of a hatching, pixels.
+const STRIP: usize = 4;
+
+/// Colour of a pixel of a surface that emits, in column and row: black and white strips, unlike all bands.
+pub(super) fn hatched([column, row]: [usize; 2]) -> [u8; 3] {
+    if ((column + row) / STRIP).is_multiple_of(2) { [255; 3] } else { [40; 3] }
+}
 
 /// Bands of values between round limits.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,12 +40,17 @@ impl Bands {
         Bands { limits }
     }
 
+    /// The limits between bands, ascending.
+    pub(super) fn limits(&self) -> &[f64] {
+        &self.limits
+    }
+
     /// Index of the band of a value, from 0 to the number of limits.
-    fn band(&self, value: f64) -> usize {
+    pub(super) fn band(&self, value: f64) -> usize {
         self.limits.partition_point(|&limit| limit <= value)
     }
 
-    fn colour(&self, band: usize) -> [u8; 3] {
+    pub(super) fn colour(&self, band: usize) -> [u8; 3] {
         false_colour(band as f32 / self.limits.len().max(1) as f32)
     }
 
@@ -48,8 +61,8 @@ impl Bands {
         Picture { width, height: pixels.len() / width.max(1), pixels }
     }
 
-    /// The colours with their ranges, below a heading.
-    pub(super) fn legend(&self, heading: &str) -> Markup {
+    /// The colours with their ranges, below a heading; the hatching of emitters if they are seen.
+    pub(super) fn legend(&self, heading: &str, with_emitters: bool) -> Markup {
         let range = |band: usize| {
             let limit = |k: usize| number(self.limits[k]);
             match band {
@@ -65,6 +78,7 @@ impl Bands {
                     div { (swatch(self.colour(band))) span { (range(band)) } }
                 }
                 div { (swatch(NOTHING)) span { "no surface" } }
+                @if with_emitters { div { span.swatch.emitter {} span { "emits light" } } }
             }
         }
     }

@@ -1,0 +1,196 @@
+//! What lighting engineers ask of `solve` and `info`: grids, surfaces, luminaires, upward axis, pictures.
+
+use crate::run::{Outcome, Scratch};
+
+/// A floor of 4 x 2 m, a lamp of 1 x 1 m that faces it 2 m above its middle, and a bowl beside them.
+const HALL: &str = "mtllib hall.mtl\nusemtl grey\no floor\nv 0 0 0\nv 4 0 0\nv 4 2 0\nv 0 2 0\nf 1 2 3 4\n\
+    o bowl\nv 5 0 0\nv 6 0 .5\nv 6 1 1\nv 5 1 .5\nv 7 0 2\nf 5 6 7 8\nf 6 9 7\n\
+    usemtl glow\no lamp\nv 1.5 .5 2\nv 1.5 1.5 2\nv 2.5 1.5 2\nv 2.5 .5 2\nf 10 11 12 13\n";
+const GLOW: &str = "newmtl grey\nKd 0.4 0.5 0.3\nnewmtl glow\nKd 0 0 0\nKe 10 10 10\n";
+
+fn hall() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("hall.obj", HALL);
+    scratch.write("hall.mtl", GLOW);
+    scratch
+}
+
+fn done(outcome: &Outcome) {
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+}
+
+/// Lines of a CSV file without its header.
+fn rows(scratch: &Scratch, name: &str) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(scratch.path(name)).expect("a file");
+    text.lines().skip(1).map(|l| l.split(',').map(|x| x.parse().expect("a number")).collect()).collect()
+}
+
+#[test]
+fn a_grid_of_points_needs_no_file() {
+    let scratch = hall();
+    scratch.write("points.csv", "x,y,z,nx,ny,nz\n1,1,0,0,0,1\n");
+    let solve = ["solve", "hall.obj", "--out", "s", "--direct-only", "--photometric", "--points"];
+    let solved =
+        scratch.mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "bowl:0.5:0.8"]].concat());
+    assert!(solved.code == Some(2) && solved.stderr.contains("--grid: grid on `bowl`"), "{}", solved.stderr);
+    assert!(solved.stderr.contains("--points"), "{}", solved.stderr);
+    let solved = scratch
+        .mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "floor:0.5:0.8"]].concat());
+    done(&solved);
+    // The point of the file comes first, then both grids from their lower left corners.
+    let found = rows(&scratch, "s/irradiance.csv");
+    assert_eq!(found.len(), 1 + 8 + 32);
+    assert_eq!((&found[0][..6], &found[1][..3]), (&[1.0, 1.0, 0.0, 0.0, 0.0, 1.0][..], &[0.5, 0.5, 0.0][..]));
+    assert!((found[9][2] - 0.8).abs() < 1e-6 && (found[9][0] - 0.25).abs() < 1e-6, "{:?}", found[9]);
+    let record = scratch.json("s/solution.json");
+    let grid = &record["grids"][1];
+    assert!(grid["name"] == "floor" && grid["columns"] == 8 && grid["rows"] == 4, "{grid}");
+    assert!(grid["spacing"] == 0.5 && grid["height"] == 0.8 && grid["unit"] == "lx", "{grid}");
+    let lux: Vec<f64> = found[9..].iter().map(|row| row[9]).collect();
+    let mean = lux.iter().sum::<f64>() / 32.0;
+    let [stated, minimum, uniformity] =
+        ["mean", "minimum", "uniformity"].map(|key| grid[key].as_f64().expect("a number"));
+    assert!((stated / mean - 1.0).abs() < 1e-9 && (minimum / mean / uniformity - 1.0).abs() < 1e-9, "{grid}");
+    assert!(record["at_points"]["count"] == 1 && record["grids"][0]["count"] == 8);
+    for words in ["grid `floor` of 8 x 4: 32 points: minimum", "uniformity U0", "grid-floor-2.png"] {
+        assert!(solved.stdout.contains(words), "{words}: {}", solved.stdout);
+    }
+    for name in ["s/grid-floor.png", "s/grid-floor-2.png"] {
+        assert!(std::fs::read(scratch.path(name)).expect(name).starts_with(b"\x89PNG"), "{name}");
+    }
+    for (grid, words) in [
+        ("flor:1", "did you mean `floor`?"),
+        ("floor:0", "above 0"),
+        ("floor", "SURFACE:SPACING"),
+        ("floor:0.0001", "widen the spacing"),
+    ] {
+        let refused = scratch.mrvis(&["solve", "hall.obj", "--out", "s", "--grid", grid]);
+        assert!(refused.code == Some(2) && refused.stderr.contains(words), "{grid}: {}", refused.stderr);
+    }
+}
+
+#[test]
+fn the_light_of_each_surface_is_stated() {
+    let scratch = hall();
+    let solve =
+        ["solve", "hall.obj", "--out", "s", "--photometric", "--output", "page", "--image-size", "32x24"];
+    done(&scratch.mrvis(&[&solve[..], &["--audit", "0", "--error", "0.2"]].concat()));
+    let surfaces = &scratch.json("s/solution.json")["surfaces"];
+    let floor = &surfaces[0];
+    assert!(floor["name"] == "floor" && floor["side"] == "front" && floor["unit"] == "lx", "{surfaces}");
+    let [area, minimum, mean, maximum] =
+        ["area", "minimum", "mean", "maximum"].map(|key| floor[key].as_f64().expect("a number"));
+    assert!((area - 8.0).abs() < 1e-4 && 0.0 < minimum && minimum < mean && mean < maximum, "{floor}");
+    let is_dark_back = |s: &serde_json::Value| s["side"] == "back" && s["maximum"] == 0.0;
+    assert!(!surfaces.as_array().expect("a list").iter().any(is_dark_back), "{surfaces}");
+    let page = std::fs::read_to_string(scratch.path("s/solution.html")).expect("a page");
+    for words in ["Light by surface", ">floor</td>", "mean lx", "area m²"] {
+        assert!(page.contains(words), "{words}");
+    }
+    // Points alone need no elements, whose light would be none.
+    done(&scratch.mrvis(&["solve", "hall.obj", "--out", "p", "--grid", "floor:1", "--audit", "0"]));
+    assert!(scratch.json("p/solution.json")["surfaces"].is_null());
+}
+
+#[test]
+fn reflectances_of_materials_are_listed() {
+    let scratch = hall();
+    let info = scratch.mrvis(&["info", "hall.obj", "--json", "i.json"]);
+    assert!(info.stdout.contains("0.400  0.400 0.500 0.300  grey"), "{}", info.stdout);
+    let grey = &scratch.json("i.json")["materials"][0];
+    let mean = grey["mean_reflectance"].as_f64().expect("a number");
+    assert!(grey["name"] == "grey" && (mean - 0.4).abs() < 1e-6, "{grey}");
+}
+
+#[test]
+fn luminaires_are_dimmed_and_age() {
+    let scratch = hall();
+    scratch.write("lamp.ies", "TILT=NONE\n1 -1 1 2 1 1 2 0.1 0.1 0\n1 1 20\n0 90\n0\n100 100\n");
+    let lamp = "[[luminaire]]\nfile = \"lamp.ies\"\nat = [2, 1, 1]\naim = [0, 0, -1]\n";
+    scratch
+        .write("lum.toml", format!("{lamp}{}dimming = 0.5\nmaintenance = 0.8\n", lamp.replace("[2,", "[3,")));
+    let info = ["info", "hall.obj", "--luminaires", "lum.toml", "--photometric", "--json", "i.json"];
+    let info = scratch.mrvis(&info);
+    done(&info);
+    let words = "dimming 0.5 and maintenance factor 0.8 included";
+    assert_eq!(info.stdout.matches(words).count(), 1, "{}", info.stdout);
+    let emitters = &scratch.json("i.json")["emitters"];
+    let flux = |k: usize| emitters[k]["flux_lm"].as_f64().expect("a flux");
+    assert!((flux(2) / flux(1) - 0.4).abs() < 1e-6, "{emitters}");
+    assert!(
+        emitters[2]["dimming"] == 0.5 && emitters[2]["maintenance"] == 0.8 && emitters[1]["dimming"] == 1.0
+    );
+    assert!(emitters[0]["dimming"].is_null(), "a panel of the scene is no luminaire");
+}
+
+#[test]
+fn the_upward_axis_says_where_it_is_from() {
+    let scratch = hall();
+    let up = |more: &[&str]| {
+        let solve = ["solve", "hall.obj", "--out", "s", "--grid", "floor:2", "--direct-only", "--quiet"];
+        done(&scratch.mrvis(&[&solve[..], more].concat()));
+        let record = scratch.json("s/solution.json");
+        format!("{} {}", record["scene"]["up"], record["scene"]["up_from"]).replace('"', "")
+    };
+    assert_eq!(up(&[]), "z guessed from the direction of most light");
+    assert_eq!(up(&["--up", "y"]), "y given");
+    assert_eq!(up(&["--emitter", "lamp=0"]), "z guessed from the extents");
+    let info = scratch.mrvis(&["info", "hall.obj", "--emitter", "lamp=0", "--json", "i.json"]);
+    assert!(info.stdout.contains("up          z (guessed from the extents)"), "{}", info.stdout);
+    assert_eq!(scratch.json("i.json")["scene"]["up_from"], "guessed from the extents");
+    let solved = scratch.mrvis(&["solve", "hall.obj", "--out", "s", "--grid", "floor:2", "--direct-only"]);
+    assert!(
+        solved.stdout.contains("z up (guessed from the direction of most light; --up"),
+        "{}",
+        solved.stdout
+    );
+}
+
+#[test]
+fn rooms_in_millimetres_are_questioned() {
+    let scratch = Scratch::new();
+    scratch.write("lamp.ies", "TILT=NONE\n1 -1 1 2 1 1 2 0.1 0.1 0\n1 1 20\n0 90\n0\n900 900\n");
+    scratch.write("lum.toml", "[[luminaire]]\nfile = \"lamp.ies\"\nat = [1, 1, 2]\naim = [0, 0, -1]\n");
+    let room = |size: f64| {
+        let corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1]];
+        let lines = corners.map(|corner| {
+            let [x, y, z] = corner.map(|c| size * f64::from(c));
+            format!("v {x} {y} {z}\n")
+        });
+        scratch.write("room.obj", lines.concat() + "f 1 2 3 4\nf 1 5 6 2\n");
+        scratch.mrvis(&["info", "room.obj", "--luminaires", "lum.toml"]).stdout
+    };
+    assert!(room(3000.0).contains("is the file in millimetres? use --unit mm"), "{}", room(3000.0));
+    // A room of 3 m, and a hall of 100 m.
+    assert!(!room(3.0).contains("millimetres") && !room(100.0).contains("millimetres"));
+}
+
+/// A pixel that a lamp touches is not as bright as the lamp.
+#[test]
+fn edges_of_bright_faces_are_smooth() {
+    let scratch = hall();
+    let solve =
+        ["solve", "hall.obj", "--out", "s", "--output", "image", "--image-size", "160x120", "--audit", "0"];
+    done(&scratch.mrvis(&[&solve[..], &["--error", "0.2", "--camera", "0,-5,1.2,2,1,1,50"]].concat()));
+    let picture = image::open(scratch.path("s/view.png")).expect("a picture").to_luma8();
+    // The lamp is above the middle, before nothing.
+    let lamp: Vec<u8> = picture.enumerate_pixels().filter(|(_, y, _)| *y < 60).map(|(.., p)| p[0]).collect();
+    let count = |range: std::ops::RangeInclusive<u8>| lamp.iter().filter(|v| range.contains(v)).count();
+    assert!(count(250..=255) > 20, "the lamp is seen");
+    assert!(count(30..=210) > 10, "{} pixels between black and white", count(30..=210));
+}
+
+#[test]
+fn a_camera_that_sees_nothing_says_so() {
+    let scratch = hall();
+    let solve =
+        ["solve", "hall.obj", "--out", "s", "--output", "image", "--image-size", "16x12", "--audit", "0"];
+    let solve = |camera| scratch.mrvis(&[&solve[..], &["--error", "0.2", "--camera", camera]].concat());
+    let away = solve("2,-5,1,2,-9,1,50");
+    done(&away);
+    let words =
+        "view.png at 2, -5, 1 sees no surface: the scene reaches from 0, 0, 0 to 7, 2, 2; give --camera";
+    assert!(away.stdout.contains(words), "{}", away.stdout);
+    assert!(scratch.json("s/solution.json")["warnings"].to_string().contains(words));
+    assert!(!solve("2,-5,1,2,1,1,50").stdout.contains("sees no surface"));
+}
