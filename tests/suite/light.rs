@@ -157,16 +157,22 @@ fn form_factors_of_a_box_are_the_closed_forms() {
     }
 }
 
-/// Direct light at points needs no elements, whose error would be meaningless; other estimates have the interval of their source.
+/// Points alone need no light of elements: the error is theirs. Other estimates have the interval of their source.
 #[test]
-fn direct_light_at_points_has_no_error_estimate() {
+fn errors_are_those_of_what_is_asked_for() {
     let scratch = scratch();
-    let solve =
-        ["solve", "box.obj", "--out", "s", "--output", "none", "--error", "0.2", "--points", "points.csv"];
-    let direct = scratch.mrvis(&[&solve[..], &["--direct-only"]].concat());
-    done(&direct);
-    assert!(!direct.stdout.contains("estimated error"), "{}", direct.stdout);
-    assert!(scratch.json("s/solution.json")["error_estimate"].is_null());
+    let at_points = ["solve", "box.obj", "--out", "s", "--error", "0.2", "--points", "points.csv"];
+    for more in [&[][..], &["--direct-only"]] {
+        let outcome = scratch.mrvis(&[&at_points[..], more].concat());
+        done(&outcome);
+        assert!(outcome.stdout.contains("2 points: minimum"), "{}", outcome.stdout);
+        let record = scratch.json("s/solution.json");
+        assert!(record["error_estimate_source"] == "points" && record["audit"].is_null(), "{record}");
+        assert_eq!(record["error_estimate"], record["points_error"]["rms"]);
+        assert_eq!(record["at_points"]["count"], 2);
+        assert_eq!(record["ledger"]["absorbed"].is_null(), !more.is_empty());
+    }
+    let solve = [&at_points[..], &["--output", "vtu"]].concat();
     let all = scratch.mrvis(&solve);
     done(&all);
     assert!(all.stdout.contains("estimated error"), "{}", all.stdout);
@@ -177,7 +183,6 @@ fn direct_light_at_points_has_no_error_estimate() {
     // The interval of an audit that is too small for an estimate is not that of the estimate.
     let few = scratch.mrvis(&[&solve[..], &["--audit", "20"]].concat());
     done(&few);
-    assert!(few.stdout.contains("estimated error") && !few.stdout.contains("at most"), "{}", few.stdout);
     assert!(scratch.json("s/solution.json")["error_estimate_upper"].is_null());
 }
 

@@ -7,6 +7,7 @@ mod element_rays;
 mod element_samples;
 mod engine_choice;
 mod gatherer;
+mod kept_power;
 mod local_noise;
 mod local_pass;
 mod neighbours;

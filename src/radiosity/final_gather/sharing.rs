@@ -6,14 +6,14 @@
 //! comparison gives the error of the result, noise and bias together. Direct and reflected light have windows of their own.
 
 use super::element_samples::{ElementLight, KINDS};
+use super::kept_power::{SharedKinds, keep_power};
 use super::neighbours::{Neighbourhood, Place, Search};
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::rgb::{Rgb, mean};
+use crate::radiosity::rgb::Rgb;
 use crate::ranks::Ranks;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 /// Neighbours in each window, the element included: the element alone, then, in a regular grid, 3 by 3, 5 by 5 and 7 by 7 elements.
 /// Each window has at most about half of the variance of the one before.
@@ -37,9 +37,6 @@ const MIN_FOR_PLANE: usize = 6;
 /// See [`MIN_FOR_PLANE`].
 const MIN_FOR_NORMALS: usize = WINDOWS[1];
 
-/// Bounds of the factor by which the light of a side is changed to keep its power.
-const MAX_SIDE_FACTOR: f64 = 2.0;
-
 /// Irradiance of an element after sharing.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
@@ -58,16 +55,6 @@ impl SharedLight {
         let error = light.squares.iter().map(|squares| f64::from(*squares)).sum::<f64>() / (rays * rays);
         SharedLight { irradiance: sum.to_array().map(f64::from), error }
     }
-}
-
-/// Light of an element after sharing, by kind.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C)]
-struct SharedKinds {
-    /// W/m².
-    irradiance: [Rgb; KINDS],
-    /// See [`SharedLight::error`].
-    error: f64,
 }
 
 /// What the windows give for one element: by kind, window and half, W/m².
@@ -122,52 +109,6 @@ pub fn share(
         error,
     };
     shared.into_iter().map(sum).collect()
-}
-
-/// What the elements of a side receive of one kind of light, W/m² times scene units squared.
-#[derive(Clone, Copy, Default)]
-struct Received {
-    /// By their own rays, with the variance of that.
-    own: f64,
-    variance: f64,
-    /// After sharing.
-    shared: f64,
-}
-
-/// Brings the power that arrives after sharing back to that of the elements' own rays: on each side as far as the difference is more than
-/// noise, then on all together. Planes that are fitted to light with a sharp peak, as of a lamp close to a wall, lose some of it.
-fn keep_power(
-    kind: usize,
-    (sides, areas): (&[u32], &[f64]),
-    light: &[ElementLight],
-    all: &mut [SharedKinds],
-) {
-    let mut by_side: BTreeMap<u32, Received> = BTreeMap::new();
-    for (i, shared) in all.iter().enumerate() {
-        let (area, own) = (areas[i], &light[i]);
-        let rays = 2.0 * f64::from(own.rays.max(1));
-        let side = by_side.entry(sides[i]).or_default();
-        side.own += area * own.mean(kind);
-        side.variance += area * area * f64::from(own.squares[kind]) / (rays * rays);
-        side.shared += area * mean(shared.irradiance[kind]);
-    }
-    let factor_of = |Received { own, variance, shared }: Received| {
-        let lost = own - shared;
-        // The positive part of James and Stein's estimate, from two standard errors on.
-        let certain = (1.0 - 4.0 * variance / (lost * lost).max(f64::MIN_POSITIVE)).max(0.0);
-        let factor = (1.0 + certain * lost / shared).clamp(1.0 / MAX_SIDE_FACTOR, MAX_SIDE_FACTOR);
-        if shared > 0.0 { factor } else { 1.0 }
-    };
-    let factors: BTreeMap<u32, f64> = by_side.into_iter().map(|(side, of)| (side, factor_of(of))).collect();
-    let (mut own, mut sum) = (0.0, 0.0);
-    for (i, shared) in all.iter_mut().enumerate() {
-        let factor = factors[&sides[i]];
-        shared.irradiance[kind].iter_mut().for_each(|e| *e *= factor);
-        own += areas[i] * light[i].mean(kind);
-        sum += areas[i] * mean(shared.irradiance[kind]);
-    }
-    let factor = if sum > 0.0 { own / sum } else { 1.0 };
-    all.iter_mut().flat_map(|shared| &mut shared.irradiance[kind]).for_each(|e| *e *= factor);
 }
 
 /// Number of unknowns of a fit: the value, its slopes along two directions of the surface, and its slopes by two components of the normal.
