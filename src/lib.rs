@@ -101,7 +101,6 @@ mod model;
 mod optics;
 #[cfg(feature = "reports")]
 mod page;
-#[cfg(feature = "reports")]
 mod path_tracer;
 #[cfg(feature = "reports")]
 mod plot;

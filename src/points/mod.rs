@@ -35,7 +35,6 @@ pub struct Point {
 }
 
 /// Irradiance at points. All vectors have one entry per point.
-#[cfg(any(test, feature = "reports"))]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Irradiance {
     /// The points.
