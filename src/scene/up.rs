@@ -41,7 +41,7 @@ impl UpFrom {
 
 impl UpAxis {
     /// `y` or `z`.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             UpAxis::Y => "y",
             UpAxis::Z => "z",
