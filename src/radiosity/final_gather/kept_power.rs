@@ -5,6 +5,9 @@ use crate::radiosity::rgb::{Rgb, mean};
 use bytemuck::{Pod, Zeroable};
 use std::collections::BTreeMap;
 
+/// Smallest number of elements of such a side: those of the largest window of neighbours. Fewer share light with other sides, and where the rays
+/// of an element agree by chance their variance says nothing.
+const MIN_ELEMENTS: usize = 49;
 /// Bounds of the factor by which the light of a side is changed to keep its power.
 const MAX_SIDE_FACTOR: f64 = 2.0;
 
@@ -26,6 +29,8 @@ struct Received {
     variance: f64,
     /// After sharing.
     shared: f64,
+    /// Number of elements.
+    count: usize,
 }
 
 /// Brings the power that arrives after sharing back to that of the elements' own rays: on each side as far as the difference is more than
@@ -41,16 +46,17 @@ pub(super) fn keep_power(
         let (area, own) = (areas[i], &light[i]);
         let rays = 2.0 * f64::from(own.rays.max(1));
         let side = by_side.entry(sides[i]).or_default();
+        side.count += 1;
         side.own += area * own.mean(kind);
         side.variance += area * area * f64::from(own.squares[kind]) / (rays * rays);
         side.shared += area * mean(shared.irradiance[kind]);
     }
-    let factor_of = |Received { own, variance, shared }: Received| {
+    let factor_of = |Received { own, variance, shared, count }: Received| {
         let lost = own - shared;
         // The positive part of James and Stein's estimate, from two standard errors on.
         let certain = (1.0 - 4.0 * variance / (lost * lost).max(f64::MIN_POSITIVE)).max(0.0);
         let factor = (1.0 + certain * lost / shared).clamp(1.0 / MAX_SIDE_FACTOR, MAX_SIDE_FACTOR);
-        if shared > 0.0 { factor } else { 1.0 }
+        if shared > 0.0 && count >= MIN_ELEMENTS { factor } else { 1.0 }
     };
     let factors: BTreeMap<u32, f64> = by_side.into_iter().map(|(side, of)| (side, factor_of(of))).collect();
     let (mut own, mut sum) = (0.0, 0.0);

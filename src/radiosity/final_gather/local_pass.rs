@@ -214,8 +214,12 @@ impl FinalGather<'_> {
     pub(super) fn balance_of_direct_light(&self, received: f64, sampled: &SampledShare) -> (f64, Rgb) {
         let Elements { elements, sides, .. } = &self.linked.elements;
         let power: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
-        if received <= 0.0 || power <= 0.0 || sampled.mean <= 0.0 {
+        if received <= 0.0 || power <= 0.0 {
             return (1.0, sampled.share);
+        }
+        // No ray was drawn from beams that are narrower than the grid of their directions.
+        if sampled.mean <= 0.0 {
+            return (1.0, [received / power; 3]);
         }
         let mut share = received / power;
         if matches!(self.linked.engine, VisibilityEngine::Exact(_)) {
