@@ -1,8 +1,6 @@
 //! Memory that the machine has left, and how much of it may be used.
 
 use crate::{Error, Result};
-use std::cell::Cell;
-use std::collections::TryReserveError;
 use std::fs::read_to_string;
 use std::path::Path;
 
@@ -25,7 +23,8 @@ const SMALL: u64 = 1 << 20;
 /// # Errors
 /// [`Error::OutOfMemory`] that names `what`.
 pub fn check_room(bytes: u64, what: impl FnOnce() -> String) -> Result<()> {
-    let is_given = usize::try_from(bytes).is_ok_and(|bytes| reserve::<u8>(&mut Vec::new(), bytes).is_ok());
+    let mut room: Vec<u8> = Vec::new();
+    let is_given = usize::try_from(bytes).is_ok_and(|bytes| room.try_reserve_exact(bytes).is_ok());
     let left = if bytes < SMALL { None } else { usable() };
     match left.is_none_or(|left| bytes <= left) && is_given {
         true => Ok(()),
@@ -37,28 +36,6 @@ pub fn check_room(bytes: u64, what: impl FnOnce() -> String) -> Result<()> {
             )))
         }
     }
-}
-
-thread_local! {
-    /// Whether this thread has an answer to a refused allocation.
-    static MAY_BE_REFUSED: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Whether this thread has an answer if an allocation is refused now; otherwise the program must end.
-#[cfg(feature = "cli")]
-pub fn may_be_refused() -> bool {
-    MAY_BE_REFUSED.get()
-}
-
-/// Makes room for exactly so many more values. The command ends if memory is refused, but not here.
-///
-/// # Errors
-/// The memory is refused.
-pub fn reserve<T>(values: &mut Vec<T>, more: usize) -> Result<(), TryReserveError> {
-    MAY_BE_REFUSED.set(true);
-    let reserved = values.try_reserve_exact(more);
-    MAY_BE_REFUSED.set(false);
-    reserved
 }
 
 /// Memory available for allocation, bytes: the smallest of what the machine, the control groups of the process and its limit of
@@ -79,14 +56,14 @@ fn kilobytes(table: &str, name: &str) -> Option<u64> {
 
 /// What the limit of address space (`ulimit -v`) leaves, bytes; `None` without a limit.
 #[cfg(target_os = "linux")]
-fn left_of_address_space() -> Option<u64> {
+pub fn left_of_address_space() -> Option<u64> {
     let limit = rustix::process::getrlimit(rustix::process::Resource::As).current?;
     let used = kilobytes(&read_to_string("/proc/self/status").ok()?, "VmSize:")?;
     Some(limit.saturating_sub(used))
 }
 
 #[cfg(not(target_os = "linux"))]
-fn left_of_address_space() -> Option<u64> {
+pub fn left_of_address_space() -> Option<u64> {
     None
 }
 

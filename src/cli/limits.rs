@@ -4,16 +4,12 @@
 //! the command with an error: otherwise the system would end it without a word, or the machine would come to a standstill.
 
 use crate::{Error, Result, memory};
-use std::{
-    io::Write as _,
-    process,
-    sync::atomic::{AtomicBool, Ordering},
-    thread,
-    time::Duration,
-};
+use std::{io::Write as _, process, thread, time::Duration};
 
 /// Time between two comparisons. Memory is filled at some 5 GB/s, so about 0.1 GB are taken in that time.
 const INTERVAL: Duration = Duration::from_millis(20);
+/// Address space at which a command with a limit of it ends, bytes: about what is taken between two comparisons.
+const ADDRESS_RESERVE: u64 = 1 << 27;
 /// Memory below which no limit stops the command, bytes: the program, Embree and small scenes take about 60 MB.
 const MIN_LIMIT: f64 = 0.1;
 
@@ -31,31 +27,8 @@ pub fn bytes(given: Option<f64>) -> Option<u64> {
     given.map(|g| (g * GIB) as u64).or_else(memory::usable)
 }
 
-/// What a refused allocation means: ends the command with an error of one line, unless the thread has an answer to it. Nothing is allocated.
-pub fn refused(bytes: usize) {
-    static ENDS: AtomicBool = AtomicBool::new(false);
-    if memory::may_be_refused() {
-        return;
-    }
-    // Other threads wait for the end.
-    while ENDS.swap(true, Ordering::Relaxed) {
-        thread::sleep(INTERVAL);
-    }
-    let mut line = [0; 160];
-    let mut rest = &mut line[..];
-    let what = "more bytes are needed, which the system refuses: take a smaller scene or coarser options";
-    // A closed standard error is ignored.
-    let _ = writeln!(rest, "mrvis: out of memory: {bytes} {what}");
-    let left = rest.len();
-    let _ = std::io::stderr().write_all(&line[..line.len() - left]);
-    // What runs at the end of a program may need memory.
-    #[cfg(unix)]
-    signal_hook::low_level::exit(2);
-    #[cfg(not(unix))]
-    process::abort();
-}
-
-/// Libraries may end the program by SIGABRT, as if memory is refused; the exit code is then that of all errors, and there is no core dump.
+/// A refused allocation aborts the program (SIGABRT) after a message of the runtime; the exit code is then that of all errors. Other
+/// reasons for that signal, as a defect of a library, have the same code and leave no core dump.
 pub fn end_aborts_as_errors() {
     // Without the handler the code is that of the signal.
     #[cfg(unix)]
@@ -66,26 +39,37 @@ pub fn end_aborts_as_errors() {
     );
 }
 
-/// Ends the command with an error when it uses more memory than the limit.
+/// Ends the command with an error when it uses more memory than the limit, or nearly all of a limit of its address space: memory that
+/// is refused would abort it.
 pub fn watch(given: Option<f64>) {
     let (Some(limit), Some(_)) = (bytes(given), memory_stats::memory_stats()) else { return };
     let watched = move || {
         loop {
             let used = memory_stats::memory_stats().map_or(0, |m| m.physical_mem as u64);
             if used > limit {
-                let error = Error::OutOfMemory(format!(
+                out_of_memory(&format!(
                     "{:.1} GB are in use, {:.1} GB are allowed: take a smaller scene or coarser options, or raise \
                      --max-memory",
                     used as f64 / 1e9,
                     limit as f64 / 1e9
                 ));
-                // A closed standard error is ignored.
-                let _ = writeln!(std::io::stderr(), "mrvis: {error}");
-                process::exit(2);
+            }
+            if memory::left_of_address_space().is_some_and(|left| left < ADDRESS_RESERVE) {
+                out_of_memory(
+                    "the limit of the address space is reached: raise it (`ulimit -v`), or take a smaller scene or \
+                     coarser options",
+                );
             }
             thread::sleep(INTERVAL);
         }
     };
     // Without the thread the system's own limit remains.
     let _ = thread::Builder::new().name("memory limit".into()).spawn(watched);
+}
+
+/// Ends the command.
+fn out_of_memory(cause: &str) -> ! {
+    // A closed standard error is ignored.
+    let _ = writeln!(std::io::stderr(), "mrvis: {}", Error::OutOfMemory(cause.into()));
+    process::exit(2)
 }

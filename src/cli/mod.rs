@@ -30,8 +30,6 @@ mod shared_scenes;
 mod solve;
 mod writable;
 
-pub use limits::refused;
-
 use crate::error::{in_words, is_obeyed};
 use crate::{Error, Result, model::embree_version};
 use clap::{

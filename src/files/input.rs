@@ -4,7 +4,7 @@
 //! terminal, but no other device. Sizes are compared with a limit before anything is read.
 
 use crate::error::{quote, shown};
-use crate::{Error, Result, memory};
+use crate::{Error, Result};
 use std::{
     fs::File,
     io::{self, Read},
@@ -82,7 +82,8 @@ impl Input {
             Source::Standard(_) => 0,
         };
         let mut bytes = Vec::new();
-        memory::reserve(&mut bytes, expected as usize + 1)
+        bytes
+            .try_reserve_exact(expected as usize + 1)
             .map_err(|_| Error::OutOfMemory(format!("{}: {expected} bytes", shown(&self.path))))?;
         match self.read_to_end(&mut bytes) {
             Ok(_) => Ok(bytes),

@@ -121,7 +121,7 @@ fn an_interrupted_picture_is_left_out() {
     assert!(outcome.stdout.contains("no picture `view`") && !scratch.path("o/view.png").exists());
 }
 
-/// Libraries raise SIGABRT if they cannot go on. No test can bring that about, so the signal is sent.
+/// Rust raises SIGABRT if an allocation is refused. No test can have one refused at a chosen moment, so the signal is sent.
 #[test]
 fn an_aborted_call_has_the_code_of_errors() {
     let scratch = Scratch::new();
