@@ -122,7 +122,7 @@ def main():
         rms = max(found["rms"] ** 2 - noise**2, 0.0) ** 0.5
         columns = "- | - | -"
         if not direct:
-            error, bias, of_mesh = elements.compare(mrvis, "cornell.obj", "solution", ["--unit", "mm"])
+            error, bias, of_mesh, _ = elements.compare(mrvis, "cornell.obj", "solution", ["--unit", "mm"])
             columns = f"{100 * error:.2f} % | {100 * bias:+.2f} % | {100 * of_mesh:.2f} %"
         options = " ".join(options) or "none"
         print(f"| {name} | `{options}` | {100 * rms:.2f} % | {100 * found['bias']:+.2f} % | {columns} | {seconds:.2f} s |")

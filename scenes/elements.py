@@ -99,8 +99,9 @@ def draw_elements(vtu, count, each, seed):
 
 
 def compare(mrvis, scene, folder, options=(), count=500, each=16, samples=128, seed=7):
-    """Returns the RMS error and the bias of the irradiance of the elements in `folder`/solution.vtu, and the RMS error of the mean
-    that the mesh in `folder`/solution.ply has over the elements, all relative to the mean irradiance; the reference's noise is subtracted.
+    """Returns the RMS error and the bias of the irradiance of the elements in `folder`/solution.vtu, the RMS error of the mean
+    that the mesh in `folder`/solution.ply has over the elements, and the RMS error of elements at single points, all relative to the
+    mean irradiance; the reference's noise is subtracted.
 
     `options` are options of `mrvis reference` that the solution needs as well, such as `--unit`. References are kept in the working
     folder for other solutions with the same elements.
@@ -119,15 +120,20 @@ def compare(mrvis, scene, folder, options=(), count=500, each=16, samples=128, s
         command = [mrvis, "reference", scene, "--points", "elements.csv", "--samples", str(samples), "--quiet"]
         subprocess.run([*command, "--out", reference, *options], check=True)
     with open(reference, encoding="utf-8") as file:
-        values = [sum(float(row[channel]) for channel in ("Er", "Eg", "Eb")) / 3 for row in csv.DictReader(file)]
+        rows = list(csv.DictReader(file))
+    values = [sum(float(row[channel]) for channel in ("Er", "Eg", "Eb")) / 3 for row in rows]
+    variances = [sum(float(row[channel]) ** 2 for channel in ("Er_se", "Eg_se", "Eb_se")) / 9 for row in rows]
     level = sum(area * sum(light) / 3 for area, light in zip(vtu["area"], vtu["irradiance"])) / sum(vtu["area"])
     squares, mesh_squares, noise, bias = 0.0, 0.0, 0.0, 0.0
+    point_squares = -sum(variances) / each
     for k, (element, _) in enumerate(drawn):
         own = values[k * each : (k + 1) * each]
-        difference = sum(vtu["irradiance"][element]) / 3 - statistics.fmean(own)
+        light = sum(vtu["irradiance"][element]) / 3
+        difference = light - statistics.fmean(own)
+        point_squares += statistics.fmean((light - value) ** 2 for value in own)
         squares += difference**2
         mesh_squares += (sum(mesh[element]) / 3 - statistics.fmean(own)) ** 2
         noise += statistics.variance(own) / each
         bias += difference
     rms, of_mesh = (max((sum_ - noise) / count, 0.0) ** 0.5 / level for sum_ in (squares, mesh_squares))
-    return rms, bias / count / level, of_mesh
+    return rms, bias / count / level, of_mesh, max(point_squares / count, 0.0) ** 0.5 / level

@@ -87,8 +87,8 @@ def main():
         print(f"{reference}: {seconds:.0f} s of user time", flush=True)
     # This run measures the clusters and keeps them in the user's cache folder. The times below do not include it.
     run([mrvis, "solve", *common, "--visibility", "mr", "--error", "1", "--out", "warm"])
-    print(f"\n| {args.points} points | options | RMS / mean | bias | RMS of elements | bias | RMS of the mesh | time | user time |")
-    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    print(f"\n| {args.points} points | options | RMS / mean | bias | RMS of elements | bias | RMS of the mesh | RMS of elements at points | time | user time |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for name, options in RUNS:
         begun = time.monotonic()
         seconds = run([mrvis, "solve", *common, "--out", "solution", "--output", "vtu,ply", *options])
@@ -98,11 +98,11 @@ def main():
             found = json.load(file)
         # The difference includes the noise of the reference, which is independent of the error of the solution.
         rms = max(found["rms"] ** 2 - found["reference_noise"] ** 2, 0.0) ** 0.5
-        of_elements, bias, of_mesh = elements.compare(mrvis, scene, "solution")
+        of_elements, bias, of_mesh, at_points = elements.compare(mrvis, scene, "solution")
         options = " ".join(options) or "none"
         print(
             f"| {name} | `{options}` | {100 * rms:.1f} % | {100 * found['bias']:+.1f} % | {100 * of_elements:.1f} % "
-            f"| {100 * bias:+.1f} % | {100 * of_mesh:.1f} % | {wall:.1f} s | {seconds:.1f} s |",
+            f"| {100 * bias:+.1f} % | {100 * of_mesh:.1f} % | {100 * at_points:.1f} % | {wall:.1f} s | {seconds:.1f} s |",
             flush=True,
         )
     print("\nThe noise of the references is subtracted.")

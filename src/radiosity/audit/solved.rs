@@ -1,8 +1,10 @@
 //! A scene whose light is final.
 
+use crate::model::Model;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::ElementState;
-use crate::radiosity::final_gather::{Gathered, LocalPass};
+use crate::radiosity::final_gather::{ElementSamples, FinalGather, LocalPass};
+use crate::radiosity::options::Options;
 use crate::radiosity::refinement::{LinkClosing, LinkedScene, Refined};
 use crate::radiosity::rgb::{Rgb, add};
 
@@ -43,19 +45,64 @@ impl Solved {
         Solved { linked, closing: Closing::Rays(local) }
     }
 
-    /// The same scene with the light that its elements gathered by more rays.
-    pub fn with_gathered(mut self, gathered: Gathered) -> Solved {
-        self.linked.tally.add(gathered.tally);
-        if let Closing::Rays(local) = &mut self.closing {
-            local.received = gathered.received;
-            for (leaf, light) in gathered.light {
-                let result = &mut local.results[leaf as usize];
-                result.irradiance = light.irradiance;
-                result.noise = light.error.sqrt() as f32;
+    /// The light of elements by a part of their rays; none where there is no time for rays.
+    pub fn sample_elements(
+        &self,
+        model: &Model,
+        options: &Options,
+        part: f64,
+        deadline: &Deadline,
+    ) -> Option<ElementSamples> {
+        let Closing::Rays(local) = &self.closing else { return None };
+        let rays = part * local.element_rays.filter(|_| !deadline.late())?;
+        Some(FinalGather::new(model, &self.linked, options).sample_elements(local, rays, deadline))
+    }
+
+    /// Splits leaves into parts with the same light, which are returned.
+    pub fn split(&mut self, leaves: &[u32]) -> Vec<u32> {
+        let first = self.linked.elements.len() as u32;
+        for &leaf in leaves {
+            self.linked.split(leaf);
+            if let Closing::Rays(local) = &mut self.closing {
+                local.results.resize(self.linked.elements.len(), local.results[leaf as usize]);
             }
-            self.linked.set_irradiance(local.results.iter().map(|r| r.irradiance));
         }
-        self
+        (first..self.linked.elements.len() as u32).collect()
+    }
+
+    /// Adds the light of the parts of leaves that were split.
+    pub fn sample_parts(
+        &self,
+        model: &Model,
+        options: &Options,
+        samples: &mut ElementSamples,
+        parts: &[u32],
+        deadline: &Deadline,
+    ) {
+        let Closing::Rays(local) = &self.closing else { return };
+        FinalGather::new(model, &self.linked, options).sample_parts(samples, local, parts, deadline);
+    }
+
+    /// Gives elements the light of their samples, shared between neighbours. Returns the number of leaves without samples.
+    pub fn share_samples(
+        &mut self,
+        model: &Model,
+        options: &Options,
+        samples: ElementSamples,
+        deadline: &Deadline,
+    ) -> usize {
+        let Closing::Rays(local) = &mut self.closing else { return 0 };
+        let gather = FinalGather::new(model, &self.linked, options);
+        let gathered = gather.share_samples(samples, local, deadline);
+        self.linked.tally.add(gathered.tally);
+        local.received = gathered.received;
+        for (leaf, light) in gathered.light {
+            let result = &mut local.results[leaf as usize];
+            result.irradiance = light.irradiance;
+            result.noise = light.error.sqrt() as f32;
+        }
+        self.linked.set_irradiance(local.results.iter().map(|r| r.irradiance));
+        gathered.hurried
     }
 
     /// Mean irradiance of the sides that light arrives at, W/m²; no number where elements have no light.

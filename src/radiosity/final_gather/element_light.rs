@@ -30,47 +30,139 @@ pub struct Gathered {
     pub light: Vec<(u32, SharedLight)>,
     /// Part of the emitted power that meets elements, by channel.
     pub received: Rgb,
+    /// Leaves without light, as there was no time.
+    pub hurried: usize,
     /// Cost of the rays.
     pub tally: Tally,
 }
 
+/// The light of leaves by rays of their own, before it is shared.
+pub struct ElementSamples {
+    /// Leaves, in ascending order.
+    leaves: Vec<u32>,
+    /// Their light.
+    light: Vec<ElementLight>,
+    /// Rays of half of a leaf over what [`FinalGather::wanted_rays`] states.
+    scale: f64,
+    /// Leaves that there was no time for.
+    hurried: usize,
+    tally: Tally,
+}
+
+impl ElementSamples {
+    /// The leaves over which direct light differs most, at most `most`: so many that the variances over all others have a mean by area of at
+    /// most `variance` relative to the square of the mean light.
+    pub fn uneven(&self, elements: &Elements, variance: f64, most: usize) -> Vec<u32> {
+        let area = |leaf: u32| elements.elements[leaf as usize].area;
+        let (mut all, mut sum) = (0.0, 0.0);
+        let mut found: Vec<(f64, u32)> = Vec::new();
+        for (&leaf, light) in self.leaves.iter().zip(&self.light) {
+            let area = area(leaf);
+            all += area;
+            sum += area * (light.mean(DIRECT) + light.mean(REFLECTED));
+            if light.uneven > 0.0 && !elements.states[leaf as usize].crossed {
+                found.push((area * f64::from(light.uneven), leaf));
+            }
+        }
+        found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let allowed = variance * sum * sum / all.max(f64::MIN_POSITIVE);
+        let mut rest: f64 = found.iter().map(|of| of.0).sum();
+        let mut split = Vec::new();
+        for (own, leaf) in found.into_iter().take(most) {
+            if rest <= allowed {
+                break;
+            }
+            rest -= own;
+            split.push(leaf);
+        }
+        split
+    }
+}
+
 impl FinalGather<'_> {
-    /// The irradiance of the leaves after a local pass, by about `rays` more rays of their own, shared between neighbours. Leaves
-    /// that the deadline leaves without rays are missing.
+    /// The rays that a leaf should have, up to a factor.
     ///
     /// The sum of squared errors by area is smallest with rays in proportion to √area times the deviation of one ray (Neyman 1934).
     /// The rays of the local pass estimate the deviation: an estimate from the same rays as the light would correlate with it, and
     /// elements that happen to look dark would stay dark.
-    pub fn gather_elements(&self, local: &LocalPass, rays: f64, deadline: &Deadline) -> Gathered {
+    fn wanted_rays(&self, local: &LocalPass, e: u32) -> f64 {
         let Elements { elements, states, .. } = &self.linked.elements;
-        let wanted = |e: u32| {
-            let result = &local.results[e as usize];
-            let weight = elements[e as usize].area * f64::from(states[e as usize].importance);
-            // The deviation is unknown where the first pass had no rays: leaves that there was no time for get the smallest number.
-            let deviation = match result.rays {
-                0 if states[e as usize].crossed => USUAL_DEVIATION * mean(result.irradiance),
-                0 => 0.0,
-                rays => f64::from(result.noise) * f64::from(rays).sqrt(),
-            };
-            weight.sqrt() * deviation
+        let result = &local.results[e as usize];
+        let weight = elements[e as usize].area * f64::from(states[e as usize].importance);
+        // The deviation is unknown where the first pass had no rays: leaves that there was no time for get the smallest number.
+        let deviation = match result.rays {
+            0 if states[e as usize].crossed => USUAL_DEVIATION * mean(result.irradiance),
+            0 => 0.0,
+            rays => f64::from(result.noise) * f64::from(rays).sqrt(),
         };
+        weight.sqrt() * deviation
+    }
+
+    /// The light of all leaves after a local pass, by about `rays` rays of their own. Leaves that the deadline leaves without rays are
+    /// missing.
+    pub fn sample_elements(&self, local: &LocalPass, rays: f64, deadline: &Deadline) -> ElementSamples {
         let all = self.linked.leaves();
-        let sum: f64 = all.iter().map(|&e| wanted(e)).sum();
-        let of = |leaf: u32| {
-            let half = 0.5 * rays * wanted(leaf) / sum.max(f64::MIN_POSITIVE);
-            // Halves of large elements fill packets of sixteen.
-            LeafRays {
-                leaf,
-                count: (8.0 * (half / 8.0).round()).clamp(f64::from(MIN_HALF), f64::from(MAX_HALF)) as u32,
-            }
+        let sum: f64 = all.iter().map(|&e| self.wanted_rays(local, e)).sum();
+        let mut samples = ElementSamples {
+            leaves: Vec::new(),
+            light: Vec::new(),
+            scale: if sum > 0.0 { 0.5 * rays / sum } else { 0.0 },
+            hurried: 0,
+            tally: Tally::default(),
         };
-        let rays: Vec<LeafRays> = all.iter().map(|&leaf| of(leaf)).collect();
+        self.add_samples(&mut samples, local, &all, deadline);
+        samples
+    }
+
+    /// Replaces the light of leaves that were split by that of their `parts`.
+    pub fn sample_parts(
+        &self,
+        samples: &mut ElementSamples,
+        local: &LocalPass,
+        parts: &[u32],
+        deadline: &Deadline,
+    ) {
+        let elements = &self.linked.elements.elements;
+        let ElementSamples { leaves, light, .. } = samples;
+        let is_leaf = |e: &u32| elements[*e as usize].is_leaf();
+        let kept = leaves.iter().zip(light.iter()).filter(|(e, _)| is_leaf(e)).map(|(e, light)| (*e, *light));
+        (*leaves, *light) = kept.unzip();
+        self.add_samples(samples, local, parts, deadline);
+    }
+
+    fn add_samples(
+        &self,
+        samples: &mut ElementSamples,
+        local: &LocalPass,
+        leaves: &[u32],
+        deadline: &Deadline,
+    ) {
+        let of = |&leaf: &u32| {
+            let half = samples.scale * self.wanted_rays(local, leaf);
+            // Halves of large elements fill packets of sixteen.
+            let count = (8.0 * (half / 8.0).round()).clamp(f64::from(MIN_HALF), f64::from(MAX_HALF));
+            LeafRays { leaf, count: count as u32 }
+        };
+        let rays: Vec<LeafRays> = leaves.iter().map(of).collect();
         let (light, tally) = self.trace_elements(&rays, deadline);
-        let (leaves, light): (Vec<u32>, Vec<ElementLight>) =
-            all.into_iter().zip(light).filter(|(_, light)| light.rays > 0).unzip();
+        samples.tally.add(tally);
+        for (&leaf, light) in leaves.iter().zip(light) {
+            if light.rays > 0 {
+                samples.leaves.push(leaf);
+                samples.light.push(light);
+            } else {
+                samples.hurried += 1;
+            }
+        }
+    }
+
+    /// The irradiance of leaves from their samples, shared between neighbours.
+    pub fn share_samples(&self, samples: ElementSamples, local: &LocalPass, deadline: &Deadline) -> Gathered {
+        let Elements { elements, states, .. } = &self.linked.elements;
+        let ElementSamples { leaves, light, hurried, tally, .. } = samples;
         let areas: Vec<f64> = leaves.iter().map(|&e| elements[e as usize].area).collect();
         let (mut light, mut received_share) = (light, local.received);
-        if leaves.len() == rays.len() {
+        if hurried == 0 {
             let received = light.iter().zip(&areas).map(|(light, area)| area * light.mean(DIRECT)).sum();
             let factor;
             (factor, received_share) = self.balance_of_direct_light(received, &local.sampled);
@@ -96,7 +188,7 @@ impl FinalGather<'_> {
             (leaves[i], SharedLight { error: if own.error > 0.0 { own.error } else { noise * noise }, ..own })
         });
         let light = whole.iter().map(|&i| leaves[i]).zip(shared).chain(own).collect();
-        Gathered { light, received: received_share, tally }
+        Gathered { light, received: received_share, hurried, tally }
     }
 
     fn side_of(&self, leaf: u32) -> u32 {

@@ -1,7 +1,7 @@
 //! Rays of elements from points on them: packets are filled across elements, and the light that is found is summed by element.
 
-use super::element_samples::{ElementLight, REFLECTED};
-use super::gatherer::{Buffers, FinalGather, PathVertex};
+use super::element_samples::{ElementLight, REFLECTED, variance_of_quarters};
+use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use super::paths::weight;
 use crate::math::sampling::{mix, point_on};
 use crate::radiosity::elements::emitter_tree::Cut;
@@ -62,9 +62,24 @@ impl FinalGather<'_> {
             let range = first..first + 2 * half;
             first = range.end;
             light.rays = half as u32;
+            let quarters = buffers.quarters[range.clone()].iter();
             match free {
-                Some(free) => light.direct_of_fraction(free, half, &parts[range]),
-                None => light.direct_of_rays(half, &buffers.results[range]),
+                Some(free) => {
+                    let (parts, level) = (&parts[range], free.element_sum() / 3.0);
+                    let of = |(&quarter, part): (&u8, &(Vec3, f32))| {
+                        (quarter, part.0.element_sum(), level * part.1)
+                    };
+                    light.uneven = variance_of_quarters(quarters.zip(parts).map(of));
+                    light.direct_of_fraction(free, half, parts);
+                }
+                None => {
+                    let results = &buffers.results[range];
+                    let of = |(&quarter, result): (&u8, &RayResult)| {
+                        (quarter, 1.0, result.direct.element_sum() / 3.0)
+                    };
+                    light.uneven = variance_of_quarters(quarters.zip(results).map(of));
+                    light.direct_of_rays(half, results);
+                }
             }
         }
         self.add_reflected(batch, &mut light, buffers);
@@ -111,6 +126,7 @@ impl FinalGather<'_> {
     fn starts(&self, batch: &[LeafRays], streams: Range<u64>, buffers: &mut Buffers) -> Vec<[f32; 4]> {
         let mut random = Vec::with_capacity(2 * BATCH);
         buffers.vertices.clear();
+        buffers.quarters.clear();
         let mut path = 0;
         for of in batch {
             let leaf = of.leaf;
@@ -120,6 +136,7 @@ impl FinalGather<'_> {
                 let seed = mix(!self.linked.settings.seed ^ mix(4 * element.ids[0] + stream)) as u32;
                 for k in 0..of.count {
                     let [u, v, ..] = sample_4d(k, 1, seed);
+                    buffers.quarters.push(2 * u8::from(u >= 0.5) + u8::from(v >= 0.5));
                     let at = point_on(&corners, u, v);
                     buffers.vertices.push(PathVertex { at, side, leaf, path, share: Vec3::ONE });
                     random.push(sample_4d(k, 0, seed));

@@ -19,6 +19,41 @@ pub struct ElementLight {
     pub halves: [[Vec3; 2]; KINDS],
     /// By kind, sum over all rays of the squared difference from the mean, mean over the channels, (W/m²)².
     pub squares: [f32; KINDS],
+    /// Variance of direct light over the element, as its quarters tell it; mean over the channels, (W/m²)².
+    pub uneven: f32,
+}
+
+/// Parts of an element whose light is compared.
+const QUARTERS: usize = 4;
+/// Smallest ratio of the variance between quarters to that which the noise of their rays explains. An office errs by 10.3 % at points with
+/// 2, by 10.9 % with 4, a valley by 2.8 and 2.7 % (`scenes/room.py`).
+const MIN_RATIO: f32 = 2.0;
+
+/// A ray as the comparison of quarters needs it: the number of its quarter, its weight, and the light that it has found, W/m².
+pub type QuarterRay = (u8, f32, f32);
+
+/// The variance of light between the quarters of an element, (W/m²)², less what noise adds; 0 where noise explains it.
+pub fn variance_of_quarters(rays: impl Iterator<Item = QuarterRay>) -> f32 {
+    // By quarter, sums of weights, of their squares, and of light and its squares by weight.
+    let mut quarters = [[0.0; 4]; QUARTERS];
+    for (quarter, weight, light) in rays {
+        let of_ray = [weight, weight * weight, weight * light, weight * light * light];
+        quarters[usize::from(quarter)].iter_mut().zip(of_ray).for_each(|(sum, v)| *sum += v);
+    }
+    let (mut count, mut sum, mut squares, mut noise) = (0.0, 0.0, 0.0, 0.0);
+    for [weight, squared_weights, light, squared_light] in quarters.into_iter().filter(|q| q[0] > 0.0) {
+        let mean = light / weight;
+        let rays = weight * weight / squared_weights;
+        let spread = (squared_light / weight - mean * mean).max(0.0);
+        (count, sum, squares) = (count + 1.0, sum + mean, squares + mean * mean);
+        noise += spread / (rays - 1.0).max(1.0);
+    }
+    if count < 2.0 {
+        return 0.0;
+    }
+    let between = squares / count - (sum / count).powi(2);
+    let of_noise = noise * (count - 1.0) / (count * count);
+    if between > MIN_RATIO * of_noise { between - of_noise } else { 0.0 }
 }
 
 impl ElementLight {
@@ -72,6 +107,25 @@ impl ElementLight {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::sampling::numbers;
+
+    /// Quarters that see different parts of the light have their variance; noise alone has none.
+    #[test]
+    fn quarters_are_compared_beyond_their_noise() {
+        let rays = |dark: u8| (0..32u8).map(move |k| (k % 4, 1.0, if k % 4 < dark { 0.0 } else { 2.0 }));
+        assert_eq!(variance_of_quarters(rays(0)), 0.0);
+        assert!((variance_of_quarters(rays(2)) - 1.0).abs() < 1e-6);
+        assert!((variance_of_quarters(rays(1)) - 0.75).abs() < 1e-6);
+        let split = (0..1000u64)
+            .filter(|&seed| {
+                let of = |k: u64| (k as u8 % 4, 1.0, numbers(seed, k)[0].round());
+                variance_of_quarters((0..32).map(of)) > 0.0
+            })
+            .count();
+        // Of a ratio that is chi-squared with three degrees of freedom over three, 11 % lie above 2.
+        assert!((60..180).contains(&split), "{split}");
+        assert_eq!(variance_of_quarters([(1, 1.0, 3.0), (1, 1.0, 0.0)].into_iter()), 0.0);
+    }
 
     #[test]
     fn the_visible_part_is_a_ratio_of_sums() {

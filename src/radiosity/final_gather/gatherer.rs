@@ -104,6 +104,8 @@ pub struct Buffers {
     pub(super) results: Vec<RayResult>,
     /// By element of a batch, the groups of emitting faces from which its emitter rays are drawn.
     pub(super) cuts: Vec<Cut>,
+    /// By vertex of the rays of elements, the quarter of the element that it lies on.
+    pub(super) quarters: Vec<u8>,
 }
 
 impl<'a> FinalGather<'a> {

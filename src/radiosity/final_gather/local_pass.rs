@@ -210,23 +210,24 @@ impl FinalGather<'_> {
     /// The factor that brings the direct light that elements receive, W/m² times scene units squared, to what the emitters send them, and
     /// that part of the emitted power by channel. Both sums have errors: the elements' own is expected to be [`DIRECT_ERROR`], and the
     /// factor is nearer to 1 where the share that rays have sampled is less certain, as of a lamp whose light mostly leaves the scene.
-    /// Engines that average clusters keep what they have found, as the sampled share is exact.
+    /// Engines that average clusters keep what they have found, so that the ledger shows how far that is from what rays say.
     pub(super) fn balance_of_direct_light(&self, received: f64, sampled: &SampledShare) -> (f64, Rgb) {
         let Elements { elements, sides, .. } = &self.linked.elements;
         let power: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
         if received <= 0.0 || power <= 0.0 {
             return (1.0, sampled.share);
         }
+        let found = received / power;
         // No ray was drawn from beams that are narrower than the grid of their directions.
         if sampled.mean <= 0.0 {
-            return (1.0, [received / power; 3]);
+            return (1.0, [found; 3]);
         }
-        let mut share = received / power;
-        if matches!(self.linked.engine, VisibilityEngine::Exact(_)) {
-            let (own, other) = ((DIRECT_ERROR * share).powi(2), sampled.error.powi(2));
-            share += own / (own + other) * (sampled.mean - share);
+        if !matches!(self.linked.engine, VisibilityEngine::Exact(_)) {
+            return (1.0, sampled.share);
         }
-        (share * power / received, sampled.share.map(|of| of * share / sampled.mean))
+        let (own, other) = ((DIRECT_ERROR * found).powi(2), sampled.error.powi(2));
+        let share = found + own / (own + other) * (sampled.mean - found);
+        (share / found, sampled.share.map(|of| of * share / sampled.mean))
     }
 
     /// The exchange of the leaves, from their rays.

@@ -19,7 +19,7 @@ mod smooth_light;
 mod starts;
 mod untraced;
 
-pub use element_light::Gathered;
+pub use element_light::ElementSamples;
 pub use gatherer::{Buffers, FinalGather, PathVertex};
 pub use local_pass::{LATE_RAYS, LocalPass};
 pub use points::with_fewer_rays;

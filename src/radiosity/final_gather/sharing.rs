@@ -292,7 +292,8 @@ mod tests {
             let [a, b, ..] = numbers(3, k).map(|u| of(x, y) + noise * 12f32.sqrt() * (u - 0.5));
             let halves = [[Vec3::splat(a), Vec3::splat(b)], [Vec3::ZERO; 2]];
             // 16 rays, each with four times the deviation of their mean.
-            light.push(ElementLight { rays: 16, halves, squares: [32.0 * 16.0 * noise * noise, 0.0] });
+            let squares = [32.0 * 16.0 * noise * noise, 0.0];
+            light.push(ElementLight { rays: 16, halves, squares, uneven: 0.0 });
             truth.push(f64::from(of(x, y)));
         }
         (places, light, truth)

@@ -1,8 +1,10 @@
 //! Local passes that are cut short.
 
 use super::*;
+use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::refinement::Ended;
 use crate::scene::generate::{Spec, build};
+use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Interrupts, for good, when so many steps of the stage of this name are done.
@@ -57,6 +59,10 @@ fn an_interrupted_pass_of_many_elements_keeps_its_light() {
     let leaves = all.mesh.elements.len();
     // No more than 100,000 have rays all the same.
     assert!(leaves > 105_000, "{leaves} elements");
+    let place = |mesh: &RadiosityMesh, e: &Element| {
+        e.corners.map(|c| mesh.vertices[c as usize].to_array().map(f32::to_bits))
+    };
+    let places: HashMap<_, _> = all.mesh.elements.iter().map(|e| (place(&all.mesh, e), e)).collect();
     for steps in [0, leaves / 2] {
         let Outcome { mesh, record, .. } = solve(&In::new("local pass, rays", steps));
         assert!(record.interrupted && record.ended != Ended::Interrupted, "{:?}", record.ended);
@@ -67,13 +73,15 @@ fn an_interrupted_pass_of_many_elements_keeps_its_light() {
         assert!((ratio - 1.0).abs() < 0.1, "{steps}: {ratio}");
         let created = record.ledger.created.abs() / record.ledger.emitted;
         assert!(created < 0.02, "{steps}: {created}");
-        // Elements are the same, as surfaces had been split before.
-        assert_eq!(mesh.elements.len(), leaves);
-        let (mut squares, mut bars) = (0.0, 0.0);
-        for (got, want) in mesh.elements.iter().zip(&all.mesh.elements) {
+        // Most elements are the same, as surfaces had been split before; some are split further where light differs on them.
+        let (mut squares, mut bars, mut found) = (0.0, 0.0, 0);
+        for got in &mesh.elements {
+            let Some(want) = places.get(&place(&mesh, got)) else { continue };
+            found += 1;
             squares += got.area * (mean(got.irradiance) - mean(want.irradiance)).powi(2);
             bars += got.area * mean(got.error).powi(2) + got.area * mean(want.error).powi(2);
         }
+        assert!(found > 100_000 && found < mesh.elements.len(), "{found}");
         let part: f64 = (squares / bars).sqrt();
         assert!((0.25..1.5).contains(&part), "{steps}: errors are {part} of their bars");
     }
