@@ -4,7 +4,9 @@
 //! the command with an error: otherwise the system would end it without a word, or the machine would come to a standstill.
 
 use crate::{Error, Result, memory};
-use std::{io::Write as _, process, thread, time::Duration};
+#[cfg(not(unix))]
+use std::process;
+use std::{io::Write as _, thread, time::Duration};
 
 /// Time between two comparisons. Memory is filled at some 5 GB/s, so about 0.1 GB are taken in that time.
 const INTERVAL: Duration = Duration::from_millis(20);
@@ -71,5 +73,9 @@ pub fn watch(given: Option<f64>) {
 fn out_of_memory(cause: &str) -> ! {
     // A closed standard error is ignored.
     let _ = writeln!(std::io::stderr(), "mrvis: {}", Error::OutOfMemory(cause.into()));
+    // Other threads are at work: what runs at the end of a program would take away what they use.
+    #[cfg(unix)]
+    signal_hook::low_level::exit(2);
+    #[cfg(not(unix))]
     process::exit(2)
 }

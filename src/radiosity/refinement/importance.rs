@@ -149,8 +149,9 @@ pub fn propagate_importance(linked: &mut LinkedScene, nodes: &ActiveNodes) {
         if let (Shape::Surface { side, .. }, true) = (&element.shape, element.is_leaf()) {
             importance[e] = mean(own(*side)) + mean(arriving[e]);
         } else if element.area > 0.0 {
-            let sum: f64 = element.child_range().map(|c| elements.elements[c].area * importance[c]).sum();
-            importance[e] = sum / element.area;
+            // What counts is the square of an error times that of its importance, over all parts.
+            let of_part = |c: usize| elements.elements[c].area * f64::powi(importance[c], 2);
+            importance[e] = (element.child_range().map(of_part).sum::<f64>() / element.area).sqrt();
         }
     }
     let largest = importance.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
