@@ -11,6 +11,8 @@ mod gltf;
 #[cfg(any(test, feature = "cli"))]
 mod grid_picture;
 #[cfg(any(test, feature = "cli"))]
+mod isolines;
+#[cfg(any(test, feature = "cli"))]
 mod lettering;
 mod lightmap;
 mod mesh;
