@@ -191,7 +191,7 @@ impl Args {
     }
 }
 
-/// Options of the solver. The views of cameras are added when the scene is loaded.
+/// Options of the solver. The views of cameras and the points of grids are added when the scene is loaded.
 fn options(args: &Args) -> Result<Options> {
     Ok(Options {
         error: args.error,
@@ -224,6 +224,7 @@ fn options(args: &Args) -> Result<Options> {
         max_seconds: args.max_seconds,
         seconds_spent: 0.0,
         more_points: args.outputs.gathers(args.has_points()),
+        points_in_space: 0,
         target_error: args.target_error,
         max_links: args.max_links,
         builder: args.clusters.builder,
@@ -267,6 +268,8 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let scene = scene.load_flat(&args.common)?;
     let grids = Grids::of(&args.grids, &scene)?;
     points.extend(grids.points());
+    // Grids without a height are on their surfaces.
+    options.points_in_space = grids.points().count();
     let read = scene.files.iter().chain(&args.points).chain(&args.feature_sizes);
     let inputs = Inputs::of(read.map(PathBuf::as_path));
     let mut written = args.outputs.names(&scene, args.has_points());
