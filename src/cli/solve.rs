@@ -6,6 +6,7 @@ mod luminous;
 mod scaling;
 pub mod sizes;
 mod summary;
+mod views;
 mod watch;
 
 use super::args::{CacheArgs, Common, SceneArgs, command_line};
@@ -22,14 +23,10 @@ use crate::files::{WholeFile, json_text};
 use crate::image_io::{Picture, write_png};
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
-use crate::radiosity::{
-    self, Inside, Options, Oracle, Outcome, PointLight, RowSums, Solution, View, Visibility,
-};
-use crate::scene::{Scene, StoredCamera};
+use crate::radiosity::{self, Inside, Options, Oracle, Outcome, PointLight, RowSums, Solution, Visibility};
 use crate::{Error, Result};
 use at_points::AtPoints;
-use glam::DVec3;
-use grids::{GridArg, Grids};
+use grids::{GridArg, Grids, section};
 use luminous::{Luminous, Reported};
 use scaling::scaling;
 use std::cell::RefCell;
@@ -37,6 +34,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use summary::summary;
+use views::views;
 use watch::{Watch, prepare};
 
 /// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
@@ -365,7 +363,9 @@ fn write(
     }
     written.extend(files);
     if args.outputs.wants_page() {
-        let page = solve_page(&record.compared.record, (scene, photometry, &mesh), &views, &command_line())?;
+        let grids = section(&record.grids, &pictures, &scene.unit)?;
+        let of = (scene, photometry, &mesh);
+        let page = solve_page(&record.compared.record, of, (&views, &grids), &command_line())?;
         written.push(out.join("solution.html"));
         WholeFile::write(&written[written.len() - 1], page)?;
     }
@@ -375,25 +375,4 @@ fn write(
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }
     Ok(())
-}
-
-/// The cameras of `--importance-camera`.
-fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
-    let views: Vec<View> = match given {
-        Some([x, y, z, u, v, w, degrees]) => {
-            let eye = DVec3::new(x, y, z);
-            let forward = (DVec3::new(u, v, w) - eye).normalize();
-            vec![View { eye, forward, angle: degrees.to_radians() }]
-        }
-        None => {
-            let of = |c: &StoredCamera| View { eye: c.eye, forward: c.forward, angle: c.angle };
-            scene.cameras.iter().map(of).collect()
-        }
-    };
-    if views.is_empty() {
-        return Err(Error::Argument(
-            "--importance-camera: the scene has no camera; give one with --camera".into(),
-        ));
-    }
-    Ok(views)
 }

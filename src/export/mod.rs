@@ -35,6 +35,8 @@ pub use lightmap::{Lightmap, lightmap, write_lightmap_mesh};
 pub use mesh::Mesh;
 pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, bytes_per_pixel, developed, picture, suitable_lightmap};
 pub use ply::write_ply;
+#[cfg(any(test, feature = "cli"))]
+pub use solve_page::{PageGrid, grid_section};
 pub use solve_page::{PageView, SurfaceLight, solve_page, surfaces};
 pub use tone::Tone;
 pub use unwrapped::unwrapped_lightmap;
