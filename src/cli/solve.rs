@@ -183,6 +183,11 @@ impl From<Engine> for Visibility {
 }
 
 impl Args {
+    /// Whether pictures are drawn by a camera that the options do not state.
+    pub fn choose_camera(&self) -> bool {
+        self.outputs.choose_camera(self.has_points())
+    }
+
     /// Whether light at points is asked for.
     fn has_points(&self) -> bool {
         self.points.is_some() || !self.grids.is_empty()
@@ -276,7 +281,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     written.extend(grids.pictures());
     args.common.check_outputs(&inputs, Output::within("--out", out, written))?;
     if args.importance_camera {
-        options.views = views(&scene, args.outputs.camera)?;
+        options.views = views(&scene, args.outputs.stated_camera())?;
     }
     let load = start.elapsed().as_secs_f64();
     options.seconds_spent = load;
