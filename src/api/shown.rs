@@ -325,7 +325,12 @@ impl Solution {
                 }
                 views.push(PageView::of(&stage, &inner.mesh, (&camera, SIZE), &frame));
             }
-            export::solve_page(&inner.record, (inner.scene(), None, &inner.mesh), &views, "")
+            export::solve_page(
+                &inner.record,
+                (inner.scene(), None, &inner.mesh),
+                (&views, &Default::default()),
+                "",
+            )
         })?
     }
 }

@@ -7,6 +7,7 @@ mod expand;
 mod folders;
 mod glob_scenes;
 mod graph;
+mod grids;
 mod hashes;
 mod job;
 mod job_file;
@@ -27,6 +28,7 @@ pub use folders::{
     begin, check_outputs, lock, lock_split, publish, publish_left, remove, seal, sync_up, withdraw, work,
 };
 pub use graph::{check, order};
+pub use grids::grids;
 pub use hashes::{HashedFile, Hashes, hash_file, key};
 #[cfg(test)]
 pub use job::COMMANDS;

@@ -135,13 +135,16 @@ fn row(out: &Path, entry: &Entry) -> Row {
     row
 }
 
+/// The fields of a record; none if there is no such file.
+pub fn record(path: &Path) -> Option<Row> {
+    let small = std::fs::metadata(path).is_ok_and(|about| about.len() <= MAX_RECORD);
+    let text = small.then(|| std::fs::read_to_string(path).ok()).flatten()?;
+    serde_json::from_str(&text).ok()
+}
+
 /// Numbers and truth values of a record and of the objects in it, as `seconds.solve`; nothing if there is no such file.
 fn figures(record: &Path) -> Vec<(String, Json)> {
-    let small = std::fs::metadata(record).is_ok_and(|about| about.len() <= MAX_RECORD);
-    let text = small.then(|| std::fs::read_to_string(record).ok()).flatten();
-    let Some(Json::Object(fields)) = text.and_then(|text| serde_json::from_str(&text).ok()) else {
-        return Vec::new();
-    };
+    let fields = self::record(record).unwrap_or_default();
     let scalar = |value: &Json| value.is_number() || value.is_boolean();
     let mut found = Vec::new();
     for (name, value) in fields {

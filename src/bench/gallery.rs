@@ -72,7 +72,7 @@ impl Bench<'_> {
         let sizes = [self.sizes[0], self.sizes[self.sizes.len() - 1]];
         let receivers = surfaces.grids(self.model, &single_rays(self.model), sizes);
         if receivers.is_empty() {
-            warnings.push("No surface that is flat, or faces one way as a terrain does, sees an emitter: there are no shadow images.".into());
+            warnings.push("There are no shadow images: no emitter is visible from a plane surface or a terrain, which they need.".into());
         }
         for receiver in receivers.iter().filter(|r| !r.lit) {
             warnings.push(format!("No light arrives at the receiver `{}`.", quote(&receiver.name)));

@@ -5,7 +5,8 @@ use crate::{
     Result,
     export::{
         Camera, MAX_PIXELS, MAX_SIDE, Mesh, PageView, Stage, Tone, VIEW, best_view, bytes_per_pixel,
-        developed, picture, suitable_lightmap, write_glb, write_lightmap_mesh, write_ply, write_vtu,
+        developed, picture, scene_view, suitable_lightmap, write_glb, write_lightmap_mesh, write_ply,
+        write_vtu,
     },
     image_io::{Picture, write_exr_rgb, write_png},
     plot::number,
@@ -28,8 +29,10 @@ pub struct Outputs {
     #[arg(long, value_name = "WxH", default_value = "800x600", value_parser = size)]
     image_size: [usize; 2],
     /// Camera instead of those of the file or the automatic one: eye, target, vertical angle of view in degrees.
-    #[arg(long, value_name = "X,Y,Z,X,Y,Z,DEG", value_parser = camera, allow_hyphen_values = true)]
-    pub camera: Option<[f64; 7]>,
+    /// `scene`: where the file has none, an automatic one that does not depend on the light, so that pictures of
+    /// several solutions can be compared.
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z,DEG|scene", value_parser = camera, allow_hyphen_values = true)]
+    camera: Option<CameraArg>,
     /// Compute the irradiance of every pixel by final gathering instead of interpolation: slower and sharper.
     #[arg(long)]
     gather: bool,
@@ -37,6 +40,15 @@ pub struct Outputs {
     #[arg(long, value_name = "N", default_value_t = 1 << 20,
           value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1 << 26))]
     lightmap_texels: usize,
+}
+
+/// `--camera`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum CameraArg {
+    /// Eye, target, vertical angle of view in degrees.
+    Stated([f64; 7]),
+    /// That of the file, or an automatic one by the scene alone.
+    Scene,
 }
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -217,7 +229,7 @@ impl Outputs {
             return Ok(views);
         }
         let stage = Stage::new(mesh, solution)?;
-        let cameras = self.cameras(scene, solution, &stage);
+        let cameras = self.cameras(scene, solution, &stage)?;
         for (k, camera) in cameras.iter().enumerate() {
             let part = 1.0 / (cameras.len() - k) as f64;
             let gather = |points: &[Point]| irradiance(points, part);
@@ -252,7 +264,7 @@ impl Outputs {
             corner.to_array().map(number).join(", ")
         });
         let eye = (scene.origin + camera.eye.as_dvec3()).to_array().map(number).join(", ");
-        let cure = match self.camera {
+        let cure = match self.stated_camera() {
             Some(_) => "give --camera another target, or leave it out for an automatic one",
             None => "give one with --camera",
         };
@@ -286,7 +298,7 @@ impl Outputs {
         let mut names: Vec<String> =
             wanted.flat_map(|(_, names)| names.iter().map(|name| name.to_string())).collect();
         if self.wants(Kind::Image, with_points) {
-            let views = match &self.camera {
+            let views = match self.stated_camera() {
                 None if !scene.cameras.is_empty() => view_names(&scene.cameras),
                 _ => vec![VIEW.into()],
             };
@@ -311,21 +323,34 @@ impl Outputs {
         self.gather && (self.wants(Kind::Image, with_points) || self.wants_page())
     }
 
-    fn cameras(&self, scene: &Scene, solution: &RadiosityMesh, stage: &Stage) -> Vec<Camera> {
+    /// Whether pictures are drawn by a camera that the options do not state.
+    pub fn choose_camera(&self, with_points: bool) -> bool {
+        self.camera.is_none() && (self.wants(Kind::Image, with_points) || self.wants_page())
+    }
+
+    /// Eye, target and angle of `--camera`.
+    pub fn stated_camera(&self) -> Option<[f64; 7]> {
+        match self.camera {
+            Some(CameraArg::Stated(numbers)) => Some(numbers),
+            Some(CameraArg::Scene) | None => None,
+        }
+    }
+
+    fn cameras(&self, scene: &Scene, solution: &RadiosityMesh, stage: &Stage) -> Result<Vec<Camera>> {
         let up = scene.up_axis().vector();
-        let Some([x, y, z, u, v, w, degrees]) = self.camera else {
+        let Some([x, y, z, u, v, w, degrees]) = self.stated_camera() else {
             let names = view_names(&scene.cameras).into_iter();
             let stored: Vec<Camera> = (scene.cameras.iter().zip(names))
                 .map(|(c, name)| Camera::stored(c, name, solution.origin))
                 .collect();
-            return if stored.is_empty() {
-                vec![best_view(stage, solution, up, &scene.unit)]
-            } else {
-                stored
-            };
+            return Ok(match self.camera {
+                _ if !stored.is_empty() => stored,
+                Some(CameraArg::Scene) => vec![scene_view(scene)?],
+                _ => vec![best_view(stage, solution, up, &scene.unit)],
+            });
         };
         let ends = [DVec3::new(x, y, z), DVec3::new(u, v, w)];
-        vec![Camera::towards(ends, up, degrees.to_radians(), solution.origin)]
+        Ok(vec![Camera::towards(ends, up, degrees.to_radians(), solution.origin)])
     }
 }
 
@@ -341,13 +366,18 @@ fn size(text: &str) -> Result<[usize; 2], String> {
         .ok_or_else(|| "columns x rows, 1 to 16384 each and at most 2^25 pixels, such as 800x600".into())
 }
 
-fn camera(text: &str) -> Result<[f64; 7], String> {
-    let bad = || "seven numbers: eye x,y,z, target x,y,z, angle of view in degrees (1 to 170)".to_owned();
+fn camera(text: &str) -> Result<CameraArg, String> {
+    if text == "scene" {
+        return Ok(CameraArg::Scene);
+    }
+    let bad = || {
+        "seven numbers: eye x,y,z, target x,y,z, angle of view in degrees (1 to 170); or `scene`".to_owned()
+    };
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|w| w.trim().parse()).collect();
     let camera: [f64; 7] = numbers.map_err(|_| bad())?.try_into().map_err(|_| bad())?;
     if camera[..3] == camera[3..6] {
         return Err("eye and target are the same point, so that there is no direction of view".into());
     }
     let fine = camera.iter().all(|v| v.is_finite()) && (1.0..=170.0).contains(&camera[6]);
-    if fine { Ok(camera) } else { Err(bad()) }
+    if fine { Ok(CameraArg::Stated(camera)) } else { Err(bad()) }
 }

@@ -5,14 +5,14 @@ use super::{
     merge::{missing, take_out_spoilt},
     one_line,
 };
-use crate::batch::{Entry, JobPicture, Journals, Report, has_journal, read_listed, report_page, rows};
+use crate::batch::{Entry, JobPicture, Journals, Report, grids, has_journal, read_listed, report_page, rows};
 use crate::files::WholeFile;
 use crate::image_io::thumbnail;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Write one page about the outputs of a batch: table of all jobs, errors against times, pictures. The exit code is 1 if jobs are
+/// Write one page about the outputs of a batch: table of all jobs, errors against times, grids of points, pictures. The exit code is 1 if jobs are
 /// missing.
 #[derive(clap::Args, Debug)]
 pub struct Args {
@@ -47,6 +47,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let rows = rows(&args.folder, entries.values());
     let mut entries: Vec<&Entry> = entries.values().filter(|e| e.has_outputs()).collect();
     entries.sort_by(|a, b| (a.index, &a.job).cmp(&(b.index, &b.job)));
+    let grids = grids(&args.folder, entries.iter().copied());
     let files: Vec<(&Entry, &Path)> = entries.into_iter().flat_map(pictures).collect();
     let (mut pictures, mut unreadable) = (Vec::new(), Vec::new());
     for (entry, file) in files.iter().take(MAX_PICTURES) {
@@ -64,6 +65,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         rows: &rows,
         jobs_in_all: in_all,
         faults: &faults,
+        grids: &grids,
         pictures: &pictures,
         unreadable: &unreadable,
         pictures_in_all: files.len(),

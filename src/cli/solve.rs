@@ -6,6 +6,7 @@ mod luminous;
 mod scaling;
 pub mod sizes;
 mod summary;
+mod views;
 mod watch;
 
 use super::args::{CacheArgs, Common, SceneArgs, command_line};
@@ -22,14 +23,10 @@ use crate::files::{WholeFile, json_text};
 use crate::image_io::{Picture, write_png};
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
-use crate::radiosity::{
-    self, Inside, Options, Oracle, Outcome, PointLight, RowSums, Solution, View, Visibility,
-};
-use crate::scene::{Scene, StoredCamera};
+use crate::radiosity::{self, Inside, Options, Oracle, Outcome, PointLight, RowSums, Solution, Visibility};
 use crate::{Error, Result};
 use at_points::AtPoints;
-use glam::DVec3;
-use grids::{GridArg, Grids};
+use grids::{GridArg, Grids, section};
 use luminous::{Luminous, Reported};
 use scaling::scaling;
 use std::cell::RefCell;
@@ -37,6 +34,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use summary::summary;
+use views::views;
 use watch::{Watch, prepare};
 
 /// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
@@ -185,13 +183,18 @@ impl From<Engine> for Visibility {
 }
 
 impl Args {
+    /// Whether pictures are drawn by a camera that the options do not state.
+    pub fn choose_camera(&self) -> bool {
+        self.outputs.choose_camera(self.has_points())
+    }
+
     /// Whether light at points is asked for.
     fn has_points(&self) -> bool {
         self.points.is_some() || !self.grids.is_empty()
     }
 }
 
-/// Options of the solver. The views of cameras are added when the scene is loaded.
+/// Options of the solver. The views of cameras and the points of grids are added when the scene is loaded.
 fn options(args: &Args) -> Result<Options> {
     Ok(Options {
         error: args.error,
@@ -224,6 +227,7 @@ fn options(args: &Args) -> Result<Options> {
         max_seconds: args.max_seconds,
         seconds_spent: 0.0,
         more_points: args.outputs.gathers(args.has_points()),
+        points_in_space: 0,
         target_error: args.target_error,
         max_links: args.max_links,
         builder: args.clusters.builder,
@@ -267,6 +271,8 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let scene = scene.load_flat(&args.common)?;
     let grids = Grids::of(&args.grids, &scene)?;
     points.extend(grids.points());
+    // Grids without a height are on their surfaces.
+    options.points_in_space = grids.points().count();
     let read = scene.files.iter().chain(&args.points).chain(&args.feature_sizes);
     let inputs = Inputs::of(read.map(PathBuf::as_path));
     let mut written = args.outputs.names(&scene, args.has_points());
@@ -275,7 +281,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     written.extend(grids.pictures());
     args.common.check_outputs(&inputs, Output::within("--out", out, written))?;
     if args.importance_camera {
-        options.views = views(&scene, args.outputs.camera)?;
+        options.views = views(&scene, args.outputs.stated_camera())?;
     }
     let load = start.elapsed().as_secs_f64();
     options.seconds_spent = load;
@@ -362,7 +368,9 @@ fn write(
     }
     written.extend(files);
     if args.outputs.wants_page() {
-        let page = solve_page(&record.compared.record, (scene, photometry, &mesh), &views, &command_line())?;
+        let grids = section(&record.grids, &pictures, &scene.unit)?;
+        let of = (scene, photometry, &mesh);
+        let page = solve_page(&record.compared.record, of, (&views, &grids), &command_line())?;
         written.push(out.join("solution.html"));
         WholeFile::write(&written[written.len() - 1], page)?;
     }
@@ -372,25 +380,4 @@ fn write(
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }
     Ok(())
-}
-
-/// The cameras of `--importance-camera`.
-fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
-    let views: Vec<View> = match given {
-        Some([x, y, z, u, v, w, degrees]) => {
-            let eye = DVec3::new(x, y, z);
-            let forward = (DVec3::new(u, v, w) - eye).normalize();
-            vec![View { eye, forward, angle: degrees.to_radians() }]
-        }
-        None => {
-            let of = |c: &StoredCamera| View { eye: c.eye, forward: c.forward, angle: c.angle };
-            scene.cameras.iter().map(of).collect()
-        }
-    };
-    if views.is_empty() {
-        return Err(Error::Argument(
-            "--importance-camera: the scene has no camera; give one with --camera".into(),
-        ));
-    }
-    Ok(views)
 }

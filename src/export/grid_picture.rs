@@ -1,9 +1,11 @@
 //! Light on a regular grid as a picture: false colours, isolines and a scale.
 
 use super::false_colours::{Bands, NOTHING};
+use super::isolines::{Piece, Strokes, pieces};
 use super::lettering::{LINE, width, write};
 use crate::image_io::Picture;
 use crate::plot::number;
+use glam::DVec2;
 
 /// Pixels of the longer side of a grid: at least those of a screen, at most those of a large print.
 const SIDE: [f64; 2] = [800.0, 4000.0];
@@ -11,6 +13,8 @@ const SIDE: [f64; 2] = [800.0, 4000.0];
 const GAP: usize = 12;
 /// Width of the scale's colours, and least height of one, pixels.
 const SWATCH: [usize; 2] = [28, 2 * LINE];
+/// Largest side of the squares that isolines are straight in, pixels: bends of 8 pixels look round.
+const SQUARE: f64 = 8.0;
 
 /// Light at the middles of the cells of a rectangle.
 #[derive(Clone, Debug)]
@@ -24,11 +28,15 @@ pub struct GridLight {
 }
 
 impl GridLight {
-    /// The light at a place, in cells from the lower left corner: linear between the middles of cells; `None` in cells without light.
-    fn at(&self, place: [f64; 2]) -> Option<f64> {
+    /// The light at a place, in cells from the lower left corner; `None` in cells without light.
+    fn at(&self, place: DVec2) -> Option<f64> {
+        self.in_cell([0, 1].map(|k| (place[k] as usize).min(self.counts[k] - 1)), place)
+    }
+
+    /// The light at a place of a cell or of its edges: linear between the middles of cells; `None` in cells without light.
+    fn in_cell(&self, cell: [usize; 2], place: DVec2) -> Option<f64> {
         let [columns, _] = self.counts;
         let value = |column: usize, row: usize| self.values[row * columns + column];
-        let cell: [usize; 2] = std::array::from_fn(|k| (place[k] as usize).min(self.counts[k] - 1));
         value(cell[0], cell[1])?;
         let from: [f64; 2] =
             std::array::from_fn(|k| (place[k] - 0.5).clamp(0.0, (self.counts[k] - 1) as f64));
@@ -47,6 +55,33 @@ impl GridLight {
         Some(sum / weights)
     }
 
+    /// Calls `found` with the index of a level and a piece of its isoline, in cells from the lower left corner, for all pieces. Each cell
+    /// is divided into `parts` squares along its sides; even numbers have corners at the points.
+    fn isolines(&self, levels: &[f64], parts: [usize; 2], mut found: impl FnMut(usize, Piece)) {
+        let [columns, rows] = self.counts;
+        let part = 1.0 / DVec2::from(parts.map(|n| n as f64));
+        for cell in (0..rows).flat_map(|row| (0..columns).map(move |column| [column, row])) {
+            let place = |x: usize, y: usize| {
+                DVec2::from(cell.map(|n| n as f64)) + part * DVec2::new(x as f64, y as f64)
+            };
+            let nodes = (0..=parts[1]).flat_map(|y| (0..=parts[0]).map(move |x| (x, y)));
+            let lights: Option<Vec<f64>> = nodes.map(|(x, y)| self.in_cell(cell, place(x, y))).collect();
+            let Some(lights) = lights else { continue };
+            for (x, y) in (0..parts[1]).flat_map(|y| (0..parts[0]).map(move |x| (x, y))) {
+                let light = |x: usize, y: usize| lights[y * (parts[0] + 1) + x];
+                let corners = [light(x, y), light(x + 1, y), light(x + 1, y + 1), light(x, y + 1)];
+                let [low, high] = [f64::min, f64::max].map(|of| corners.into_iter().fold(corners[0], of));
+                let first = levels.partition_point(|level| *level <= low);
+                for (k, level) in
+                    levels.iter().enumerate().skip(first).take_while(|(_, level)| **level <= high)
+                {
+                    pieces(corners, *level)
+                        .for_each(|piece| found(k, piece.map(|end| place(x, y) + part * end)));
+                }
+            }
+        }
+    }
+
     /// The picture, with isolines at the limits of the colours, and their scale in `unit` on the right.
     pub fn picture(&self, unit: &str) -> Picture {
         let bands = Bands::of(self.values.iter().flatten().copied());
@@ -54,29 +89,32 @@ impl GridLight {
         let longest = sides[0].max(sides[1]);
         let pixels = (self.counts[0].max(self.counts[1]) as f64).clamp(SIDE[0], SIDE[1]);
         let size = sides.map(|side| (pixels * side / longest).round().max(1.0) as usize);
-        let band = |x: usize, y: usize| {
-            let place = |at: usize, k: usize| (at as f64 + 0.5) / size[k] as f64 * self.counts[k] as f64;
-            self.at([place(x, 0), place(size[1] - 1 - y, 1)]).map(|light| bands.band(light))
-        };
+        let each = DVec2::from([0, 1].map(|k| size[k] as f64 / self.counts[k] as f64));
         let mut picture = with_scale(&bands, size, unit);
         for y in 0..size[1] {
-            let mut next: Vec<Option<usize>> = Vec::with_capacity(size[0]);
-            next.extend((0..size[0]).map(|x| band(x, y)));
             for x in 0..size[0] {
-                let beside = [next.get(x + 1).copied(), (y + 1 < size[1]).then(|| band(x, y + 1))];
-                let is_line =
-                    next[x].is_some_and(|own| beside.iter().flatten().flatten().any(|other| *other != own));
-                let colour = match next[x] {
-                    // White lines between dark colours, black ones between light ones.
-                    Some(own) if is_line => [if own < bands.limits().len() / 2 { 255 } else { 0 }; 3],
-                    Some(own) => bands.colour(own),
-                    None => NOTHING,
-                };
-                picture.pixels[(y + GAP) * picture.width + x + GAP] = colour;
+                let place = DVec2::new(x as f64 + 0.5, (size[1] - 1 - y) as f64 + 0.5) / each;
+                let band = self.at(place).map(|light| bands.band(light));
+                picture.pixels[(y + GAP) * picture.width + x + GAP] =
+                    band.map_or(NOTHING, |band| bands.colour(band));
             }
+        }
+        let mut strokes = [Strokes::new(size), Strokes::new(size)];
+        let parts = [0, 1].map(|k| 2 * (0.5 * each[k] / SQUARE).ceil() as usize);
+        self.isolines(bands.limits(), parts, |level, piece| {
+            let from_top = |end: DVec2| DVec2::new(each.x * end.x, size[1] as f64 - each.y * end.y);
+            strokes[usize::from(is_white(&bands, level))].add(piece.map(from_top));
+        });
+        for (strokes, grey) in strokes.iter().zip([0, 255]) {
+            strokes.draw(&mut picture, [GAP; 2], grey);
         }
         picture
     }
+}
+
+/// Whether the isoline of a limit is white: between dark colours. Others are black.
+fn is_white(bands: &Bands, limit: usize) -> bool {
+    limit < bands.limits().len() / 2
 }
 
 /// A white picture with room for a grid of a size in pixels, and on its right the colours with their limits, the brightest at the top.
@@ -99,6 +137,8 @@ fn with_scale(bands: &Bands, size: [usize; 2], unit: &str) -> Picture {
     }
     for (k, label) in labels.iter().enumerate() {
         let border = top + each * (colours - 1 - k);
+        let line = border * wide + left;
+        picture.pixels[line..line + SWATCH[0]].fill([if is_white(bands, k) { 255 } else { 0 }; 3]);
         write(&mut picture, label, [left + SWATCH[0] + GAP / 2, border - LINE / 2 + 1]);
     }
     picture
@@ -131,23 +171,74 @@ mod tests {
             ([7.5, 2.0], Some(70.0)),
             ([7.5, 4.5], None),
         ] {
-            let found = light.at(place);
+            let found = light.at(place.into());
             assert_eq!(found.map(|v| (1e6 * v).round() / 1e6), want, "{place:?}");
         }
     }
 
     #[test]
-    fn isolines_lie_where_the_light_has_their_value() {
+    fn isolines_of_linear_light_are_exactly_straight_and_in_place() {
+        // Light 3 x + 2 y in cells, without the cell at the right in the middle.
+        let light_at = |x: f64, y: f64| 3.0 * x + 2.0 * y;
+        let value = |k: usize| light_at((k % 6) as f64 + 0.5, (k / 6) as f64 + 0.5) as f32;
+        let values = (0..30).map(|k| (k != 17).then(|| value(k))).collect();
+        let light = GridLight { counts: [6, 5], steps: [1.0; 2], values };
+        for parts in [[2, 2], [6, 4]] {
+            let levels = [6.0, 12.0, 18.0];
+            let mut lengths = [0.0; 3];
+            light.isolines(&levels, parts, |level, piece| {
+                // Beyond the outermost points and beside the hole the light is that of the nearest points.
+                for end in piece.iter().filter(|end| end.x > 0.5 && end.x < 4.5 && end.y > 0.5 && end.y < 4.5)
+                {
+                    assert!((light_at(end.x, end.y) - levels[level]).abs() < 1e-5, "{end} at {level}");
+                }
+                lengths[level] += piece[0].distance(piece[1]);
+            });
+            // The first reaches from the left to the lower edge, the last from the hole to the upper edge.
+            assert!(lengths.iter().all(|length| *length > 2.0), "{lengths:?}");
+        }
+    }
+
+    #[test]
+    fn isolines_around_a_lamp_are_round() {
+        // Light of a lamp at the height of 3 cells above the middle of 21 x 21 cells, on the isoline with a radius of 5.
+        let at = |radius: f64| 1e3 * (9.0 + radius * radius).powi(-2);
+        let value = |k: usize| at(DVec2::new((k % 21) as f64 - 10.0, (k / 21) as f64 - 10.0).length()) as f32;
+        let light = GridLight {
+            counts: [21; 2],
+            steps: [1.0; 2],
+            values: (0..441).map(|k| Some(value(k))).collect(),
+        };
+        let mut length = 0.0;
+        light.isolines(&[at(5.0)], [4; 2], |_, piece| {
+            for end in piece {
+                let radius = end.distance(DVec2::splat(10.5));
+                // Linear light between points errs by up to an eighth of its curvature: 1/14 of its slope at this radius.
+                assert!((radius - 5.0).abs() < 0.1, "radius {radius}");
+            }
+            length += piece[0].distance(piece[1]);
+        });
+        assert!((length / (10.0 * std::f64::consts::PI) - 1.0).abs() < 0.02, "length {length}");
+    }
+
+    #[test]
+    fn isolines_are_drawn_where_the_light_has_their_value() {
         let light = ramp();
         let picture = light.picture("lx");
         let bands = Bands::of(light.values.iter().flatten().copied());
         // 800 pixels for 8 columns: the light 10 k is at 50 + 100 k.
         let row = &picture.pixels[(GAP + 100) * picture.width + GAP..][..800];
-        let lines: Vec<usize> = (0..800).filter(|&x| row[x] == [0; 3] || row[x] == [255; 3]).collect();
-        let want: Vec<f64> = bands.limits().iter().map(|limit| 50.0 + 10.0 * limit).collect();
-        assert_eq!(lines.len(), want.len(), "{lines:?}");
-        for (line, want) in lines.iter().zip(want) {
-            assert!((*line as f64 - want).abs() < 1.5, "a line at {line} instead of {want}");
+        for (k, limit) in bands.limits().iter().enumerate() {
+            let middle = 50.0 + 10.0 * limit;
+            let grey = if is_white(&bands, k) { 255 } else { 0 };
+            let line: Vec<usize> = (0..800).filter(|&x| (x as f64 + 0.5 - middle).abs() < 0.6).collect();
+            assert!(
+                !line.is_empty() && line.iter().all(|&x| row[x].iter().all(|c| c.abs_diff(grey) < 60)),
+                "{limit}"
+            );
+            // Beside it is the colour of the band.
+            assert_eq!(row[middle as usize - 4], bands.colour(k));
+            assert_eq!(row[middle as usize + 4], bands.colour(k + 1));
         }
         // The first row of cells is at the bottom, what was not measured is grey.
         let corner = |y: usize| picture.pixels[(GAP + y) * picture.width + GAP + 790];

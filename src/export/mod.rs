@@ -11,11 +11,15 @@ mod gltf;
 #[cfg(any(test, feature = "cli"))]
 mod grid_picture;
 #[cfg(any(test, feature = "cli"))]
+mod isolines;
+#[cfg(any(test, feature = "cli"))]
 mod lettering;
 mod lightmap;
 mod mesh;
 mod picture;
 mod ply;
+#[cfg(any(test, feature = "cli"))]
+mod scene_view;
 mod solve_page;
 #[cfg(test)]
 mod tests;
@@ -33,6 +37,10 @@ pub use lightmap::{Lightmap, lightmap, write_lightmap_mesh};
 pub use mesh::Mesh;
 pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, bytes_per_pixel, developed, picture, suitable_lightmap};
 pub use ply::write_ply;
+#[cfg(any(test, feature = "cli"))]
+pub use scene_view::scene_view;
+#[cfg(any(test, feature = "cli"))]
+pub use solve_page::{PageGrid, grid_section};
 pub use solve_page::{PageView, SurfaceLight, solve_page, surfaces};
 pub use tone::Tone;
 pub use unwrapped::unwrapped_lightmap;

@@ -5,6 +5,8 @@
 
 mod audit;
 mod flow;
+#[cfg(any(test, feature = "cli"))]
+mod grids;
 mod surfaces;
 #[cfg(test)]
 mod tests;
@@ -17,6 +19,8 @@ use crate::plot::number;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::{Record, Seconds};
 use crate::scene::{Photometry, Scene};
+#[cfg(any(test, feature = "cli"))]
+pub use grids::{PageGrid, grid_section};
 use maud::{Markup, html};
 pub use surfaces::{SurfaceLight, surfaces};
 
@@ -70,14 +74,14 @@ pub enum Seen {
     Surface([f32; 3]),
 }
 
-/// The page as HTML, in lux with `photometry`. `command` is the command line that repeats the run, if there is one.
+/// The page as HTML, in lux with `photometry`. `grids` is the section on grids of points; `command` is the command line that repeats the run, if there is one.
 ///
 /// # Errors
 /// A picture has no pixels.
 pub fn solve_page(
     record: &Record,
     (scene, photometry, solution): (&Scene, Option<Photometry>, &RadiosityMesh),
-    views: &[PageView],
+    (views, grids): (&[PageView], &Markup),
     command: &str,
 ) -> Result<String> {
     let name = file_name(&record.scene.path);
@@ -88,6 +92,7 @@ pub fn solve_page(
             h2 { "Pictures" }
             (pictures(views, shown)?)
         }
+        (grids)
         section {
             h2 { "Where the light goes" }
             (flow::section(&record.ledger, shown, scene, solution))

@@ -55,8 +55,8 @@ impl Model {
         let more =
             if found.len() > 1 { format!(" (and of {} more)", found.len() - 1) } else { String::new() };
         Some(format!(
-            "the light of the emitter `{}`{more} ends at `{}`, {distance:.2} {} in front of it: move emitters in front of surfaces that they are \
-             behind of, as luminaires above a ceiling",
+            "the light of the emitter `{}`{more} is blocked by `{}`, {distance:.2} {} in front of it: the emitter is probably behind that \
+             surface by mistake, such as a luminaire above a ceiling; move it to the other side",
             quote(&first.name),
             quote(object),
             scene.unit
@@ -122,9 +122,9 @@ impl Model {
         let unit = &self.scene().unit;
         let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
         Some(format!(
-            "the emitter `{}`{more} lights a surface from so near that the precision of its coordinates shows: from {distance:.2e} {unit}, where \
-             rays start {height:.1e} {unit} above it, so that light there is wrong by some {:.0} %; cut that surface into smaller faces, or move \
-             the scene nearer to the origin",
+            "the emitter `{}`{more} is so close to a surface, {distance:.2e} {unit}, that rounding of the surface's coordinates limits the \
+             accuracy: rays start {height:.1e} {unit} above it, so that light there is wrong by about {:.0} %; divide that surface into \
+             smaller faces, or move the scene nearer to the origin",
             quote(&worst.name),
             100.0 * (height / distance).min(1.0)
         ))
@@ -264,7 +264,8 @@ mod tests {
         assert_eq!(note(1e5, 100.0), None);
         let found = note(1e5, 1.0).expect("a note");
         assert!(
-            found.contains("the emitter `lamp 0` lights a surface") && found.contains("smaller faces"),
+            found.contains("the emitter `lamp 0` is so close to a surface")
+                && found.contains("smaller faces"),
             "{found}"
         );
     }
@@ -276,7 +277,7 @@ mod tests {
             |z: f64| with_lamps(10.0, &[(z, false)], &LoadOptions::default()).note_of_enclosed_emitters();
         assert_eq!(note(1.0), None);
         let found = note(0.05).expect("a note");
-        assert!(found.contains("emitter `lamp 0` ends at `floor`, 0.05"), "{found}");
+        assert!(found.contains("emitter `lamp 0` is blocked by `floor`, 0.05"), "{found}");
     }
 
     #[test]

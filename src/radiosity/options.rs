@@ -119,6 +119,9 @@ pub struct Options {
     pub seconds_spent: f64,
     /// Whether irradiance at more points will be asked for after the solution: part of the time limit is kept for that.
     pub more_points: bool,
+    /// Number of points, the last of them, that are meant to lie off surfaces: they are not reported for it.
+    #[serde(skip)]
+    pub points_in_space: usize,
     /// Largest RMS error of the elements' irradiance relative to its mean, as independent paths find it: the local pass is repeated with more
     /// rays until then, unless `local_rays` is given. Refinement of links ends when their error estimate is no larger.
     pub target_error: Option<f64>,
@@ -155,6 +158,7 @@ impl Default for Options {
             max_seconds: None,
             seconds_spent: 0.0,
             more_points: false,
+            points_in_space: 0,
             target_error: None,
             max_links: 10_000_000,
             cache: CacheLocation::Off,

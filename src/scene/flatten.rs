@@ -61,7 +61,7 @@ impl Scene {
         }
         let dropped = flat.scene.repairs.zero_area_faces - self.repairs.zero_area_faces;
         if dropped > 0 {
-            let what = "triangles of placements dropped that have no area after rounding to f32";
+            let what = "triangles of placed meshes left out: after rounding of their coordinates (32 bits) they have no area";
             flat.scene.repairs.messages.push(format!("{dropped} {what}"));
         }
         Ok(flat.scene)

@@ -127,7 +127,7 @@ impl Scene {
             }
         }
         if vanished > 0 {
-            let what = "nodes shrink their mesh to a point: left out";
+            let what = "nodes scale their mesh to a size of zero: left out";
             self.repairs.messages.push(format!("{vanished} {what}"));
         }
         if !self.placements.is_empty() {

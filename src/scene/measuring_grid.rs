@@ -35,6 +35,8 @@ pub struct MeasuringGrid {
 /// The plane of a surface.
 struct Plane {
     faces: Vec<u32>,
+    /// Whether faces have their fronts on both sides.
+    is_mixed: bool,
     /// The point that `axes` start from.
     origin: DVec3,
     /// Unit vectors to the right and to the top of pictures, and the normal.
@@ -51,7 +53,8 @@ impl Plane {
 impl Scene {
     /// The grid with points at most `spacing` apart, `height` above the object, group or material `name`; scene units. The surface must
     /// be plane, or its faces that look up must lie in one plane. Points lie before its front, or before the back of a sheet if all
-    /// emitters are on that side.
+    /// emitters are on that side. Where its faces are wound both ways, points lie above a level surface, and on the side of more fronts
+    /// otherwise, unless all emitters are on the other side.
     ///
     /// # Errors
     /// Nothing has this name, the surface is not plane, or the grid has no point or too many.
@@ -101,6 +104,10 @@ impl Scene {
         let looks_up = |face: &u32| self.area_vector(*face).normalize_or_zero().dot(up) > UPWARD;
         let upward: Vec<u32> = faces.iter().copied().filter(looks_up).collect();
         let mut plane = self.common_plane(faces).or_else(|| self.common_plane(upward))?;
+        let height = plane.axes[2].dot(up);
+        if plane.is_mixed && height < -UPWARD {
+            plane.axes[2] = -plane.axes[2];
+        }
         if self.only_lit_from_behind(&plane) {
             plane.axes[2] = -plane.axes[2];
         }
@@ -113,24 +120,31 @@ impl Scene {
         Some(plane)
     }
 
-    /// The plane in which all these faces lie, turned as most of them are; axes other than the normal are arbitrary.
+    /// The plane in which all these faces lie, with its normal on the side of more fronts by area, or of the first face's front; axes
+    /// other than the normal are arbitrary.
     fn common_plane(&self, faces: Vec<u32>) -> Option<Plane> {
-        let (mut sum, mut area) = (DVec3::ZERO, 0.0);
+        let first = self.area_vector(*faces.first()?);
+        // Faces that are wound the other way count reversed.
+        let [mut sum, mut reversed] = [DVec3::ZERO; 2];
         for vector in faces.iter().map(|&face| self.area_vector(face)) {
-            area += vector.length();
-            sum += vector;
+            if vector.dot(first) < 0.0 {
+                reversed -= vector;
+            } else {
+                sum += vector;
+            }
         }
         let corners = || self.corners_of(&faces);
         let low = corners().reduce(DVec3::min)?;
         let extent = corners().fold(low, DVec3::max).distance(low);
-        // Solids have no normal of their own.
-        let normal = sum.try_normalize().filter(|_| sum.length() > 0.5 * area)?;
+        let side = if reversed.length() > sum.length() { -1.0 } else { 1.0 };
+        let normal = side * (sum + reversed).try_normalize()?;
         let origin = corners().next()?;
         let is_flat = corners().all(|corner| (corner - origin).dot(normal).abs() <= FLAT * extent);
-        is_flat.then_some(Plane { faces, origin, axes: [normal; 3] })
+        let is_mixed = reversed != DVec3::ZERO;
+        is_flat.then_some(Plane { faces, is_mixed, origin, axes: [normal; 3] })
     }
 
-    /// Whether these are sheets, and emitters lie behind their fronts alone.
+    /// Whether these are sheets, or their fronts are on both sides, and emitters lie behind the plane alone.
     fn only_lit_from_behind(&self, plane: &Plane) -> bool {
         let slack = f64::from(self.bounds.diagonal()) * FLAT;
         let mut sides = [false; 2];
@@ -141,7 +155,8 @@ impl Scene {
                 sides[1] |= distance < -slack;
             }
         }
-        sides == [false, true] && plane.faces.iter().all(|&face| self.triangle_sides[face as usize] == 2)
+        let is_sheet = || plane.faces.iter().all(|&face| self.triangle_sides[face as usize] == 2);
+        sides == [false, true] && (plane.is_mixed || is_sheet())
     }
 
     /// The cells of a grid whose points are on the faces of the plane, and these points; ascending.
@@ -261,6 +276,47 @@ mod tests {
             let scene = read_from_memory(None, "obj", text(height).as_bytes(), &options).expect("a scene");
             let grid = scene.measuring_grid("sheet", 1.0, 0.1).expect("a grid");
             assert!((grid.normal.z - want).abs() < 1e-6 && (grid.points[0].z - 0.1 * want).abs() < 1e-6);
+        }
+    }
+
+    /// A surface of three quads side by side, of which the last is wound the other way; level or upright, with a lamp at this distance.
+    fn wound_both_ways(is_level: bool, windings: [bool; 3], lamp: f64) -> Scene {
+        let place = |x: f64, y: f64, z: f64| {
+            if is_level { format!("v {x} {y} {z}\n") } else { format!("v {x} {} {y}\n", -z) }
+        };
+        let mut text = String::from("o surface\n");
+        for x in 0..4 {
+            text += &(place(f64::from(x), 0.0, 0.0) + &place(f64::from(x), 2.0, 0.0));
+        }
+        for (k, is_forward) in windings.into_iter().enumerate() {
+            let [a, b, c, d] = [1, 3, 4, 2].map(|n| n + 2 * k);
+            text += &if is_forward { format!("f {a} {b} {c} {d}\n") } else { format!("f {d} {c} {b} {a}\n") };
+        }
+        text += &[[1.0, 1.0], [2.0, 1.0], [1.0, 1.5]].map(|[x, y]| place(x, y, lamp)).concat();
+        text += "o lamp\nf 9 10 11\n";
+        let options = LoadOptions::default().with_emitter("lamp", 1.0).with_up(crate::scene::UpAxis::Z);
+        read_from_memory(None, "obj", text.as_bytes(), &options).expect("a scene")
+    }
+
+    #[test]
+    fn surfaces_wound_both_ways_are_measured_whole_on_one_side() {
+        for (is_level, windings, lamp, side) in [
+            (true, [true, true, false], 2.0, 1.0),
+            // The upper side of floors, whatever the side of more fronts.
+            (true, [false, true, false], 2.0, 1.0),
+            // The lit side of a ceiling.
+            (true, [true, true, false], -2.0, -1.0),
+            (false, [true, true, false], 2.0, 1.0),
+            (false, [true, true, false], -2.0, -1.0),
+            (false, [false, true, false], 2.0, 1.0),
+        ] {
+            let scene = wound_both_ways(is_level, windings, lamp);
+            let grid = scene.measuring_grid("surface", 1.0, 0.1).expect("a grid");
+            let normal = side * if is_level { DVec3::Z } else { -DVec3::Y };
+            let case = format!("level {is_level}, wound {windings:?}, lamp {lamp}");
+            assert_eq!((grid.counts, grid.points.len()), ([3, 2], 6), "{case}");
+            assert!(grid.normal.distance(normal) < 1e-6, "{case}: {}", grid.normal);
+            assert!(grid.points.iter().all(|p| (p.dot(normal) - 0.1).abs() < 1e-5), "{case}");
         }
     }
 

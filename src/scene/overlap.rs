@@ -64,8 +64,9 @@ pub(super) fn find(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut 
         list.push(format!("{} more", largest.len() - MAX_NAMED_PAIRS));
     }
     repairs.messages.push(format!(
-        "faces of one plane overlap and face the same way: the one of the smaller part counts as on top, of equal parts the one later \
-         in the file; the other gets no light there ({})",
+        "faces in the same plane cover each other ({}): the face of the smaller connected surface is treated as the upper one (of equal \
+         surfaces the one later in the file), and the face below it receives no light where it is covered; if that is not intended, move \
+         one of them or delete it",
         list.join(", ")
     ));
     found

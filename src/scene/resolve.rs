@@ -366,7 +366,7 @@ fn summarise(role: Role, soup: &Soup, faces: &Triangles, r: &mut Repairs) {
         }
     };
     say(r.zero_area_faces, "face", "without area dropped");
-    say(r.duplicate_faces, "face", "dropped, equal to another one");
+    say(r.duplicate_faces, "face", "left out: another face has the same corners");
     say(r.broken_polygons, "polygon", "dropped, crossed by its own edges");
     say(r.transparent_faces, "face", "of transparent materials (d < 0.5) dropped: they do not block light");
     if r.faces_without_material > 0 {
@@ -392,6 +392,6 @@ fn summarise(role: Role, soup: &Soup, faces: &Triangles, r: &mut Repairs) {
 pub(super) fn report_transparent<'a>(names: impl Iterator<Item = &'a String>, r: &mut Repairs) {
     let names = names::some_names(names);
     if !names.is_empty() {
-        r.messages.push(format!("transparency is not modelled; taken as opaque (d not below 0.5): {names}"));
+        r.messages.push(format!("transparency is not modelled: materials that are partly transparent (d from 0.5 to 1) are treated as opaque: {names}"));
     }
 }

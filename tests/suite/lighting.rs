@@ -37,6 +37,8 @@ fn a_grid_of_points_needs_no_file() {
     let solved = scratch
         .mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "floor:0.5:0.8"]].concat());
     done(&solved);
+    // Points of a grid above its surface are meant to be there; the point of the file is on the floor.
+    assert!(!solved.stdout.contains("from every surface"), "{}", solved.stdout);
     // The point of the file comes first, then both grids from their lower left corners.
     let found = rows(&scratch, "s/irradiance.csv");
     assert_eq!(found.len(), 1 + 8 + 32);

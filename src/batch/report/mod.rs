@@ -4,11 +4,12 @@ mod charts;
 #[cfg(test)]
 mod tests;
 
+use super::grids::JobGrid;
 use super::row::{Row, cell};
 use super::table::{COMPARED, COMPARED_NOISE};
 use crate::Result;
 use crate::image_io::Picture;
-use crate::page::{bytes, count, data_url, document, figure, seconds};
+use crate::page::{Cell, bytes, count, data_url, document, figure, seconds, table as plain_table};
 use crate::plot::number;
 use charts::{Chart, charts};
 use maud::{Markup, PreEscaped, html};
@@ -31,6 +32,9 @@ const MAX_ERRORS: usize = 2;
 /// Jobs without a row that are named.
 const MAX_FAULTS: usize = 10;
 
+/// Grids of points that are listed: a few screens.
+const MAX_GRIDS: usize = 200;
+
 /// What the page shows.
 pub struct Report<'a> {
     /// Name of the output folder.
@@ -41,6 +45,8 @@ pub struct Report<'a> {
     pub jobs_in_all: usize,
     /// Why jobs have no row.
     pub faults: &'a [String],
+    /// Light on grids of points.
+    pub grids: &'a [JobGrid],
     /// Pictures of jobs.
     pub pictures: &'a [JobPicture],
     /// Errors of pictures that cannot be read.
@@ -62,13 +68,14 @@ pub struct JobPicture {
 }
 
 impl JobPicture {
-    /// What it shows: a feature mask and a difference are told by the name of their file.
+    /// What it shows: a feature mask, a difference and a grid are told by the name of their file.
     fn what(&self) -> String {
         let stem = self.file.rsplit_once('.').map_or(self.file.as_str(), |(stem, _)| stem);
         let size = stem.rsplit_once("mask-").map(|(_, size)| size).filter(|size| size.parse::<f64>().is_ok());
         match (size, stem.ends_with("difference")) {
             (Some(size), _) => format!("mask of features larger than {size}"),
             (None, true) => "difference from the reference".into(),
+            (None, false) if stem.starts_with("grid-") => "light on a grid of points".into(),
             (None, false) => "picture".into(),
         }
     }
@@ -91,6 +98,7 @@ pub fn report_page(report: &Report) -> Result<String> {
             (table(rows))
             p.note { "All figures of all jobs are in results.csv and results.jsonl." }
         }
+        (grids(report.grids))
         @if report.pictures_in_all > 0 { section { h2 { "Pictures" } (pictures(report)?) } }
         script { (PreEscaped(SCRIPT)) }
     };
@@ -256,6 +264,33 @@ fn shown(row: &Row, column: &Column) -> String {
         (Some(n), Unit::Bytes) => bytes(n as u64),
         (Some(x), Unit::Number) => number(x),
         _ => text(row, &column.key),
+    }
+}
+
+/// The light on grids of points; their pictures are among those of the jobs.
+fn grids(grids: &[JobGrid]) -> Markup {
+    let row = |JobGrid { job, grid }: &JobGrid| {
+        let [height, minimum, mean, maximum] =
+            [grid.height, grid.minimum, grid.mean, grid.maximum].map(|x| Cell::from(number(x)));
+        let points = format!("{} × {}", grid.columns, grid.rows);
+        let uniformity = grid.uniformity.map_or_else(String::new, |u| format!("{u:.2}"));
+        let [job, name, unit] = [job, &grid.name, &grid.unit].map(Cell::words);
+        [job, name, points.into(), height, minimum, mean, maximum, unit, uniformity.into()]
+    };
+    let columns =
+        ["job", "surface", "points", "height", "minimum", "mean", "maximum", "unit", "uniformity U0"];
+    let rows: Vec<_> = grids.iter().take(MAX_GRIDS).map(row).collect();
+    html! {
+        @if !grids.is_empty() {
+            section {
+                h2 { "Grids of points" }
+                (plain_table(columns, &rows))
+                p.note {
+                    "Heights are in units of the scene; uniformity U0 is the minimum divided by the mean (EN 12464)."
+                    @if grids.len() > MAX_GRIDS { " These are " (MAX_GRIDS) " of " (grids.len()) " grids; the others are in the records of their jobs." }
+                }
+            }
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::charts::front;
 use super::*;
+use crate::batch::grids::RecordedGrid;
 use serde_json::json;
 
 fn row(value: serde_json::Value) -> Row {
@@ -28,15 +29,28 @@ fn the_page_has_all_jobs_and_refers_to_nothing() {
         size: [800, 600],
         picture: Picture { width: 1, height: 1, pixels: vec![[1, 2, 3]] },
     };
-    let pictures = ["view.png", "floor-mask-0.5.png", "floor-mr-0.5-difference.png"].map(picture);
+    let pictures =
+        ["view.png", "grid-floor.png", "floor-mask-0.5.png", "floor-mr-0.5-difference.png"].map(picture);
+    let grid = RecordedGrid {
+        name: "desk <a>".into(),
+        columns: 8,
+        rows: 4,
+        height: 0.75,
+        unit: "lx".into(),
+        minimum: 120.0,
+        mean: 300.0,
+        maximum: 456.0,
+        uniformity: Some(0.4),
+    };
     let report = Report {
         name: "out",
+        grids: &[JobGrid { job: "e0.1-mr".into(), grid }],
         rows: &rows(),
         jobs_in_all: 6,
         faults: &["c: x.png was changed".into()],
         pictures: &pictures,
         unreadable: &["b.png: gone".into()],
-        pictures_in_all: 5,
+        pictures_in_all: 6,
     };
     let page = report_page(&report).expect("a page");
     for part in [
@@ -46,8 +60,12 @@ fn the_page_has_all_jobs_and_refers_to_nothing() {
         "by error and visibility",
         "by visibility and error",
         "Pareto front",
-        "3 of 5 pictures",
+        "4 of 6 pictures",
         "e0.1-mr: picture, view.png, 800 × 600 pixels",
+        "e0.1-mr: light on a grid of points, grid-floor.png",
+        "desk &lt;a&gt;",
+        "8 × 4",
+        "0.40",
         "e0.1-mr: mask of features larger than 0.5, floor-mask-0.5.png",
         "e0.1-mr: difference from the reference, floor-mr-0.5-difference.png",
         "A picture cannot be read: b.png: gone",
@@ -77,6 +95,7 @@ fn charts_of_differences_name_the_noise_of_the_reference() {
         rows: &rows,
         jobs_in_all: 2,
         faults: &[],
+        grids: &[],
         pictures: &[],
         unreadable: &[],
         pictures_in_all: 0,
@@ -98,6 +117,7 @@ fn the_page_says_how_many_charts_it_leaves_out() {
         rows: &jobs,
         jobs_in_all: 2,
         faults: &[],
+        grids: &[],
         pictures: &[],
         unreadable: &[],
         pictures_in_all: 0,
@@ -112,6 +132,7 @@ fn a_batch_without_jobs_has_a_page() {
         rows: &[],
         jobs_in_all: 0,
         faults: &[],
+        grids: &[],
         pictures: &[],
         unreadable: &[],
         pictures_in_all: 0,

@@ -62,7 +62,9 @@ impl Plan {
         grammar.drop_foreign_defaults(&source, &mut jobs)?;
         let (mut lines, mut shown) = (Vec::new(), Vec::new());
         let (mut inputs, mut estimates) = (Vec::new(), Vec::new());
-        for job in &jobs {
+        for job in &mut jobs {
+            let line = grammar.line(&source, job, out, &work(out, &job.name))?;
+            Grammar::fix_camera(job, &line);
             let line = grammar.line(&source, job, out, &work(out, &job.name))?;
             let command = grammar.check(&source, job, &line)?;
             shown.push(grammar.line(&source, job, out, &out.join(&job.name))?.shown());

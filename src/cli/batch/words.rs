@@ -142,6 +142,18 @@ impl Grammar {
         Ok(())
     }
 
+    /// Gives a job whose pictures need an automatic camera the one that depends on the scene alone: jobs of one scene then have pictures of
+    /// the same view. `line` is the job's command line without it; one that is not correct is refused later.
+    pub fn fix_camera(job: &mut Job, line: &Line) {
+        if job.command.name == "solve"
+            && let Ok(Command::Solve(args)) = line.parse()
+            && args.choose_camera()
+        {
+            let (name, value) = ("camera".into(), Value::Text("scene".into()));
+            job.options.push(Opt { name, value, span: job.span.clone(), is_default: true });
+        }
+    }
+
     /// The definition of an option of a job.
     fn option(&self, source: &TomlSource, job: &Job, option: &Opt) -> Result<&Arg> {
         let name = job.command.name;

@@ -3,13 +3,14 @@
 use super::super::args::{distinct, plain};
 use super::at_points::AtPoints;
 use crate::error::quote;
-use crate::export::GridLight;
+use crate::export::{GridLight, PageGrid, grid_section};
 use crate::image_io::Picture;
 use crate::plot::number;
 use crate::points::Point;
 use crate::radiosity::Record;
 use crate::scene::{MeasuringGrid, Photometry, Scene};
 use crate::{Error, Result};
+use maud::Markup;
 use serde::Serialize;
 
 /// A grid as it is asked for.
@@ -122,6 +123,26 @@ impl Grids {
         }
         measured
     }
+}
+
+/// The section of the page about grids with these pictures; `unit`: of lengths.
+///
+/// # Errors
+/// A picture has no pixels.
+pub fn section(grids: &[MeasuredGrid], pictures: &[Picture], unit: &str) -> Result<Markup> {
+    let grid = |(grid, picture)| -> PageGrid {
+        let MeasuredGrid { name, height, columns, rows, light, .. }: &MeasuredGrid = grid;
+        PageGrid {
+            name,
+            counts: [*columns, *rows],
+            height: *height,
+            unit: light.unit,
+            light: [light.minimum, light.mean, light.maximum],
+            uniformity: light.uniformity,
+            picture,
+        }
+    };
+    grid_section(&grids.iter().zip(pictures).map(grid).collect::<Vec<_>>(), unit)
 }
 
 /// The lines of the summary about the points of a file and about grids.

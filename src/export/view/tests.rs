@@ -2,47 +2,17 @@
 
 use super::*;
 use crate::export::Mesh;
-use crate::radiosity::mesh::Element;
+use crate::export::scene_view::evenly_lit;
 use crate::scene::Scene;
 use crate::scene::generate::{Spec, build};
 use crate::scene::testing::Pieces;
 use glam::{DMat3, DVec3, dvec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// The scene with equal light on all lit sides, one element per side of a triangle.
-fn lit(scene: &Scene) -> RadiosityMesh {
-    let mut solution =
-        RadiosityMesh { origin: scene.origin, vertices: scene.positions.clone(), ..RadiosityMesh::default() };
-    for (t, &[a, b, c]) in scene.triangles.iter().enumerate() {
-        let emits = scene.triangle_emitter[t] != u32::MAX;
-        for front in [true, false].into_iter().take(usize::from(scene.triangle_sides[t])) {
-            let corners = if front { [a, b, c, c] } else { [a, c, b, b] };
-            let exitance = [f64::from(u8::from(emits && front)); 3];
-            solution.elements.push(Element {
-                corners,
-                radiosity: exitance.map(|e| e + 0.5),
-                irradiance: [1.0; 3],
-                error: [0.0; 3],
-                albedo: [0.5; 3],
-                exitance,
-                area: 1.0,
-                level: 0,
-                links: 0,
-                triangle: t as u32,
-                object: scene.triangle_object[t],
-                material: 0,
-                front,
-                crossed: false,
-            });
-        }
-    }
-    solution
-}
-
 /// The automatic view of a scene: its eye in coordinates of the scene, the camera, and the part of the picture that
 /// shows each object, the last entry being the part without a surface.
 fn view(scene: &Scene) -> (DVec3, Camera, Vec<f32>) {
-    let solution = lit(scene);
+    let solution = evenly_lit(scene);
     let mesh = Mesh::new(&solution);
     let stage = Stage::new(&mesh, &solution).expect("a stage");
     let camera = best_view(&stage, &solution, scene.up_axis().vector(), &scene.unit);

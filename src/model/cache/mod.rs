@@ -121,7 +121,9 @@ pub fn load_or_try(
     let origin = match save(&path, &key, &table) {
         Ok(()) => Origin::Made,
         Err(error) => {
-            note = Some(format!("the clusters could not be kept for the next run: {error}"));
+            note = Some(format!(
+                "the clusters could not be kept in the cache, so that the next run makes them again: {error}"
+            ));
             Origin::Off
         }
     };

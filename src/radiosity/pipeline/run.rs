@@ -246,7 +246,8 @@ impl Stages<'_> {
                 }
                 None => gather.irradiance(&points, &done),
             });
-        self.notes.extend(gather.far_off(&points));
+        let on_surfaces = points.len().saturating_sub(options.points_in_space);
+        self.notes.extend(gather.far_off(&points[..on_surfaces]));
         found
     }
 

@@ -216,6 +216,10 @@ fn points_off_surfaces_are_counted() {
     let found = warnings(&points);
     assert!(found.iter().any(|w| w.starts_with("1 of 5 points lie")), "{found:?}");
     assert!(!warnings(&floor(5)).iter().any(|w| w.contains("points lie")));
+    // Points that are meant to be off surfaces are not reported.
+    points.swap(3, 4);
+    let options = Options { points_in_space: 1, ..options.clone() };
+    assert!(!solved(&room(true), &points, &options).record.warnings.iter().any(|w| w.contains("points lie")));
 }
 
 /// Calls of this clock are a millisecond apart, so that a test has the same time on every machine.

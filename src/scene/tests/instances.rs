@@ -249,7 +249,7 @@ fn nodes_in_one_place_and_of_no_size() {
         s.repairs.messages,
         [
             "1 nodes place a mesh exactly where another node places it: left out",
-            "2 nodes shrink their mesh to a point: left out"
+            "2 nodes scale their mesh to a size of zero: left out"
         ]
     );
 }

@@ -16,7 +16,7 @@ fn sheets(turn: DMat3, at: DVec3, list: &[(&str, DVec3, DVec3, DVec3)]) -> Scene
 }
 
 fn said(scene: &Scene) -> Option<&String> {
-    scene.repairs.messages.iter().find(|m| m.contains("of one plane"))
+    scene.repairs.messages.iter().find(|m| m.contains("in the same plane"))
 }
 
 const X: DVec3 = DVec3::X;

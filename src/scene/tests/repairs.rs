@@ -157,7 +157,7 @@ fn materials_and_their_absence() {
     let s = load(&obj.replace("usemtl grün\n", "").replace("mtllib a.mtl\n", "")).expect("no material");
     assert_eq!((s.repairs.missing_files, s.repairs.faces_without_material), (0, 1));
     let s = mtl("newmtl grün\nd 0.5\n");
-    assert!(s.repairs.messages[0].contains("taken as opaque (d not below 0.5): `grün`"));
+    assert!(s.repairs.messages[0].contains("treated as opaque: `grün`"));
     let s = mtl("newmtl grün\nd 0.4\nKe 1 1 1\n");
     assert_eq!((s.repairs.transparent_faces, s.emitters.len()), (0, 1), "lamps stay");
     let glass = [("a.mtl", "newmtl grün\nd 0.4\n".as_bytes())];

@@ -134,6 +134,46 @@ fn jobs_of_a_former_file_are_not_shown() {
     assert_eq!(shown("o/results.csv"), [3, 4]);
 }
 
+/// Jobs of one scene have one camera: that of the file or of the defaults, unless a job states its own, or an automatic one that does not
+/// depend on their light. The page shows their grids.
+#[test]
+fn jobs_of_a_scene_have_one_camera() {
+    let scratch = Scratch::new();
+    scratch.generate(&mrvis::internals::scene::generate::Spec::new("cornell"));
+    let job = |name: &str, options: &str| {
+        format!(
+            "[[job]]\nname = '{name}'\ncommand = 'solve'\nscene = 'cornell.obj'\noptions = {{ {options} }}\n"
+        )
+    };
+    let quick = "audit = 0, output = 'image', image-size = '32x32', cache = 'off', direct-only = true, grid = 'floor:200:80'";
+    let jobs = job("dim", &format!("error = 0.4, {quick}"))
+        + &job("bright", &format!("error = 0.3, emitter = 'light=900W', {quick}"))
+        + &job("own", &format!("error = 0.4, camera = '278,273,-800,278,273,0,40', {quick}"))
+        + &job("data", "error = 0.4, output = 'vtu'");
+    let cameras = |defaults: &str| {
+        scratch.write("jobs.toml", format!("{defaults}{jobs}"));
+        let ran = scratch.mrvis(&["batch", "jobs.toml", "--out", "o", "--dry-run"]);
+        assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+        let lines = ran.stdout.lines().filter(|line| line.contains("mrvis solve"));
+        let camera = |line: &str| {
+            line.split(" --camera=").nth(1).map(|rest| rest.split(' ').next().map(str::to_owned))
+        };
+        lines.map(|line| camera(line).flatten().unwrap_or_default()).collect::<Vec<String>>()
+    };
+    let own = "278,273,-800,278,273,0,40";
+    let all = "1,1,1,300,300,300,60";
+    let defaults = format!("[defaults]\noptions = {{ camera = '{all}' }}\n");
+    assert_eq!(cameras(&defaults), [all, all, own, all]);
+    assert_eq!(cameras(""), ["scene", "scene", own, ""]);
+    let ran = scratch.mrvis(&["batch", "jobs.toml", "--out", "o"]);
+    assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+    assert_eq!(scratch.mrvis(&["report", "o"]).code, Some(0));
+    let page = text(&scratch, "o/report.html");
+    for part in ["Grids of points", "uniformity U0", "dim: light on a grid of points, grid-floor.png"] {
+        assert!(page.contains(part), "the page lacks {part}");
+    }
+}
+
 /// A picture that was removed is named on the page; the others are shown.
 #[test]
 fn the_page_names_pictures_that_are_gone() {
