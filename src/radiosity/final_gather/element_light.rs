@@ -13,8 +13,9 @@ use super::neighbours::Place;
 use super::sharing::{SharedLight, share};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::links::Tally;
+use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::rgb::{Rgb, mean};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Smallest number of rays of each half: a quarter of a packet; a half without rays has no estimate of its noise.
@@ -23,6 +24,9 @@ const MIN_HALF: u32 = 4;
 const MAX_HALF: u32 = 1024;
 /// Deviation of one ray from the mean light of its element, relative to that light, where it is not known.
 const USUAL_DEVIATION: f64 = 0.5;
+
+/// Bounds of the factor by which reflected light is changed to keep its power.
+const MAX_REFLECTED_FACTOR: f64 = 2.0;
 
 /// What elements have gathered.
 pub struct Gathered {
@@ -166,7 +170,9 @@ impl FinalGather<'_> {
             let received = light.iter().zip(&areas).map(|(light, area)| area * light.mean(DIRECT)).sum();
             let factor;
             (factor, received_share) = self.balance_of_direct_light(received, &local.sampled);
-            light.iter_mut().for_each(|light| light.scale(DIRECT, factor as f32));
+            light.iter_mut().for_each(|light| light.scale(DIRECT, Vec3::splat(factor as f32)));
+            let factor = self.balance_of_reflected_light((&leaves, &areas), &light, local);
+            light.iter_mut().for_each(|light| light.scale(REFLECTED, factor));
         }
         // Light differs on both sides of a surface that stands across an element: it is neither a neighbour nor has any. Nor do elements
         // that no ray of either pass has found lit share light with those behind the next wall.
@@ -189,6 +195,37 @@ impl FinalGather<'_> {
         });
         let light = whole.iter().map(|&i| leaves[i]).zip(shared).chain(own).collect();
         Gathered { light, received: received_share, hurried, tally }
+    }
+
+    /// The factors, by channel, that bring the reflected light that leaves receive to what leaves reflect towards others. Both are sums over
+    /// the same leaves: with the direct light `d` and the reflected light `r` of a leaf, its reflectance ρ and the part `k` of its light that
+    /// other elements receive, Σ A f·r = Σ A k·ρ·(d + f·r). Rays of leaves miss a small bright spot, as on a wall beside a lamp, or meet it
+    /// too often; the light that it reflects is known from its own direct light.
+    fn balance_of_reflected_light(
+        &self,
+        (leaves, areas): (&[u32], &[f64]),
+        light: &[ElementLight],
+        local: &LocalPass,
+    ) -> Vec3 {
+        if !matches!(self.linked.engine, VisibilityEngine::Exact(_)) {
+            return Vec3::ONE;
+        }
+        let (mut sent, mut missing) = ([0.0; 3], [0.0; 3]);
+        for ((&leaf, area), light) in leaves.iter().zip(areas).zip(light) {
+            let reflectance = self.linked.elements.sides[self.side_of(leaf) as usize].reflectance;
+            let part = f64::from(local.results[leaf as usize].row_sum).min(1.0);
+            let [direct, reflected] = [DIRECT, REFLECTED].map(|kind| light.by_channel(kind));
+            for k in 0..3 {
+                let onwards = part * f64::from(reflectance[k]);
+                sent[k] += area * onwards * direct[k];
+                missing[k] += area * (1.0 - onwards) * reflected[k];
+            }
+        }
+        let factor = |k: usize| match sent[k] > 0.0 && missing[k] > 0.0 {
+            true => (sent[k] / missing[k]).clamp(1.0 / MAX_REFLECTED_FACTOR, MAX_REFLECTED_FACTOR) as f32,
+            false => 1.0,
+        };
+        Vec3::from_array(std::array::from_fn(factor))
     }
 
     fn side_of(&self, leaf: u32) -> u32 {

@@ -1,6 +1,7 @@
 //! Estimates of one element's irradiance from its own rays, in two independent halves.
 
 use super::gatherer::RayResult;
+use crate::radiosity::rgb::Rgb;
 use glam::Vec3;
 
 /// The two kinds of light that are estimated and shared separately: direct light has shadow edges, reflected light is smooth.
@@ -62,10 +63,15 @@ impl ElementLight {
         f64::from(self.halves[kind].iter().sum::<Vec3>().element_sum()) / 6.0
     }
 
-    /// Multiplies the light of a kind by a factor.
-    pub fn scale(&mut self, kind: usize, factor: f32) {
+    /// Multiplies the light of a kind by a factor for each channel.
+    pub fn scale(&mut self, kind: usize, factor: Vec3) {
         self.halves[kind].iter_mut().for_each(|e| *e *= factor);
-        self.squares[kind] *= factor * factor;
+        self.squares[kind] *= (factor.element_sum() / 3.0).powi(2);
+    }
+
+    /// Irradiance of a kind by channel, mean over halves, W/m².
+    pub fn by_channel(&self, kind: usize) -> Rgb {
+        (0.5 * (self.halves[kind][0] + self.halves[kind][1])).to_array().map(f64::from)
     }
 
     /// Direct light as the mean of what all rays have found.

@@ -209,7 +209,7 @@ fn imbalance(seed: u64) -> f64 {
     let options = Options { error: 0.1, audit: 0, ..Options::default() };
     let ledger = solved(&scene_of(&generated(seed)), &[], &options).record.ledger;
     let part = ledger.created.abs() / ledger.emitted;
-    assert!(part < 0.02, "{seed}: {ledger:?}");
+    assert!(part < 0.005, "{seed}: {ledger:?}");
     part
 }
 
@@ -220,13 +220,15 @@ fn light_at_points_is_that_of_a_separate_integration() {
 
 #[test]
 fn generated_scenes_keep_their_energy() {
-    let sum: f64 = (0..16).map(imbalance).sum();
-    assert!(sum / 16.0 < 0.004, "{}", sum / 16.0);
+    // In the last one a lamp hangs beside a partition, whose bright spot few rays of other surfaces meet.
+    let seeds: Vec<u64> = (0..16).chain([297]).collect();
+    let mean = seeds.iter().copied().map(imbalance).sum::<f64>() / seeds.len() as f64;
+    assert!(mean < 0.002, "{mean}");
 }
 
 #[test]
 #[ignore = "long: thousands of scenes"]
 fn thousands_of_generated_scenes_are_right() {
     (400..8000).for_each(check_points);
-    (16..400).for_each(|seed| assert!(imbalance(seed) < 0.02));
+    (16..400).for_each(|seed| _ = imbalance(seed));
 }
