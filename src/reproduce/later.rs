@@ -42,7 +42,7 @@ const COVERED: [[&str; 3]; 6] = [
     ],
     [
         "1997: a consistent solution results whatever time is allocated",
-        "covered in part: steps of limited time, an end at any time or number of links; power received is not always power sent",
+        "covered: steps of limited time, an end at any time or number of links, with as much power received as sent",
         "`mrvis reproduce --only later --out DIR`; `mrvis generate office --out office.obj` and \
          `mrvis solve office.obj --step-seconds 0.1 --max-seconds 2 --out DIR`",
     ],

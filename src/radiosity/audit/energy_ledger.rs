@@ -121,7 +121,7 @@ impl Solved {
 
     /// The row sums of a leaf. After a local pass both are the part of its rays that stayed in the scene; the light that meets
     /// sides without elements is not sent to any element.
-    fn row_sums(&self, e: usize) -> RowSums {
+    pub(super) fn row_sums(&self, e: usize) -> RowSums {
         match &self.closing {
             Closing::Links(links) => {
                 let used = links.used[e] * f64::from(self.linked.elements.states[e].factors.gathers);
@@ -138,13 +138,13 @@ impl Solved {
 }
 
 /// Row sums of one leaf.
-struct RowSums {
+pub(super) struct RowSums {
     /// Before normalisation.
     sampled: f64,
     /// After normalisation.
     used: f64,
     /// Part of the leaf's light that reaches other elements.
-    sent: f64,
+    pub(super) sent: f64,
 }
 
 impl Ledger {

@@ -2,11 +2,14 @@
 
 use crate::model::Model;
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::ElementState;
+use crate::radiosity::elements::{ElementState, Elements, Shape};
 use crate::radiosity::final_gather::{ElementSamples, FinalGather, LocalPass};
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::{LinkClosing, LinkedScene, Refined};
 use crate::radiosity::rgb::{Rgb, add};
+
+/// Bounds of the factor by which light along links is changed to keep its power.
+const MAX_POWER_FACTOR: f64 = 2.0;
 
 /// Where the final light comes from.
 pub enum Closing {
@@ -30,7 +33,34 @@ impl Solved {
     /// The final light along links.
     pub fn by_links(mut refined: Refined, deadline: &Deadline) -> Solved {
         let closing = Closing::Links(refined.close_links(deadline));
-        Solved { linked: refined.linked, closing }
+        let mut solved = Solved { linked: refined.linked, closing };
+        solved.balance_power();
+        solved
+    }
+
+    /// Multiplies the light of all leaves by a factor for each channel, with which they receive as much power as they send to each other.
+    /// The factors by which a few coarse links gather and send differ, as no factors bring all their row sums to 1, so that power would
+    /// appear or vanish: 6 % of that of a town with 143 links.
+    fn balance_power(&mut self) {
+        let Elements { elements, states, sides, .. } = &self.linked.elements;
+        // What emitters send to others, and what leaves absorb or lose.
+        let (mut sent, mut lost) = ([0.0; 3], [0.0; 3]);
+        for leaf in self.linked.leaves() {
+            let Shape::Surface { side, .. } = elements[leaf as usize].shape else { continue };
+            let (area, side) = (elements[leaf as usize].area, &sides[side as usize]);
+            let part = self.row_sums(leaf as usize).sent.min(1.0);
+            let kept = |k: usize| 1.0 - part * f64::from(side.reflectance[k]);
+            add(&mut sent, area * part, side.exitance);
+            add(&mut lost, area, std::array::from_fn(|k| kept(k) * states[leaf as usize].irradiance[k]));
+        }
+        let factor = |k: usize| match sent[k] > 0.0 && lost[k] > 0.0 {
+            true => (sent[k] / lost[k]).clamp(1.0 / MAX_POWER_FACTOR, MAX_POWER_FACTOR),
+            false => 1.0,
+        };
+        let factors: Rgb = std::array::from_fn(factor);
+        let balanced = |state: &ElementState| std::array::from_fn(|k| factors[k] * state.irradiance[k]);
+        let light: Vec<Rgb> = states.iter().map(balanced).collect();
+        self.linked.set_irradiance(light.into_iter());
     }
 
     /// A scene without light of its elements.

@@ -111,6 +111,16 @@ fn time_limits_bound_the_time() {
     }
 }
 
+/// Few coarse links have row sums that no factors bring to 1; light along them keeps its power.
+#[test]
+fn solutions_of_any_number_of_links_keep_their_power() {
+    for max_links in [1, 20, 143, 1000] {
+        let options = Options { max_links, local_rays: Some(0), audit: 0, ..Options::default() };
+        let ledger = solved(&clutter(), &[], &options).record.ledger;
+        assert!(ledger.created.abs() < 1e-3 * ledger.emitted, "{max_links}: {ledger:?}");
+    }
+}
+
 #[test]
 fn a_missed_target_is_recorded() {
     let target = |target_error: f64, max_links: usize| {
