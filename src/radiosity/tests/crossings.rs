@@ -67,3 +67,40 @@ fn the_floor_behind_a_wall_with_a_door_is_not_brightened() {
         assert!((found / want - 1.0).abs() < 0.06, "{distance}: {found} instead of {want}");
     }
 }
+
+/// Elements are split where direct light differs over them: along the edge of a shadow that no contact line marks.
+#[test]
+fn elements_are_smaller_at_edges_of_shadows() {
+    let mut soup = Soup::new("plate over a floor");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+    let level = |z: f64, [x0, x1]: [f64; 2], [y0, y1]: [f64; 2]| {
+        [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| DVec3::new(x, y, z))
+    };
+    let floor = soup.object("floor");
+    soup.polygon(floor, grey, &level(0.0, [0.0, 4.0], [0.0, 4.0]));
+    let plate = soup.object("plate");
+    soup.polygon(plate, grey, &level(0.5, [1.6, 2.4], [1.6, 2.4]));
+    let lamp = soup.object("lamp");
+    let [a, b, c, d] = level(2.0, [1.99, 2.01], [1.99, 2.01]);
+    soup.polygon(lamp, light, &[d, c, b, a]);
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mesh = solved(&scene, &[], &Options { audit: 0, ..Options::default() }).mesh;
+    // The shadow of the plate, .5 above the floor and 1.5 below the lamp, ends 2 / 1.5 times as far from the middle.
+    let half = 0.4 * 2.0 / 1.5;
+    let (mut at_edge, mut elsewhere) = (Vec::new(), Vec::new());
+    for element in mesh.elements.iter().filter(|e| e.object == 0 && e.front) {
+        let corners = element.corners.map(|k| mesh.vertices[k as usize].as_dvec3() + mesh.origin);
+        let away = |p: DVec3| (p.x - 2.0).abs().max((p.y - 2.0).abs()) - half;
+        let [low, high] =
+            [f64::min, f64::max].map(|of| corners.map(away).into_iter().reduce(of).expect("four"));
+        if low < 0.0 && high > 0.0 {
+            at_edge.push(element.area);
+        } else if low > 0.3 {
+            elsewhere.push(element.area);
+        }
+    }
+    let mean = |areas: &[f64]| areas.iter().sum::<f64>() / areas.len() as f64;
+    assert!(at_edge.len() > 20 && elsewhere.len() > 20, "{} {}", at_edge.len(), elsewhere.len());
+    assert!(mean(&at_edge) < 0.5 * mean(&elsewhere), "{} {}", mean(&at_edge), mean(&elsewhere));
+}
