@@ -545,13 +545,13 @@ typedef struct mrv_image_options {
   uint32_t width;        /* columns and rows, at most 16384 each and 33554432 pixels; both 0: 800 and 600 */
   uint32_t height;
   int32_t gather;        /* other than 0: final gathering for every pixel instead of interpolation: slower and sharper */
-  uint32_t reserved;
+  int32_t look_inside;   /* other than 0: surfaces are transparent from sides that no light can reach, as the outside of a closed room */
   mrv_progress progress; /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned */
   void *user;            /* first argument of `progress` */
 } mrv_image_options;
 
 /* The radiance that a camera sees, W/(m^2 sr), linear RGB: three numbers for each pixel, row by row from the top, black where it sees
- * no lit side. `size` is the number of floats in `radiance`: 3 width height. `options` may be NULL. The work takes 96 bytes a pixel, 156
+ * no side that light can reach. `size` is the number of floats in `radiance`: 3 width height. `options` may be NULL. The work takes 96 bytes a pixel, 156
  * with `gather`; MRV_ERROR_OUT_OF_MEMORY before it begins if they are not left. */
 mrv_status mrv_solution_image(const mrv_solution *solution, const mrv_camera *camera, const mrv_image_options *options,
                               float *radiance, size_t size);

@@ -275,6 +275,7 @@ class Solution:
         size: tuple[int, int] | None = None,
         *,
         gather: bool = False,
+        look_inside: bool = False,
         out: NDArray[np.float32] | None = None,
         progress: _Progress | None = None,
     ) -> NDArray[np.float32]: ...

@@ -189,21 +189,23 @@ impl PySolution {
     /// side.
     ///
     /// camera: a `Camera`; default: the automatic one. size: columns and rows, 1 to 16,384, default (800, 600). gather: whether the irradiance of each pixel is
-    /// gathered instead of interpolated, slower and sharper (default False). out: a C-contiguous float32 array of that shape to write into.
+    /// gathered instead of interpolated, slower and sharper (default False). look_inside: whether surfaces are transparent from sides that no
+    /// light can reach, as the outside of a closed room (default False). out: a C-contiguous float32 array of that shape to write into.
     /// progress: as for `Model`.
-    #[pyo3(signature = (camera=None, size=None, *, gather=false, out=None, progress=None))]
+    #[pyo3(signature = (camera=None, size=None, *, gather=false, look_inside=false, out=None, progress=None))]
     fn image<'py>(
         &self,
         py: Python<'py>,
         camera: Option<&Bound<'py, PyAny>>,
         size: Option<&Bound<'py, PyAny>>,
         gather: bool,
+        look_inside: bool,
         out: Option<&Bound<'py, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let camera: Option<GivenCamera> = camera.map(|camera| value("camera", camera)).transpose()?;
         let [columns, rows] = size.map_or(Ok([800, 600]), sides)?;
-        let options = ImageOptions::default().with_size(columns, rows).with_gather(gather);
+        let options = ImageOptions::default().with_size(columns, rows).with_gather(gather).with_look_inside(look_inside);
         let out = match out {
             None => None,
             Some(out) => match out.cast::<PyArray3<f32>>() {

@@ -71,12 +71,13 @@ impl Camera {
 pub struct ImageOptions {
     size: [usize; 2],
     gather: bool,
+    look_inside: bool,
 }
 
 impl Default for ImageOptions {
     /// 800 columns, 600 rows, interpolated.
     fn default() -> Self {
-        ImageOptions { size: SIZE, gather: false }
+        ImageOptions { size: SIZE, gather: false, look_inside: false }
     }
 }
 
@@ -92,6 +93,13 @@ impl ImageOptions {
     #[must_use]
     pub fn with_gather(mut self, gather: bool) -> ImageOptions {
         self.gather = gather;
+        self
+    }
+
+    /// Whether surfaces are transparent from sides that no light can reach, as the outside of a closed room, instead of black. Default false.
+    #[must_use]
+    pub fn with_look_inside(mut self, look_inside: bool) -> ImageOptions {
+        self.look_inside = look_inside;
         self
     }
 
@@ -220,7 +228,7 @@ impl Solution {
     }
 
     /// The radiance that a camera sees, W/(m² sr), linear RGB, into `radiance`: three entries for each pixel, row by row from the top;
-    /// black where it sees no lit side. Surfaces are transparent from behind. Written only if there is no error.
+    /// black where it sees no side that light can reach ([`ImageOptions::with_look_inside`]). Written only if there is no error.
     ///
     /// # Errors
     /// [`Error::Argument`] if the camera or the size is out of range or `radiance` has another length, [`Error::Cancelled`] if
@@ -241,7 +249,7 @@ impl Solution {
         let gather = |points: &[Point]| inner.solved.irradiance_unless(points, progress);
         let gather: Option<&(dyn Fn(&[Point]) -> _ + Sync)> = options.gather.then_some(&gather);
         let frame = self.model().on_threads(|| {
-            let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?;
+            let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?.looking_inside(options.look_inside);
             let gather = gather.map(|gather| gather as _);
             Ok::<_, Error>(export::picture(&stage, (&camera, options.size), &inner.mesh, gather, progress))
         })??;
@@ -264,7 +272,7 @@ impl Solution {
         }
         let inner = &*self.inner;
         self.model().on_threads(|| {
-            let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?;
+            let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?.looking_inside(true);
             let (map, note) =
                 export::suitable_lightmap(&stage, &inner.mesh, inner.scene(), texels, progress)?;
             Ok(Lightmap::of(map, note, inner.scene()))

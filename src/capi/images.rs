@@ -1,6 +1,6 @@
 //! Pictures and lightmaps of a solution.
 
-use super::arguments::{Place, c_text, no_reserved, slice_mut, wrong};
+use super::arguments::{Place, c_text, slice_mut, wrong};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{guard, quiet};
 use super::handle::{Opaque, give, object, release, retain};
@@ -72,11 +72,11 @@ pub struct mrv_image_options {
     pub width: u32,
     pub height: u32,
     pub gather: i32,
-    pub reserved: u32,
+    pub look_inside: i32,
     pub progress: mrv_progress,
     pub user: *mut c_void,
 }
-record!(mrv_image_options: 40, struct_size, width, height, gather, reserved, progress, user);
+record!(mrv_image_options: 40, struct_size, width, height, gather, look_inside, progress, user);
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_solution_image(
@@ -90,8 +90,8 @@ pub unsafe extern "C" fn mrv_solution_image(
         let solution = &object(call, solution, "solution")?.solution;
         // SAFETY: the caller gives records.
         let (from, given) = unsafe { (read(camera, "camera")?, read_optional(options, "options")?) };
-        no_reserved(given.reserved, "options.reserved")?;
-        let mut options = ImageOptions::default().with_gather(given.gather != 0);
+        let mut options =
+            ImageOptions::default().with_gather(given.gather != 0).with_look_inside(given.look_inside != 0);
         if (given.width, given.height) != (0, 0) {
             options = options.with_size(given.width as usize, given.height as usize);
         }

@@ -132,7 +132,7 @@ const BENCH_OPTIONS: Members = (
 const REFERENCE_OPTIONS: Members =
     ("mrv_reference_options", &["struct_size", "seed", "samples", "direct_only", "progress", "user"]);
 const IMAGE_OPTIONS: Members =
-    ("mrv_image_options", &["struct_size", "width", "height", "gather", "reserved", "progress", "user"]);
+    ("mrv_image_options", &["struct_size", "width", "height", "gather", "look_inside", "progress", "user"]);
 const LIGHTMAP_OPTIONS: Members = ("mrv_lightmap_options", &["struct_size", "texels", "progress", "user"]);
 const FBEM_IMAGES: Members = (
     "mrv_fbem_images",

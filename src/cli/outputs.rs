@@ -36,6 +36,10 @@ pub struct Outputs {
     /// Compute the irradiance of every pixel by final gathering instead of interpolation: slower and sharper.
     #[arg(long)]
     gather: bool,
+    /// Show rooms from outside: surfaces are transparent from sides that no light can reach, as the outside of a closed
+    /// room, instead of black.
+    #[arg(long)]
+    look_inside: bool,
     /// Approximate number of texels of a lightmap.
     #[arg(long, value_name = "N", default_value_t = 1 << 20,
           value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1 << 26))]
@@ -194,7 +198,7 @@ impl Outputs {
     ) -> Result<()> {
         let (common, progress) = (files.common, files.progress);
         let spinner = common.spinner("drawing the lightmap");
-        let stage = Stage::new(mesh, solution)?;
+        let stage = Stage::new(mesh, solution)?.looking_inside(true);
         let (map, why) = match suitable_lightmap(&stage, solution, scene, self.lightmap_texels, progress) {
             Err(_) if files.left_out("lightmap.exr")? => return Ok(()),
             drawn => drawn?,
@@ -228,7 +232,7 @@ impl Outputs {
             common.print("interrupted: no pictures\n")?;
             return Ok(views);
         }
-        let stage = Stage::new(mesh, solution)?;
+        let stage = Stage::new(mesh, solution)?.looking_inside(self.look_inside);
         let cameras = self.cameras(scene, solution, &stage)?;
         for (k, camera) in cameras.iter().enumerate() {
             let part = 1.0 / (cameras.len() - k) as f64;
@@ -268,8 +272,13 @@ impl Outputs {
             Some(_) => "give --camera another target, or leave it out for an automatic one",
             None => "give one with --camera",
         };
+        let outside = if self.look_inside {
+            ""
+        } else {
+            " (closed rooms are black from outside; --look-inside shows what is in them)"
+        };
         format!(
-            "the camera of {}.png at {eye} sees no surface: the scene reaches from {low} to {high}; {cure}",
+            "the camera of {}.png at {eye} sees no lit surface{outside}: the scene reaches from {low} to {high}; {cure}",
             camera.name
         )
     }

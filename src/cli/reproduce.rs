@@ -60,7 +60,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     }
     let (hold, all) = (report.hold, report.items.len());
     // Writing to a string cannot fail.
-    let _ = writeln!(text, "{hold} of {all} verdicts hold, {:.0} s", report.seconds);
+    let _ = writeln!(text, "{}; {:.0} s", report.summary(), report.seconds);
     let _ = writeln!(text, "page: {}", path.display());
     common.print(&text)?;
     Ok(ExitCode::from(u8::from(hold < all)))
@@ -68,8 +68,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 
 /// The verdict of an item, with the reason of a failure.
 fn line(text: &mut String, item: &Item) {
-    let verdict = if item.holds { "holds" } else { "fails" };
-    let _ = writeln!(text, "{verdict}  {:5.1} s  {}", item.seconds, item.title);
+    let _ = writeln!(text, "{:13}  {:5.1} s  {}", item.verdict(), item.seconds, item.title);
     for check in item.checks.iter().filter(|check| !check.holds) {
         let _ = writeln!(text, "         {}", check.failure());
     }

@@ -62,12 +62,16 @@ pub struct Stage<'a> {
     sides: [(CommittedScene, Vec<u32>); 2],
     /// By element, whether another surface stands across it.
     crossed: Vec<bool>,
+    /// Whether surfaces are transparent from sides that have no elements, as the outside of a closed room; otherwise they are black.
+    looks_inside: bool,
 }
 
 /// Embree's ray call for packets of neighbouring pixels: the widest needs the fewest calls. Does not change results.
 const TRAVERSAL: Traversal = Traversal { width: 16, coherent: false };
 /// Distance of segments within an element from its plane and its corners, as a part of its diameter.
 const INSET: f32 = 1.0 / 128.0;
+/// Largest difference of the distances at which a ray meets the two sides of a sheet, relative to them: a hundred roundings of 32 bits.
+const SHEET: f32 = 1e-5;
 /// Largest number of back sides that a ray passes: limits the time of a ray to 64 queries.
 const MAX_LAYERS: usize = 64;
 
@@ -87,13 +91,19 @@ impl<'a> Stage<'a> {
             Ok((builder.commit()?, chosen))
         };
         let crossed = solution.elements.iter().map(|e| e.crossed).collect();
-        Ok(Stage { mesh, sides: [side(true)?, side(false)?], crossed })
+        Ok(Stage { mesh, sides: [side(true)?, side(false)?], crossed, looks_inside: false })
     }
 
-    /// First triangle that each ray of a packet hits on its front, and the distance. Surfaces are transparent from
-    /// behind, so that a room can be seen from outside.
+    /// Whether rooms can be seen from outside through their walls; by default walls are black there.
+    pub fn looking_inside(self, looks_inside: bool) -> Stage<'a> {
+        Stage { looks_inside, ..self }
+    }
+
+    /// First triangle that each ray of a packet hits on its front, and the distance; none where a surface without elements on that side is
+    /// in front of it, unless the stage looks inside.
     pub(super) fn first(&self, rays: &Packet) -> [Option<(u32, f32)>; LANES] {
         let mut best: [Option<(u32, f32)>; LANES] = [None; LANES];
+        let mut behind = [f32::INFINITY; LANES];
         for (scene, chosen) in &self.sides {
             let mut rays = rays.clone();
             for _ in 0..MAX_LAYERS {
@@ -112,14 +122,21 @@ impl<'a> Stage<'a> {
                             best[lane] = Some((triangle, t));
                         }
                     } else {
-                        rays.near[lane] = t * (1.0 + 1e-5);
-                        again |= 1 << lane;
+                        behind[lane] = behind[lane].min(t);
+                        rays.near[lane] = t * (1.0 + SHEET);
+                        again |= u32::from(self.looks_inside) << lane;
                     }
                 }
                 rays.active = again;
                 if again == 0 {
                     break;
                 }
+            }
+        }
+        if !self.looks_inside {
+            // The two sides of a sheet lie in one place.
+            for (best, behind) in best.iter_mut().zip(behind) {
+                *best = best.filter(|(_, t)| *t <= behind * (1.0 + SHEET));
             }
         }
         best

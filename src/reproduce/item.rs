@@ -31,6 +31,8 @@ pub struct Item {
     pub checks: Vec<Check>,
     /// Whether all checks hold.
     pub holds: bool,
+    /// Whether the checks are goals of this program; otherwise they are what the paper states or what follows from it.
+    pub of_program: bool,
     /// Seconds that the item took.
     pub seconds: f64,
 }
@@ -151,6 +153,22 @@ impl Item {
     pub fn chart(&mut self, plot: Plot, caption: impl Into<String>) {
         let charts = vec![Chart { plot, caption: caption.into() }];
         self.charts.push(ChartRow { title: String::new(), charts });
+    }
+}
+
+impl Item {
+    /// Number of checks that do not hold.
+    pub fn missed(&self) -> usize {
+        self.checks.iter().filter(|check| !check.holds).count()
+    }
+
+    /// What the verdict says in a word.
+    pub fn verdict(&self) -> &'static str {
+        match (self.holds, self.of_program) {
+            (true, _) => "holds",
+            (false, false) => "not confirmed",
+            (false, true) => "goal missed",
+        }
     }
 }
 

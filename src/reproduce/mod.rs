@@ -82,6 +82,9 @@ pub struct Entry {
     pub names: &'static [&'static str],
     title: &'static str,
     claim: &'static str,
+    /// Whether it judges this program by goals of its own: an item that fails is a fault of the program then, and a finding on the paper
+    /// otherwise.
+    of_program: bool,
     make: fn(&Context) -> Result<Item>,
 }
 
@@ -92,6 +95,7 @@ pub const ENTRIES: &[Entry] = &[
         title: "Figure 1: four groups of cubes, one error",
         claim: "The approximate images of four groups of cubes of different sizes, made with the same coarse mesh, have similar L2 \
                 errors, although the illumination features that they miss have very different sizes (section 2.1).",
+        of_program: false,
         make: groups::figure_1,
     },
     Entry {
@@ -99,6 +103,7 @@ pub const ENTRIES: &[Entry] = &[
         title: "Appendix A: errors of averaged visibility",
         claim: "Replacing the visibility of a point light by its mean v̄ over a patch makes an L1 error of 2v̄(1 − v̄) and an L2 error \
                 of √(v̄(1 − v̄)): they depend on the mean only, not on the size or shape of the shadows.",
+        of_program: false,
         make: groups::appendix_a,
     },
     Entry {
@@ -106,6 +111,7 @@ pub const ENTRIES: &[Entry] = &[
         title: "Table 1: the feature-based error metric",
         claim: "FBEM values are equivalent for small feature sizes and decrease at different rates: faster for groups of smaller \
                 objects. For a feature size of 30 only the group of the largest cubes needs more work (section 2.3).",
+        of_program: false,
         make: table_1::table_1,
     },
     Entry {
@@ -113,18 +119,21 @@ pub const ENTRIES: &[Entry] = &[
         title: "Figure 2: erosion and expansion",
         claim: "Erosion turns points of an object with a neighbour outside white; expansion adds points with a neighbour in the \
                 object. An object of diameter 2d disappears after d erosions (section 2.4).",
+        of_program: false,
         make: erosion::figure_2,
     },
     Entry {
         names: &["fig3"],
         title: "Figure 3: n erosions, then n expansions",
         claim: "Only regions of diameter larger than 2n survive the sequence, slightly modified in shape (section 2.4).",
+        of_program: false,
         make: erosion::figure_3,
     },
     Entry {
         names: &["fig4"],
         title: "Figure 4: feature masks",
         claim: "Masks for feature sizes of 12, 18 and 24 isolate the features of the four groups by size (section 2.4).",
+        of_program: false,
         make: erosion::figure_4,
     },
     Entry {
@@ -132,6 +141,7 @@ pub const ENTRIES: &[Entry] = &[
         title: "Figure 5: umbra against the position of the blocker",
         claim: "A blocker larger than the emitter always has an umbra; that of a smaller one may disappear for some positions \
                 (section 3.2).",
+        of_program: false,
         make: umbra::figure_5,
     },
     Entry {
@@ -139,6 +149,7 @@ pub const ENTRIES: &[Entry] = &[
         title: "Figure 6: the fictitious blocker",
         claim: "The maximum feature size of a cluster on the receiver is the umbra of a fictitious blocker of size BSIZE at its \
                 centre (section 3.2).",
+        of_program: false,
         make: umbra::figure_6,
     },
     Entry {
@@ -147,6 +158,7 @@ pub const ENTRIES: &[Entry] = &[
         claim: "In a scene of 5,380 polygons the new hierarchy of uniform grids is faster than the k-d tree of Sillion 94 for surface \
                 visibility; the quality of the shadows is comparable (section 4.2). The comparison with Goldsmith and Salmon's \
                 construction is not reported.",
+        of_program: false,
         make: office::figure_7,
     },
     Entry {
@@ -156,6 +168,7 @@ pub const ENTRIES: &[Entry] = &[
                 under the desks with the k-d tree, whose clusters are not suited to the extinction model; the new hierarchy, \
                 although slower than the k-d tree, represents all shadows, and average visibility is four times faster than surface \
                 visibility with it (section 4.2).",
+        of_program: false,
         make: office::figure_8,
     },
     Entry {
@@ -164,6 +177,7 @@ pub const ENTRIES: &[Entry] = &[
         claim: "As the desired feature size grows from 2 to 2.8, 3.5 and 5, the time drops (1984, 1648, 1459, 1356 s); L2 norms \
                 increase for all clusters, later for larger objects; FBEM values for the feature size are always of similar magnitude, \
                 although very different levels of averaging are used (section 5).",
+        of_program: false,
         make: feature_sizes::figure_9,
     },
     Entry {
@@ -172,6 +186,7 @@ pub const ENTRIES: &[Entry] = &[
         claim: "Ignoring visibility inside a cluster that a link ends at results in the creation of energy, since all books are fully \
                 illuminated, with relatively uniform illumination. With the visibility energy is preserved and its distribution \
                 modulated (section 6.1).",
+        of_program: false,
         make: books::figure_10,
     },
     Entry {
@@ -179,6 +194,7 @@ pub const ENTRIES: &[Entry] = &[
         title: "Section 6.2: progressive multi-gridding",
         claim: "A histogram of the error bounds of links gives the threshold at which at most k links are refined. For a scene with over \
                 6,000 polygons iterations are computed every 2 seconds, starting from a coarse solution.",
+        of_program: true,
         make: progressive::multigridding,
     },
     Entry {
@@ -186,6 +202,7 @@ pub const ENTRIES: &[Entry] = &[
         title: "Section 6: importance and feature sizes",
         claim: "A plausible replacement for a global and local pass uses importance to assign different feature sizes of interest to \
                 different surfaces in the scene.",
+        of_program: true,
         make: importance::importance,
     },
     Entry {
@@ -193,6 +210,7 @@ pub const ENTRIES: &[Entry] = &[
         title: "Footnote 3: clusters that are not isotropic",
         claim: "For clusters that are not isotropic BSIZE is a function of the direction; a fixed number of directions could be sampled and \
                 interpolated. The paper leaves it as future work (sections 3.3 and 7).",
+        of_program: true,
         make: isotropy::footnote_3,
     },
     Entry {
@@ -200,6 +218,7 @@ pub const ENTRIES: &[Entry] = &[
         title: "The papers after it",
         claim: "Two papers built on this one: G. Drettakis and F. Sillion 1997 update a solution after moves by a hierarchy of line space; \
                 K. Daubert and others 1997 treat outdoor scenes with terrain, plants, sky and sun.",
+        of_program: true,
         make: later::later_papers,
     },
     Entry {
@@ -207,6 +226,7 @@ pub const ENTRIES: &[Entry] = &[
         title: "Builders of clusters compared",
         claim: "The algorithm presented is a first approximation; better algorithms for hierarchy construction must be investigated \
                 (sections 4.2 and 7).",
+        of_program: true,
         make: builders::builders,
     },
 ];
@@ -224,6 +244,24 @@ pub struct Report {
     pub items: Vec<Item>,
     /// Seconds of all items.
     pub seconds: f64,
+}
+
+impl Report {
+    /// How many verdicts hold, and what the others are, as a sentence without a full stop.
+    pub fn summary(&self) -> String {
+        let failed = |of_program: bool| {
+            self.items.iter().filter(|item| !item.holds && item.of_program == of_program).count()
+        };
+        let mut text = format!("{} of {} verdicts hold", self.hold, self.items.len());
+        let others = [
+            (failed(false), "not confirmed, findings on the paper"),
+            (failed(true), "goals of mrvis missed"),
+        ];
+        for (count, what) in others.into_iter().filter(|(count, _)| *count > 0) {
+            text += &format!("; {what}: {count}");
+        }
+        text
+    }
 }
 
 /// The entries with these names; all of them without names.
@@ -265,6 +303,7 @@ impl Entry {
         let start = Instant::now();
         let mut item = (self.make)(context)?;
         (item.name, item.title, item.claim) = (self.names[0], self.title, self.claim);
+        item.of_program = self.of_program;
         item.holds = !item.checks.is_empty() && item.checks.iter().all(|check| check.holds);
         item.seconds = start.elapsed().as_secs_f64();
         Ok(item)

@@ -28,7 +28,7 @@ pub fn page(report: &Report, command: &str) -> Result<String> {
         p.kicker { "mrvis " (report.mrvis) ", " (report.threads) " threads" }
         h1 { (TITLE) }
         p.lead {
-            strong { (report.hold) " of " (report.items.len()) " verdicts hold" }
+            strong { (report.summary()) }
             ": figures and tables of F. Sillion and G. Drettakis, Feature-based control of visibility error: a multi-resolution \
              clustering algorithm for global illumination (INRIA RR-2503, 1995), made again with this engine. "
             "Scenes of the paper that are lost were built again with the same kind and number of polygons; each item says how."
@@ -38,8 +38,10 @@ pub fn page(report: &Report, command: &str) -> Result<String> {
             (figure(&seconds(report.seconds), "for all items"))
         }
         @for item in &failed {
-            @let missed = item.checks.iter().filter(|check| !check.holds).count();
-            p.warning { a href={ "#" (item.name) } { (item.title) } " fails: " (missed) " of " (item.checks.len()) " checks do not hold" }
+            p.warning {
+                a href={ "#" (item.name) } { (item.title) } ": " (item.verdict()) ", "
+                (item.missed()) " of " (item.checks.len()) " checks do not hold"
+            }
         }
         h2 { "Verdicts" }
         (overview(report))
@@ -53,11 +55,10 @@ pub fn page(report: &Report, command: &str) -> Result<String> {
 fn overview(report: &Report) -> Markup {
     let mut table = Table::new("", &["item", "verdict", "checks", "time"]);
     for item in &report.items {
-        let held = item.checks.iter().filter(|check| check.holds).count();
-        let verdict = if item.holds { "holds" } else { "fails" };
+        let held = item.checks.len() - item.missed();
         table.push([
             item.title.into(),
-            verdict.into(),
+            item.verdict().into(),
             format!("{held} of {}", item.checks.len()).into(),
             seconds(item.seconds).into(),
         ]);
@@ -82,7 +83,7 @@ fn section(item: &Item) -> Result<Markup> {
                 @if !table.title.is_empty() { h4 { (table.title) } }
                 (rows(table))
             }
-            h4 { "Verdict: " @if item.holds { "holds" } @else { span.loss { "fails" } } ", " (fixed(item.seconds, 1)) " s" }
+            h4 { "Verdict: " @if item.holds { "holds" } @else { span.loss { (item.verdict()) } } ", " (fixed(item.seconds, 1)) " s" }
             @for check in &item.checks { (checked(check)) }
         }
     })

@@ -190,9 +190,9 @@ fn a_camera_that_sees_nothing_says_so() {
     let solve = |camera| scratch.mrvis(&[&solve[..], &["--error", "0.2", "--camera", camera]].concat());
     let away = solve("2,-5,1,2,-9,1,50");
     done(&away);
-    let words =
-        "view.png at 2, -5, 1 sees no surface: the scene reaches from 0, 0, 0 to 7, 2, 2; give --camera";
+    let words = "view.png at 2, -5, 1 sees no lit surface (closed rooms are black from outside; --look-inside shows what is in \
+                 them): the scene reaches from 0, 0, 0 to 7, 2, 2; give --camera";
     assert!(away.stdout.contains(words), "{}", away.stdout);
     assert!(scratch.json("s/solution.json")["warnings"].to_string().contains(words));
-    assert!(!solve("2,-5,1,2,1,1,50").stdout.contains("sees no surface"));
+    assert!(!solve("2,1,1,2,2,1,50").stdout.contains("sees no lit surface"));
 }
