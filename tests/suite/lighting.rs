@@ -194,5 +194,5 @@ fn a_camera_that_sees_nothing_says_so() {
                  them): the scene reaches from 0, 0, 0 to 7, 2, 2; give --camera";
     assert!(away.stdout.contains(words), "{}", away.stdout);
     assert!(scratch.json("s/solution.json")["warnings"].to_string().contains(words));
-    assert!(!solve("2,1,1,2,2,1,50").stdout.contains("sees no lit surface"));
+    assert!(!solve("2,-5,1,2,1,1,50").stdout.contains("sees no lit surface"));
 }
