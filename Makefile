@@ -25,7 +25,7 @@ CRATES := $(or $(CARGO_HOME),$(HOME)/.cargo)/registry/src
 export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
-.PHONY: help demo test test-room test-long setup-tests build scenes install install-files dist python python-test fuzz kills batch-speed clean distclean
+.PHONY: help demo test test-room test-long setup-tests build scenes install install-files dist python python-test sky-reference fuzz kills batch-speed clean distclean
 .PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-install need-hosts need-python need-mpi
 .DEFAULT_GOAL := help
 
@@ -141,6 +141,11 @@ python: setup $(PYTHON_DIR)/bin/pip
 python-test: setup $(PYTHON_DIR)/bin/pip
 	"$(PYTHON_DIR)/bin/pip" -q install "./python[test]"
 	"$(PYTHON_DIR)/bin/pytest" -q python
+
+# Radiance of skies and positions of the sun by the packages pvlib and pyradiance, against those that the tests store.
+sky-reference: $(PYTHON_DIR)/bin/pip
+	"$(PYTHON_DIR)/bin/pip" -q install pvlib pyradiance
+	"$(PYTHON_DIR)/bin/python" scenes/sky_reference.py --check src/sky/tests/reference.csv
 
 install: build need-install
 	@$(MAKE) --no-print-directory install-files

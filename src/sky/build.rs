@@ -1,0 +1,272 @@
+//! The environment that a description stands for.
+
+use super::environment::Environment;
+use super::frame::Frame;
+use super::gradation::Shape;
+use super::map::SkyMap;
+use super::options::{Amount, SkyOptions};
+use super::parse::{SkyModel, SunChoice, SunDirection};
+use super::perez::{Atmosphere, SOLAR_CONSTANT};
+use super::position::{Air, sun_position};
+use super::radiance::{Level, Sky};
+use super::sun::Sun;
+use super::{cie, clear};
+use crate::error::shown;
+use crate::{Error, Result};
+use glam::DVec3;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The sun's place in the sky.
+struct Position {
+    /// Local unit vector.
+    local: DVec3,
+    /// Normal irradiance outside the atmosphere, W/m².
+    outside: f64,
+}
+
+impl Position {
+    fn zenith_angle(&self) -> f64 {
+        self.local.z.clamp(-1.0, 1.0).acos()
+    }
+
+    fn elevation(&self) -> f64 {
+        90.0 - self.zenith_angle().to_degrees()
+    }
+}
+
+/// A sky before its level is applied.
+struct Model {
+    shape: Shape,
+    /// Diffuse horizontal irradiance that the model states.
+    diffuse: Option<f64>,
+    /// Normal irradiance of the sun that the model states.
+    direct: Option<f64>,
+    note: String,
+}
+
+impl SkyOptions {
+    /// The sky, sun and ground that this describes, in a scene with this upward axis.
+    ///
+    /// # Errors
+    /// [`Error::Argument`], or [`Error::Format`] with the name of the description: a sky that needs the sun has none or one below the horizon; values
+    /// contradict each other or cannot be. [`Error::Io`] or [`Error::Format`] of a map.
+    pub fn environment(&self, up: DVec3) -> Result<Environment> {
+        let at = |what: String| match &self.file {
+            Some(file) => Error::format(file, None, what),
+            None => Error::Argument(what),
+        };
+        self.check().map_err(at)?;
+        let frame = match self.north {
+            Some(north) => Frame::new(up, DVec3::from(north)),
+            None => Frame::upright(up),
+        };
+        let frame = frame.map_err(|e| at(e.to_string()))?;
+        let position = self.position(&frame).map_err(at)?;
+        let model = self.model(position.as_ref()).map_err(at)?;
+        let mut notes = vec![axes_note(&frame)];
+        notes.push(model.note.clone());
+        let map = match (&self.sky.0, &self.map) {
+            (SkyModel::Map(_), Some(_)) => return Err(at("`sky` is a map already: remove `map`".into())),
+            (SkyModel::None, Some(_)) => {
+                return Err(at("`map` has no sky to multiply: state `sky`, or the map as `sky`".into()));
+            }
+            (SkyModel::Map(path), None) | (_, Some(path)) => Some(self.read_map(path, &mut notes)?),
+            _ => None,
+        };
+        let is_alone = matches!(self.sky.0, SkyModel::Map(_)) && self.ground.is_none();
+        let sky = match self.sky.0 {
+            SkyModel::None => None,
+            _ => Some(
+                Sky::new(model.shape, map, is_alone, self.level(&model)).map_err(|e| at(e.to_string()))?,
+            ),
+        };
+        let sun = self.disc(&frame, position.as_ref(), &model).map_err(at)?;
+        notes.push(sun_note(&frame, position.as_ref(), sun.as_ref(), self.photometric));
+        let ground = self.ground.map_or([0.0; 3], Amount::rgb);
+        let mut environment = Environment::new(frame, sky, sun.into_iter().collect(), ground);
+        environment.notes = notes;
+        Ok(environment)
+    }
+
+    fn read_map(&self, path: &Path, notes: &mut Vec<String>) -> Result<Arc<SkyMap>> {
+        let map = SkyMap::read(path, self.map_north)?;
+        if map.repaired > 0 {
+            let what =
+                "texels of the sky map that were negative or not finite are the mean of their neighbours";
+            notes.push(format!("{}: {} {what}", shown(path), map.repaired));
+        }
+        Ok(Arc::new(map))
+    }
+
+    /// Where the sun is, if anything says so.
+    fn position(&self, frame: &Frame) -> Result<Option<Position>, String> {
+        if let SunChoice::At { direction, .. } = self.sun {
+            let direction = match direction {
+                SunDirection::Angles([azimuth, elevation]) => frame.direction(azimuth, elevation),
+                SunDirection::Vector(v) => DVec3::from(v)
+                    .try_normalize()
+                    .ok_or("`sun` 0,0,0 is no direction: give a vector towards the sun")?,
+            };
+            return Ok(Some(Position { local: frame.local(direction), outside: SOLAR_CONSTANT }));
+        }
+        let (place, time) = match (&self.place, &self.time) {
+            (Some(place), Some(time)) => (place, time),
+            (None, None) => return Ok(None),
+            (Some(_), None) => {
+                return Err("`place` without `time`: state both, the sun's position follows from them".into());
+            }
+            (None, Some(_)) => {
+                return Err("`time` without `place`: state both, the sun's position follows from them".into());
+            }
+        };
+        let air = Air { pressure: self.pressure, temperature: self.temperature };
+        let sun = sun_position(place, time, &air)?;
+        let local = frame.local(frame.direction(sun.azimuth, sun.elevation));
+        Ok(Some(Position { local, outside: SOLAR_CONSTANT / (sun.distance * sun.distance) }))
+    }
+
+    /// The sun of a sky that cannot be without.
+    fn needed<'a>(&self, position: Option<&'a Position>, name: &str) -> Result<&'a Position, String> {
+        let position = position.ok_or_else(|| {
+            format!("the {name} sky needs the sun: state `place` and `time`, or `sun` as AZIMUTH,ELEVATION")
+        })?;
+        match position.local.z > 0.0 {
+            true => Ok(position),
+            false => Err(format!(
+                "the sun is {:.2} degrees below the horizon, and the {name} sky needs it above: change `time`, `place` or `sun`, or take another sky",
+                -position.elevation()
+            )),
+        }
+    }
+
+    fn model(&self, position: Option<&Position>) -> Result<Model, String> {
+        let plain = |shape, note: String| Model { shape, diffuse: None, direct: None, note };
+        let efficacy = |atmosphere: &Atmosphere| match self.photometric {
+            true => atmosphere.efficacy(self.dew_point),
+            false => [1.0; 2],
+        };
+        Ok(match self.sky.0 {
+            SkyModel::None => plain(Shape::Uniform, "no sky".into()),
+            SkyModel::Uniform => plain(Shape::Uniform, "uniform sky".into()),
+            SkyModel::Map(ref path) => plain(Shape::Uniform, format!("sky of the map {}", shown(path))),
+            SkyModel::Cie(kind) => {
+                let name = format!("CIE type {kind}");
+                let sun = match cie::needs_sun(kind) {
+                    true => self.needed(position, &name)?.local,
+                    false => DVec3::Z,
+                };
+                plain(cie::shape(kind, sun), format!("CIE general sky, type {kind}"))
+            }
+            SkyModel::Perez { direct, diffuse } => {
+                let sun = self.needed(position, "Perez")?;
+                let atmosphere = Atmosphere::new(direct, diffuse, sun.outside, sun.zenith_angle());
+                let [of_diffuse, of_direct] = efficacy(&atmosphere);
+                let note = format!(
+                    "Perez sky, clearness {:.3}, brightness {:.3}",
+                    atmosphere.clearness, atmosphere.brightness
+                );
+                Model {
+                    shape: atmosphere.shape(sun.local),
+                    diffuse: Some(diffuse * of_diffuse),
+                    direct: Some(direct * of_direct),
+                    note,
+                }
+            }
+            SkyModel::Clear { turbidity } => {
+                let sun = self.needed(position, "clear")?;
+                let altitude = self.place.map_or(0.0, |p| p.altitude);
+                let [direct, diffuse] =
+                    clear::irradiances(turbidity, sun.zenith_angle(), altitude, sun.outside);
+                let atmosphere = Atmosphere::new(direct, diffuse, sun.outside, sun.zenith_angle());
+                let [of_diffuse, of_direct] = efficacy(&atmosphere);
+                Model {
+                    shape: cie::shape(cie::CLEAR, sun.local),
+                    diffuse: Some(diffuse * of_diffuse),
+                    direct: Some(direct * of_direct),
+                    note: format!("CIE standard clear sky, Linke turbidity {turbidity}"),
+                }
+            }
+        })
+    }
+
+    fn level(&self, model: &Model) -> Level {
+        let is_map = matches!(self.sky.0, SkyModel::Map(_));
+        match (self.diffuse_horizontal, self.zenith, self.sky.1.or(model.diffuse)) {
+            (Some(Amount::Grey(value)), ..) => Level::Horizontal(value),
+            (Some(Amount::Rgb(values)), ..) => Level::HorizontalRgb(values),
+            (_, Some(value), _) => Level::Zenith(value),
+            (.., Some(value)) => Level::Horizontal(value),
+            _ if is_map => Level::Times(1.0),
+            _ => Level::Horizontal(1.0),
+        }
+    }
+
+    /// The sun's disc, if it is asked for and has light.
+    fn disc(&self, frame: &Frame, position: Option<&Position>, model: &Model) -> Result<Option<Sun>, String> {
+        if self.sun == SunChoice::None {
+            return Ok(None);
+        }
+        let stated = match self.sun {
+            SunChoice::At { irradiance, .. } => irradiance.map(|e| [e; 3]),
+            _ => None,
+        };
+        let irradiance = stated.or(self.direct_normal.map(Amount::rgb)).or(model.direct.map(|e| [e; 3]));
+        let Some(position) = position else {
+            return match self.direct_normal {
+                Some(_) => Err(
+                    "`direct_normal` without a sun: state `place` and `time`, or `sun` as AZIMUTH,ELEVATION"
+                        .into(),
+                ),
+                None => Ok(None),
+            };
+        };
+        let is_asked = matches!(self.sun, SunChoice::At { .. });
+        let Some(irradiance) = irradiance else {
+            // A direction may be meant for the sky alone.
+            let shapes_sky = matches!(self.sky.0, SkyModel::Cie(_));
+            return match is_asked && !shapes_sky {
+                true => Err("the irradiance of the sun is unknown: state `direct_normal`, or `sun` as AZIMUTH,ELEVATION:E".into()),
+                false => Ok(None),
+            };
+        };
+        if irradiance.iter().all(|e| *e == 0.0) {
+            return Ok(None);
+        }
+        if position.local.z <= 0.0 {
+            return Err(format!(
+                "the sun is {:.2} degrees below the horizon: change `time`, `place` or `sun`, or state `sun` as none",
+                -position.elevation()
+            ));
+        }
+        let direction = frame.world(position.local);
+        Ok(Some(Sun { direction, diameter: self.sun_diameter.to_radians(), irradiance }))
+    }
+}
+
+/// How axes of the scene are oriented.
+fn axes_note(frame: &Frame) -> String {
+    let name = |v: DVec3| {
+        let axes = [("x", DVec3::X), ("y", DVec3::Y), ("z", DVec3::Z)];
+        let found = axes.into_iter().find(|(_, a)| v.dot(*a).abs() > 1.0 - 1e-9);
+        found.map_or_else(
+            || format!("[{:.4}, {:.4}, {:.4}]", v.x, v.y, v.z),
+            |(name, a)| format!("{}{name}", if v.dot(a) > 0.0 { '+' } else { '-' }),
+        )
+    };
+    format!("up is {}, north {}, east {}", name(frame.up), name(frame.north), name(frame.east))
+}
+
+fn sun_note(frame: &Frame, position: Option<&Position>, sun: Option<&Sun>, photometric: bool) -> String {
+    let Some(position) = position else { return "no sun".into() };
+    let [azimuth, elevation] = frame.angles(frame.world(position.local));
+    let place = format!("sun at azimuth {azimuth:.4}, elevation {elevation:.4} degrees");
+    match sun {
+        None => format!("{place}, without its disc"),
+        Some(sun) => {
+            let [r, g, b] = sun.irradiance;
+            let value = if r == g && g == b { format!("{r:.4}") } else { format!("{r:.4} {g:.4} {b:.4}") };
+            format!("{place}, normal irradiance {value} {}", if photometric { "lx" } else { "W/m²" })
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! Everything that sends light into a scene from infinitely far.
+
+use super::cells::{Cells, Lower};
+use super::frame::Frame;
+use super::patches::Patches;
+use super::radiance::Sky;
+use super::sun::Sun;
+use glam::DVec3;
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// A sky, suns, and the ground below the horizon. Directions are unit vectors in the coordinates of the scene, from the scene outwards.
+/// Irradiance is in W/m² and radiance in W/(m² sr), or in lx and cd/m² if [`SkyOptions`](super::SkyOptions) says so. Clones share tables.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    frame: Frame,
+    sky: Option<Arc<Sky>>,
+    suns: Vec<Sun>,
+    /// Radiance of the ground.
+    ground: [f64; 3],
+    cells: Arc<Cells>,
+    patches: Arc<Patches>,
+    /// What a reader of results should know: the sky, north, the sun, repairs; one line each.
+    pub notes: Vec<String>,
+}
+
+/// A direction that was drawn in proportion to radiance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SkySample {
+    /// Unit vector in scene coordinates.
+    pub direction: DVec3,
+    /// Radiance of sky or ground, W/(m² sr), without the sun's disc.
+    pub radiance: [f64; 3],
+    /// Density of directions, 1/sr, above 0.
+    pub pdf: f64,
+}
+
+impl Environment {
+    /// A sky and suns over a ground of a diffuse reflectance, which has the radiance reflectance × E / π of the horizontal irradiance E by sky and suns.
+    /// A sky with a lower half of its own has no ground.
+    pub fn new(frame: Frame, sky: Option<Sky>, suns: Vec<Sun>, reflectance: [f64; 3]) -> Environment {
+        let mut irradiance = sky.as_ref().map_or([0.0; 3], |s| s.horizontal_irradiance());
+        for sun in &suns {
+            let direct = sun.irradiance_on(frame.up);
+            (0..3).for_each(|c| irradiance[c] += direct[c]);
+        }
+        let is_detailed = sky.as_ref().is_some_and(Sky::has_lower_half);
+        let ground = [0, 1, 2].map(|c| if is_detailed { 0.0 } else { reflectance[c] * irradiance[c] / PI });
+        let value = |local: DVec3| radiance_of(sky.as_ref(), ground, local);
+        let has_ground = ground.iter().any(|v| *v > 0.0);
+        let lower = match is_detailed {
+            true => Lower::Detailed,
+            false if has_ground => Lower::Uniform,
+            false => Lower::Black,
+        };
+        let detail = sky.as_ref().and_then(Sky::detail);
+        let cells = Cells::new(lower, detail, |local| value(local).iter().sum());
+        let below = (lower != Lower::Black).then_some(lower == Lower::Uniform);
+        let patches = Patches::new(frame, below, detail, sky.as_ref().and_then(Sky::peak), value);
+        let (cells, patches) = (Arc::new(cells), Arc::new(patches));
+        Environment { frame, sky: sky.map(Arc::new), suns, ground, cells, patches, notes: Vec::new() }
+    }
+
+    /// Up, north and east.
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// The sky, if there is one.
+    pub fn sky(&self) -> Option<&Sky> {
+        self.sky.as_deref()
+    }
+
+    /// The suns.
+    pub fn suns(&self) -> &[Sun] {
+        &self.suns
+    }
+
+    /// Radiance of the ground below the horizon, W/(m² sr).
+    pub fn ground_radiance(&self) -> [f64; 3] {
+        self.ground
+    }
+
+    /// The patches of sky and ground.
+    pub fn patches(&self) -> &Patches {
+        &self.patches
+    }
+
+    /// Radiance of sky or ground in a direction, without the suns' discs.
+    pub fn radiance(&self, direction: DVec3) -> [f64; 3] {
+        radiance_of(self.sky.as_deref(), self.ground, self.frame.local(direction))
+    }
+
+    /// Radiance in a direction with the suns' discs, for pictures.
+    pub fn radiance_with_suns(&self, direction: DVec3) -> [f64; 3] {
+        let mut sum = self.radiance(direction);
+        for sun in self.suns.iter().filter(|sun| sun.contains(direction)) {
+            let disc = sun.radiance();
+            (0..3).for_each(|c| sum[c] += disc[c]);
+        }
+        sum
+    }
+
+    /// A direction of sky or ground with a density near to proportional to radiance, for `u` in the unit square.
+    pub fn sample(&self, u: [f64; 2]) -> SkySample {
+        let (local, pdf) = self.cells.sample(u);
+        let radiance = radiance_of(self.sky.as_deref(), self.ground, local);
+        SkySample { direction: self.frame.world(local), radiance, pdf }
+    }
+
+    /// Density of [`Environment::sample`] at a direction, 1/sr; 0 below the horizon if the ground is black.
+    pub fn pdf(&self, direction: DVec3) -> f64 {
+        self.cells.pdf(self.frame.local(direction))
+    }
+
+    /// Irradiance of an unobstructed plane with a unit normal by sky and ground, W/m², to 0.05 %.
+    pub fn sky_irradiance(&self, normal: DVec3) -> [f64; 3] {
+        self.patches.irradiance(normal)
+    }
+
+    /// Irradiance of an unobstructed plane with a unit normal by sky, ground and suns, W/m², to 0.05 %.
+    pub fn irradiance(&self, normal: DVec3) -> [f64; 3] {
+        let mut sum = self.sky_irradiance(normal);
+        for sun in &self.suns {
+            let direct = sun.irradiance_on(normal);
+            (0..3).for_each(|c| sum[c] += direct[c]);
+        }
+        sum
+    }
+}
+
+fn radiance_of(sky: Option<&Sky>, ground: [f64; 3], local: DVec3) -> [f64; 3] {
+    match sky {
+        Some(sky) if local.z > 0.0 || sky.has_lower_half() => sky.radiance(local),
+        _ if local.z > 0.0 => [0.0; 3],
+        _ => ground,
+    }
+}

@@ -1,0 +1,259 @@
+//! Descriptions of sky and sun: options and `sky.toml`.
+
+use super::parse::{SkyModel, SkyText, SunChoice, numbers, positive};
+use super::position::{Air, Moment, Place};
+use super::sun::SUN_DIAMETER;
+use crate::error::{figure, in_words, quote};
+use crate::files::input::{self, MAX_SMALL_FILE};
+use crate::{Error, Result};
+use serde::de::{Deserialize, Deserializer, Error as _};
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// An irradiance or a reflectance: one number for all channels, or one for each.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Amount {
+    /// For all channels; of a sky with colours: its luminance.
+    Grey(f64),
+    /// Red, green, blue.
+    Rgb([f64; 3]),
+}
+
+impl Amount {
+    /// By channel.
+    pub fn rgb(self) -> [f64; 3] {
+        match self {
+            Amount::Grey(value) => [value; 3],
+            Amount::Rgb(values) => values,
+        }
+    }
+}
+
+/// Sky and sun as a user describes them. All fields of `sky.toml` have the names of the fields here.
+#[derive(Clone, Debug, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[non_exhaustive]
+pub struct SkyOptions {
+    /// The radiance of the sky.
+    #[serde(deserialize_with = "sky")]
+    pub sky: (SkyModel, Option<f64>),
+    /// A map that multiplies the model.
+    pub map: Option<PathBuf>,
+    /// Azimuth of the centre column of a map, degrees; default 0, north.
+    pub map_north: f64,
+    /// The sun.
+    #[serde(deserialize_with = "from_text")]
+    pub sun: SunChoice,
+    /// Angular diameter of the sun, degrees, above 0, at most 90; default 0.533.
+    pub sun_diameter: f64,
+    /// The place for the sun's position.
+    #[serde(deserialize_with = "place")]
+    pub place: Option<Place>,
+    /// The time for the sun's position.
+    #[serde(deserialize_with = "time")]
+    pub time: Option<Moment>,
+    /// Normal irradiance of the sun, W/m² (lx if photometric).
+    #[serde(deserialize_with = "amount")]
+    pub direct_normal: Option<Amount>,
+    /// Horizontal irradiance of the sky alone, W/m² (lx if photometric). Without any level the skies `uniform`, `overcast` and `cie` have 1, so that
+    /// irradiances are daylight factors, and a map alone has its own values.
+    #[serde(deserialize_with = "amount")]
+    pub diffuse_horizontal: Option<Amount>,
+    /// Radiance at the zenith, W/(m² sr) (cd/m² if photometric), instead of `diffuse_horizontal`.
+    pub zenith: Option<f64>,
+    /// Diffuse reflectance of the ground below the horizon, 0 to 1; default 0: black.
+    #[serde(deserialize_with = "amount")]
+    pub ground: Option<Amount>,
+    /// Direction of north in scene coordinates, horizontal; default +y below +z, −z below +y.
+    pub north: Option<[f64; 3]>,
+    /// Dew point, °C, for the luminous efficacy; default 11: 2 cm of precipitable water, as in Radiance's gendaylit.
+    pub dew_point: f64,
+    /// Pressure of the air, hPa, for refraction; default: standard atmosphere at the altitude.
+    pub pressure: Option<f64>,
+    /// Temperature of the air, °C, for refraction; default 12.
+    pub temperature: f64,
+    /// Whether light is in lx and cd/m² instead of W/m² and W/(m² sr). Irradiances of `perez` and `clear` then become illuminances by the luminous
+    /// efficacies of Perez; all other values are in these units.
+    pub photometric: bool,
+    /// The file that this was read from.
+    #[serde(skip)]
+    pub(super) file: Option<PathBuf>,
+}
+
+impl Default for SkyOptions {
+    fn default() -> SkyOptions {
+        SkyOptions {
+            sky: (SkyModel::None, None),
+            map: None,
+            map_north: 0.0,
+            sun: SunChoice::Auto,
+            sun_diameter: SUN_DIAMETER,
+            place: None,
+            time: None,
+            direct_normal: None,
+            diffuse_horizontal: None,
+            zenith: None,
+            ground: None,
+            north: None,
+            dew_point: 11.0,
+            pressure: None,
+            temperature: Air::default().temperature,
+            photometric: false,
+            file: None,
+        }
+    }
+}
+
+impl SkyOptions {
+    /// A sky from a short text: `none`, `uniform[:E]`, `overcast[:E]`, `cie:N[,E]`, `clear:TURBIDITY`, `perez:DNI,DHI`, the name of a map `.exr` or
+    /// `.hdr`, or of a description `.toml`, which is read now. E is the diffuse horizontal irradiance.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if the text is wrong; [`Error::Io`] or [`Error::Format`] with file and line from a description.
+    pub fn parse(text: &str) -> Result<SkyOptions> {
+        match parsed("sky", text)? {
+            SkyText::Model(model, level) => Ok(SkyOptions { sky: (model, level), ..SkyOptions::default() }),
+            SkyText::File(path) => SkyOptions::read(&path),
+        }
+    }
+
+    /// Reads a description in TOML. Names of maps are relative to its folder.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be read, [`Error::Format`] with the line if it is wrong.
+    pub fn read(path: &Path) -> Result<SkyOptions> {
+        let bytes = input::read(path, MAX_SMALL_FILE)?;
+        let text = String::from_utf8(bytes).map_err(|_| Error::format(path, None, "not a text in UTF-8"))?;
+        let mut options: SkyOptions = toml::from_str(&text).map_err(|e| {
+            let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
+            Error::format(path, line, in_words(e.message()).replace('\n', " "))
+        })?;
+        let beside = |name: &mut PathBuf| *name = path.with_file_name("").join(&*name);
+        options.map.iter_mut().for_each(beside);
+        if let SkyModel::Map(name) = &mut options.sky.0 {
+            beside(name);
+        }
+        options.file = Some(path.to_owned());
+        Ok(options)
+    }
+
+    /// The sun from a short text: `auto`, `none`, `AZIMUTH,ELEVATION` in degrees or `X,Y,Z`, the last two with `:E` for a normal irradiance.
+    ///
+    /// # Errors
+    /// [`Error::Argument`].
+    pub fn with_sun(mut self, text: &str) -> Result<SkyOptions> {
+        self.sun = parsed("sun", text)?;
+        Ok(self)
+    }
+
+    /// The place as `LATITUDE,LONGITUDE` or `LATITUDE,LONGITUDE,ALTITUDE`: degrees north and east, metres.
+    ///
+    /// # Errors
+    /// [`Error::Argument`].
+    pub fn with_place(mut self, text: &str) -> Result<SkyOptions> {
+        self.place = Some(parsed("place", text)?);
+        Ok(self)
+    }
+
+    /// The time as in `2026-06-21T12:00+02:00` or `2026-06-21T10:00Z`.
+    ///
+    /// # Errors
+    /// [`Error::Argument`].
+    pub fn with_time(mut self, text: &str) -> Result<SkyOptions> {
+        self.time = Some(parsed("time", text)?);
+        Ok(self)
+    }
+
+    /// Checks values that are wrong whatever the sky is.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let is_reflectance = |v: &f64| (0.0..=1.0).contains(v);
+        if let Some(bad) = self.ground.and_then(|g| g.rgb().into_iter().find(|v| !is_reflectance(v))) {
+            return Err(format!("`ground` {} is no reflectance: give 0 to 1", figure(bad)));
+        }
+        if !(self.sun_diameter > 0.0 && self.sun_diameter <= 90.0) {
+            return Err(format!(
+                "`sun_diameter` {} is not above 0 and at most 90 degrees",
+                figure(self.sun_diameter)
+            ));
+        }
+        for (value, name, [low, high], unit) in [
+            (self.map_north, "map_north", [-360.0, 360.0], "degrees"),
+            (self.dew_point, "dew_point", [-60.0, 40.0], "°C"),
+            (self.temperature, "temperature", [-100.0, 70.0], "°C"),
+            (self.pressure.unwrap_or(1000.0), "pressure", [100.0, 1200.0], "hPa"),
+            (self.zenith.unwrap_or(0.0), "zenith", [0.0, f64::MAX], "(radiance)"),
+        ] {
+            if !(low..=high).contains(&value) {
+                let high = figure(high);
+                return Err(format!("`{name}` {} is not between {low} and {high} {unit}", figure(value)));
+            }
+        }
+        let levels = [self.diffuse_horizontal.is_some(), self.zenith.is_some(), self.sky.1.is_some()];
+        if levels.iter().filter(|given| **given).count() > 1 {
+            return Err("the level of the sky is stated twice: keep one of `diffuse_horizontal`, `zenith` and the number in `sky`".into());
+        }
+        for amount in [self.direct_normal, self.diffuse_horizontal].into_iter().flatten() {
+            amount.rgb().into_iter().try_for_each(|v| positive(v, "irradiance").map(drop))?;
+        }
+        Ok(())
+    }
+}
+
+/// A value of the option `name`.
+fn parsed<T: FromStr<Err = String>>(name: &str, text: &str) -> Result<T> {
+    text.parse().map_err(|what| Error::Argument(format!("`{name}` {}: {what}", quote(text))))
+}
+
+fn from_text<'de, D: Deserializer<'de>, T: FromStr<Err: Display>>(source: D) -> Result<T, D::Error> {
+    String::deserialize(source)?.parse().map_err(D::Error::custom)
+}
+
+fn sky<'de, D: Deserializer<'de>>(source: D) -> Result<(SkyModel, Option<f64>), D::Error> {
+    match from_text(source)? {
+        SkyText::Model(model, level) => Ok((model, level)),
+        SkyText::File(_) => {
+            Err(D::Error::custom("a description cannot name another one: give a model or a map"))
+        }
+    }
+}
+
+/// A text or a list of numbers.
+#[derive(serde::Deserialize)]
+#[serde(untagged)]
+enum TextOrNumbers {
+    Text(String),
+    Number(f64),
+    Numbers(Vec<f64>),
+}
+
+fn place<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Place>, D::Error> {
+    let place = match TextOrNumbers::deserialize(source)? {
+        TextOrNumbers::Text(text) => numbers(&text).and_then(|v| Place::new(&v)),
+        TextOrNumbers::Number(value) => Place::new(&[value]),
+        TextOrNumbers::Numbers(values) => Place::new(&values),
+    };
+    place.map(Some).map_err(D::Error::custom)
+}
+
+fn time<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Moment>, D::Error> {
+    let moment = match toml::Value::deserialize(source)? {
+        toml::Value::Datetime(written) => Moment::new(written),
+        toml::Value::String(text) => text.parse(),
+        _ => Err("a time is written as 2026-06-21T12:00+02:00".into()),
+    };
+    moment.map(Some).map_err(D::Error::custom)
+}
+
+fn amount<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Amount>, D::Error> {
+    let bad = || D::Error::custom("expected a number or three of at least 0, [red, green, blue]");
+    let check = |v: f64| positive(v, "value").map_err(D::Error::custom);
+    match TextOrNumbers::deserialize(source).map_err(|_| bad())? {
+        TextOrNumbers::Number(value) => Ok(Some(Amount::Grey(check(value)?))),
+        TextOrNumbers::Numbers(values) => match values[..] {
+            [r, g, b] => Ok(Some(Amount::Rgb([check(r)?, check(g)?, check(b)?]))),
+            _ => Err(bad()),
+        },
+        TextOrNumbers::Text(_) => Err(bad()),
+    }
+}

@@ -1,0 +1,279 @@
+//! Radiance and irradiance of the models.
+
+use super::*;
+use crate::sky::perez::{Atmosphere, SOLAR_CONSTANT};
+
+/// Horizontal irradiance over radiance at the zenith with the sun at 60° of elevation, CIE types 1 to 16 (quadrature by another program, from
+/// the coefficients of ISO 15469).
+const CIE_RATIOS: [f64; 16] = [
+    2.449541, 2.086023, 2.769988, 2.315419, 3.141593, 2.584160, 2.421225, 2.328380, 3.459323, 3.170260,
+    2.989061, 3.190573, 3.025853, 3.216957, 3.015856, 2.443461,
+];
+
+/// Rows of the stored table of values of other programs, see `scenes/sky_reference.py`: name, numbers (NaN for empty and for texts), time.
+fn reference() -> Vec<(String, [f64; 6], String)> {
+    let mut reader =
+        csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(include_str!("reference.csv").as_bytes());
+    let row = |r: csv::StringRecord| {
+        let numbers = [1, 2, 3, 4, 5, 6].map(|k| r[k].parse().unwrap_or(f64::NAN));
+        (r[0].to_owned(), numbers, r[1].to_owned())
+    };
+    reader.records().map(|r| row(r.expect("a row"))).collect()
+}
+
+#[test]
+fn cie_skies_have_their_irradiances() {
+    for (kind, ratio) in (1..=16).zip(CIE_RATIOS) {
+        let sky = environment(&format!("cie:{kind},1000"), "30,60");
+        let zenith = sky.radiance(DVec3::Z)[1];
+        assert_near(1000.0 / zenith, ratio, 1e-4);
+    }
+}
+
+/// The formula of ISO 15469, written out again with angles.
+#[test]
+fn cie_skies_follow_the_standard() {
+    let sun = frame().direction(30.0, 60.0);
+    for (kind, [a, b, c, d, e]) in [
+        (1, [4.0, -0.7, 0.0, -1.0, 0.0]),
+        (4, [1.1, -0.8, 2.0, -1.5, 0.15]),
+        (8, [0.0, -1.0, 10.0, -3.0, 0.45]),
+        (10, [-1.0, -0.55, 5.0, -2.5, 0.30]),
+        (13, [-1.0, -0.32, 16.0, -3.0, 0.30]),
+        (15, [-1.0, -0.15, 24.0, -2.8, 0.15]),
+    ] {
+        let sky = environment(&format!("cie:{kind}"), "30,60");
+        let relative = |v: DVec3| {
+            let (angle, from_sun) = (v.z.acos(), v.angle_between(sun));
+            let gradation = 1.0 + a * f64::exp(b / angle.cos());
+            let glow = f64::exp(d * from_sun) - f64::exp(d * PI / 2.0);
+            gradation * (1.0 + c * glow + e * from_sun.cos().powi(2))
+        };
+        let zenith = sky.radiance(DVec3::Z)[0] / relative(DVec3::Z);
+        for v in directions(200).filter(|v| v.z > 1e-3) {
+            assert_near(cie::shape(kind, sun).relative(v), relative(v), 1e-9);
+            assert_near(sky.radiance(v)[0] / zenith, relative(v), 5e-4);
+        }
+    }
+}
+
+#[test]
+fn radiance_is_that_of_other_programs() {
+    let mut compared = [0; 3];
+    for (what, [a, b, sun, azimuth, elevation, value], _) in reference() {
+        let towards = frame().direction(180.0, sun);
+        let zenith_angle = (90.0 - sun).to_radians();
+        let (shape, which) = match what.as_str() {
+            "perez" => (Atmosphere { clearness: a, brightness: b, zenith_angle }.shape(towards), 0),
+            "clear" => (cie::shape(cie::CLEAR, towards), 1),
+            "overcast" => (cie::shape(cie::TRADITIONAL_OVERCAST, towards), 2),
+            _ => continue,
+        };
+        // Coefficients are printed with six digits, radiance with four; the clear sky of Radiance has rounded coefficients.
+        let relative = shape.relative(frame().direction(azimuth, elevation)) / shape.relative(DVec3::Z);
+        assert_near(relative, value, 1e-3);
+        compared[which] += 1;
+    }
+    assert_eq!(compared, [120, 30, 10]);
+}
+
+#[test]
+fn efficacies_are_those_of_gendaylit() {
+    let mut compared = 0;
+    for (what, [direct, diffuse, elevation, .., value], _) in reference() {
+        let which = match what.as_str() {
+            "diffuse efficacy" => 0,
+            "direct efficacy" => 1,
+            _ => continue,
+        };
+        // Without a date gendaylit takes the distance of the sun on 1 January, where irradiance is 3.5 % higher.
+        let zenith_angle = (90.0 - elevation).to_radians();
+        let atmosphere = Atmosphere::new(direct, diffuse, 1.035 * SOLAR_CONSTANT, zenith_angle);
+        // 2 cm of water.
+        let dew_point = (2.0f64.ln() + 0.075) / 0.07;
+        assert_near(atmosphere.efficacy(dew_point)[which], value, 2e-3);
+        compared += 1;
+    }
+    assert_eq!(compared, 10);
+}
+
+#[test]
+fn clear_skies_have_the_irradiance_of_pvlib() {
+    let mut compared = 0;
+    for (what, [turbidity, elevation, altitude, .., value], _) in reference() {
+        let which = match what.as_str() {
+            "clear direct" => 0,
+            "clear diffuse" => 1,
+            _ => continue,
+        };
+        let found = clear::irradiances(turbidity, (90.0 - elevation).to_radians(), altitude, SOLAR_CONSTANT);
+        assert_near(found[which], value, 1e-4);
+        compared += 1;
+    }
+    assert_eq!(compared, 12);
+}
+
+#[test]
+fn the_sun_is_where_pvlib_finds_it() {
+    let mut compared = 0;
+    for (_, [_, latitude, longitude, azimuth, elevation, _], time) in
+        reference().iter().filter(|r| r.0 == "sun")
+    {
+        let place = Place { latitude: *latitude, longitude: *longitude, altitude: 0.0 };
+        let air = Air { pressure: Some(1013.25), temperature: 12.0 };
+        let sun = position::sun_position(&place, &time.parse().expect("a time"), &air).expect("a position");
+        let error = (sun.azimuth - azimuth).abs().max((sun.elevation - elevation).abs());
+        assert!(error < 3e-4, "{time}: {sun:?}, not {azimuth} and {elevation}");
+        compared += 1;
+    }
+    assert_eq!(compared, 5);
+}
+
+/// The worked example of NREL/TP-560-34302, appendix A.5: 2003-10-17, 12:30:30, UTC − 7 h.
+#[test]
+fn the_sun_is_where_the_worked_example_says() {
+    let place = Place { latitude: 39.742476, longitude: -105.1786, altitude: 1830.14 };
+    for air in [Air { pressure: Some(820.0), temperature: 11.0 }, Air::default()] {
+        for time in ["2003-10-17T12:30:30-07:00", "2003-10-17T19:30:30Z"] {
+            let sun =
+                position::sun_position(&place, &time.parse().expect("a time"), &air).expect("a position");
+            assert!((sun.azimuth - 194.340241).abs() < 3e-4, "{sun:?}");
+            assert!((90.0 - sun.elevation - 50.111622).abs() < 3e-4, "{sun:?}");
+            assert!((sun.distance - 0.9965421031).abs() < 1e-6, "{sun:?}");
+        }
+    }
+}
+
+/// Errors relative to the radiance, of at least 1 % of that at the zenith: skies of unlikely brightness fall to 0.
+#[test]
+fn tables_agree_with_formulas() {
+    let sun = frame().direction(200.0, 35.0);
+    let mut shapes: Vec<Shape> = (1..=15).map(|kind| cie::shape(kind, sun)).collect();
+    let zenith_angle = 55f64.to_radians();
+    for clearness in [1.02, 1.1, 1.4, 1.8, 2.3, 3.5, 5.0, 9.0] {
+        shapes.extend(
+            [0.05, 0.2, 0.5].map(|brightness| Atmosphere { clearness, brightness, zenith_angle }.shape(sun)),
+        );
+    }
+    let mut worst = 0.0f64;
+    for shape in shapes {
+        let Shape::Gradation(formula) = shape else { continue };
+        let table = gradation::GradationTable::new(&formula);
+        for v in directions(40_000).filter(|v| v.z > 0.0) {
+            let (value, wanted) = (table.relative(v), shape.relative(v));
+            worst = worst.max((value - wanted).abs() / wanted.max(0.01 * shape.relative(DVec3::Z)));
+        }
+    }
+    assert!(worst < 3e-4, "relative error {worst}");
+}
+
+#[test]
+fn levels_are_integrals() {
+    let mut skies: Vec<(String, f64)> = (1..=16).map(|kind| (format!("cie:{kind},300"), 300.0)).collect();
+    for (direct, diffuse) in [
+        (0.0, 80.0),
+        (20.0, 200.0),
+        (80.0, 250.0),
+        (150.0, 250.0),
+        (300.0, 200.0),
+        (500.0, 150.0),
+        (800.0, 90.0),
+    ] {
+        skies.push((format!("perez:{direct},{diffuse}"), diffuse));
+    }
+    for sun in ["200,50:0", "80,8:0", "80,88:0"] {
+        for (text, wanted) in &skies {
+            let sky = environment(text, sun);
+            let found = integral(300, 0.0, |v| v.z * sky.radiance(v)[0]);
+            assert_near(found, *wanted, 1e-4);
+            assert_near(sky.irradiance(DVec3::Z)[0], *wanted, 5e-4);
+        }
+    }
+}
+
+#[test]
+fn other_levels_are_kept() {
+    let mut options = SkyOptions::parse("cie:3").expect("a sky");
+    options.zenith = Some(70.0);
+    let sky = options.environment(DVec3::Z).expect("a sky");
+    assert_near(sky.radiance(DVec3::Z)[2], 70.0, 1e-12);
+    options.zenith = None;
+    options.diffuse_horizontal = Some(Amount::Rgb([10.0, 20.0, 0.0]));
+    let sky = options.environment(DVec3::Z).expect("a sky");
+    let found = sky.sky().expect("a sky").horizontal_irradiance();
+    assert_near(found[1], 20.0, 1e-12);
+    assert_eq!((found[0], found[2]), (10.0, 0.0));
+}
+
+#[test]
+fn tilted_planes_have_closed_forms() {
+    let sky = environment("uniform:3", "120,40:700");
+    let radiance = 3.0 / PI;
+    let sun = frame().direction(120.0, 40.0);
+    assert_near(sky.radiance(DVec3::new(0.6, 0.0, 0.8))[0], radiance, 1e-12);
+    for normal in directions(300) {
+        // Uniform sky: π L (1 + cos slope) / 2.
+        let of_sky = PI * radiance * (1.0 + normal.z) / 2.0;
+        assert_near(sky.sky_irradiance(normal)[0] + 1.0, of_sky + 1.0, 1e-7);
+        let cosine = sun.dot(normal);
+        if cosine.abs() > 0.01 {
+            assert_near(sky.irradiance(normal)[0] + 1.0, of_sky + 700.0 * cosine.max(0.0) + 1.0, 1e-6);
+        }
+    }
+}
+
+/// Ground of reflectance ρ below a uniform sky: ρ E / π, and (1 − cos slope) / 2 of it on a tilted plane.
+#[test]
+fn the_ground_reflects_sky_and_sun() {
+    let mut options =
+        SkyOptions::parse("uniform:200").and_then(|o| o.with_sun("180,30:600")).expect("options");
+    options.ground = Some(Amount::Rgb([0.2, 0.1, 0.5]));
+    let sky = options.environment(DVec3::Y).expect("a sky");
+    let horizontal = 200.0 + 300.0;
+    for (c, reflectance) in [0.2, 0.1, 0.5].into_iter().enumerate() {
+        let ground = reflectance * horizontal / PI;
+        assert_near(sky.radiance(DVec3::new(0.6, -0.8, 0.0))[c], ground, 1e-6);
+        let normal = DVec3::new(0.8, 0.6, 0.0);
+        let wanted = 200.0 * 1.6 / 2.0 + PI * ground * 0.4 / 2.0;
+        assert_near(sky.sky_irradiance(normal)[c], wanted, 1e-6);
+    }
+    assert_eq!(environment("uniform:2", "none").radiance(DVec3::NEG_Z), [0.0; 3]);
+}
+
+#[test]
+fn tilted_planes_below_gradations_agree_with_quadrature() {
+    for (text, sun) in [
+        ("perez:800,90", "200,25:0"),
+        ("cie:15,100", "90,70"),
+        ("overcast:100", "none"),
+        ("perez:5,120", "60,5:0"),
+    ] {
+        let sky = environment(text, sun);
+        for normal in directions(13) {
+            let wanted = integral(350, 0.0, |v| v.dot(normal).max(0.0) * sky.radiance(v)[0]);
+            assert!((sky.irradiance(normal)[0] - wanted).abs() < 5e-4 * wanted + 1e-4, "{text} {normal}");
+        }
+    }
+}
+
+/// A sky turned with its frame has the same radiance in the turned direction.
+#[test]
+fn axes_turn_the_sky() {
+    let mut options = SkyOptions::parse("perez:600,150").and_then(|o| o.with_sun("100,35")).expect("options");
+    let z = options.environment(DVec3::Z).expect("a sky");
+    let y = options.environment(DVec3::Y).expect("a sky");
+    options.north = Some([1.0, 0.0, 0.0]);
+    let turned = options.environment(DVec3::Z).expect("a sky");
+    for v in directions(500) {
+        let wanted = z.radiance(v)[0] + 1.0;
+        // East is +x in both; up is +y and north −z, or north is +x and east −y.
+        assert_near(y.radiance(DVec3::new(v.x, v.z, -v.y))[0] + 1.0, wanted, 1e-12);
+        assert_near(turned.radiance(DVec3::new(v.y, -v.x, v.z))[0] + 1.0, wanted, 1e-12);
+    }
+    let [azimuth, elevation] = y.frame().angles(y.suns()[0].direction);
+    assert!((azimuth - 100.0).abs() < 1e-9 && (elevation - 35.0).abs() < 1e-9);
+    // In the morning the sun is in the east.
+    assert!(
+        z.suns()[0].direction.x > 0.5 && y.suns()[0].direction.x > 0.5 && turned.suns()[0].direction.y < -0.5
+    );
+}
