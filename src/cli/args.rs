@@ -180,7 +180,24 @@ pub struct SceneArgs {
     /// Treat all faces as faces of closed solids (1) or as sheets (2) instead of detecting it.
     #[arg(long, value_name = "1|2", value_parser = clap::value_parser!(u8).range(1..=2))]
     pub sides: Option<u8>,
+    /// Light the scene by a sky: uniform[:E], overcast[:E], cie:N[,E] (types 1 to 16), clear:TURBIDITY, perez:DNI,DHI,
+    /// an equirectangular map .exr or .hdr, or sky.toml for all of it; E is the diffuse horizontal irradiance, W/m2.
+    #[arg(long, value_name = "SKY", help_heading = SKY)]
+    pub sky: Option<String>,
+    /// The sun: AZIMUTH,ELEVATION in degrees (from north by east) or a vector X,Y,Z towards it, with :E for its normal
+    /// irradiance; none; auto: by --place and --time [default: auto]
+    #[arg(long, value_name = "SUN", allow_hyphen_values = true, help_heading = SKY)]
+    pub sun: Option<String>,
+    /// Latitude and longitude, degrees north and east, and altitude, metres, for the position of the sun.
+    #[arg(long, value_name = "LAT,LON[,ALT]", allow_hyphen_values = true, help_heading = SKY)]
+    pub place: Option<String>,
+    /// Time for the position of the sun, such as 2026-06-21T12:00+02:00.
+    #[arg(long, value_name = "TIME", help_heading = SKY)]
+    pub time: Option<String>,
 }
+
+/// Heading of the options of sky and sun.
+const SKY: &str = "Sky and sun";
 
 impl SceneArgs {
     /// How luminous quantities are reported, if they are asked for.
@@ -223,7 +240,9 @@ impl SceneArgs {
             max_memory: limits::bytes(common.max_memory),
         };
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
-        Scene::load_with(&self.scene, &options)
+        let mut scene = Scene::load_with(&self.scene, &options)?;
+        self.add_sky(&mut scene)?;
+        Ok(scene)
     }
 
     /// Reads the scene for commands that need triangles of its own: placed meshes are copied, with a warning.

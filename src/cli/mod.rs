@@ -27,6 +27,7 @@ mod progress;
 mod report;
 mod reproduce;
 mod shared_scenes;
+mod sky_args;
 mod solve;
 mod writable;
 

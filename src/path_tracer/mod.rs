@@ -6,6 +6,8 @@
 //! *Robust Monte Carlo Methods for Light Transport Simulation*, 1997, 9.2), which bounds the noise of large near
 //! emitters and of small distant ones. Russian roulette ends paths without bias.
 //!
+//! Rays that leave the scene meet the sky; from every vertex one ray goes to each sun.
+//!
 //! Emission is radiance on the front side of a face (on both sides if the scene says so); the reflectance applies to
 //! both sides.
 
@@ -40,7 +42,7 @@ pub struct Settings {
 ///
 /// A point means the nearest surface along its normal that is about parallel, within `1e-5` of the scene's diagonal: files
 /// round coordinates. Paths start a few rounding errors above it, on the side of the normal. The same settings give the
-/// same bits on any number of threads and ranks. A scene without emitters gives zeros.
+/// same bits on any number of threads and ranks. A scene without emitters and sky gives zeros.
 ///
 /// # Errors
 /// [`Error::Argument`] with fewer than two samples; [`Error::Cancelled`] if `progress` stops it.
@@ -60,7 +62,7 @@ pub fn irradiance(
     let estimates: Option<Vec<Estimate>> = rows
         .numbers()
         .map_init(
-            || Paths::new(&surfaces, lights.as_ref(), settings),
+            || Paths::new(&surfaces, (lights.as_ref(), model.scene().sky()), settings),
             |paths, i| {
                 let estimate = (!progress.stopped()).then(|| paths.estimate(i as u64, &points[i]));
                 progress.advance(rows.steps(1) as u64);

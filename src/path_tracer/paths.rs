@@ -6,6 +6,7 @@ use super::{Estimate, Settings};
 use crate::embree::Hits;
 use crate::points::Point;
 use crate::ray::{LANES, Packet};
+use crate::sky::Environment;
 use glam::Vec3;
 use sobol_burley::sample_4d;
 use std::f32::consts::PI;
@@ -35,6 +36,7 @@ struct Path {
 pub struct Paths<'a> {
     surfaces: &'a Surfaces<'a>,
     lights: Option<&'a PowerSampler>,
+    sky: Option<&'a Environment>,
     settings: Settings,
     active: Vec<Path>,
     next: Vec<Path>,
@@ -44,17 +46,25 @@ pub struct Paths<'a> {
 impl<'a> Paths<'a> {
     pub fn new(
         surfaces: &'a Surfaces<'a>,
-        lights: Option<&'a PowerSampler>,
+        (lights, sky): (Option<&'a PowerSampler>, Option<&'a Environment>),
         settings: Settings,
     ) -> Paths<'a> {
-        Paths { surfaces, lights, settings, active: Vec::new(), next: Vec::new(), sums: Default::default() }
+        Paths {
+            surfaces,
+            lights,
+            sky,
+            settings,
+            active: Vec::new(),
+            next: Vec::new(),
+            sums: Default::default(),
+        }
     }
 
     /// Irradiance at one point; `number` is its index in the list of points.
     pub fn estimate(&mut self, number: u64, point: &Point) -> Estimate {
-        let Some(lights) = self.lights else {
+        if self.lights.is_none() && self.sky.is_none() {
             return Estimate { mean: [0.0; 3], standard_error: [0.0; 3] };
-        };
+        }
         self.sums = Default::default();
         let normal = point.normal.as_vec3();
         let (start, skin) = self.surfaces.start(self.surfaces.local(point.position), normal);
@@ -72,7 +82,7 @@ impl<'a> Paths<'a> {
             }));
             let mut bounce = 0;
             while !self.active.is_empty() {
-                self.step(lights, stream, bounce);
+                self.step(stream, bounce);
                 std::mem::swap(&mut self.active, &mut self.next);
                 bounce += 1;
             }
@@ -81,8 +91,9 @@ impl<'a> Paths<'a> {
     }
 
     /// Advances all active paths by one bounce; continued paths are in `next`.
-    fn step(&mut self, lights: &PowerSampler, stream: u64, bounce: u32) {
+    fn step(&mut self, stream: u64, bounce: u32) {
         self.next.clear();
+        self.add_suns(stream, bounce);
         for chunk in self.active.chunks(LANES) {
             let mut shadow = Packet::EMPTY;
             let mut rays = Packet::EMPTY;
@@ -91,7 +102,8 @@ impl<'a> Paths<'a> {
             let mut directions = [Vec3::ZERO; LANES];
             for (lane, path) in chunk.iter().enumerate() {
                 let (u, v) = numbers(stream, bounce, path.sample);
-                if let Some(emitter_sample) = lights.sample(path.position, [u[2], u[3], v[0]]) {
+                let sample = self.lights.and_then(|lights| lights.sample(path.position, [u[2], u[3], v[0]]));
+                if let Some(emitter_sample) = sample {
                     let chance = path.normal.dot(emitter_sample.direction) / PI;
                     if chance > 0.0 {
                         // Balance heuristic with the sampled direction, which can hit the same emitter.
@@ -119,8 +131,13 @@ impl<'a> Paths<'a> {
                     add(sum, direct[lane]);
                 }
                 let direction = directions[lane];
+                if let Some(sky) = self.sky.filter(|_| hits.triangle[lane] == Hits::NOTHING) {
+                    let radiance = sky.radiance(direction.as_dvec3()).map(|l| l as f32);
+                    add(sum, product(path.throughput, radiance));
+                }
                 let Some(place) = self.surfaces.place(&rays, &hits, lane, direction) else { continue };
                 if place.emission != [0.0; 3]
+                    && let Some(lights) = self.lights
                     && let Some(cosine) = lights.facing(place.cosine, place.profile.is_some())
                 {
                     let chance = path.normal.dot(direction) / PI;
@@ -142,6 +159,33 @@ impl<'a> Paths<'a> {
                 let Path { sample, .. } = *path;
                 let SurfaceHit { position, skin, normal, .. } = place;
                 self.next.push(Path { position, skin, normal, throughput, sample });
+            }
+        }
+    }
+
+    /// Adds the light that arrives at the vertices of all active paths from a point of each sun.
+    fn add_suns(&mut self, stream: u64, bounce: u32) {
+        for (number, sun) in self.sky.iter().flat_map(|sky| sky.suns()).enumerate() {
+            // As a ray of a given density: radiance times cosine over the density, of which the throughput holds π.
+            let full = sun.radiance().map(|l| l * sun.solid_angle());
+            for chunk in self.active.chunks(LANES) {
+                let (mut shadow, mut light) = (Packet::EMPTY, [[0f32; 3]; LANES]);
+                for (lane, path) in chunk.iter().enumerate() {
+                    let ([.., s, t], _) = numbers(!stream ^ number as u64, bounce, path.sample);
+                    let direction = sun.sample([s.into(), t.into()]);
+                    let cosine = direction.dot(path.normal.as_dvec3());
+                    if cosine > 0.0 {
+                        light[lane] = product(path.throughput, full.map(|l| (l * cosine) as f32 / PI));
+                        shadow.set_ray(lane, path.position, direction.as_vec3());
+                    }
+                }
+                let mut blocked = [0];
+                self.surfaces.blocked(std::slice::from_ref(&shadow), &mut blocked);
+                for (lane, path) in chunk.iter().enumerate() {
+                    if (shadow.active & !blocked[0]) >> lane & 1 == 1 {
+                        add(&mut self.sums[(path.sample % GROUPS) as usize], light[lane]);
+                    }
+                }
             }
         }
     }

@@ -89,6 +89,7 @@ impl Scene {
             objects: self.objects.clone(),
             materials: self.materials.clone(),
             emitters: self.emitters.clone(),
+            environment: self.environment.clone(),
             triangle_emitter: self.triangle_emitter.clone(),
             triangle_texcoords: self.triangle_texcoords.clone(),
             cameras: self.cameras.clone(),

@@ -83,6 +83,7 @@ pub use write_gltf::write_gltf;
 #[cfg(any(test, feature = "cli"))]
 pub use write_obj::{mtl_path, write_obj};
 
+use crate::sky::{Environment, SkyOptions};
 use crate::{Result, math::Aabb};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -225,6 +226,8 @@ pub struct Scene {
     pub(crate) materials: Vec<Material>,
     /// Emissive surfaces, in order of their first face.
     pub(crate) emitters: Vec<Emitter>,
+    /// Sky and suns.
+    pub(crate) environment: Option<Arc<Environment>>,
     /// Index into `emitters`; `u32::MAX` for faces that do not emit.
     pub(crate) triangle_emitter: Vec<u32>,
     /// Texture coordinates of the corners of each face, from the lower left corner of the image; empty if the file
@@ -250,6 +253,21 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Lights the scene by a sky and suns, instead of those that it has.
+    ///
+    /// # Errors
+    /// Those of [`SkyOptions::environment`].
+    pub fn set_sky(&mut self, sky: &SkyOptions) -> Result<()> {
+        let environment = sky.environment(self.up_axis().vector().as_dvec3())?;
+        self.environment = Some(Arc::new(environment));
+        Ok(())
+    }
+
+    /// The sky and the suns that light the scene, if there are any.
+    pub fn sky(&self) -> Option<&Environment> {
+        self.environment.as_deref()
+    }
+
     /// Length of rays that leave the scene from any of its points, scene units: its diagonal, with one per cent for rounding.
     pub(crate) fn ray_length(&self) -> f32 {
         1.01 * self.bounds.diagonal()

@@ -129,6 +129,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         objects,
         materials,
         emitters,
+        environment: None,
         triangle_emitter,
         triangle_texcoords: faces.texcoords,
         repairs,

@@ -177,6 +177,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         // Each shared mesh has a cache file of its own.
         shared: _,
         placements: _,
+        environment: _,
         instances: _,
     } = scene;
     let mut hash = blake3::Hasher::new();

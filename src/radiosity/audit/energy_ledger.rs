@@ -11,8 +11,12 @@ use crate::scene::{Photometry, unit_in_metres};
 pub struct Ledger {
     /// Unit of powers: W, or W/m² times scene units squared where the length of a scene unit is not known.
     pub unit: String,
-    /// Emitted.
+    /// Emitted by surfaces, and received from sky and suns.
     pub emitted: f64,
+    /// Received from the sky and the ground around the scene; part of what is emitted.
+    pub sky: f64,
+    /// Received from the suns; part of what is emitted.
+    pub sun: f64,
     /// Absorbed.
     pub absorbed: f64,
     /// Left the scene: power that elements send along no link or ray.
@@ -101,6 +105,11 @@ impl Solved {
                 sent[k] += share * powers.emitted[k];
                 powers.escaped[k] += (1.0 - share) * powers.emitted[k];
             }
+            (ledger.sky, ledger.sun) = (mean(local.arrived.sky), mean(local.arrived.sun));
+            for of in [local.arrived.sky, local.arrived.sun] {
+                add(&mut sent, 1.0, of);
+                add(&mut powers.emitted, 1.0, of);
+            }
         }
         for error in [&mut ledger.row_sum_error, &mut ledger.row_sum_error_sampled] {
             *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };
@@ -156,7 +165,8 @@ impl Ledger {
         };
         let channels = powers.map(|power| power.map(|p| p * metres * metres));
         let Powers { emitted, absorbed, escaped, created } = channels.map(mean);
-        Ledger { unit, emitted, absorbed, escaped, created, channels, ..self }
+        let [sky, sun] = [self.sky, self.sun].map(|power| power * metres * metres);
+        Ledger { unit, emitted, sky, sun, absorbed, escaped, created, channels, ..self }
     }
 
     /// The luminous powers and their unit: lm, or lx times scene units squared where the length of a scene unit is not known.

@@ -125,7 +125,7 @@ impl Solved {
         let gather = FinalGather::new(model, &self.linked, options);
         let gathered = gather.share_samples(samples, local, deadline);
         self.linked.tally.add(gathered.tally);
-        local.received = gathered.received;
+        (local.received, local.arrived) = (gathered.received, gathered.arrived);
         for (leaf, light) in gathered.light {
             let result = &mut local.results[leaf as usize];
             result.irradiance = light.irradiance;

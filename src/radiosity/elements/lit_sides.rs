@@ -22,7 +22,7 @@ pub(super) fn lit_sides(scene: &Scene, open: &[u32]) -> Vec<[bool; 2]> {
             }
             let bounds = Aabb::of(faces.iter().flat_map(|&t| scene.corners(t)));
             let outward = signed_volume(scene, faces, bounds.center()) > 0.0;
-            let (mut inside, mut outside) = (false, lights.is_empty());
+            let (mut inside, mut outside) = (false, lights.is_empty() || scene.environment.is_some());
             for &light in &lights {
                 let holds = light.cmpge(bounds.min).all()
                     && light.cmple(bounds.max).all()

@@ -8,7 +8,7 @@
 use super::element_rays::{LeafRays, batches};
 use super::element_samples::{DIRECT, ElementLight, REFLECTED};
 use super::gatherer::{Buffers, FinalGather};
-use super::local_pass::LocalPass;
+use super::local_pass::{Arrived, LocalPass};
 use super::neighbours::Place;
 use super::sharing::{SharedLight, share};
 use crate::radiosity::deadline::Deadline;
@@ -34,6 +34,8 @@ pub struct Gathered {
     pub light: Vec<(u32, SharedLight)>,
     /// Part of the emitted power that meets elements, by channel.
     pub received: Rgb,
+    /// What comes from beyond the scene.
+    pub arrived: Arrived,
     /// Leaves without light, as there was no time.
     pub hurried: usize,
     /// Cost of the rays.
@@ -165,14 +167,18 @@ impl FinalGather<'_> {
         let Elements { elements, states, .. } = &self.linked.elements;
         let ElementSamples { leaves, light, hurried, tally, .. } = samples;
         let areas: Vec<f64> = leaves.iter().map(|&e| elements[e as usize].area).collect();
-        let (mut light, mut received_share) = (light, local.received);
+        let (mut light, mut received_share, mut arrived) = (light, local.received, local.arrived);
         if hurried == 0 {
-            let received = light.iter().zip(&areas).map(|(light, area)| area * light.mean(DIRECT)).sum();
+            let of_emitters =
+                |light: &ElementLight| light.mean(DIRECT) - f64::from(light.sun.element_sum()) / 3.0;
+            let received = light.iter().zip(&areas).map(|(light, area)| area * of_emitters(light)).sum();
             let factor;
             (factor, received_share) = self.balance_of_direct_light(received, &local.sampled);
             light.iter_mut().for_each(|light| light.scale(DIRECT, Vec3::splat(factor as f32)));
             let factor = self.balance_of_reflected_light((&leaves, &areas), &light, local);
             light.iter_mut().for_each(|light| light.scale(REFLECTED, factor));
+            arrived =
+                Arrived::of(light.iter().zip(&areas).map(|(light, &area)| (area, light.sky, light.sun)));
         }
         // Light differs on both sides of a surface that stands across an element: it is neither a neighbour nor has any. Nor do elements
         // that no ray of either pass has found lit share light with those behind the next wall.
@@ -194,12 +200,12 @@ impl FinalGather<'_> {
             (leaves[i], SharedLight { error: if own.error > 0.0 { own.error } else { noise * noise }, ..own })
         });
         let light = whole.iter().map(|&i| leaves[i]).zip(shared).chain(own).collect();
-        Gathered { light, received: received_share, hurried, tally }
+        Gathered { light, received: received_share, arrived, hurried, tally }
     }
 
     /// The factors, by channel, that bring the reflected light that leaves receive to what leaves reflect towards others. Both are sums over
-    /// the same leaves: with the direct light `d` and the reflected light `r` of a leaf, its reflectance ρ and the part `k` of its light that
-    /// other elements receive, Σ A f·r = Σ A k·ρ·(d + f·r). Rays of leaves miss a small bright spot, as on a wall beside a lamp, or meet it
+    /// the same leaves: with the light `d` of emitters, suns and sky and the reflected light `r` of a leaf, its reflectance ρ and the part `k` of
+    /// its light that other elements receive, Σ A f·r = Σ A k·ρ·(d + f·r). Rays of leaves miss a small bright spot, as on a wall beside a lamp, or meet it
     /// too often; the light that it reflects is known from its own direct light.
     fn balance_of_reflected_light(
         &self,
@@ -214,7 +220,10 @@ impl FinalGather<'_> {
         for ((&leaf, area), light) in leaves.iter().zip(areas).zip(light) {
             let reflectance = self.linked.elements.sides[self.side_of(leaf) as usize].reflectance;
             let part = f64::from(local.results[leaf as usize].row_sum).min(1.0);
-            let [direct, reflected] = [DIRECT, REFLECTED].map(|kind| light.by_channel(kind));
+            let [mut direct, mut reflected] = [DIRECT, REFLECTED].map(|kind| light.by_channel(kind));
+            for (k, sky) in light.sky.to_array().into_iter().enumerate() {
+                (direct[k], reflected[k]) = (direct[k] + f64::from(sky), reflected[k] - f64::from(sky));
+            }
             for k in 0..3 {
                 let onwards = part * f64::from(reflectance[k]);
                 sent[k] += area * onwards * direct[k];

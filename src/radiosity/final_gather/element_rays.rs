@@ -63,6 +63,7 @@ impl FinalGather<'_> {
             first = range.end;
             light.rays = half as u32;
             let quarters = buffers.quarters[range.clone()].iter();
+            let (beyond_range, beyond) = (range.clone(), &buffers.results[range.clone()]);
             match free {
                 Some(free) => {
                     let (parts, level) = (&parts[range], free.element_sum() / 3.0);
@@ -80,6 +81,9 @@ impl FinalGather<'_> {
                     light.uneven = variance_of_quarters(quarters.zip(results).map(of));
                     light.direct_of_rays(half, results);
                 }
+            }
+            if self.has_environment() {
+                light.add_beyond(half, &buffers.quarters[beyond_range], beyond);
             }
         }
         self.add_reflected(batch, &mut light, buffers);
@@ -112,6 +116,7 @@ impl FinalGather<'_> {
         self.read_hits(|vertex| free[leaf(vertex)].is_none().then_some(&cuts[leaf(vertex)]), buffers);
         let emitters = |vertex: &PathVertex| (&cuts[leaf(vertex)], free[leaf(vertex)].is_some());
         let parts = self.visible_parts(emitters, &random, buffers);
+        self.add_suns(&|i| random[i], buffers);
         let Buffers { vertices, results, .. } = buffers;
         for ((vertex, result), part) in vertices.iter().zip(results).zip(&parts) {
             if free[leaf(vertex)].is_none() {
@@ -241,6 +246,7 @@ impl FinalGather<'_> {
         let (mut near, mut halves) = (Vec::new(), Vec::new());
         for (vertex, found) in buffers.vertices.iter().zip(&buffers.results) {
             if found.met.side == Elements::NONE {
+                add_to(vertex.path, found.sky);
                 continue;
             }
             match self.reflected_or_next(found.met, found.distance, near.len() as u32) {

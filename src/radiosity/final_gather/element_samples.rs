@@ -20,6 +20,9 @@ pub struct ElementLight {
     pub halves: [[Vec3; 2]; KINDS],
     /// By kind, sum over all rays of the squared difference from the mean, mean over the channels, (W/m²)².
     pub squares: [f32; KINDS],
+    /// Of the direct light the irradiance of suns, and of the reflected light that of the sky, mean over the halves, W/m².
+    pub sun: Vec3,
+    pub sky: Vec3,
     /// Variance of direct light over the element, as its quarters tell it; mean over the channels, (W/m²)².
     pub uneven: f32,
 }
@@ -63,9 +66,10 @@ impl ElementLight {
         f64::from(self.halves[kind].iter().sum::<Vec3>().element_sum()) / 6.0
     }
 
-    /// Multiplies the light of a kind by a factor for each channel.
+    /// Multiplies the light of a kind by a factor for each channel, but for that of suns or the sky.
     pub fn scale(&mut self, kind: usize, factor: Vec3) {
-        self.halves[kind].iter_mut().for_each(|e| *e *= factor);
+        let beyond = if kind == DIRECT { self.sun } else { self.sky };
+        self.halves[kind].iter_mut().for_each(|e| *e = beyond + factor * (*e - beyond));
         self.squares[kind] *= (factor.element_sum() / 3.0).powi(2);
     }
 
@@ -83,6 +87,21 @@ impl ElementLight {
         }
         let mean = self.halves[DIRECT].iter().sum::<Vec3>().element_sum() / 6.0;
         self.squares[DIRECT] = (squares - 2.0 * half as f32 * mean * mean).max(0.0);
+    }
+
+    /// Adds the light of suns, and takes down that of the sky. `quarters` are those of the rays.
+    pub fn add_beyond(&mut self, half: usize, quarters: &[u8], results: &[RayResult]) {
+        let level = |r: &RayResult| r.sun.element_sum() / 3.0;
+        let count = results.len() as f32;
+        self.sun = results.iter().map(|r| r.sun).sum::<Vec3>() / count;
+        self.sky = results.iter().map(|r| r.sky).sum::<Vec3>() / count;
+        for (light, results) in self.halves[DIRECT].iter_mut().zip(results.chunks(half)) {
+            *light += results.iter().map(|r| r.sun).sum::<Vec3>() / half as f32;
+        }
+        let mean = self.sun.element_sum() / 3.0;
+        self.squares[DIRECT] += results.iter().map(|r| (level(r) - mean).powi(2)).sum::<f32>();
+        let of = |(&quarter, result): (&u8, &RayResult)| (quarter, 1.0, level(result));
+        self.uneven += variance_of_quarters(quarters.iter().zip(results).map(of));
     }
 
     /// Direct light as the light without blockers, `free`, times the visible part of it: a ratio of two sums over the rays, which has

@@ -14,6 +14,7 @@ use crate::radiosity::refinement::LinkedScene;
 use crate::ranks::Ranks;
 use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
+use crate::sky::Environment;
 use glam::Vec3;
 use sobol_burley::sample;
 use std::sync::{Arc, OnceLock};
@@ -31,6 +32,14 @@ pub struct FinalGather<'a> {
     pub(super) traversal: Traversal,
     pub(super) lookup: Lookup,
     pub(super) emitters: Arc<Emitters>,
+    /// Sky and suns.
+    pub(super) environment: Option<&'a Environment>,
+    /// Whether reflected light is left out.
+    pub(super) direct_only: bool,
+    /// [`Options::error`].
+    pub(super) error: f64,
+    /// Columns and rows of the grid that the directions of a set lie in.
+    pub(super) hemisphere_grid: [usize; 2],
     /// Whether there is time to make a distance cut: nothing limits the time of the solve.
     pub(super) has_time: bool,
     /// [`FinalGather::engine_of_elements`], once it is asked for.
@@ -41,7 +50,8 @@ pub struct FinalGather<'a> {
     pub(super) table: Vec<[f32; 2]>,
     /// Shadow rays from a point to an emitter that is partly visible.
     pub(super) light_rays: usize,
-    /// Sets of directions about +z for reflected light, in blocks of 4 by 4 neighbours; none for direct light only.
+    /// Sets of directions about +z for light of the sky and reflected light, in blocks of 4 by 4 neighbours; none for direct light of emitters
+    /// alone.
     pub(super) hemispheres: Vec<Vec<Vec3>>,
     /// Largest distance of given points from their surface, scene units: files round points.
     pub(super) slack: f32,
@@ -73,6 +83,10 @@ pub struct PathVertex {
 pub struct RayResult {
     /// Irradiance that emitters cause at the vertex (an estimate), W/m².
     pub direct: Vec3,
+    /// Irradiance of the suns by a ray of its own to each, W/m².
+    pub sun: Vec3,
+    /// Irradiance of the sky that the ray stands for if it left the scene, W/m².
+    pub sky: Vec3,
     /// Where the ray ended.
     pub met: PathVertex,
     /// Length of the ray, scene units.
@@ -85,6 +99,8 @@ impl RayResult {
     /// No light and no surface.
     pub const NOTHING: RayResult = RayResult {
         direct: Vec3::ZERO,
+        sun: Vec3::ZERO,
+        sky: Vec3::ZERO,
         met: PathVertex { at: Vec3::ZERO, side: Elements::NONE, leaf: 0, path: 0, share: Vec3::ZERO },
         distance: 0.0,
         gone: false,
@@ -114,7 +130,8 @@ impl<'a> FinalGather<'a> {
         let (scene, magnitude) = (model.scene(), model.magnitude());
         let elements = &linked.elements;
         let gathered = options.gather_rays();
-        let sets = if options.direct_only { 0 } else { DIRECTION_SETS };
+        let environment = scene.environment.as_deref();
+        let sets = if options.direct_only && environment.is_none() { 0 } else { DIRECTION_SETS };
         let hemispheres = (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ k as u64))).collect();
         let table = (0..options.light_rays() as u32)
             .map(|i| [sample(i & 0xffff, 0, 7), sample(i & 0xffff, 1, 7)])
@@ -136,6 +153,10 @@ impl<'a> FinalGather<'a> {
             traced: model.traced().clone(),
             traversal: model.widest_packets(),
             emitters: linked.emitters(scene),
+            environment,
+            direct_only: options.direct_only,
+            error: options.error,
+            hemisphere_grid: grid_of(gathered).map(|blocks| 4 * blocks),
             has_time: options.max_seconds.is_none(),
             of_elements: OnceLock::new(),
             table,
@@ -195,11 +216,16 @@ impl<'a> FinalGather<'a> {
     }
 }
 
-/// At least `count` directions about +z with the density cos/π: one in each cell of a grid, in blocks of 4 by 4.
-fn hemisphere(count: usize, seed: u64) -> Vec<Vec3> {
+/// Columns and rows of the blocks of 4 by 4 cells of a grid of at least `count` cells.
+fn grid_of(count: usize) -> [usize; 2] {
     let blocks = count.div_ceil(LANES);
     let across = (blocks as f64).sqrt().ceil() as usize;
-    let down = blocks.div_ceil(across);
+    [across, blocks.div_ceil(across)]
+}
+
+/// At least `count` directions about +z with the density cos/π: one in each cell of a grid, in blocks of 4 by 4.
+fn hemisphere(count: usize, seed: u64) -> Vec<Vec3> {
+    let [across, down] = grid_of(count);
     (0..across * down * LANES)
         .map(|k| {
             let (block, lane) = (k / LANES, k % LANES);

@@ -17,11 +17,12 @@ use crate::radiosity::deadline::{Deadline, GATHER_SHARE, RAY_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::refinement::LinkedScene;
-use crate::radiosity::rgb::{Rgb, mean};
+use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{SampledShare, emitted_share};
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
 };
+use glam::Vec3;
 
 /// Smallest number of rays of an element, so that no element stays without exchange. 2 or 8 instead change irradiance
 /// by less than 0.05 % (`constants.py solve`).
@@ -51,6 +52,27 @@ const TIMED_RAYS: u32 = 16;
 /// parts are made for 20 rays each and [`MIN_ROW_RAYS`] of them are fixed, 1 − 4 / 20.
 const SHARED_AFTER_SPLIT: f64 = 0.8;
 
+/// Power that elements receive from beyond the scene, W/m² times scene units squared.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Arrived {
+    /// From the sky and the ground around the scene.
+    pub sky: Rgb,
+    /// From the suns.
+    pub sun: Rgb,
+}
+
+impl Arrived {
+    /// The sums over elements with these areas and irradiances of the sky and the suns.
+    pub fn of(elements: impl Iterator<Item = (f64, Vec3, Vec3)>) -> Arrived {
+        let mut sums = Arrived::default();
+        for (area, sky, sun) in elements {
+            add(&mut sums.sky, area, sky.to_array().map(f64::from));
+            add(&mut sums.sun, area, sun.to_array().map(f64::from));
+        }
+        sums
+    }
+}
+
 /// The result of the local pass.
 pub struct LocalPass {
     /// By element; 0 for clusters and elements with children.
@@ -65,6 +87,8 @@ pub struct LocalPass {
     pub sampled: SampledShare,
     /// The same by these rays and those of the elements together, by channel.
     pub received: Rgb,
+    /// What comes from beyond the scene.
+    pub arrived: Arrived,
     /// How the light converged.
     pub convergence: Convergence,
     /// Leaves with fewer rays than planned.
@@ -89,8 +113,12 @@ impl FinalGather<'_> {
         let untraced = all.len() - rows.rows.len();
         // Light that leaves receive outside the exchange, W/m² times scene units squared.
         let apart = rows.take_out(|leaf| states[leaf as usize].crossed);
-        let light = |row: &RayRow| elements[row.leaf as usize].area * mean(direct_irradiance(row));
+        let light = |row: &RayRow| elements[row.leaf as usize].area * mean(emitters_irradiance(row));
         let light_apart: f64 = apart.iter().map(light).sum();
+        let beyond = |row: &RayRow| {
+            (elements[row.leaf as usize].area, row.sky / row.rays as f32, row.sun / row.rays as f32)
+        };
+        let arrived = Arrived::of(rows.rows.iter().chain(&apart).map(beyond));
         rows.number_rows(self.linked.elements.len(), &self.reflected);
         let matrix = self.transport_matrix(&rows, deadline);
         let mut direct = direct_light(&rows);
@@ -98,11 +126,13 @@ impl FinalGather<'_> {
         let mut received = sampled.share;
         // The light of leaves that were not traced is not known here.
         if untraced == 0 {
-            let area = |i: usize| elements[rows.rows[i].leaf as usize].area;
-            let sum = direct.iter().enumerate().map(|(i, e)| area(i) * mean(*e)).sum::<f64>() + light_apart;
+            let sum = rows.rows.iter().map(light).sum::<f64>() + light_apart;
             let factor;
             (factor, received) = self.balance_of_direct_light(sum, &sampled);
-            direct.iter_mut().flatten().for_each(|e| *e *= factor);
+            for (direct, row) in direct.iter_mut().zip(&rows.rows) {
+                let others = emitters_irradiance(row);
+                (0..3).for_each(|k| direct[k] += (factor - 1.0) * others[k]);
+            }
         }
         // Of an iteration that the deadline ends at once the start remains. Otherwise it is the direct light: links bring a little light
         // to rooms without any.
@@ -138,6 +168,7 @@ impl FinalGather<'_> {
             traced_part,
             sampled,
             received,
+            arrived,
             convergence,
             hurried,
             untraced,
@@ -259,4 +290,9 @@ fn direct_light(rows: &RayRows) -> Field {
 /// Direct irradiance of a row, W/m².
 fn direct_irradiance(row: &RayRow) -> Rgb {
     row.direct.to_array().map(|d| f64::from(d) / f64::from(row.rays))
+}
+
+/// Irradiance of a row by the emitters of the scene, W/m².
+fn emitters_irradiance(row: &RayRow) -> Rgb {
+    (row.direct - row.sun - row.sky).to_array().map(|d| f64::from(d) / f64::from(row.rays))
 }

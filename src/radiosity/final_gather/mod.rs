@@ -15,6 +15,8 @@ mod paths;
 mod points;
 mod ray_rows;
 mod sharing;
+mod sky_cells;
+mod sky_light;
 mod smooth_light;
 mod starts;
 mod untraced;

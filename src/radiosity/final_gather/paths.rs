@@ -35,6 +35,7 @@ impl FinalGather<'_> {
     ) {
         self.trace_scene_rays(&random, buffers);
         self.read_hits(|_| Some(cut), buffers);
+        self.add_suns(&random, buffers);
         let Buffers { vertices, results, scratch, .. } = buffers;
         let scattered = engine.scattered();
         for (g, group) in vertices.chunks(LANES).enumerate() {
@@ -106,6 +107,9 @@ impl FinalGather<'_> {
         let elements = &self.linked.elements;
         let gone = hits.triangle[lane] == Hits::NOTHING;
         let mut result = RayResult { gone, ..RayResult::NOTHING };
+        if gone && self.has_environment() {
+            result.sky = self.sky_of_ray(packet.point(lane, 1.0) - packet.point(lane, 0.0));
+        }
         if let Some(met) = self.met(packet, hits, lane) {
             (result.met, result.distance) = (met, hits.t[lane] * self.length);
             let side = &elements.sides[met.side as usize];
@@ -171,7 +175,7 @@ impl FinalGather<'_> {
             let Buffers { vertices, results, next_vertices, .. } = buffers;
             next_vertices.clear();
             for (i, (vertex, found)) in vertices.iter().zip(results.iter()).enumerate() {
-                let mut received = found.direct;
+                let mut received = found.direct + found.sun + found.sky;
                 if found.met.side != Elements::NONE {
                     if !independent && self.trusts(&found.met, found.distance) {
                         received += Vec3::from(self.reflected[found.met.leaf as usize]);

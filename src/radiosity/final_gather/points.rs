@@ -2,6 +2,7 @@
 
 use super::direct_light::{CHUNK, GatherPoint};
 use super::gatherer::{Buffers, FinalGather};
+use super::sky_cells::SkyGrid;
 use super::smooth_light::SmoothLight;
 use crate::embree::Hits;
 use crate::math::sampling::{mix, numbers};
@@ -117,8 +118,11 @@ impl FinalGather<'_> {
             values[place] = light;
         }
         if reflects {
+            for (value, sun) in values.iter_mut().zip(self.suns_at(&all, &mut buffers.scratch)) {
+                add(value, 1.0, sun);
+            }
             for (value, point) in values.iter_mut().zip(&all) {
-                add(value, 1.0, self.reflected_irradiance(point, buffers));
+                add(value, 1.0, self.irradiance_of_rays(point, buffers));
             }
         }
         values
@@ -182,8 +186,8 @@ impl FinalGather<'_> {
         })
     }
 
-    /// Irradiance from surfaces, W/m²: one ray in each cell of a hemisphere of equal cosine weight.
-    fn reflected_irradiance(&self, point: &GatherPoint, buffers: &mut Buffers) -> Rgb {
+    /// Irradiance from surfaces and the sky, W/m²: one ray in each cell of a hemisphere of equal cosine weight.
+    fn irradiance_of_rays(&self, point: &GatherPoint, buffers: &mut Buffers) -> Rgb {
         let &GatherPoint { at, normal, seed, .. } = point;
         let Buffers { packets, hits, vertices, .. } = buffers;
         let (x, y) = normal.any_orthonormal_pair();
@@ -191,6 +195,12 @@ impl FinalGather<'_> {
         let (sin, cos) = (std::f32::consts::TAU * turn).sin_cos();
         let (x, y) = (self.length * (cos * x + sin * y), self.length * (cos * y - sin * x));
         let z = self.length * normal;
+        let frame = [x, y, z].map(|axis| axis / self.length);
+        let size = self.hemisphere_grid;
+        let mut sky = SkyGrid { size, cells: Vec::new() };
+        if self.has_environment() {
+            sky.cells.resize(size[0] * size[1], Vec3::ZERO);
+        }
         let directions = &self.hemispheres[(seed % self.hemispheres.len() as u64) as usize];
         packets.resize(directions.len() / LANES, Packet::EMPTY);
         for (packet, directions) in packets.iter_mut().zip(directions.chunks_exact(LANES)) {
@@ -208,10 +218,18 @@ impl FinalGather<'_> {
         self.traced.first_hits(self.traversal, packets, hits);
         let mut sum = [0.0; 3];
         vertices.clear();
-        for (packet, hits) in packets.iter().zip(hits.iter()) {
+        for (block, (packet, hits)) in packets.iter().zip(hits.iter()).enumerate() {
             // Sixteen terms in single precision, then a sum in double precision.
             let mut part = Vec3::ZERO;
             for lane in 0..LANES {
+                if hits.triangle[lane] == Hits::NOTHING && self.has_environment() {
+                    let (across, down) = (block % (size[0] / 4), block / (size[0] / 4));
+                    let cell = (4 * down + lane / 4) * size[0] + 4 * across + lane % 4;
+                    sky.cells[cell] = self.sky_of_ray(packet.point(lane, 1.0) - packet.point(lane, 0.0));
+                }
+                if self.direct_only {
+                    continue;
+                }
                 let Some(met) = self.met(packet, hits, lane) else { continue };
                 match self.reflected_or_next(met, self.length * hits.t[lane], 0) {
                     Ok(reflected) => part += reflected,
@@ -224,6 +242,10 @@ impl FinalGather<'_> {
         let rays = directions.len() as u64;
         buffers.scratch.tally.segments += rays;
         buffers.scratch.tally.exact_rays += rays;
-        sum.map(|s| s / rays as f64)
+        let mut light = sum.map(|s| s / rays as f64);
+        if self.has_environment() {
+            add(&mut light, 1.0, self.sky_at(sky, frame, point, &mut buffers.scratch.tally).to_array());
+        }
+        light
     }
 }

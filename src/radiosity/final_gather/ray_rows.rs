@@ -17,8 +17,11 @@ pub struct RayRow {
     pub end: usize,
     /// Rays of the leaf: more than those of which is known what they met, if some met elements that other surfaces stand across.
     pub rays: u32,
-    /// Sum over the rays of the irradiance from emitters, W/m².
+    /// Sum over the rays of the irradiance from emitters, suns and sky, W/m².
     pub direct: Vec3,
+    /// Of that the light of suns and of the sky.
+    pub sun: Vec3,
+    pub sky: Vec3,
     /// Sum over the rays of the square of its mean over the channels.
     pub squares: f32,
     /// Rays that left the scene.
@@ -93,10 +96,13 @@ impl RayRows {
         let mut results = buffers.results.iter();
         for of in batch {
             let (mut direct, mut squares, mut gone) = (Vec3::ZERO, 0.0, 0);
+            let (mut sun, mut sky) = (Vec3::ZERO, Vec3::ZERO);
             for found in results.by_ref().take(of.count as usize) {
-                direct += found.direct;
+                let light = found.direct + found.sun + found.sky;
+                direct += light;
+                (sun, sky) = (sun + found.sun, sky + found.sky);
                 gone += u32::from(found.gone);
-                squares += (found.direct.element_sum() / 3.0).powi(2);
+                squares += (light.element_sum() / 3.0).powi(2);
                 if found.met.side == Elements::NONE {
                     self.met.push(Elements::NONE);
                 } else if !gather.linked.elements.states[found.met.leaf as usize].crossed {
@@ -104,7 +110,7 @@ impl RayRows {
                 }
             }
             let (leaf, rays, end) = (of.leaf, of.count, self.met.len());
-            self.rows.push(RayRow { leaf, rays, end, direct, squares, gone, outside: 0 });
+            self.rows.push(RayRow { leaf, rays, end, direct, sun, sky, squares, gone, outside: 0 });
         }
     }
 

@@ -293,7 +293,7 @@ mod tests {
             let halves = [[Vec3::splat(a), Vec3::splat(b)], [Vec3::ZERO; 2]];
             // 16 rays, each with four times the deviation of their mean.
             let squares = [32.0 * 16.0 * noise * noise, 0.0];
-            light.push(ElementLight { rays: 16, halves, squares, uneven: 0.0 });
+            light.push(ElementLight { rays: 16, halves, squares, ..ElementLight::default() });
             truth.push(f64::from(of(x, y)));
         }
         (places, light, truth)

@@ -88,7 +88,7 @@ pub fn solve(
     if !local && !idle && solved.linked.elements.has_profiles() {
         stages.notes.push(notes::DIFFUSE_LUMINAIRES.into());
     }
-    if scene.emitters.is_empty() {
+    if scene.emitters.is_empty() && scene.environment.is_none() {
         stages.notes.push(notes::NO_EMITTERS.into());
     } else if irradiance
         .iter()
@@ -99,7 +99,9 @@ pub fn solve(
         stages.notes.push(format!("no light arrives anywhere: {}", model.cause_of_darkness()));
         stages.notes.extend(model.note_of_coarse_coordinates());
     } else {
-        stages.notes.extend(model.notes_of_emitters());
+        if !scene.emitters.is_empty() {
+            stages.notes.extend(model.notes_of_emitters());
+        }
         stages.notes.extend(notes::dark_points(&irradiance, solved.linked.dark()));
     }
     if !solved.is_finite() || irradiance.iter().flatten().any(|v| !v.is_finite()) {
@@ -192,6 +194,9 @@ impl Stages<'_> {
         let engine = timed(&mut self.seconds.characterise, || engine_for(model, &elements, options));
         let mut linked = LinkedScene::new(elements, surroundings, engine, options);
         linked.ranks = model.ranks().clone();
+        if let Some(environment) = &scene.environment {
+            linked.add_environment(environment);
+        }
         apply_importance(&mut linked, scene, options, exact)?;
         self.notes.extend(notes::unlit(&unlit));
         self.notes.extend(notes::late_preparation(options, &self.deadline));

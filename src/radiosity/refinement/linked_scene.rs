@@ -15,6 +15,7 @@ use crate::radiosity::transport::{
 };
 use crate::ranks::Ranks;
 use crate::scene::Scene;
+use crate::sky::Environment;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
@@ -64,6 +65,8 @@ pub struct LinkedScene {
     pub feature_sizes: FeatureSizes,
     /// Mean irradiance that the emitted power and the mean reflectance imply, W/m²: errors are relative to this.
     pub mean_irradiance: f64,
+    /// Irradiance of a horizontal plane by the sky and the suns, W/m².
+    beyond: f64,
     /// The processes that share the measurement of links.
     pub ranks: Ranks,
     /// Visibility queries so far.
@@ -109,6 +112,7 @@ impl LinkedScene {
             settings: LinkTransportSettings { inside, oracle, row_sums, max_links, seed },
             feature_sizes,
             mean_irradiance: if absorbed > 0.0 { power / absorbed } else { 0.0 },
+            beyond: 0.0,
             ranks: Ranks::default(),
             tally: Tally::default(),
             last_field: None,
@@ -118,6 +122,19 @@ impl LinkedScene {
         scene.pull_radiosity();
         scene.update_oracle_statistics();
         scene
+    }
+
+    /// Counts the light of sky and suns to the mean irradiance: that of a horizontal plane on the parts of sides from which rays leave the scene.
+    pub fn add_environment(&mut self, environment: &Environment) {
+        self.beyond = mean(environment.irradiance(environment.frame().up));
+        let Elements { elements, sides, .. } = &self.elements;
+        let (mut power, mut absorbed) = (0.0, 0.0);
+        for (side, escaped) in sides.iter().zip(&self.surroundings.escaped) {
+            let area = elements[side.element as usize].area;
+            power += area * f64::from(*escaped) * self.beyond;
+            absorbed += area * (1.0 - mean(side.reflectance.map(f64::from)) * (1.0 - f64::from(*escaped)));
+        }
+        self.mean_irradiance += if absorbed > 0.0 { power / absorbed } else { 0.0 };
     }
 
     /// The emitting faces of the scene of the elements; found at the first call.
@@ -130,7 +147,7 @@ impl LinkedScene {
     pub fn dark(&self) -> f64 {
         let Elements { elements, sides, .. } = &self.elements;
         let emitted: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
-        1e-9 * emitted / elements[0].area
+        1e-9 * (emitted / elements[0].area + self.beyond)
     }
 
     /// By side, whether light arrives there: at least [`MIN_LIT`] of the mean over all sides. Means of light and relative errors are those of

@@ -14,6 +14,8 @@ pub struct Surroundings {
     pub enclosed: Vec<f32>,
     /// By side: whether none of its rays left the scene.
     pub closed: Vec<bool>,
+    /// By side: part of its rays that left the scene, in `[0, 1]`.
+    pub escaped: Vec<f32>,
     /// Length of rays, more than the scene's diagonal; scene units.
     pub length: f32,
     /// Rays that met faces on a side without an element, in the order of the sides that they started from.
@@ -99,12 +101,17 @@ pub fn probe(
             own && (rays.len() as u32 >= MIN_CLOSED_RAYS || (escaped == 0 && all >= MIN_CLOSED_RAYS))
         })
         .collect();
+    let escaped = |rays: &&Vec<ProbeRay>| {
+        let gone = rays.iter().filter(|ray| ray.met == ESCAPED).count();
+        gone as f32 / rays.len().max(1) as f32
+    };
+    let escaped = found.iter().map(escaped).collect();
     let enclosed = enclosed
         .iter()
         .zip(&traced)
         .map(|(area, of)| if *of > 0.0 { (area / of).min(1.0) as f32 } else { 0.0 })
         .collect();
-    Surroundings { enclosed, closed, length, entered }
+    Surroundings { enclosed, closed, escaped, length, entered }
 }
 
 /// For each of some surfaces the part of its light that meets sides with elements, by a few rays.

@@ -119,9 +119,10 @@ impl Paths<'_> {
 }
 
 /// Sides (ascending) that no path from an emitter hits although they are large enough for many hits, and that see no lit dim
-/// side. None in scenes with clusters: their local pass follows light from point to point.
+/// side. None in scenes with clusters, whose local pass follows light from point to point, or with a sky.
 pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, seed: u64) -> Vec<u32> {
-    if elements.large_from > 0 || lit_emitters(scene, elements) > PATH_PACKETS {
+    if scene.environment.is_some() || elements.large_from > 0 || lit_emitters(scene, elements) > PATH_PACKETS
+    {
         return Vec::new();
     }
     let emitters = Emitters::new(scene, elements);

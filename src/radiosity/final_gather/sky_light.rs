@@ -1,0 +1,139 @@
+//! Light from infinitely far: rays that leave the scene meet the sky, and points send rays to the suns.
+
+use super::direct_light::GatherPoint;
+use super::gatherer::{Buffers, FinalGather};
+use crate::math::sampling::numbers;
+use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
+use crate::radiosity::rgb::Rgb;
+use crate::ray::{LANES, Packet};
+use crate::sky::Sun;
+use glam::Vec3;
+use std::f64::consts::PI;
+
+/// Smallest number of rays from a point to a sun: one packet, evenly spread over the disc. A point where all agree lies outside the penumbra but
+/// for strips of a sixteenth of its width.
+const MIN_SUN_RAYS: usize = LANES;
+
+impl FinalGather<'_> {
+    /// The suns of the scene.
+    pub(super) fn suns(&self) -> &[Sun] {
+        self.environment.map_or(&[], |of| of.suns())
+    }
+
+    /// Whether light comes from beyond the scene.
+    pub(super) fn has_environment(&self) -> bool {
+        self.environment.is_some()
+    }
+
+    /// The irradiance that a cosine-weighted ray stands for which leaves the scene in this direction, W/m²: π times the radiance of the sky.
+    pub(super) fn sky_of_ray(&self, direction: Vec3) -> Vec3 {
+        let Some(environment) = self.environment else { return Vec3::ZERO };
+        let direction = direction.as_dvec3().normalize_or_zero();
+        Vec3::from(environment.radiance(direction).map(|l| (PI * l) as f32))
+    }
+
+    /// A direction towards a sun, and the irradiance that a ray there stands for at a surface with this normal, W/m²; none if the disc is below the
+    /// surface there.
+    fn sun_ray(sun: &Sun, normal: Vec3, [u, v]: [f32; 2]) -> Option<(Vec3, Vec3)> {
+        let direction = sun.sample([u.into(), v.into()]);
+        let cosine = direction.dot(normal.as_dvec3());
+        let light = sun.radiance().map(|l| (l * sun.solid_angle() * cosine) as f32);
+        (cosine > 0.0).then(|| (direction.as_vec3(), Vec3::from(light)))
+    }
+
+    /// Width of a sun at the far end of rays, scene units.
+    fn width_of(&self, sun: &Sun) -> f32 {
+        2.0 * self.length * (0.5 * sun.diameter).tan() as f32
+    }
+
+    /// Adds one ray to each sun from each of `buffers.vertices` to the results. `random` gives the numbers of which the last two choose the place on
+    /// the disc.
+    pub(super) fn add_suns(&self, random: &impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
+        let Buffers { vertices, results, scratch, .. } = buffers;
+        let engine = self.linked.engine.scattered();
+        // Exact rays of several leaves fill packets together; other engines take one feature size a packet.
+        let mixes = matches!(engine, VisibilityEngine::Exact(_));
+        for sun in self.suns() {
+            let (mut packet, mut rays, mut used) = (Packet::EMPTY, [(0usize, Vec3::ZERO); LANES], 0);
+            for (i, vertex) in vertices.iter().enumerate() {
+                let side = &self.linked.elements.sides[vertex.side as usize];
+                let [.., u, v] = random(i);
+                if let Some((direction, light)) = Self::sun_ray(sun, side.normal, [u, v]) {
+                    let from = side.end.lifted(vertex.at, side.normal);
+                    packet.set_lifted(used, from, from + self.length * direction, [side.end; 2]);
+                    rays[used] = (i, light);
+                    used += 1;
+                }
+                let next = vertices.get(i + 1);
+                let ends = next.is_none_or(|next| !mixes && next.leaf != vertex.leaf);
+                if used == LANES || ends && used > 0 {
+                    let (feature_size, emitter_size) =
+                        (self.feature_size_of(vertex.leaf), self.width_of(sun));
+                    let query = VisibilityQuery { packet, emitter_size, feature_size };
+                    let through = engine.transmittances(&query, scratch);
+                    for (&(i, light), through) in rays[..used].iter().zip(through) {
+                        results[i].sun += through * light;
+                    }
+                    (packet, used) = (Packet::EMPTY, 0);
+                }
+            }
+        }
+    }
+
+    /// Irradiance of the suns at points, W/m²: few rays, and more where they disagree.
+    pub(super) fn suns_at(&self, points: &[GatherPoint], scratch: &mut Scratch) -> Vec<Rgb> {
+        let engine = self.linked.engine.scattered();
+        let mut values = vec![[0.0; 3]; points.len()];
+        for (k, sun) in self.suns().iter().enumerate() {
+            for (value, point) in values.iter_mut().zip(points) {
+                let light = self.sun_at(sun, k as u64, point, &engine, scratch);
+                value.iter_mut().zip(light).for_each(|(sum, e)| *sum += e);
+            }
+        }
+        values
+    }
+
+    fn sun_at(
+        &self,
+        sun: &Sun,
+        number: u64,
+        point: &GatherPoint,
+        engine: &VisibilityEngine,
+        scratch: &mut Scratch,
+    ) -> Rgb {
+        let &GatherPoint { at, normal, end, feature_size, seed } = point;
+        let free = sun.irradiance_on(normal.as_dvec3());
+        let [shift_u, shift_v, ..] = numbers(seed ^ !number, 0);
+        // Sums of the light of rays without blockers, and of what passes.
+        let (mut all, mut seen, mut squares, mut count) = (0.0, 0.0, 0.0, 0.0);
+        let rays = self.light_rays.max(MIN_SUN_RAYS);
+        for first in (0..rays).step_by(LANES) {
+            let (mut packet, mut weights) = (Packet::EMPTY, [0.0; LANES]);
+            for (lane, [u, v]) in self.table.iter().cycle().skip(first).take(LANES).enumerate() {
+                let place = [(u + shift_u).fract(), (v + shift_v).fract()];
+                if let Some((direction, light)) = Self::sun_ray(sun, normal, place) {
+                    packet.set_lifted(lane, at, at + self.length * direction, [end; 2]);
+                    weights[lane] = light.element_sum();
+                }
+            }
+            if packet.is_empty() {
+                break;
+            }
+            let query = VisibilityQuery { packet, emitter_size: self.width_of(sun), feature_size };
+            let through = engine.transmittances(&query, scratch);
+            for lane in query.packet.lanes() {
+                let (weight, through) = (f64::from(weights[lane]), f64::from(through[lane]));
+                (all, seen, squares) =
+                    (all + weight, seen + weight * through, squares + weight * through * through);
+            }
+            count += query.packet.len() as f64;
+            let variance = (squares / all - (seen / all).powi(2)).max(0.0);
+            let tolerance = self.visibility_tolerance();
+            if first + LANES >= MIN_SUN_RAYS && variance <= count * tolerance * tolerance {
+                break;
+            }
+        }
+        let visible = if all > 0.0 { seen / all } else { 0.0 };
+        free.map(|e| visible * e)
+    }
+}
