@@ -249,7 +249,9 @@ impl Solution {
         let gather = |points: &[Point]| inner.solved.irradiance_unless(points, progress);
         let gather: Option<&(dyn Fn(&[Point]) -> _ + Sync)> = options.gather.then_some(&gather);
         let frame = self.model().on_threads(|| {
-            let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?.looking_inside(options.look_inside);
+            let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?
+                .looking_inside(options.look_inside)
+                .under(inner.scene().sky());
             let gather = gather.map(|gather| gather as _);
             Ok::<_, Error>(export::picture(&stage, (&camera, options.size), &inner.mesh, gather, progress))
         })??;
@@ -324,7 +326,7 @@ impl Solution {
     pub fn page(&self, progress: &dyn Progress) -> Result<String> {
         let inner = &*self.inner;
         self.model().on_threads(|| {
-            let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?;
+            let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?.under(inner.scene().sky());
             let mut views = Vec::new();
             for camera in inner.cameras(&stage) {
                 let frame = export::picture(&stage, (&camera, SIZE), &inner.mesh, None, progress);

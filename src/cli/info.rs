@@ -127,6 +127,9 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
     writeln!(out, "  size        {} x {} x {} {unit}", round(e.x), round(e.y), round(e.z))?;
     let (up, from) = s.up_from();
     writeln!(out, "  up          {} ({})", up.name(), from.words())?;
+    for line in s.sky().iter().flat_map(|sky| &sky.notes) {
+        writeln!(out, "  light       {line}")?;
+    }
     writeln!(out, "  from        {} {} {}", round64(min.x), round64(min.y), round64(min.z))?;
     writeln!(out, "  to          {} {} {}", round64(max.x), round64(max.y), round64(max.z))?;
     if s.origin != glam::DVec3::ZERO {
@@ -335,6 +338,9 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
         "two_sided_emission": s.two_sided_emission, "up": s.up_axis(), "up_from": s.up_from().1.words(),
         "files": s.files, "files_outside": outside(s),
     });
+    if let Some(sky) = s.sky() {
+        scene["sky"] = json!(sky.notes);
+    }
     if !s.placements.is_empty() {
         scene["instances"] = json!(s.placements.len());
         scene["shared_meshes"] = json!(s.shared.len());

@@ -232,7 +232,7 @@ impl Outputs {
             common.print("interrupted: no pictures\n")?;
             return Ok(views);
         }
-        let stage = Stage::new(mesh, solution)?.looking_inside(self.look_inside);
+        let stage = Stage::new(mesh, solution)?.looking_inside(self.look_inside).under(scene.sky());
         let cameras = self.cameras(scene, solution, &stage)?;
         for (k, camera) in cameras.iter().enumerate() {
             let part = 1.0 / (cameras.len() - k) as f64;

@@ -10,6 +10,7 @@ use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Travers
 use crate::progress::Progress;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::ray::{LANES, Occluder, Packet};
+use crate::sky::Environment;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -64,6 +65,8 @@ pub struct Stage<'a> {
     crossed: Vec<bool>,
     /// Whether surfaces are transparent from sides that have no elements, as the outside of a closed room; otherwise they are black.
     looks_inside: bool,
+    /// What rays see that meet no surface.
+    sky: Option<&'a Environment>,
 }
 
 /// Embree's ray call for packets of neighbouring pixels: the widest needs the fewest calls. Does not change results.
@@ -91,7 +94,7 @@ impl<'a> Stage<'a> {
             Ok((builder.commit()?, chosen))
         };
         let crossed = solution.elements.iter().map(|e| e.crossed).collect();
-        Ok(Stage { mesh, sides: [side(true)?, side(false)?], crossed, looks_inside: false })
+        Ok(Stage { mesh, sides: [side(true)?, side(false)?], crossed, looks_inside: false, sky: None })
     }
 
     /// Whether rooms can be seen from outside through their walls; by default walls are black there.
@@ -99,11 +102,22 @@ impl<'a> Stage<'a> {
         Stage { looks_inside, ..self }
     }
 
+    /// The same before a sky; none is black.
+    pub fn under(self, sky: Option<&'a Environment>) -> Stage<'a> {
+        Stage { sky, ..self }
+    }
+
     /// First triangle that each ray of a packet hits on its front, and the distance; none where a surface without elements on that side is
     /// in front of it, unless the stage looks inside.
     pub(super) fn first(&self, rays: &Packet) -> [Option<(u32, f32)>; LANES] {
+        self.first_and_missed(rays).0
+    }
+
+    /// The same, and a bit for each ray that meets no surface at all.
+    fn first_and_missed(&self, rays: &Packet) -> ([Option<(u32, f32)>; LANES], u32) {
         let mut best: [Option<(u32, f32)>; LANES] = [None; LANES];
         let mut behind = [f32::INFINITY; LANES];
+        let mut missed = rays.active;
         for (scene, chosen) in &self.sides {
             let mut rays = rays.clone();
             for _ in 0..MAX_LAYERS {
@@ -115,6 +129,7 @@ impl<'a> Stage<'a> {
                     if hit == Hits::NOTHING {
                         continue;
                     }
+                    missed &= !(1 << lane);
                     let (triangle, t) = (chosen[hit as usize], hits[0].t[lane]);
                     let normal = self.mesh.normals[self.mesh.triangles[triangle as usize][0] as usize];
                     if normal.dot(Vec3::from(rays.direction.map(|axis| axis[lane]))) < 0.0 {
@@ -139,7 +154,13 @@ impl<'a> Stage<'a> {
                 *best = best.filter(|(_, t)| *t <= behind * (1.0 + SHEET));
             }
         }
-        best
+        (best, missed)
+    }
+
+    /// Radiance in a direction in which no surface is, W/(m² sr).
+    fn beyond(&self, direction: Vec3) -> [f32; 3] {
+        let radiance = |sky: &Environment| sky.radiance_with_suns(direction.as_dvec3().normalize_or_zero());
+        self.sky.map_or([0.0; 3], radiance).map(|l| l as f32)
     }
 
     /// Radiance at a point of a triangle.
@@ -227,9 +248,11 @@ pub(super) fn samples_of_pixel(
         let d = direction(column as f32 + within(lane % SIDE), row as f32 + within(lane / SIDE));
         rays.set_ray(lane, camera.eye, d);
     }
-    let met = stage.first(&rays);
-    std::array::from_fn(|lane| {
-        met[lane].map_or([0.0; 3], |(triangle, t)| stage.radiance(triangle, rays.point(lane, t)))
+    let (met, missed) = stage.first_and_missed(&rays);
+    std::array::from_fn(|lane| match met[lane] {
+        Some((triangle, t)) => stage.radiance(triangle, rays.point(lane, t)),
+        None if missed >> lane & 1 != 0 => stage.beyond(rays.point(lane, 1.0) - rays.point(lane, 0.0)),
+        None => [0.0; 3],
     })
 }
 
@@ -263,8 +286,15 @@ pub fn render(
                         let d = direction((left + lane) as f32 + i * step, y as f32 + j * step);
                         rays.set_ray(lane, camera.eye, d);
                     }
-                    for (lane, hit) in stage.first(&rays).into_iter().enumerate().take(lanes) {
-                        let Some((triangle, t)) = hit else { continue };
+                    let (met, missed) = stage.first_and_missed(&rays);
+                    for (lane, hit) in met.into_iter().enumerate().take(lanes) {
+                        let Some((triangle, t)) = hit else {
+                            if missed >> lane & 1 != 0 {
+                                let light = stage.beyond(rays.point(lane, 1.0) - rays.point(lane, 0.0));
+                                row[left + lane].0.iter_mut().zip(light).for_each(|(s, x)| *s += share * x);
+                            }
+                            continue;
+                        };
                         let position = rays.point(lane, t);
                         let radiance = stage.radiance(triangle, position);
                         let (sum, first) = &mut row[left + lane];

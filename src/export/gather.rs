@@ -30,5 +30,6 @@ pub fn light_of(frame: &Frame, solution: &RadiosityMesh, irradiance: &[[f64; 3]]
             (radiosity / std::f64::consts::PI) as f32
         })
     };
-    frame.first.iter().map(|f| f.as_ref().map_or([0.0; 3], &mut radiance)).collect()
+    // Pixels without a surface keep the sky.
+    frame.first.iter().zip(&frame.radiance).map(|(f, own)| f.as_ref().map_or(*own, &mut radiance)).collect()
 }

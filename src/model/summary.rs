@@ -28,6 +28,9 @@ pub struct SceneSummary {
     /// Where it is from: `given`, `that of glTF`, or `guessed from` something.
     #[serde(default)]
     pub up_from: String,
+    /// What lights the scene from infinitely far: axes and north, the sky, the sun; one line each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sky: Vec<String>,
     /// Number of visible instances of shared meshes; absent in scenes without instances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub instances: Option<usize>,
@@ -57,6 +60,7 @@ impl SceneSummary {
             levels: hierarchies().map(|h| h.micro.levels().max(h.large.levels())).max().unwrap_or(0),
             up: up.name().into(),
             up_from: up_from.words().into(),
+            sky: model.scene().sky().map(|sky| sky.notes.clone()).unwrap_or_default(),
             instances: placed.then(|| model.instances().iter().skip(1).filter(|i| i.is_present()).count()),
             visible_triangles: placed.then(|| model.visible_triangles()),
         }

@@ -25,6 +25,9 @@ pub fn summary(reported: &Reported) -> String {
     if r.scene.up_from.starts_with("guessed") {
         let _ = writeln!(text, "{} up ({}; --up y or --up z sets it)", r.scene.up, r.scene.up_from);
     }
+    for line in &r.scene.sky {
+        let _ = writeln!(text, "{line}");
+    }
     if r.unlit.sides > 0 {
         let _ = writeln!(
             text,
@@ -54,6 +57,15 @@ pub fn summary(reported: &Reported) -> String {
             number(powers.created),
             if photometry.is_none() { " (mean of the channels)" } else { "" }
         );
+        if !r.scene.sky.is_empty() {
+            let part = |power: f64| number(100.0 * power / l.emitted.max(f64::MIN_POSITIVE));
+            let _ = writeln!(
+                text,
+                "of what is emitted {} % arrive from the sky, {} % from the sun",
+                part(l.sky),
+                part(l.sun)
+            );
+        }
         let [red, green, blue] = r.mean_irradiance.map(number);
         let estimate = match r.error_estimate {
             Some(estimate) => format!("; estimated error {} %{}", number(100.0 * estimate), upper(r)),
