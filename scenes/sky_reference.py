@@ -10,6 +10,7 @@ skies and positions of the sun are pvlib's. The sun of a sky is in the south; di
 """
 
 import csv
+import importlib.metadata
 import math
 import os
 import subprocess
@@ -111,16 +112,16 @@ def positions():
 def rows():
     for source in (radiances, efficacies, clear_skies, positions):
         for row in source():
-            yield [f"{v:.6g}" if isinstance(v, float) and i != 5 and i != 4 else (f"{v:.9g}" if isinstance(v, float) else str(v))
-                   for i, v in enumerate(row)]
+            # Angles of the sun need more digits.
+            yield [str(v) if not isinstance(v, float) else f"{v:.9g}" if k in (4, 5) else f"{v:.6g}" for k, v in enumerate(row)]
 
 
 def main():
     path = Path(sys.argv[-1])
     if "--check" not in sys.argv:
         with path.open("w", newline="") as file:
-            print("# Written by scenes/sky_reference.py: values of Radiance (pyradiance", pyradiance.__version__ if hasattr(pyradiance, "__version__") else "",
-                  ") and pvlib", pvlib.__version__, file=file)
+            versions = [f"{name} {importlib.metadata.version(name)}" for name in ("pyradiance", "pvlib")]
+            print("# Written by scenes/sky_reference.py: values of", " and ".join(versions), file=file)
             csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows()])
         return
     with path.open() as file:

@@ -81,12 +81,33 @@ impl SkyOptions {
                 Sky::new(model.shape, map, is_alone, self.level(&model)).map_err(|e| at(e.to_string()))?,
             ),
         };
+        if let Some(sky) = &sky {
+            notes.push(format!(
+                "diffuse horizontal irradiance {}",
+                self.irradiance_text(sky.horizontal_irradiance())
+            ));
+        }
         let sun = self.disc(&frame, position.as_ref(), &model).map_err(at)?;
-        notes.push(sun_note(&frame, position.as_ref(), sun.as_ref(), self.photometric));
+        notes.push(self.sun_note(&frame, position.as_ref(), sun.as_ref()));
         let ground = self.ground.map_or([0.0; 3], Amount::rgb);
         let mut environment = Environment::new(frame, sky, sun.into_iter().collect(), ground);
         environment.notes = notes;
         Ok(environment)
+    }
+
+    fn irradiance_text(&self, [r, g, b]: [f64; 3]) -> String {
+        let value = if r == g && g == b { format!("{r:.4}") } else { format!("{r:.4} {g:.4} {b:.4}") };
+        format!("{value} {}", if self.photometric { "lx" } else { "W/m²" })
+    }
+
+    fn sun_note(&self, frame: &Frame, position: Option<&Position>, sun: Option<&Sun>) -> String {
+        let Some(position) = position else { return "no sun".into() };
+        let [azimuth, elevation] = frame.angles(frame.world(position.local));
+        let place = format!("sun at azimuth {azimuth:.4}, elevation {elevation:.4} degrees");
+        match sun {
+            None => format!("{place}, without its disc"),
+            Some(sun) => format!("{place}, normal irradiance {}", self.irradiance_text(sun.irradiance)),
+        }
     }
 
     fn read_map(&self, path: &Path, notes: &mut Vec<String>) -> Result<Arc<SkyMap>> {
@@ -255,18 +276,4 @@ fn axes_note(frame: &Frame) -> String {
         )
     };
     format!("up is {}, north {}, east {}", name(frame.up), name(frame.north), name(frame.east))
-}
-
-fn sun_note(frame: &Frame, position: Option<&Position>, sun: Option<&Sun>, photometric: bool) -> String {
-    let Some(position) = position else { return "no sun".into() };
-    let [azimuth, elevation] = frame.angles(frame.world(position.local));
-    let place = format!("sun at azimuth {azimuth:.4}, elevation {elevation:.4} degrees");
-    match sun {
-        None => format!("{place}, without its disc"),
-        Some(sun) => {
-            let [r, g, b] = sun.irradiance;
-            let value = if r == g && g == b { format!("{r:.4}") } else { format!("{r:.4} {g:.4} {b:.4}") };
-            format!("{place}, normal irradiance {value} {}", if photometric { "lx" } else { "W/m²" })
-        }
-    }
 }

@@ -56,10 +56,11 @@ impl Extent {
         let nh = n.x.hypot(n.y);
         let vn = azimuth(n);
         let [z0, z1] = self.z;
-        let sum = self.parallel(z0, n.z, nh, vn) - self.parallel(z1, n.z, nh, vn)
-            + self.meridian(self.v[1], n.z, nh, vn)
-            - self.meridian(self.v[0], n.z, nh, vn)
-            + self.horizon(n, nh);
+        let mut sum = self.parallel(z0, n.z, nh, vn) - self.parallel(z1, n.z, nh, vn) + self.horizon(n, nh);
+        // Those of a whole turn cancel.
+        if self.turn() < TAU {
+            sum += self.meridian(self.v[1], n.z, nh, vn) - self.meridian(self.v[0], n.z, nh, vn);
+        }
         (0.5 * sum).max(0.0)
     }
 
@@ -139,7 +140,8 @@ impl Extent {
     /// Whether a local unit vector is in the patch.
     pub fn contains(&self, local: DVec3) -> bool {
         let from_start = (azimuth(local) - self.v[0]).rem_euclid(TAU);
-        (self.z[0]..=self.z[1]).contains(&local.z) && (self.turn() >= TAU || from_start <= self.turn())
+        (self.z[0]..=self.z[1]).contains(&local.z.clamp(-1.0, 1.0))
+            && (self.turn() >= TAU || from_start <= self.turn())
     }
 }
 

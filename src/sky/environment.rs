@@ -55,8 +55,7 @@ impl Environment {
         };
         let detail = sky.as_ref().and_then(Sky::detail);
         let cells = Cells::new(lower, detail, |local| value(local).iter().sum());
-        let below = (lower != Lower::Black).then_some(lower == Lower::Uniform);
-        let patches = Patches::new(frame, below, detail, sky.as_ref().and_then(Sky::peak), value);
+        let patches = Patches::new(frame, lower, detail, sky.as_ref().and_then(Sky::peak), value);
         let (cells, patches) = (Arc::new(cells), Arc::new(patches));
         Environment { frame, sky: sky.map(Arc::new), suns, ground, cells, patches, notes: Vec::new() }
     }
@@ -89,6 +88,17 @@ impl Environment {
     /// Radiance of sky or ground in a direction, without the suns' discs.
     pub fn radiance(&self, direction: DVec3) -> [f64; 3] {
         radiance_of(self.sky.as_deref(), self.ground, self.frame.local(direction))
+    }
+
+    /// The same with all irradiance and radiance times a factor of at least 0, for other units.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Environment {
+        let mut scaled = self.clone();
+        scaled.sky = self.sky.as_ref().map(|sky| Arc::new(sky.scaled(factor)));
+        scaled.suns.iter_mut().for_each(|sun| sun.irradiance = sun.irradiance.map(|e| factor * e));
+        scaled.ground = self.ground.map(|l| factor * l);
+        scaled.patches = Arc::new(self.patches.scaled(factor));
+        scaled
     }
 
     /// Radiance in a direction with the suns' discs, for pictures.

@@ -69,7 +69,8 @@ impl SkyMap {
             _ if height > 0 && width == 4 * height => FRAC_PI_2,
             _ => {
                 return Err(format!(
-                    "{width} x {height} texels: an equirectangular map is twice as wide as high (the whole sphere) or four times (the upper half); resize it"
+                    "{width} x {height} texels: an equirectangular map is twice as wide as high (the whole sphere) or \
+                     four times (the upper half); resize it"
                 ));
             }
         };

@@ -57,7 +57,8 @@ pub struct SkyOptions {
     #[serde(deserialize_with = "amount")]
     pub direct_normal: Option<Amount>,
     /// Horizontal irradiance of the sky alone, W/m² (lx if photometric). Without any level the skies `uniform`, `overcast` and `cie` have 1, so that
-    /// irradiances are daylight factors, and a map alone has its own values.
+    /// irradiances are daylight factors, and a map alone has its own values. It replaces the
+    /// irradiance of `perez` and `clear`, as three numbers for their colour.
     #[serde(deserialize_with = "amount")]
     pub diffuse_horizontal: Option<Amount>,
     /// Radiance at the zenith, W/(m² sr) (cd/m² if photometric), instead of `diffuse_horizontal`.

@@ -4,6 +4,7 @@
 //! azimuths with a quarter of the solid angle, and the rest in three parts side by side, so that triangles keep their shape. Other patches split into two by
 //! two, or into four along the longer side if it is more than twice the other.
 
+use super::cells::Lower;
 use super::cosine::Extent;
 use super::frame::Frame;
 use glam::DVec3;
@@ -54,19 +55,22 @@ pub struct Patches {
 const CHILDREN: u32 = 4;
 
 impl Patches {
-    /// Patches of `radiance` by local directions: of the upper half, and of the lower half if it is not black, with fewer levels if `uniform_below`.
-    /// `detail` is the angle between texels of a map, `peak` a direction of sharp maximum.
+    /// Patches of `radiance` by local directions: of the upper half, and of the lower half unless it is black, with fewer levels if it is
+    /// uniform. `detail` is the angle between texels of a map, `peak` a direction of sharp maximum.
     pub(super) fn new(
         frame: Frame,
-        lower: Option<bool>,
+        lower: Lower,
         detail: Option<f64>,
         peak: Option<DVec3>,
         radiance: impl Fn(DVec3) -> [f64; 3],
     ) -> Patches {
         let mut patches = Patches { frame, patches: Vec::new(), roots: 0 };
-        let halves = [(1.0, Some(LEVELS)), (-1.0, lower.map(|u| if u { UNIFORM_LEVELS } else { LEVELS }))];
-        let halves = halves.into_iter().filter_map(|(side, levels)| Some((side, levels?)));
-        let halves: Vec<(f64, u32)> = halves.collect();
+        let mut halves = vec![(1.0, LEVELS)];
+        match lower {
+            Lower::Black => {}
+            Lower::Uniform => halves.push((-1.0, UNIFORM_LEVELS)),
+            Lower::Detailed => halves.push((-1.0, LEVELS)),
+        }
         for (side, _) in &halves {
             let z = if *side > 0.0 { [0.0, 1.0] } else { [-1.0, 0.0] };
             patches.push(Extent { z, v: [0.0, TAU] });
@@ -169,6 +173,17 @@ impl Patches {
         }
     }
 
+    /// The same with all radiance times a factor of at least 0.
+    pub(super) fn scaled(&self, factor: f64) -> Patches {
+        let mut scaled = self.clone();
+        for patch in &mut scaled.patches {
+            for values in [&mut patch.mean, &mut patch.min, &mut patch.max] {
+                *values = values.map(|l| factor * l);
+            }
+        }
+        scaled
+    }
+
     /// The patches that no other contains: the upper half, then the lower half unless it is black.
     pub fn roots(&self) -> Range<u32> {
         0..self.roots
@@ -209,7 +224,7 @@ impl Patches {
     }
 
     /// Cosine-weighted solid angle of a patch on a receiver with a unit normal in scene coordinates, sr, without what is below the receiver's
-    /// horizon. The irradiance is this times the radiance. Exact to 1e-7.
+    /// horizon. The irradiance is this times the radiance. Exact to 1e-6.
     pub fn projected(&self, k: u32, normal: DVec3) -> f64 {
         let patch = self.patch(k);
         // Angle between the axis and the receiver's horizon.

@@ -106,6 +106,12 @@ impl Sky {
         self.horizontal
     }
 
+    /// The same with all radiance times a factor of at least 0.
+    pub(super) fn scaled(&self, factor: f64) -> Sky {
+        let [scale, horizontal] = [self.scale, self.horizontal].map(|v| v.map(|v| factor * v));
+        Sky { scale, horizontal, ..self.clone() }
+    }
+
     /// Whether directions below the horizon have radiance of their own.
     pub fn has_lower_half(&self) -> bool {
         self.has_lower_half
