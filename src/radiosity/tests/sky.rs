@@ -1,0 +1,166 @@
+//! Light of sky and suns at points and elements: closed forms, energy, and the path tracer.
+
+use super::limits::{off, on_surfaces, truth};
+use super::*;
+use crate::sky::SkyOptions;
+use std::f64::consts::PI;
+
+/// The scene of these polygons, all of one grey, below a sky and a sun.
+fn outdoors(reflectance: f32, polygons: &[Vec<DVec3>], sky: &str, sun: &str) -> Scene {
+    let mut soup = Soup::new("outdoors");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [reflectance; 3]));
+    let object = soup.object("ground");
+    polygons.iter().for_each(|corners| soup.polygon(object, grey, corners));
+    let mut scene = resolve(soup, &LoadOptions::default().with_up(crate::scene::UpAxis::Z)).expect("a scene");
+    let sky = SkyOptions::parse(sky).and_then(|sky| sky.with_sun(sun)).expect("a sky");
+    scene.set_sky(&sky).expect("a sky of the scene");
+    scene
+}
+
+fn rectangle(low: [f64; 2], high: [f64; 2], z: impl Fn(f64, f64) -> f64) -> Vec<DVec3> {
+    let at = |x: f64, y: f64| DVec3::new(x, y, z(x, y));
+    vec![at(low[0], low[1]), at(high[0], low[1]), at(high[0], high[1]), at(low[0], high[1])]
+}
+
+fn at(position: DVec3, normal: DVec3) -> Point {
+    Point { position, normal }
+}
+
+/// Irradiance at points of a black scene, mean of the channels, with the mean over its lit elements.
+fn light_at(scene: &Scene, points: &[Point]) -> (Vec<f64>, f64) {
+    let options = Options { audit: 0, error: 0.01, local_rays: Some(400_000), ..Options::default() };
+    let Outcome { irradiance, record, .. } = solved(scene, points, &options);
+    (irradiance.into_iter().map(mean).collect(), mean(record.mean_irradiance))
+}
+
+#[track_caller]
+fn near(found: f64, want: f64, part: f64) {
+    assert!((found - want).abs() <= part * want, "{found} instead of {want}");
+}
+
+#[test]
+fn planes_under_the_open_sky_have_the_light_of_the_closed_form() {
+    // Sky alone: (1 + cos β) / 2 of the horizontal irradiance. The back of a slope sees the lower part, which is black.
+    for slope in [0.0f64, 0.5, 2.0] {
+        let plane = rectangle([0.0, 0.0], [3.0, 2.0], |x, _| slope * x);
+        let scene = outdoors(0.0, &[plane], "uniform:100", "none");
+        let normal = DVec3::new(-slope, 0.0, 1.0).normalize();
+        let points = [at(DVec3::new(1.0, 1.2, slope), normal), at(DVec3::new(1.0, 1.2, slope), -normal)];
+        let (found, _) = light_at(&scene, &points);
+        near(found[0], 100.0 * 0.5 * (1.0 + normal.z), 2e-3);
+        assert!((found[1] - 50.0 * (1.0 - normal.z)).abs() < 0.1, "{}", found[1]);
+        near(truth(&scene, &points, 4096)[0], 100.0 * 0.5 * (1.0 + normal.z), 2e-3);
+    }
+    // Sun alone, on elements and points: E cos θ.
+    let plane = rectangle([0.0, 0.0], [3.0, 2.0], |x, _| 0.5 * x);
+    let scene = outdoors(0.0, &[plane], "none", "0,0,2:800");
+    let normal = DVec3::new(-0.5, 0.0, 1.0).normalize();
+    let (found, elements) = light_at(&scene, &[at(DVec3::new(1.0, 1.2, 0.5), normal)]);
+    near(found[0], 800.0 * normal.z, 5e-4);
+    near(elements, 800.0 * normal.z, 5e-4);
+}
+
+#[test]
+fn streets_and_courtyards_see_their_part_of_the_sky() {
+    // A street of width 2 and height 3 between long walls: the sine of half the angle of the opening.
+    let upright = |y: f64, turned: bool| {
+        let mut wall: Vec<DVec3> = [[-500.0, 0.0], [500.0, 0.0], [500.0, 3.0], [-500.0, 3.0]]
+            .map(|[x, z]| DVec3::new(x, y, z))
+            .to_vec();
+        if turned {
+            wall.reverse();
+        }
+        wall
+    };
+    let street =
+        [rectangle([-500.0, -1.0], [500.0, 1.0], |_, _| 0.0), upright(1.0, false), upright(-1.0, true)];
+    let scene = outdoors(0.0, &street, "uniform:100", "none");
+    let middle = [at(DVec3::new(0.3, 0.0, 0.0), DVec3::Z), at(DVec3::new(-7.0, 0.4, 0.0), DVec3::Z)];
+    let (found, _) = light_at(&scene, &middle);
+    let part = |y: f64| 0.5 * ((1.0 - y) / (1.0 - y).hypot(3.0) + (1.0 + y) / (1.0 + y).hypot(3.0));
+    near(found[0], 100.0 * part(0.0), 3e-3);
+    near(found[1], 100.0 * part(0.4), 3e-3);
+    // A round courtyard of radius 1 and height 2, of 64 walls: the middle of the floor sees r² / (r² + h²).
+    let corner = |k: usize| {
+        let turn = std::f64::consts::TAU * (k as f64 + 0.5) / 64.0;
+        // As much area as the circle.
+        let radius = (PI / (32.0 * (std::f64::consts::TAU / 64.0).sin())).sqrt();
+        DVec3::new(radius * turn.cos(), radius * turn.sin(), 0.0)
+    };
+    let wall = |k: usize| {
+        let (a, b, up) = (corner(k), corner(k + 1), 2.0 * DVec3::Z);
+        vec![b, a, a + up, b + up]
+    };
+    let mut yard: Vec<Vec<DVec3>> = (0..64).map(wall).collect();
+    yard.push((0..64).map(corner).collect());
+    let scene = outdoors(0.0, &yard, "uniform:100", "none");
+    let (found, _) = light_at(&scene, &[at(DVec3::new(0.0, 0.0, 0.0), DVec3::Z)]);
+    near(found[0], 20.0, 3e-3);
+}
+
+/// A box of 2 by 2 by 3 on a square of 10 by 10.
+fn house() -> Vec<Vec<DVec3>> {
+    let (low, high) = (DVec3::new(4.0, 4.0, 0.0), DVec3::new(6.0, 6.0, 3.0));
+    let corner = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
+    let faces = [[4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let mut all: Vec<Vec<DVec3>> = faces.iter().map(|f| f.map(corner).to_vec()).collect();
+    all.push(rectangle([0.0, 0.0], [10.0, 10.0], |_, _| 0.0));
+    all
+}
+
+#[test]
+fn a_house_under_sun_and_sky_is_lit_as_paths_say_and_keeps_its_energy() {
+    let scene = outdoors(0.5, &house(), "perez:500,120", "160,35");
+    let points = on_surfaces(&scene, 150);
+    let options = Options { audit: 0, ..Options::default() };
+    let outcome = solved(&scene, &points, &options);
+    let (rms, bias) = off(&outcome.irradiance, &truth(&scene, &points, 2048));
+    assert!(rms < 0.015 && bias.abs() < 4e-3, "{rms} {bias}");
+    let ledger = &outcome.record.ledger;
+    // The plane and the roof are in one piece as seen from the sun.
+    let sun = 500.0 * 35f64.to_radians().sin() * 100.0;
+    assert!(ledger.sun > sun && ledger.sun < 1.2 * sun && ledger.sky > 0.5 * 120.0 * 100.0, "{ledger:?}");
+    let known = ledger.absorbed + ledger.escaped;
+    assert!((known - ledger.sky - ledger.sun).abs() < 2e-3 * known, "{ledger:?}");
+    assert!((ledger.emitted - ledger.sky - ledger.sun).abs() < 1e-9 * known);
+}
+
+/// A room that the sky lights through a window of a fortieth of its walls, and the same room without it.
+#[test]
+fn windows_let_in_what_paths_say_and_closed_rooms_are_dark() {
+    let room = |window: bool| {
+        let (low, high) = (DVec3::ZERO, DVec3::new(4.0, 5.0, 3.0));
+        let mut soup = Soup::new("room");
+        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+        let walls = soup.object("walls");
+        inward(&mut soup, walls, grey, low, high);
+        if window {
+            // The wall at y = 0 in four parts around a hole of 1.2 by 1.
+            soup = Soup::new("room");
+            let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+            let walls = soup.object("walls");
+            let at = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
+            for f in [[0, 1, 3, 2], [4, 6, 7, 5], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
+                soup.polygon(walls, grey, &f.map(at));
+            }
+            for [x0, x1, z0, z1] in
+                [[0.0, 4.0, 0.0, 1.0], [0.0, 4.0, 2.0, 3.0], [0.0, 1.4, 1.0, 2.0], [2.6, 4.0, 1.0, 2.0]]
+            {
+                let corner = |x: f64, z: f64| DVec3::new(x, 0.0, z);
+                soup.polygon(walls, grey, &[corner(x0, z0), corner(x0, z1), corner(x1, z1), corner(x1, z0)]);
+            }
+        }
+        let mut scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        scene.set_sky(&SkyOptions::parse("overcast:10000").expect("a sky")).expect("a sky of the scene");
+        scene
+    };
+    let points: Vec<Point> = (0..40)
+        .map(|k| at(DVec3::new(0.4 + 0.8 * f64::from(k % 5), 0.5 + 0.55 * f64::from(k / 5), 0.0), DVec3::Z))
+        .collect();
+    let scene = room(true);
+    let found = solved(&scene, &points, &Options { audit: 0, ..Options::default() });
+    let (rms, bias) = off(&found.irradiance, &truth(&scene, &points, 1 << 14));
+    assert!(rms < 0.03 && bias.abs() < 0.01, "{rms} {bias}");
+    let dark = solved(&room(false), &points, &Options { audit: 0, ..Options::default() });
+    assert!(dark.irradiance.iter().flatten().all(|e| *e < 1e-4), "{:?}", dark.irradiance);
+}
