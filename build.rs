@@ -26,15 +26,10 @@ fn main() {
     println!("cargo:rerun-if-changed={}", embree.include.join("embree4/rtcore_config.h").display());
     println!("cargo:rustc-link-search=native={}", embree.lib.display());
     println!("cargo:rustc-link-lib=dylib=embree4");
-    // Executables and tests find the library from any working directory without LD_LIBRARY_PATH.
+    // Tests and examples find the library from any working directory without LD_LIBRARY_PATH.
     println!("cargo:rustc-link-arg=-Wl,-rpath,{}", embree.lib.display());
-    // An installed command finds a private library beside itself, wherever it is moved.
-    println!("cargo:rustc-link-arg-bins=-Wl,-rpath,$ORIGIN/../lib/mrvis");
-    // So does an installed shared library. The number of its soname changes with the binary interface.
-    if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {
-        println!("cargo:rustc-cdylib-link-arg=-Wl,-soname,libmrvis.so.0");
-        println!("cargo:rustc-cdylib-link-arg=-Wl,-rpath,$ORIGIN/mrvis");
-    }
+    // The build scripts of `command` and `ffi` read it: arguments of linking hold for the package alone that gives them.
+    println!("cargo:lib={}", embree.lib.display());
 
     let include = format!("-I{}", embree.include.display());
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));

@@ -20,6 +20,7 @@ mod scaling;
 mod tables;
 mod trust;
 
+#[cfg(any(test, feature = "internals"))]
 pub use scaling::render_scaling;
 
 /// Shadow images of one receiver, of equal size: fraction of the unoccluded irradiance at each texel, in [0, 1].

@@ -162,6 +162,7 @@ impl WholeFile {
     ///
     /// # Errors
     /// [`Error::Io`] as for [`WholeFile::create`] and [`WholeFile::commit`].
+    #[cfg(any(test, feature = "internals"))]
     pub fn write(target: &Path, content: impl AsRef<[u8]>) -> Result<()> {
         let mut file = WholeFile::create(target)?;
         file.write_all(content.as_ref()).map_err(|e| Error::io(target, e))?;

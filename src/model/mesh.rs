@@ -50,7 +50,7 @@ impl Mesh {
     }
 
     /// Memory of the clusters, bytes.
-    #[cfg(any(test, feature = "cli"))]
+    #[cfg(any(test, feature = "internals"))]
     pub(super) fn cluster_bytes(&self) -> usize {
         let of = |clusters: &Arc<Clusters>| {
             let trees = clusters.hierarchy.micro.bytes() + clusters.hierarchy.large.bytes();

@@ -44,6 +44,7 @@ use top_level::TopLevel;
 ///
 /// # Errors
 /// It does not suit this program, or fails.
+#[cfg(any(test, feature = "internals"))]
 pub fn embree_version() -> Result<String> {
     Ok(Device::new(1)?.version())
 }
@@ -177,7 +178,7 @@ impl Model {
     }
 
     /// Memory of what was prepared, bytes; the scene is not in it.
-    #[cfg(any(test, feature = "cli"))]
+    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn bytes(&self) -> u64 {
         let clusters: usize = self.meshes().iter().map(|mesh| mesh.cluster_bytes()).sum();
         self.report().embree_bytes + clusters as u64

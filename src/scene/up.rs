@@ -6,7 +6,6 @@ use glam::Vec3;
 /// The upward axis of a scene's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum UpAxis {
     /// +y, as in glTF.
     Y,

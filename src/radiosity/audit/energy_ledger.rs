@@ -39,10 +39,14 @@ pub struct Ledger {
 
 /// The powers of a ledger.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
-pub(crate) struct Powers<T> {
+pub struct Powers<T> {
+    /// Emitted.
     pub emitted: T,
+    /// Absorbed.
     pub absorbed: T,
+    /// Left the scene.
     pub escaped: T,
+    /// Received minus sent.
     pub created: T,
 }
 
@@ -161,7 +165,7 @@ impl Ledger {
 
     /// The luminous powers and their unit: lm, or lx times scene units squared where the length of a scene unit is not known.
     /// Without `photometry` the means of the channels.
-    pub(crate) fn shown(&self, photometry: Option<Photometry>) -> (Powers<f64>, String) {
+    pub fn shown(&self, photometry: Option<Photometry>) -> (Powers<f64>, String) {
         match photometry {
             None => (self.channels.map(mean), self.unit.clone()),
             Some(photometry) if self.unit == "W" => (self.channels.map(|p| photometry.of(p)), "lm".into()),

@@ -46,6 +46,7 @@ impl Solution {
 
     /// Irradiance at points (file coordinates) within a part, in `(0, 1]`, of the time that is left of [`Options::max_seconds`]: by
     /// fewer rays if there is no time for all of them.
+    #[cfg(any(test, feature = "internals"))]
     pub fn irradiance_within(&self, points: &[Point], part: f64, progress: &dyn Progress) -> PointLight {
         self.gathered(points, self.deadline.for_caller(progress).part(part))
     }

@@ -12,7 +12,9 @@ mod urban;
 use super::{LoadOptions, MAX_PLACEMENTS, PlacedSoup, Scene, Soup, instances::resolve_placed, resolve};
 use crate::{Error, Result};
 
+#[cfg(any(test, feature = "internals"))]
 pub use forest::ground_and_sky;
+#[cfg(any(test, feature = "internals"))]
 pub use office::{DESKS, ROOM};
 
 /// A kind of generated scene.
