@@ -8,11 +8,11 @@ pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, Sc
 /// The measurement behind `mrvis bench`.
 pub mod bench {
     pub use crate::bench::workload::{Order, ReceiverPoint, Workload, surface_points};
-    pub use crate::bench::{Options, Record, Target, check_scaling, run, scaling};
+    pub use crate::bench::{Options, Record, Target, run};
 
     /// Its report.
     pub mod page {
-        pub use crate::bench::page::{MrImage, ReceiverImages, render, render_scaling};
+        pub use crate::bench::page::{MrImage, ReceiverImages, render};
     }
 
     /// Receivers of shadow images.
@@ -23,19 +23,14 @@ pub mod bench {
     /// Its record.
     pub mod record {
         pub use crate::bench::record::{
-            Build, ClassRecord, ExactRow, MapRecord, MrRow, NO_FASTER, ReceiverClass, Record, ScalingRow,
-            Spent, Target, UnbiasedRow,
+            Build, ClassRecord, ExactRow, MapRecord, MrRow, NO_FASTER, ReceiverClass, Record, Spent, Target,
+            UnbiasedRow,
         };
     }
 
     /// Two builders.
     pub mod side_by_side {
         pub use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
-    }
-
-    /// Times of solves by size of the scene.
-    pub mod solve_scaling {
-        pub use crate::bench::solve_scaling::{LARGEST, solve_scaling};
     }
 }
 

@@ -17,12 +17,8 @@ mod rounds;
 mod rows;
 mod run;
 mod sample;
-#[cfg(any(test, feature = "internals"))]
-mod scaling;
 pub mod side_by_side;
 pub mod sizes;
-#[cfg(any(test, feature = "internals"))]
-pub mod solve_scaling;
 mod surface;
 mod target;
 mod unaveraged;
@@ -33,5 +29,3 @@ pub use options::{Options, Target};
 #[cfg(any(test, feature = "internals"))]
 pub use record::Record;
 pub use run::run;
-#[cfg(any(test, feature = "internals"))]
-pub use scaling::{check_scaling, scaling};

@@ -11,13 +11,13 @@ use super::progress::Bar;
 use super::writable::check_folder;
 use mrvis::Model;
 use mrvis::Progress;
+use mrvis::Result;
 use mrvis::Scene;
 use mrvis::internals::SceneParts;
 use mrvis::internals::bench::{self, Options, Target, page};
 use mrvis::internals::image_io::write_atomically;
 use mrvis::internals::optics::{self, Extinction};
 use mrvis::internals::threads::Threads;
-use mrvis::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -25,11 +25,10 @@ use std::time::Instant;
 /// Compare exact and multi-resolution visibility on the same segments: table, JSON, images and
 /// an HTML report.
 #[derive(Clone, Debug, clap::Args)]
-#[command(mut_arg("scene", |a| a.required(false).required_unless_present("scaling")))]
 #[command(mut_arg("photometric", |a| a.hide(true)))]
 pub struct Args {
     #[command(flatten)]
-    pub scene: Option<SceneArgs>,
+    pub scene: SceneArgs,
     /// Feature size in scene units: smaller shadows may be averaged; repeatable [default: four sizes, from two texels of
     /// the shadow images to a fifth of the largest]
     #[arg(short = 's', long = "feature-size", value_name = "S")]
@@ -77,39 +76,10 @@ pub struct Args {
     /// Folder for images and report.html (created if missing)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Also measure the growth of cost: forests of 10,000, 100,000, ... triangles up to N [default: a million]; SCENE
-    /// may be omitted
-    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1000000")]
-    pub scaling: Option<usize>,
     #[command(flatten)]
     pub cache: CacheArgs,
     #[command(flatten)]
     pub common: Common,
-}
-
-impl Args {
-    /// Checks the options for `--scaling` without a scene.
-    fn check_scaling_alone(&self) -> Result<()> {
-        let needs_scene = [
-            ("target-error", self.target_error.is_some()),
-            ("target-seconds", self.target_seconds.is_some()),
-            ("unbiased", self.unbiased),
-            ("receiver", !self.receivers.is_empty()),
-            ("map", self.map.is_some()),
-            ("audit", self.audit.is_some()),
-        ];
-        if let Some((name, _)) = needs_scene.into_iter().find(|&(_, given)| given) {
-            return Err(Error::Argument(format!(
-                "--{name} does not apply to the forests of --scaling: name a SCENE, or omit --{name}"
-            )));
-        }
-        if self.feature_sizes.len() > 1 {
-            return Err(Error::Argument(
-                "--scaling measures one feature size: name a SCENE, or give one --feature-size".into(),
-            ));
-        }
-        Ok(())
-    }
 }
 
 /// Extinction of clusters; see [`Extinction`].
@@ -166,31 +136,11 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
         max_memory: limits::bytes(common.max_memory),
     };
     options.check()?;
-    if args.scene.is_none() {
-        args.check_scaling_alone()?;
-    }
-    args.scaling.map_or(Ok(()), bench::check_scaling)?;
-    args.scene.as_ref().map_or(Ok(()), SceneArgs::without_light)?;
+    args.scene.without_light()?;
     let _folder = args.out.as_deref().map(check_folder).transpose()?;
     common.check_json()?;
-    let scaling = |bar: &Bar| args.scaling.map(|n| bench::scaling(&options, n, bar)).transpose();
-    let Some(scene) = &args.scene else {
-        let page = args.out.as_ref().map(|folder| Output::new("--out", folder.join(REPORT)));
-        common.check_outputs(&Inputs::default(), page)?;
-        let bar = Bar::new(common.quiet);
-        let record = scaling(&bar)?.unwrap_or_default();
-        bar.finish();
-        let mut text = table::scaling(&record.scaling);
-        if let Some(folder) = &args.out {
-            text += &write_page(folder, &page::render_scaling(&record)?)?;
-        }
-        common.write_json(&record)?;
-        common.print(&text)?;
-        return Ok(ExitCode::SUCCESS);
-    };
-
     let start = Instant::now();
-    let scene = scene.load(common)?;
+    let scene = args.scene.load(common)?;
     let load_s = start.elapsed().as_secs_f64();
     let bar = Bar::new(common.quiet);
     options.check_for(&scene)?;
@@ -199,7 +149,6 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     let (mut record, images) = bench::run(&model, &options, &bar)?;
     record.build.load_s = load_s;
     drop(model);
-    record.scaling = scaling(&bar)?.unwrap_or_default().scaling;
     bar.stage("writing", 0);
     let mut text = table::table(&record);
     if let Some(folder) = &args.out {

@@ -13,14 +13,11 @@ const GROUPS: [(&str, &[&str]); 3] = [
         "Visibility and feature sizes",
         &["visibility", "compare", "feature_size", "feature_sizes", "importance", "importance_camera"],
     ),
-    (
-        "Method",
-        &["oracle", "rows", "builder", "inside", "light_rays", "gather_rays", "local_rays", "scaling"],
-    ),
+    ("Method", &["oracle", "rows", "builder", "inside", "light_rays", "gather_rays", "local_rays"]),
 ];
 
 /// Options of `solve` that only `mrvis help solve` lists.
-const ADVANCED: [&str; 21] = [
+const ADVANCED: [&str; 20] = [
     "builder",
     "cache",
     "compare",
@@ -38,7 +35,6 @@ const ADVANCED: [&str; 21] = [
     "mpi",
     "oracle",
     "rows",
-    "scaling",
     "seed",
     "sides",
     "step_seconds",

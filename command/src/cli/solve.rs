@@ -3,7 +3,6 @@
 mod at_points;
 mod grids;
 mod luminous;
-mod scaling;
 pub mod sizes;
 mod summary;
 mod views;
@@ -31,7 +30,6 @@ use mrvis::internals::radiosity::{
 };
 use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::{Error, Result};
-use scaling::scaling;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -42,18 +40,13 @@ use watch::{Watch, prepare};
 
 /// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
 #[derive(clap::Args, Debug)]
-#[command(mut_arg("scene", |a| a.required(false).required_unless_present("scaling")))]
 #[command(group = clap::ArgGroup::new("measured").args(["points", "grids"]).multiple(true))]
 pub struct Args {
     #[command(flatten)]
-    scene: Option<SceneArgs>,
+    scene: SceneArgs,
     /// Folder for the results (created if missing).
-    #[arg(long, value_name = "DIR", required_unless_present = "scaling")]
-    out: Option<PathBuf>,
-    /// Measure the growth of time instead: scenes of 1,000, 10,000, ... triangles up to N (at least 10,000) [default:
-    /// a million], solved to the same error; table and --json.
-    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1000000", conflicts_with = "scene")]
-    scaling: Option<usize>,
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
     /// Points x,y,z,nx,ny,nz for irradiance.csv.
     #[arg(long, value_name = "FILE.csv")]
     points: Option<PathBuf>,
@@ -254,19 +247,12 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let mut options = options(args)?;
     options.check()?;
-    for (option, is_given) in [
-        ("--max-seconds", args.max_seconds.is_some()),
-        ("--step-seconds", args.step_seconds.is_some()),
-        ("--scaling", args.scaling.is_some()),
-    ] {
+    for (option, is_given) in
+        [("--max-seconds", args.max_seconds.is_some()), ("--step-seconds", args.step_seconds.is_some())]
+    {
         args.mpi.refuse(option, is_given)?;
     }
-    if let Some(largest) = args.scaling {
-        return scaling(&args.common, &options, largest);
-    }
-    let (Some(scene), Some(out)) = (&args.scene, &args.out) else {
-        return Err(Error::Argument("give a scene and --out DIR, or --scaling".into()));
-    };
+    let (scene, out) = (&args.scene, &args.out);
     let _folder = args.mpi.on_first(|| check_folder(out))?;
     args.common.check_json()?;
     let mut points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
@@ -317,7 +303,7 @@ fn write(
     (outcome, versus, load): (Outcome, Option<Versus>, f64),
     (solution, watch): (&Solution, &Watch),
 ) -> Result<()> {
-    let photometry = args.scene.as_ref().and_then(SceneArgs::photometry);
+    let photometry = args.scene.photometry();
     let Outcome { mesh, mut record, irradiance } = outcome;
     record.seconds.load = load;
     if record.interrupted {

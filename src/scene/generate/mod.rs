@@ -12,7 +12,7 @@ mod urban;
 use super::{LoadOptions, MAX_PLACEMENTS, PlacedSoup, Scene, Soup, instances::resolve_placed, resolve};
 use crate::{Error, Result};
 
-#[cfg(any(test, feature = "internals"))]
+#[cfg(test)]
 pub use forest::ground_and_sky;
 #[cfg(any(test, feature = "internals"))]
 pub use office::{DESKS, ROOM};

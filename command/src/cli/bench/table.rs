@@ -3,8 +3,7 @@
 mod classes;
 mod headline;
 
-use super::super::args::grouped;
-use mrvis::internals::bench::record::{Build, MapRecord, MrRow, Record, ScalingRow, Target, UnbiasedRow};
+use mrvis::internals::bench::record::{Build, MapRecord, MrRow, Record, Target, UnbiasedRow};
 use mrvis::internals::error::quote;
 use mrvis::internals::plot::number;
 use std::fmt::Write as _;
@@ -25,9 +24,6 @@ pub fn table(record: &Record) -> String {
         text += &target_result(target, unit);
     }
     // Writing to a string cannot fail.
-    if !record.scaling.is_empty() {
-        let _ = write!(text, "\n{}", scaling(&record.scaling));
-    }
     let result = record.nothing_averaged.clone().unwrap_or_else(|| headline::of(record));
     let _ = writeln!(text, "\n{result}");
     text
@@ -175,30 +171,6 @@ fn maps(maps: &[MapRecord]) -> String {
                 times(row.speedup_at_same_fbem, false)
             );
         }
-    }
-    text
-}
-
-/// Growth of cost as text.
-pub fn scaling(rows: &[ScalingRow]) -> String {
-    let mut text = String::from(
-        "growth   triangles   a bundle: exact         RMS  multi-res.         RMS   nodes      built     memory  a triangle\n",
-    );
-    for row in rows {
-        let _ = writeln!(
-            text,
-            "{:<6} {:>11} {:>13.3} µs {:>11.5} {:>8.3} µs {:>11.5} {:>7} {:>10} {:>7.1} MB {:>9.1} B",
-            row.series,
-            grouped(row.triangles),
-            1e6 * row.seconds_per_bundle_exact,
-            row.rms_exact,
-            1e6 * row.seconds_per_bundle_mr,
-            row.rms_mr,
-            number(row.nodes_per_segment),
-            seconds(row.build_s),
-            row.bytes as f64 / 1e6,
-            row.bytes_per_triangle.total
-        );
     }
     text
 }
