@@ -85,11 +85,13 @@ impl Error {
     }
 
     /// An [`Error::Io`] at `path`.
+    #[doc(hidden)]
     pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
         Error::Io { path: path.into(), source }
     }
 
     /// An [`Error::Format`] at `path`, optionally at a line counted from 1.
+    #[doc(hidden)]
     pub fn format(path: impl Into<PathBuf>, line: Option<usize>, what: impl Into<String>) -> Self {
         Error::Format { path: path.into(), line, what: what.into() }
     }

@@ -67,9 +67,6 @@
 //!
 //! The formulas, with their papers, are in `docs/method.md` of the source code.
 
-// Without `internals` some functions and fields have no reader.
-#![cfg_attr(not(feature = "internals"), allow(dead_code, unused_imports))]
-
 mod api;
 #[cfg(feature = "reports")]
 mod bench;

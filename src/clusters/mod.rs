@@ -15,6 +15,7 @@ mod sketch;
 mod tests;
 mod tree;
 
+#[cfg(any(test, feature = "reports"))]
 pub(crate) use large::MIN_COPLANAR_COSINE;
 pub use tree::{Cluster, Tree};
 
@@ -59,6 +60,7 @@ impl Builder {
         [Builder::Grids, Builder::KdTree, Builder::GoldsmithSalmon, Builder::Sah];
 
     /// Name on the command line and in JSON.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn name(self) -> &'static str {
         match self {
             Builder::Grids => "grids",

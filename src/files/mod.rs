@@ -12,6 +12,7 @@ use std::{
 use tempfile::NamedTempFile;
 
 /// The text of a JSON file: indented, with a line feed at its end.
+#[cfg(any(test, feature = "reports"))]
 pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
     Ok(serde_json::to_string_pretty(value)? + "\n")
 }

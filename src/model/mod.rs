@@ -25,9 +25,11 @@ pub use mesh::Mesh;
 pub use prepare::{Detail, PrepareOptions, PrepareReport};
 pub use source::Source;
 
+#[cfg(any(test, feature = "reports"))]
 use crate::clusters;
 use crate::embree::{CommittedScene, Device, Hits, Traversal};
 use crate::math::Aabb;
+#[cfg(any(test, feature = "reports"))]
 use crate::optics;
 use crate::ranks::Ranks;
 use crate::ray::{EndRule, Packet};
@@ -80,6 +82,7 @@ impl Model {
     }
 
     /// The scene that was prepared, shared.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn shared_scene(&self) -> Arc<Scene> {
         self.inner.scene.clone()
     }
@@ -120,11 +123,13 @@ impl Model {
     }
 
     /// How the optics of clusters were measured.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn optics_options(&self) -> optics::Options {
         self.inner.options.optics
     }
 
     /// How clusters were built.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn cluster_options(&self) -> clusters::Options {
         self.inner.options.clusters
     }
@@ -170,6 +175,7 @@ impl Model {
     }
 
     /// Bytes of the boxes that groups of instances are measured on; 0 without placed meshes.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn group_bytes(&self) -> usize {
         let groups = self.inner.top.as_ref().and_then(|top| top.groups.as_ref());
         let parts =

@@ -26,10 +26,13 @@ mod transport;
 
 #[cfg(feature = "reports")]
 pub(crate) use audit::Ledger;
+#[cfg(any(test, feature = "reports"))]
 pub use audit::Powers;
 #[cfg(any(test, feature = "internals"))]
 pub use options::{Inside, Oracle, RowSums, View};
 pub use options::{Options, Visibility};
-pub use pipeline::{Outcome, Record, Seconds, Solution, solve};
+#[cfg(any(test, feature = "reports"))]
+pub use pipeline::Seconds;
+pub use pipeline::{Outcome, Record, Solution, solve};
 #[cfg(any(test, feature = "internals"))]
 pub use pipeline::{PointLight, run};

@@ -311,6 +311,7 @@ impl Scene {
     }
 
     /// Memory of vertices, faces, objects, materials and placements, bytes; each shared mesh counts once.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn bytes(&self) -> usize {
         fn of<T>(list: &[T]) -> usize {
             size_of_val(list)

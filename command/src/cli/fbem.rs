@@ -119,8 +119,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let white = args.white.unwrap_or_else(|| reference.data().iter().copied().fold(1.0, f32::max));
     let features = feature_options(args, white);
     let filter = if args.unmasked_filter { Filter::Unmasked } else { Filter::Whole };
-    let options =
-        FbemOptions::default().with_exponent(args.p).with_features(features.clone()).with_filter(filter);
+    let options = FbemOptions::default().with_exponent(args.p).with_features(features).with_filter(filter);
     let sizes = if args.sizes.is_empty() { spectrum_sizes(&reference, 8) } else { args.sizes.clone() };
     if let Some(folder) = &args.out {
         let pictures =

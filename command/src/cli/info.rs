@@ -81,11 +81,11 @@ fn text(
 /// Files that were read and do not lie in the folder of the scene or below.
 fn outside(s: &Scene) -> Vec<&PathBuf> {
     let full = |path: &Path| path.canonicalize().ok();
-    let folder = full(&s.parts().path).and_then(|scene| Some(scene.parent()?.to_owned()));
+    let folder = full(s.parts().path).and_then(|scene| Some(scene.parent()?.to_owned()));
     let outside = |file: &&PathBuf| match (&folder, full(file)) {
         (Some(folder), Some(file)) => !file.starts_with(folder),
         // Standard input has no folder.
-        _ => *file != &s.parts().path,
+        _ => *file != s.parts().path,
     };
     s.parts().files.iter().filter(outside).collect()
 }
@@ -103,7 +103,7 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
     let (bounds, unit) = (s.world_bounds(), &s.parts().unit);
     let e = bounds.extent();
     let (min, max) = (s.parts().origin + bounds.min.as_dvec3(), s.parts().origin + bounds.max.as_dvec3());
-    writeln!(out, "{} (read in {seconds:.2} s, unit {unit})", shown(&s.parts().path))?;
+    writeln!(out, "{} (read in {seconds:.2} s, unit {unit})", shown(s.parts().path))?;
     writeln!(out, "  triangles   {:>12}", grouped(s.parts().triangles.len()))?;
     if !s.parts().placements.is_empty() {
         let meshes = grouped(s.parts().shared.len());

@@ -296,7 +296,7 @@ impl Outputs {
             wanted.flat_map(|(_, names)| names.iter().map(|name| name.to_string())).collect();
         if self.wants(Kind::Image, with_points) {
             let views = match self.stated_camera() {
-                None if !scene.parts().cameras.is_empty() => view_names(&scene.parts().cameras),
+                None if !scene.parts().cameras.is_empty() => view_names(scene.parts().cameras),
                 _ => vec![VIEW.into()],
             };
             names.extend(views.iter().flat_map(|view| [format!("{view}.exr"), format!("{view}.png")]));
@@ -336,14 +336,14 @@ impl Outputs {
     fn cameras(&self, scene: &Scene, solution: &RadiosityMesh, stage: &Stage) -> Result<Vec<Camera>> {
         let up = scene.up_axis().vector();
         let Some([x, y, z, u, v, w, degrees]) = self.stated_camera() else {
-            let names = view_names(&scene.parts().cameras).into_iter();
+            let names = view_names(scene.parts().cameras).into_iter();
             let stored: Vec<Camera> = (scene.parts().cameras.iter().zip(names))
                 .map(|(c, name)| Camera::stored(c, name, solution.origin))
                 .collect();
             return Ok(match self.camera {
                 _ if !stored.is_empty() => stored,
                 Some(CameraArg::Scene) => vec![scene_view(scene)?],
-                _ => vec![best_view(stage, solution, up, &scene.parts().unit)],
+                _ => vec![best_view(stage, solution, up, scene.parts().unit)],
             });
         };
         let ends = [DVec3::new(x, y, z), DVec3::new(u, v, w)];

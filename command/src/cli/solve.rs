@@ -357,7 +357,7 @@ fn write(
     }
     written.extend(files);
     if args.outputs.wants_page() {
-        let grids = section(&record.grids, &pictures, &scene.parts().unit)?;
+        let grids = section(&record.grids, &pictures, scene.parts().unit)?;
         let of = (scene, photometry, &mesh);
         let page = solve_page(&record.compared.record, of, (&views, &grids), &command_line())?;
         written.push(out.join("solution.html"));

@@ -8,6 +8,7 @@ mod solved;
 mod uncertainty;
 
 pub use energy_ledger::Ledger;
+#[cfg(any(test, feature = "reports"))]
 pub use energy_ledger::Powers;
 pub use error_bars::{AuditSize, ErrorBarAudit};
 pub use estimate::{ErrorEstimate, ErrorSource};

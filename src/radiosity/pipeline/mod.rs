@@ -12,7 +12,9 @@ pub use engine::engine_for;
 #[cfg(any(test, feature = "internals"))]
 pub use point_query::PointLight;
 pub use point_query::Solution;
-pub use record::{Outcome, Record, Seconds};
+#[cfg(any(test, feature = "reports"))]
+pub use record::Seconds;
+pub use record::{Outcome, Record};
 #[cfg(any(test, feature = "internals"))]
 pub use run::run;
 pub use run::solve;

@@ -23,6 +23,7 @@ pub struct Kind {
     /// Name, see [`Spec::name`].
     pub name: &'static str,
     /// One-line description with the relevant fields of [`Spec`] and their defaults.
+    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub about: &'static str,
     /// Length unit of the coordinates.
     pub unit: &'static str,
