@@ -64,7 +64,7 @@ need-packages:
 	@.ci/debian-packages g++=g++ gcc=cc binutils=strip python3=python3 $(if $(LIBCLANG_PATH),,libclang-dev)
 
 need-embree: need-packages
-	@ffi/embree/get-embree.sh
+	@.ci/get-embree
 
 need-furniture: need-packages
 	@[ -d /usr/share/sweethome3d/furniture ] || .ci/debian-packages sweethome3d-furniture

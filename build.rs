@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 
 fn main() {
     println!("cargo:rerun-if-env-changed=EMBREE_DIR");
-    println!("cargo:rerun-if-changed=ffi/embree/wrapper.h");
-    println!("cargo:rerun-if-changed=ffi/embree/shim.h");
-    println!("cargo:rerun-if-changed=ffi/embree/shim.c");
+    println!("cargo:rerun-if-changed=src/embree/wrapper.h");
+    println!("cargo:rerun-if-changed=src/embree/shim.h");
+    println!("cargo:rerun-if-changed=src/embree/shim.c");
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rustc-env=MRVIS_TABLE_CODE={:016x}", fingerprint(TABLE_ROOMS));
 
@@ -34,7 +34,7 @@ fn main() {
     let include = format!("-I{}", embree.include.display());
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     bindgen::Builder::default()
-        .header("ffi/embree/wrapper.h")
+        .header("src/embree/wrapper.h")
         .clang_arg(&include)
         .allowlist_function("rtc(New|Release)(Device|Scene|Geometry)")
         .allowlist_function("rtcRetain(Device|Scene)")
@@ -56,7 +56,7 @@ fn main() {
         .expect("OUT_DIR is writable");
 
     cc::Build::new()
-        .file("ffi/embree/shim.c")
+        .file("src/embree/shim.c")
         .include(&embree.include)
         .opt_level(3)
         .flag_if_supported("-std=c11")
