@@ -34,7 +34,7 @@ help:
 	@echo
 	@echo "  make demo      set up, build, assemble an orchard, measure it, print the path of the report"
 	@echo "  make test      set up, then check formatting, lints and documentation and run the tests (15 minutes)"
-	@echo "  make test-room test one folder of src after a change, as make test-room ROOM=radiosity"
+	@echo "  make test-room test one folder of src or command/src after a change, as make test-room ROOM=radiosity"
 	@echo "  make test-long make test, and what takes hours: checkers of memory, fuzzing, large scenes, the whole reproduction"
 	@echo "  make build     set up and build the command ($(BINARY)) and the C library beside it"
 	@echo "  make scenes    assemble the scenes in scenes/real (a selection: make scenes SCENES=\"park sponza\")"
@@ -64,7 +64,7 @@ need-packages:
 	@.ci/debian-packages g++=g++ gcc=cc binutils=strip python3=python3 $(if $(LIBCLANG_PATH),,libclang-dev)
 
 need-embree: need-packages
-	@ffi/embree/get-embree.sh
+	@.ci/get-embree
 
 need-furniture: need-packages
 	@[ -d /usr/share/sweethome3d/furniture ] || .ci/debian-packages sweethome3d-furniture
@@ -100,7 +100,7 @@ need-lint: need-cargo
 # --- build, demo, test, install ---------------------------------------------------------------------------------------
 
 build: setup
-	cargo build --release --features capi --config 'build.rustflags=["--remap-path-prefix=$(CRATES)=crates"]'
+	cargo build --release --config 'build.rustflags=["--remap-path-prefix=$(CRATES)=crates"]'
 
 scenes: need-furniture
 	@python3 scenes/assemble.py $(SCENES) --out scenes/real
@@ -195,10 +195,10 @@ fuzz: setup
 	done
 
 kills: setup
-	MRVIS_KILLS=$(KILLS) cargo test --features internals --test suite nothing_is_lost_when_the_batch_is_killed
+	MRVIS_KILLS=$(KILLS) cargo test -p mrvis-command --test suite nothing_is_lost_when_the_batch_is_killed
 
 batch-speed: setup
-	cargo bench --features internals --bench batch
+	cargo bench -p mrvis-command --bench batch
 
 clean: need-cargo
 	cargo clean

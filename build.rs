@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 
 fn main() {
     println!("cargo:rerun-if-env-changed=EMBREE_DIR");
-    println!("cargo:rerun-if-changed=ffi/embree/wrapper.h");
-    println!("cargo:rerun-if-changed=ffi/embree/shim.h");
-    println!("cargo:rerun-if-changed=ffi/embree/shim.c");
+    println!("cargo:rerun-if-changed=src/embree/wrapper.h");
+    println!("cargo:rerun-if-changed=src/embree/shim.h");
+    println!("cargo:rerun-if-changed=src/embree/shim.c");
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rustc-env=MRVIS_TABLE_CODE={:016x}", fingerprint(TABLE_ROOMS));
 
@@ -26,20 +26,15 @@ fn main() {
     println!("cargo:rerun-if-changed={}", embree.include.join("embree4/rtcore_config.h").display());
     println!("cargo:rustc-link-search=native={}", embree.lib.display());
     println!("cargo:rustc-link-lib=dylib=embree4");
-    // Executables and tests find the library from any working directory without LD_LIBRARY_PATH.
+    // Tests and examples find the library from any working directory without LD_LIBRARY_PATH.
     println!("cargo:rustc-link-arg=-Wl,-rpath,{}", embree.lib.display());
-    // An installed command finds a private library beside itself, wherever it is moved.
-    println!("cargo:rustc-link-arg-bins=-Wl,-rpath,$ORIGIN/../lib/mrvis");
-    // So does an installed shared library. The number of its soname changes with the binary interface.
-    if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {
-        println!("cargo:rustc-cdylib-link-arg=-Wl,-soname,libmrvis.so.0");
-        println!("cargo:rustc-cdylib-link-arg=-Wl,-rpath,$ORIGIN/mrvis");
-    }
+    // The build scripts of `command` and `ffi` read it: arguments of linking hold for the package alone that gives them.
+    println!("cargo:lib={}", embree.lib.display());
 
     let include = format!("-I{}", embree.include.display());
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     bindgen::Builder::default()
-        .header("ffi/embree/wrapper.h")
+        .header("src/embree/wrapper.h")
         .clang_arg(&include)
         .allowlist_function("rtc(New|Release)(Device|Scene|Geometry)")
         .allowlist_function("rtcRetain(Device|Scene)")
@@ -61,7 +56,7 @@ fn main() {
         .expect("OUT_DIR is writable");
 
     cc::Build::new()
-        .file("ffi/embree/shim.c")
+        .file("src/embree/shim.c")
         .include(&embree.include)
         .opt_level(3)
         .flag_if_supported("-std=c11")

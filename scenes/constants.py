@@ -26,7 +26,7 @@ from cornell import run
 from room import points
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-COPIED = ["Cargo.toml", "Cargo.lock", "build.rs", "rustfmt.toml", "src", "ffi", "benches", "tests"]
+COPIED = ["Cargo.toml", "Cargo.lock", "build.rs", "rustfmt.toml", "src", "command", "ffi", "python", "benches", "examples", "tests"]
 
 
 def definition(name):

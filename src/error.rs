@@ -85,19 +85,21 @@ impl Error {
     }
 
     /// An [`Error::Io`] at `path`.
-    pub(crate) fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
+    #[doc(hidden)]
+    pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
         Error::Io { path: path.into(), source }
     }
 
     /// An [`Error::Format`] at `path`, optionally at a line counted from 1.
-    pub(crate) fn format(path: impl Into<PathBuf>, line: Option<usize>, what: impl Into<String>) -> Self {
+    #[doc(hidden)]
+    pub fn format(path: impl Into<PathBuf>, line: Option<usize>, what: impl Into<String>) -> Self {
         Error::Format { path: path.into(), line, what: what.into() }
     }
 }
 
 /// Whether a terminal or a browser obeys a character instead of showing it: control characters, and the marks that turn the direction of the
 /// text after them (Unicode Standard Annex 9), with which a name can look like another.
-pub(crate) fn is_obeyed(c: char) -> bool {
+pub fn is_obeyed(c: char) -> bool {
     let turns =
         matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     c.is_control() || turns
@@ -105,7 +107,7 @@ pub(crate) fn is_obeyed(c: char) -> bool {
 
 /// A path for a message: without control characters; of one with more than [`MAX_QUOTED`] characters the end, which has the name of
 /// the file.
-pub(crate) fn shown(path: &Path) -> String {
+pub fn shown(path: &Path) -> String {
     let text: Vec<char> = path.display().to_string().chars().filter(|c| !is_obeyed(*c)).collect();
     match text.len().checked_sub(MAX_QUOTED) {
         None | Some(0) => text.into_iter().collect(),
@@ -117,7 +119,7 @@ pub(crate) fn shown(path: &Path) -> String {
 pub(crate) const MAX_QUOTED: usize = 80;
 
 /// Text of a file for a message: without control characters, at most [`MAX_QUOTED`] characters.
-pub(crate) fn quote(text: &str) -> String {
+pub fn quote(text: &str) -> String {
     let mut shown = text.chars().filter(|c| !is_obeyed(*c));
     let mut short: String = shown.by_ref().take(MAX_QUOTED - 1).collect();
     match (shown.next(), shown.next()) {
@@ -129,7 +131,7 @@ pub(crate) fn quote(text: &str) -> String {
 }
 
 /// A message of a reader of text or of options, without the names that the language has for numbers.
-pub(crate) fn in_words(text: &str) -> String {
+pub fn in_words(text: &str) -> String {
     let mut text = text.to_owned();
     for bits in ["8", "16", "32", "64", "128", "size"] {
         for kind in ["u", "i"] {
@@ -150,7 +152,7 @@ pub(crate) fn in_words(text: &str) -> String {
 }
 
 /// A number of a file or an option for a message: with an exponent if it has more than 20 digits otherwise.
-pub(crate) fn figure(value: f64) -> String {
+pub fn figure(value: f64) -> String {
     let text = value.to_string();
     if text.len() <= 20 { text } else { format!("{value:e}") }
 }

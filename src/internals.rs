@@ -1,15 +1,42 @@
 //! What the benches and the tests of the whole crate need besides the public interface. Not part of it: names here change
 //! without notice.
 
+mod parts;
+
+pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, SceneParts};
+
 /// The measurement behind `mrvis bench`.
 pub mod bench {
-    pub use crate::bench::workload::{Order, Workload, surface_points};
-    pub use crate::bench::{Options, Record, run};
+    pub use crate::bench::workload::{Order, ReceiverPoint, Workload, surface_points};
+    pub use crate::bench::{Options, Record, Target, run};
+
+    /// Its report.
+    pub mod page {
+        pub use crate::bench::page::{MrImage, ReceiverImages, render};
+    }
+
+    /// Receivers of shadow images.
+    pub mod receivers {
+        pub use crate::bench::receivers::{ReceiverGrid, choose};
+    }
+
+    /// Its record.
+    pub mod record {
+        pub use crate::bench::record::{
+            Build, ClassRecord, ExactRow, MapRecord, MrRow, NO_FASTER, ReceiverClass, Record, Spent, Target,
+            UnbiasedRow,
+        };
+    }
+
+    /// Two builders.
+    pub mod side_by_side {
+        pub use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
+    }
 }
 
 /// Clusters.
 pub mod clusters {
-    pub use crate::clusters::{Builder, Options, build};
+    pub use crate::clusters::{Builder, Cluster, FAN_OUT, Options, Tree, build};
 }
 
 /// Files of measured clusters.
@@ -19,7 +46,26 @@ pub mod cache {
 
 /// The Embree binding.
 pub mod embree {
-    pub use crate::embree::{CommittedScene, Traversal};
+    pub use crate::embree::Traversal;
+}
+
+/// Texts of errors.
+pub mod error {
+    pub use crate::error::{in_words, is_obeyed, quote, shown};
+}
+
+/// Output of solutions.
+pub mod export {
+    pub use crate::export::{
+        Camera, GridLight, MAX_PIXELS, MAX_SIDE, Mesh, PageGrid, PageView, Stage, SurfaceLight, Tone, VIEW,
+        best_view, bytes_per_pixel, developed, grid_section, picture, scene_view, solve_page,
+        suitable_lightmap, surfaces, write_glb, write_lightmap_mesh, write_ply, write_vtu,
+    };
+}
+
+/// Files that appear whole or not at all.
+pub mod files {
+    pub use crate::files::{WholeFile, csv_text, input, json_text};
 }
 
 /// Readers of files, for tests with damaged files.
@@ -29,11 +75,7 @@ pub mod readers {
     use crate::{Result, points};
     use std::path::Path;
 
-    /// Names of the readers.
-    pub const NAMES: [&str; 11] =
-        ["obj", "mtl", "ply", "gltf", "glb", "cache", "csv", "toml", "ies", "ldt", "placements"];
-
-    /// Reads the content of a file with a reader of [`NAMES`]. Files that it names do not exist.
+    /// Reads the content of a file with the reader of this name. Files that it names do not exist.
     ///
     /// # Errors
     /// Those of the reader.
@@ -55,7 +97,6 @@ pub mod readers {
                 }
             }
             "csv" => drop(points::irradiance_of(folder, bytes)?),
-            "toml" => drop(crate::cli::feature_sizes(folder, bytes)?),
             "ies" | "ldt" | "placements" => {
                 let scene = scene::lit_from_memory(reader, bytes)?;
                 let power = scene.emitters.iter().flat_map(|emitter| scene.power(emitter));
@@ -82,50 +123,104 @@ pub mod readers {
     }
 }
 
-/// The C interface.
-pub mod capi {
-    pub use crate::capi::{layouts, model_handle};
-}
-
 /// Form factors between facets.
 pub mod form_factors {
-    pub use crate::form_factors::matrix::{Facets, Grouping, Matrix, Settings, compute};
+    pub use crate::form_factors::matrix::{
+        Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write,
+    };
 }
 
 /// Images in files.
 pub mod image_io {
-    pub use crate::image_io::read_image;
+    pub use crate::image_io::{
+        Channel, Picture, difference, grey, mask_overlay, read_image, thumbnail, write_atomically, write_exr,
+        write_exr_rgb, write_png,
+    };
+}
+
+/// Boxes and triangles.
+pub mod math {
+    pub use crate::math::{Aabb, triangle_area};
+}
+
+/// Memory of the machine.
+pub mod memory {
+    pub use crate::memory::{check_room, left_of_address_space, usable};
+}
+
+/// Measures of images.
+pub mod metrics {
+    pub use crate::metrics::fbem::spectrum_sizes;
+    pub use crate::metrics::features::{DEFAULT_THRESHOLD, FeatureSet};
+    pub use crate::metrics::norms::{Norms, norms};
+}
+
+/// Models.
+pub mod model {
+    pub use crate::model::embree_version;
 }
 
 /// Cluster optics.
 pub mod optics {
-    pub use crate::optics::{Extinction, Options, measure};
+    pub use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics, Extinction, Options, extinction, measure};
+}
+
+/// Parts of pages.
+pub mod page {
+    pub use crate::page::{
+        Cell, bytes, chart, count, data_url, document, figure, file_name, seconds, small_chart, table,
+    };
+}
+
+/// The path tracer.
+pub mod path_tracer {
+    pub use crate::path_tracer::{Settings, irradiance};
+}
+
+/// Charts.
+pub mod plot {
+    pub use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 }
 
 /// Points in files.
 pub mod points {
-    pub use crate::points::Point;
+    pub use crate::points::{
+        Comparison, Irradiance, Point, compare, read_irradiance, read_points, write_irradiance,
+    };
 }
 
 /// The light in a scene.
 pub mod radiosity {
     pub use crate::radiosity::links::Link;
-    pub use crate::radiosity::{Options, run};
+    pub use crate::radiosity::mesh::{Element, RadiosityMesh};
+    pub use crate::radiosity::{
+        Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View, Visibility,
+        run, solve,
+    };
+}
+
+/// Processes that share rows.
+pub mod ranks {
+    pub use crate::ranks::{Exchange, Ranks};
 }
 
 /// Bit images.
 pub mod raster {
-    pub use crate::raster::{BitImage, Edt, Morphology, Outside};
+    pub use crate::raster::{BitImage, Edt, Morphology, Opener, Outside, expand, fill_triangle};
 }
 
 /// Segments.
 pub mod ray {
-    pub use crate::ray::{Occluder, Packet};
+    pub use crate::ray::{LANES, Occluder, Packet};
 }
 
 /// Scenes from polygons and generators.
 pub mod scene {
-    pub use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, generate, resolve, write_obj};
+    pub use crate::scene::{
+        Emitter, LoadOptions, MeasuringGrid, Move, Object, Photometry, Scene, Soup, SoupMaterial,
+        StoredCamera, generate, mtl_path, parse_emitter, read_placements, resolve, unit_in_metres,
+        write_gltf, write_obj,
+    };
 }
 
 /// Instruction sets.
@@ -133,11 +228,17 @@ pub mod simd {
     pub use crate::simd::Isa;
 }
 
+/// Pools of threads.
+pub mod threads {
+    pub use crate::threads::{MAX_THREADS, Threads};
+}
+
 /// Visibility engines.
 pub mod visibility {
     pub use crate::visibility::steps::Steps;
     pub use crate::visibility::{
-        Answer, Bundle, Cut, Exact, LeafMode, Mode, MultiResolution, Sums, Workspace, fastest_traversal,
+        Answer, Bundle, CALIBRATION_BUNDLES, Cut, Exact, LeafMode, Mode, MultiResolution, Sums, Workspace,
+        fastest_traversal,
     };
 }
 

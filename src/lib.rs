@@ -67,21 +67,9 @@
 //!
 //! The formulas, with their papers, are in `docs/method.md` of the source code.
 
-// Without `cli` some functions and fields have no reader: what the command shows, and without `reports` also cameras and texture
-// coordinates. Files that serve the command or reports alone are left out; attributes on each of the other items, and on fields,
-// would hide the code. Unused code is found by the builds with `cli` and with all features.
-#![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
-
 mod api;
-#[cfg(feature = "cli")]
-mod batch;
 #[cfg(feature = "reports")]
 mod bench;
-#[cfg(feature = "capi")]
-mod capi;
-#[cfg(feature = "cli")]
-#[doc(hidden)]
-pub mod cli;
 mod clusters;
 mod embree;
 mod error;
@@ -110,8 +98,6 @@ mod radiosity;
 mod ranks;
 mod raster;
 mod ray;
-#[cfg(feature = "cli")]
-mod reproduce;
 mod scene;
 mod simd;
 #[allow(dead_code, unused_imports)] // No other room asks it yet.
@@ -132,6 +118,7 @@ pub use glam::DAffine3;
 pub use model::{Detail, Instance, InstanceChange, Model, PrepareOptions, PrepareReport, Source};
 pub use progress::Progress;
 pub use scene::{Channels, GenerateOptions, LoadOptions, Scene, UpAxis};
+pub use sky::SkyOptions;
 #[doc(hidden)]
 pub use threads::{in_callback, is_in_callback};
 pub use visibility::{Answer, Cost, Method};

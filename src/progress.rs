@@ -1,5 +1,6 @@
 //! Progress of long computations, and cancellation.
 
+#[cfg(any(test, feature = "reports"))]
 use std::io::{Error, Result, Seek, SeekFrom, Write};
 
 /// Receives the progress of a computation and can cancel it. `()` ignores progress and never cancels.
@@ -24,9 +25,11 @@ pub trait Progress: Sync {
 impl Progress for () {}
 
 /// Bytes that are written between two looks at the caller: a millisecond.
+#[cfg(any(test, feature = "reports"))]
 const SLICE: usize = 1 << 20;
 
 /// A writer that fails once `progress` has stopped.
+#[cfg(any(test, feature = "reports"))]
 pub struct Stoppable<'a, W> {
     /// Where the bytes go.
     pub out: W,
@@ -34,6 +37,7 @@ pub struct Stoppable<'a, W> {
     pub progress: &'a dyn Progress,
 }
 
+#[cfg(any(test, feature = "reports"))]
 impl<W: Write> Write for Stoppable<'_, W> {
     fn write(&mut self, bytes: &[u8]) -> Result<usize> {
         match self.progress.stopped() {
@@ -47,6 +51,7 @@ impl<W: Write> Write for Stoppable<'_, W> {
     }
 }
 
+#[cfg(any(test, feature = "reports"))]
 impl<W: Seek> Seek for Stoppable<'_, W> {
     fn seek(&mut self, to: SeekFrom) -> Result<u64> {
         self.out.seek(to)

@@ -14,11 +14,12 @@ NAMES = ("license", "licence", "copying", "copyright", "notice", "unlicense")
 
 
 def linked(metadata):
-    """Packages that are linked in: reached from the root by normal dependencies of this platform, no macros or build scripts."""
+    """Packages that are linked into the command and the C library: reached by normal dependencies of this platform, no macros or build
+    scripts."""
     nodes = {node["id"]: node for node in metadata["resolve"]["nodes"]}
     packages = {package["id"]: package for package in metadata["packages"]}
-    root = metadata["resolve"]["root"]
-    seen, waiting = set(), [root]
+    own = set(metadata["workspace_members"])
+    seen, waiting = set(), [i for i in own if packages[i]["name"] in ("mrvis-command", "mrvis-ffi")]
     while waiting:
         node = nodes[waiting.pop()]
         for dependency in node["deps"]:
@@ -27,13 +28,13 @@ def linked(metadata):
             if normal and not macro and dependency["pkg"] not in seen:
                 seen.add(dependency["pkg"])
                 waiting.append(dependency["pkg"])
-    return sorted((packages[i] for i in seen - {root}), key=lambda p: (p["name"], p["version"]))
+    return sorted((packages[i] for i in seen - own), key=lambda p: (p["name"], p["version"]))
 
 
 def main():
     project = pathlib.Path(sys.argv[1])
     host = next(line.split()[1] for line in subprocess.check_output(["rustc", "-vV"], text=True).splitlines() if line.startswith("host:"))
-    command = ["cargo", "metadata", "--format-version=1", "--locked", "--features=capi", f"--filter-platform={host}"]
+    command = ["cargo", "metadata", "--format-version=1", "--locked", f"--filter-platform={host}"]
     metadata = json.loads(subprocess.check_output(command, cwd=project))
     first = {}
     for package in linked(metadata):

@@ -303,7 +303,7 @@ impl PyModel {
         let options = solve_options(options)?;
         let model = this.get().model.clone();
         let solution = long(py, progress, move |watch| model.solve(&options, watch))?;
-        Ok(PySolution { solution, model: this.clone().unbind() })
+        Ok(PySolution { solution, model: this.clone().into_any().unbind() })
     }
 
     /// Irradiance by path tracing with all reflections, as a `Reference`: independent of clusters, elements and form factors; slow.

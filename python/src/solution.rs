@@ -3,7 +3,6 @@
 use crate::arguments::{keywords, not_pickled, unknown, value, whole, word};
 use crate::arrays::{points_f64, rows_out};
 use crate::errors::input;
-use crate::model::PyModel;
 use crate::source::Normals;
 use crate::visibility::ENGINES;
 use crate::work::long;
@@ -52,7 +51,7 @@ pub struct PySolution {
     pub solution: Solution,
     /// The model that was solved.
     #[pyo3(get)]
-    pub model: Py<PyModel>,
+    pub model: Py<PyAny>,
 }
 
 /// A class of `mrvis._types`.

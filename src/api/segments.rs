@@ -62,8 +62,9 @@ impl<'a, T: Copy> Strided<'a, T> {
     }
 
     /// The same position, `count` times, with its numbers in arrays of one entry.
-    #[cfg(feature = "capi")]
-    pub(crate) fn repeated_axes(x: &'a [T], y: &'a [T], z: &'a [T], count: usize) -> Strided<'a, T> {
+    #[cfg(feature = "internals")]
+    #[doc(hidden)]
+    pub fn repeated_axes(x: &'a [T], y: &'a [T], z: &'a [T], count: usize) -> Strided<'a, T> {
         Strided { axes: [x, y, z], stride: 0, count }
     }
 
@@ -334,8 +335,9 @@ impl<'a> Answers<'a> {
     }
 
     /// The same as numbers: `Method as u8`.
-    #[cfg(feature = "capi")]
-    pub(crate) fn method_codes(mut self, codes: &'a mut [u8]) -> Answers<'a> {
+    #[cfg(feature = "internals")]
+    #[doc(hidden)]
+    pub fn method_codes(mut self, codes: &'a mut [u8]) -> Answers<'a> {
         self.method_codes = Some(codes);
         self
     }

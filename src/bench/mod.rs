@@ -17,10 +17,8 @@ mod rounds;
 mod rows;
 mod run;
 mod sample;
-mod scaling;
 pub mod side_by_side;
 pub mod sizes;
-pub mod solve_scaling;
 mod surface;
 mod target;
 mod unaveraged;
@@ -28,6 +26,6 @@ mod unbiased;
 pub mod workload;
 
 pub use options::{Options, Target};
+#[cfg(any(test, feature = "internals"))]
 pub use record::Record;
 pub use run::run;
-pub use scaling::{check_scaling, scaling};

@@ -62,10 +62,12 @@ pub struct Options {
     /// Target of the error or the time of the answers, if any.
     pub target: Option<Target>,
     /// Algorithm that builds the clusters.
+    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub builder: Builder,
     /// How cluster optics are measured.
     pub clusters: optics::Options,
     /// Where measured clusters are cached.
+    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub cache: CacheLocation,
     /// Largest memory of results, bytes; `None`: a part of the available memory.
     pub max_memory: Option<u64>,

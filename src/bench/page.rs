@@ -16,11 +16,8 @@ mod maps;
 mod plots;
 mod prose;
 mod receivers;
-mod scaling;
 mod tables;
 mod trust;
-
-pub use scaling::render_scaling;
 
 /// Shadow images of one receiver, of equal size: fraction of the unoccluded irradiance at each texel, in [0, 1].
 /// Feature masks are computed from the reference.
@@ -79,7 +76,6 @@ pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> R
         }
         (maps::section(&record.maps, &record.unit)?)
         (losses::section(record, receivers)?)
-        (scaling::section(&record.scaling, &record.unit)?)
         (prose::how_to_read())
         (footer(record, command))
     };

@@ -6,12 +6,16 @@ use super::record::{Build, BytesPerTriangle};
 use super::rounds::timed;
 use super::sample::{Extent, Sample};
 use super::workload::Workload;
+#[cfg(any(test, feature = "internals"))]
 use crate::clusters;
-use crate::model::{Detail, Mesh, Model, PrepareOptions};
+#[cfg(any(test, feature = "internals"))]
+use crate::model::{Detail, PrepareOptions};
+use crate::model::{Mesh, Model};
 use crate::visibility::{LeafMode, MultiResolution, Workspace};
 
 impl Options {
     /// What [`Model::prepare`] must make for a benchmark with these options.
+    #[cfg(any(test, feature = "internals"))]
     pub fn prepare(&self) -> PrepareOptions {
         PrepareOptions {
             detail: Detail::Optics,

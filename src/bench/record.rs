@@ -9,7 +9,6 @@
 mod classes;
 mod compared;
 mod maps;
-mod scaling;
 mod spent;
 mod trust;
 
@@ -17,7 +16,6 @@ pub use crate::model::summary::SceneSummary;
 pub use classes::{ClassRecord, ReceiverClass};
 pub use compared::{NO_FASTER, curve, ratio, speedup};
 pub use maps::{MapExactRow, MapMrRow, MapRecord};
-pub use scaling::{ScalingRecord, ScalingRow};
 pub use spent::Spent;
 pub use trust::{
     CalibrationBin, IntervalAudit, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow,
@@ -83,9 +81,6 @@ pub struct Record {
     /// Maps of the receivers: images of whole surfaces, with set-up and interpolation.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub maps: Vec<MapRecord>,
-    /// Growth of cost with the size of the scene, if requested.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub scaling: Vec<ScalingRow>,
 }
 
 /// Settings of cluster optics.

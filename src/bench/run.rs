@@ -118,7 +118,6 @@ pub fn run(
         target,
         receivers: images.errors,
         maps,
-        scaling: Vec::new(),
     };
     Ok((record, images.shown))
 }

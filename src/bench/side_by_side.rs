@@ -1,11 +1,18 @@
 //! Solves a model with a second visibility engine and compares time and irradiance of both solutions.
 
+#[cfg(any(test, feature = "internals"))]
 use crate::Result;
+#[cfg(any(test, feature = "internals"))]
 use crate::model::Model;
-use crate::points::{Comparison, Irradiance, Point, compare};
+use crate::points::Comparison;
+#[cfg(any(test, feature = "internals"))]
+use crate::points::{Irradiance, Point, compare};
+#[cfg(any(test, feature = "internals"))]
 use crate::progress::Progress;
 use crate::radiosity::links::Tally;
-use crate::radiosity::{Options, Outcome, Record, Seconds, Visibility, run};
+#[cfg(any(test, feature = "internals"))]
+use crate::radiosity::{Options, Outcome, run};
+use crate::radiosity::{Record, Seconds, Visibility};
 use serde::Serialize;
 
 /// The solution of the second engine, compared with that of the first.
@@ -43,6 +50,7 @@ pub struct ComparedRecord {
 ///
 /// # Errors
 /// As [`run()`].
+#[cfg(any(test, feature = "internals"))]
 pub fn side_by_side(
     model: &Model,
     points: &[Point],

@@ -17,4 +17,6 @@ mod scene;
 mod tests;
 
 pub use device::Device;
-pub use scene::{CommittedScene, Hits, Options, SceneBuilder, Traversal};
+#[cfg(any(test, feature = "reports"))]
+pub use scene::Options;
+pub use scene::{CommittedScene, Hits, SceneBuilder, Traversal};

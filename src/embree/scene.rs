@@ -282,7 +282,7 @@ impl CommittedScene {
     }
 }
 
-/// First hits of the segments of a packet. Field order and layout equal those of `mrvis_hits` in `ffi/embree/shim.h`.
+/// First hits of the segments of a packet. Field order and layout equal those of `mrvis_hits` in `src/embree/shim.h`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Hits {

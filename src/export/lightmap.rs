@@ -2,13 +2,19 @@
 //! texture coordinates of the file.
 
 use super::Mesh;
-use crate::progress::{Progress, Stoppable};
+#[cfg(any(test, feature = "internals"))]
+use crate::files::WholeFile;
+use crate::progress::Progress;
+#[cfg(any(test, feature = "internals"))]
+use crate::progress::Stoppable;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::Scene;
-use crate::{Error, Result, files::WholeFile};
+use crate::{Error, Result};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
+#[cfg(any(test, feature = "internals"))]
 use std::io::{BufWriter, Write};
+#[cfg(any(test, feature = "internals"))]
 use std::path::Path;
 
 /// An image of irradiance and its texture coordinates.
@@ -327,6 +333,7 @@ impl Lightmap {
 ///
 /// # Errors
 /// The file cannot be written, or `progress` has stopped.
+#[cfg(any(test, feature = "internals"))]
 pub fn write_lightmap_mesh(
     path: &Path,
     map: &Lightmap,

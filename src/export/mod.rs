@@ -8,17 +8,17 @@ mod camera;
 mod false_colours;
 mod gather;
 mod gltf;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 mod grid_picture;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 mod isolines;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 mod lettering;
 mod lightmap;
 mod mesh;
 mod picture;
 mod ply;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 mod scene_view;
 mod solve_page;
 #[cfg(test)]
@@ -31,17 +31,23 @@ mod vtu;
 pub use camera::{Camera, First, Frame, Stage, render};
 pub use gather::{light_of, visible_points};
 pub use gltf::write_glb;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 pub use grid_picture::GridLight;
-pub use lightmap::{Lightmap, lightmap, write_lightmap_mesh};
+#[cfg(any(test, feature = "internals"))]
+pub use lightmap::write_lightmap_mesh;
+pub use lightmap::{Lightmap, lightmap};
 pub use mesh::Mesh;
-pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, bytes_per_pixel, developed, picture, suitable_lightmap};
+#[cfg(any(test, feature = "internals"))]
+pub use picture::developed;
+pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, bytes_per_pixel, picture, suitable_lightmap};
 pub use ply::write_ply;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 pub use scene_view::scene_view;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 pub use solve_page::{PageGrid, grid_section};
-pub use solve_page::{PageView, SurfaceLight, solve_page, surfaces};
+pub use solve_page::{PageView, solve_page};
+#[cfg(any(test, feature = "internals"))]
+pub use solve_page::{SurfaceLight, surfaces};
 pub use tone::Tone;
 pub use unwrapped::unwrapped_lightmap;
 pub use view::{VIEW, best_view};

@@ -5,7 +5,7 @@
 
 mod audit;
 mod flow;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 mod grids;
 mod surfaces;
 #[cfg(test)]
@@ -19,9 +19,10 @@ use crate::plot::number;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::{Record, Seconds};
 use crate::scene::{Photometry, Scene};
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 pub use grids::{PageGrid, grid_section};
 use maud::{Markup, html};
+#[cfg(any(test, feature = "internals"))]
 pub use surfaces::{SurfaceLight, surfaces};
 
 /// More notes than this are at the end of the page: the pictures come first.

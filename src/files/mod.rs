@@ -12,6 +12,7 @@ use std::{
 use tempfile::NamedTempFile;
 
 /// The text of a JSON file: indented, with a line feed at its end.
+#[cfg(any(test, feature = "reports"))]
 pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
     Ok(serde_json::to_string_pretty(value)? + "\n")
 }
@@ -162,6 +163,7 @@ impl WholeFile {
     ///
     /// # Errors
     /// [`Error::Io`] as for [`WholeFile::create`] and [`WholeFile::commit`].
+    #[cfg(any(test, feature = "internals"))]
     pub fn write(target: &Path, content: impl AsRef<[u8]>) -> Result<()> {
         let mut file = WholeFile::create(target)?;
         file.write_all(content.as_ref()).map_err(|e| Error::io(target, e))?;

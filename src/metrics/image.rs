@@ -89,11 +89,6 @@ impl<'a> Image<'a> {
         self.data[y * self.width + x]
     }
 
-    /// Smallest and largest value.
-    pub(crate) fn range(&self) -> (f32, f32) {
-        self.data.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)))
-    }
-
     /// [`Error::Argument`] unless `other` has the same number of columns and rows.
     pub(crate) fn check_same_sides(&self, other: &Image) -> Result<()> {
         if (self.width, self.height) == (other.width, other.height) {

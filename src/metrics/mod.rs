@@ -11,13 +11,13 @@
 //!
 //! This room does not depend on how images were computed.
 
-mod fbem;
-mod features;
+pub(crate) mod fbem;
+pub(crate) mod features;
 mod filter;
 mod image;
 #[cfg(any(test, feature = "reports"))]
 mod missing;
-mod norms;
+pub(crate) mod norms;
 
 pub use crate::raster::Morphology;
 pub use fbem::{Fbem, FbemOptions, Filter, fbem, spectrum};
@@ -27,7 +27,7 @@ pub use image::Image;
 #[cfg(any(test, feature = "reports"))]
 pub(crate) use {
     fbem::spectrum_sizes,
-    features::{DEFAULT_THRESHOLD, FeatureSet},
+    features::FeatureSet,
     missing::missing_features,
-    norms::{Norms, difference, norms},
+    norms::{difference, norms},
 };

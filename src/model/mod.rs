@@ -25,9 +25,11 @@ pub use mesh::Mesh;
 pub use prepare::{Detail, PrepareOptions, PrepareReport};
 pub use source::Source;
 
+#[cfg(any(test, feature = "reports"))]
 use crate::clusters;
 use crate::embree::{CommittedScene, Device, Hits, Traversal};
 use crate::math::Aabb;
+#[cfg(any(test, feature = "reports"))]
 use crate::optics;
 use crate::ranks::Ranks;
 use crate::ray::{EndRule, Packet};
@@ -44,6 +46,7 @@ use top_level::TopLevel;
 ///
 /// # Errors
 /// It does not suit this program, or fails.
+#[cfg(any(test, feature = "internals"))]
 pub fn embree_version() -> Result<String> {
     Ok(Device::new(1)?.version())
 }
@@ -79,6 +82,7 @@ impl Model {
     }
 
     /// The scene that was prepared, shared.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn shared_scene(&self) -> Arc<Scene> {
         self.inner.scene.clone()
     }
@@ -119,11 +123,13 @@ impl Model {
     }
 
     /// How the optics of clusters were measured.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn optics_options(&self) -> optics::Options {
         self.inner.options.optics
     }
 
     /// How clusters were built.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn cluster_options(&self) -> clusters::Options {
         self.inner.options.clusters
     }
@@ -169,6 +175,7 @@ impl Model {
     }
 
     /// Bytes of the boxes that groups of instances are measured on; 0 without placed meshes.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn group_bytes(&self) -> usize {
         let groups = self.inner.top.as_ref().and_then(|top| top.groups.as_ref());
         let parts =
@@ -177,7 +184,7 @@ impl Model {
     }
 
     /// Memory of what was prepared, bytes; the scene is not in it.
-    #[cfg(any(test, feature = "cli"))]
+    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn bytes(&self) -> u64 {
         let clusters: usize = self.meshes().iter().map(|mesh| mesh.cluster_bytes()).sum();
         self.report().embree_bytes + clusters as u64

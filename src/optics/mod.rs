@@ -30,6 +30,7 @@ const OPAQUE_DEPTH: f32 = 7.0;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Extinction {
     /// κ = Σ sides·A / (4V) [SD95 sec 3.1], the same in all directions (docs/method.md, Extinction).
+    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     Analytic,
     /// Fitted per axis, so that the mean transmittance of the projected box equals the free fraction of the silhouette
     /// (docs/method.md, Extinction).

@@ -123,6 +123,7 @@ pub fn chart(plot: &Plot, height: u32, caption: &str) -> Result<Markup> {
 ///
 /// # Errors
 /// The chart cannot be drawn.
+#[cfg(any(test, feature = "internals"))]
 pub fn small_chart(plot: &Plot, caption: &str) -> Result<Markup> {
     let svg = plot.svg(CHART_WIDTHS[1], NARROW_CHART_HEIGHT)?;
     Ok(html! { figure.plot { (PreEscaped(svg)) figcaption { (caption) } } })

@@ -7,20 +7,22 @@
 
 #[cfg(any(test, feature = "reports"))]
 mod compare;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 mod read;
 #[cfg(test)]
 mod tests;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 mod write;
 
 #[cfg(any(test, feature = "reports"))]
-pub use compare::{Comparison, compare};
-#[cfg(any(test, all(feature = "cli", feature = "internals")))]
+pub use compare::Comparison;
+#[cfg(any(test, feature = "internals"))]
+pub use compare::compare;
+#[cfg(any(test, feature = "internals"))]
 pub use read::irradiance_of;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 pub use read::{read_irradiance, read_points};
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 pub use write::write_irradiance;
 
 use glam::DVec3;

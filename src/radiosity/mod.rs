@@ -26,6 +26,13 @@ mod transport;
 
 #[cfg(feature = "reports")]
 pub(crate) use audit::Ledger;
-pub(crate) use audit::Powers;
-pub use options::{Inside, Options, Oracle, RowSums, View, Visibility};
-pub use pipeline::{Outcome, PointLight, Record, Seconds, Solution, run, solve};
+#[cfg(any(test, feature = "reports"))]
+pub use audit::Powers;
+#[cfg(any(test, feature = "internals"))]
+pub use options::{Inside, Oracle, RowSums, View};
+pub use options::{Options, Visibility};
+#[cfg(any(test, feature = "reports"))]
+pub use pipeline::Seconds;
+pub use pipeline::{Outcome, Record, Solution, solve};
+#[cfg(any(test, feature = "internals"))]
+pub use pipeline::{PointLight, run};

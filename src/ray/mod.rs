@@ -17,7 +17,7 @@ pub const LANES: usize = 16;
 /// A ray is most exact where it starts, so a segment with smaller rounding errors at its emitter end runs from there to the receiver: its
 /// lane is one of `backwards`.
 ///
-/// Field order and layout equal those of `mrvis_packet` in `ffi/embree/shim.h`.
+/// Field order and layout equal those of `mrvis_packet` in `src/embree/shim.h`.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct Packet {

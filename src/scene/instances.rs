@@ -4,14 +4,17 @@
 //! Parts and sides are determined within the shared mesh: faces of different placements are never connected, so six
 //! placements of a square that bound a box are six sheets.
 
+#[cfg(any(test, feature = "reports"))]
+use super::names::unknown;
 use super::{
     LoadOptions, MAX_COORDINATE, MIN_EXTENT, PlacedSoup, Placement, Repairs, Scene,
-    names::unknown,
     resolve::{resolve, resolve_mesh},
 };
 use crate::{Error, Result, error::quote, math::Aabb};
 use glam::DAffine3;
-use std::{collections::HashSet, sync::Arc};
+#[cfg(any(test, feature = "reports"))]
+use std::collections::HashSet;
+use std::sync::Arc;
 
 impl Scene {
     /// Number of triangles that block and receive light: the scene's own and those of each visible placement.
@@ -40,6 +43,7 @@ impl Scene {
     ///
     /// # Errors
     /// Nothing has this name; the message lists some names.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn faces_named_placed<'a>(
         &'a self,
         placed: impl Iterator<Item = (&'a str, &'a Scene)> + Clone,
@@ -67,12 +71,14 @@ impl Scene {
     }
 
     /// The names of the visible placements with their meshes.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn placed(&self) -> impl Iterator<Item = (&str, &Scene)> + Clone {
         let visible = self.placements.iter().filter(|p| p.visible);
         visible.map(|p| (p.name.as_str(), self.shared[p.mesh as usize].as_ref()))
     }
 
     /// This scene, a shared mesh, where `transform` places it; a reflection keeps the front the front.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn transformed(&self, transform: &DAffine3) -> Scene {
         let mirrored = transform.matrix3.determinant() < 0.0;
         let mut scene = self.clone();

@@ -34,7 +34,7 @@ pub struct LoadOptions {
 
 /// The luminaires of a placement file.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Placements {
+pub struct Placements {
     pub(super) list: Vec<PlacedLuminaire>,
     /// Files that were read: the placement file, then the photometric files, without repetition.
     pub(super) files: Vec<PathBuf>,

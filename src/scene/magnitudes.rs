@@ -10,6 +10,7 @@ impl Scene {
     }
 
     /// Largest absolute coordinate of the corners of some triangles, scene units.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn magnitude_of(&self, triangles: &[u32]) -> f32 {
         triangles.iter().map(|&t| magnitude(self.corners(t))).fold(0.0, f32::max)
     }

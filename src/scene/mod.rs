@@ -19,7 +19,7 @@ mod load;
 mod load_options;
 mod luminaires;
 mod magnitudes;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 mod measuring_grid;
 mod moves;
 mod mtl;
@@ -47,9 +47,11 @@ mod tests;
 mod texture;
 mod triangulate;
 mod up;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(feature = "internals")]
+mod with_objects;
+#[cfg(any(test, feature = "internals"))]
 mod write_gltf;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 mod write_obj;
 
 pub use emitter_sampler::EmitterSampler;
@@ -61,26 +63,34 @@ pub use limits::{MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT};
 pub use load::read_from_memory;
 pub use load_options::LoadOptions;
 #[cfg(any(test, feature = "internals"))]
+pub use load_options::Placements;
+#[cfg(any(test, feature = "internals"))]
 pub use luminaires::lit_from_memory;
+#[cfg(any(test, feature = "internals"))]
 pub use luminaires::read_placements;
 pub(crate) use magnitudes::magnitude;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 pub use measuring_grid::MeasuringGrid;
-pub(crate) use moves::Move;
+#[cfg(any(test, feature = "internals"))]
+pub use moves::Move;
 #[cfg(any(test, feature = "internals"))]
 pub use mtl::read_materials;
 pub use photometry::{Channels, Photometry};
 pub use placement::{MAX_PLACEMENTS, Placement};
-pub use power::{parse_emitter, unit_in_metres};
+#[cfg(any(test, feature = "internals"))]
+pub use power::parse_emitter;
+pub use power::unit_in_metres;
 pub use profile::Profile;
 pub use resolve::resolve;
 pub use soup::{PlacedSoup, Soup, SoupMaterial};
 pub use strength::Strength;
 pub use stretch::{MAX_STRETCH, stretch};
 pub use up::UpAxis;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
+pub use up::UpFrom;
+#[cfg(any(test, feature = "internals"))]
 pub use write_gltf::write_gltf;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "internals"))]
 pub use write_obj::{mtl_path, write_obj};
 
 use crate::sky::{Environment, SkyOptions};
@@ -264,7 +274,7 @@ impl Scene {
     }
 
     /// The sky and the suns that light the scene, if there are any.
-    pub fn sky(&self) -> Option<&Environment> {
+    pub(crate) fn sky(&self) -> Option<&Environment> {
         self.environment.as_deref()
     }
 
@@ -319,6 +329,7 @@ impl Scene {
     }
 
     /// Memory of vertices, faces, objects, materials and placements, bytes; each shared mesh counts once.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn bytes(&self) -> usize {
         fn of<T>(list: &[T]) -> usize {
             size_of_val(list)
@@ -342,6 +353,7 @@ impl Scene {
 
     /// Power of an emitter in watts, per channel: π L A, twice that for two-sided emission. Unknown units of length
     /// count as metres.
+    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn power(&self, emitter: &Emitter) -> [f64; 3] {
         let metres = unit_in_metres(&self.unit).unwrap_or(1.0);
         let material = self.triangle_material[emitter.triangles[0] as usize] as usize;

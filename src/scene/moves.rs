@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 /// A rigid motion of all objects or nodes of one name.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Move {
+pub struct Move {
     /// Name of the objects or nodes.
     name: String,
     /// Displacement, scene units, in the coordinates of the file.
@@ -24,7 +24,8 @@ impl Move {
     ///
     /// # Errors
     /// [`Error::Argument`] for another form, or for numbers that are not finite.
-    pub(crate) fn parse(text: &str) -> Result<Move> {
+    #[cfg(any(test, feature = "internals"))]
+    pub fn parse(text: &str) -> Result<Move> {
         let wrong = || {
             let form = "write NAME=X,Y,Z or NAME=X,Y,Z,DEGREES, as in chair=0.5,0,0 or chair=0.5,0,0,90";
             Error::Argument(format!("option `move`: {}: {form}", quote(text)))

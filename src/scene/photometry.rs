@@ -24,7 +24,6 @@ impl Default for Photometry {
 /// Channels that hold light as the eye weighs it. Luminous quantities of weighted channels are 179 (0.2126 R + 0.7152 G + 0.0722 B): lx of
 /// W/m², lm of W, cd/m² of W/(m² sr).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Channels {
     /// Radiometric channels, weighted.
     #[default]
@@ -51,6 +50,7 @@ impl From<Channels> for Photometry {
 
 impl Photometry {
     /// The luminous counterpart of an RGB quantity: lm of W, lx of W/m², cd/m² of W/(m² sr).
+    #[cfg(any(test, feature = "reports"))]
     pub fn of(&self, rgb: [f64; 3]) -> f64 {
         self.lumens_per_watt * (0..3).map(|c| self.weights[c] * rgb[c]).sum::<f64>()
     }

@@ -6,7 +6,6 @@ use glam::Vec3;
 /// The upward axis of a scene's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum UpAxis {
     /// +y, as in glTF.
     Y,
@@ -66,6 +65,7 @@ const FLAT: f32 = 1.1;
 
 impl Scene {
     /// The upward axis, see [`Scene::up_from`].
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn up_axis(&self) -> UpAxis {
         self.up_from().0
     }

@@ -3,6 +3,7 @@
 use super::answer::{Answer, Bundle, Cost, Method, wilson};
 use crate::embree::{CommittedScene, Traversal};
 use crate::ray::{Occluder, Packet};
+#[cfg(any(test, feature = "reports"))]
 use std::time::Instant;
 
 /// The exact engine.
@@ -40,6 +41,7 @@ impl Occluder for Exact {
 ///
 /// Traversals whose results differ from those of single rays in any segment are excluded, so that the choice affects no
 /// result: some compilers break Embree's coherent packets. `native_width` is [`crate::embree::Device::native_width`].
+#[cfg(any(test, feature = "reports"))]
 pub fn fastest_traversal(scene: &CommittedScene, native_width: usize, sample: &[Packet]) -> Traversal {
     let single = Traversal { width: 1, coherent: false };
     let mut truth = vec![0; sample.len()];

@@ -52,7 +52,9 @@ pub use cut::{Candidate, Cut, rays_for};
 pub use cut::{Mode, Sums};
 #[cfg(any(test, feature = "reports"))]
 pub use cut::{SURFACE_PART, surface_widths};
-pub use exact::{Exact, fastest_traversal};
+pub use exact::Exact;
+#[cfg(any(test, feature = "reports"))]
+pub use exact::fastest_traversal;
 #[cfg(any(test, feature = "reports"))]
 pub use far_field::{FarField, Scratch};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};

@@ -1,20 +1,15 @@
 //! The C interface: the header agrees with the library, and C and C++ programs get the answers of the crate.
 
 mod expected;
-mod header;
 mod programs;
 
+use crate::install::project;
 use std::path::{Path, PathBuf};
-
-/// A folder or file of the project.
-fn project(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
-}
 
 /// The shared library that was built with these tests.
 fn library() -> PathBuf {
     let folder = Path::new(env!("CARGO_BIN_EXE_mrvis")).parent().expect("a folder");
-    // Cargo copies it from `deps` only if the library itself is asked for.
+    // Tests do not depend on it: `.ci/tests` and `make test` build it beside them.
     let places = [folder.join("deps/libmrvis.so"), folder.join("libmrvis.so")];
     places.iter().find(|path| path.is_file()).unwrap_or_else(|| panic!("none of {places:?}")).clone()
 }

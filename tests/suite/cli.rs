@@ -99,19 +99,9 @@ fn options_out_of_range_are_refused() {
         (&["bench", "scene.obj", "--target-seconds", "NaN"], "target-seconds"),
         (&["bench", "scene.obj", "--target-seconds", "1", "--target-error", "0.1"], "target"),
         (&["bench", "scene.obj", "--map", huge], "map"),
-        (&["bench", "--scaling=10000", "--map", "64"], "--map"),
         (&["bench", "scene.obj", "--threads", huge], "threads"),
         (&["bench", "scene.obj", "--seed", "x"], "seed"),
         (&["bench", "scene.obj", "--no-such-option"], "no-such-option"),
-        (&["bench", "--scaling=0"], "scaling"),
-        (&["bench", "scene.obj", "--scaling=9999"], "scaling"),
-        (&["bench", "--scaling=huge"], "scaling"),
-        (&["bench", "--scaling=10000", "--target-error", "0.1"], "--target-error"),
-        (&["bench", "--scaling=10000", "--target-seconds", "1"], "--target-seconds"),
-        (&["bench", "--scaling=10000", "--unbiased"], "name a SCENE"),
-        (&["bench", "--scaling=10000", "--audit", "0.1"], "--audit"),
-        (&["bench", "--scaling=10000", "--receiver", "floor"], "--receiver"),
-        (&["bench", "--scaling=10000", "-s", "0.1", "-s", "0.2"], "one feature size"),
         (&["bench", "scene.obj", "--threads", "1025"], "1024"),
         (&["solve", "scene.obj", "--out", "o", "--threads", "1025"], "1024"),
         (&["bench"], "mrvis"),
@@ -172,7 +162,6 @@ fn help_and_version_are_no_errors() {
         "--reference-rays",
         "--out",
         "--cache",
-        "--scaling",
     ];
     let common = ["--threads", "--seed", "--json", "--quiet", "--unit", "--emitter"];
     for option in options.into_iter().chain(common) {
@@ -314,29 +303,6 @@ fn holds(json: &serde_json::Value, keys: &[(&str, &[&str])]) {
             assert!(at.get(name).is_some(), "the JSON has no {place}/{name}");
         }
     }
-}
-
-/// Growth is measured with and without a scene; the smallest series has one forest each.
-#[test]
-fn scaling_needs_no_scene() {
-    let scratch = scratch();
-    let few = ["--points", "100", "--rays", "1", "--reference-rays", "16", "--rounds", "1"];
-    let outcome =
-        scratch.mrvis(&[&["bench", "--scaling=10000", "--json", "r.json", "--out", "o"][..], &few].concat());
-    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
-    let json = scratch.json("r.json");
-    let rows = json["scaling"].as_array().expect("rows");
-    assert_eq!(rows.iter().map(|r| &r["series"]).collect::<Vec<_>>(), ["wider", "finer"]);
-    for row in rows {
-        for key in ["triangles", "seconds_per_bundle_mr", "seconds_per_bundle_exact", "bytes", "build_s"] {
-            assert!(row[key].as_f64().is_some_and(|v| v > 0.0), "{key}: {row}");
-        }
-    }
-    assert!(json.get("scene").is_none());
-    // Clusters of generated forests are not cached.
-    assert!(!scratch.path("cache/mrvis").exists());
-    let page = std::fs::read_to_string(scratch.path("o/report.html")).expect("a page");
-    assert!(page.contains("How cost grows"));
 }
 
 /// An emitter can be added by name.

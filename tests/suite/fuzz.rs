@@ -4,7 +4,8 @@
 //! MRVIS_FUZZ_SECONDS. An input with an outcome that no other had (scene, or error without its numbers) joins the files that are changed.
 //! `make fuzz` searches for an hour instead, guided by the code that is reached (`tests/fuzz`).
 
-use mrvis::internals::readers::{NAMES, read, sample_cache};
+use crate::install::project;
+use mrvis_command::readers::{NAMES, read, sample_cache};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 use std::collections::HashSet;
@@ -181,7 +182,7 @@ fn watch(reader: &'static str, current: &Arc<Mutex<(Instant, Vec<u8>)>>) {
 }
 
 fn fuzz(reader: &'static str) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus").join(reader);
+    let folder = project("tests/corpus").join(reader);
     let mut files: Vec<PathBuf> =
         std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()).collect();
     files.sort();

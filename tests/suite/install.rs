@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 
 /// A folder or file of the project.
 pub fn project(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").join(path)
 }
 
 /// What a command prints, if it succeeds.

@@ -1,13 +1,13 @@
 //! The scenes of `make scenes` that need no package of the system.
 
+use crate::install::project;
 use crate::run::Scratch;
-use std::path::Path;
 use std::process::Command;
 
 #[test]
 fn scenes_without_furniture_are_assembled() {
     let scratch = Scratch::new();
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/assemble.py");
+    let script = project("scenes/assemble.py");
     let names = ["sponza", "garden", "valley"];
     let made = Command::new("python3")
         .arg(script)

@@ -1,15 +1,19 @@
-//! Rules of the project that the compiler does not check. The table of rooms in `src/ARCHITECTURE.md` states which
+//! Rules of the project that the compiler does not check. The tables of rooms in `src/ARCHITECTURE.md` state which
 //! room may use which.
 
 mod circles;
 mod style;
 
+use crate::install::project;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
+/// Folders of the crates in Rust. The first is the library.
+const CRATES: [&str; 4] = ["src", "ffi/src", "command/src", "python/src"];
+
 fn source() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
+    project("src")
 }
 
 /// All Rust files below a folder.
@@ -27,7 +31,7 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// A file of the library with the path of its module: `["clusters", "tree"]`.
+/// A file of a crate with the path of its module: `["clusters", "tree"]`.
 struct File {
     path: PathBuf,
     module: Vec<String>,
@@ -52,16 +56,25 @@ fn without_comments(text: &str) -> String {
 }
 
 fn library() -> Vec<File> {
-    let root = source();
+    files_of(&source())
+}
+
+/// Files of all crates but the Python package, which uses the public interface alone.
+fn all_crates() -> Vec<File> {
+    CRATES[..3].iter().flat_map(|folder| files_of(&project(folder))).collect()
+}
+
+/// Files below a folder of sources, without tests.
+fn files_of(root: &Path) -> Vec<File> {
     let is_test = |p: &Path| {
         p.components()
             .any(|c| ["tests", "tests.rs", "testing.rs"].contains(&&*c.as_os_str().to_string_lossy()))
     };
-    rust_files(&root)
+    rust_files(root)
         .into_iter()
         .filter_map(|path| {
-            let relative = path.strip_prefix(&root).expect("below src").with_extension("");
-            if is_test(path.strip_prefix(&root).expect("below src")) {
+            let relative = path.strip_prefix(root).expect("below src").with_extension("");
+            if is_test(path.strip_prefix(root).expect("below src")) {
                 return None;
             }
             let mut module: Vec<String> =
@@ -88,11 +101,16 @@ fn words<'a>(code: &'a str, word: &'a str) -> impl Iterator<Item = usize> + 'a {
 
 /// First names after `crate::`, also in groups: `crate::{Error, math::Aabb}` uses `Error` and `math`.
 fn uses(code: &str) -> Vec<(usize, String)> {
+    names_after(code, "crate")
+}
+
+/// First names after a path and `::`, also in groups.
+fn names_after(code: &str, path: &str) -> Vec<(usize, String)> {
     let name =
         |text: &str| -> String { text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect() };
     let mut found = Vec::new();
-    for start in words(code, "crate") {
-        let Some(rest) = code[start + 5..].strip_prefix("::") else { continue };
+    for start in words(code, path) {
+        let Some(rest) = code[start + path.len()..].strip_prefix("::") else { continue };
         let Some(group) = rest.strip_prefix('{') else {
             found.push((start, name(rest)));
             continue;
@@ -117,32 +135,56 @@ fn uses(code: &str) -> Vec<(usize, String)> {
     found
 }
 
-/// Rows of the table of rooms: the room and what it may use besides `error` and `math`.
-fn table() -> BTreeMap<String, BTreeSet<String>> {
+/// Rows of the table in a section of the map: each room with the names in the cells after it.
+fn rows(heading: &str) -> BTreeMap<String, Vec<BTreeSet<String>>> {
     let text = fs::read_to_string(source().join("ARCHITECTURE.md")).expect("the map");
+    let section = text.split(&format!("\n# {heading}\n")).nth(1).expect("a section of the map");
+    let section = section.split("\n# ").next().unwrap_or_default();
     let names =
-        |cell: &str| -> Vec<String> { cell.split('`').skip(1).step_by(2).map(str::to_owned).collect() };
-    text.lines()
+        |cell: &str| -> BTreeSet<String> { cell.split('`').skip(1).step_by(2).map(str::to_owned).collect() };
+    section
+        .lines()
         .filter_map(|line| {
-            let row = line.strip_prefix("| [`").or_else(|| line.strip_prefix("| `"))?;
-            let cells: Vec<&str> = row.split('|').collect();
-            let room = cells[0].split('`').next()?.to_owned();
-            Some((room, names(cells.get(1)?).into_iter().collect()))
+            let row = line.strip_prefix("| `")?;
+            let mut cells = row.split('|');
+            let room = cells.next()?.split('`').next()?.to_owned();
+            Some((room, cells.map(names).collect()))
         })
         .collect()
+}
+
+/// Rooms of the library: what each may use besides `error` and `math`.
+fn table() -> BTreeMap<String, BTreeSet<String>> {
+    rows("Rooms").into_iter().map(|(room, mut cells)| (room, cells.swap_remove(0))).collect()
+}
+
+/// Rooms of the other crates: what each may use of its crate, and of the internals of the library.
+fn other_table() -> BTreeMap<String, [BTreeSet<String>; 2]> {
+    let rows = rows("Rooms of the other crates").into_iter();
+    rows.map(|(room, cells)| (room, [cells[0].clone(), cells[1].clone()])).collect()
+}
+
+/// Rooms of the other crates with their files; the C library is one room.
+fn other_rooms() -> Vec<(String, File)> {
+    let command = files_of(&project("command/src")).into_iter();
+    let command = command.filter(|f| !["lib", "main"].contains(&f.room())).map(|f| (f.room().to_owned(), f));
+    command.chain(files_of(&project("ffi/src")).into_iter().map(|f| ("ffi".to_owned(), f))).collect()
 }
 
 #[test]
 fn the_map_names_every_room_and_no_other() {
     let table = table();
     let rooms: BTreeSet<String> =
-        library().iter().map(|f| f.room().to_owned()).filter(|r| r != "lib" && r != "main").collect();
+        library().iter().map(|f| f.room().to_owned()).filter(|r| r != "lib").collect();
     let named: BTreeSet<String> = table.keys().cloned().collect();
     assert_eq!(rooms, named, "rooms in src/ (left) and in the table of src/ARCHITECTURE.md (right)");
     for (room, may) in &table {
         let unknown: Vec<_> = may.difference(&rooms).collect();
         assert!(unknown.is_empty(), "`{room}` may use {unknown:?}, which do not exist");
     }
+    let others: BTreeSet<String> = other_rooms().into_iter().map(|(room, _)| room).collect();
+    let named: BTreeSet<String> = other_table().into_keys().collect();
+    assert_eq!(others, named, "rooms of the other crates (left) and in src/ARCHITECTURE.md (right)");
 }
 
 #[test]
@@ -157,10 +199,23 @@ fn rooms_use_only_what_the_map_allows() {
                 wrong.push(format!("{}: `{}` may not use `{room}`", file.at(at), file.room()));
             }
         }
+    }
+    let others = other_table();
+    for (room, file) in other_rooms() {
+        let [own, internals] = &others[&room];
+        let of_crate = uses(&file.code).into_iter().filter(|(_, name)| *name != room && !own.contains(name));
+        let inner =
+            names_after(&file.code, "internals").into_iter().filter(|(_, name)| !internals.contains(name));
+        wrong.extend(
+            of_crate.chain(inner).map(|(at, name)| format!("{}: `{room}` may not use `{name}`", file.at(at))),
+        );
+    }
+    for file in all_crates() {
         // A chain of `super` that leaves the room is as long as the module path or longer.
         for (at, _) in file.code.match_indices("super::") {
             let chain = file.code[at..].split("super::").take_while(|s| s.is_empty()).count();
-            if !file.code[..at].ends_with("super::") && chain >= file.module.len() {
+            let is_room = file.module.len() > 1 || !file.path.starts_with(project("ffi"));
+            if !file.code[..at].ends_with("super::") && chain >= file.module.len() && is_room {
                 wrong.push(format!("{}: leaves the room by `super`", file.at(at)));
             }
         }
@@ -181,10 +236,37 @@ fn every_allowed_use_is_used() {
             .or_default()
             .extend(uses(&file.code).into_iter().map(|(_, name)| name));
     }
-    for (room, may) in table().into_iter().filter(|(room, _)| room != "cli" && room != "bench") {
+    for (room, may) in table().into_iter().filter(|(room, _)| room != "bench") {
         let idle: Vec<_> = may.iter().filter(|m| !used[&room].contains(*m)).collect();
         assert!(idle.is_empty(), "`{room}` does not use {idle:?}");
     }
+    let mut used: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for (room, file) in other_rooms() {
+        let names = uses(&file.code).into_iter().chain(names_after(&file.code, "internals"));
+        used.entry(room).or_default().extend(names.map(|(_, name)| name));
+    }
+    for (room, may) in other_table() {
+        let idle: Vec<_> = may.iter().flatten().filter(|m| !used[&room].contains(*m)).collect();
+        assert!(idle.is_empty(), "`{room}` does not use {idle:?}");
+    }
+}
+
+/// The internals of the library name what the command, the C library, benches or tests use, and nothing else.
+#[test]
+fn internals_are_used() {
+    let folders = ["command", "ffi/src", "ffi/benches", "tests", "benches"];
+    let users: Vec<String> =
+        folders.iter().flat_map(|folder| rust_files(&project(folder))).map(|path| read(&path)).collect();
+    let text = read(&source().join("internals.rs"));
+    let mut exported = Vec::new();
+    circles::exports(&syn::parse_file(&text).expect("Rust").items, &mut exported);
+    assert!(exported.len() > 100, "exports are found");
+    exported.retain(|name| !users.iter().any(|user| words(user, name).next().is_some()));
+    assert!(exported.is_empty(), "nobody uses {exported:?} of src/internals.rs");
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).expect("a source file")
 }
 
 #[test]
@@ -201,7 +283,11 @@ fn rules_see_what_they_look_for() {
 
 #[test]
 fn unsafe_code_is_confined() {
-    for file in library().iter().filter(|f| !["embree", "simd", "capi"].contains(&f.room())) {
+    let may = |f: &File| {
+        f.path.starts_with(project("ffi"))
+            || f.path.starts_with(source()) && ["embree", "simd"].contains(&f.room())
+    };
+    for file in all_crates().iter().filter(|f| !may(f)) {
         if let Some(at) = words(&file.code, "unsafe").next() {
             panic!("{}: `unsafe` outside of the rooms that may have it", file.at(at));
         }
@@ -210,7 +296,7 @@ fn unsafe_code_is_confined() {
 
 #[test]
 fn nothing_is_left_undone() {
-    for file in library() {
+    for file in all_crates() {
         for word in ["todo!", "unimplemented!", "dbg!"] {
             if let Some(at) = file.code.find(word) {
                 panic!("{}: {word}", file.at(at));
@@ -266,7 +352,7 @@ fn clusters_depend_only_on_what_their_cache_knows() {
 #[test]
 fn only_the_command_talks_and_listens() {
     let mut wrong = Vec::new();
-    for file in library().iter().filter(|f| !["cli", "main"].contains(&f.room())) {
+    for file in all_crates().iter().filter(|f| !["cli", "main"].contains(&f.room())) {
         for word in ["println", "eprintln", "print", "eprint"] {
             wrong.extend(
                 words(&file.code, word)

@@ -2,9 +2,8 @@
 
 use super::*;
 use crate::bench::record::{
-    Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, IntervalAudit, ReceiverErrors,
-    ScalingRecord, ScalingRow, SceneSummary, Spent, Target, TargetAsked, TargetChoice, UnbiasedLevel,
-    UnbiasedRow, Workload,
+    Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, IntervalAudit, ReceiverErrors, SceneSummary,
+    Spent, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
 };
 
 /// Shadows of 260 discs, six of them large, with noise; `large_only`: of the large ones.
@@ -188,7 +187,6 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         target: Some(target()),
         receivers: vec![ReceiverErrors { name: "lawn".into(), ..Default::default() }],
         maps: Vec::new(),
-        scaling: Vec::new(),
     };
     let images = ReceiverImages {
         name: "lawn".into(),
@@ -314,31 +312,6 @@ fn classes_show_their_best_rows() {
     assert!(!section.contains("7.25×") && !section.contains("<dt>open</dt>"), "{section}");
     record.classes.clear();
     assert!(!render(&record, &receivers, "").unwrap().contains("Classes of receivers"));
-}
-
-#[test]
-fn growth_has_a_plot_and_a_verdict() {
-    let row = |series: &str, triangles: usize, mr: f64| ScalingRow {
-        series: series.into(),
-        triangles,
-        seconds_per_bundle_mr: mr,
-        seconds_per_bundle_exact: 1e-5,
-        ..Default::default()
-    };
-    let scaling =
-        vec![row("wider", 10_000, 1e-6), row("wider", 1_000_000, 1.25e-6), row("finer", 10_000, 1e-6)];
-    let (mut record, receivers) = example();
-    record.scaling = scaling.clone();
-    let page = render(&record, &receivers, "mrvis bench").unwrap();
-    let alone = render_scaling(&ScalingRecord { scaling, ..Default::default() }).unwrap();
-    assert_eq!((page.matches("<svg ").count(), alone.matches("<svg ").count()), (12, 2));
-    for page in [page, alone] {
-        assert!(page.contains("more trees: 100 times the triangles take 1.25 times the time"), "{page}");
-        assert!(page.contains("their logarithm is 1.5 times as large"));
-        assert!(!page.contains("finer leaves: "), "one row says nothing about growth");
-    }
-    let empty = render_scaling(&ScalingRecord::default()).unwrap();
-    assert!(empty.ends_with("</html>") && !empty.contains("<svg "));
 }
 
 #[test]

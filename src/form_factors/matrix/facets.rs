@@ -93,6 +93,7 @@ impl Facets {
     }
 
     /// Object and material of each facet.
+    #[cfg(any(test, feature = "internals"))]
     pub fn labels(&self, scene: &Scene) -> Labels {
         let of = |list: &[u32]| (0..self.count()).map(|facet| list[self.triangle(facet)]).collect();
         Labels {

@@ -29,7 +29,7 @@ const HASH: usize = blake3::OUT_LEN;
 /// File name extension of cache files.
 const EXTENSION: &str = "mrvis-cache";
 /// Size of all cache files of a folder beyond which the oldest are removed, bytes. A forest of 10 million triangles takes
-/// 0.6 GB (`bench --scaling=10000000`).
+/// 0.6 GB.
 const MAX_FOLDER: u64 = 4 << 30;
 /// Version of the crate and hash of the code that measures clusters.
 const CODE: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("MRVIS_TABLE_CODE"));

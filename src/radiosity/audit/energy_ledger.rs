@@ -3,7 +3,9 @@
 use super::solved::{Closing, Solved};
 use crate::radiosity::elements::{RowFactors, Shape};
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::scene::{Photometry, unit_in_metres};
+#[cfg(any(test, feature = "reports"))]
+use crate::scene::Photometry;
+use crate::scene::unit_in_metres;
 
 /// Powers, summed over all surfaces; means of the channels. All but the emitted power are no numbers (`null` in JSON) where only direct light at
 /// points was computed.
@@ -38,15 +40,20 @@ pub struct Ledger {
     pub closed_area: f64,
     /// The powers of each channel, in [`Ledger::unit`].
     #[serde(skip)]
+    #[cfg_attr(not(feature = "reports"), allow(dead_code))]
     pub(crate) channels: Powers<Rgb>,
 }
 
 /// The powers of a ledger.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
-pub(crate) struct Powers<T> {
+pub struct Powers<T> {
+    /// Emitted.
     pub emitted: T,
+    /// Absorbed.
     pub absorbed: T,
+    /// Left the scene.
     pub escaped: T,
+    /// Received minus sent.
     pub created: T,
 }
 
@@ -171,7 +178,8 @@ impl Ledger {
 
     /// The luminous powers and their unit: lm, or lx times scene units squared where the length of a scene unit is not known.
     /// Without `photometry` the means of the channels.
-    pub(crate) fn shown(&self, photometry: Option<Photometry>) -> (Powers<f64>, String) {
+    #[cfg(any(test, feature = "reports"))]
+    pub fn shown(&self, photometry: Option<Photometry>) -> (Powers<f64>, String) {
         match photometry {
             None => (self.channels.map(mean), self.unit.clone()),
             Some(photometry) if self.unit == "W" => (self.channels.map(|p| photometry.of(p)), "lm".into()),

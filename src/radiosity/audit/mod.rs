@@ -8,7 +8,8 @@ mod solved;
 mod uncertainty;
 
 pub use energy_ledger::Ledger;
-pub(crate) use energy_ledger::Powers;
+#[cfg(any(test, feature = "reports"))]
+pub use energy_ledger::Powers;
 pub use error_bars::{AuditSize, ErrorBarAudit};
 pub use estimate::{ErrorEstimate, ErrorSource};
 pub use points_error::PointsError;

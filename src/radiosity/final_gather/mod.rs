@@ -24,4 +24,5 @@ mod untraced;
 pub use element_light::ElementSamples;
 pub use gatherer::{Buffers, FinalGather, PathVertex};
 pub use local_pass::{LATE_RAYS, LocalPass};
+#[cfg(any(test, feature = "reports"))]
 pub use points::with_fewer_rays;

@@ -9,8 +9,14 @@ mod run;
 
 #[cfg(test)]
 pub use engine::engine_for;
-pub use point_query::{PointLight, Solution};
-pub use record::{Outcome, Record, Seconds};
+#[cfg(any(test, feature = "internals"))]
+pub use point_query::PointLight;
+pub use point_query::Solution;
+#[cfg(any(test, feature = "reports"))]
+pub use record::Seconds;
+pub use record::{Outcome, Record};
+#[cfg(any(test, feature = "internals"))]
+pub use run::run;
+pub use run::solve;
 #[cfg(test)]
 pub use run::total_area;
-pub use run::{run, solve};

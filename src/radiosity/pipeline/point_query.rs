@@ -1,12 +1,18 @@
 //! A finished solution: answers irradiance at points at any time.
 
+#[cfg(any(test, feature = "reports"))]
 use super::notes;
 use crate::model::Model;
 use crate::points::Point;
+#[cfg(any(test, feature = "reports"))]
 use crate::progress::Progress;
 use crate::radiosity::audit::Solved;
-use crate::radiosity::deadline::{Deadline, QUERY_SHARE};
-use crate::radiosity::final_gather::{FinalGather, with_fewer_rays};
+use crate::radiosity::deadline::Deadline;
+#[cfg(any(test, feature = "reports"))]
+use crate::radiosity::deadline::QUERY_SHARE;
+use crate::radiosity::final_gather::FinalGather;
+#[cfg(any(test, feature = "reports"))]
+use crate::radiosity::final_gather::with_fewer_rays;
 use crate::radiosity::options::Options;
 use crate::radiosity::rgb::Rgb;
 use crate::scene::Scene;
@@ -14,6 +20,7 @@ use glam::Vec3;
 
 /// Approximate number of rays between two checks of the deadline: limits the delay to 4 million rays, half a second at
 /// 8 million rays a second.
+#[cfg(any(test, feature = "reports"))]
 const RAYS_PER_CHECK: usize = 1 << 22;
 
 /// The light of a scene, which answers irradiance at points.
@@ -22,14 +29,17 @@ pub struct Solution {
     pub(super) solved: Solved,
     pub(in crate::radiosity) options: Options,
     /// The time limit of the whole solution.
+    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub(in crate::radiosity) deadline: Deadline<'static>,
 }
 
 /// Irradiance at points within a time limit.
+#[cfg(any(test, feature = "reports"))]
 pub struct PointLight {
     /// Irradiance at the points, W/m²; none after an interruption, or if there was no time for the smallest number of rays of each point.
     pub irradiance: Option<Vec<Rgb>>,
     /// A note for the user if fewer rays were traced than asked for.
+    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub note: Option<String>,
 }
 
@@ -46,15 +56,18 @@ impl Solution {
 
     /// Irradiance at points (file coordinates) within a part, in `(0, 1]`, of the time that is left of [`Options::max_seconds`]: by
     /// fewer rays if there is no time for all of them.
+    #[cfg(any(test, feature = "internals"))]
     pub fn irradiance_within(&self, points: &[Point], part: f64, progress: &dyn Progress) -> PointLight {
         self.gathered(points, self.deadline.for_caller(progress).part(part))
     }
 
     /// Irradiance at points (file coordinates), W/m², with all rays, whatever time limit the solution had; none if `progress` has stopped.
+    #[cfg(any(test, feature = "reports"))]
     pub fn irradiance_unless(&self, points: &[Point], progress: &dyn Progress) -> Option<Vec<Rgb>> {
         self.gathered(points, Deadline::start(progress, None)).irradiance
     }
 
+    #[cfg(any(test, feature = "reports"))]
     fn gathered(&self, points: &[Point], deadline: Deadline) -> PointLight {
         let points = relative(self.model.scene(), points);
         let gather = |options: &Options| FinalGather::new(&self.model, &self.solved.linked, options);
@@ -87,6 +100,7 @@ impl Solution {
         PointLight { irradiance: Some(irradiance), note }
     }
 
+    #[cfg(any(test, feature = "reports"))]
     fn nothing(&self, points: usize, deadline: &Deadline) -> PointLight {
         let why = if deadline.interrupted() { "interrupted".into() } else { notes::limit(&self.options) };
         let note =

@@ -1,7 +1,7 @@
 //! Feeds inputs that libFuzzer makes to the reader of files that the variable `READER` names.
 #![no_main]
 
-use mrvis::internals::readers::{read, sample_cache};
+use mrvis_command::readers::{read, sample_cache};
 use std::{env::var, path::Path, sync::LazyLock};
 
 static READER: LazyLock<String> = LazyLock::new(|| var("READER").expect("READER names a reader"));

@@ -1,6 +1,7 @@
 //! Parts of a batch by several processes: in one folder, in several, with GNU parallel and with Slurm.
 
 use super::{assert_same, batch, prepared, results, started};
+use crate::install::project;
 use crate::run::{Outcome, Scratch};
 use std::process::Command;
 
@@ -65,7 +66,7 @@ fn more_parts_than_jobs_make_the_whole() {
 
 /// Runs a script of the project; `None` if it says that it cannot run here.
 fn script(scratch: &Scratch, name: &str, arguments: &[&str]) -> Option<Outcome> {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+    let path = project(name);
     let mut command = Command::new(path);
     command.args(arguments).current_dir(scratch.path(".")).env("MRVIS", env!("CARGO_BIN_EXE_mrvis"));
     let ran = Outcome::of(command.output().expect("the script runs"));

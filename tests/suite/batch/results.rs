@@ -1,8 +1,8 @@
 //! Tables and the page of a batch; the files in `examples/batch`.
 
+use crate::install::project;
 use crate::run::Scratch;
 use serde_json::Value;
-use std::path::Path;
 
 fn text(scratch: &Scratch, name: &str) -> String {
     std::fs::read_to_string(scratch.path(name)).expect("a file")
@@ -22,7 +22,7 @@ fn examples_run() {
 
 /// Runs these examples, or all, and lists the jobs of the others.
 fn check_examples(only: &[&str]) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/batch");
+    let folder = project("examples/batch");
     let scratch = Scratch::new();
     let mut names = Vec::new();
     for entry in std::fs::read_dir(&folder).expect("the examples") {

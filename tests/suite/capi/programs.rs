@@ -1,6 +1,7 @@
 //! C and C++ programs are compiled against the header and the library, and run.
 
-use super::{expected, library, project};
+use super::{declared, expected, library};
+use crate::install::project;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
@@ -198,4 +199,14 @@ const ARGUMENTS: [&str; 46] = [
 fn callbacks_may_cancel_ask_and_release() {
     let folder = tempfile::tempdir().expect("a folder");
     printed(&compiled_by_all(&folder, "progress.c"));
+}
+
+/// The library exports the functions of the header and nothing else: no symbol of Rust or of Embree.
+#[test]
+fn only_declared_functions_are_exported() {
+    let output = Command::new("nm").args(["-D", "--defined-only"]).arg(library()).output().expect("nm runs");
+    let text = String::from_utf8(output.stdout).expect("text");
+    let mut symbols: Vec<&str> = text.lines().filter_map(|line| line.split_whitespace().nth(2)).collect();
+    symbols.sort_unstable();
+    assert_eq!(symbols, declared(), "exported (left), declared (right)");
 }

@@ -1,8 +1,7 @@
 //! Limits of size, names and messages.
 
-use super::{library, rust_files, source, table, words};
+use super::{CRATES, all_crates, project, read, rust_files, source, table, words};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Longest file, lines.
@@ -21,25 +20,22 @@ const ROOMS_WITH_FLAGS: [(&str, &str); 3] = [
     ("plot", "names of variables of style sheets begin with two hyphens"),
 ];
 
-/// Path below `src`, with slashes.
-fn below_source(path: &Path) -> String {
-    let relative = path.strip_prefix(source()).expect("below src");
+/// Path in the project, with slashes.
+fn in_project(path: &Path) -> String {
+    let relative = path.strip_prefix(project("")).expect("in the project");
     relative.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
 }
 
-fn read(path: &Path) -> String {
-    fs::read_to_string(path).expect("a source file")
+/// All Rust files of the crates.
+fn source_files() -> Vec<PathBuf> {
+    CRATES.iter().flat_map(|folder| rust_files(&project(folder))).collect()
 }
 
 /// All Rust files of the project, tests and benchmarks included.
 fn all_files() -> Vec<PathBuf> {
-    let root = source().join("..");
-    ["src", "tests", "benches", "examples"]
-        .into_iter()
-        .map(|folder| root.join(folder))
-        .filter(|folder| folder.exists())
-        .flat_map(|folder| rust_files(&folder))
-        .collect()
+    let more = ["tests", "benches", "ffi/benches", "command/benches", "examples"];
+    let folders = CRATES.into_iter().chain(more).map(project).filter(|folder| folder.exists());
+    folders.flat_map(|folder| rust_files(&folder)).collect()
 }
 
 /// Name and number of lines of each function.
@@ -70,8 +66,8 @@ fn functions(text: &str) -> Vec<(String, usize)> {
 
 #[test]
 fn files_are_short() {
-    let long = rust_files(&source()).into_iter().filter_map(|path| {
-        let (name, lines) = (below_source(&path), read(&path).lines().count());
+    let long = source_files().into_iter().filter_map(|path| {
+        let (name, lines) = (in_project(&path), read(&path).lines().count());
         let allowed = LONG_FILES.iter().any(|(file, _)| *file == name);
         (lines > MAX_FILE_LINES && !allowed).then(|| format!("{name}: {lines} lines"))
     });
@@ -82,8 +78,8 @@ fn files_are_short() {
 #[test]
 fn functions_are_short() {
     let mut long = Vec::new();
-    for path in rust_files(&source()) {
-        let file = below_source(&path);
+    for path in source_files() {
+        let file = in_project(&path);
         for (name, lines) in functions(&read(&path)) {
             let allowed = LONG_FUNCTIONS.iter().any(|(f, n, _)| *f == file && *n == name);
             if lines > MAX_FUNCTION_LINES && !allowed {
@@ -164,7 +160,7 @@ fn limits_say_what_they_limit() {
 #[test]
 fn constants_state_their_origin() {
     let mut wrong = Vec::new();
-    for path in rust_files(&source()) {
+    for path in source_files() {
         for (number, line) in read(&path).lines().enumerate() {
             let comment = line.split_once("//").map_or("", |(_, comment)| comment);
             if ["Chosen.", "Chosen:", "Both chosen", "re chosen."].iter().any(|word| comment.contains(word)) {
@@ -199,7 +195,7 @@ fn citations_are_in_the_repository() {
 #[test]
 fn messages_of_the_library_name_fields() {
     let mut wrong = Vec::new();
-    for file in library().iter().filter(|f| !ROOMS_WITH_FLAGS.iter().any(|(room, _)| *room == f.room())) {
+    for file in all_crates().iter().filter(|f| !ROOMS_WITH_FLAGS.iter().any(|(room, _)| *room == f.room())) {
         for (at, _) in file.code.match_indices("--") {
             let line = file.code[..at].rfind('\n').map_or(0, |n| n + 1);
             let in_string = file.code[line..at].matches('"').count() % 2 == 1;

@@ -1,0 +1,315 @@
+//! The page of a batch: a table of all jobs, charts of errors against times, pictures.
+
+mod charts;
+#[cfg(test)]
+mod tests;
+
+use super::grids::JobGrid;
+use super::row::{Row, cell};
+use super::table::{COMPARED, COMPARED_NOISE};
+use charts::{Chart, charts};
+use maud::{Markup, PreEscaped, html};
+use mrvis::Result;
+use mrvis::internals::image_io::Picture;
+use mrvis::internals::page::{Cell, bytes, count, data_url, document, figure, seconds, table as plain_table};
+use mrvis::internals::plot::number;
+use std::collections::BTreeSet;
+
+const SCRIPT: &str = include_str!("report.js");
+
+/// Errors that charts show, the most telling first: of comparisons, of audits by independent paths, of form factors, of path tracing.
+const ERRORS: [(&str, &str); 6] = [
+    (COMPARED, "RMS difference from the reference"),
+    ("audit.rms_error", "RMS error by the audit"),
+    ("error_estimate", "estimated RMS error"),
+    ("report.row_standard_error", "standard error of a row"),
+    ("report.row_sum_error", "error of row sums"),
+    ("noise", "standard error"),
+];
+/// Columns of the table besides the job: with more it becomes a list on a screen of a notebook.
+const MAX_OPTIONS: usize = 5;
+const MAX_ERRORS: usize = 2;
+/// Jobs without a row that are named.
+const MAX_FAULTS: usize = 10;
+
+/// Grids of points that are listed: a few screens.
+const MAX_GRIDS: usize = 200;
+
+/// What the page shows.
+pub struct Report<'a> {
+    /// Name of the output folder.
+    pub name: &'a str,
+    /// Rows of the table of results.
+    pub rows: &'a [Row],
+    /// Number of jobs of the job file.
+    pub jobs_in_all: usize,
+    /// Why jobs have no row.
+    pub faults: &'a [String],
+    /// Light on grids of points.
+    pub grids: &'a [JobGrid],
+    /// Pictures of jobs.
+    pub pictures: &'a [JobPicture],
+    /// Errors of pictures that cannot be read.
+    pub unreadable: &'a [String],
+    /// Number of pictures that jobs have made.
+    pub pictures_in_all: usize,
+}
+
+/// A picture that a job has made.
+pub struct JobPicture {
+    /// Name of the job.
+    pub job: String,
+    /// Name of the file below the job's folder.
+    pub file: String,
+    /// Width and height of the picture in the file, pixels.
+    pub size: [u32; 2],
+    /// The picture, or a smaller one.
+    pub picture: Picture,
+}
+
+impl JobPicture {
+    /// What it shows: a feature mask, a difference and a grid are told by the name of their file.
+    fn what(&self) -> String {
+        let stem = self.file.rsplit_once('.').map_or(self.file.as_str(), |(stem, _)| stem);
+        let size = stem.rsplit_once("mask-").map(|(_, size)| size).filter(|size| size.parse::<f64>().is_ok());
+        match (size, stem.ends_with("difference")) {
+            (Some(size), _) => format!("mask of features larger than {size}"),
+            (None, true) => "difference from the reference".into(),
+            (None, false) if stem.starts_with("grid-") => "light on a grid of points".into(),
+            (None, false) => "picture".into(),
+        }
+    }
+}
+
+/// The page as HTML, without references to other files.
+///
+/// # Errors
+/// A picture or a chart cannot be drawn.
+pub fn report_page(report: &Report) -> Result<String> {
+    let rows = report.rows;
+    let (charts, charts_in_all) = charts(rows)?;
+    let body = html! {
+        (headline(report))
+        (failures(rows))
+        @if !charts.is_empty() { section { h2 { "Errors against time" } (chart_section(&charts, charts_in_all)) } }
+        section {
+            h2 { "Jobs" }
+            (controls(rows))
+            (table(rows))
+            p.note { "All figures of all jobs are in results.csv and results.jsonl." }
+        }
+        (grids(report.grids))
+        @if report.pictures_in_all > 0 { section { h2 { "Pictures" } (pictures(report)?) } }
+        script { (PreEscaped(SCRIPT)) }
+    };
+    Ok(document(&format!("mrvis batch: {}", report.name), &body))
+}
+
+fn text(row: &Row, column: &str) -> String {
+    cell(row.get(column))
+}
+
+fn value(row: &Row, column: &str) -> Option<f64> {
+    row.get(column).and_then(serde_json::Value::as_f64)
+}
+
+/// Columns of options that differ between these jobs.
+fn swept<'a>(rows: impl IntoIterator<Item = &'a Row> + Clone) -> Vec<String> {
+    let names: BTreeSet<&String> =
+        rows.clone().into_iter().flat_map(Row::keys).filter(|k| k.starts_with("option.")).collect();
+    let differs = |name: &&String| {
+        let values: BTreeSet<String> = rows
+            .clone()
+            .into_iter()
+            .filter(|row| row.contains_key(*name))
+            .map(|row| text(row, name))
+            .collect();
+        values.len() > 1
+    };
+    names.into_iter().filter(differs).cloned().collect()
+}
+
+/// Errors that at least two jobs state.
+fn errors<'a>(
+    rows: impl IntoIterator<Item = &'a Row> + Clone,
+) -> impl Iterator<Item = (&'static str, &'static str)> {
+    let known = move |(name, _): &(&str, &str)| {
+        rows.clone().into_iter().filter(|row| value(row, name).is_some_and(|e| e > 0.0)).count() > 1
+    };
+    ERRORS.into_iter().filter(known).take(MAX_ERRORS)
+}
+
+fn headline(report: &Report) -> Markup {
+    let rows = report.rows;
+    let total = |column: &str| rows.iter().filter_map(|row| value(row, column)).sum::<f64>();
+    let failed = rows.iter().filter(|row| text(row, "status") == "failed").count();
+    let missed = rows.iter().filter(|row| text(row, "status") == "missed").count();
+    let skipped = rows.iter().filter(|row| text(row, "status") == "skipped").count();
+    html! {
+        header {
+            p.kicker { "Batch of jobs" }
+            h1 { (report.name) }
+            p.lead {
+                strong { (rows.len() - failed - skipped) } " of " strong { (report.jobs_in_all) } " jobs are done"
+                @if missed > 0 { ", " (missed) " of them missed a tolerance" }
+                @if skipped > 0 { ", " (skipped) " were skipped because a job that they need failed" } "."
+            }
+            @for what in report.faults.iter().take(MAX_FAULTS) { p.warning { (what) } }
+            @if report.faults.len() > MAX_FAULTS { p.warning { "and " (report.faults.len() - MAX_FAULTS) " more jobs" } }
+            div.figures {
+                (figure(&count(rows.len() as u64), "jobs"))
+                (figure(&seconds(total("job_seconds")), "time of all jobs together"))
+                (figure(&bytes(total("output_bytes") as u64), "outputs"))
+            }
+        }
+    }
+}
+
+/// Errors of failed jobs; a list that is longer than a screen says so.
+fn failures(rows: &[Row]) -> Markup {
+    const MAX: usize = 10;
+    let failed: Vec<&Row> = rows.iter().filter(|row| text(row, "status") == "failed").collect();
+    html! {
+        @if !failed.is_empty() {
+            section {
+                h2 { "Failed" }
+                @for row in failed.iter().take(MAX) { p.warning { b { (text(row, "job")) } ": " (text(row, "error_message")) } }
+                @if failed.len() > MAX { p.note { "and " (failed.len() - MAX) " more in the table: type failed into its filter" } }
+            }
+        }
+    }
+}
+
+fn chart_section(charts: &[Chart], in_all: usize) -> Markup {
+    html! {
+        @if in_all > charts.len() {
+            p.note { (charts.len()) " of " (in_all) " charts: one for each scene, error and two swept options. The others can be made from results.csv." }
+        }
+        @if charts.len() > 1 {
+            p.controls hidden {
+                label { "Chart " select id="chart" { @for (k, chart) in charts.iter().enumerate() { option value=(k) { (chart.title) } } } }
+            }
+        }
+        @for (k, chart) in charts.iter().enumerate() { div.chart id=(format!("chart-{k}")) { h3 { (chart.title) } (chart.markup) } }
+    }
+}
+
+/// A column of the table: its key in the rows, its heading, and whether it has numbers.
+struct Column {
+    key: String,
+    name: String,
+    unit: Unit,
+}
+
+#[derive(PartialEq)]
+enum Unit {
+    Words,
+    Number,
+    Seconds,
+    Bytes,
+}
+
+fn columns(rows: &[Row]) -> Vec<Column> {
+    let column = |key: &str, name: &str, unit| Column { key: key.into(), name: name.into(), unit };
+    let mut columns = vec![column("job", "job", Unit::Words)];
+    for (key, name) in [("command", "command"), ("scene", "scene")] {
+        let values: BTreeSet<String> = rows.iter().map(|row| text(row, key)).collect();
+        columns.extend((values.len() > 1).then(|| column(key, name, Unit::Words)));
+    }
+    for key in swept(rows).iter().take(MAX_OPTIONS) {
+        let numbers = rows.iter().filter_map(|row| row.get(key)).all(serde_json::Value::is_number);
+        let unit = if numbers { Unit::Number } else { Unit::Words };
+        columns.push(column(key, key.trim_start_matches("option."), unit));
+    }
+    columns.push(column("status", "status", Unit::Words));
+    columns.push(column("job_seconds", "time", Unit::Seconds));
+    columns.extend(errors(rows).map(|(key, name)| column(key, name, Unit::Number)));
+    columns.push(column("output_bytes", "outputs", Unit::Bytes));
+    columns
+}
+
+fn controls(rows: &[Row]) -> Markup {
+    html! {
+        p.controls hidden {
+            label { "Filter " input id="filter" type="search" size="24"; }
+            label { "Sort by " select id="sort" { @for (k, column) in columns(rows).iter().enumerate() { option value=(k) { (column.name) } } } }
+            label { input id="down" type="checkbox"; " falling" }
+            span.note id="count" {}
+        }
+    }
+}
+
+fn table(rows: &[Row]) -> Markup {
+    let columns = columns(rows);
+    let class = |column: &Column| (column.unit == Unit::Words).then_some("text");
+    html! {
+        table.rows.many id="jobs" {
+            thead { tr { @for column in &columns { th scope="col" class=[class(column)] { (column.name) } } } }
+            tbody {
+                @for row in rows {
+                    tr {
+                        @for column in &columns {
+                            td class=[class(column)] data-name=(column.name) data-value=[value(row, &column.key)] { (shown(row, column)) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn shown(row: &Row, column: &Column) -> String {
+    match (value(row, &column.key), &column.unit) {
+        (Some(s), Unit::Seconds) => seconds(s),
+        (Some(n), Unit::Bytes) => bytes(n as u64),
+        (Some(x), Unit::Number) => number(x),
+        _ => text(row, &column.key),
+    }
+}
+
+/// The light on grids of points; their pictures are among those of the jobs.
+fn grids(grids: &[JobGrid]) -> Markup {
+    let row = |JobGrid { job, grid }: &JobGrid| {
+        let [height, minimum, mean, maximum] =
+            [grid.height, grid.minimum, grid.mean, grid.maximum].map(|x| Cell::from(number(x)));
+        let points = format!("{} × {}", grid.columns, grid.rows);
+        let uniformity = grid.uniformity.map_or_else(String::new, |u| format!("{u:.2}"));
+        let [job, name, unit] = [job, &grid.name, &grid.unit].map(Cell::words);
+        [job, name, points.into(), height, minimum, mean, maximum, unit, uniformity.into()]
+    };
+    let columns =
+        ["job", "surface", "points", "height", "minimum", "mean", "maximum", "unit", "uniformity U0"];
+    let rows: Vec<_> = grids.iter().take(MAX_GRIDS).map(row).collect();
+    html! {
+        @if !grids.is_empty() {
+            section {
+                h2 { "Grids of points" }
+                (plain_table(columns, &rows))
+                p.note {
+                    "Heights are in units of the scene; uniformity U0 is the minimum divided by the mean (EN 12464)."
+                    @if grids.len() > MAX_GRIDS { " These are " (MAX_GRIDS) " of " (grids.len()) " grids; the others are in the records of their jobs." }
+                }
+            }
+        }
+    }
+}
+
+fn pictures(report: &Report) -> Result<Markup> {
+    let urls = report.pictures.iter().map(|picture| Ok((picture, data_url(&picture.picture)?)));
+    let urls = urls.collect::<Result<Vec<_>>>()?;
+    Ok(html! {
+        @if report.pictures_in_all > urls.len() + report.unreadable.len() {
+            p.note { (urls.len()) " of " (report.pictures_in_all) " pictures; the others are in the folders of their jobs." }
+        }
+        @for what in report.unreadable { p.warning { "A picture cannot be read: " (what) } }
+        div.images.small {
+            @for (picture, url) in &urls {
+                @let JobPicture { job, file, size: [width, height], .. } = picture;
+                figure data-job=(job) {
+                    div.frame { img src=(url) alt=(format!("{} of {job}", picture.what())); }
+                    figcaption { (job) ": " (picture.what()) ", " (file) ", " (width) " × " (height) " pixels" }
+                }
+            }
+        }
+    })
+}

@@ -1,0 +1,383 @@
+//! Arguments shared by several subcommands.
+
+use super::scene_values::{ChannelArg, UpArg};
+use super::writable::{check_file, check_folder};
+use super::{
+    flags::with_flags,
+    inputs::{Inputs, Output},
+    job_context, limits,
+};
+use indicatif::{ProgressBar, ProgressStyle};
+use mrvis::internals::cache::CacheLocation;
+use mrvis::internals::error::is_obeyed;
+use mrvis::internals::files::{WholeFile, json_text};
+use mrvis::internals::scene::{Move, Photometry, parse_emitter, read_placements, unit_in_metres};
+use mrvis::internals::threads::{MAX_THREADS, Threads};
+use mrvis::internals::{LoadParts, SceneParts};
+use mrvis::{Error, LoadOptions, Result, Scene};
+use std::{
+    collections::HashSet,
+    io::Write as _,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Duration,
+};
+
+/// Options of every subcommand.
+#[derive(clap::Args, Clone, Debug)]
+#[command(next_help_heading = "Common options")]
+pub struct Common {
+    /// Number of threads; default: one per core, but one for the timed sections of `bench`.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MAX_THREADS as i64))]
+    pub threads: Option<u16>,
+    /// Seed of all random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Also write the results to FILE as JSON; - is the standard output, and the text then goes to standard error.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// No progress and no text: only files and the exit code.
+    #[arg(long)]
+    pub quiet: bool,
+    /// Unit of length of the scene (m, dm, cm, mm, km, in, ft).
+    #[arg(long, value_name = "U", default_value = "m", value_parser = unit)]
+    pub unit: String,
+    /// Stop with an error beyond this memory, in GiB [default: 80 % of what is available]
+    #[arg(long, value_name = "G", value_parser = limits::parse)]
+    pub max_memory: Option<f64>,
+}
+
+/// A known unit of length.
+fn unit(name: &str) -> Result<String, String> {
+    match unit_in_metres(name) {
+        Some(_) => Ok(name.into()),
+        None => Err("not a unit of length; there are m, dm, cm, mm, km, in, ft".into()),
+    }
+}
+
+impl Common {
+    /// Shows a spinner on a terminal until it is dropped.
+    pub fn spinner(&self, what: impl Into<String>) -> Spinner {
+        if self.quiet {
+            return Spinner(ProgressBar::hidden());
+        }
+        // Drawn on standard error, only if that is a terminal.
+        let bar = ProgressBar::new_spinner().with_message(what.into());
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Spinner(bar)
+    }
+
+    /// Runs `work` on the number of threads of `--threads`.
+    ///
+    /// # Errors
+    /// The threads cannot be started, or the work fails.
+    pub fn on_threads<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+        let threads = usize::from(self.threads.unwrap_or(0));
+        Threads::new(threads)?.run(work)?
+    }
+
+    /// Whether the JSON is written to standard output.
+    fn json_is_piped(&self) -> bool {
+        self.json.as_deref() == Some(Path::new("-"))
+    }
+
+    /// Writes text to standard output, or to standard error if the JSON is written to standard output; nothing with
+    /// `--quiet`.
+    ///
+    /// # Errors
+    /// The text cannot be written.
+    pub fn print(&self, text: &str) -> Result<()> {
+        if self.quiet {
+            return Ok(());
+        }
+        let text = printable(text);
+        if self.json_is_piped() {
+            // A closed standard error is ignored.
+            let _ = std::io::stderr().write_all(text.as_bytes());
+            return Ok(());
+        }
+        super::print(&text)
+    }
+
+    /// Checks before the work that the JSON file can be written.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn check_json(&self) -> Result<()> {
+        match &self.json {
+            Some(path) if !self.json_is_piped() => check_file(path),
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses outputs of the command that would replace an input, each other or the JSON file.
+    ///
+    /// # Errors
+    /// As [`Inputs::check`].
+    pub fn check_outputs(&self, inputs: &Inputs, outputs: impl IntoIterator<Item = Output>) -> Result<()> {
+        let json = self.json.as_deref().filter(|_| !self.json_is_piped());
+        inputs.check(outputs.into_iter().chain(json.map(|path| Output::new("--json", path))))
+    }
+
+    /// Writes the JSON if requested.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_json(&self, value: &impl serde::Serialize) -> Result<()> {
+        let Some(path) = &self.json else { return Ok(()) };
+        let text = json_text(value).map_err(|e| Error::format(path, None, e.to_string()))?;
+        if self.json_is_piped() { super::print(&text) } else { WholeFile::write(path, text) }
+    }
+}
+
+/// A text without characters that a terminal could obey, besides ends of lines and tabs. Names and messages from files are
+/// in it.
+fn printable(text: &str) -> String {
+    text.chars().filter(|&c| !is_obeyed(c) || c == '\n' || c == '\t').collect()
+}
+
+/// A spinner on the terminal; see [`Common::spinner`].
+pub struct Spinner(ProgressBar);
+
+impl Drop for Spinner {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// A scene, and properties that its file does not state.
+#[derive(clap::Args, Clone, Debug)]
+pub struct SceneArgs {
+    /// The scene: .obj, .gltf, .glb or .ply.
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// Let the object, group or material NAME emit W watts (repeatable); with a unit watts, lumens or luminance:
+    /// NAME=60W, NAME=800lm, NAME=5000cd/m2.
+    #[arg(long = "emitter", value_name = "NAME=W")]
+    pub emitters: Vec<String>,
+    /// Move the object or glTF node NAME (repeatable): by X, Y, Z scene units, and turn it by DEGREES about the upward axis.
+    #[arg(long = "move", value_name = "NAME=X,Y,Z[,DEGREES]")]
+    pub moves: Vec<String>,
+    /// Add luminaires with IES LM-63 or EULUMDAT files: a TOML file with [[luminaire]] tables of file, at and aim.
+    #[arg(long, value_name = "FILE.toml")]
+    pub luminaires: Option<PathBuf>,
+    /// Also give lux, lumens and cd/m²: rgb by luminance weights and 179 lm/W (default), or one channel that is in
+    /// lumens already (red, green, blue).
+    #[arg(long, value_name = "CHANNELS", num_args = 0..=1, require_equals = true, default_missing_value = "rgb")]
+    pub photometric: Option<ChannelArg>,
+    /// Upward axis of the scene's coordinates [default: y in glTF; elsewhere from the light and the extents]
+    #[arg(long, value_enum, value_name = "y|z")]
+    pub up: Option<UpArg>,
+    /// Emissive faces emit from both sides instead of the front only.
+    #[arg(long)]
+    pub two_sided_emission: bool,
+    /// Treat all faces as faces of closed solids (1) or as sheets (2) instead of detecting it.
+    #[arg(long, value_name = "1|2", value_parser = clap::value_parser!(u8).range(1..=2))]
+    pub sides: Option<u8>,
+    /// Light the scene by a sky: uniform[:E], overcast[:E], cie:N[,E] (types 1 to 16), clear:TURBIDITY, perez:DNI,DHI,
+    /// an equirectangular map .exr or .hdr, or sky.toml for all of it; E is the diffuse horizontal irradiance, W/m2.
+    #[arg(long, value_name = "SKY", help_heading = SKY)]
+    pub sky: Option<String>,
+    /// The sun: AZIMUTH,ELEVATION in degrees (from north by east) or a vector X,Y,Z towards it, with :E for its normal
+    /// irradiance; none; auto: by --place and --time [default: auto]
+    #[arg(long, value_name = "SUN", allow_hyphen_values = true, help_heading = SKY)]
+    pub sun: Option<String>,
+    /// Latitude and longitude, degrees north and east, and altitude, metres, for the position of the sun.
+    #[arg(long, value_name = "LAT,LON[,ALT]", allow_hyphen_values = true, help_heading = SKY)]
+    pub place: Option<String>,
+    /// Time for the position of the sun, such as 2026-06-21T12:00+02:00.
+    #[arg(long, value_name = "TIME", help_heading = SKY)]
+    pub time: Option<String>,
+}
+
+/// Heading of the options of sky and sun.
+const SKY: &str = "Sky and sun";
+
+impl SceneArgs {
+    /// How luminous quantities are reported, if they are asked for.
+    pub fn photometry(&self) -> Option<Photometry> {
+        self.photometric.map(|channels| Photometry::from(mrvis::Channels::from(channels)))
+    }
+
+    /// Refuses luminous quantities, for commands that compute no light.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if they are asked for.
+    pub fn without_light(&self) -> Result<()> {
+        self.photometric.map_or(Ok(()), |_| {
+            let what = "has no effect here: nothing that this command writes is light";
+            Err(Error::Argument(format!("--photometric {what}; omit it")))
+        })
+    }
+
+    /// Reads the scene.
+    ///
+    /// # Errors
+    /// As for [`Scene::load`], or an invalid `--emitter`.
+    pub fn load(&self, common: &Common) -> Result<Arc<Scene>> {
+        job_context::scene(|| format!("{self:?} {}", common.unit), || self.read(common))
+    }
+
+    fn read(&self, common: &Common) -> Result<Scene> {
+        let emitters = self.emitters.iter().map(|e| parse_emitter(e)).collect::<Result<Vec<_>>>()?;
+        let moves = self.moves.iter().map(|m| Move::parse(m)).collect::<Result<Vec<_>>>()?;
+        let luminaires = self.luminaires.as_deref().map(read_placements).transpose()?.unwrap_or_default();
+        let mut options = LoadOptions::default()
+            .with_unit(&common.unit)
+            .with_emitters(emitters)
+            .with_moves(moves)
+            .with_placements(luminaires)
+            .with_two_sided_emission(self.two_sided_emission)
+            .with_threads(common.threads.map_or(0, usize::from));
+        if let Some(channels) = self.photometric {
+            options = options.with_channels(channels.into());
+        }
+        if let Some(up) = self.up {
+            options = options.with_up(up.into());
+        }
+        if let Some(sides) = self.sides {
+            options = options.with_sides(sides);
+        }
+        if let Some(bytes) = limits::bytes(common.max_memory) {
+            options = options.with_max_memory(bytes);
+        }
+        let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
+        let mut scene = Scene::load_with(&self.scene, &options)?;
+        self.add_sky(&mut scene)?;
+        Ok(scene)
+    }
+
+    /// Reads the scene for commands that need triangles of its own: placed meshes are copied, with a warning.
+    ///
+    /// # Errors
+    /// As [`SceneArgs::load`], or more than [`MAX_COPIED_TRIANGLES`].
+    pub fn load_flat(&self, common: &Common) -> Result<Arc<Scene>> {
+        let scene = self.load(common)?;
+        if scene.parts().placements.is_empty() {
+            return Ok(scene);
+        }
+        let flatten = || {
+            let flat = scene.flattened(MAX_COPIED_TRIANGLES)?;
+            let (placed, triangles) =
+                (grouped(scene.parts().placements.len()), grouped(flat.parts().triangles.len()));
+            warn(common, &[format!("{placed} placed meshes were copied: {triangles} triangles")]);
+            Ok(flat)
+        };
+        job_context::scene(|| format!("{self:?} {} copied", common.unit), flatten)
+    }
+}
+
+/// Largest number of triangles after placed meshes are copied: limits memory to 20 GB, at about 1 kB per triangle of a
+/// solve.
+const MAX_COPIED_TRIANGLES: u64 = 20_000_000;
+
+/// Writes warnings to standard error, one per line. A closed standard error is ignored.
+pub fn warn(common: &Common, messages: &[String]) {
+    for message in messages.iter().filter(|_| !common.quiet) {
+        let _ = writeln!(std::io::stderr(), "mrvis: warning: {}", printable(&with_flags(message)));
+    }
+}
+
+/// Location of the cache of measured clusters.
+#[derive(clap::Args, Clone, Debug)]
+pub struct CacheArgs {
+    /// Cache the measured clusters in the folder DIR, or do not cache them (off) [default: mrvis in the user's cache folder]
+    #[arg(long, value_name = "DIR|off")]
+    pub cache: Option<PathBuf>,
+}
+
+impl CacheArgs {
+    /// The location; creates the folder if it is missing.
+    ///
+    /// # Errors
+    /// The folder cannot be written.
+    pub fn place(&self) -> Result<CacheLocation> {
+        match &self.cache {
+            None => Ok(user_cache().map_or(CacheLocation::Off, CacheLocation::Folder)),
+            Some(folder) if folder == Path::new("off") => Ok(CacheLocation::Off),
+            Some(folder) => check_folder(folder).map(|_| CacheLocation::Folder(folder.clone())),
+        }
+    }
+}
+
+/// The folder of this program in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`); `None` if the user has no home.
+fn user_cache() -> Option<PathBuf> {
+    use etcetera::BaseStrategy;
+    etcetera::choose_base_strategy().ok().map(|folders| folders.cache_dir().join("mrvis"))
+}
+
+/// The file name of a path, for messages.
+pub fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// Beginning of a name with characters that are valid in file names everywhere.
+pub fn plain(name: &str) -> String {
+    let valid = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+    name.chars().take(60).map(valid).collect()
+}
+
+/// Names of files with numbers behind those that occur more than once, also if only in another case: some file systems do not
+/// distinguish cases.
+pub fn distinct(names: impl IntoIterator<Item = String>) -> Vec<String> {
+    let mut used = HashSet::new();
+    let number = |name: String| {
+        let numbered = |n: usize| if n == 1 { name.clone() } else { format!("{name}-{n}") };
+        (1..).map(numbered).find(|candidate| used.insert(candidate.to_lowercase())).unwrap_or_default()
+    };
+    names.into_iter().map(number).collect()
+}
+
+/// A count with separators of thousands: `1,234,567`.
+pub fn grouped(n: usize) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, d) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(d);
+    }
+    out
+}
+
+/// The text as one word of a shell command.
+pub fn shell_word(text: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "/._-+:,=".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text.into()
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}
+
+/// The command line of this run or of the job of a batch, for a shell.
+pub fn command_line() -> String {
+    if let Some(line) = job_context::command_line() {
+        return line;
+    }
+    let words = std::env::args_os().skip(1).map(|word| shell_word(&word.to_string_lossy()));
+    let words: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
+    words.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_grouped() {
+        for (n, want) in [(0, "0"), (999, "999"), (1000, "1,000"), (1234567, "1,234,567")] {
+            assert_eq!(grouped(n), want);
+        }
+    }
+
+    #[test]
+    fn names_of_files_are_distinct() {
+        let names = ["a b", "a_b", "a/b", "A_b", "a_b-2"].map(plain);
+        assert_eq!(distinct(names), ["a_b", "a_b-2", "a_b-3", "A_b-4", "a_b-2-2"]);
+    }
+}

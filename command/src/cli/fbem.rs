@@ -1,0 +1,321 @@
+//! `mrvis fbem REFERENCE APPROXIMATION`: feature-based error of an image.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use super::inputs::{Inputs, Output};
+use clap::ValueEnum;
+use serde_json::json;
+
+use mrvis::internals::image_io::{
+    Channel, difference, mask_overlay, read_image, write_atomically, write_exr, write_png,
+};
+use mrvis::internals::metrics::{DEFAULT_THRESHOLD, FeatureSet, Norms, norms, spectrum_sizes};
+use mrvis::internals::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
+use mrvis::metrics::Morphology;
+use mrvis::metrics::{Fbem, FbemOptions, FeatureOptions, Features, Filter, Image, spectrum};
+use mrvis::{Error, Result};
+
+/// Compare two images by the feature-based error metric: features larger than s are compared texel by texel, the rest
+/// on average. PNG, EXR, HDR, JPEG; 8- and 16-bit images are converted from sRGB to linear values.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// The reference image
+    pub reference: PathBuf,
+    /// The image to be compared, of the same size
+    pub approximation: PathBuf,
+    /// Feature size in scene units (in texels without --texel); repeatable [default: a spectrum]
+    #[arg(short, long = "s", visible_alias = "feature-size", value_name = "S")]
+    pub sizes: Vec<f64>,
+    /// Side of a texel in scene units
+    #[arg(long, value_name = "T", default_value_t = 1.0)]
+    pub texel: f64,
+    /// Measure of feature sizes
+    #[arg(long, value_enum, default_value_t = Mode::Euclid)]
+    pub mode: Mode,
+    /// Regions that are features
+    #[arg(long, value_enum, default_value_t = Kind::Both)]
+    pub features: Kind,
+    /// Exclude features from the averages outside of them
+    #[arg(long)]
+    pub unmasked_filter: bool,
+    /// Exponent of the norm
+    #[arg(long, default_value_t = 2.0)]
+    pub p: f64,
+    /// Value of an unoccluded texel [default: 1, or the reference's maximum if that is larger]
+    #[arg(long, value_name = "W")]
+    pub white: Option<f32>,
+    /// Smallest relative darkening that counts as shadow
+    #[arg(long, default_value_t = DEFAULT_THRESHOLD)]
+    pub threshold: f32,
+    /// Channel of the pixels that is compared
+    #[arg(long, value_enum, default_value_t = Component::Luminance)]
+    pub channel: Component,
+    /// Folder for feature masks, difference image and spectrum (created if missing)
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// File for the results as JSON; - is the standard output, and the text then goes to standard error
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Exit with code 1 if the error at any size exceeds E (in image values)
+    #[arg(long, value_name = "E")]
+    pub tolerance: Option<f64>,
+    /// Print nothing
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// `--mode`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Mode {
+    /// Largest disc inside the feature (independent of direction)
+    Euclid,
+    /// Erosions with 8 neighbours, as in the paper's program
+    Paper8,
+    /// Erosions with 4 neighbours, as in the paper's definition
+    Paper4,
+}
+
+/// `--features`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Kind {
+    /// Shadows and lit regions
+    Both,
+    /// Shadows only, as in the paper
+    Shadow,
+}
+
+/// `--channel`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[allow(missing_docs)]
+pub enum Component {
+    Luminance,
+    Red,
+    Green,
+    Blue,
+}
+
+/// Runs the command. Exit code 0, or 1 when a tolerance was given and missed.
+///
+/// # Errors
+/// An image cannot be read, the images differ in size, an option is out of range, or an output is not writable.
+pub fn run(args: &Args) -> Result<ExitCode> {
+    if args.tolerance.is_some_and(|t| t.is_nan() || t < 0.0) {
+        return Err(Error::Argument("--tolerance must be a number of at least 0".into()));
+    }
+    let channel = match args.channel {
+        Component::Luminance => Channel::Luminance,
+        Component::Red => Channel::Red,
+        Component::Green => Channel::Green,
+        Component::Blue => Channel::Blue,
+    };
+    let inputs = Inputs::of([args.reference.as_path(), &args.approximation]);
+    let json = args.json.iter().filter(|path| *path != Path::new("-"));
+    let json = || json.clone().map(|path| Output::new("--json", path));
+    inputs.check(json())?;
+    let reference = read_image(&args.reference, channel, args.texel)?;
+    let approximation = read_image(&args.approximation, channel, args.texel)?;
+    let white = args.white.unwrap_or_else(|| reference.data().iter().copied().fold(1.0, f32::max));
+    let features = feature_options(args, white);
+    let filter = if args.unmasked_filter { Filter::Unmasked } else { Filter::Whole };
+    let options = FbemOptions::default().with_exponent(args.p).with_features(features).with_filter(filter);
+    let sizes = if args.sizes.is_empty() { spectrum_sizes(&reference, 8) } else { args.sizes.clone() };
+    if let Some(folder) = &args.out {
+        let pictures =
+            FIXED_PICTURES.map(String::from).into_iter().chain(sizes.iter().map(|&s| mask_name(s)));
+        inputs.check(Output::within("--out", folder, pictures).chain(json()))?;
+    }
+    let norms = norms(&reference, &approximation)?;
+    let rows = spectrum(&reference, &approximation, &sizes, &options)?;
+    let json_is_piped = args.json.as_deref() == Some(Path::new("-"));
+    if !args.quiet {
+        let text = table(args, &reference, white, &norms, &rows);
+        // A closed pipe (`| head`) is not an error.
+        let _ = match json_is_piped {
+            true => std::io::stderr().write_all(text.as_bytes()),
+            false => std::io::stdout().write_all(text.as_bytes()),
+        };
+    }
+    if let Some(path) = &args.json {
+        let text = format!("{:#}\n", report(args, &reference, white, &norms, &rows));
+        match json_is_piped {
+            true => super::print(&text)?,
+            false => write_atomically(path, text.as_bytes())?,
+        }
+    }
+    if let Some(folder) = &args.out {
+        write_pictures(folder, (&reference, &approximation), (&features, white), &rows)?;
+    }
+    let missed = args.tolerance.is_some_and(|t| rows.iter().any(|row| row.value > t));
+    Ok(ExitCode::from(u8::from(missed)))
+}
+
+/// What counts as a feature.
+fn feature_options(args: &Args, white: f32) -> FeatureOptions {
+    let morphology = match args.mode {
+        Mode::Euclid => Morphology::Euclid,
+        Mode::Paper8 => Morphology::Paper8,
+        Mode::Paper4 => Morphology::Paper4,
+    };
+    let features = if args.features == Kind::Both { Features::Both } else { Features::Shadow };
+    FeatureOptions::default()
+        .with_features(features)
+        .with_morphology(morphology)
+        .with_white(white)
+        .with_threshold(args.threshold)
+}
+
+/// The results as text.
+fn table(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) -> String {
+    let mode = args.mode.to_possible_value().map_or(String::new(), |v| v.get_name().to_string());
+    let mut text = format!(
+        "{} x {} texels of {}, unoccluded value {}, sizes by {mode}\n\n",
+        image.width(),
+        image.height(),
+        number(args.texel),
+        number(f64::from(white)),
+    );
+    text += &format!("{:>10} {:>11} {:>9} {:>11}\n", "s", "FBEM", "FBEM %", "masked %");
+    for row in rows {
+        let percent = 100.0 * row.value / f64::from(white);
+        let masked = 100.0 * row.masked_fraction;
+        text += &format!("{:>10} {:>11.6} {percent:>9.3} {masked:>11.2}\n", number(row.size), row.value);
+    }
+    let Norms { l1, l2, bias, max, .. } = norms;
+    text + &format!("\nL1 {l1:.6}   L2 {l2:.6}   bias {bias:+.6}   largest {max:.6}\n")
+}
+
+/// The results as JSON.
+fn report(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) -> serde_json::Value {
+    let name = |v: Option<clap::builder::PossibleValue>| v.map(|v| v.get_name().to_string());
+    let row = |row: &Fbem| {
+        json!({
+            "feature_size": row.size,
+            "fbem": row.value,
+            "percent": 100.0 * row.value / f64::from(white),
+            "masked_fraction": row.masked_fraction,
+        })
+    };
+    json!({
+        "mrvis": env!("CARGO_PKG_VERSION"),
+        "reference": args.reference.display().to_string(),
+        "approximation": args.approximation.display().to_string(),
+        "width": image.width(),
+        "height": image.height(),
+        "texel": args.texel,
+        "mode": name(args.mode.to_possible_value()),
+        "features": name(args.features.to_possible_value()),
+        "channel": name(args.channel.to_possible_value()),
+        "filter": if args.unmasked_filter { "unmasked" } else { "whole" },
+        "p": args.p,
+        "white": white,
+        "threshold": args.threshold,
+        "l1": norms.l1,
+        "l2": norms.l2,
+        "bias": norms.bias,
+        "max": norms.max,
+        "fbem": rows.iter().map(row).collect::<Vec<_>>(),
+        "tolerance": args.tolerance,
+    })
+}
+
+/// Names of the pictures besides masks.
+const FIXED_PICTURES: [&str; 3] = ["difference.png", "difference.exr", "spectrum.svg"];
+
+/// Name of the mask of a feature size.
+fn mask_name(size: f64) -> String {
+    format!("mask-{size}.png")
+}
+
+/// Writes masks over the reference, the difference and the spectrum.
+fn write_pictures(
+    folder: &Path,
+    (reference, approximation): (&Image, &Image),
+    (features, white): (&FeatureOptions, f32),
+    rows: &[Fbem],
+) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let mut set = FeatureSet::new(reference, features)?;
+    for row in rows {
+        let picture = mask_overlay(reference, white, &set.mask(row.size))?;
+        write_png(&folder.join(mask_name(row.size)), &picture)?;
+    }
+    let range = white;
+    let [difference_png, difference_exr, svg] = FIXED_PICTURES.map(|name| folder.join(name));
+    write_png(&difference_png, &difference(reference, approximation, range)?)?;
+    let values = reference.data().iter().zip(approximation.data()).map(|(r, a)| a - r).collect();
+    let signed = Image::new(reference.width(), reference.height(), reference.texel(), values)?;
+    write_exr(&difference_exr, &signed)?;
+    let point = |row: &Fbem| PlotPoint { x: row.size, y: row.value, label: String::new() };
+    let plot = Plot {
+        y_reach: 0.0,
+        x_label: "feature size s".into(),
+        y_label: "error that features larger than s see".into(),
+        x_scale: Scale::Linear,
+        y_scale: Scale::Linear,
+        series: vec![Series {
+            name: "FBEM(s)".into(),
+            points: rows.iter().map(point).collect(),
+            marks: Marks::Joined,
+        }],
+    };
+    write_atomically(&svg, plot.svg(720, 420)?.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    /// Runs the command on a shadow and an image without it, with further arguments.
+    fn run_on(folder: &Path, more: &[&str]) -> Result<ExitCode> {
+        let shadow =
+            |x: usize, y: usize| if (20..40).contains(&x) && (20..40).contains(&y) { 0.0 } else { 1.0 };
+        let (a, b) = (folder.join("a.exr"), folder.join("b.exr"));
+        write_exr(&a, &Image::from_fn(64, 64, 1.0, shadow)?)?;
+        write_exr(&b, &Image::from_fn(64, 64, 1.0, |_, _| 1.0)?)?;
+        let files = [Path::new("fbem"), &a, &b].map(|p| p.display().to_string());
+        let words = files.into_iter().chain(more.iter().map(|w| w.to_string()));
+        run(&Command::try_parse_from(words.chain(["--quiet".to_string()])).unwrap().args)
+    }
+
+    #[test]
+    fn figures_and_pictures_are_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let (out, json) = (folder.path().join("new/out"), folder.path().join("figures.json"));
+        let paths = [out.display().to_string(), json.display().to_string()];
+        let more = ["--s", "0", "--s", "2.5", "--texel", "0.1", "--out", &paths[0], "--json", &paths[1]];
+        assert_eq!(run_on(folder.path(), &more).unwrap(), ExitCode::SUCCESS);
+        for name in ["mask-0.png", "mask-2.5.png", "difference.png", "difference.exr", "spectrum.svg"] {
+            assert!(out.join(name).is_file(), "{name}");
+        }
+        let figures: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(json).unwrap()).unwrap();
+        let expected = (400.0f64 / 4096.0).sqrt();
+        assert!((figures["l2"].as_f64().unwrap() - expected).abs() < 1e-12);
+        assert_eq!(figures["fbem"][0]["fbem"], figures["l2"]);
+        assert!(figures["fbem"][1]["fbem"].as_f64().unwrap() < 0.9 * expected);
+    }
+
+    #[test]
+    fn a_missed_tolerance_is_exit_code_1() {
+        let folder = tempfile::tempdir().unwrap();
+        let code = |more: &[&str]| run_on(folder.path(), more);
+        assert_eq!(code(&["--tolerance", "0.2", "-s", "0"]).unwrap(), ExitCode::from(1));
+        assert_eq!(code(&["--tolerance", "0.4"]).unwrap(), ExitCode::SUCCESS);
+        for bad in [["--tolerance", "nan"], ["--s", "nan"], ["--texel", "0"], ["--p", "0"], ["--white", "0"]]
+        {
+            assert!(code(&bad).is_err(), "{bad:?}");
+        }
+        let unwritable = folder.path().join("a.exr/x").display().to_string();
+        assert!(code(&["--out", &unwritable]).is_err());
+        assert!(code(&["--json", &unwritable]).is_err());
+    }
+}

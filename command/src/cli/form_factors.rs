@@ -1,0 +1,212 @@
+//! `mrvis form-factors SCENE --out FILE`: the matrix of obstructed form factors.
+
+use super::args::{Common, SceneArgs, file_name, grouped, warn};
+use super::inputs::{Inputs, Output};
+use super::job_context;
+use super::limits::{self, GIB};
+use super::mpi::MpiArgs;
+use super::progress::Bar;
+use super::writable::check_file;
+use mrvis::internals::form_factors::{
+    Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write,
+};
+use mrvis::internals::plot::number;
+use mrvis::internals::{ModelParts, SceneParts};
+use mrvis::{Detail, Error, PrepareOptions, Result};
+use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
+
+/// Form factors between polygons, objects or materials, with visibility.
+///
+/// F(from, to) is the fraction of the light from the front of `from` that arrives at the front of `to`. Row sums,
+/// escaped light and light lost on back sides are reported; A F is symmetric by construction.
+#[derive(clap::Args, Debug)]
+#[command(mut_arg("photometric", |a| a.hide(true)))]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// The matrix: .npz (scipy.sparse.load_npz), .csv (from,to,factor) or .mtx (Matrix Market).
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Rows and columns: polygons of the file, objects (and groups), or materials.
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t = By::Face)]
+    by: By,
+    /// Rays per polygon that search for visible polygons; the rays per pair are proportional [default: 2048, more for
+    /// few polygons]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    rays: Option<u32>,
+    /// Largest number of rays between two polygons that are partly hidden from each other [default: 256, more for few
+    /// polygons]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..=1 << 22))]
+    pair_rays: Option<u32>,
+    /// Adjustment of the matrix: `closure` makes rows without escape sum to 1, each entry according to its
+    /// uncertainty, and keeps A F symmetric; `none` leaves the estimates unchanged.
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t = Enforce::Closure, num_args = 0..=1,
+          default_missing_value = "closure", require_equals = true)]
+    enforce: Enforce,
+    /// Largest accepted mean |row sum + escaped + lost - 1| of closed rows (exit code 1 above).
+    #[arg(long, value_name = "R")]
+    tolerance: Option<f64>,
+    #[command(flatten)]
+    pub mpi: MpiArgs,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+enum By {
+    Face,
+    Object,
+    Material,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
+enum Enforce {
+    Closure,
+    None,
+}
+
+impl Args {
+    /// The format of the matrix.
+    ///
+    /// # Errors
+    /// The extension of the file is that of none.
+    pub fn format(&self) -> Result<Format> {
+        Format::of(&self.out)
+    }
+
+    /// What the command takes for so many facets.
+    fn settings(&self, facets: usize) -> Settings {
+        let mut settings = Settings {
+            enforce: self.enforce == Enforce::Closure,
+            seed: self.common.seed,
+            ..Settings::new(facets)
+        };
+        settings.rays = self.rays.unwrap_or(settings.rays);
+        settings.largest_bundle = self.pair_rays.unwrap_or(settings.largest_bundle);
+        settings.bundle = settings.bundle.min(settings.largest_bundle);
+        settings
+    }
+
+    /// Largest memory of the matrix of so many facets, bytes.
+    pub fn matrix_bytes(&self, facets: usize) -> u64 {
+        memory_bound(facets, &self.settings(facets))
+    }
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let common = &args.common;
+    args.scene.without_light()?;
+    let format = args.format()?;
+    args.mpi.on_first(|| check_file(&args.out))?;
+    common.check_json()?;
+    if let Some(v) = args.tolerance.filter(|v| !(v.is_finite() && *v >= 0.0)) {
+        return Err(Error::Argument(format!("--tolerance {v}: must be a number not below 0")));
+    }
+    let scene = args.scene.load_flat(common)?;
+    let inputs = Inputs::of(scene.parts().files.iter().map(PathBuf::as_path));
+    common.check_outputs(&inputs, [Output::new("--out", &args.out)])?;
+    warn(common, &scene.parts().repairs.messages);
+    let facets = Facets::new_unless(&scene, &())?;
+    let settings = args.settings(facets.count());
+    let bound = memory_bound(facets.count(), &settings);
+    if limits::bytes(common.max_memory).is_some_and(|limit| bound > limit) {
+        return Err(Error::Argument(format!(
+            "the matrix of {} facets could take {}: raise --max-memory{}",
+            grouped(facets.count()),
+            size(bound),
+            // If every pair is computed, the memory does not depend on rays.
+            if settings.every { String::new() } else { format!(" or lower --rays (now {})", settings.rays) }
+        )));
+    }
+    let count = grouped(facets.count());
+    common.print(&format!("{count} facets, at most {} for their matrix\n", size(bound)))?;
+    let bar = Bar::new(common.quiet);
+    let start = Instant::now();
+    let rays = PrepareOptions::default().with_detail(Detail::Rays);
+    let (model, (faces, report)) = common.on_threads(|| {
+        let model = job_context::prepare(scene, &rays, &bar)?.on_ranks(args.mpi.ranks());
+        let found = compute(&model, &facets, &settings, &bar)?;
+        Ok((model, found))
+    })?;
+    let scene = model.scene();
+    let seconds = start.elapsed().as_secs_f64();
+    drop(bar);
+    if !args.mpi.is_first() {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let by = match args.by {
+        By::Face => Grouping::Polygon,
+        By::Object => Grouping::Object,
+        By::Material => Grouping::Material,
+    };
+    let matrix = faces.grouped(scene, &facets, by, &())?;
+    let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
+    let labels = matches!(args.by, By::Face).then(|| facets.labels(scene));
+    write(&args.out, &matrix, format, labels.as_ref())?;
+    drop(spinner);
+    let mut json = serde_json::json!({
+        "mrvis": env!("CARGO_PKG_VERSION"),
+        "scene": args.scene.scene,
+        "unit": scene.parts().unit,
+        "seconds": seconds,
+        "memory_bound": bound,
+        "rows": matrix.len(),
+        "entries": matrix.columns.len(),
+        "settings": {
+            "rays": settings.rays, "bundle": settings.bundle, "largest_bundle": settings.largest_bundle,
+            "every": settings.every, "enforce": settings.enforce, "seed": settings.seed,
+        },
+        "report": report,
+        "warnings": scene.parts().repairs.messages,
+    });
+    args.mpi.add_sharing(&mut json);
+    common.write_json(&json)?;
+    common.print(&text(args, &matrix, &report, seconds))?;
+    let missed = args.tolerance.is_some_and(|t| report.closed_row_sum_error > t);
+    Ok(if missed { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+fn size(bytes: u64) -> String {
+    let (bytes, mib) = (bytes as f64, GIB / 1024.0);
+    if bytes < GIB { format!("{:.0} MiB", (bytes / mib).ceil()) } else { format!("{:.2} GiB", bytes / GIB) }
+}
+
+fn text(args: &Args, matrix: &Matrix, r: &Report, seconds: f64) -> String {
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        out,
+        "{}: {} rows, {} entries; {} s, {} rays",
+        file_name(&args.out),
+        grouped(matrix.len()),
+        grouped(matrix.columns.len()),
+        number(seconds),
+        grouped(r.rays as usize)
+    );
+    let _ = writeln!(
+        out,
+        "row sum + escaped + lost - 1: mean size {:.2e}, largest {:.2e}{}; standard error of a row {:.1e}",
+        r.row_sum_error,
+        r.worst_row_sum_error,
+        if r.closure_steps > 0 { " (before closure)" } else { "" },
+        r.row_standard_error
+    );
+    let _ = writeln!(
+        out,
+        "{} of {} rows are closed, off by {:.1e} in the mean; row sums {:.6} to {:.6}; reciprocity residual {:.1e}",
+        grouped(r.closed_rows),
+        grouped(r.facets),
+        r.closed_row_sum_error,
+        r.row_sums[0],
+        r.row_sums[1],
+        r.reciprocity_residual
+    );
+    let _ = writeln!(out, "escaped {:.3} %, lost on back sides {:.3} %", 100.0 * r.escaped, 100.0 * r.lost);
+    for (facet, why) in &r.bad {
+        let _ = writeln!(out, "  facet {facet}: {why}");
+    }
+    if r.bad_facets > r.bad.len() {
+        let _ = writeln!(out, "  and {} more", r.bad_facets - r.bad.len());
+    }
+    out
+}

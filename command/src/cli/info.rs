@@ -1,0 +1,391 @@
+//! `mrvis info SCENE`: contents of a scene and its repairs.
+
+mod materials;
+
+use super::args::{Common, SceneArgs, grouped};
+use super::{cluster_args::ClusterArgs, flags::with_flags, inputs::Inputs};
+use materials::{list_materials, reflectances};
+use mrvis::Builder;
+use mrvis::internals::clusters;
+use mrvis::internals::error::{quote, shown};
+use mrvis::internals::scene::{Emitter, Photometry};
+use mrvis::internals::{AxisParts, BuilderParts, SceneParts};
+use mrvis::{Result, Scene};
+use serde_json::{Value, json};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Instant,
+};
+
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// List all objects instead of the 20 with the most faces.
+    #[arg(long)]
+    all: bool,
+    #[command(flatten)]
+    clusters: ClusterArgs,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let start = Instant::now();
+    let scene = args.scene.load(&args.common)?;
+    let seconds = start.elapsed().as_secs_f64();
+    args.common.check_outputs(&Inputs::of(scene.parts().files.iter().map(PathBuf::as_path)), [])?;
+    let counts = {
+        let _spinner = args.common.spinner("clustering");
+        ClusterCounts::of(&scene, args.clusters.builder())
+    };
+    let photometry = args.scene.photometry();
+    let mut json = summary_json(&scene, counts, seconds);
+    if let (Some(photometry), Some(list)) = (photometry, json["emitters"].as_array_mut()) {
+        for (emitter, entry) in scene.parts().emitters.iter().zip(list) {
+            entry["flux_lm"] = photometry.of(scene.power(emitter)).into();
+        }
+    }
+    args.common.write_json(&json)?;
+    args.common.print(&text(
+        &scene,
+        (counts, photometry),
+        seconds,
+        if args.all { usize::MAX } else { 20 },
+    ))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// All sections as text.
+fn text(
+    scene: &Scene,
+    (counts, photometry): (ClusterCounts, Option<Photometry>),
+    seconds: f64,
+    objects: usize,
+) -> String {
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    let _ = summary(&mut out, scene, seconds)
+        .and_then(|()| clusters(&mut out, counts))
+        .and_then(|()| emitters(&mut out, scene, photometry))
+        .and_then(|()| list_materials(&mut out, scene, objects))
+        .and_then(|()| list_objects(&mut out, scene, objects))
+        .and_then(|()| list_meshes(&mut out, scene, objects))
+        .and_then(|()| outside_files(&mut out, scene))
+        .and_then(|()| repairs(&mut out, scene));
+    out
+}
+
+/// Files that were read and do not lie in the folder of the scene or below.
+fn outside(s: &Scene) -> Vec<&PathBuf> {
+    let full = |path: &Path| path.canonicalize().ok();
+    let folder = full(s.parts().path).and_then(|scene| Some(scene.parent()?.to_owned()));
+    let outside = |file: &&PathBuf| match (&folder, full(file)) {
+        (Some(folder), Some(file)) => !file.starts_with(folder),
+        // Standard input has no folder.
+        _ => *file != s.parts().path,
+    };
+    s.parts().files.iter().filter(outside).collect()
+}
+
+fn outside_files(out: &mut String, s: &Scene) -> std::fmt::Result {
+    let files = outside(s);
+    if files.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "read from outside the folder of the scene")?;
+    files.iter().try_for_each(|file| writeln!(out, "  {}", shown(file)))
+}
+
+fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
+    let (bounds, unit) = (s.world_bounds(), &s.parts().unit);
+    let e = bounds.extent();
+    let (min, max) = (s.parts().origin + bounds.min.as_dvec3(), s.parts().origin + bounds.max.as_dvec3());
+    writeln!(out, "{} (read in {seconds:.2} s, unit {unit})", shown(s.parts().path))?;
+    writeln!(out, "  triangles   {:>12}", grouped(s.parts().triangles.len()))?;
+    if !s.parts().placements.is_empty() {
+        let meshes = grouped(s.parts().shared.len());
+        writeln!(out, "  instances   {:>12} of {meshes} shared meshes", grouped(s.parts().placements.len()))?;
+        writeln!(
+            out,
+            "  stored      {:>12} triangles, those of shared meshes once",
+            grouped(s.triangle_count())
+        )?;
+        writeln!(out, "  visible     {:>12} triangles", grouped(s.visible_triangles() as usize))?;
+    }
+    writeln!(out, "  vertices    {:>12}", grouped(stored(s, |m| m.parts().positions.len())))?;
+    writeln!(out, "  objects     {:>12}", grouped(s.parts().objects.len()))?;
+    writeln!(out, "  materials   {:>12}", grouped(s.parts().materials.len()))?;
+    writeln!(
+        out,
+        "  parts       {:>12} closed, {} sheet",
+        grouped(stored(s, |m| m.parts().closed_parts)),
+        grouped(stored(s, |m| m.parts().sheet_parts))
+    )?;
+    writeln!(out, "  size        {} x {} x {} {unit}", round(e.x), round(e.y), round(e.z))?;
+    let (up, from) = s.up_from();
+    writeln!(out, "  up          {} ({})", up.name(), from.words())?;
+    for line in s.parts().sky.iter().flat_map(|sky| &sky.notes) {
+        writeln!(out, "  light       {line}")?;
+    }
+    writeln!(out, "  from        {} {} {}", round64(min.x), round64(min.y), round64(min.z))?;
+    writeln!(out, "  to          {} {} {}", round64(max.x), round64(max.y), round64(max.z))?;
+    if s.parts().origin != glam::DVec3::ZERO {
+        writeln!(
+            out,
+            "  origin      {} {} {} (kept apart)",
+            s.parts().origin.x,
+            s.parts().origin.y,
+            s.parts().origin.z
+        )?;
+    }
+    Ok(())
+}
+
+/// A count summed over the scene's own geometry and, once each, its shared meshes.
+fn stored(s: &Scene, count: impl Fn(&Scene) -> usize) -> usize {
+    count(s) + s.parts().shared.iter().map(|m| count(m)).sum::<usize>()
+}
+
+fn clusters(out: &mut String, counts: ClusterCounts) -> std::fmt::Result {
+    let ClusterCounts { clusters, levels, large, .. } = counts;
+    writeln!(out, "  clusters    {:>12} in {levels} levels", grouped(clusters))?;
+    writeln!(out, "  large       {:>12} triangles of large surfaces, never averaged", grouped(large))
+}
+
+/// Clusters of the scene's own triangles and of its shared meshes, each once.
+#[derive(Clone, Copy, Default)]
+struct ClusterCounts {
+    clusters: usize,
+    /// Levels of the deepest hierarchy.
+    levels: usize,
+    /// Triangles of large surfaces.
+    large: usize,
+    /// Algorithm that built them.
+    builder: &'static str,
+}
+
+impl ClusterCounts {
+    fn of(scene: &Scene, builder: Builder) -> ClusterCounts {
+        let options = clusters::Options { builder, ..Default::default() };
+        let mut counts = ClusterCounts { builder: builder.name(), ..ClusterCounts::default() };
+        for mesh in std::iter::once(scene).chain(scene.parts().shared.iter().map(|mesh| mesh.as_ref())) {
+            let h = clusters::build(mesh, &options);
+            counts.clusters += h.micro.clusters.len() + h.large.clusters.len();
+            counts.levels = counts.levels.max(h.micro.levels()).max(h.large.levels());
+            counts.large += h.large.order.len();
+        }
+        counts
+    }
+}
+
+fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std::fmt::Result {
+    if s.parts().emitters.is_empty() {
+        return writeln!(out, "no emitter: nothing has Ke; make one with --emitter NAME=W");
+    }
+    let sides = if s.parts().two_sided_emission { "both sides" } else { "front side" };
+    writeln!(out, "emitters      {} ({sides})", s.parts().emitters.len())?;
+    for e in s.parts().emitters.iter().take(20) {
+        let n = e.normal;
+        let normal = if n.length() < 0.01 {
+            "all round".to_owned()
+        } else {
+            format!("{:.2} {:.2} {:.2}", n.x, n.y, n.z)
+        };
+        let power = s.power(e).map(round64).join(" ");
+        let lumens = photometry.map_or(String::new(), |p| format!(", {} lm", round64(p.of(s.power(e)))));
+        let factors = factors(s, e).filter(|factors| *factors != [1.0; 2]).map_or(String::new(), |[d, m]| {
+            format!(", dimming {} and maintenance factor {} included", round64(d), round64(m))
+        });
+        writeln!(
+            out,
+            "  {:24} area {} {u}², width {} {u}, normal {normal}, power {power} W (RGB){lumens}{factors}",
+            quote(&e.name),
+            round64(e.area),
+            round(e.min_width),
+            u = s.parts().unit,
+        )?;
+    }
+    if s.parts().emitters.len() > 20 {
+        writeln!(out, "  and {} more", s.parts().emitters.len() - 20)?;
+    }
+    Ok(())
+}
+
+/// Dimming and maintenance factor of an emitter that is a luminaire.
+fn factors(s: &Scene, emitter: &Emitter) -> Option<[f64; 2]> {
+    let material = s.parts().triangle_material[*emitter.triangles.first()? as usize];
+    Some(s.parts().materials[material as usize].profile.as_ref()?.factors)
+}
+
+fn list_objects(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
+    let counts = face_counts(s);
+    writeln!(out, "objects by number of triangles")?;
+    for &(object, count) in counts.iter().take(limit) {
+        writeln!(out, "  {:>12}  {}", grouped(count), quote(&s.parts().objects[object].name))?;
+    }
+    if counts.len() > limit {
+        writeln!(out, "  and {} more (--all)", counts.len() - limit)?;
+    }
+    Ok(())
+}
+
+fn list_meshes(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
+    if s.parts().placements.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "shared meshes by number of visible triangles")?;
+    let meshes = mesh_counts(s);
+    for &(mesh, instances) in meshes.iter().take(limit) {
+        let (triangles, name) = (s.parts().shared[mesh].parts().triangles.len(), quote(mesh_name(s, mesh)));
+        let visible = grouped(triangles * instances);
+        writeln!(
+            out,
+            "  {visible:>12}  {name}: {} triangles, {} instances",
+            grouped(triangles),
+            grouped(instances)
+        )?;
+    }
+    if meshes.len() > limit {
+        writeln!(out, "  and {} more (--all)", meshes.len() - limit)?;
+    }
+    Ok(())
+}
+
+/// Shared meshes with their numbers of visible instances, those with most visible triangles first.
+fn mesh_counts(s: &Scene) -> Vec<(usize, usize)> {
+    let mut counts: Vec<(usize, usize)> = (0..s.parts().shared.len()).map(|i| (i, 0)).collect();
+    s.parts().placements.iter().filter(|p| p.visible).for_each(|p| counts[p.mesh as usize].1 += 1);
+    counts.sort_by_key(|&(i, n)| (std::cmp::Reverse(n * s.parts().shared[i].parts().triangles.len()), i));
+    counts
+}
+
+/// The name of a shared mesh: that of its first object.
+fn mesh_name(s: &Scene, mesh: usize) -> &str {
+    s.parts().shared[mesh].parts().objects.first().map_or("", |object| &object.name)
+}
+
+fn repairs(out: &mut String, s: &Scene) -> std::fmt::Result {
+    let r = &s.parts().repairs;
+    let counted = [
+        ("polygons triangulated", r.polygons_triangulated),
+        ("of them concave", r.concave_polygons),
+        ("vertices welded", r.welded_vertices),
+        ("unused vertices", r.unused_vertices),
+    ];
+    for (what, count) in counted.iter().filter(|(_, n)| *n > 0) {
+        writeln!(out, "  {:>12}  {what}", grouped(*count))?;
+    }
+    if r.messages.is_empty() {
+        return writeln!(out, "nothing had to be repaired");
+    }
+    writeln!(out, "repaired or assumed")?;
+    r.messages.iter().try_for_each(|m| writeln!(out, "  {}", with_flags(m)))
+}
+
+/// Objects with their numbers of triangles, in descending order.
+fn face_counts(s: &Scene) -> Vec<(usize, usize)> {
+    let mut counts: Vec<(usize, usize)> = (0..s.parts().objects.len()).map(|i| (i, 0)).collect();
+    s.parts().triangle_object.iter().for_each(|&o| counts[o as usize].1 += 1);
+    counts.sort_by_key(|&(i, n)| (std::cmp::Reverse(n), i));
+    counts
+}
+
+/// A number with four significant digits.
+fn round(value: f32) -> String {
+    round64(f64::from(value))
+}
+
+fn round64(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return "0".into();
+    }
+    let digits = (3 - value.abs().log10().floor() as i32).clamp(0, 12);
+    let text = format!("{value:.*}", digits as usize);
+    let short = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if value.abs() < 1e-9 { format!("{value:.3e}") } else { short.to_owned() }
+}
+
+fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
+    let ClusterCounts { clusters, levels, large, builder } = counts;
+    let emitters: Vec<Value> = s
+        .parts()
+        .emitters
+        .iter()
+        .map(|e| {
+            let mut emitter = json!({
+                "name": e.name, "triangles": e.triangles.len(), "area": e.area, "normal": e.normal.to_array(),
+                "min_width": e.min_width, "radiance": e.emission, "power_w": s.power(e),
+            });
+            if let Some([dimming, maintenance]) = factors(s, e) {
+                emitter["dimming"] = dimming.into();
+                emitter["maintenance"] = maintenance.into();
+            }
+            emitter
+        })
+        .collect();
+    let objects: Vec<Value> = face_counts(s)
+        .iter()
+        .map(|&(i, n)| json!({ "name": s.parts().objects[i].name, "triangles": n }))
+        .collect();
+    let materials: Vec<Value> = reflectances(s)
+        .into_iter()
+        .map(|(m, rgb)| {
+            let mean = rgb.iter().sum::<f64>() / 3.0;
+            json!({ "name": s.parts().materials[m].name, "reflectance": rgb, "mean_reflectance": mean })
+        })
+        .collect();
+    let bounds = s.world_bounds();
+    let mut scene = json!({
+        "path": s.parts().path, "triangles": s.parts().triangles.len(), "vertices": stored(s, |m| m.parts().positions.len()),
+        "objects": s.parts().objects.len(), "materials": s.parts().materials.len(), "emitters": s.parts().emitters.len(),
+        "closed_parts": stored(s, |m| m.parts().closed_parts), "sheet_parts": stored(s, |m| m.parts().sheet_parts),
+        "clusters": clusters, "levels": levels, "large_surface_triangles": large, "builder": builder,
+        "origin": s.parts().origin.to_array(), "min": bounds.min.to_array(), "max": bounds.max.to_array(),
+        "two_sided_emission": s.parts().two_sided_emission, "up": s.up_axis(), "up_from": s.up_from().1.words(),
+        "files": s.parts().files, "files_outside": outside(s),
+    });
+    if let Some(sky) = s.parts().sky {
+        scene["sky"] = json!(sky.notes);
+    }
+    if !s.parts().placements.is_empty() {
+        scene["instances"] = json!(s.parts().placements.len());
+        scene["shared_meshes"] = json!(s.parts().shared.len());
+        scene["stored_triangles"] = json!(s.triangle_count());
+        scene["visible_triangles"] = json!(s.visible_triangles());
+        let meshes = mesh_counts(s).into_iter().map(|(mesh, instances)| {
+            json!({
+                "name": mesh_name(s, mesh), "triangles": s.parts().shared[mesh].parts().triangles.len(), "instances": instances,
+            })
+        });
+        scene["meshes"] = meshes.collect();
+    }
+    json!({
+        "mrvis": env!("CARGO_PKG_VERSION"),
+        "unit": s.parts().unit,
+        "scene": scene,
+        "build": { "load_s": seconds },
+        "emitters": emitters,
+        "objects": objects,
+        "materials": materials,
+        "repairs": s.parts().repairs,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_four_digits() {
+        let check = |v, want: &str| assert_eq!(round64(v), want);
+        check(0.0, "0");
+        check(12.0, "12");
+        check(1234.5678, "1235");
+        check(0.00123456, "0.001235");
+        check(-5_000_000.25, "-5000000");
+        check(1e-11, "1.000e-11");
+    }
+}

@@ -1,0 +1,304 @@
+//! The command line: converts arguments to calls of the library, and results to text and JSON.
+//!
+//! A subcommand is a module with `pub struct Args` (clap) and `pub fn run(&Args) -> Result<ExitCode>`, and one line
+//! each in `Command` and `run`.
+
+mod args;
+mod batch;
+mod bench;
+mod cluster_args;
+mod compare;
+mod fbem;
+mod flags;
+mod form_factors;
+mod generate;
+mod help;
+mod info;
+mod inputs;
+mod interruption;
+mod job_context;
+mod limits;
+mod manual;
+mod merge;
+mod mpi;
+mod oracle;
+mod outputs;
+mod progress;
+mod report;
+mod reproduce;
+mod scene_values;
+mod shared_scenes;
+mod sky_args;
+mod solve;
+mod writable;
+
+use clap::{
+    FromArgMatches, Parser, Subcommand,
+    error::{ContextKind, ContextValue},
+};
+use flags::with_flags;
+use mrvis::internals::error::{in_words, is_obeyed};
+use mrvis::internals::model::embree_version;
+use mrvis::{Error, Result};
+use std::{
+    error::Error as _,
+    io::{ErrorKind, Write},
+    panic::catch_unwind,
+    process::ExitCode,
+    sync::{Mutex, PoisonError},
+};
+
+/// Exit code after an error.
+const FAILED: u8 = 2;
+
+/// Visibility and radiosity in scenes with much small detail.
+#[derive(Parser)]
+#[command(
+    name = "mrvis",
+    version,
+    max_term_width = 110,
+    disable_help_flag = true,
+    disable_version_flag = true
+)]
+#[command(after_help = "mrvis help COMMAND describes all options of a command at length.")]
+// The empty line of the default template before the usage is left out, so that the help fits on a screen.
+#[command(help_template = "{about-with-newline}{usage-heading} {usage}\n\n{all-args}{after-help}")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Print help.
+    #[arg(short, long, action = clap::ArgAction::HelpShort, global = true, help_heading = "Common options")]
+    help: Option<bool>,
+    /// Print the versions of mrvis and Embree.
+    #[arg(short = 'V', long, action = clap::ArgAction::Version, help_heading = "Common options")]
+    version: Option<bool>,
+    /// No progress and no text: only files and the exit code.
+    // The subcommands read it as an option of theirs.
+    #[arg(long, global = true, help_heading = "Common options")]
+    quiet: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Report a scene and its repairs: counts, bounds, closed and sheet parts, emitters, objects.
+    Info(info::Args),
+    Bench(bench::Args),
+    Fbem(fbem::Args),
+    Solve(Box<solve::Args>),
+    Reference(oracle::Args),
+    Compare(compare::Args),
+    FormFactors(form_factors::Args),
+    Batch(batch::Args),
+    Merge(merge::Args),
+    Report(report::Args),
+    Reproduce(reproduce::Args),
+    /// Write a procedural scene as OBJ and MTL; --list shows all scenes.
+    Generate(generate::Args),
+    /// Print the script that completes options in a shell.
+    #[command(hide = true)]
+    Completions(manual::CompletionsArgs),
+    /// Write the manual pages.
+    #[command(hide = true)]
+    Man(manual::ManArgs),
+    /// Run the job that standard input describes, for `batch`.
+    #[command(hide = true)]
+    RunJob,
+}
+
+impl Command {
+    /// The common options, of commands that have them.
+    fn common(&self) -> Option<&args::Common> {
+        Some(match self {
+            Command::Info(args) => &args.common,
+            Command::Bench(args) => &args.common,
+            Command::Solve(args) => &args.common,
+            Command::Reference(args) => &args.common,
+            Command::Compare(args) => &args.common,
+            Command::FormFactors(args) => &args.common,
+            Command::Reproduce(args) => &args.common,
+            Command::Generate(args) => &args.common,
+            Command::Batch(_)
+            | Command::Fbem(_)
+            | Command::Completions(_)
+            | Command::Man(_)
+            | Command::Merge(_)
+            | Command::Report(_)
+            | Command::RunJob => return None,
+        })
+    }
+}
+
+fn run(command: &Command) -> Result<ExitCode> {
+    match command {
+        Command::Info(args) => info::run(args),
+        Command::Bench(args) => bench::run(args),
+        Command::Fbem(args) => fbem::run(args),
+        Command::Solve(args) => solve::run(args),
+        Command::Reference(args) => oracle::run(args),
+        Command::Compare(args) => compare::run(args),
+        Command::FormFactors(args) => form_factors::run(args),
+        Command::Batch(args) => batch::run(args),
+        Command::Merge(args) => merge::run(args),
+        Command::Report(args) => report::run(args),
+        Command::Reproduce(args) => reproduce::run(args),
+        Command::Generate(args) => generate::run(args),
+        Command::Completions(args) => manual::completions(args),
+        Command::Man(args) => manual::pages(args),
+        Command::RunJob => batch::run_requested(),
+    }
+}
+
+/// Parses the arguments, runs the subcommand, and reports any error, also a panic, as one line on standard error.
+pub fn main() -> ExitCode {
+    static PANIC: Mutex<String> = Mutex::new(String::new());
+    let last = || PANIC.lock().unwrap_or_else(PoisonError::into_inner);
+    // A panic while a file is read becomes an error of that file; any other ends in the message below.
+    std::panic::set_hook(Box::new(move |info| *last() = info.to_string()));
+    catch_unwind(parse_and_run).unwrap_or_else(|_| {
+        let what = last().split_whitespace().collect::<Vec<_>>().join(" ");
+        let _ = writeln!(std::io::stderr(), "mrvis: internal error, please report it: {what}");
+        mpi::end_after_error();
+        ExitCode::from(FAILED)
+    })
+}
+
+fn parse_and_run() -> ExitCode {
+    let parsed = help::command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+    let mut cli = match parsed {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => {
+            let _ = writeln!(std::io::stderr(), "mrvis: {} (see mrvis --help)", usage(&error));
+            return ExitCode::from(2);
+        }
+        Err(version) if version.kind() == clap::error::ErrorKind::DisplayVersion => {
+            let embree = embree_version().unwrap_or_else(|e| one_line(&e));
+            let _ = print(&format!("mrvis {} (Embree {embree})\n", env!("CARGO_PKG_VERSION")));
+            return ExitCode::SUCCESS;
+        }
+        Err(help) => {
+            let _ = help.print();
+            return ExitCode::SUCCESS;
+        }
+    };
+    limits::end_aborts_as_errors();
+    if let Err(error) = mpi::start(&mut cli.command, cli.quiet) {
+        return failed(&error);
+    }
+    // A batch has a budget of its own, and one job's memory must not end the others.
+    if !matches!(cli.command, Command::Batch(_)) {
+        limits::watch(cli.command.common().and_then(|common| common.max_memory));
+    }
+    match run(&cli.command) {
+        Ok(code) => mpi::end(code),
+        // A reader may close the pipe early.
+        Err(Error::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => {
+            // Other ranks may wait for rows of this one.
+            mpi::end_after_error();
+            ExitCode::SUCCESS
+        }
+        Err(error) => failed(&error),
+    }
+}
+
+fn failed(error: &Error) -> ExitCode {
+    let (sign, text) = (mpi::sign(), with_flags(&one_line(error)));
+    // A closed standard error is ignored.
+    let _ = writeln!(std::io::stderr(), "mrvis: {sign}{text}");
+    mpi::end_after_error();
+    ExitCode::from(FAILED)
+}
+
+/// The error in a command line, with a suggestion if there is one, without usage.
+fn usage(error: &clap::Error) -> String {
+    if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        return "no command is given".into();
+    }
+    let text = in_words(&error.to_string());
+    let what: Vec<&str> = text.lines().take_while(|l| !l.trim().is_empty()).map(str::trim).collect();
+    let what = what.join(" ").trim_start_matches("error: ").to_owned();
+    let similar = [ContextKind::SuggestedArg, ContextKind::SuggestedSubcommand, ContextKind::SuggestedValue];
+    let similar = similar.into_iter().find_map(|kind| match error.get(kind)? {
+        ContextValue::String(text) => Some(text.clone()),
+        ContextValue::Strings(list) => list.first().cloned(),
+        _ => None,
+    });
+    similar.map_or(what.clone(), |similar| format!("{what}; did you mean {similar}?"))
+}
+
+/// Longest message, characters: a screen of 80 x 24.
+const MAX_MESSAGE: usize = 1900;
+
+/// The error and its causes on one line, without repetition.
+fn one_line(error: &Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(e) = cause {
+        let next = e.to_string();
+        if !text.contains(&next) {
+            text = format!("{text}: {next}");
+        }
+        cause = e.source();
+    }
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    text.chars().filter(|c| !is_obeyed(*c)).take(MAX_MESSAGE).collect()
+}
+
+/// Feature sizes by name from the content of a file; see `solve --feature-sizes`.
+pub(crate) fn feature_sizes(path: &std::path::Path, bytes: &[u8]) -> Result<Vec<(String, f32)>> {
+    solve::sizes::parse(path, bytes)
+}
+
+/// Writes to standard output.
+fn print(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| Error::io("standard output", e))
+}
+
+/// Cores that this process may use.
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn errors_are_one_line() {
+        let check = |error: Error, want| assert_eq!(one_line(&error), want);
+        check(Error::io("a b.obj", ErrorKind::NotFound.into()), "a b.obj: entity not found");
+        check(Error::format("a.obj", Some(3), "two\nlines"), "a.obj:3: two lines");
+    }
+
+    #[test]
+    fn typing_errors_get_a_suggestion() {
+        let line = |words: &[&str]| usage(&Cli::try_parse_from(words).err().unwrap());
+        assert!(line(&["mrvis", "bench", "a.obj", "--recever", "x"]).ends_with("did you mean --receiver?"));
+        assert!(line(&["mrvis", "slove", "a.obj"]).ends_with("did you mean solve?"));
+        assert!(line(&["mrvis", "info", "a.obj", "--unit", "furlong"]).contains("not a unit of length"));
+    }
+
+    #[test]
+    fn quiet_may_come_first() {
+        for words in [["mrvis", "--quiet", "info", "a.obj"], ["mrvis", "info", "a.obj", "--quiet"]] {
+            let Command::Info(args) = Cli::try_parse_from(words).unwrap().command else { panic!() };
+            assert!(args.common.quiet);
+        }
+    }
+
+    #[test]
+    fn usage_errors_are_one_line() {
+        for words in
+            [&["mrvis"][..], &["mrvis", "bench"], &["mrvis", "fbem", "a", "--bogus"], &["mrvis", "nix"]]
+        {
+            let line = usage(&Cli::try_parse_from(words).err().unwrap());
+            assert!(!line.contains('\n') && !line.is_empty() && !line.contains("Usage"), "{line}");
+        }
+    }
+}

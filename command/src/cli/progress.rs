@@ -1,0 +1,154 @@
+//! Progress bar.
+
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use mrvis::Progress;
+use std::fmt::Write;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// Progress bar; appears on a terminal after one second.
+pub struct Bar {
+    bar: ProgressBar,
+    started: Instant,
+    quiet: bool,
+    /// Whether the bar is visible.
+    shown: Mutex<bool>,
+}
+
+impl Bar {
+    /// A bar that is not visible yet.
+    pub fn new(quiet: bool) -> Bar {
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
+        Bar { bar, started: Instant::now(), quiet, shown: Mutex::new(false) }
+    }
+
+    fn show(&self) {
+        let mut shown = self.shown.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if !*shown && !self.quiet && self.started.elapsed() > Duration::from_secs(1) {
+            *shown = true;
+            self.bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(5));
+        }
+    }
+
+    /// Removes the bar.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}
+
+impl Progress for Bar {
+    fn stage(&self, name: &str, steps: u64) {
+        let known = "{msg:24} {wide_bar} {percent:>3} %{left}";
+        let template = if steps > 0 { known } else { "{spinner} {msg} {elapsed}" };
+        let left = |state: &ProgressState, out: &mut dyn Write| {
+            let part = state.pos() as f64 / state.len().unwrap_or(0).max(1) as f64;
+            if let Some(left) = time_left(state.elapsed(), part) {
+                let _ = write!(out, ", {} left", HumanDuration(left));
+            }
+        };
+        // A stage starts at 0 with a time of its own.
+        self.bar.reset();
+        self.bar.set_style(
+            ProgressStyle::with_template(template)
+                .unwrap_or_else(|_| ProgressStyle::default_bar())
+                .with_key("left", left),
+        );
+        self.bar.set_message(name.to_string());
+        self.bar.set_length(steps.max(1));
+        self.show();
+        self.bar.tick();
+    }
+
+    fn advance(&self, steps: u64) {
+        self.show();
+        self.bar.inc(steps);
+    }
+}
+
+/// Part of a stage from which its remaining time is estimated: before it the first few steps decide.
+const MIN_KNOWN_PART: f64 = 0.02;
+
+/// The time that the rest of a stage takes at its mean speed so far; none before the speed is known.
+pub fn time_left(elapsed: Duration, part: f64) -> Option<Duration> {
+    (part >= MIN_KNOWN_PART).then(|| elapsed.mul_f64((1.0 - part).max(0.0) / part))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use indicatif::TermLike;
+    use std::io::Result;
+    use std::sync::Arc;
+
+    /// A terminal that keeps what was written to it last.
+    #[derive(Clone, Debug, Default)]
+    struct Screen(Arc<Mutex<String>>);
+
+    impl TermLike for Screen {
+        fn width(&self) -> u16 {
+            80
+        }
+        fn move_cursor_up(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn move_cursor_down(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn move_cursor_right(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn move_cursor_left(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn write_line(&self, text: &str) -> Result<()> {
+            self.write_str(text)
+        }
+        fn write_str(&self, text: &str) -> Result<()> {
+            if !text.trim().is_empty() {
+                *self.0.lock().unwrap() = text.into();
+            }
+            Ok(())
+        }
+        fn clear_line(&self) -> Result<()> {
+            Ok(())
+        }
+        fn flush(&self) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn the_time_left_is_that_of_the_rest() {
+        let seconds = Duration::from_secs;
+        assert_eq!(time_left(seconds(1), 0.01), None);
+        assert_eq!(time_left(seconds(10), 0.25), Some(seconds(30)));
+        assert_eq!(time_left(seconds(10), 1.0), Some(seconds(0)));
+    }
+
+    /// A stage does not inherit the speed of the one before it.
+    #[test]
+    fn each_stage_has_its_own_time() {
+        let (screen, bar) = (Screen::default(), Bar::new(false));
+        *bar.shown.lock().unwrap() = true;
+        bar.bar.set_draw_target(ProgressDrawTarget::term_like(Box::new(screen.clone())));
+        let shown = || {
+            bar.bar.force_draw();
+            screen.0.lock().unwrap().clone()
+        };
+        bar.stage("slow", 100);
+        bar.advance(1);
+        std::thread::sleep(Duration::from_millis(300));
+        bar.stage("fast", 1000);
+        let begun = shown();
+        assert!(begun.contains("fast") && begun.contains(" 0 %") && !begun.contains("left"), "{begun}");
+        bar.advance(500);
+        let half = shown();
+        assert!(half.contains("50 %, 0 seconds left"), "{half}");
+    }
+}

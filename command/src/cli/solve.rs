@@ -1,0 +1,372 @@
+//! `mrvis solve SCENE --out DIR`: light in a scene.
+
+mod at_points;
+mod grids;
+mod luminous;
+pub mod sizes;
+mod summary;
+mod views;
+mod watch;
+
+use super::args::{CacheArgs, Common, SceneArgs, command_line};
+use super::cluster_args::ClusterArgs;
+use super::flags::with_flags;
+use super::inputs::{Inputs, Output};
+use super::mpi::MpiArgs;
+use super::outputs::{Outputs, Written};
+use super::progress::Bar;
+use super::writable::check_folder;
+use at_points::AtPoints;
+use grids::{GridArg, Grids, section};
+use luminous::{Luminous, Reported};
+use mrvis::Progress;
+use mrvis::internals::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
+use mrvis::internals::export::{solve_page, surfaces};
+use mrvis::internals::files::{WholeFile, json_text};
+use mrvis::internals::image_io::{Picture, write_png};
+use mrvis::internals::points::{Irradiance, Point, read_points, write_irradiance};
+use mrvis::internals::radiosity::{
+    self, Inside, Options, Oracle, Outcome, PointLight, RowSums, Solution, Visibility,
+};
+use mrvis::internals::{ModelParts, SceneParts};
+use mrvis::{Error, Result};
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+use summary::summary;
+use views::views;
+use watch::{Watch, prepare};
+
+/// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
+#[derive(clap::Args, Debug)]
+#[command(group = clap::ArgGroup::new("measured").args(["points", "grids"]).multiple(true))]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Folder for the results (created if missing).
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Points x,y,z,nx,ny,nz for irradiance.csv.
+    #[arg(long, value_name = "FILE.csv")]
+    points: Option<PathBuf>,
+    /// A regular grid of points over a plane surface (repeatable): SURFACE:SPACING or SURFACE:SPACING:HEIGHT; an object, group or material
+    /// (of a solid the faces that look up), points at most SPACING apart and HEIGHT above it, in scene units. Writes irradiance.csv as
+    /// --points does and grid-SURFACE.png; minimum, mean, maximum and uniformity are in the summary.
+    #[arg(long = "grid", value_name = "SURFACE:SPACING")]
+    grids: Vec<GridArg>,
+    /// Direct light only at points.
+    #[arg(long)]
+    direct_only: bool,
+    /// Target error of links relative to the mean irradiance; their total error is estimated and audited.
+    #[arg(long, value_name = "E", default_value_t = Options::default().error, allow_negative_numbers = true)]
+    pub error: f64,
+    /// Smallest element relative to the scene's area.
+    #[arg(long, value_name = "PART", default_value_t = Options::default().min_area, allow_negative_numbers = true)]
+    min_area: f64,
+    /// Criterion of refinement.
+    #[arg(long, value_enum, default_value = "error")]
+    oracle: Criterion,
+    /// Normalisation of the form factors of elements in closed scenes to row sums of 1.
+    #[arg(long, value_enum, default_value = "balanced")]
+    rows: Normalisation,
+    /// Engine for visibility.
+    #[arg(long, value_enum, default_value = "exact")]
+    visibility: Engine,
+    /// Solve again with this engine and report times of both and the difference at the points; needs --points or --grid.
+    #[arg(long, value_enum, value_name = "ENGINE", requires = "measured")]
+    compare: Option<Engine>,
+    /// Feature size in scene units: smaller shadows may be averaged [default: each receiver's diameter]. With
+    /// --importance or --importance-camera it is up to 7 times larger on surfaces that matter only by the light they
+    /// reflect.
+    #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
+    feature_size: Option<f32>,
+    /// Feature sizes of objects, groups or materials: a TOML file with lines `name = size`.
+    #[arg(long, value_name = "FILE.toml")]
+    feature_sizes: Option<PathBuf>,
+    /// Light inside the clusters at the ends of links.
+    #[arg(long, value_enum, default_value = "visible")]
+    inside: Clusters,
+    /// Object, group or material whose light matters; repeatable [default: all].
+    #[arg(long, value_name = "NAME")]
+    importance: Vec<String>,
+    /// Light seen by cameras matters (--camera, or those of the file): errors count by their effect there, and
+    /// features smaller than a few pixels may be averaged.
+    #[arg(long)]
+    importance_camera: bool,
+    /// Number of elements whose error bars are checked by independent paths; 0: no check.
+    #[arg(long, value_name = "N", default_value_t = Options::default().audit)]
+    audit: usize,
+    /// Shadow rays from a point to a partly visible emitter [default: by the error].
+    #[arg(long, value_name = "N")]
+    light_rays: Option<usize>,
+    /// Rays per point for reflected light [default: by the error].
+    #[arg(long, value_name = "N")]
+    gather_rays: Option<usize>,
+    /// Largest number of rays by which elements gather their light; 0: light along links alone [default: by the error].
+    #[arg(long, value_name = "N")]
+    local_rays: Option<usize>,
+    /// Refine in steps of this many seconds.
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    step_seconds: Option<f64>,
+    /// Limit the time to about T seconds, reading and preparation included (at least for preparation and a first coarse
+    /// solution): refine less and trace fewer rays. Pixels of --gather beyond the time show the light of elements.
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    max_seconds: Option<f64>,
+    /// Trace more rays until independent paths find an RMS error of the elements of at most E, relative to the mean irradiance;
+    /// exit code 1 if that is not reached. Not with --local-rays.
+    #[arg(long, value_name = "E", allow_negative_numbers = true)]
+    target_error: Option<f64>,
+    /// Stop refinement at this number of links.
+    #[arg(long, value_name = "N", default_value_t = Options::default().max_links)]
+    max_links: usize,
+    #[command(flatten)]
+    clusters: ClusterArgs,
+    #[command(flatten)]
+    cache: CacheArgs,
+    #[command(flatten)]
+    pub outputs: Outputs,
+    #[command(flatten)]
+    pub mpi: MpiArgs,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Clusters {
+    /// Surfaces without orientation or mutual occlusion.
+    Isotropic,
+    /// Oriented surfaces without mutual occlusion.
+    Oriented,
+    /// Oriented surfaces that occlude each other.
+    Visible,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Criterion {
+    /// Error of the transported light.
+    Error,
+    /// Transported light (BF refinement of Hanrahan et al. 1991).
+    Bf,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Normalisation {
+    /// None.
+    Sampled,
+    /// Scale the light that each element gathers and sends by one factor: exactly reciprocal.
+    Balanced,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Engine {
+    /// Embree rays.
+    Exact,
+    /// Multi-resolution: clusters with small features are averaged.
+    Mr,
+    /// Extinction only.
+    Average,
+}
+
+impl From<Engine> for Visibility {
+    fn from(engine: Engine) -> Visibility {
+        match engine {
+            Engine::Exact => Visibility::Exact,
+            Engine::Mr => Visibility::Mr,
+            Engine::Average => Visibility::Average,
+        }
+    }
+}
+
+impl Args {
+    /// Whether pictures are drawn by a camera that the options do not state.
+    pub fn choose_camera(&self) -> bool {
+        self.outputs.choose_camera(self.has_points())
+    }
+
+    /// Whether light at points is asked for.
+    fn has_points(&self) -> bool {
+        self.points.is_some() || !self.grids.is_empty()
+    }
+}
+
+/// Options of the solver. The views of cameras and the points of grids are added when the scene is loaded.
+fn options(args: &Args) -> Result<Options> {
+    Ok(Options {
+        error: args.error,
+        min_area: args.min_area,
+        oracle: match args.oracle {
+            Criterion::Error => Oracle::Error,
+            Criterion::Bf => Oracle::Bf,
+        },
+        row_sums: match args.rows {
+            Normalisation::Sampled => RowSums::Sampled,
+            Normalisation::Balanced => RowSums::Balanced,
+        },
+        visibility: args.visibility.into(),
+        feature_size: args.feature_size,
+        feature_sizes: args.feature_sizes.as_deref().map(sizes::read).transpose()?.unwrap_or_default(),
+        inside: match args.inside {
+            Clusters::Isotropic => Inside::Isotropic,
+            Clusters::Oriented => Inside::Oriented,
+            Clusters::Visible => Inside::Visible,
+        },
+        importance: args.importance.clone(),
+        views: Vec::new(),
+        audit: args.audit,
+        direct_only: args.direct_only,
+        elements: args.outputs.need_elements(args.has_points()) || args.target_error.is_some(),
+        light_rays: args.light_rays,
+        gather_rays: args.gather_rays,
+        local_rays: args.local_rays,
+        step_seconds: args.step_seconds,
+        max_seconds: args.max_seconds,
+        seconds_spent: 0.0,
+        more_points: args.outputs.gathers(args.has_points()),
+        points_in_space: 0,
+        target_error: args.target_error,
+        max_links: args.max_links,
+        builder: args.clusters.builder(),
+        cache: args.cache.place()?,
+        seed: args.common.seed,
+    })
+}
+
+/// Checks all options that need no scene.
+///
+/// # Errors
+/// As the command itself.
+pub fn check(args: &Args) -> Result<()> {
+    options(args)?.check()
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    args.common.on_threads(|| run_on_threads(args))
+}
+
+fn run_on_threads(args: &Args) -> Result<ExitCode> {
+    let mut options = options(args)?;
+    options.check()?;
+    for (option, is_given) in
+        [("--max-seconds", args.max_seconds.is_some()), ("--step-seconds", args.step_seconds.is_some())]
+    {
+        args.mpi.refuse(option, is_given)?;
+    }
+    let (scene, out) = (&args.scene, &args.out);
+    let _folder = args.mpi.on_first(|| check_folder(out))?;
+    args.common.check_json()?;
+    let mut points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
+    let start = Instant::now();
+    let scene = scene.load_flat(&args.common)?;
+    let grids = Grids::of(&args.grids, &scene)?;
+    points.extend(grids.points());
+    // Grids without a height are on their surfaces.
+    options.points_in_space = grids.points().count();
+    let read = scene.parts().files.iter().chain(&args.points).chain(&args.feature_sizes);
+    let inputs = Inputs::of(read.map(PathBuf::as_path));
+    let mut written = args.outputs.names(&scene, args.has_points());
+    written.push("solution.json".into());
+    written.extend(args.has_points().then(|| "irradiance.csv".into()));
+    written.extend(grids.pictures());
+    args.common.check_outputs(&inputs, Output::within("--out", out, written))?;
+    if args.importance_camera {
+        options.views = views(&scene, args.outputs.stated_camera())?;
+    }
+    let load = start.elapsed().as_secs_f64();
+    options.seconds_spent = load;
+    let watch = Watch { bar: Bar::new(args.common.quiet) };
+    // Ranks that stop at different places would wait for each other: an interruption ends them at once.
+    if !args.mpi.mpi {
+        watch.stop_on_interruption(args.common.quiet);
+    }
+    watch.stage("preparing", 0);
+    let model = prepare(scene, &options, &watch)?.on_ranks(args.mpi.ranks());
+    options.seconds_spent = start.elapsed().as_secs_f64();
+    let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch)?;
+    let other = args.compare.filter(|_| !outcome.record.interrupted);
+    let versus =
+        other.map(|other| side_by_side(&model, &points, &outcome, other.into(), &watch)).transpose()?;
+    watch.bar.finish();
+    if !args.mpi.is_first() {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let met = outcome.record.target_met != Some(false);
+    write(args, out, (&points, &grids), (outcome, versus, load), (&solution, &watch))?;
+    Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Writes all files and prints the summary. `load`: seconds that reading the scene took.
+fn write(
+    args: &Args,
+    out: &Path,
+    (points, grids): (&[Point], &Grids),
+    (outcome, versus, load): (Outcome, Option<Versus>, f64),
+    (solution, watch): (&Solution, &Watch),
+) -> Result<()> {
+    let photometry = args.scene.photometry();
+    let Outcome { mesh, mut record, irradiance } = outcome;
+    record.seconds.load = load;
+    if record.interrupted {
+        record.warnings.push("interrupted: this is the consistent solution reached so far".into());
+    }
+    record.warnings.iter_mut().for_each(|warning| *warning = with_flags(warning));
+    let photometric = photometry.map(|p| Luminous::of(p, &record));
+    let scene = solution.model().scene();
+    let surfaces = if record.options.elements { surfaces(scene, photometry, &mesh) } else { Vec::new() };
+    let compared = ComparedRecord { record, versus };
+    let (of_file, of_grids) = irradiance.split_at(points.len() - grids.points().count());
+    let at_points = AtPoints::of(of_file, photometry);
+    let (measured, pictures): (_, Vec<Picture>) = grids.measured(of_grids, photometry).into_iter().unzip();
+    let sharing = args.mpi.sharing();
+    let mut record = Reported { compared, photometric, at_points, grids: measured, surfaces, sharing };
+    let save = |record: &Reported| {
+        let path = out.join("solution.json");
+        let text = json_text(record).map_err(|e| Error::format(&path, None, e.to_string()))?;
+        WholeFile::write(&path, text)
+    };
+    save(&record)?;
+    if args.has_points() {
+        let file = Irradiance { points: points.to_vec(), values: irradiance, standard_errors: Vec::new() };
+        let lux = |rgb| photometry.unwrap_or_default().of(rgb);
+        write_irradiance(&out.join("irradiance.csv"), &file, photometry.map(|_| &lux as _))?;
+    }
+    let mut written: Vec<PathBuf> = grids.pictures().into_iter().map(|name| out.join(name)).collect();
+    written.iter().zip(&pictures).try_for_each(|(path, picture)| write_png(path, picture))?;
+    let notes = RefCell::new(Vec::new());
+    let gather = |points: &[Point], part: f64| {
+        let PointLight { irradiance, note } = solution.irradiance_within(points, part, watch);
+        notes.borrow_mut().extend(note.map(|note| with_flags(&note)));
+        irradiance
+    };
+    let with_points = args.has_points();
+    let pixels = args.outputs.pixels(with_points);
+    let Written { files, views, notes: of_files } = args.outputs.write(
+        &args.common,
+        (scene, photometry),
+        &mesh,
+        out,
+        with_points,
+        (&gather, &watch.for_files(pixels, mesh.elements.len())),
+    )?;
+    watch.bar.finish();
+    let mut notes = notes.into_inner();
+    notes.extend(of_files);
+    if !notes.is_empty() {
+        record.compared.record.warnings.extend(notes);
+        save(&record)?;
+    }
+    written.extend(files);
+    if args.outputs.wants_page() {
+        let grids = section(&record.grids, &pictures, scene.parts().unit)?;
+        let of = (scene, photometry, &mesh);
+        let page = solve_page(&record.compared.record, of, (&views, &grids), &command_line())?;
+        written.push(out.join("solution.html"));
+        WholeFile::write(&written[written.len() - 1], page)?;
+    }
+    args.common.write_json(&record)?;
+    args.common.print(&summary(&record))?;
+    for file in written {
+        args.common.print(&format!("wrote {}\n", file.display()))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,145 @@
+//! The record of a solution as text.
+
+use super::super::args::grouped;
+use super::grids;
+use super::luminous::Reported;
+use mrvis::internals::bench::side_by_side::{ComparedRecord, Versus};
+use mrvis::internals::plot::number;
+use mrvis::internals::radiosity::{Record, Visibility};
+use std::fmt::Write as _;
+
+/// The record as text.
+pub fn summary(reported: &Reported) -> String {
+    let Reported { compared: ComparedRecord { record: r, versus }, photometric, at_points, grids, .. } =
+        reported;
+    let mut text = String::new();
+    let s = &r.seconds;
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        text,
+        "{} elements, {} links, {} exact rays",
+        grouped(r.elements),
+        grouped(r.links),
+        grouped(r.exact_rays as usize)
+    );
+    if r.scene.up_from.starts_with("guessed") {
+        let _ = writeln!(text, "{} up ({}; --up y or --up z sets it)", r.scene.up, r.scene.up_from);
+    }
+    for line in &r.scene.sky {
+        let _ = writeln!(text, "{line}");
+    }
+    if r.unlit.sides > 0 {
+        let _ = writeln!(
+            text,
+            "{} of {} sides, {:.1} % of the surface, are reached by no light",
+            grouped(r.unlit.sides),
+            grouped(r.unlit.of),
+            100.0 * r.unlit.area
+        );
+    }
+    let _ = writeln!(
+        text,
+        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, local {:.2} s, points {:.2} s",
+        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.local, s.points
+    );
+    let l = &r.ledger;
+    let photometry = photometric.as_ref().map(|l| l.photometry);
+    let (powers, unit) = l.shown(photometry);
+    // Direct light at points needs no light of elements.
+    let has_elements = !powers.absorbed.is_nan();
+    if has_elements {
+        let _ = writeln!(
+            text,
+            "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3} {unit}{4}",
+            number(powers.emitted),
+            number(powers.absorbed),
+            number(powers.escaped),
+            number(powers.created),
+            if photometry.is_none() { " (mean of the channels)" } else { "" }
+        );
+        if !r.scene.sky.is_empty() {
+            let part = |power: f64| number(100.0 * power / l.emitted.max(f64::MIN_POSITIVE));
+            let _ = writeln!(
+                text,
+                "of what is emitted {} % arrive from the sky, {} % from the sun",
+                part(l.sky),
+                part(l.sun)
+            );
+        }
+        let [red, green, blue] = r.mean_irradiance.map(number);
+        let estimate = match r.error_estimate {
+            Some(estimate) => format!("; estimated error {} %{}", number(100.0 * estimate), upper(r)),
+            None => "; error unknown".into(),
+        };
+        let estimate = if r.options.elements { estimate } else { String::new() };
+        let _ = writeln!(
+            text,
+            "mean irradiance of lit surfaces {red}, {green}, {blue} W/m\u{b2} (red, green, blue){estimate}"
+        );
+        if let Some(l) = photometric {
+            let _ = writeln!(text, "mean illuminance of lit surfaces {} lx", number(l.mean_illuminance_lx));
+        }
+    }
+    text += &grids::lines(at_points.as_ref(), grids, r);
+    if let Some(v) = versus {
+        text += &side_by_side(r, v);
+    }
+    if let Some(a) = &r.audit {
+        let _ = writeln!(
+            text,
+            "error bars: the paths traced for {} elements lie within one in {:.0} %, within two in {:.0} %",
+            a.elements,
+            100.0 * a.within_one,
+            100.0 * a.within_two
+        );
+    }
+    for warning in &r.warnings {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    text
+}
+
+/// Times and results of both engines.
+fn side_by_side(r: &Record, v: &Versus) -> String {
+    let name = |visibility| match visibility {
+        Visibility::Exact => "exact",
+        Visibility::Mr => "mr",
+        Visibility::Average => "average",
+    };
+    let mut text = format!(
+        "{:<9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>12}\n",
+        "", "clusters s", "solved s", "points s", "all s", "links", "exact rays"
+    );
+    for (visibility, s, links, rays) in [
+        (r.options.visibility, &r.seconds, r.links, r.bundles.exact_rays),
+        (v.visibility, &v.seconds, v.links, v.bundles.exact_rays),
+    ] {
+        let clusters = s.hierarchy + s.characterise;
+        let _ = writeln!(
+            text,
+            "{:<9}{clusters:>11.2}{:>11.2}{:>11.2}{:>11.2}{:>11}{:>12}",
+            name(visibility),
+            s.solve,
+            s.points,
+            s.work(),
+            grouped(links),
+            grouped(rays as usize)
+        );
+    }
+    let (own, other) = (name(r.options.visibility), name(v.visibility));
+    let _ = writeln!(
+        text,
+        "{other} took {:.2} times as long as {own}; at the points they differ by {:.2} % RMS, {:+.2} % in the mean",
+        v.speedup,
+        100.0 * v.difference.rms,
+        100.0 * v.difference.bias
+    );
+    text
+}
+
+/// The upper end of the estimate's interval, if it has one.
+fn upper(record: &Record) -> String {
+    record.error_estimate_upper.map_or_else(String::new, |upper| {
+        format!(" (at most {} % with 95 % probability)", number(100.0 * upper))
+    })
+}

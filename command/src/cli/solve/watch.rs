@@ -1,0 +1,106 @@
+//! Progress, interruption and the time limit of a solve.
+
+use super::super::{interruption, job_context, progress::Bar};
+use mrvis::Model;
+use mrvis::Progress;
+use mrvis::Scene;
+use mrvis::internals::radiosity::{Options, Visibility};
+use mrvis::{Error, Result};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Shows the stage of the solve and forwards an interruption to it.
+pub struct Watch {
+    pub bar: Bar,
+}
+
+impl Watch {
+    /// Stops the solve at the first interruption (SIGINT) and ends the program at the second.
+    pub fn stop_on_interruption(&self, quiet: bool) {
+        interruption::watch((!quiet).then_some("stopping with the light there is; once more ends at once"));
+    }
+}
+
+impl Progress for Watch {
+    fn stage(&self, name: &str, steps: u64) {
+        self.bar.stage(name, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.bar.advance(steps);
+    }
+
+    fn stopped(&self) -> bool {
+        interruption::stopped()
+    }
+}
+
+/// Largest numbers of pixels of a picture, and of elements of a solution, of which all files are written even after an interruption: a
+/// picture of a million pixels, and the smooth mesh of 100,000 elements with its files, each take about half a second on two cores.
+const SMALL_PICTURE: usize = 1 << 20;
+const SMALL_SOLUTION: usize = 100_000;
+
+impl Watch {
+    /// Progress of the files of a solution of so many elements, and of its pictures of so many pixels. It stops if they are large.
+    pub fn for_files(&self, pixels: usize, elements: usize) -> impl Progress {
+        struct Files<'a> {
+            watch: &'a Watch,
+            large: bool,
+        }
+        impl Progress for Files<'_> {
+            fn stage(&self, name: &str, steps: u64) {
+                self.watch.stage(name, steps);
+            }
+
+            fn advance(&self, steps: u64) {
+                self.watch.advance(steps);
+            }
+
+            fn stopped(&self) -> bool {
+                self.large && self.watch.stopped()
+            }
+        }
+        Files { watch: self, large: pixels > SMALL_PICTURE || elements > SMALL_SOLUTION }
+    }
+}
+
+/// Prepares the model within the time that the options allow for the whole solve.
+pub fn prepare(scene: Arc<Scene>, options: &Options, watch: &Watch) -> Result<Model> {
+    // What exact visibility needs is always prepared.
+    let limit = options.max_seconds.filter(|_| options.visibility != Visibility::Exact);
+    let left = limit.map_or(f64::INFINITY, |limit| limit - options.seconds_spent);
+    let until = Until { watch, start: Instant::now(), seconds: left };
+    // A job with a limit of time does not wait for another one that prepares the same scene.
+    let prepared = match options.max_seconds {
+        Some(_) => Model::prepare(scene, &options.prepare(), &until),
+        None => job_context::prepare(scene, &options.prepare(), &until),
+    };
+    prepared.map_err(|error| match (error, options.max_seconds) {
+        (Error::Cancelled(_), Some(seconds)) if !watch.stopped() => Error::Argument(format!(
+            "--max-seconds {seconds}: the time was up before the clusters were measured; allow more (they are kept for the \
+             next run) or take --visibility exact"
+        )),
+        (error, _) => error,
+    })
+}
+
+/// Stops the preparation when the time of the solve is over: measuring clusters is worth it only if there is time for more.
+struct Until<'a> {
+    watch: &'a Watch,
+    start: Instant,
+    seconds: f64,
+}
+
+impl Progress for Until<'_> {
+    fn stage(&self, name: &str, steps: u64) {
+        self.watch.stage(name, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.watch.advance(steps);
+    }
+
+    fn stopped(&self) -> bool {
+        self.watch.stopped() || self.start.elapsed().as_secs_f64() >= self.seconds
+    }
+}

@@ -1,0 +1,155 @@
+//! Pointers of a C program as slices and text.
+
+use super::guard::{Failure, Outcome};
+use mrvis::Error;
+use std::ffi::{CStr, CString, c_char};
+
+/// A required pointer is NULL.
+pub fn null(name: &str) -> Failure {
+    Error::Argument(format!("`{name}` is NULL: it is required")).into()
+}
+
+/// An error of an argument.
+pub fn wrong<T>(what: String) -> Outcome<T> {
+    Err(Error::Argument(what).into())
+}
+
+/// Refuses NULL and addresses that do not suit the type.
+pub fn check_pointer<T>(pointer: *const T, name: &str) -> Outcome {
+    if pointer.is_null() {
+        return Err(null(name));
+    }
+    if !pointer.is_aligned() {
+        let align = align_of::<T>();
+        return wrong(format!("`{name}` {pointer:p}: its address must be a multiple of {align}"));
+    }
+    Ok(())
+}
+
+/// Refuses NULL, wrong addresses, and numbers of entries that no memory holds. Without entries every pointer is right.
+pub fn check_array<T>(pointer: *const T, count: usize, name: &str) -> Outcome {
+    if count == 0 {
+        return Ok(());
+    }
+    check_pointer(pointer, name)?;
+    match count.checked_mul(size_of::<T>()).filter(|&bytes| isize::try_from(bytes).is_ok()) {
+        Some(_) => Ok(()),
+        None => wrong(format!("`{name}` with {count} entries is larger than memory: give their number")),
+    }
+}
+
+/// An array of the caller.
+///
+/// # Safety
+/// `pointer` is NULL or the array has `count` entries, which nobody changes during the call. Every bit pattern is a `T`.
+pub unsafe fn slice<'a, T>(pointer: *const T, count: usize, name: &str) -> Outcome<&'a [T]> {
+    check_array(pointer, count, name)?;
+    if count == 0 {
+        return Ok(&[]);
+    }
+    // SAFETY: it is neither NULL nor misaligned nor too large; the rest is the caller's promise.
+    Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
+}
+
+/// An array of the caller that is written.
+///
+/// # Safety
+/// `pointer` is NULL or there is room for `count` entries, which nobody else uses during the call. Every bit pattern is a `T`.
+pub unsafe fn slice_mut<'a, T>(pointer: *mut T, count: usize, name: &str) -> Outcome<&'a mut [T]> {
+    check_array(pointer, count, name)?;
+    if count == 0 {
+        return Ok(&mut []);
+    }
+    // SAFETY: it is neither NULL nor misaligned nor too large; the rest is the caller's promise.
+    Ok(unsafe { std::slice::from_raw_parts_mut(pointer, count) })
+}
+
+/// Text of the caller.
+///
+/// # Safety
+/// `pointer` is NULL or text that ends with NUL and that nobody changes during the call.
+pub unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Outcome<&'a str> {
+    check_pointer(pointer, name)?;
+    // SAFETY: not NULL; the rest is the caller's promise.
+    let text = unsafe { CStr::from_ptr(pointer) };
+    match text.to_str() {
+        Ok(text) => Ok(text),
+        Err(_) => wrong(format!("`{name}` {text:?}: must be UTF-8")),
+    }
+}
+
+/// Text of the caller that may be missing.
+///
+/// # Safety
+/// As for [`text`].
+pub unsafe fn optional_text<'a>(pointer: *const c_char, name: &str) -> Outcome<Option<&'a str>> {
+    if pointer.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: as for this function.
+    unsafe { text(pointer, name) }.map(Some)
+}
+
+/// Texts of the caller.
+///
+/// # Safety
+/// As for [`slice`], and for [`text`] each.
+pub unsafe fn texts<'a>(pointer: *const *const c_char, count: usize, name: &str) -> Outcome<Vec<&'a str>> {
+    // SAFETY: as for this function.
+    let all = unsafe { slice(pointer, count, name) }?;
+    // SAFETY: as for this function.
+    all.iter().enumerate().map(|(i, &p)| unsafe { text(p, &format!("{name}[{i}]")) }).collect()
+}
+
+/// Where a result goes. Written last, when nothing can fail any more.
+pub struct Place<T>(*mut T);
+
+impl<T> Place<T> {
+    /// The place of the argument `name`.
+    pub fn of(pointer: *mut T, name: &str) -> Outcome<Place<T>> {
+        check_pointer(pointer, name)?;
+        Ok(Place(pointer))
+    }
+
+    /// Writes the result.
+    ///
+    /// # Safety
+    /// The pointer that was given has room for a `T`.
+    pub unsafe fn set(self, value: T) {
+        // SAFETY: neither NULL nor misaligned; the rest is the caller's promise.
+        unsafe { self.0.write(value) };
+    }
+}
+
+/// Refuses members that have no meaning yet.
+pub fn no_reserved(value: u32, name: &str) -> Outcome {
+    if value == 0 { Ok(()) } else { wrong(format!("`{name}` {value}: must be 0")) }
+}
+
+/// Text for a C program; NUL within it is left out.
+pub fn c_text(text: &str) -> CString {
+    CString::new(text.bytes().filter(|&b| b != 0).collect::<Vec<_>>()).unwrap_or_default()
+}
+
+/// Refuses room for text without any byte.
+pub fn check_room(room: *mut c_char, size: usize, name: &str) -> Outcome {
+    check_pointer(room, name)?;
+    if size == 0 {
+        return wrong("`size` 0: must be at least 1, for the NUL at the end".into());
+    }
+    Ok(())
+}
+
+/// Writes text and the NUL behind it; what does not fit is cut between two characters.
+///
+/// # Safety
+/// There is room for `size` bytes.
+pub unsafe fn put_text(text: &str, room: *mut c_char, size: usize, name: &str) -> Outcome {
+    check_room(room, size, name)?;
+    // SAFETY: as for this function.
+    let room = unsafe { slice_mut(room.cast::<u8>(), size, name) }?;
+    let length = (0..=text.len().min(size - 1)).rev().find(|&n| text.is_char_boundary(n)).unwrap_or(0);
+    room[..length].copy_from_slice(&text.as_bytes()[..length]);
+    room[length] = 0;
+    Ok(())
+}

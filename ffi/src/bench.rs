@@ -1,0 +1,228 @@
+//! Measurements of a model: exact against multi-resolution visibility, and irradiance by path tracing.
+
+use super::arguments::{Place, c_text, no_reserved, slice, slice_mut, texts, wrong};
+use super::call_progress::{mrv_progress, with_progress};
+use super::guard::{Outcome, guard, quiet};
+use super::handle::{Opaque, give, object, release, retain};
+use super::model::mrv_model;
+use super::overlap::{Span, check_apart};
+use super::record::{read_optional, record};
+use super::solve::points_of;
+use super::status::mrv_status;
+use mrvis::Progress;
+use mrvis::{BenchOptions, BenchReport};
+use std::ffi::{CString, c_char, c_void};
+
+/// A report of a benchmark.
+#[repr(C)]
+pub struct mrv_bench_report {
+    _opaque: [u8; 0],
+}
+
+/// A report as C text.
+pub struct ReportText {
+    json: CString,
+    page: CString,
+    target_met: Option<bool>,
+}
+
+impl Opaque for mrv_bench_report {
+    const NAME: &'static str = "mrv_bench_report";
+    type Value = ReportText;
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_bench_options {
+    pub struct_size: usize,
+    pub points: u64,
+    pub rays: u32,
+    pub reference_rays: u32,
+    pub feature_sizes: *const f64,
+    pub feature_size_count: usize,
+    pub receivers: *const *const c_char,
+    pub receiver_count: usize,
+    pub audit: f64,
+    pub target_error: f64,
+    pub target_seconds: f64,
+    pub seed: u64,
+    pub threads: u32,
+    pub unbiased: i32,
+    pub no_audit: i32,
+    pub reserved: u32,
+    pub progress: mrv_progress,
+    pub user: *mut c_void,
+    pub max_memory: u64,
+}
+record!(
+    mrv_bench_options: 120,
+    struct_size, points, rays, reference_rays, feature_sizes, feature_size_count, receivers,
+    receiver_count, audit, target_error, target_seconds, seed, threads, unbiased, no_audit, reserved,
+    progress, user, max_memory
+);
+
+/// The options of a caller.
+///
+/// # Safety
+/// The record holds arrays and text as the header says.
+unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
+    no_reserved(given.reserved, "options.reserved")?;
+    let mut options = BenchOptions::default().with_unbiased(given.unbiased != 0);
+    if given.points != 0 {
+        options = options.with_points(usize::try_from(given.points).unwrap_or(usize::MAX));
+    }
+    if given.rays != 0 {
+        options = options.with_rays(given.rays as usize);
+    }
+    if given.reference_rays != 0 {
+        options = options.with_reference_rays(given.reference_rays as usize);
+    }
+    if given.threads != 0 {
+        options = options.with_threads(given.threads as usize);
+    }
+    if given.no_audit != 0 || given.audit != 0.0 {
+        options = options.with_audit(if given.no_audit != 0 { 0.0 } else { given.audit });
+    }
+    if given.target_error != 0.0 && given.target_seconds != 0.0 {
+        return wrong(format!(
+            "`options.target_error` {} and `options.target_seconds` {}: give one of them, the other 0",
+            given.target_error, given.target_seconds
+        ));
+    }
+    if given.max_memory != 0 {
+        options = options.with_max_memory(given.max_memory);
+    }
+    if given.target_error != 0.0 {
+        options = options.with_target_error(given.target_error);
+    }
+    if given.target_seconds != 0.0 {
+        options = options.with_target_seconds(given.target_seconds);
+    }
+    if given.seed != 0 {
+        options = options.with_seed(given.seed);
+    }
+    // SAFETY: as for this function.
+    let (sizes, receivers) = unsafe {
+        (
+            slice(given.feature_sizes, given.feature_size_count, "options.feature_sizes")?,
+            texts(given.receivers, given.receiver_count, "options.receivers")?,
+        )
+    };
+    let options = sizes.iter().fold(options, |options, &size| options.with_feature_size(size));
+    Ok(receivers.into_iter().fold(options, BenchOptions::with_receiver))
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_model_bench(
+    model: *const mrv_model,
+    options: *const mrv_bench_options,
+    report: *mut *mut mrv_bench_report,
+) -> mrv_status {
+    guard("mrv_model_bench", |call| {
+        let model = object(call, model, "model")?;
+        // SAFETY: the caller gives a record.
+        let given = unsafe { read_optional(options, "options") }?;
+        // SAFETY: as above.
+        let options = unsafe { bench_options(&given) }?;
+        let place = Place::of(report, "report")?;
+        let run = |progress: &dyn Progress| model.model.bench(&options, progress);
+        let found: BenchReport = with_progress(call, given.progress, given.user, run)??;
+        let (json, page) = (c_text(&found.json()), c_text(found.page()));
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(give(ReportText { json, page, target_met: found.target_met() })) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn mrv_bench_report_retain(report: *const mrv_bench_report) -> mrv_status {
+    guard("mrv_bench_report_retain", |call| retain(call, report, "report"))
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn mrv_bench_report_release(report: *const mrv_bench_report) {
+    quiet((), || release(report));
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_bench_report_get_text(
+    report: *const mrv_bench_report,
+    json: *mut *const c_char,
+    html: *mut *const c_char,
+    target_met: *mut i32,
+) -> mrv_status {
+    guard("mrv_bench_report_get_text", |call| {
+        let report = object(call, report, "report")?;
+        let json = (!json.is_null()).then(|| Place::of(json, "json")).transpose()?;
+        let html = (!html.is_null()).then(|| Place::of(html, "html")).transpose()?;
+        let met = (!target_met.is_null()).then(|| Place::of(target_met, "target_met")).transpose()?;
+        // SAFETY: the caller gives places.
+        unsafe {
+            json.into_iter().for_each(|place| place.set(report.json.as_ptr()));
+            html.into_iter().for_each(|place| place.set(report.page.as_ptr()));
+            met.into_iter().for_each(|place| place.set(report.target_met.map_or(-1, i32::from)));
+        }
+        Ok(())
+    })
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_reference_options {
+    pub struct_size: usize,
+    pub seed: u64,
+    pub samples: u32,
+    pub direct_only: i32,
+    pub progress: mrv_progress,
+    pub user: *mut c_void,
+}
+record!(mrv_reference_options: 40, struct_size, seed, samples, direct_only, progress, user);
+
+/// Paths for each point by default, as `mrvis oracle` traces.
+const SAMPLES: u32 = 1024;
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_model_reference(
+    model: *const mrv_model,
+    positions: *const f64,
+    normals: *const f64,
+    count: usize,
+    options: *const mrv_reference_options,
+    irradiance: *mut f64,
+    standard_errors: *mut f64,
+) -> mrv_status {
+    guard("mrv_model_reference", |call| {
+        let model = object(call, model, "model")?;
+        check_apart(
+            &[
+                Span::of("positions", positions, count.saturating_mul(3)),
+                Span::of("normals", normals, count.saturating_mul(3)),
+            ],
+            &[
+                Span::of("irradiance", irradiance, count.saturating_mul(3)),
+                Span::of("standard_errors", standard_errors, count.saturating_mul(3)),
+            ],
+        )?;
+        // SAFETY: the caller gives a record, and arrays of `count` triples.
+        let (given, points, out) = unsafe {
+            (
+                read_optional(options, "options")?,
+                points_of(positions, normals, count)?,
+                slice_mut(irradiance.cast::<[f64; 3]>(), count, "irradiance")?,
+            )
+        };
+        let wanted = if standard_errors.is_null() { 0 } else { count };
+        // SAFETY: as above.
+        let errors = unsafe { slice_mut(standard_errors.cast::<[f64; 3]>(), wanted, "standard_errors") }?;
+        let samples = if given.samples == 0 { SAMPLES } else { given.samples };
+        let seed = if given.seed == 0 { 1 } else { given.seed };
+        let direct_only = given.direct_only != 0;
+        let trace = |progress: &dyn Progress| {
+            model.model.reference_of(count, points, (samples, direct_only, seed), progress)
+        };
+        let found = with_progress(call, given.progress, given.user, trace)??;
+        out.copy_from_slice(&found.irradiance);
+        errors.iter_mut().zip(found.standard_errors).for_each(|(out, error)| *out = error);
+        Ok(())
+    })
+}

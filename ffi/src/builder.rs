@@ -1,0 +1,233 @@
+//! Scenes from arrays.
+
+use super::arguments::{Place, no_reserved, slice, text, wrong};
+use super::guard::{Outcome, guard, quiet};
+use super::handle::{Opaque, give, object, release, retain};
+use super::record::{read, record};
+use super::scene::{NamedScene, load_options, mrv_load_options, mrv_scene};
+use super::status::mrv_status;
+use super::update::matrix_of;
+use mrvis::{MeshArrays, Positions, SceneBuilder, Strided};
+use std::ffi::c_char;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// A scene that is being built.
+#[repr(C)]
+pub struct mrv_scene_builder {
+    _opaque: [u8; 0],
+}
+
+impl Opaque for mrv_scene_builder {
+    const NAME: &'static str = "mrv_scene_builder";
+    type Value = Mutex<SceneBuilder>;
+}
+
+/// Access to a builder. After a panic the handle is refused already.
+fn open(builder: &Mutex<SceneBuilder>) -> MutexGuard<'_, SceneBuilder> {
+    builder.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_mesh {
+    pub struct_size: usize,
+    pub name: *const c_char,
+    pub positions: *const f32,
+    pub positions_f64: *const f64,
+    pub position_stride: usize,
+    pub vertex_count: usize,
+    pub indices: *const u32,
+    pub index_count: usize,
+    pub polygon_sizes: *const u32,
+    pub polygon_count: usize,
+    pub face_materials: *const u32,
+    pub material: u32,
+    pub reserved: u32,
+}
+record!(
+    mrv_mesh: 96,
+    struct_size, name, positions, positions_f64, position_stride, vertex_count, indices, index_count,
+    polygon_sizes, polygon_count, face_materials, material, reserved
+);
+
+/// The mesh of a caller.
+///
+/// # Safety
+/// The record holds arrays and text as the header says.
+unsafe fn mesh_of<'a>(given: &mrv_mesh) -> Outcome<MeshArrays<'a>> {
+    no_reserved(given.reserved, "mesh.reserved")?;
+    let (stride, count) = (given.position_stride, given.vertex_count);
+    let positions = match (given.positions.is_null(), given.positions_f64.is_null()) {
+        (false, true) => {
+            // SAFETY: as for this function.
+            Positions::F32(unsafe { strided(given.positions, stride, count, "mesh.positions") }?)
+        }
+        (true, false) => {
+            // SAFETY: as for this function.
+            Positions::F64(unsafe { strided(given.positions_f64, stride, count, "mesh.positions_f64") }?)
+        }
+        (true, true) => return wrong("`mesh.positions` is NULL: give it or `positions_f64`".into()),
+        (false, false) => return wrong("`mesh.positions` and `positions_f64` are given: give one".into()),
+    };
+    // SAFETY: as for this function.
+    let (name, indices) =
+        unsafe { (text(given.name, "mesh.name")?, slice(given.indices, given.index_count, "mesh.indices")?) };
+    let mut mesh = MeshArrays::new(name, positions, indices).material(given.material);
+    let mut polygons = given.index_count / 3;
+    if !given.polygon_sizes.is_null() {
+        polygons = given.polygon_count;
+        // SAFETY: as for this function.
+        mesh = mesh.polygon_sizes(unsafe { slice(given.polygon_sizes, polygons, "mesh.polygon_sizes") }?);
+    } else if given.polygon_count != 0 && given.polygon_count != polygons {
+        return wrong(format!(
+            "`mesh.polygon_count` {}: is {polygons} for so many triangles; for polygons give `polygon_sizes`",
+            given.polygon_count
+        ));
+    }
+    if !given.face_materials.is_null() {
+        // SAFETY: as for this function.
+        mesh = mesh.face_materials(unsafe { slice(given.face_materials, polygons, "mesh.face_materials") }?);
+    }
+    Ok(mesh)
+}
+
+/// Positions of the caller at a stride in bytes.
+///
+/// # Safety
+/// The array holds `count` positions at this stride.
+unsafe fn strided<'a, T: Copy>(
+    pointer: *const T,
+    stride: usize,
+    count: usize,
+    name: &str,
+) -> Outcome<Strided<'a, T>> {
+    let size = size_of::<T>();
+    let numbers = if stride == 0 { 3 } else { stride / size };
+    if !stride.is_multiple_of(size) || numbers < 3 {
+        return wrong(format!(
+            "`mesh.position_stride` {stride}: must be 0 (packed) or a multiple of {size} bytes, at least {}",
+            3 * size
+        ));
+    }
+    let length = count.checked_sub(1).map_or(Some(0), |last| last.checked_mul(numbers)?.checked_add(3));
+    let Some(length) = length else {
+        return wrong(format!("`mesh.vertex_count` {count} with a stride of {stride} is larger than memory"));
+    };
+    // SAFETY: as for this function.
+    Ok(Strided::new(unsafe { slice(pointer, length, name) }?, numbers, count)?)
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_builder_create(builder: *mut *mut mrv_scene_builder) -> mrv_status {
+    guard("mrv_scene_builder_create", |_| {
+        let place = Place::of(builder, "builder")?;
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(give(Mutex::default())) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn mrv_scene_builder_retain(builder: *const mrv_scene_builder) -> mrv_status {
+    guard("mrv_scene_builder_retain", |call| retain(call, builder, "builder"))
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn mrv_scene_builder_release(builder: *const mrv_scene_builder) {
+    quiet((), || release(builder));
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_builder_add_material(
+    builder: *mut mrv_scene_builder,
+    name: *const c_char,
+    reflectance: *const f32,
+    emission: *const f32,
+    index: *mut u32,
+) -> mrv_status {
+    guard("mrv_scene_builder_add_material", |call| {
+        let builder = object(call, builder, "builder")?;
+        let rgb = |pointer: *const f32, name: &str, otherwise: f32| match pointer.is_null() {
+            true => Ok([otherwise; 3]),
+            // SAFETY: the caller gives three numbers.
+            false => unsafe { slice(pointer.cast::<[f32; 3]>(), 1, name) }.map(|rgb| rgb[0]),
+        };
+        // SAFETY: the caller gives text.
+        let name = unsafe { text(name, "name") }?;
+        let (reflectance, emission) =
+            (rgb(reflectance, "reflectance", 0.5)?, rgb(emission, "emission", 0.0)?);
+        let place = if index.is_null() { None } else { Some(Place::of(index, "index")?) };
+        let number = open(&builder).add_material(name, reflectance, emission)?;
+        if let Some(place) = place {
+            // SAFETY: the caller gives a place.
+            unsafe { place.set(number) };
+        }
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_builder_add_object(
+    builder: *mut mrv_scene_builder,
+    mesh: *const mrv_mesh,
+) -> mrv_status {
+    guard("mrv_scene_builder_add_object", |call| {
+        let builder = object(call, builder, "builder")?;
+        // SAFETY: the caller gives a record with arrays and text.
+        let mesh = unsafe { mesh_of(&read(mesh, "mesh")?) }?;
+        Ok(open(&builder).add_object(&mesh)?)
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_builder_add_shared_mesh(
+    builder: *mut mrv_scene_builder,
+    mesh: *const mrv_mesh,
+    index: *mut u32,
+) -> mrv_status {
+    guard("mrv_scene_builder_add_shared_mesh", |call| {
+        let builder = object(call, builder, "builder")?;
+        // SAFETY: the caller gives a record with arrays and text.
+        let mesh = unsafe { mesh_of(&read(mesh, "mesh")?) }?;
+        let place = Place::of(index, "index")?;
+        let number = open(&builder).add_shared_mesh(&mesh)?;
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(number) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_builder_add_instance(
+    builder: *mut mrv_scene_builder,
+    mesh: u32,
+    name: *const c_char,
+    transform: *const f64,
+) -> mrv_status {
+    guard("mrv_scene_builder_add_instance", |call| {
+        let builder = object(call, builder, "builder")?;
+        // SAFETY: the caller gives text and twelve numbers.
+        let (name, rows) =
+            unsafe { (text(name, "name")?, slice(transform.cast::<[f64; 12]>(), 1, "transform")?) };
+        Ok(open(&builder).add_instance(mesh, name, matrix_of(&rows[0]))?)
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_builder_finish(
+    builder: *mut mrv_scene_builder,
+    options: *const mrv_load_options,
+    scene: *mut *mut mrv_scene,
+) -> mrv_status {
+    guard("mrv_scene_builder_finish", |call| {
+        let builder = object(call, builder, "builder")?;
+        // SAFETY: the caller gives a record.
+        let options = unsafe { load_options(options) }?;
+        let place = Place::of(scene, "scene")?;
+        let all = std::mem::take(&mut *open(&builder));
+        let scene = all.finish(&options)?;
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
+        Ok(())
+    })
+}

@@ -1,0 +1,205 @@
+//! The elements of a solution in arrays of the caller, and its record as text.
+
+use super::arguments::{Place, c_text, check_array, slice_mut, text, wrong};
+use super::call_progress::{mrv_progress, with_progress};
+use super::guard::{Outcome, guard};
+use super::handle::object;
+use super::overlap::{Span, check_apart};
+use super::record::{read, record};
+use super::solve::mrv_solution;
+use super::status::mrv_status;
+use super::words::in_c;
+use mrvis::Element;
+use mrvis::Progress;
+use std::ffi::{c_char, c_void};
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_elements {
+    pub struct_size: usize,
+    pub vertex_capacity: u64,
+    pub element_capacity: u64,
+    pub positions: *mut f64,
+    pub corners: *mut u32,
+    pub irradiance: *mut f32,
+    pub radiosity: *mut f32,
+    pub error: *mut f32,
+    pub reflectance: *mut f32,
+    pub area: *mut f64,
+    pub triangle: *mut u32,
+    pub object: *mut u32,
+    pub material: *mut u32,
+    pub front: *mut u8,
+    pub exitance: *mut f32,
+}
+record!(
+    mrv_elements: 112,
+    struct_size, vertex_capacity, element_capacity, positions, corners, irradiance, radiosity, error,
+    reflectance, area, triangle, object, material, front, exitance
+);
+
+/// Refuses an array that is neither NULL nor room for `count` entries, before anything is written.
+fn check<T>(out: *mut T, name: &str, count: usize) -> Outcome {
+    if out.is_null() { Ok(()) } else { check_array(out, count, name) }
+}
+
+/// Writes what `of` gives for each item into an array of the caller, unless that is NULL.
+///
+/// # Safety
+/// `out` is NULL or has room for as many entries as there are items.
+unsafe fn put<I, T>(
+    out: *mut T,
+    name: &str,
+    items: impl ExactSizeIterator<Item = I>,
+    of: impl Fn(I) -> T,
+) -> Outcome {
+    if out.is_null() {
+        return Ok(());
+    }
+    // SAFETY: as for this function.
+    let out = unsafe { slice_mut(out, items.len(), name) }?;
+    out.iter_mut().zip(items).for_each(|(out, item)| *out = of(item));
+    Ok(())
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_solution_get_elements(
+    solution: *const mrv_solution,
+    elements: *const mrv_elements,
+) -> mrv_status {
+    guard("mrv_solution_get_elements", |call| {
+        let solution = &object(call, solution, "solution")?.solution;
+        // SAFETY: the caller gives a record.
+        let to = unsafe { read(elements, "elements") }?;
+        let all = solution.elements();
+        for (name, have, need) in [
+            ("vertex_capacity", to.vertex_capacity, solution.vertices().len() as u64),
+            ("element_capacity", to.element_capacity, all.len() as u64),
+        ] {
+            if have < need {
+                return wrong(format!("`elements.{name}` {have}: there are {need}; see mrv_solution_info"));
+            }
+        }
+        let rgb = |c: [f64; 3]| c.map(|c| c as f32);
+        let each = || all.iter();
+        check(to.positions, "elements.positions", 3 * solution.vertices().len())?;
+        check(to.corners, "elements.corners", 4 * all.len())?;
+        for (out, name) in [
+            (to.irradiance, "elements.irradiance"),
+            (to.radiosity, "elements.radiosity"),
+            (to.error, "elements.error"),
+            (to.reflectance, "elements.reflectance"),
+            (to.exitance, "elements.exitance"),
+        ] {
+            check(out, name, 3 * all.len())?;
+        }
+        check(to.area, "elements.area", all.len())?;
+        check(to.triangle, "elements.triangle", all.len())?;
+        check(to.object, "elements.object", all.len())?;
+        check(to.material, "elements.material", all.len())?;
+        let (vertices, elements) = (solution.vertices().len(), all.len());
+        check_apart(
+            &[],
+            &[
+                Span::of("elements.positions", to.positions, 3 * vertices),
+                Span::of("elements.corners", to.corners, 4 * elements),
+                Span::of("elements.irradiance", to.irradiance, 3 * elements),
+                Span::of("elements.radiosity", to.radiosity, 3 * elements),
+                Span::of("elements.error", to.error, 3 * elements),
+                Span::of("elements.reflectance", to.reflectance, 3 * elements),
+                Span::of("elements.area", to.area, elements),
+                Span::of("elements.triangle", to.triangle, elements),
+                Span::of("elements.object", to.object, elements),
+                Span::of("elements.material", to.material, elements),
+                Span::of("elements.front", to.front, elements),
+                Span::of("elements.exitance", to.exitance, 3 * elements),
+            ],
+        )?;
+        // SAFETY: the caller gives arrays of so many entries. They are aligned like their numbers.
+        unsafe {
+            put(to.positions.cast::<[f64; 3]>(), "elements.positions", solution.vertices(), |p| p)?;
+            put(to.corners.cast::<[u32; 4]>(), "elements.corners", each(), |e: &Element| e.corners)?;
+            put(to.irradiance.cast(), "elements.irradiance", each(), |e| rgb(e.irradiance))?;
+            put(to.radiosity.cast(), "elements.radiosity", each(), |e| rgb(e.radiosity))?;
+            put(to.error.cast(), "elements.error", each(), |e| rgb(e.error))?;
+            put(to.reflectance.cast::<[f32; 3]>(), "elements.reflectance", each(), |e| e.albedo)?;
+            put(to.exitance.cast(), "elements.exitance", each(), |e| rgb(e.exitance))?;
+            put(to.area, "elements.area", each(), |e| e.area)?;
+            put(to.triangle, "elements.triangle", each(), |e| e.triangle)?;
+            put(to.object, "elements.object", each(), |e| e.object)?;
+            put(to.material, "elements.material", each(), |e| e.material)?;
+            put(to.front, "elements.front", each(), |e| u8::from(e.front))
+        }
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_solution_get_json(
+    solution: *const mrv_solution,
+    json: *mut *const c_char,
+) -> mrv_status {
+    guard("mrv_solution_get_json", |call| {
+        let solution = object(call, solution, "solution")?;
+        let place = Place::of(json, "json")?;
+        let text = solution.json.get_or_init(|| c_text(&solution.solution.json()));
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(text.as_ptr()) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_solution_get_warning(
+    solution: *const mrv_solution,
+    index: u64,
+    text: *mut *const c_char,
+) -> mrv_status {
+    guard("mrv_solution_get_warning", |call| {
+        let solution = object(call, solution, "solution")?;
+        let place = Place::of(text, "text")?;
+        let all = solution.warnings.get_or_init(|| {
+            solution.solution.warnings().iter().map(|text| c_text(&in_c("mrv_model_solve", text))).collect()
+        });
+        let Some(text) = usize::try_from(index).ok().and_then(|i| all.get(i)) else {
+            return wrong(format!("`index` {index}: the solution has {} warnings", all.len()));
+        };
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(text.as_ptr()) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_solution_write(
+    solution: *const mrv_solution,
+    path: *const c_char,
+    progress: mrv_progress,
+    user: *mut c_void,
+) -> mrv_status {
+    guard("mrv_solution_write", |call| {
+        let solution = object(call, solution, "solution")?;
+        // SAFETY: the caller gives text.
+        let path = unsafe { text(path, "path") }?;
+        let write = |progress: &dyn Progress| solution.solution.write(path, progress);
+        Ok(with_progress(call, progress, user, write)??)
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_solution_get_page(
+    solution: *const mrv_solution,
+    html: *mut *const c_char,
+) -> mrv_status {
+    guard("mrv_solution_get_page", |call| {
+        let solution = object(call, solution, "solution")?;
+        let place = Place::of(html, "html")?;
+        if solution.page.get().is_none() {
+            let ignored: &dyn Progress = &();
+            // Another thread may have set it meanwhile; either page serves.
+            let _ = solution.page.set(c_text(&solution.solution.page(ignored)?));
+        }
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(solution.page.get().map_or(c"".as_ptr(), |page| page.as_ptr())) };
+        Ok(())
+    })
+}

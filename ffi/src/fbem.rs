@@ -1,0 +1,129 @@
+//! The feature-based error metric of two images.
+
+use super::arguments::{no_reserved, slice, slice_mut, wrong};
+use super::guard::{Outcome, guard};
+use super::overlap::{Span, check_apart};
+use super::record::{read, record};
+use super::status::mrv_status;
+use mrvis::Error;
+use mrvis::internals::memory;
+use mrvis::metrics::{Fbem, FbemOptions, FeatureOptions, Features, Filter, Image, Morphology, spectrum};
+
+pub const MRV_FEATURES_BOTH: i32 = 0;
+pub const MRV_FEATURES_SHADOW: i32 = 1;
+
+pub const MRV_MORPHOLOGY_EUCLID: i32 = 0;
+pub const MRV_MORPHOLOGY_PAPER8: i32 = 1;
+pub const MRV_MORPHOLOGY_PAPER4: i32 = 2;
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_fbem_images {
+    pub struct_size: usize,
+    pub reference: *const f32,
+    pub approximation: *const f32,
+    pub width: u64,
+    pub height: u64,
+    pub texel: f64,
+    pub exponent: f64,
+    pub white: f32,
+    pub threshold: f32,
+    pub features: i32,
+    pub morphology: i32,
+    pub unmasked_filter: i32,
+    pub reserved: u32,
+}
+record!(
+    mrv_fbem_images: 80,
+    struct_size, reference, approximation, width, height, texel, exponent, white, threshold, features,
+    morphology, unmasked_filter, reserved
+);
+
+/// Bytes that the metric takes for each texel, at most: eight arrays of f64 (differences, weights, box sums and their steps) and two
+/// distance transforms of both kinds of features with their orders, 16 bytes each.
+const BYTES_PER_TEXEL: u64 = 8 * 8 + 4 * 16;
+
+fn fbem_options(given: &mrv_fbem_images) -> Outcome<FbemOptions> {
+    no_reserved(given.reserved, "images.reserved")?;
+    let kinds = match given.features {
+        MRV_FEATURES_BOTH => Features::Both,
+        MRV_FEATURES_SHADOW => Features::Shadow,
+        other => {
+            return wrong(format!(
+                "`images.features` {other}: give MRV_FEATURES_BOTH or MRV_FEATURES_SHADOW"
+            ));
+        }
+    };
+    let morphology = match given.morphology {
+        MRV_MORPHOLOGY_EUCLID => Morphology::Euclid,
+        MRV_MORPHOLOGY_PAPER8 => Morphology::Paper8,
+        MRV_MORPHOLOGY_PAPER4 => Morphology::Paper4,
+        other => {
+            return wrong(format!(
+                "`images.morphology` {other}: give one of MRV_MORPHOLOGY_EUCLID to MRV_MORPHOLOGY_PAPER4"
+            ));
+        }
+    };
+    let mut features = FeatureOptions::default().with_features(kinds).with_morphology(morphology);
+    if given.white != 0.0 {
+        features = features.with_white(given.white);
+    }
+    if given.threshold != 0.0 {
+        features = features.with_threshold(given.threshold);
+    }
+    let filter = if given.unmasked_filter == 0 { Filter::Whole } else { Filter::Unmasked };
+    let options = FbemOptions::default().with_features(features).with_filter(filter);
+    Ok(if given.exponent == 0.0 { options } else { options.with_exponent(given.exponent) })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_fbem(
+    images: *const mrv_fbem_images,
+    sizes: *const f64,
+    count: usize,
+    errors: *mut f64,
+    masked: *mut f64,
+) -> mrv_status {
+    guard("mrv_fbem", |_| {
+        // SAFETY: the caller gives a record.
+        let given = unsafe { read(images, "images") }?;
+        let options = fbem_options(&given)?;
+        let side = |value: u64| usize::try_from(value).unwrap_or(usize::MAX);
+        let (width, height) = (side(given.width), side(given.height));
+        let texels = width.saturating_mul(height);
+        check_apart(
+            &[
+                Span::of("images.reference", given.reference, texels),
+                Span::of("images.approximation", given.approximation, texels),
+                Span::of("sizes", sizes, count),
+            ],
+            &[Span::of("errors", errors, count), Span::of("masked", masked, count)],
+        )?;
+        // SAFETY: the caller gives images of so many texels, and arrays of `count` entries.
+        let (reference, approximation, sizes, errors) = unsafe {
+            (
+                slice(given.reference, texels, "images.reference")?,
+                slice(given.approximation, texels, "images.approximation")?,
+                slice(sizes, count, "sizes")?,
+                slice_mut(errors, count, "errors")?,
+            )
+        };
+        // SAFETY: as above.
+        let masked = unsafe { slice_mut(masked, if masked.is_null() { 0 } else { count }, "masked") }?;
+        let texel = if given.texel == 0.0 { 1.0 } else { given.texel };
+        let [reference, approximation] =
+            [("images.reference", reference), ("images.approximation", approximation)].map(
+                |(name, texels)| {
+                    Image::borrowed(width, height, texel, texels)
+                        .map_err(|e| Error::Argument(format!("`{name}`: {e}")))
+                },
+            );
+        memory::check_room(BYTES_PER_TEXEL * texels as u64, || format!("the errors of {texels} texels"))?;
+        let found = spectrum(&reference?, &approximation?, sizes, &options)?;
+        let put =
+            |out: &mut [f64], of: fn(&Fbem) -> f64| out.iter_mut().zip(&found).for_each(|(o, f)| *o = of(f));
+        put(errors, |found| found.value);
+        put(masked, |found| found.masked_fraction);
+        Ok(())
+    })
+}

@@ -1,0 +1,222 @@
+//! Form factors.
+
+use super::arguments::{Place, c_text, text, wrong};
+use super::call_progress::{mrv_progress, with_progress};
+use super::guard::{Outcome, guard, quiet};
+use super::handle::{Opaque, give, object, release, retain};
+use super::model::mrv_model;
+use super::record::{RecordPlace, read_optional, record};
+use super::status::mrv_status;
+use mrvis::Progress;
+use mrvis::{FormFactorOptions, FormFactors, Grouping};
+use std::ffi::{CString, c_char, c_void};
+
+/// Form factors.
+#[repr(C)]
+pub struct mrv_form_factors {
+    _opaque: [u8; 0],
+}
+
+/// Form factors and the names of rows as C text.
+pub struct NamedFactors {
+    factors: FormFactors,
+    names: Vec<CString>,
+}
+
+impl Opaque for mrv_form_factors {
+    const NAME: &'static str = "mrv_form_factors";
+    type Value = NamedFactors;
+}
+
+pub const MRV_GROUPING_POLYGON: i32 = 0;
+pub const MRV_GROUPING_OBJECT: i32 = 1;
+pub const MRV_GROUPING_MATERIAL: i32 = 2;
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_form_factor_options {
+    pub struct_size: usize,
+    pub grouping: i32,
+    pub no_closure: i32,
+    pub rays: u32,
+    pub pair_rays: u32,
+    pub max_bytes: u64,
+    pub seed: u64,
+    pub progress: mrv_progress,
+    pub user: *mut c_void,
+}
+record!(
+    mrv_form_factor_options: 56,
+    struct_size, grouping, no_closure, rays, pair_rays, max_bytes, seed, progress, user
+);
+
+fn form_factor_options(given: &mrv_form_factor_options) -> Outcome<FormFactorOptions> {
+    let grouping = match given.grouping {
+        MRV_GROUPING_POLYGON => Grouping::Polygon,
+        MRV_GROUPING_OBJECT => Grouping::Object,
+        MRV_GROUPING_MATERIAL => Grouping::Material,
+        other => {
+            return wrong(format!(
+                "`options.grouping` {other}: give one of MRV_GROUPING_POLYGON to MRV_GROUPING_MATERIAL"
+            ));
+        }
+    };
+    let mut options =
+        FormFactorOptions::default().with_grouping(grouping).with_closure(given.no_closure == 0);
+    if given.rays != 0 {
+        options = options.with_rays(given.rays);
+    }
+    if given.pair_rays != 0 {
+        options = options.with_pair_rays(given.pair_rays);
+    }
+    if given.max_bytes != 0 {
+        options = options.with_max_bytes(given.max_bytes);
+    }
+    if given.seed != 0 {
+        options = options.with_seed(given.seed);
+    }
+    Ok(options)
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_model_form_factors(
+    model: *const mrv_model,
+    options: *const mrv_form_factor_options,
+    factors: *mut *mut mrv_form_factors,
+) -> mrv_status {
+    guard("mrv_model_form_factors", |call| {
+        let model = object(call, model, "model")?;
+        // SAFETY: the caller gives a record.
+        let given = unsafe { read_optional(options, "options") }?;
+        let options = form_factor_options(&given)?;
+        let place = Place::of(factors, "factors")?;
+        let compute = |progress: &dyn Progress| model.model.form_factors(&options, progress);
+        let factors = with_progress(call, given.progress, given.user, compute)??;
+        let names = factors.names().iter().map(|name| c_text(name)).collect();
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(give(NamedFactors { factors, names })) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn mrv_form_factors_retain(factors: *const mrv_form_factors) -> mrv_status {
+    guard("mrv_form_factors_retain", |call| retain(call, factors, "factors"))
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn mrv_form_factors_release(factors: *const mrv_form_factors) {
+    quiet((), || release(factors));
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_form_factor_arrays {
+    pub struct_size: usize,
+    pub rows: u64,
+    pub entries: u64,
+    pub offsets: *const u64,
+    pub columns: *const u32,
+    pub values: *const f32,
+    pub areas: *const f64,
+    pub escaped: *const f32,
+    pub lost: *const f32,
+    pub rays: u64,
+    pub row_sum_error: f64,
+    pub closed_row_sum_error: f64,
+}
+record!(
+    mrv_form_factor_arrays: 88,
+    struct_size, rows, entries, offsets, columns, values, areas, escaped, lost, rays, row_sum_error,
+    closed_row_sum_error
+);
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_form_factors_get_arrays(
+    factors: *const mrv_form_factors,
+    arrays: *mut mrv_form_factor_arrays,
+) -> mrv_status {
+    guard("mrv_form_factors_get_arrays", |call| {
+        let factors = &object(call, factors, "factors")?.factors;
+        // SAFETY: the caller gives a record.
+        let place = unsafe { RecordPlace::of(arrays, "arrays") }?;
+        let (offsets, columns, values) = factors.csr();
+        let arrays = mrv_form_factor_arrays {
+            struct_size: 0,
+            rows: factors.len() as u64,
+            entries: columns.len() as u64,
+            offsets: offsets.as_ptr(),
+            columns: columns.as_ptr(),
+            values: values.as_ptr(),
+            areas: factors.areas().as_ptr(),
+            escaped: factors.escaped().as_ptr(),
+            lost: factors.lost().as_ptr(),
+            rays: factors.rays(),
+            row_sum_error: factors.row_sum_error(),
+            closed_row_sum_error: factors.closed_row_sum_error(),
+        };
+        // SAFETY: as above.
+        unsafe { place.set(arrays) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_form_factors_get_row(
+    factors: *const mrv_form_factors,
+    row: u64,
+    columns: *mut *const u32,
+    values: *mut *const f32,
+    count: *mut usize,
+) -> mrv_status {
+    guard("mrv_form_factors_get_row", |call| {
+        let factors = &object(call, factors, "factors")?.factors;
+        let places =
+            (Place::of(columns, "columns")?, Place::of(values, "values")?, Place::of(count, "count")?);
+        let (columns, values) = factors.row(index(row, factors.len())?);
+        // SAFETY: the caller gives places.
+        unsafe {
+            places.0.set(columns.as_ptr());
+            places.1.set(values.as_ptr());
+            places.2.set(columns.len());
+        }
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_form_factors_get_name(
+    factors: *const mrv_form_factors,
+    row: u64,
+    name: *mut *const c_char,
+) -> mrv_status {
+    guard("mrv_form_factors_get_name", |call| {
+        let factors = object(call, factors, "factors")?;
+        let place = Place::of(name, "name")?;
+        let row = index(row, factors.factors.len())?;
+        let name = factors.names.get(row).map_or(c"".as_ptr(), |name| name.as_ptr());
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(name) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_form_factors_write(
+    factors: *const mrv_form_factors,
+    path: *const c_char,
+) -> mrv_status {
+    guard("mrv_form_factors_write", |call| {
+        let factors = object(call, factors, "factors")?;
+        // SAFETY: the caller gives text.
+        Ok(factors.factors.write(unsafe { text(path, "path") }?)?)
+    })
+}
+
+/// A row that exists.
+fn index(row: u64, rows: usize) -> Outcome<usize> {
+    match usize::try_from(row).ok().filter(|&row| row < rows) {
+        Some(row) => Ok(row),
+        None => wrong(format!("`row` {row}: there are {rows} rows")),
+    }
+}

@@ -1,0 +1,91 @@
+//! What stands around the body of every entry: panics and errors become statuses, the floating-point state of the caller is kept.
+
+use super::float_state::FloatState;
+use super::status::{self, MRV_ERROR_INTERNAL, MRV_OK, mrv_status};
+use super::words::error_in_c;
+use mrvis::Error;
+use smallvec::SmallVec;
+use std::any::Any;
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+/// Why a body ended without a result.
+pub enum Failure {
+    Error(Error),
+    /// A defect of this crate.
+    Internal(String),
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Failure {
+        Failure::Error(error)
+    }
+}
+
+/// Result of a body and its parts.
+pub type Outcome<T = ()> = Result<T, Failure>;
+
+/// An object that may be half changed after a defect.
+pub trait Suspect {
+    /// Refuses further use.
+    fn refuse(&self);
+}
+
+/// A running call.
+pub struct Call {
+    caller: FloatState,
+    /// Objects of the handles that were given; they stay alive during the call. Four need no allocation.
+    used: RefCell<SmallVec<[Arc<dyn Suspect>; 4]>>,
+}
+
+impl Call {
+    /// The call uses an object.
+    pub fn uses(&self, object: Arc<dyn Suspect>) {
+        self.used.borrow_mut().push(object);
+    }
+
+    /// Runs code of the caller in the caller's floating-point state.
+    pub fn as_the_caller<R>(&self, run: impl FnOnce() -> R) -> R {
+        self.caller.enter();
+        let result = run();
+        FloatState::DEFAULT.enter();
+        result
+    }
+}
+
+/// Runs the body of an entry; gives its status and keeps the message of its error.
+pub fn guard(name: &str, body: impl FnOnce(&Call) -> Outcome) -> mrv_status {
+    let caller = FloatState::DEFAULT.enter();
+    let call = Call { caller, used: RefCell::default() };
+    let (status, message) = match catch_unwind(AssertUnwindSafe(|| body(&call))) {
+        Ok(Ok(())) => (MRV_OK, None),
+        Ok(Err(Failure::Error(error))) => (status::of(error.category()), Some(error_in_c(name, &error))),
+        Ok(Err(Failure::Internal(what))) => (MRV_ERROR_INTERNAL, Some(what)),
+        Err(panic) => {
+            call.used.borrow().iter().for_each(|object| object.refuse());
+            (MRV_ERROR_INTERNAL, Some(format!("a defect of mrvis, please report it: {}", words_of(&*panic))))
+        }
+    };
+    if let Some(what) = message {
+        status::keep_message(&format!("{name}: {what}"));
+    }
+    // Another thread may have released a handle meanwhile: its object ends here.
+    let _ = catch_unwind(AssertUnwindSafe(|| drop(call)));
+    caller.enter();
+    status
+}
+
+/// Runs the body of an entry that has no status; `otherwise` if it panics.
+pub fn quiet<T>(otherwise: T, body: impl FnOnce() -> T) -> T {
+    let caller = FloatState::DEFAULT.enter();
+    let result = catch_unwind(AssertUnwindSafe(body)).unwrap_or(otherwise);
+    caller.enter();
+    result
+}
+
+/// The message of a panic.
+pub fn words_of(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<&str>().copied();
+    text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
+}

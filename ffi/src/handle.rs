@@ -1,0 +1,128 @@
+//! Opaque handles: reference-counted objects that a C program holds by pointers.
+//!
+//! A handle is a number in the form of a pointer; no number is given twice. All live handles are listed with their objects, so that a
+//! handle that was released, or has another type, is an error and never another object.
+
+use super::arguments::null;
+use super::guard::{Call, Failure, Outcome, Suspect};
+use super::status::keep_message;
+use mrvis::Error;
+use std::any::Any;
+use std::collections::BTreeMap;
+use std::ops::Deref;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
+
+/// An opaque type of the header.
+pub trait Opaque: 'static {
+    /// Its name.
+    const NAME: &'static str;
+    /// What stands behind it.
+    type Value: Send + Sync + 'static;
+}
+
+/// What a handle points to.
+pub struct Object<T> {
+    value: T,
+    /// References of the program.
+    references: AtomicUsize,
+    /// A call that used it ended by a defect.
+    suspect: AtomicBool,
+}
+
+impl<T> Suspect for Object<T> {
+    fn refuse(&self) {
+        self.suspect.store(true, Ordering::Relaxed);
+    }
+}
+
+impl<T> Deref for Object<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.value
+    }
+}
+
+/// A live handle.
+struct Live {
+    /// Type of the handle.
+    name: &'static str,
+    object: Arc<dyn Any + Send + Sync>,
+}
+
+/// All live handles by their numbers.
+static LIVE: RwLock<BTreeMap<usize, Live>> = RwLock::new(BTreeMap::new());
+/// Number of the next handle, a multiple of [`STEP`].
+static NEXT: AtomicUsize = AtomicUsize::new(STEP);
+/// Difference of handles: that of aligned memory, for hosts that use the lowest bits of pointers.
+const STEP: usize = 16;
+
+/// A new handle with one reference.
+pub fn give<H: Opaque>(value: H::Value) -> *mut H {
+    let object = Object { value, references: AtomicUsize::new(1), suspect: AtomicBool::new(false) };
+    let handle = NEXT.fetch_add(STEP, Ordering::Relaxed);
+    let live = Live { name: H::NAME, object: Arc::new(object) };
+    LIVE.write().unwrap_or_else(PoisonError::into_inner).insert(handle, live);
+    std::ptr::without_provenance_mut(handle)
+}
+
+/// The object of the handle that the argument `name` holds, alive until the result is dropped.
+pub fn object<H: Opaque>(call: &Call, handle: *const H, name: &str) -> Outcome<Arc<Object<H::Value>>> {
+    if handle.is_null() {
+        return Err(null(name));
+    }
+    let object = {
+        let live = LIVE.read().unwrap_or_else(PoisonError::into_inner);
+        listed(&live, handle, name)?
+    };
+    call.uses(object.clone());
+    if object.suspect.load(Ordering::Relaxed) {
+        return Err(Failure::Internal(format!("`{name}` was in use when a defect occurred: release it")));
+    }
+    Ok(object)
+}
+
+/// Adds a reference of the program.
+pub fn retain<H: Opaque>(call: &Call, handle: *const H, name: &str) -> Outcome {
+    object(call, handle, name)?.references.fetch_add(1, Ordering::Relaxed);
+    Ok(())
+}
+
+/// Gives a reference of the program back. A pointer that is no live handle of this type is ignored, with a message.
+pub fn release<H: Opaque>(handle: *const H) {
+    if handle.is_null() {
+        return;
+    }
+    let mut live = LIVE.write().unwrap_or_else(PoisonError::into_inner);
+    match listed(&live, handle, "handle") {
+        Ok(object) => {
+            let last = object.references.fetch_sub(1, Ordering::Relaxed) == 1;
+            // The object ends after the list is free: that may take long.
+            let _ended = last.then(|| live.remove(&handle.addr()));
+            drop(live);
+        }
+        Err(Failure::Error(error)) => keep_message(&error.to_string()),
+        Err(Failure::Internal(_)) => {}
+    }
+}
+
+/// The object of a handle of this type.
+fn listed<H: Opaque>(
+    live: &BTreeMap<usize, Live>,
+    handle: *const H,
+    name: &str,
+) -> Outcome<Arc<Object<H::Value>>> {
+    let found = live.get(&handle.addr());
+    if let Some(Ok(object)) =
+        found.filter(|found| found.name == H::NAME).map(|found| found.object.clone().downcast())
+    {
+        return Ok(object);
+    }
+    let what = match found {
+        Some(found) => format!("a {}", found.name),
+        None => "no live handle, perhaps released already".into(),
+    };
+    let want = H::NAME;
+    Err(Error::Argument(format!("`{name}` {handle:p} is {what}: give a {want}")).into())
+}

@@ -1,0 +1,85 @@
+//! The C interface `ffi/include/mrvis.h`: translation onto the public interface of the crate, and nothing else.
+//!
+//! Every entry is one [`guard::guard`] around a body. A body turns pointers into slices, records and handles with the functions of
+//! `arguments`, `record` and `handle`, calls the crate, and writes its outputs last.
+//!
+//! Decisions that other interfaces take differently:
+//!
+//! * Options are records that begin with their size, not handles with setters: a program fills them in without a call that can fail, and
+//!   members can still be appended, because `record` reads what an older program lacks as 0 and refuses what a newer one adds.
+//! * Handles are looked up in a list of live ones in every call, so that a handle that was released or has
+//!   another type is a status. No function skips checks; batches check positions in parallel, as in Rust.
+//! * Large results (form factors, lightmaps, texts) are borrowed from their handle, others go into arrays of the caller.
+//! * A call with a callback works on a thread of its own while the thread of the caller waits: the callback is then never concurrent.
+
+#![allow(unsafe_code, non_camel_case_types)]
+
+mod arguments;
+mod bench;
+mod builder;
+mod call_progress;
+mod elements;
+mod fbem;
+mod float_state;
+mod form_factors;
+mod guard;
+mod handle;
+mod images;
+mod library;
+mod model;
+mod overlap;
+mod query;
+mod record;
+mod scene;
+mod solve;
+mod status;
+#[cfg(test)]
+mod tests;
+mod update;
+mod visibility;
+mod words;
+
+/// Name and size of a record, and its members with their offsets.
+#[cfg(test)]
+type Layout = (&'static str, usize, &'static [(&'static str, usize)]);
+
+/// The layout of each record.
+#[cfg(test)]
+fn layouts() -> Vec<Layout> {
+    fn of<R: record::Record>() -> Layout {
+        (R::NAME, size_of::<R>(), R::MEMBERS)
+    }
+    vec![
+        of::<scene::mrv_load_options>(),
+        of::<scene::mrv_generate_options>(),
+        of::<scene::mrv_scene_info>(),
+        of::<builder::mrv_mesh>(),
+        of::<model::mrv_prepare_options>(),
+        of::<model::mrv_model_info>(),
+        of::<update::mrv_instance>(),
+        of::<update::mrv_instance_change>(),
+        of::<visibility::mrv_segments>(),
+        of::<visibility::mrv_answers>(),
+        of::<visibility::mrv_cost>(),
+        of::<query::mrv_query>(),
+        of::<query::mrv_answer>(),
+        of::<solve::mrv_solve_options>(),
+        of::<solve::mrv_solution_info>(),
+        of::<elements::mrv_elements>(),
+        of::<images::mrv_camera>(),
+        of::<images::mrv_image_options>(),
+        of::<images::mrv_lightmap_options>(),
+        of::<images::mrv_lightmap_arrays>(),
+        of::<bench::mrv_bench_options>(),
+        of::<bench::mrv_reference_options>(),
+        of::<fbem::mrv_fbem_images>(),
+        of::<form_factors::mrv_form_factor_options>(),
+        of::<form_factors::mrv_form_factor_arrays>(),
+    ]
+}
+
+/// A handle `mrv_model *` of a model, for the benchmark of this interface.
+#[doc(hidden)]
+pub fn model_handle(model: mrvis::Model) -> *mut std::ffi::c_void {
+    handle::give::<model::mrv_model>(model::NamedModel::new(model)).cast()
+}

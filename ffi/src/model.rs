@@ -1,0 +1,201 @@
+//! Models: scenes prepared for queries.
+
+use super::arguments::{Place, no_reserved, optional_text, wrong};
+use super::call_progress::{mrv_progress, with_progress};
+use super::guard::{Outcome, guard, quiet};
+use super::handle::{Opaque, give, object, release, retain};
+use super::record::{RecordPlace, read_optional, record};
+use super::scene::{NamedScene, mrv_scene};
+use super::status::mrv_status;
+use mrvis::Builder;
+use mrvis::internals::ModelParts;
+use mrvis::{Detail, Model, PrepareOptions};
+use std::ffi::{CString, c_char, c_void};
+use std::sync::OnceLock;
+
+/// A model.
+#[repr(C)]
+pub struct mrv_model {
+    _opaque: [u8; 0],
+}
+
+/// A model and the names of its instances as C text.
+pub struct NamedModel {
+    pub model: Model,
+    pub names: OnceLock<Vec<CString>>,
+}
+
+impl NamedModel {
+    pub fn new(model: Model) -> NamedModel {
+        NamedModel { model, names: OnceLock::new() }
+    }
+}
+
+impl Opaque for mrv_model {
+    const NAME: &'static str = "mrv_model";
+    type Value = NamedModel;
+}
+
+pub const MRV_DETAIL_DEFAULT: i32 = 0;
+pub const MRV_DETAIL_RAYS: i32 = 1;
+pub const MRV_DETAIL_CLUSTERS: i32 = 2;
+pub const MRV_DETAIL_OPTICS: i32 = 3;
+
+pub const MRV_BUILDER_DEFAULT: i32 = 0;
+pub const MRV_BUILDER_GRIDS: i32 = 1;
+pub const MRV_BUILDER_KDTREE: i32 = 2;
+pub const MRV_BUILDER_GOLDSMITH_SALMON: i32 = 3;
+pub const MRV_BUILDER_SAH: i32 = 4;
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_prepare_options {
+    pub struct_size: usize,
+    pub detail: i32,
+    pub threads: u32,
+    pub cache: *const c_char,
+    pub progress: mrv_progress,
+    pub user: *mut c_void,
+    pub builder: i32,
+    pub reserved: u32,
+}
+record!(
+    mrv_prepare_options: 40,
+    struct_size, detail, threads, cache, progress, user, builder, reserved
+);
+
+/// The options of a caller.
+///
+/// # Safety
+/// The record holds text as the header says.
+unsafe fn prepare_options(given: &mrv_prepare_options) -> Outcome<PrepareOptions> {
+    let detail = match given.detail {
+        MRV_DETAIL_DEFAULT | MRV_DETAIL_OPTICS => Detail::Optics,
+        MRV_DETAIL_RAYS => Detail::Rays,
+        MRV_DETAIL_CLUSTERS => Detail::Clusters,
+        other => {
+            return wrong(format!(
+                "`options.detail` {other}: give 0 or one of MRV_DETAIL_RAYS to MRV_DETAIL_OPTICS"
+            ));
+        }
+    };
+    let builder = match given.builder {
+        MRV_BUILDER_DEFAULT | MRV_BUILDER_GRIDS => Builder::Grids,
+        MRV_BUILDER_KDTREE => Builder::KdTree,
+        MRV_BUILDER_GOLDSMITH_SALMON => Builder::GoldsmithSalmon,
+        MRV_BUILDER_SAH => Builder::Sah,
+        other => {
+            return wrong(format!(
+                "`options.builder` {other}: give 0 or one of MRV_BUILDER_GRIDS to MRV_BUILDER_SAH"
+            ));
+        }
+    };
+    no_reserved(given.reserved, "options.reserved")?;
+    let options = PrepareOptions::default().with_detail(detail).with_builder(builder);
+    let options = options.with_threads(given.threads as usize);
+    // SAFETY: as for this function.
+    Ok(match unsafe { optional_text(given.cache, "options.cache") }? {
+        Some(folder) => options.with_cache(folder),
+        None => options,
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_model_prepare(
+    scene: *const mrv_scene,
+    options: *const mrv_prepare_options,
+    model: *mut *mut mrv_model,
+) -> mrv_status {
+    guard("mrv_model_prepare", |call| {
+        let scene = object(call, scene, "scene")?;
+        // SAFETY: the caller gives a record with text.
+        let given = unsafe { read_optional(options, "options") }?;
+        // SAFETY: as above.
+        let options = unsafe { prepare_options(&given) }?;
+        let place = Place::of(model, "model")?;
+        let prepare =
+            |progress: &dyn mrvis::Progress| Model::prepare(scene.scene.clone(), &options, progress);
+        let model = with_progress(call, given.progress, given.user, prepare)??;
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(give(NamedModel::new(model))) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn mrv_model_retain(model: *const mrv_model) -> mrv_status {
+    guard("mrv_model_retain", |call| retain(call, model, "model"))
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn mrv_model_release(model: *const mrv_model) {
+    quiet((), || release(model));
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_model_get_scene(
+    model: *const mrv_model,
+    scene: *mut *mut mrv_scene,
+) -> mrv_status {
+    guard("mrv_model_get_scene", |call| {
+        let model = object(call, model, "model")?;
+        let place = Place::of(scene, "scene")?;
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(give(NamedScene::new(model.model.shared_scene()))) };
+        Ok(())
+    })
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_model_info {
+    pub struct_size: usize,
+    pub sources: u64,
+    pub instances: u64,
+    pub revision: u64,
+    pub embree_bytes: u64,
+    pub embree_seconds: f64,
+    pub cluster_seconds: f64,
+    pub optics_seconds: f64,
+    pub cache_seconds: f64,
+    pub detail: i32,
+    pub from_cache: i32,
+}
+record!(
+    mrv_model_info: 80,
+    struct_size, sources, instances, revision, embree_bytes, embree_seconds, cluster_seconds,
+    optics_seconds, cache_seconds, detail, from_cache
+);
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_model_get_info(
+    model: *const mrv_model,
+    info: *mut mrv_model_info,
+) -> mrv_status {
+    guard("mrv_model_get_info", |call| {
+        let model = &object(call, model, "model")?.model;
+        // SAFETY: the caller gives a record.
+        let place = unsafe { RecordPlace::of(info, "info") }?;
+        let report = model.report();
+        let info = mrv_model_info {
+            struct_size: 0,
+            sources: model.sources().len() as u64,
+            instances: model.instances().len() as u64,
+            revision: model.revision(),
+            embree_bytes: report.embree_bytes,
+            embree_seconds: report.embree_s,
+            cluster_seconds: report.clusters_s,
+            optics_seconds: report.optics_s,
+            cache_seconds: report.cache_s,
+            detail: match model.detail() {
+                Detail::Rays => MRV_DETAIL_RAYS,
+                Detail::Clusters => MRV_DETAIL_CLUSTERS,
+                Detail::Optics => MRV_DETAIL_OPTICS,
+            },
+            from_cache: i32::from(report.from_cache()),
+        };
+        // SAFETY: as above.
+        unsafe { place.set(info) };
+        Ok(())
+    })
+}

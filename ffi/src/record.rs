@@ -1,0 +1,135 @@
+//! Records that begin with their size, so that later versions can append members.
+
+use super::arguments::{check_pointer, wrong};
+use super::guard::Outcome;
+use mrvis::Error;
+use std::mem::MaybeUninit;
+
+/// A record of the header.
+///
+/// # Safety
+/// The type is `repr(C)`, its first member is `struct_size: usize`, and every bit pattern is a value: numbers, pointers and optional
+/// functions alone.
+pub unsafe trait Record: Copy {
+    /// Its name.
+    const NAME: &'static str;
+    /// Its size in the first version that had it: smaller ones are wrong.
+    const FIRST_SIZE: usize;
+    /// Name and offset of each member, which tests compare with the header.
+    #[cfg(test)]
+    const MEMBERS: &'static [(&'static str, usize)];
+}
+
+/// Implements [`Record`] for a type with these members and this size in its first version.
+macro_rules! record {
+    ($name:ident: $first_size:literal, $($member:ident),+ $(,)?) => {
+        // SAFETY: the types of this room that are listed are `repr(C)` and have such members; `tests` compares them with the header.
+        unsafe impl super::record::Record for $name {
+            const NAME: &'static str = stringify!($name);
+            const FIRST_SIZE: usize = $first_size;
+            #[cfg(test)]
+            const MEMBERS: &'static [(&'static str, usize)] =
+                &[$((stringify!($member), std::mem::offset_of!($name, $member))),+];
+        }
+        const _: () = assert!(std::mem::offset_of!($name, struct_size) == 0 && $first_size <= size_of::<$name>());
+    };
+}
+pub(super) use record;
+
+/// Largest size of a record that is believed, bytes: four times that of the largest today. A size that was not set is most often larger.
+const MAX_SIZE: usize = 1024;
+
+/// A record with every member 0.
+pub fn zero<R: Record>() -> R {
+    // SAFETY: every bit pattern is a value.
+    unsafe { MaybeUninit::zeroed().assume_init() }
+}
+
+/// The size that the caller states.
+///
+/// # Safety
+/// `pointer` is NULL or a record of at least the stated size.
+unsafe fn stated_size<R: Record>(pointer: *const R, name: &str) -> Outcome<usize> {
+    check_pointer(pointer, name)?;
+    // SAFETY: not NULL and aligned; the size is the first member of every version.
+    let size = unsafe { pointer.cast::<usize>().read() };
+    if size < R::FIRST_SIZE || size > MAX_SIZE {
+        let record = R::NAME;
+        return wrong(format!(
+            "`{name}.struct_size` {size}: set it to sizeof({record}), now {}",
+            size_of::<R>()
+        ));
+    }
+    Ok(size)
+}
+
+/// The record of the caller; members that its version lacks are 0.
+///
+/// # Safety
+/// `pointer` is NULL or a record of the size that it states.
+pub unsafe fn read<R: Record>(pointer: *const R, name: &str) -> Outcome<R> {
+    // SAFETY: as for this function.
+    let size = unsafe { stated_size(pointer, name) }?;
+    let (from, mut record) = (pointer.cast::<u8>(), zero::<R>());
+    // SAFETY: both have so many bytes; every bit pattern is a value.
+    unsafe { from.copy_to_nonoverlapping((&raw mut record).cast(), size.min(size_of::<R>())) };
+    // SAFETY: the caller states so many bytes.
+    let unknown = (size_of::<R>()..size).any(|i| unsafe { from.add(i).read() } != 0);
+    if unknown {
+        return Err(Error::Unsupported(format!(
+            "`{name}` sets members of {} that this version of mrvis does not know: set them to 0 or install a later version",
+            R::NAME
+        ))
+        .into());
+    }
+    Ok(record)
+}
+
+/// The record of the caller, or one with every member 0 for NULL.
+///
+/// # Safety
+/// As for [`read`].
+pub unsafe fn read_optional<R: Record>(pointer: *const R, name: &str) -> Outcome<R> {
+    // SAFETY: as for this function.
+    if pointer.is_null() { Ok(zero()) } else { unsafe { read(pointer, name) } }
+}
+
+/// Where a record of results goes.
+pub struct RecordPlace<R> {
+    pointer: *mut R,
+    size: usize,
+}
+
+impl<R: Record> RecordPlace<R> {
+    /// The place of the argument `name`.
+    ///
+    /// # Safety
+    /// As for [`read`].
+    pub unsafe fn of(pointer: *mut R, name: &str) -> Outcome<RecordPlace<R>> {
+        // SAFETY: as for this function.
+        Ok(RecordPlace { pointer, size: unsafe { stated_size(pointer, name) }? })
+    }
+
+    /// The same for an argument that may be NULL.
+    ///
+    /// # Safety
+    /// As for [`read`].
+    pub unsafe fn optional(pointer: *mut R, name: &str) -> Outcome<Option<RecordPlace<R>>> {
+        // SAFETY: as for this function.
+        if pointer.is_null() { Ok(None) } else { unsafe { RecordPlace::of(pointer, name) }.map(Some) }
+    }
+
+    /// Writes all members but the size; those that this version does not know become 0.
+    ///
+    /// # Safety
+    /// The record that was given has the size that it states.
+    pub unsafe fn set(self, value: R) {
+        let (to, own, head) = (self.pointer.cast::<u8>(), size_of::<R>(), size_of::<usize>());
+        let known = self.size.min(own);
+        // SAFETY: both have so many bytes, and the first member stays.
+        unsafe {
+            (&raw const value).cast::<u8>().add(head).copy_to_nonoverlapping(to.add(head), known - head);
+            to.add(known).write_bytes(0, self.size - known);
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Instances of a model, and changes of them.
+
+use super::arguments::{Place, c_text, check_pointer, no_reserved, optional_text, wrong};
+use super::guard::{Outcome, guard};
+use super::handle::{give, object};
+use super::model::{NamedModel, mrv_model};
+use super::record::{RecordPlace, read, record};
+use super::status::mrv_status;
+use glam::DAffine3;
+use mrvis::{Instance, InstanceChange};
+use std::ffi::c_char;
+
+pub const MRV_MATERIAL_KEEP: i32 = -1;
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_instance {
+    pub struct_size: usize,
+    pub name: *const c_char,
+    pub transform: [f64; 12],
+    pub material: i64,
+    pub mesh: u32,
+    pub visible: i32,
+    pub removed: i32,
+    pub reserved: u32,
+}
+record!(mrv_instance: 136, struct_size, name, transform, material, mesh, visible, removed, reserved);
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_model_get_instance(
+    model: *const mrv_model,
+    index: u64,
+    instance: *mut mrv_instance,
+) -> mrv_status {
+    guard("mrv_model_get_instance", |call| {
+        let model = object(call, model, "model")?;
+        // SAFETY: the caller gives a record.
+        let place = unsafe { RecordPlace::of(instance, "instance") }?;
+        let all = model.model.instances();
+        let Some((i, found)) = usize::try_from(index).ok().and_then(|i| Some((i, all.get(i)?))) else {
+            return wrong(format!("`index` {index}: the model has {} instances", all.len()));
+        };
+        let names = model.names.get_or_init(|| all.iter().map(|instance| c_text(&instance.name)).collect());
+        let instance = mrv_instance {
+            struct_size: 0,
+            name: names[i].as_ptr(),
+            transform: rows_of(found.transform),
+            material: found.material.map_or(i64::from(MRV_MATERIAL_KEEP), i64::from),
+            mesh: found.mesh,
+            visible: i32::from(found.visible),
+            removed: i32::from(found.removed),
+            reserved: 0,
+        };
+        // SAFETY: as above.
+        unsafe { place.set(instance) };
+        Ok(())
+    })
+}
+
+pub const MRV_CHANGE_MOVE: i32 = 1;
+pub const MRV_CHANGE_ADD: i32 = 2;
+pub const MRV_CHANGE_REMOVE: i32 = 3;
+pub const MRV_CHANGE_SHOW: i32 = 4;
+pub const MRV_CHANGE_HIDE: i32 = 5;
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_instance_change {
+    pub struct_size: usize,
+    pub kind: i32,
+    pub instance: u32,
+    pub transform: [f64; 12],
+    pub name: *const c_char,
+    pub material: i64,
+    pub mesh: u32,
+    pub reserved: u32,
+}
+record!(mrv_instance_change: 136, struct_size, kind, instance, transform, name, material, mesh, reserved);
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_model_update(
+    model: *const mrv_model,
+    changes: *const mrv_instance_change,
+    count: usize,
+    updated: *mut *mut mrv_model,
+) -> mrv_status {
+    guard("mrv_model_update", |call| {
+        let model = object(call, model, "model")?;
+        let place = Place::of(updated, "updated")?;
+        // SAFETY: the caller gives so many records.
+        let changes = unsafe { changes_of(changes, count) }?;
+        let updated = model.model.update(&changes)?;
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(give(NamedModel::new(updated))) };
+        Ok(())
+    })
+}
+
+/// The changes of a caller: records of the size that the first one states.
+///
+/// # Safety
+/// `changes` is NULL or has `count` such records, with text as the header says.
+unsafe fn changes_of(changes: *const mrv_instance_change, count: usize) -> Outcome<Vec<InstanceChange>> {
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    check_pointer(changes, "changes")?;
+    // SAFETY: there is a first record, which begins with its size.
+    let stride = unsafe { changes.cast::<usize>().read() };
+    if count.checked_mul(stride.max(1)).is_none_or(|bytes| isize::try_from(bytes).is_err()) {
+        return wrong(format!("`changes` with {count} entries is larger than memory: give their number"));
+    }
+    let mut all = Vec::new();
+    for i in 0..count {
+        let name = format!("changes[{i}]");
+        // SAFETY: as for this function; the address is that of a record, which `read` checks.
+        let given = unsafe { read(changes.cast::<u8>().wrapping_add(i.wrapping_mul(stride)).cast(), &name) }?;
+        let given: mrv_instance_change = given;
+        if given.struct_size != stride {
+            return wrong(format!(
+                "`{name}.struct_size` {}: must be {stride}, as the first",
+                given.struct_size
+            ));
+        }
+        // SAFETY: as for this function.
+        all.push(unsafe { change(&given, &name) }?);
+    }
+    Ok(all)
+}
+
+/// # Safety
+/// The record holds text as the header says.
+unsafe fn change(given: &mrv_instance_change, name: &str) -> Outcome<InstanceChange> {
+    no_reserved(given.reserved, &format!("{name}.reserved"))?;
+    let (instance, transform) = (given.instance, matrix_of(&given.transform));
+    Ok(match given.kind {
+        MRV_CHANGE_MOVE => InstanceChange::Move { instance, transform },
+        MRV_CHANGE_ADD => InstanceChange::Add(Instance {
+            mesh: given.mesh,
+            transform,
+            // The crate refuses numbers of no material by their value.
+            material: (given.material != i64::from(MRV_MATERIAL_KEEP))
+                .then(|| u32::try_from(given.material).unwrap_or(u32::MAX)),
+            // SAFETY: as for this function.
+            name: unsafe { optional_text(given.name, &format!("{name}.name")) }?.unwrap_or("instance").into(),
+            visible: true,
+            removed: false,
+        }),
+        MRV_CHANGE_REMOVE => InstanceChange::Remove { instance },
+        MRV_CHANGE_SHOW => InstanceChange::Show { instance, visible: true },
+        MRV_CHANGE_HIDE => InstanceChange::Show { instance, visible: false },
+        kind => {
+            return wrong(format!("`{name}.kind` {kind}: give one of MRV_CHANGE_MOVE to MRV_CHANGE_HIDE"));
+        }
+    })
+}
+
+/// The rows of a 3 by 4 matrix, as a transform.
+pub fn matrix_of(rows: &[f64; 12]) -> DAffine3 {
+    let [a, b, c, x, d, e, f, y, g, h, i, z] = *rows;
+    DAffine3::from_cols_array(&[a, d, g, b, e, h, c, f, i, x, y, z])
+}
+
+/// A transform as the rows of a 3 by 4 matrix.
+fn rows_of(transform: DAffine3) -> [f64; 12] {
+    let [a, d, g, b, e, h, c, f, i, x, y, z] = transform.to_cols_array();
+    [a, b, c, x, d, e, f, y, g, h, i, z]
+}

@@ -1,0 +1,299 @@
+//! Visibility in batches.
+
+use super::arguments::{check_pointer, slice, slice_mut, wrong};
+use super::guard::{Outcome, guard};
+use super::handle::object;
+use super::model::mrv_model;
+use super::overlap::{Span, check_apart};
+use super::record::{RecordPlace, read, record};
+use super::status::mrv_status;
+use mrvis::{Answers, Engine, Segments, Strided};
+use mrvis::{Cost, Method};
+
+pub const MRV_ENGINE_AUTOMATIC: i32 = 0;
+pub const MRV_ENGINE_EXACT: i32 = 1;
+pub const MRV_ENGINE_MULTI_RESOLUTION: i32 = 2;
+pub const MRV_ENGINE_AVERAGE: i32 = 3;
+
+pub const MRV_METHOD_CLEAR: u8 = 0;
+pub const MRV_METHOD_COVERED: u8 = 1;
+pub const MRV_METHOD_EXACT: u8 = 2;
+pub const MRV_METHOD_AGGREGATED: u8 = 3;
+pub const MRV_METHOD_MIXED: u8 = 4;
+
+const _: () = assert!(
+    Method::Clear as u8 == MRV_METHOD_CLEAR
+        && Method::Covered as u8 == MRV_METHOD_COVERED
+        && Method::Exact as u8 == MRV_METHOD_EXACT
+        && Method::Aggregated as u8 == MRV_METHOD_AGGREGATED
+        && Method::Mixed as u8 == MRV_METHOD_MIXED
+);
+
+pub const MRV_SAME_POSITION: usize = usize::MAX;
+
+/// The engine with this number.
+pub fn engine_of(number: i32, name: &str) -> Outcome<Engine> {
+    Ok(match number {
+        MRV_ENGINE_AUTOMATIC => Engine::Automatic,
+        MRV_ENGINE_EXACT => Engine::Exact,
+        MRV_ENGINE_MULTI_RESOLUTION => Engine::MultiResolution,
+        MRV_ENGINE_AVERAGE => Engine::Average,
+        _ => {
+            return wrong(format!(
+                "`{name}` {number}: give one of MRV_ENGINE_AUTOMATIC to MRV_ENGINE_AVERAGE"
+            ));
+        }
+    })
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_positions {
+    pub x: *const f32,
+    pub y: *const f32,
+    pub z: *const f32,
+    pub stride: usize,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_segments {
+    pub struct_size: usize,
+    pub origins: mrv_positions,
+    pub targets: mrv_positions,
+    pub segment_count: u64,
+    pub offsets: *const u64,
+    pub bundle_count: u64,
+    pub feature_sizes: *const f32,
+    pub emitter_sizes: *const f32,
+    pub feature_size: f32,
+    pub emitter_size: f32,
+    pub relative_to: [f64; 3],
+}
+record!(
+    mrv_segments: 144,
+    struct_size, origins, targets, segment_count, offsets, bundle_count, feature_sizes, emitter_sizes,
+    feature_size, emitter_size, relative_to
+);
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_answers {
+    pub struct_size: usize,
+    pub transmittance: *mut f32,
+    pub lo: *mut f32,
+    pub hi: *mut f32,
+    pub methods: *mut u8,
+    pub segment_transmittance: *mut f32,
+}
+record!(mrv_answers: 48, struct_size, transmittance, lo, hi, methods, segment_transmittance);
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_cost {
+    pub struct_size: usize,
+    pub segments: u64,
+    pub nodes: u64,
+    pub exact_rays: u64,
+    pub handed_over: u64,
+    pub aggregated: u64,
+    pub certified: u64,
+}
+record!(mrv_cost: 56, struct_size, segments, nodes, exact_rays, handed_over, aggregated, certified);
+
+/// What answers took, for the caller.
+pub fn cost_record(cost: Cost) -> mrv_cost {
+    let Cost { segments, nodes, exact_rays, handed_over, aggregated, certified, .. } = cost;
+    mrv_cost { struct_size: 0, segments, nodes, exact_rays, handed_over, aggregated, certified }
+}
+
+/// Names of positions and of their arrays x, y and z, for messages: whole, so that no call needs memory for them.
+type PositionNames = [&'static str; 4];
+const ORIGINS: PositionNames =
+    ["segments.origins", "segments.origins.x", "segments.origins.y", "segments.origins.z"];
+const TARGETS: PositionNames =
+    ["segments.targets", "segments.targets.x", "segments.targets.y", "segments.targets.z"];
+
+/// Positions of the caller.
+///
+/// # Safety
+/// The arrays hold `count` positions at the stated stride.
+unsafe fn positions<'a>(given: &mrv_positions, count: usize, names: PositionNames) -> Outcome<Strided<'a>> {
+    let name = names[0];
+    let mrv_positions { x, y, z, stride } = *given;
+    if count == 0 {
+        return Ok(Strided::from(&[][..]));
+    }
+    check_pointer(x, names[1])?;
+    let is_interleaved = y.is_null() && z.is_null();
+    if stride == MRV_SAME_POSITION && is_interleaved {
+        // SAFETY: there is one position.
+        return Ok(Strided::repeated(unsafe { &*x.cast::<[f32; 3]>() }, count));
+    }
+    if stride == MRV_SAME_POSITION {
+        // SAFETY: there is one number in each array.
+        let axis = |pointer, axis: usize| unsafe { slice(pointer, 1, names[axis]) };
+        return Ok(Strided::repeated_axes(axis(x, 1)?, axis(y, 2)?, axis(z, 3)?, count));
+    }
+    let size = if is_interleaved { 3 } else { 1 };
+    let numbers = if stride == 0 { size } else { stride / size_of::<f32>() };
+    if !stride.is_multiple_of(size_of::<f32>()) || numbers < size {
+        return wrong(format!(
+            "`{name}.stride` {stride}: must be 0 (packed) or a multiple of 4 bytes, at least {}",
+            size * size_of::<f32>()
+        ));
+    }
+    let Some(length) = (count - 1).checked_mul(numbers).and_then(|n| n.checked_add(size)) else {
+        return wrong(format!("`{name}.stride` {stride} with {count} positions is larger than memory"));
+    };
+    if is_interleaved {
+        // SAFETY: as for this function.
+        return Ok(Strided::new(unsafe { slice(x, length, name) }?, numbers, count)?);
+    }
+    // SAFETY: as for this function.
+    let axis = |pointer, axis: usize| unsafe { slice(pointer, length, names[axis]) };
+    Ok(Strided::of_axes(axis(x, 1)?, axis(y, 2)?, axis(z, 3)?, numbers, count)?)
+}
+
+/// A number of entries as a length.
+fn length(count: u64, name: &str) -> Outcome<usize> {
+    usize::try_from(count).or_else(|_| wrong(format!("`{name}` {count}: larger than memory")))
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_visibility_answer(
+    model: *const mrv_model,
+    engine: i32,
+    segments: *const mrv_segments,
+    answers: *const mrv_answers,
+    cost: *mut mrv_cost,
+) -> mrv_status {
+    guard("mrv_visibility_answer", |call| {
+        let model = object(call, model, "model")?;
+        let engine = engine_of(engine, "engine")?;
+        // SAFETY: the caller gives records.
+        let (given, wanted) = unsafe { (read(segments, "segments")?, read(answers, "answers")?) };
+        // SAFETY: as above.
+        let place = unsafe { RecordPlace::optional(cost, "cost") }?;
+        let count = length(given.segment_count, "segments.segment_count")?;
+        let one = [0, given.segment_count];
+        // SAFETY: the caller gives arrays of so many entries.
+        let (segments, bundles) = unsafe { segments_of(&given, count, &one) }?;
+        // SAFETY: as above.
+        let mut answers = unsafe { answers_of(&wanted, bundles, count) }?;
+        check_batch_apart(&given, &wanted, bundles, count)?;
+        let cost = model.model.visibility().with_engine(engine).answer_into(&segments, &mut answers)?;
+        if let Some(place) = place {
+            // SAFETY: as above.
+            unsafe { place.set(cost_record(cost)) };
+        }
+        Ok(())
+    })
+}
+
+/// The batch of a caller and the number of its bundles. `one`: offsets of a single bundle.
+///
+/// # Safety
+/// The arrays have as many entries as the header says.
+unsafe fn segments_of<'a>(
+    given: &mrv_segments,
+    count: usize,
+    one: &'a [u64; 2],
+) -> Outcome<(Segments<'a>, usize)> {
+    let mut bundles = length(given.bundle_count, "segments.bundle_count")?;
+    let offsets = if given.offsets.is_null() {
+        if bundles > 1 {
+            return wrong(format!("`segments.offsets` is NULL with `bundle_count` {bundles}: give offsets"));
+        }
+        bundles = 1;
+        &one[..]
+    } else {
+        // SAFETY: as for this function.
+        unsafe { slice(given.offsets, bundles.saturating_add(1), "segments.offsets") }?
+    };
+    // SAFETY: as for this function.
+    let (origins, targets) =
+        unsafe { (positions(&given.origins, count, ORIGINS)?, positions(&given.targets, count, TARGETS)?) };
+    let mut segments = Segments::new(origins, targets, offsets).relative_to(given.relative_to);
+    if !given.feature_sizes.is_null() {
+        // SAFETY: as for this function.
+        let sizes = unsafe { slice(given.feature_sizes, bundles, "segments.feature_sizes") }?;
+        segments = segments.feature_sizes(sizes);
+    } else if given.feature_size != 0.0 {
+        segments = segments.feature_size(given.feature_size);
+    }
+    if !given.emitter_sizes.is_null() {
+        // SAFETY: as for this function.
+        let sizes = unsafe { slice(given.emitter_sizes, bundles, "segments.emitter_sizes") }?;
+        segments = segments.emitter_sizes(sizes);
+    } else {
+        segments = segments.emitter_size(given.emitter_size);
+    }
+    Ok((segments, bundles))
+}
+
+/// Where the answers of a caller go.
+///
+/// # Safety
+/// The arrays have room for as many entries as the header says.
+unsafe fn answers_of<'a>(wanted: &mrv_answers, bundles: usize, segments: usize) -> Outcome<Answers<'a>> {
+    if wanted.lo.is_null() != wanted.hi.is_null() {
+        let missing = if wanted.lo.is_null() { "lo" } else { "hi" };
+        return wrong(format!("`answers.{missing}` is NULL: give both `lo` and `hi` or none"));
+    }
+    // SAFETY: as for this function.
+    let mut answers =
+        Answers::new(unsafe { slice_mut(wanted.transmittance, bundles, "answers.transmittance") }?);
+    if !wanted.lo.is_null() {
+        // SAFETY: as for this function.
+        let (lo, hi) = unsafe {
+            (slice_mut(wanted.lo, bundles, "answers.lo")?, slice_mut(wanted.hi, bundles, "answers.hi")?)
+        };
+        answers = answers.intervals(lo, hi);
+    }
+    if !wanted.methods.is_null() {
+        // SAFETY: as for this function.
+        answers = answers.method_codes(unsafe { slice_mut(wanted.methods, bundles, "answers.methods") }?);
+    }
+    if !wanted.segment_transmittance.is_null() {
+        // SAFETY: as for this function.
+        let each =
+            unsafe { slice_mut(wanted.segment_transmittance, segments, "answers.segment_transmittance") }?;
+        answers = answers.segments(each);
+    }
+    Ok(answers)
+}
+
+/// Refuses outputs that overlap each other or an input.
+fn check_batch_apart(given: &mrv_segments, wanted: &mrv_answers, bundles: usize, segments: usize) -> Outcome {
+    let axis = |name: &'static str, p: &mrv_positions, axis: *const f32| {
+        let one = if p.y.is_null() { 3 * size_of::<f32>() } else { size_of::<f32>() };
+        let bytes = match p.stride {
+            MRV_SAME_POSITION => one,
+            0 => one.saturating_mul(segments),
+            stride => stride.saturating_mul(segments.saturating_sub(1)).saturating_add(one),
+        };
+        Span::new(name, axis, bytes)
+    };
+    let (origins, targets) = (&given.origins, &given.targets);
+    check_apart(
+        &[
+            axis(ORIGINS[1], origins, origins.x),
+            axis(ORIGINS[2], origins, origins.y),
+            axis(ORIGINS[3], origins, origins.z),
+            axis(TARGETS[1], targets, targets.x),
+            axis(TARGETS[2], targets, targets.y),
+            axis(TARGETS[3], targets, targets.z),
+            Span::of("segments.offsets", given.offsets, bundles + 1),
+            Span::of("segments.feature_sizes", given.feature_sizes, bundles),
+            Span::of("segments.emitter_sizes", given.emitter_sizes, bundles),
+        ],
+        &[
+            Span::of("answers.transmittance", wanted.transmittance, bundles),
+            Span::of("answers.lo", wanted.lo, bundles),
+            Span::of("answers.hi", wanted.hi, bundles),
+            Span::of("answers.methods", wanted.methods, bundles),
+            Span::of("answers.segment_transmittance", wanted.segment_transmittance, segments),
+        ],
+    )
+}
