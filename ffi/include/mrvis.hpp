@@ -443,6 +443,14 @@ class scene : public detail::handle<mrv_scene, mrv_scene_retain, mrv_scene_relea
     const mrv_status status = mrv_scene_flatten(get(), max_triangles, &made);
     return detail::finish(status, scene(made));
   }
+  /* The same scene below a sky and a sun, as mrv_scene_with_sky; empty texts are left out. */
+  result<scene> with_sky(const std::string &sky, const std::string &sun = "", const std::string &place = "",
+                         const std::string &time = "") const {
+    const auto text = [](const std::string &given) { return given.empty() ? nullptr : given.c_str(); };
+    mrv_scene *made = nullptr;
+    const mrv_status status = mrv_scene_with_sky(get(), text(sky), text(sun), text(place), text(time), &made);
+    return detail::finish(status, scene(made));
+  }
   result<scene_info> info() const {
     scene_info info;
     const mrv_status status = mrv_scene_get_info(get(), &info);

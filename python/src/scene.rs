@@ -102,6 +102,30 @@ impl PyScene {
         Ok(PyScene { scene: Arc::new(scene), source: self.source.clone() })
     }
 
+    /// The same scene below a sky and a sun, instead of those that it has.
+    ///
+    /// The texts are those of the command's options: sky "uniform:E", "overcast:E", "cie:N,E", "clear:TURBIDITY", "perez:DNI,DHI", or the name
+    /// of a map (.exr, .hdr) or of a description (.toml); sun "AZIMUTH,ELEVATION:E" or "X,Y,Z:E"; place "LATITUDE,LONGITUDE"; time as
+    /// 2026-06-21T12:00+02:00. InputError if they are wrong or do not fit together.
+    #[pyo3(signature = (sky=None, *, sun=None, place=None, time=None))]
+    fn with_sky(
+        &self,
+        py: Python<'_>,
+        sky: Option<String>,
+        sun: Option<String>,
+        place: Option<String>,
+        time: Option<String>,
+    ) -> PyResult<PyScene> {
+        let dark = self.scene.clone();
+        let scene = long(py, None, move |_| {
+            let [sky, sun, place, time] = [&sky, &sun, &place, &time].map(|text| text.as_deref());
+            let mut lit = mrvis::Scene::clone(&dark);
+            lit.set_sky(&mrvis::SkyOptions::of_texts(sky, sun, place, time)?)?;
+            Ok(lit)
+        })?;
+        Ok(PyScene { scene: Arc::new(scene), source: self.source.clone() })
+    }
+
     /// Name of the length unit.
     #[getter]
     fn unit(&self) -> &str {

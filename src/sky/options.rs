@@ -139,6 +139,29 @@ impl SkyOptions {
         Ok(options)
     }
 
+    /// A sky, a sun, a place and a time by their short texts; those that are missing are as in [`SkyOptions::default`].
+    ///
+    /// # Errors
+    /// Those of [`SkyOptions::parse`], [`SkyOptions::with_sun`], [`SkyOptions::with_place`] and [`SkyOptions::with_time`].
+    pub fn of_texts(
+        sky: Option<&str>,
+        sun: Option<&str>,
+        place: Option<&str>,
+        time: Option<&str>,
+    ) -> Result<SkyOptions> {
+        let mut options = SkyOptions::parse(sky.unwrap_or("none"))?;
+        if let Some(sun) = sun {
+            options = options.with_sun(sun)?;
+        }
+        if let Some(place) = place {
+            options = options.with_place(place)?;
+        }
+        if let Some(time) = time {
+            options = options.with_time(time)?;
+        }
+        Ok(options)
+    }
+
     /// The sun from a short text: `auto`, `none`, `AZIMUTH,ELEVATION` in degrees or `X,Y,Z`, the last two with `:E` for a normal irradiance.
     ///
     /// # Errors

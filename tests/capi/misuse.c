@@ -504,6 +504,11 @@ static void flattened(const mrv_scene *placed) {
   WRONG(mrv_scene_flatten(NULL, 0, &flat), "scene");
   WRONG(mrv_scene_flatten(placed, 0, NULL), "flat");
   WRONG(mrv_scene_flatten(placed, 1, &flat), "1");
+  WRONG(mrv_scene_with_sky(placed, "cie:17", NULL, NULL, NULL, &flat), "17 is no type of CIE sky");
+  WRONG(mrv_scene_with_sky(placed, "perez:500,100", NULL, NULL, NULL, &flat), "sun");
+  WRONG(mrv_scene_with_sky(placed, "uniform", "0,95", NULL, NULL, &flat), "95");
+  WRONG(mrv_scene_with_sky(NULL, "uniform", NULL, NULL, NULL, &flat), "scene");
+  WRONG(mrv_scene_with_sky(placed, "uniform", NULL, NULL, NULL, NULL), "lit");
   OK(mrv_scene_flatten(placed, 0, &flat));
   OK(mrv_scene_get_info(flat, &info));
   CHECK(info.triangles == 2 && info.visible == 2);

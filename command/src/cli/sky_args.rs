@@ -13,16 +13,7 @@ impl SceneArgs {
         if [sky, sun, place, time].into_iter().all(Option::is_none) {
             return Ok(());
         }
-        let mut options = SkyOptions::parse(sky.as_deref().unwrap_or("none"))?;
-        if let Some(sun) = sun {
-            options = options.with_sun(sun)?;
-        }
-        if let Some(place) = place {
-            options = options.with_place(place)?;
-        }
-        if let Some(time) = time {
-            options = options.with_time(time)?;
-        }
-        scene.set_sky(&options)
+        let [sky, sun, place, time] = [sky, sun, place, time].map(|text| text.as_deref());
+        scene.set_sky(&SkyOptions::of_texts(sky, sun, place, time)?)
     }
 }
