@@ -114,6 +114,8 @@ mod ray;
 mod reproduce;
 mod scene;
 mod simd;
+#[allow(dead_code, unused_imports)]
+mod terrain;
 mod threads;
 mod visibility;
 
