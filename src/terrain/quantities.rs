@@ -2,8 +2,8 @@
 
 use super::Grid;
 use super::local::{Slopes, Tilt, arctangent};
-use super::sweep::{Azimuths, Row, SweepOptions, fold};
-use crate::{Error, Result, memory};
+use super::sweep::{Azimuths, Row, SweepOptions, each, fold};
+use crate::{Error, Result};
 
 /// Largest number of azimuths: steps of 0.35°, 1 sample in 160 samples of distance.
 const MAX_AZIMUTHS: usize = 1024;
@@ -63,17 +63,14 @@ pub struct Horizon {
 pub fn horizon(grid: &Grid, azimuths: usize, options: &SweepOptions) -> Result<Horizon> {
     check(azimuths)?;
     let directions = Azimuths { count: azimuths, first: 0.0 };
-    memory::check_room(4 * (azimuths * grid.heights().len()) as u64, || {
-        format!("horizons in {azimuths} azimuths")
-    })?;
     let angles: Vec<f64> = (0..azimuths).map(|i| directions.get(i)).collect();
     let add = |row: Row, out: &mut [f32]| {
         for (out, tangent) in out.iter_mut().zip(row.tangents) {
             *out = arctangent(*tangent);
         }
     };
-    let one = |&first: &f64| Ok(with_holes(fold(grid, Azimuths { count: 1, first }, options, add)?, grid));
-    let elevations = angles.iter().map(one).collect::<Result<_>>()?;
+    let elevations = each(grid, directions, options, add)?;
+    let elevations = elevations.into_iter().map(|values| with_holes(values, grid)).collect();
     Ok(Horizon { azimuths: angles, elevations })
 }
 

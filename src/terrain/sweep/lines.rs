@@ -15,13 +15,15 @@ const REACH: usize = 32;
 
 /// Lines of one pass with the horizons that they give.
 pub struct Lines {
-    /// Towards decreasing and towards increasing columns: for each line and column the tangents of the horizons of the samples above and below the
-    /// line.
+    /// Towards decreasing and towards increasing columns: for each place and column the tangents of the horizons of the samples above and below the line there.
     tangents: [Vec<[f32; 2]>; 2],
     rows: Rows,
 }
 
 /// Which row a line is in: line `k` is between rows `k + first + whole` and the next one of a column, nearer to the next one by `rest`.
+///
+/// Each column has a line above its first sample and one below each sample. Of lines whose numbers differ by that number at most one is on the grid in a column, so that they
+/// have one place in memory.
 #[derive(Default)]
 struct Rows {
     first: isize,
@@ -51,11 +53,9 @@ impl Lines {
     /// # Errors
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) if the horizons do not fit.
     pub fn new(grid: &Grid) -> Result<Lines> {
-        let (short, long) = (grid.columns().min(grid.rows()), grid.columns().max(grid.rows()));
-        // The steepest lines rise by a row in each column.
-        let size = std::mem::size_of::<[f32; 2]>() as u64;
-        let horizons = (short + long + 1) as u64 * long as u64;
-        memory::check_room(2 * size * horizons, || "horizons of the terrain".into())?;
+        let places = (grid.columns() + 1) * (grid.rows() + 1);
+        let size = 2 * std::mem::size_of::<[f32; 2]>() * places;
+        memory::check_room(size as u64, || "horizons of the terrain".into())?;
         Ok(Lines { tangents: [Vec::new(), Vec::new()], rows: Rows::default() })
     }
 
@@ -65,50 +65,65 @@ impl Lines {
         let risen = |c: usize| pass.rise * c as f64;
         let whole: Vec<isize> = (0..columns).map(|c| risen(c).floor() as isize).collect();
         let rest = (0..columns).map(|c| (risen(c) - risen(c).floor()) as f32).collect();
-        // Each sample has a line in its row and one in the row above.
         let last = whole[columns - 1];
         self.rows = Rows { first: -1 - last.max(0), whole, rest };
-        let lines = grid.rows() + last.unsigned_abs() + 1;
-        self.tangents.iter_mut().for_each(|t| t.resize(lines * columns, [0.0; 2]));
-        let line = Line { grid, pass, rows: &self.rows, bend: options.earth_radius.map_or(0.0, |r| 1.0 / r) };
+        let places = grid.rows() + 1;
+        let lines = places + last.unsigned_abs();
+        self.tangents.iter_mut().for_each(|t| t.resize(places * columns, [0.0; 2]));
+        let line = Line { grid, pass, rows: &self.rows, bend: options.bend() };
         let [before, behind] = &mut self.tangents;
         before.par_chunks_mut(columns).zip(behind.par_chunks_mut(columns)).enumerate().for_each_init(
             Scratch::default,
-            |scratch, (k, (before, behind))| {
-                let range = line.profile(k, &mut scratch.profile);
-                line.forward(range.clone(), scratch, before);
-                line.backward(range, scratch, behind);
+            |scratch, (place, (before, behind))| {
+                for k in (place..lines).step_by(places) {
+                    let range = line.profile(k, &mut scratch.profile);
+                    line.forward(range.clone(), scratch, before);
+                    line.backward(range, scratch, behind);
+                }
             },
         );
     }
+}
 
-    /// Calls `add` with the horizons of each row of samples on one side (0: decreasing columns) and the row of `sums`.
-    pub fn rows(
-        &self,
-        grid: &Grid,
-        pass: &Pass,
-        (side, azimuth): (usize, usize),
-        options: &SweepOptions,
-        sums: &mut [f32],
-        add: &(impl Fn(Row, &mut [f32]) + Sync),
-    ) {
+/// Horizons of one pass towards one end of the lines.
+pub struct Side<'a> {
+    pub lines: &'a Lines,
+    /// The grid, transposed if the pass is steep.
+    pub grid: &'a Grid,
+    pub pass: &'a Pass,
+    pub options: &'a SweepOptions,
+    /// 0 towards decreasing columns, 1 towards increasing ones.
+    pub end: usize,
+    /// Index of the azimuth.
+    pub azimuth: usize,
+}
+
+impl Side<'_> {
+    /// Calls `add` with the horizons of each row of samples and the row of `sums`.
+    pub fn rows(&self, sums: &mut [f32], add: &(impl Fn(Row, &mut [f32]) + Sync)) {
+        let Side { grid, pass, azimuth, .. } = *self;
         let columns = grid.columns();
-        let Rows { first, whole, rest } = &self.rows;
-        let sign = if side == 0 { -1.0 } else { 1.0 };
+        let places = grid.rows() + 1;
+        let Rows { first, whole, rest } = &self.lines.rows;
+        let tangents = &self.lines.tangents[self.end];
+        let sign = if self.end == 0 { -1.0 } else { 1.0 };
         let direction = pass.direction.map(|d| (sign * d) as f32);
-        let taps = Taps::new(pass, sign, REACH, options.earth_radius.map_or(0.0, |r| 1.0 / r));
+        let taps = Taps::new(pass, sign, REACH, self.options.bend());
+        // By column: place of the line below the sample of row 0.
+        let start = |w: &isize| (-w - first).rem_euclid(places as isize) as usize;
+        let starts: Vec<usize> = whole.iter().map(start).collect();
         sums.par_chunks_mut(columns).enumerate().for_each_init(
             || vec![0.0f32; columns],
-            |tangents, (row, sums)| {
-                for (c, tangent) in tangents.iter_mut().enumerate() {
-                    // `first` makes both indices positive.
-                    let line = (row as isize - whole[c] - first) as usize;
-                    let below = self.tangents[side][line * columns + c][0];
-                    let above = self.tangents[side][(line - 1) * columns + c][1];
+            |line, (row, sums)| {
+                for (c, (tangent, start)) in line.iter_mut().zip(&starts).enumerate() {
+                    let place = start + row;
+                    let below = if place >= places { place - places } else { place };
+                    let above = if below == 0 { places - 1 } else { below - 1 };
+                    let (below, above) = (tangents[below * columns + c][0], tangents[above * columns + c][1]);
                     *tangent = below + (above - below) * rest[c];
                 }
-                taps.raise(grid, row, tangents);
-                add(Row { azimuth, direction, grid, row, tangents }, sums);
+                taps.raise(grid, row, line);
+                add(Row { azimuth, direction, grid, row, tangents: line }, sums);
             },
         );
     }

@@ -15,7 +15,7 @@ mod taps;
 use super::Grid;
 use super::grid::transpose;
 use crate::{Error, Result, memory};
-use lines::Lines;
+use lines::{Lines, Side};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -31,6 +31,11 @@ pub struct SweepOptions {
 }
 
 impl SweepOptions {
+    /// 1 over the radius of the earth, 1/m; 0 for a flat one.
+    fn bend(&self) -> f64 {
+        self.earth_radius.map_or(0.0, |r| 1.0 / r)
+    }
+
     fn check(&self) -> Result<()> {
         match self.earth_radius {
             // Smaller bodies than an asteroid: grids do not describe them.
@@ -83,31 +88,64 @@ pub fn fold(
     options: &SweepOptions,
     add: impl Fn(Row, &mut [f32]) + Sync,
 ) -> Result<Vec<f32>> {
-    options.check()?;
     let samples = grid.heights().len();
-    memory::check_room(8 * samples as u64, || "sums over the terrain".into())?;
-    let passes = passes(grid, azimuths);
-    let mut sums = vec![0.0f32; samples];
-    let mut steep = passes.iter().any(|p| p.is_steep).then(|| vec![0.0f32; samples]);
-    let turned = steep.as_ref().map(|_| grid.transposed()).transpose()?;
-    let mut lines = Lines::new(grid)?;
-    for pass in &passes {
-        let (grid, sums) = match (&turned, &mut steep) {
-            (Some(turned), Some(steep)) if pass.is_steep => (turned, steep),
-            _ => (grid, &mut sums),
+    memory::check_room(12 * samples as u64, || "sums over the terrain".into())?;
+    let (mut sums, mut steep) = (vec![0.0f32; samples], Vec::new());
+    walk(grid, azimuths, options, |side| {
+        let sums = match side.pass.is_steep {
+            true => {
+                steep.resize(samples, 0.0);
+                &mut steep
+            }
+            false => &mut sums,
         };
-        lines.sweep(grid, pass, options);
-        for (side, end) in pass.ends.iter().enumerate() {
-            let Some(azimuth) = *end else { continue };
-            lines.rows(grid, pass, (side, azimuth), options, sums, &add);
-        }
-    }
-    drop(lines);
-    if let Some(steep) = steep {
+        side.rows(sums, &add);
+    })?;
+    if !steep.is_empty() {
         let steep = transpose(&steep, grid.rows());
         sums.par_iter_mut().zip(&steep).for_each(|(sum, more)| *sum += more);
     }
     Ok(sums)
+}
+
+/// What `make` derives from the horizons of each sample in each azimuth: `columns * rows` values for each.
+///
+/// # Errors
+/// As for [`fold`].
+pub fn each(
+    grid: &Grid,
+    azimuths: Azimuths,
+    options: &SweepOptions,
+    make: impl Fn(Row, &mut [f32]) + Sync,
+) -> Result<Vec<Vec<f32>>> {
+    let samples = grid.heights().len();
+    let count = azimuths.count;
+    memory::check_room(4 * ((count + 1) * samples) as u64, || format!("horizons in {count} azimuths"))?;
+    let mut all = vec![Vec::new(); count];
+    walk(grid, azimuths, options, |side| {
+        let mut values = vec![0.0f32; samples];
+        side.rows(&mut values, &make);
+        all[side.azimuth] = if side.pass.is_steep { transpose(&values, grid.rows()) } else { values };
+    })?;
+    Ok(all)
+}
+
+/// Finds the horizons of all samples azimuth by azimuth.
+fn walk(grid: &Grid, azimuths: Azimuths, options: &SweepOptions, mut visit: impl FnMut(Side)) -> Result<()> {
+    options.check()?;
+    let passes = passes(grid, azimuths);
+    let turned = passes.iter().any(|p| p.is_steep).then(|| grid.transposed()).transpose()?;
+    let mut lines = Lines::new(grid)?;
+    for pass in &passes {
+        let grid = turned.as_ref().filter(|_| pass.is_steep).unwrap_or(grid);
+        lines.sweep(grid, pass, options);
+        for (end, azimuth) in pass.ends.iter().enumerate() {
+            if let &Some(azimuth) = azimuth {
+                visit(Side { lines: &lines, grid, pass, options, end, azimuth });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// A direction of lines over the grid or the transposed grid.

@@ -35,6 +35,49 @@ fn shadows_have_their_length() {
     assert!(night.iter().all(|v| *v == 0.0));
 }
 
+/// Shadows end between samples: where a ray to the sun passes an edge by less than the distance of samples, the sweep may differ from it.
+#[test]
+fn shadows_of_rough_terrain_agree_with_rays() {
+    let grid = fractal(300, 200, 10.0, 1500.0, 0.5, 9).expect("a grid");
+    let pyramid = Pyramid::new(&grid);
+    for (azimuth, elevation) in [(0.3f64, 0.25f64), (2.0, 0.1), (4.4, 0.4)] {
+        let lit = sunlit(&grid, &sun(azimuth, elevation, 0.0), &flat()).expect("sunlit");
+        let direction =
+            DVec3::new(azimuth.sin() * elevation.cos(), azimuth.cos() * elevation.cos(), elevation.sin());
+        let (mut wrong, mut shaded) = (0, 0);
+        for [c, r] in spread(&grid, 3000) {
+            let away = grid.normal(c, r).as_dvec3().dot(direction) <= 0.0;
+            let is_lit =
+                !away && !pyramid.occluded(grid.position(c, r), direction, f64::INFINITY).expect("a ray");
+            wrong += usize::from(is_lit != (lit[r * 300 + c] > 0.5));
+            shaded += usize::from(!is_lit);
+        }
+        assert!(
+            shaded > 100 && wrong < 30,
+            "{azimuth} {elevation}: {wrong} of 3000 differ, {shaded} in shadow"
+        );
+    }
+}
+
+/// Horizons in azimuths one by one are those of shadows, also on grids that are much longer than wide.
+#[test]
+fn horizons_bound_shadows() {
+    for (columns, rows) in [(150, 120), (9, 700), (700, 9), (2, 40)] {
+        let rough = fractal(columns.max(9), rows.max(9), 5.0, 100.0, 0.6, 1).expect("a grid");
+        let heights = (0..columns * rows).map(|i| rough.height(i % columns, i / columns)).collect();
+        let grid = Grid::new(columns, rows, [5.0, 3.0], heights).expect("a grid");
+        let found = horizon(&grid, 9, &flat()).expect("horizons");
+        assert_eq!((found.azimuths.len(), found.elevations.len()), (9, 9));
+        for (azimuth, elevations) in found.azimuths.iter().zip(&found.elevations) {
+            let lit = sunlit(&grid, &sun(*azimuth, 0.3, 0.0), &flat()).expect("sunlit");
+            for (lit, elevation) in lit.iter().zip(elevations) {
+                // Lit samples may have a lower horizon of their own slope.
+                assert!(*elevation >= 0.0 && (*lit == 0.0 || *elevation < 0.3 + 1e-4));
+            }
+        }
+    }
+}
+
 #[test]
 fn half_shadows_are_as_wide_as_the_disc() {
     let (grid, elevation, half) = (wall(), 0.5f64, 0.05f64);
