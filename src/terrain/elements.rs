@@ -104,8 +104,8 @@ impl Quadtree<'_> {
         shapes
     }
 
-    /// Triangles of all leaves. Where the leaves across an edge are smaller, the leaf has a vertex in the middle of the edge, so that no edge has a crack. Triangles with a
-    /// corner in a hole are left out.
+    /// Triangles of all leaves. Where the leaves across an edge are smaller, the leaf has a vertex in the middle of the edge, so
+    /// that no edge has a crack. Triangles with a corner in a hole are left out.
     pub fn mesh(&self) -> Mesh {
         let mut mesh = Mesh::default();
         let mut known = FxHashMap::default();
@@ -130,8 +130,8 @@ impl Quadtree<'_> {
         mesh
     }
 
-    /// Vertices around a leaf, counter-clockwise, and the one that all its triangles share: a vertex in the middle of an edge if there is one, because no other edge is
-    /// in line with it; else the south-west corner, as in the grid's own triangles.
+    /// Vertices around a leaf, counter-clockwise, and the one that all its triangles share: a vertex in the middle of an edge if
+    /// there is one, because no other edge is in line with it; else the south-west corner, as in the grid's own triangles.
     fn outline(&self, leaf: usize) -> (Vec<[u32; 2]>, usize) {
         let [[west, east], [north, south]] = self.samples(leaf).map(|side| side.map(|v| v as u32));
         let node = self.nodes()[leaf];

@@ -4,7 +4,8 @@ use super::Grid;
 use crate::Result;
 use rayon::prelude::*;
 
-/// A grid of `columns × rows` samples at the distance `cell` in m, whose heights are a function of the distances from the middle towards east and north, m.
+/// A grid of `columns × rows` samples at the distance `cell` in m, whose heights are a function of the distances from the middle
+/// towards east and north, m.
 ///
 /// # Errors
 /// [`Error::Argument`](crate::Error::Argument) as for [`Grid::new`].
@@ -20,8 +21,8 @@ pub fn of(columns: usize, rows: usize, cell: f64, height: impl Fn(f64, f64) -> f
     Grid::new(columns, rows, [cell; 2], heights)
 }
 
-/// A square plane that falls towards `azimuth` (radians from north over east) with `inclination` (radians). Sky view factor of all samples:
-/// (1 + cos inclination)/2.
+/// A square plane that falls towards `azimuth` (radians from north over east) with `inclination` (radians). Sky view factor of
+/// all samples: (1 + cos inclination)/2.
 ///
 /// # Errors
 /// As for [`of`].
@@ -30,8 +31,9 @@ pub fn plane(side: usize, cell: f64, inclination: f64, azimuth: f64) -> Result<G
     of(side, side, cell, |x, y| -fall * (x * azimuth.sin() + y * azimuth.cos()))
 }
 
-/// A V-shaped valley from south to north, whose sides rise with `inclination` (radians) to the east and west borders. Sky view factor of a sample of a side, from
-/// which the top of the other side has the elevation e across the valley: (1 + cos(inclination + e))/2; at the bottom: cos inclination.
+/// A V-shaped valley from south to north, whose sides rise with `inclination` (radians) to the east and west borders. Sky view
+/// factor of a sample of a side, from which the top of the other side has the elevation e across the valley: (1 + cos(inclination
+/// + e))/2; at the bottom: cos inclination.
 ///
 /// # Errors
 /// As for [`of`].
@@ -39,8 +41,9 @@ pub fn valley(columns: usize, rows: usize, cell: f64, inclination: f64) -> Resul
     of(columns, rows, cell, |x, _| x.abs() * inclination.tan())
 }
 
-/// A street from south to north, `width` m wide, between walls of `height` m that rise within the distance of two samples; the walls reach the border. Sky view factor on
-/// the floor, where the walls have elevations e and f across the street: (cos e + cos f)/2.
+/// A street from south to north, `width` m wide, between walls of `height` m that rise within the distance of two samples; the
+/// walls reach the border. Sky view factor on the floor, where the walls have elevations e and f across the street: (cos e + cos
+/// f)/2.
 ///
 /// # Errors
 /// As for [`of`].
@@ -49,7 +52,8 @@ pub fn canyon(columns: usize, rows: usize, cell: f64, width: f64, height: f64) -
     of(columns, rows, cell, |x, _| if x.abs() >= 0.5 * width * (1.0 - 1e-9) { height } else { 0.0 })
 }
 
-/// A round courtyard of `radius` m between walls of `height` m. Sky view factor in the middle of the floor: radius²/(radius² + height²).
+/// A round courtyard of `radius` m between walls of `height` m. Sky view factor in the middle of the floor: radius²/(radius² +
+/// height²).
 ///
 /// # Errors
 /// As for [`of`].
@@ -57,8 +61,8 @@ pub fn courtyard(side: usize, cell: f64, radius: f64, height: f64) -> Result<Gri
     of(side, side, cell, |x, y| if x.hypot(y) >= radius * (1.0 - 1e-9) { height } else { 0.0 })
 }
 
-/// Rough terrain: a sum of smooth noises, each with half the wavelength of the one before, down to two samples, and `roughness` (0..1) times its amplitude.
-/// The longest wavelength is the shorter side, its amplitude `relief` m.
+/// Rough terrain: a sum of smooth noises, each with half the wavelength of the one before, down to two samples, and `roughness`
+/// (0..1) times its amplitude. The longest wavelength is the shorter side, its amplitude `relief` m.
 ///
 /// # Errors
 /// As for [`of`].

@@ -16,7 +16,8 @@ pub(super) const HEIGHTS: u16 = 4099;
 pub struct Georeference {
     /// Column, row, 0, and the x, y and z that they lie at in the coordinate system.
     pub tie_point: [f64; 6],
-    /// Lengths of a column and a row in units of the coordinate system, both positive: x grows with columns, y falls with rows; the third is 0.
+    /// Lengths of a column and a row in units of the coordinate system, both positive: x grows with columns, y falls with rows;
+    /// the third is 0.
     pub scale: [f64; 3],
     /// The tag GeoKeyDirectory, empty without a coordinate system.
     pub keys: Vec<u16>,
@@ -57,7 +58,8 @@ impl Georeference {
         [x + (column as f64 + half - i) * self.scale[0], y - (row as f64 + half - j) * self.scale[1]]
     }
 
-    /// Position of a point in the frame of the room's page, z unchanged, in the coordinate system. `rows` and `cell`: those of the grid.
+    /// Position of a point in the frame of the room's page, z unchanged, in the coordinate system. `rows` and `cell`: those of
+    /// the grid.
     pub fn of_point(&self, point: DVec3, rows: usize, cell: [f64; 2]) -> DVec3 {
         let [x, y] = self.position(0, rows - 1);
         DVec3::new(x + point.x / cell[0] * self.scale[0], y + point.y / cell[1] * self.scale[1], point.z)

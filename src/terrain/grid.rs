@@ -4,7 +4,8 @@ use super::Georeference;
 use crate::{Error, Result, memory};
 use glam::{DVec3, Vec3};
 
-/// Largest number of columns or rows: positions along a line of samples, in columns with fractions, are exact to 1/128 of a column in f32.
+/// Largest number of columns or rows: positions along a line of samples, in columns with fractions, are exact to 1/128 of a
+/// column in f32.
 pub const MAX_SIDE: usize = 1 << 17;
 /// Largest absolute height, m: f32 distinguishes heights to 1/16 m there. The highest mountains of the solar system are below 3e4 m.
 pub const MAX_HEIGHT: f32 = 1e6;
@@ -25,8 +26,8 @@ impl Grid {
     /// neighbouring columns and rows, m.
     ///
     /// # Errors
-    /// [`Error::Argument`] if the number of heights is not `columns * rows`, a side is less than 2 or more than [`MAX_SIDE`], a distance is not positive
-    /// and finite, no sample has a height, or a height is beyond [`MAX_HEIGHT`].
+    /// [`Error::Argument`] if the number of heights is not `columns * rows`, a side is less than 2 or more than [`MAX_SIDE`], a
+    /// distance is not positive and finite, no sample has a height, or a height is beyond [`MAX_HEIGHT`].
     pub fn new(columns: usize, rows: usize, cell: [f64; 2], mut heights: Vec<f32>) -> Result<Grid> {
         check_sides(columns, rows).map_err(Error::Argument)?;
         check_cell(cell).map_err(Error::Argument)?;
@@ -100,8 +101,8 @@ impl Grid {
         DVec3::new(column as f64 * self.cell[0], north * self.cell[1], f64::from(self.height(column, row)))
     }
 
-    /// Unit normal of the surface at a sample, from the central differences of its neighbours; at borders and beside holes from the differences on one side.
-    /// Horizontal if there are none.
+    /// Unit normal of the surface at a sample, from the central differences of its neighbours; at borders and beside holes from
+    /// the differences on one side. Horizontal if there are none.
     pub fn normal(&self, column: usize, row: usize) -> Vec3 {
         let at = |c: usize, r: usize| self.height(c, r);
         let here = at(column, row);
@@ -120,7 +121,8 @@ impl Grid {
         Vec3::new(-east, south, 1.0).normalize()
     }
 
-    /// The grid with columns and rows exchanged, without georeference: its x axis points to the south of this grid, its rows lie from west to east.
+    /// The grid with columns and rows exchanged, without georeference: its x axis points to the south of this grid, its rows lie
+    /// from west to east.
     pub(super) fn transposed(&self) -> Result<Grid> {
         memory::check_room(4 * self.heights.len() as u64, || "heights of the terrain".into())?;
         Ok(Grid {
@@ -133,7 +135,8 @@ impl Grid {
     }
 }
 
-/// Slope at a sample from the heights before, at and behind it, times `scale` (1 over the distance of samples); 0 if both neighbours are missing.
+/// Slope at a sample from the heights before, at and behind it, times `scale` (1 over the distance of samples); 0 if both
+/// neighbours are missing.
 #[inline]
 pub(super) fn slope(before: f32, here: f32, behind: f32, scale: f32) -> f32 {
     let (left, right) = (here - before, behind - here);

@@ -3,8 +3,8 @@
 use super::Grid;
 use super::grid::slope;
 
-/// Angle whose tangent is `t` ≥ 0, radians, to 1e-5 (Abramowitz and Stegun, *Handbook of mathematical functions*, 4.4.47). It has no branches, so that loops over rows
-/// are vectorised; the error in a sky view factor is below 1e-5.
+/// Angle whose tangent is `t` ≥ 0, radians, to 1e-5 (Abramowitz and Stegun, *Handbook of mathematical functions*, 4.4.47). It has
+/// no branches, so that loops over rows are vectorised; the error in a sky view factor is below 1e-5.
 #[inline]
 pub fn arctangent(t: f32) -> f32 {
     let is_large = t > 1.0;
@@ -68,12 +68,13 @@ impl Tilt {
         (-self.along / self.up).max(0.0)
     }
 
-    /// ∫ 2 max(0, n·ω) cos e de over elevations e from the higher of the horizon with this tangent and the own one to the zenith: 1 for a horizontal sample
-    /// without horizon.
+    /// ∫ 2 max(0, n·ω) cos e de over elevations e from the higher of the horizon with this tangent and the own one to the zenith:
+    /// 1 for a horizontal sample without horizon.
     #[inline]
     pub fn seen(self, tangent: f32) -> f32 {
         let t = tangent.max(self.own_horizon());
-        // n·ω = up sin e + along cos e; the antiderivative of 2 (up sin e + along cos e) cos e is −up cos² e + along (e + sin e cos e).
+        // n·ω = up sin e + along cos e; the antiderivative of 2 (up sin e + along cos e) cos e is −up cos² e + along (e + sin e
+        // cos e).
         let square = 1.0 / (1.0 + t * t);
         self.up * square + self.along * (std::f32::consts::FRAC_PI_2 - arctangent(t) - t * square)
     }

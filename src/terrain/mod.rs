@@ -1,11 +1,12 @@
 //! Terrain as a height field: grids of heights, what their samples see of sky and sun, exact rays, and adaptive elements.
 //!
-//! A [`Grid`] holds heights at samples, `columns × rows`, the first row in the north. The surface between samples is two triangles for each
-//! four neighbours, divided from the south-west to the north-east. All quantities are per sample, so that an output has as many columns and rows as
-//! the input and the same georeference. Samples without a height are holes: they block nothing and get no value (NaN).
+//! A [`Grid`] holds heights at samples, `columns × rows`, the first row in the north. The surface between samples is two
+//! triangles for each four neighbours, divided from the south-west to the north-east. All quantities are per sample, so that an
+//! output has as many columns and rows as the input and the same georeference. Samples without a height are holes: they block
+//! nothing and get no value (NaN).
 //!
-//! Frame: x to the east, y to the north, z up, metres; the origin is the sample of the first column and the last row. Azimuths are in radians from north over
-//! east.
+//! Frame: x to the east, y to the north, z up, metres; the origin is the sample of the first column and the last row. Azimuths
+//! are in radians from north over east.
 
 mod elements;
 mod generate;

@@ -16,8 +16,8 @@ pub struct Array {
     pub values: Vec<f32>,
 }
 
-/// Beginning of a file of version 1.0: magic, version, length of the rest of the header, and a Python literal, padded to a multiple of 64
-/// bytes. `kind` such as `<f4`.
+/// Beginning of a file of version 1.0: magic, version, length of the rest of the header, and a Python literal, padded to a
+/// multiple of 64 bytes. `kind` such as `<f4`.
 pub fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     let sides: String = shape.iter().map(|n| format!("{n},")).collect();
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sides}), }}");

@@ -1,16 +1,17 @@
 //! Exact rays against the triangles of a height field.
 //!
-//! Blocks of [`BLOCK`]² cells have the lowest and the highest of their heights; four blocks make one of the next level. A ray descends into blocks between whose
-//! limits it passes. In a block it goes from cell to cell; over each half of a cell the height above the surface is linear along the ray, so that
-//! the ray meets the surface where the sign changes: no ray passes between two triangles.
+//! Blocks of [`BLOCK`]² cells have the lowest and the highest of their heights; four blocks make one of the next level. A ray
+//! descends into blocks between whose limits it passes. In a block it goes from cell to cell; over each half of a cell the height
+//! above the surface is linear along the ray, so that the ray meets the surface where the sign changes: no ray passes between two
+//! triangles.
 
 use super::Grid;
 use crate::{Error, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Side of a block of the lowest level, cells. 4, 8 and 16: 3.0, 2.6, 3.1 µs for a ray to the horizon of rough terrain of 1,000 × 1,000; the
-/// pyramid takes 1/24 of the memory of the heights.
+/// Side of a block of the lowest level, cells. 4, 8 and 16: 3.0, 2.6, 3.1 µs for a ray to the horizon of rough terrain of 1,000 ×
+/// 1,000; the pyramid takes 1/24 of the memory of the heights.
 const BLOCK: usize = 8;
 
 /// A level: lowest and highest heights of its blocks, row by row.
@@ -78,8 +79,8 @@ impl<'a> Pyramid<'a> {
         Pyramid { grid, levels, tolerance }
     }
 
-    /// Whether the surface is between `origin` and `origin + max · direction`, in the frame of the room's page, m; `max` may be infinite, `direction` need not be a unit
-    /// vector. An origin on the surface does not count as hit.
+    /// Whether the surface is between `origin` and `origin + max · direction`, in the frame of the room's page, m; `max` may be
+    /// infinite, `direction` need not be a unit vector. An origin on the surface does not count as hit.
     ///
     /// # Errors
     /// [`Error::Argument`] if a coordinate is not finite, the direction is zero or `max` is negative or NaN.
@@ -111,7 +112,8 @@ impl<'a> Pyramid<'a> {
         Ok(self.descend(&ray, self.levels.len() - 1, [0, 0], part, &mut None))
     }
 
-    /// The part of a ray up to `max` that is less than a millimetre, or more than rounding errors, above the highest or below the lowest height.
+    /// The part of a ray up to `max` that is less than a millimetre, or more than rounding errors, above the highest or below the
+    /// lowest height.
     fn between_limits(&self, ray: &Ray, max: f64) -> Option<[f64; 2]> {
         if ray.climb == 0.0 {
             return Some([0.0, max]);
@@ -123,8 +125,8 @@ impl<'a> Pyramid<'a> {
         (part[0] <= part[1]).then_some(part)
     }
 
-    /// Looks into a block for the first hit within a part of the ray. `above`: whether the ray was above the surface last; `None` before it had a height or after
-    /// a hole.
+    /// Looks into a block for the first hit within a part of the ray. `above`: whether the ray was above the surface last; `None`
+    /// before it had a height or after a hole.
     fn descend(
         &self,
         ray: &Ray,

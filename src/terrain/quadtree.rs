@@ -1,7 +1,7 @@
 //! A restricted quadtree over the cells of a grid: leaves that share an edge differ by one level at most.
 //!
-//! Neighbours are found as Daubert et al. (1997) do on generic edges: up to the first ancestor that has a sibling across the edge, across, and down to the
-//! node that shares the edge.
+//! Neighbours are found as Daubert et al. (1997) do on generic edges: up to the first ancestor that has a sibling across the
+//! edge, across, and down to the node that shares the edge.
 
 use super::Grid;
 use super::grid::check_sides;
@@ -64,7 +64,8 @@ pub struct Quadtree<'a> {
 }
 
 impl<'a> Quadtree<'a> {
-    /// Splits nodes, from the root on, of which `error` exceeds `max_error`, down to single cells; neighbours are split as far as the restriction needs.
+    /// Splits nodes, from the root on, of which `error` exceeds `max_error`, down to single cells; neighbours are split as far as
+    /// the restriction needs.
     ///
     /// # Errors
     /// [`Error::Argument`] if `max_error` is NaN.
@@ -149,7 +150,8 @@ impl<'a> Quadtree<'a> {
         Some(self.children(across).map_or(across, |children| children[mirrored]))
     }
 
-    /// The leaves across an edge: one that is as large or larger, or two that are half as large. Leaves beyond the border are left out.
+    /// The leaves across an edge: one that is as large or larger, or two that are half as large. Leaves beyond the border are
+    /// left out.
     pub fn leaves_across(&self, leaf: usize, side: Side) -> impl Iterator<Item = usize> + '_ {
         let across = self.neighbour(leaf, side);
         let bit = 1usize << side.axis();

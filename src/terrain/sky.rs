@@ -18,21 +18,24 @@ pub struct Light<'a> {
     pub sky: &'a (dyn Fn(DVec3) -> f64 + Sync),
 }
 
-/// Elevations between the horizontal and the zenith at which integrals over the sky are stored. Between them the integrals are interpolated linearly: an error of
-/// (π/2 / 256)²/8 = 5e-6 of the zenith's radiance for a sky that is smooth over steps of 0.35°.
+/// Elevations between the horizontal and the zenith at which integrals over the sky are stored. Between them the integrals are
+/// interpolated linearly: an error of (π/2 / 256)²/8 = 5e-6 of the zenith's radiance for a sky that is smooth over steps of
+/// 0.35°.
 const ELEVATIONS: usize = 256;
 
 /// Azimuths within one sector over which the radiance is averaged: with 16 and more sectors directions less than 6° apart.
 const SUBSECTORS: usize = 4;
 
-/// Integrals of the radiance of one sector of azimuths from each elevation to the zenith: ∫ L sin e cos e de and ∫ L cos² e de, times the sector's angle.
+/// Integrals of the radiance of one sector of azimuths from each elevation to the zenith: ∫ L sin e cos e de and ∫ L cos² e de,
+/// times the sector's angle.
 type Sector = Vec<[f32; 2]>;
 
-/// Irradiance on the sloping surface of each sample, direct and diffuse, without light from other terrain. `azimuths`: number of sectors of the sky.
-/// Returns `columns * rows` values in the unit of `light`; NaN in holes.
+/// Irradiance on the sloping surface of each sample, direct and diffuse, without light from other terrain. `azimuths`: number of
+/// sectors of the sky. Returns `columns * rows` values in the unit of `light`; NaN in holes.
 ///
 /// # Errors
-/// [`Error::Argument`] if the irradiance or a radiance is negative or not finite or an argument is out of range, [`Error::OutOfMemory`].
+/// [`Error::Argument`] if the irradiance or a radiance is negative or not finite or an argument is out of range,
+/// [`Error::OutOfMemory`].
 pub fn irradiance(grid: &Grid, light: &Light, azimuths: usize, options: &SweepOptions) -> Result<Vec<f32>> {
     super::quantities::check(azimuths)?;
     light.sun.check()?;

@@ -37,8 +37,8 @@ fn check(grid: &Grid, layers: &[Layer]) -> Result<()> {
     }
 }
 
-/// Writes layers as bands of a GeoTIFF of 32-bit floats with the georeference of the grid, completely or not at all. Bands are described by the names of the layers; samples
-/// without a value are NaN.
+/// Writes layers as bands of a GeoTIFF of 32-bit floats with the georeference of the grid, completely or not at all. Bands are
+/// described by the names of the layers; samples without a value are NaN.
 ///
 /// # Errors
 /// [`Error::Argument`] if a layer does not fit the grid, [`Error::Io`], [`Error::OutOfMemory`].
@@ -123,7 +123,8 @@ fn descriptions(layers: &[Layer]) -> String {
     format!("<GDALMetadata>{items}</GDALMetadata>")
 }
 
-/// Writes layers as arrays `(rows, columns)` of float32 into a NumPy archive, completely or not at all, with the coordinates of columns, `x`, and rows, `y`, float64.
+/// Writes layers as arrays `(rows, columns)` of float32 into a NumPy archive, completely or not at all, with the coordinates of
+/// columns, `x`, and rows, `y`, float64.
 ///
 /// # Errors
 /// [`Error::Argument`] if a layer does not fit the grid, [`Error::Io`].
@@ -157,7 +158,8 @@ fn npz(out: &mut impl Write, grid: &Grid, layers: &[Layer]) -> std::io::Result<(
     zip.finish()?.flush()
 }
 
-/// Writes a layer as a picture: `range[0]` dark, `range[1]` bright, on the colour map of all false colours; samples without a value white.
+/// Writes a layer as a picture: `range[0]` dark, `range[1]` bright, on the colour map of all false colours; samples without a
+/// value white.
 ///
 /// # Errors
 /// [`Error::Argument`] if the layer does not fit the grid or the range is empty, [`Error::Io`].

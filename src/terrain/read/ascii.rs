@@ -135,7 +135,8 @@ fn place(
     Ok(raw)
 }
 
-/// Whether a grid is at a place on a globe in degrees, and higher than it is wide: the range of heights on land exceeds 1 m within a degree nearly everywhere.
+/// Whether a grid is at a place on a globe in degrees, and higher than it is wide: the range of heights on land exceeds 1 m
+/// within a degree nearly everywhere.
 fn is_in_degrees(raw: &Raw, low: [f64; 2], cell: [f64; 2]) -> bool {
     let extent = [raw.columns as f64 * cell[0], raw.rows as f64 * cell[1]];
     let is_on_globe = low[0] >= -180.0 && low[0] + extent[0] <= 361.0 && low[1].abs() <= 90.0;

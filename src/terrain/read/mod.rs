@@ -48,8 +48,8 @@ struct Raw {
 /// Reads a grid; the extension says the format: `asc`, `tif`, `tiff`, `png`, `npy` or `npz`.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read; [`Error::Format`] with the file, where it has lines the line, and the cure, if its content is no grid;
-/// [`Error::Argument`] for options out of range; [`Error::OutOfMemory`].
+/// [`Error::Io`] if the file cannot be read; [`Error::Format`] with the file, where it has lines the line, and the cure, if its
+/// content is no grid; [`Error::Argument`] for options out of range; [`Error::OutOfMemory`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     check(options)?;
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();

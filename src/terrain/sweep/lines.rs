@@ -8,22 +8,25 @@ use crate::{Result, memory};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Distance in columns up to which horizons come from [`Taps`], and beyond which from the two lines beside a sample. The line is up to a row away from the
-/// sample, an error of slope of a row's difference in height over this distance. Sky view factor at the bottom of a V-shaped valley of 52° with 12, 32, 64:
-/// 0.65 %, below 0.3 %, below 0.2 % too small; processor time on 3,000 × 3,000: 0.35, 0.38, 0.44 s for an azimuth.
+/// Distance in columns up to which horizons come from [`Taps`], and beyond which from the two lines beside a sample. The line is
+/// up to a row away from the sample, an error of slope of a row's difference in height over this distance. Sky view factor at the
+/// bottom of a V-shaped valley of 52° with 12, 32, 64: 0.65 %, below 0.3 %, below 0.2 % too small; processor time on 3,000 ×
+/// 3,000: 0.35, 0.38, 0.44 s for an azimuth.
 const REACH: usize = 32;
 
 /// Lines of one pass with the horizons that they give.
 pub struct Lines {
-    /// Towards decreasing and towards increasing columns: for each place and column the tangents of the horizons of the samples above and below the line there.
+    /// Towards decreasing and towards increasing columns: for each place and column the tangents of the horizons of the samples
+    /// above and below the line there.
     tangents: [Vec<[f32; 2]>; 2],
     rows: Rows,
 }
 
-/// Which row a line is in: line `k` is between rows `k + first + whole` and the next one of a column, nearer to the next one by `rest`.
+/// Which row a line is in: line `k` is between rows `k + first + whole` and the next one of a column, nearer to the next one by
+/// `rest`.
 ///
-/// Each column has a line above its first sample and one below each sample. Of lines whose numbers differ by that number at most one is on the grid in a column, so that they
-/// have one place in memory.
+/// Each column has a line above its first sample and one below each sample. Of lines whose numbers differ by that number at most
+/// one is on the grid in a column, so that they have one place in memory.
 #[derive(Default)]
 struct Rows {
     first: isize,
@@ -43,7 +46,8 @@ struct Scratch {
 struct Profile {
     /// By column of the grid: heights of the sample above the line, of the sample below it, and of the line, m.
     heights: Vec<[f32; 3]>,
-    /// By column: place at which the line crosses a row before the next column, in columns, and its height there; NaN if there is none.
+    /// By column: place at which the line crosses a row before the next column, in columns, and its height there; NaN if there is
+    /// none.
     crossings: Vec<[f32; 2]>,
 }
 

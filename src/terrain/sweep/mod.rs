@@ -1,9 +1,9 @@
 //! Horizons of all samples in one azimuth and the opposite one, in a time that is proportional to the number of samples.
 //!
-//! After V. Timonen and J. Westerholm, *Scalable height field self-shadowing*, 2010: parallel lines cover the grid, one for each row (for steep directions:
-//! column); along each line the upper convex hull of the heights passed so far gives the horizon of the next sample by a tangent. Here each
-//! sample takes its own height to the hulls of the two lines that enclose it. The two tangents are weighted by the distances of the lines, so that lines leave no
-//! streaks. What is near is found exactly (`taps`).
+//! After V. Timonen and J. Westerholm, *Scalable height field self-shadowing*, 2010: parallel lines cover the grid, one for each
+//! row (for steep directions: column); along each line the upper convex hull of the heights passed so far gives the horizon of
+//! the next sample by a tangent. Here each sample takes its own height to the hulls of the two lines that enclose it. The two
+//! tangents are weighted by the distances of the lines, so that lines leave no streaks. What is near is found exactly (`taps`).
 //!
 //! A line meets the columns and rows of the grid between samples; the heights there are interpolated linearly, which is exact for the
 //! surface.
@@ -25,8 +25,8 @@ pub const EARTH_RADIUS: f64 = 6_371_008.8;
 /// How horizons are found.
 #[derive(Clone, Debug, Default)]
 pub struct SweepOptions {
-    /// Radius of the earth in m, if its curvature hides what is far: heights at the distance d count d²/2R less. [`EARTH_RADIUS`] without refraction, 7/6
-    /// of it with the usual refraction of light. `None`: a flat earth.
+    /// Radius of the earth in m, if its curvature hides what is far: heights at the distance d count d²/2R less. [`EARTH_RADIUS`]
+    /// without refraction, 7/6 of it with the usual refraction of light. `None`: a flat earth.
     pub earth_radius: Option<f64>,
 }
 
@@ -77,8 +77,8 @@ pub struct Row<'a> {
     pub tangents: &'a [f32],
 }
 
-/// Adds up what `add` derives from the horizons of each sample over all azimuths: it gets each row with the row's sums so far. Azimuths come in a
-/// fixed order, so that sums are the same bits on any number of threads. Returns `columns * rows` sums.
+/// Adds up what `add` derives from the horizons of each sample over all azimuths: it gets each row with the row's sums so far.
+/// Azimuths come in a fixed order, so that sums are the same bits on any number of threads. Returns `columns * rows` sums.
 ///
 /// # Errors
 /// [`Error::Argument`] for options out of range, [`Error::OutOfMemory`].

@@ -6,7 +6,8 @@ use crate::terrain::Grid;
 /// Places where a ray from a sample crosses the edges of triangles within a distance. They are the same for all samples of a grid.
 pub struct Taps(Vec<Tap>);
 
-/// Distance in columns up to which edges between columns count. The steepest directions have 29 places within it, and one more for each column beyond it.
+/// Distance in columns up to which edges between columns count. The steepest directions have 29 places within it, and one more
+/// for each column beyond it.
 const MAX_CROSSED: usize = 12;
 
 /// A place on the edge between two samples.
@@ -22,7 +23,8 @@ struct Tap {
 }
 
 impl Taps {
-    /// The places within `reach` columns in the direction of decreasing (`sign` −1) or increasing columns (1). `bend`: 1 over the radius of the earth, 1/m.
+    /// The places within `reach` columns in the direction of decreasing (`sign` −1) or increasing columns (1). `bend`: 1 over the
+    /// radius of the earth, 1/m.
     pub fn new(pass: &Pass, sign: f64, reach: usize, bend: f64) -> Taps {
         let rise = pass.rise;
         let mut taps = Vec::new();
@@ -56,7 +58,8 @@ impl Taps {
         Taps(taps)
     }
 
-    /// Raises tangents of a row of samples to those of what is near. Places outside the grid and edges that end in a hole are left out.
+    /// Raises tangents of a row of samples to those of what is near. Places outside the grid and edges that end in a hole are
+    /// left out.
     pub fn raise(&self, grid: &Grid, row: usize, tangents: &mut [f32]) {
         let columns = grid.columns() as isize;
         let line = |r: usize| &grid.heights()[r * grid.columns()..(r + 1) * grid.columns()];

@@ -35,7 +35,8 @@ fn shadows_have_their_length() {
     assert!(night.iter().all(|v| *v == 0.0));
 }
 
-/// Shadows end between samples: where a ray to the sun passes an edge by less than the distance of samples, the sweep may differ from it.
+/// Shadows end between samples: where a ray to the sun passes an edge by less than the distance of samples, the sweep may differ
+/// from it.
 #[test]
 fn shadows_of_rough_terrain_agree_with_rays() {
     let grid = fractal(300, 200, 10.0, 1500.0, 0.5, 9).expect("a grid");
@@ -139,7 +140,8 @@ fn a_uniform_sky_gives_its_view_factor() {
     }
 }
 
-/// The overcast sky of Moon and Spencer, L = (1 + 2 sin e)/3, on a horizontal plane: 7π/9; with a band of a quarter of the azimuths alone: a quarter.
+/// The overcast sky of Moon and Spencer, L = (1 + 2 sin e)/3, on a horizontal plane: 7π/9; with a band of a quarter of the
+/// azimuths alone: a quarter.
 #[test]
 fn other_skies_have_their_irradiance() {
     let grid = plane(9, 1.0, 0.0, 0.0).expect("a grid");

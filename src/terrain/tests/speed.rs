@@ -36,7 +36,25 @@ fn three_thousand_squared() {
     println!("irradiance, 32 azimuths: {:.1?}", start.elapsed());
 }
 
-/// Sky view factor from the horizon in some azimuths, each found by rays whose elevations halve an interval down to 1/1024 of a right angle.
+/// 10 million samples within 2 GiB, the pyramid and a copy of all values included. Counts all of the process: run it alone.
+#[test]
+#[ignore = "takes a minute in a release build"]
+#[cfg(target_os = "linux")]
+fn ten_million_samples_fit_two_gibibytes() {
+    let grid = fractal(3163, 3163, 10.0, 3000.0, 0.5, 7).expect("a grid");
+    let _pyramid = Pyramid::new(&grid);
+    let start = Instant::now();
+    let values = sky_view(&grid);
+    let time = start.elapsed();
+    let status = std::fs::read_to_string("/proc/self/status").expect("status");
+    let line = status.lines().find(|l| l.starts_with("VmHWM")).expect("a line");
+    let peak: u64 = line.split_ascii_whitespace().nth(1).and_then(|v| v.parse().ok()).expect("kB");
+    println!("{} values, {time:.1?}, {} MiB", values.len(), peak >> 10);
+    assert!(peak < 2 << 20);
+}
+
+/// Sky view factor from the horizon in some azimuths, each found by rays whose elevations halve an interval down to 1/1024 of a
+/// right angle.
 fn by_horizon_rays(grid: &Grid, pyramid: &Pyramid, [c, r]: [usize; 2], azimuths: usize) -> f64 {
     let (normal, origin) = (grid.normal(c, r).as_dvec3(), grid.position(c, r));
     let mut sum = 0.0;
