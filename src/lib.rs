@@ -102,6 +102,8 @@ mod scene;
 mod simd;
 #[allow(dead_code, unused_imports)] // No other room asks it yet.
 mod sky;
+#[allow(dead_code, unused_imports)]
+mod terrain;
 mod threads;
 mod visibility;
 

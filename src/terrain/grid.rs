@@ -1,0 +1,189 @@
+//! Heights at the samples of a regular grid.
+
+use super::Georeference;
+use crate::{Error, Result, memory};
+use glam::{DVec3, Vec3};
+
+/// Largest number of columns or rows: positions along a line of samples, in columns with fractions, are exact to 1/128 of a
+/// column in f32.
+pub const MAX_SIDE: usize = 1 << 17;
+/// Largest absolute height, m: f32 distinguishes heights to 1/16 m there. The highest mountains of the solar system are below 3e4 m.
+pub const MAX_HEIGHT: f32 = 1e6;
+
+/// A height field. See the room's page for the frame and the surface between samples.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    columns: usize,
+    rows: usize,
+    /// Row by row from the north, m; NaN in holes.
+    heights: Vec<f32>,
+    cell: [f64; 2],
+    georeference: Georeference,
+}
+
+impl Grid {
+    /// A grid from `columns * rows` heights, row by row from the north, m; values that are not finite are holes. `cell`: distances of
+    /// neighbouring columns and rows, m.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if the number of heights is not `columns * rows`, a side is less than 2 or more than [`MAX_SIDE`], a
+    /// distance is not positive and finite, no sample has a height, or a height is beyond [`MAX_HEIGHT`].
+    pub fn new(columns: usize, rows: usize, cell: [f64; 2], mut heights: Vec<f32>) -> Result<Grid> {
+        check_sides(columns, rows).map_err(Error::Argument)?;
+        check_cell(cell).map_err(Error::Argument)?;
+        if heights.len() != columns * rows {
+            let n = heights.len();
+            return Err(Error::Argument(format!(
+                "{n} heights do not make {columns} columns and {rows} rows"
+            )));
+        }
+        let mut any = false;
+        for h in &mut heights {
+            match h.is_finite() {
+                true if h.abs() > MAX_HEIGHT => {
+                    return Err(Error::Argument(format!(
+                        "the height {h} m is beyond {MAX_HEIGHT:e} m: state its unit, or the value of samples without data"
+                    )));
+                }
+                true => any = true,
+                false => *h = f32::NAN,
+            }
+        }
+        match any {
+            true => Ok(Grid { columns, rows, heights, cell, georeference: Georeference::local(rows, cell) }),
+            false => Err(Error::Argument("no sample of the grid has a height: all are holes".into())),
+        }
+    }
+
+    /// The same grid with another georeference, which outputs get.
+    pub fn with_georeference(self, georeference: Georeference) -> Grid {
+        Grid { georeference, ..self }
+    }
+
+    /// Number of columns.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Distances of neighbouring columns and of neighbouring rows, m.
+    pub fn cell(&self) -> [f64; 2] {
+        self.cell
+    }
+
+    /// Heights, `columns * rows`, row by row from the north, m; NaN in holes.
+    pub fn heights(&self) -> &[f32] {
+        &self.heights
+    }
+
+    /// Where the grid is on the earth.
+    pub fn georeference(&self) -> &Georeference {
+        &self.georeference
+    }
+
+    /// Height of a sample, m; NaN in a hole.
+    pub fn height(&self, column: usize, row: usize) -> f32 {
+        self.heights[row * self.columns + column]
+    }
+
+    /// Number of samples without a height.
+    pub fn holes(&self) -> usize {
+        self.heights.iter().filter(|h| h.is_nan()).count()
+    }
+
+    /// Position of a sample, m; z is NaN in a hole.
+    pub fn position(&self, column: usize, row: usize) -> DVec3 {
+        let north = (self.rows - 1 - row) as f64;
+        DVec3::new(column as f64 * self.cell[0], north * self.cell[1], f64::from(self.height(column, row)))
+    }
+
+    /// Unit normal of the surface at a sample, from the central differences of its neighbours; at borders and beside holes from
+    /// the differences on one side. Horizontal if there are none.
+    pub fn normal(&self, column: usize, row: usize) -> Vec3 {
+        let at = |c: usize, r: usize| self.height(c, r);
+        let here = at(column, row);
+        let east = slope(
+            column.checked_sub(1).map_or(f32::NAN, |c| at(c, row)),
+            here,
+            if column + 1 < self.columns { at(column + 1, row) } else { f32::NAN },
+            1.0 / self.cell[0] as f32,
+        );
+        let south = slope(
+            row.checked_sub(1).map_or(f32::NAN, |r| at(column, r)),
+            here,
+            if row + 1 < self.rows { at(column, row + 1) } else { f32::NAN },
+            1.0 / self.cell[1] as f32,
+        );
+        Vec3::new(-east, south, 1.0).normalize()
+    }
+
+    /// The grid with columns and rows exchanged, without georeference: its x axis points to the south of this grid, its rows lie
+    /// from west to east.
+    pub(super) fn transposed(&self) -> Result<Grid> {
+        memory::check_room(4 * self.heights.len() as u64, || "heights of the terrain".into())?;
+        Ok(Grid {
+            columns: self.rows,
+            rows: self.columns,
+            heights: transpose(&self.heights, self.columns),
+            cell: [self.cell[1], self.cell[0]],
+            georeference: Georeference::local(self.columns, [self.cell[1], self.cell[0]]),
+        })
+    }
+}
+
+/// Slope at a sample from the heights before, at and behind it, times `scale` (1 over the distance of samples); 0 if both
+/// neighbours are missing.
+#[inline]
+pub(super) fn slope(before: f32, here: f32, behind: f32, scale: f32) -> f32 {
+    let (left, right) = (here - before, behind - here);
+    let both = 0.5 * (left + right);
+    let one = if left.is_nan() { right } else { left };
+    let rise = if both.is_nan() { one } else { both };
+    if rise.is_nan() { 0.0 } else { rise * scale }
+}
+
+/// Side of the square blocks that are transposed at once: two blocks of f32 (32 KiB) fit the first cache of a core.
+const BLOCK: usize = 64;
+
+/// The matrix with rows of `columns` values, transposed.
+pub(super) fn transpose<T: Copy + Default + Send + Sync>(values: &[T], columns: usize) -> Vec<T> {
+    use rayon::prelude::*;
+    let rows = values.len() / columns;
+    let mut out = vec![T::default(); values.len()];
+    out.par_chunks_mut(BLOCK * rows).enumerate().for_each(|(block, out)| {
+        let first = block * BLOCK;
+        for start in (0..rows).step_by(BLOCK) {
+            for (i, line) in out.chunks_exact_mut(rows).enumerate() {
+                for (r, value) in line.iter_mut().enumerate().take((start + BLOCK).min(rows)).skip(start) {
+                    *value = values[r * columns + first + i];
+                }
+            }
+        }
+    });
+    out
+}
+
+/// What is wrong with the sides of a grid, and the cure.
+pub(super) fn check_sides(columns: usize, rows: usize) -> Result<(), String> {
+    match (columns.min(rows), columns.max(rows)) {
+        (0 | 1, _) => Err(format!("{columns} columns and {rows} rows: a terrain needs 2 of each or more")),
+        (_, MAX_SIDE..) => Err(format!(
+            "{columns} columns and {rows} rows: at most {} of each; cut it into tiles",
+            MAX_SIDE - 1
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// What is wrong with the distances of columns and rows, and the cure.
+pub(super) fn check_cell(cell: [f64; 2]) -> Result<(), String> {
+    // Beyond these limits squares of distances overflow or vanish in f32.
+    match cell.iter().all(|d| (1e-9..=1e9).contains(d)) {
+        true => Ok(()),
+        false => Err(format!("the cell size {} × {} m must lie in 1e-9..1e9 m", cell[0], cell[1])),
+    }
+}

@@ -1,0 +1,39 @@
+//! Terrain as a height field: grids of heights, what their samples see of sky and sun, exact rays, and adaptive elements.
+//!
+//! A [`Grid`] holds heights at samples, `columns × rows`, the first row in the north. The surface between samples is two
+//! triangles for each four neighbours, divided from the south-west to the north-east. All quantities are per sample, so that an
+//! output has as many columns and rows as the input and the same georeference. Samples without a height are holes: they block
+//! nothing and get no value (NaN).
+//!
+//! Frame: x to the east, y to the north, z up, metres; the origin is the sample of the first column and the last row. Azimuths
+//! are in radians from north over east.
+
+mod elements;
+mod generate;
+mod georeference;
+mod grid;
+mod local;
+mod numpy;
+mod pyramid;
+mod quadtree;
+mod quantities;
+mod read;
+mod sky;
+mod sweep;
+#[cfg(test)]
+mod tests;
+mod write;
+
+pub use elements::{Mesh, Shape};
+pub use generate::{canyon, courtyard, fractal, plane, valley};
+pub use georeference::Georeference;
+pub use grid::Grid;
+pub use pyramid::Pyramid;
+pub use quadtree::{Node, Quadtree, Side};
+pub use quantities::{Horizon, Sun, horizon, sky_view_factor, sunlit};
+pub use read::{Loaded, ReadOptions, read};
+pub use sky::{Light, irradiance};
+pub use sweep::{EARTH_RADIUS, SweepOptions};
+#[cfg(feature = "reports")]
+pub use write::write_png;
+pub use write::{Layer, write_geotiff, write_npz};

@@ -1,0 +1,137 @@
+//! Quantities at all samples that depend on the horizon alone: sky view factor, horizon angles, sunlit or shaded.
+
+use super::Grid;
+use super::local::{Slopes, Tilt, arctangent};
+use super::sweep::{Azimuths, Row, SweepOptions, each, fold};
+use crate::{Error, Result};
+
+/// Largest number of azimuths: steps of 0.35°, 1 sample in 160 samples of distance.
+const MAX_AZIMUTHS: usize = 1024;
+
+pub(super) fn check(azimuths: usize) -> Result<()> {
+    match azimuths {
+        4..=MAX_AZIMUTHS => Ok(()),
+        n => Err(Error::Argument(format!("`azimuths` {n}: must lie in 4..{MAX_AZIMUTHS}"))),
+    }
+}
+
+/// Makes samples without a height NaN.
+pub(super) fn with_holes(mut values: Vec<f32>, grid: &Grid) -> Vec<f32> {
+    for (value, height) in values.iter_mut().zip(grid.heights()) {
+        if height.is_nan() {
+            *value = f32::NAN;
+        }
+    }
+    values
+}
+
+/// Sky view factor of each sample: the irradiance from a sky of uniform radiance on the sample's sloping surface as part of that
+/// on a horizontal surface without horizon, ∫ max(0, n·ω) dω / π over the directions ω above the horizontal and above the
+/// horizon. An unobstructed slope of inclination b has (1 + cos b)/2.
+///
+/// `azimuths`: number of directions in which the horizon is found; half a step from north is the first. Returns `columns * rows` values in 0..1; NaN in
+/// holes.
+///
+/// # Errors
+/// [`Error::Argument`] if `azimuths` is not in 4..1024, [`Error::OutOfMemory`].
+pub fn sky_view_factor(grid: &Grid, azimuths: usize, options: &SweepOptions) -> Result<Vec<f32>> {
+    check(azimuths)?;
+    let directions = Azimuths { count: azimuths, first: std::f64::consts::PI / azimuths as f64 };
+    let part = 1.0 / azimuths as f32;
+    let add = |row: Row, sums: &mut [f32]| {
+        let slopes = Slopes::new(row.grid, row.row);
+        for (c, sum) in sums.iter_mut().enumerate() {
+            let tilt = Tilt::new(slopes.at(c), row.direction);
+            *sum += part * tilt.seen(row.tangents[c]);
+        }
+    };
+    Ok(with_holes(fold(grid, directions, options, add)?, grid))
+}
+
+/// Elevations of the horizon at all samples.
+#[derive(Clone, Debug)]
+pub struct Horizon {
+    /// Azimuths, radians from north over east, from 0 on at equal distances.
+    pub azimuths: Vec<f64>,
+    /// For each azimuth `columns * rows` elevations of the horizon, radians, not below 0; NaN in holes.
+    pub elevations: Vec<Vec<f32>>,
+}
+
+/// Elevation of the horizon of each sample in `azimuths` directions from north over east; 0 where nothing is above the horizontal.
+///
+/// # Errors
+/// [`Error::Argument`] if `azimuths` is not in 4..1024, [`Error::OutOfMemory`].
+pub fn horizon(grid: &Grid, azimuths: usize, options: &SweepOptions) -> Result<Horizon> {
+    check(azimuths)?;
+    let directions = Azimuths { count: azimuths, first: 0.0 };
+    let angles: Vec<f64> = (0..azimuths).map(|i| directions.get(i)).collect();
+    let add = |row: Row, out: &mut [f32]| {
+        for (out, tangent) in out.iter_mut().zip(row.tangents) {
+            *out = arctangent(*tangent);
+        }
+    };
+    let elevations = each(grid, directions, options, add)?;
+    let elevations = elevations.into_iter().map(|values| with_holes(values, grid)).collect();
+    Ok(Horizon { azimuths: angles, elevations })
+}
+
+/// Direction of the sun.
+#[derive(Clone, Copy, Debug)]
+pub struct Sun {
+    /// Radians from north over east.
+    pub azimuth: f64,
+    /// Radians above the horizontal.
+    pub elevation: f64,
+    /// Half the angle under which the disc is seen, radians; 0 for sharp shadows. That of the sun is 0.00465.
+    pub half_angle: f64,
+}
+
+impl Sun {
+    /// # Errors
+    /// [`Error::Argument`] if an angle is out of range.
+    pub(super) fn check(&self) -> Result<()> {
+        let right = std::f64::consts::FRAC_PI_2;
+        let wrong = |name: &str, value: f64, range: &str| {
+            Err(Error::Argument(format!("`{name}` {value}: must lie in {range} radians")))
+        };
+        match *self {
+            Sun { azimuth, .. } if !azimuth.is_finite() => wrong("azimuth", azimuth, "0..2π"),
+            Sun { elevation, .. } if !(-right..=right).contains(&elevation) => {
+                wrong("elevation", elevation, "-π/2..π/2")
+            }
+            Sun { half_angle, .. } if !(0.0..=0.1).contains(&half_angle) => {
+                wrong("half_angle", half_angle, "0..0.1")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Part of the disc above a horizon, a straight level edge, whose elevation has this tangent.
+    pub(super) fn part_above(&self, tangent: f32) -> f32 {
+        let above = (self.elevation - f64::from(tangent).atan()) as f32;
+        let radius = self.half_angle as f32;
+        if above.abs() >= radius {
+            return if above > 0.0 { 1.0 } else { 0.0 };
+        }
+        // A circle cut at x = above/radius from its centre: the part on the longer side for positive x.
+        let x = above / radius;
+        0.5 + (x * (1.0 - x * x).sqrt() + x.asin()) / std::f32::consts::PI
+    }
+}
+
+/// Part of the sun's disc that each sample sees, 0..1: 0 in shadow. Includes the shadow of a slope that faces away from the sun.
+/// Returns `columns * rows` values; NaN in holes.
+///
+/// # Errors
+/// [`Error::Argument`] if an angle is out of range, [`Error::OutOfMemory`].
+pub fn sunlit(grid: &Grid, sun: &Sun, options: &SweepOptions) -> Result<Vec<f32>> {
+    sun.check()?;
+    let add = |row: Row, out: &mut [f32]| {
+        let slopes = Slopes::new(row.grid, row.row);
+        for (c, out) in out.iter_mut().enumerate() {
+            let own = Tilt::new(slopes.at(c), row.direction).own_horizon();
+            *out = sun.part_above(row.tangents[c].max(own));
+        }
+    };
+    Ok(with_holes(fold(grid, Azimuths { count: 1, first: sun.azimuth }, options, add)?, grid))
+}

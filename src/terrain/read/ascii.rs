@@ -1,0 +1,166 @@
+//! ESRI ASCII grids: a header of names and numbers, then heights row by row from the north.
+
+use super::{Raw, ReadOptions, check_size};
+use crate::terrain::Georeference;
+use crate::terrain::grid::check_cell;
+use crate::{Error, Result, error::quote};
+use std::path::Path;
+
+/// Words of a text with their lines, counted from 1.
+struct Words<'a> {
+    lines: std::iter::Enumerate<std::str::Lines<'a>>,
+    words: std::str::SplitAsciiWhitespace<'a>,
+    line: usize,
+}
+
+impl<'a> Iterator for Words<'a> {
+    type Item = (usize, &'a str);
+
+    fn next(&mut self) -> Option<(usize, &'a str)> {
+        loop {
+            if let Some(word) = self.words.next() {
+                return Some((self.line, word));
+            }
+            let (line, text) = self.lines.next()?;
+            (self.line, self.words) = (line + 1, text.split_ascii_whitespace());
+        }
+    }
+}
+
+/// What a header says.
+#[derive(Default)]
+struct Header {
+    columns: Option<f64>,
+    rows: Option<f64>,
+    /// x and y of the lower left corner or sample.
+    corner: [Option<f64>; 2],
+    /// Whether x and y are those of the sample.
+    is_middle: [bool; 2],
+    cell: [Option<f64>; 2],
+    no_data: Option<f64>,
+}
+
+impl Header {
+    /// Takes a value; whether the name is known.
+    fn set(&mut self, name: &str, value: f64) -> bool {
+        match name.to_ascii_lowercase().as_str() {
+            "ncols" => self.columns = Some(value),
+            "nrows" => self.rows = Some(value),
+            "xllcorner" => self.corner[0] = Some(value),
+            "yllcorner" => self.corner[1] = Some(value),
+            "xllcenter" => (self.corner[0], self.is_middle[0]) = (Some(value), true),
+            "yllcenter" => (self.corner[1], self.is_middle[1]) = (Some(value), true),
+            "cellsize" => self.cell = [Some(value); 2],
+            "dx" => self.cell[0] = Some(value),
+            "dy" => self.cell[1] = Some(value),
+            "nodata_value" => self.no_data = Some(value),
+            _ => return false,
+        }
+        true
+    }
+}
+
+/// Reads a grid.
+pub fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Raw> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let text = std::str::from_utf8(bytes)
+        .map_err(|_| Error::format(path, None, "is not text: an ESRI ASCII grid begins with `ncols`"))?;
+    let mut words = Words { lines: text.lines().enumerate(), words: "".split_ascii_whitespace(), line: 0 };
+    let mut header = Header::default();
+    let first = loop {
+        let Some((line, name)) = words.next() else { break None };
+        if !name.starts_with(|c: char| c.is_ascii_alphabetic()) || name.eq_ignore_ascii_case("nan") {
+            break Some((line, name));
+        }
+        let Some((line, value)) = words.next() else {
+            return Err(Error::format(path, Some(line), format!("`{}` has no value", quote(name))));
+        };
+        if !header.set(name, number(path, line, value)?) {
+            let what = format!(
+                "`{}` is not a name of an ESRI ASCII grid: ncols, nrows, xllcorner or xllcenter, yllcorner or yllcenter, cellsize or dx and dy, NODATA_value",
+                quote(name)
+            );
+            return Err(Error::format(path, Some(line), what));
+        }
+    };
+    let (columns, rows) = (side(path, "ncols", header.columns)?, side(path, "nrows", header.rows)?);
+    // A value is a digit and a separator or more.
+    check_size(path, columns, rows, text.len().div_ceil(2))?;
+    let mut values = Vec::with_capacity(columns * rows);
+    for (line, word) in first.into_iter().chain(&mut words) {
+        if values.len() == columns * rows {
+            let what = format!("more than the {} values of {columns} columns and {rows} rows", values.len());
+            return Err(Error::format(path, Some(line), what));
+        }
+        // Some programs write holes as `nan`.
+        let value = if word.eq_ignore_ascii_case("nan") { f64::NAN } else { number(path, line, word)? };
+        values.push(if Some(value) == header.no_data { f32::NAN } else { value as f32 });
+    }
+    if values.len() < columns * rows {
+        let what = format!(
+            "ends after {} of {} values: the file is cut off, or `ncols` and `nrows` are wrong",
+            values.len(),
+            columns * rows
+        );
+        return Err(Error::format(path, Some(words.line), what));
+    }
+    place(path, &header, columns, rows, values, options)
+}
+
+/// Adds the distances of samples and their place.
+fn place(
+    path: &Path,
+    header: &Header,
+    columns: usize,
+    rows: usize,
+    values: Vec<f32>,
+    options: &ReadOptions,
+) -> Result<Raw> {
+    let mut raw =
+        Raw { columns, rows, values, cell: None, georeference: None, unit: None, notes: Vec::new() };
+    let [Some(dx), Some(dy)] = header.cell else {
+        // The caller refuses the file unless an option states the distances.
+        return Ok(raw);
+    };
+    check_cell([dx, dy]).map_err(|e| Error::format(path, None, format!("`cellsize`: {e}")))?;
+    let corner = header.corner.map(Option::unwrap_or_default);
+    let low = [0, 1].map(|k| corner[k] + if header.is_middle[k] { 0.0 } else { 0.5 * [dx, dy][k] });
+    if options.cell.is_none() && is_in_degrees(&raw, low, [dx, dy]) {
+        let what = "its cells seem to be in degrees and its heights in metres: project it to metres (`gdalwarp -t_srs EPSG:326ZZ`, ZZ the UTM zone), or set `cell` to the distances of columns and rows in m";
+        return Err(Error::format(path, None, what));
+    }
+    raw.georeference = Some(Georeference::of_samples([low[0], low[1] + (rows - 1) as f64 * dy], [dx, dy]));
+    raw.cell = Some([dx, dy]);
+    raw.notes.push("the file states no unit: lengths and heights are taken as metres".into());
+    Ok(raw)
+}
+
+/// Whether a grid is at a place on a globe in degrees, and higher than it is wide: the range of heights on land exceeds 1 m
+/// within a degree nearly everywhere.
+fn is_in_degrees(raw: &Raw, low: [f64; 2], cell: [f64; 2]) -> bool {
+    let extent = [raw.columns as f64 * cell[0], raw.rows as f64 * cell[1]];
+    let is_on_globe = low[0] >= -180.0 && low[0] + extent[0] <= 361.0 && low[1].abs() <= 90.0;
+    let known = || raw.values.iter().copied().filter(|v| v.is_finite());
+    let range = f64::from(known().fold(f32::NEG_INFINITY, f32::max) - known().fold(f32::INFINITY, f32::min));
+    is_on_globe
+        && low[1] + extent[1] <= 91.0
+        && low != [0.5 * cell[0], 0.5 * cell[1]]
+        && range > extent[0].max(extent[1])
+}
+
+fn number(path: &Path, line: usize, word: &str) -> Result<f64> {
+    word.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
+        let cure = if word.contains(',') { ": write decimal points, not commas" } else { "" };
+        Error::format(path, Some(line), format!("`{}` is not a finite number{cure}", quote(word)))
+    })
+}
+
+fn side(path: &Path, name: &str, value: Option<f64>) -> Result<usize> {
+    match value {
+        Some(v) if v >= 1.0 && v.fract() == 0.0 && v < 1e9 => Ok(v as usize),
+        Some(v) => Err(Error::format(path, None, format!("`{name}` {v}: must be a positive whole number"))),
+        None => {
+            Err(Error::format(path, None, format!("the header has no `{name}`: is it an ESRI ASCII grid?")))
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! Grids from files: ESRI ASCII grid, GeoTIFF, PNG with 8 or 16 bits, NumPy arrays.
+
+mod ascii;
+mod geotiff;
+mod picture;
+
+use super::grid::{MAX_HEIGHT, check_cell, check_sides};
+use super::{Georeference, Grid, numpy};
+use crate::{Error, Result, files::input, memory};
+use std::path::Path;
+
+/// What a file does not say about its grid, and what it says wrongly.
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// Distances of neighbouring columns and rows, m, instead of those in the file; PNG and NumPy arrays have none.
+    pub cell: Option<[f64; 2]>,
+    /// Metres of one unit of height, instead of the unit that the file states; for PNG metres of one step of grey.
+    pub height_scale: Option<f64>,
+    /// Height of the value 0, m.
+    pub height_offset: f64,
+    /// Value of samples without data, besides the one that the file states.
+    pub no_data: Option<f64>,
+}
+
+/// A grid with what was assumed or left out, each in a sentence.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The grid.
+    pub grid: Grid,
+    /// Notes for the user.
+    pub notes: Vec<String>,
+}
+
+/// Values of a file before they are heights in m.
+struct Raw {
+    columns: usize,
+    rows: usize,
+    /// Row by row from the north; not finite without data.
+    values: Vec<f32>,
+    /// Distances of columns and rows, m.
+    cell: Option<[f64; 2]>,
+    georeference: Option<Georeference>,
+    /// Metres of a unit of height, if the file states its unit.
+    unit: Option<f64>,
+    notes: Vec<String>,
+}
+
+/// Reads a grid; the extension says the format: `asc`, `tif`, `tiff`, `png`, `npy` or `npz`.
+///
+/// # Errors
+/// [`Error::Io`] if the file cannot be read; [`Error::Format`] with the file, where it has lines the line, and the cure, if its
+/// content is no grid; [`Error::Argument`] for options out of range; [`Error::OutOfMemory`].
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
+    check(options)?;
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let bytes = || input::read(path, memory::usable().unwrap_or(u64::MAX >> 1));
+    let raw = input::guarded(path, || match extension.as_str() {
+        "asc" => ascii::read(path, &bytes()?, options),
+        "tif" | "tiff" => geotiff::read(path, bytes()?, options),
+        "png" => picture::read(path, bytes()?, options),
+        "npy" => from_numpy(path, numpy::read_npy(path, &bytes()?)?),
+        "npz" => from_numpy(path, numpy::read_npz(path, bytes()?)?),
+        _ => Err(Error::format(
+            path,
+            None,
+            "a terrain is read from .asc (ESRI ASCII grid), .tif (GeoTIFF), .png, .npy or .npz",
+        )),
+    })?;
+    finish(path, raw, options)
+}
+
+fn check(options: &ReadOptions) -> Result<()> {
+    if let Some(cell) = options.cell {
+        check_cell(cell).map_err(|e| Error::Argument(format!("`cell`: {e}")))?;
+    }
+    if let Some(scale) = options.height_scale.filter(|s| !s.is_finite() || *s == 0.0) {
+        return Err(Error::Argument(format!("`height_scale` {scale}: must be finite and not 0")));
+    }
+    match options.height_offset.abs() <= f64::from(MAX_HEIGHT) {
+        true => Ok(()),
+        false => {
+            let offset = options.height_offset;
+            Err(Error::Argument(format!("`height_offset` {offset} m: at most {MAX_HEIGHT:e} m up or down")))
+        }
+    }
+}
+
+/// Refuses sides that a file cannot hold, before anything is allocated. `possible`: number of values that its bytes can hold.
+fn check_size(path: &Path, columns: usize, rows: usize, possible: usize) -> Result<()> {
+    check_sides(columns, rows).map_err(|e| Error::format(path, None, e))?;
+    // At most MAX_SIDE², which fits.
+    let samples = columns * rows;
+    if samples > possible {
+        let what = format!(
+            "{columns} columns and {rows} rows are {samples} values, more than the file can hold: it is cut off, or its header is damaged"
+        );
+        return Err(Error::format(path, None, what));
+    }
+    memory::check_room(8 * samples as u64, || format!("{samples} heights"))
+}
+
+fn from_numpy(path: &Path, array: numpy::Array) -> Result<Raw> {
+    let [rows, columns] = array.shape[..] else {
+        let what = format!("an array of {} dimensions; heights need 2: rows and columns", array.shape.len());
+        return Err(Error::format(path, None, what));
+    };
+    Ok(Raw {
+        columns,
+        rows,
+        values: array.values,
+        cell: None,
+        georeference: None,
+        unit: None,
+        notes: vec!["the first row of the array is taken as the north".into()],
+    })
+}
+
+/// Makes heights in m of values.
+fn finish(path: &Path, raw: Raw, options: &ReadOptions) -> Result<Loaded> {
+    let Raw { columns, rows, mut values, cell, georeference, unit, mut notes } = raw;
+    check_sides(columns, rows).map_err(|e| Error::format(path, None, e))?;
+    let Some(cell) = options.cell.or(cell) else {
+        let what = "does not say how far its samples are apart: set `cell` to the distances of columns and rows in m";
+        return Err(Error::format(path, None, what));
+    };
+    let scale = options.height_scale.or(unit).unwrap_or(1.0);
+    let (no_data, offset) = (options.no_data.map(|v| v as f32), options.height_offset);
+    if scale != 1.0 || offset != 0.0 || no_data.is_some() {
+        for value in &mut values {
+            *value = match Some(*value) == no_data {
+                true => f32::NAN,
+                false => (f64::from(*value) * scale + offset) as f32,
+            };
+        }
+    }
+    let grid = Grid::new(columns, rows, cell, values).map_err(|e| match e {
+        Error::Argument(what) => Error::format(path, None, what),
+        other => other,
+    })?;
+    match grid.holes() {
+        0 => {}
+        n => notes.push(format!(
+            "{n} of {} samples have no height: they block nothing and get no value",
+            columns * rows
+        )),
+    }
+    let grid = match georeference {
+        Some(georeference) => grid.with_georeference(georeference),
+        None => grid,
+    };
+    Ok(Loaded { grid, notes })
+}
