@@ -63,6 +63,20 @@ pub mod export {
     };
 }
 
+/// Sky and sun.
+pub mod sky {
+    pub use crate::sky::Environment;
+    pub use glam::DVec3;
+}
+
+/// Height fields.
+pub mod terrain {
+    pub use crate::terrain::{
+        EARTH_RADIUS, Grid, Layer, Light, Loaded, ReadOptions, Sun, SweepOptions, horizon, irradiance, read,
+        sky_view_factor, sunlit, write_geotiff, write_npz, write_png,
+    };
+}
+
 /// Files that appear whole or not at all.
 pub mod files {
     pub use crate::files::{WholeFile, csv_text, input, json_text};

@@ -13,6 +13,7 @@ use crate::scene::{
     StoredCamera, Strength, UpAxis, UpFrom,
 };
 use crate::sky::Environment;
+use crate::terrain::ReadOptions;
 use crate::visibility::{Exact, LeafMode, MultiResolution};
 use crate::{Result, embree::Traversal};
 use glam::{DAffine3, DVec3, Vec3};
@@ -250,6 +251,7 @@ pub trait LoadParts {
     fn with_emitters(self, emitters: Vec<(String, Strength)>) -> Self;
     fn with_placements(self, luminaires: Placements) -> Self;
     fn with_moves(self, moves: Vec<Move>) -> Self;
+    fn with_grid(self, grid: ReadOptions) -> Self;
 }
 
 impl LoadParts for LoadOptions {
@@ -265,6 +267,11 @@ impl LoadParts for LoadOptions {
 
     fn with_moves(mut self, moves: Vec<Move>) -> LoadOptions {
         self.moves = moves;
+        self
+    }
+
+    fn with_grid(mut self, grid: ReadOptions) -> LoadOptions {
+        self.grid = grid;
         self
     }
 }

@@ -1,6 +1,8 @@
 //! Loading of scene files.
 
-use super::{LoadOptions, Scene, read_gltf, read_obj, read_ply, resolve, sources::Sources};
+use super::{
+    LoadOptions, Scene, UpAxis, read_gltf, read_grid, read_obj, read_ply, resolve, sources::Sources,
+};
 use crate::files::input::{guarded, is_standard_input};
 use crate::threads::Threads;
 use crate::{Error, Result, error::quote};
@@ -21,7 +23,8 @@ impl Scene {
         Scene::load_with(path, &LoadOptions::default())
     }
 
-    /// Loads a scene; the extension of `path` selects the format: `obj`, `gltf`, `glb` or `ply`.
+    /// Loads a scene; the extension of `path` selects the format: `obj`, `gltf`, `glb` or `ply`, or of a height field `asc`
+    /// (ESRI ASCII grid), `tif` (GeoTIFF), `png`, `npy` or `npz`.
     ///
     /// Nodes of a glTF file that place the same mesh share it, unless the mesh emits or a
     /// node's transform is more than 1 % off a similarity. A glTF file may have at most 2,097,152 nodes.
@@ -76,8 +79,15 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
                 let bytes = sources.bytes(path)?;
                 read_bytes(path, &stem, &bytes, &mut sources, options)?
             }
+            grid if read_grid::EXTENSIONS.contains(&grid) => {
+                let upright = LoadOptions { up: options.up.or(Some(UpAxis::Z)), ..options.clone() };
+                let mut scene = resolve(read_grid::read(path, &options.grid)?, &upright)?;
+                scene.files = vec![path.to_owned()];
+                return Ok(scene);
+            }
             _ => {
-                let what = "unknown kind of scene; the extension must be .obj, .gltf, .glb or .ply";
+                let what = "unknown kind of scene; the extension must be .obj, .gltf, .glb, .ply, or for a height field .asc, .tif, .png, \
+                            .npy or .npz";
                 // A wrong path is more likely than an unknown format.
                 std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
                 return Err(Error::format(path, None, what));

@@ -2,6 +2,7 @@
 
 use super::read_luminaire::Luminaire;
 use super::{Channels, Photometry, Strength, UpAxis, moves::Move};
+use crate::terrain::ReadOptions;
 use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -28,6 +29,8 @@ pub struct LoadOptions {
     pub(crate) sides: Option<u8>,
     /// Threads; 0 for all cores.
     pub(crate) threads: usize,
+    /// What the file of a height field does not state.
+    pub(crate) grid: ReadOptions,
     /// Largest file and largest sum of decoded textures, bytes; `None`: a part of the available memory.
     pub(crate) max_memory: Option<u64>,
 }
@@ -69,6 +72,7 @@ impl Default for LoadOptions {
             two_sided_emission: false,
             sides: None,
             threads: 0,
+            grid: ReadOptions::default(),
             max_memory: None,
         }
     }

@@ -30,6 +30,7 @@ mod placement;
 mod power;
 mod profile;
 mod read_gltf;
+mod read_grid;
 mod read_luminaire;
 mod read_obj;
 mod read_ply;

@@ -30,6 +30,7 @@ mod scene_values;
 mod shared_scenes;
 mod sky_args;
 mod solve;
+mod terrain;
 mod writable;
 
 use clap::{
@@ -91,6 +92,7 @@ enum Command {
     Batch(batch::Args),
     Merge(merge::Args),
     Report(report::Args),
+    Terrain(terrain::Args),
     Reproduce(reproduce::Args),
     /// Write a procedural scene as OBJ and MTL; --list shows all scenes.
     Generate(generate::Args),
@@ -115,6 +117,7 @@ impl Command {
             Command::Reference(args) => &args.common,
             Command::Compare(args) => &args.common,
             Command::FormFactors(args) => &args.common,
+            Command::Terrain(args) => &args.common,
             Command::Reproduce(args) => &args.common,
             Command::Generate(args) => &args.common,
             Command::Batch(_)
@@ -140,6 +143,7 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Batch(args) => batch::run(args),
         Command::Merge(args) => merge::run(args),
         Command::Report(args) => report::run(args),
+        Command::Terrain(args) => terrain::run(args),
         Command::Reproduce(args) => reproduce::run(args),
         Command::Generate(args) => generate::run(args),
         Command::Completions(args) => manual::completions(args),

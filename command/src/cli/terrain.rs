@@ -1,0 +1,293 @@
+//! `mrvis terrain GRID --out DIR`: what all samples of a height field see of sky and sun.
+
+use super::args::{Common, grouped, warn};
+use super::inputs::{Inputs, Output};
+use super::writable::check_folder;
+use mrvis::internals::sky::{DVec3, Environment};
+use mrvis::internals::terrain::{
+    EARTH_RADIUS, Grid, Layer, Light, ReadOptions, Sun, SweepOptions, horizon, irradiance, read,
+    sky_view_factor, sunlit, write_geotiff, write_npz, write_png,
+};
+use mrvis::{Error, Result, SkyOptions};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Compute at all samples of a height field (.asc, .tif, .png, .npy, .npz) the sky view factor, the horizon, whether the
+/// sun shines, and the irradiance of sky and sun, without light from other ground; `solve` computes all light.
+#[derive(clap::Args, Clone, Debug)]
+#[command(mut_arg("seed", |a| a.hide(true)))]
+#[command(mut_arg("unit", |a| a.hide(true)))]
+pub struct Args {
+    /// The height field.
+    #[arg(value_name = "GRID")]
+    grid: PathBuf,
+    /// Folder for the results (created if missing).
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// What is computed, separated by commas.
+    #[arg(
+        long = "output",
+        value_name = "WHAT",
+        value_enum,
+        value_delimiter = ',',
+        default_value = "sky-view-factor"
+    )]
+    outputs: Vec<Quantity>,
+    /// Kinds of files, separated by commas.
+    #[arg(long, value_name = "KIND", value_enum, value_delimiter = ',', default_value = "tif")]
+    format: Vec<Format>,
+    /// Directions in which the horizon is found, 4 to 1024.
+    #[arg(long, value_name = "N", default_value_t = 32)]
+    azimuths: usize,
+    /// The earth curves: with N times its radius; 7/6 = 1.1667 allows for refraction.
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1")]
+    curvature: Option<f64>,
+    /// Distance of samples, or of columns and rows, m, instead of that of the file.
+    #[arg(long, value_name = "DX[,DY]")]
+    cell: Option<String>,
+    /// Metres of one unit of height (of one step of grey in a PNG), instead of the unit of the file.
+    #[arg(long, value_name = "M")]
+    height_scale: Option<f64>,
+    /// The sky, as for `solve`; with clear:TURBIDITY and --day the light of a whole day.
+    #[arg(long, value_name = "SKY")]
+    sky: Option<String>,
+    /// The sun, as for `solve`.
+    #[arg(long, value_name = "SUN", allow_hyphen_values = true)]
+    sun: Option<String>,
+    /// Latitude and longitude, degrees north and east, for the position of the sun.
+    #[arg(long, value_name = "LAT,LON[,ALT]", allow_hyphen_values = true)]
+    place: Option<String>,
+    /// Time for the position of the sun, such as 2026-06-21T12:00+02:00.
+    #[arg(long, value_name = "TIME")]
+    time: Option<String>,
+    /// Add up irradiance over the day of --time, every so many minutes: J/m2 divided by 3600, Wh/m2.
+    #[arg(long, value_name = "MINUTES", num_args = 0..=1, require_equals = true, default_missing_value = "30",
+          value_parser = clap::value_parser!(u32).range(1..=240))]
+    day: Option<u32>,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+enum Quantity {
+    /// Irradiance of the sloping sample under a uniform sky as part of that of a level plane without horizon.
+    SkyViewFactor,
+    /// Elevation of the horizon, degrees: a band for each azimuth.
+    Horizon,
+    /// Part of the sun's disc that is seen, 0 to 1.
+    Sunlit,
+    /// Irradiance of sky and sun, W/m2; with --day Wh/m2.
+    Irradiance,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    /// GeoTIFF, georeferenced as the input.
+    Tif,
+    /// NumPy arrays.
+    Npz,
+    /// A picture with a colour scale.
+    Png,
+}
+
+impl Quantity {
+    fn name(self) -> &'static str {
+        match self {
+            Quantity::SkyViewFactor => "sky-view-factor",
+            Quantity::Horizon => "horizon",
+            Quantity::Sunlit => "sunlit",
+            Quantity::Irradiance => "irradiance",
+        }
+    }
+}
+
+impl Format {
+    fn extension(self) -> &'static str {
+        match self {
+            Format::Tif => "tif",
+            Format::Npz => "npz",
+            Format::Png => "png",
+        }
+    }
+}
+
+/// A computed quantity: its bands with their names.
+type Bands = Vec<(String, Vec<f32>)>;
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let common = &args.common;
+    let _folder = check_folder(&args.out)?;
+    common.check_json()?;
+    let names = args
+        .outputs
+        .iter()
+        .flat_map(|q| args.format.iter().map(|format| format!("{}.{}", q.name(), format.extension())));
+    common.check_outputs(&Inputs::of([args.grid.as_path()]), Output::within("--out", &args.out, names))?;
+    let options = ReadOptions {
+        cell: args.cell.as_deref().map(cell).transpose()?,
+        height_scale: args.height_scale,
+        ..ReadOptions::default()
+    };
+    let sweep = SweepOptions { earth_radius: args.curvature.map(|factor| factor * EARTH_RADIUS) };
+    let start = Instant::now();
+    let spinner = common.spinner("reading the height field");
+    let loaded = read(&args.grid, &options)?;
+    drop(spinner);
+    warn(common, &loaded.notes);
+    let grid = &loaded.grid;
+    let [dx, dy] = grid.cell();
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        text,
+        "{} x {} samples every {dx} x {dy} m, read in {:.2} s",
+        grouped(grid.columns()),
+        grouped(grid.rows()),
+        start.elapsed().as_secs_f64()
+    );
+    let mut records = Vec::new();
+    for quantity in &args.outputs {
+        let _spinner = common.spinner(format!("computing {}", quantity.name()));
+        let start = Instant::now();
+        let bands = common.on_threads(|| compute(args, *quantity, grid, &sweep))?;
+        let seconds = start.elapsed().as_secs_f64();
+        write(args, *quantity, grid, &bands)?;
+        let record = summary(*quantity, &bands, seconds, &mut text);
+        records.push(record);
+    }
+    let _ = writeln!(text, "wrote {}", args.out.display());
+    common.print(&text)?;
+    common.write_json(&json!({
+        "grid": args.grid, "columns": grid.columns(), "rows": grid.rows(), "cell_m": grid.cell(),
+        "holes": grid.holes(), "azimuths": args.azimuths, "quantities": records, "notes": loaded.notes,
+    }))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// `DX` or `DX,DY`.
+fn cell(text: &str) -> Result<[f64; 2]> {
+    let parsed: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match parsed.as_deref() {
+        Some([both]) => Ok([*both; 2]),
+        Some([dx, dy]) => Ok([*dx, *dy]),
+        _ => Err(Error::Argument(format!("--cell {text}: give one distance in m, or two: DX,DY"))),
+    }
+}
+
+fn compute(args: &Args, quantity: Quantity, grid: &Grid, sweep: &SweepOptions) -> Result<Bands> {
+    let name = quantity.name().to_owned();
+    Ok(match quantity {
+        Quantity::SkyViewFactor => vec![(name, sky_view_factor(grid, args.azimuths, sweep)?)],
+        Quantity::Horizon => {
+            let found = horizon(grid, args.azimuths, sweep)?;
+            let degrees = |mut values: Vec<f32>| {
+                values.iter_mut().for_each(|v| *v = v.to_degrees());
+                values
+            };
+            let named = |(azimuth, values): (f64, Vec<f32>)| {
+                (format!("horizon at azimuth {:.1}", azimuth.to_degrees()), degrees(values))
+            };
+            found.azimuths.into_iter().zip(found.elevations).map(named).collect()
+        }
+        Quantity::Sunlit => {
+            let environment = environment(args, args.time.as_deref())?;
+            let sun = sun_of(&environment).ok_or_else(|| {
+                Error::Argument("`sunlit` needs a sun: give --sun, or --place and --time".into())
+            })?;
+            vec![(name, sunlit(grid, &sun.0, sweep)?)]
+        }
+        Quantity::Irradiance => vec![(name, light(args, grid, sweep)?)],
+    })
+}
+
+fn environment(args: &Args, time: Option<&str>) -> Result<Environment> {
+    let sky = SkyOptions::of_texts(args.sky.as_deref(), args.sun.as_deref(), args.place.as_deref(), time)?;
+    sky.environment(DVec3::Z)
+}
+
+/// The sun above the horizon and its normal irradiance, mean of the channels.
+fn sun_of(environment: &Environment) -> Option<(Sun, f64)> {
+    let sun = environment.suns().first()?;
+    let [azimuth, elevation] = environment.frame().angles(sun.direction).map(f64::to_radians);
+    let half_angle = 0.5 * sun.diameter;
+    Some((Sun { azimuth, elevation, half_angle }, sun.irradiance.iter().sum::<f64>() / 3.0))
+}
+
+/// Irradiance at the time of the options, or added up over its day.
+fn light(args: &Args, grid: &Grid, sweep: &SweepOptions) -> Result<Vec<f32>> {
+    if args.sky.is_none() && args.sun.is_none() {
+        return Err(Error::Argument("`irradiance` needs light: give --sky, --sun or both".into()));
+    }
+    let Some(minutes) = args.day else {
+        return light_at(args, grid, sweep, args.time.as_deref());
+    };
+    let time = args.time.as_deref().filter(|time| time.len() > 16 && time.is_char_boundary(11));
+    let (Some(time), Some(_)) = (time, &args.place) else {
+        return Err(Error::Argument("--day needs --place and --time as 2026-06-21T12:00+02:00".into()));
+    };
+    let zone =
+        time.find('+').or(time.rfind('-').filter(|at| *at > 10)).or(time.find('Z')).unwrap_or(time.len());
+    let (date, zone) = (&time[..10], &time[zone..]);
+    let mut sums = vec![0.0f32; grid.heights().len()];
+    // The middle of each interval.
+    for minute in (0..24 * 60).step_by(minutes as usize).map(|m| m + minutes / 2) {
+        let time = format!("{date}T{:02}:{:02}{zone}", minute / 60 % 24, minute % 60);
+        let position = SkyOptions::of_texts(None, Some("auto:1"), args.place.as_deref(), Some(&time))
+            .and_then(|options| options.environment(DVec3::Z));
+        // Below the horizon there is neither sun nor sky.
+        if position.as_ref().map_or(true, |of| of.suns().is_empty()) {
+            continue;
+        }
+        let found = light_at(args, grid, sweep, Some(&time))?;
+        let hours = minutes as f32 / 60.0;
+        sums.iter_mut().zip(found).for_each(|(sum, e)| *sum += hours * e);
+    }
+    Ok(sums)
+}
+
+fn light_at(args: &Args, grid: &Grid, sweep: &SweepOptions, time: Option<&str>) -> Result<Vec<f32>> {
+    let environment = environment(args, time)?;
+    let sky = |local: DVec3| environment.radiance(environment.frame().world(local)).iter().sum::<f64>() / 3.0;
+    let none = Sun { azimuth: 0.0, elevation: -1.0, half_angle: 0.0 };
+    let (sun, direct_normal) = sun_of(&environment).unwrap_or((none, 0.0));
+    irradiance(grid, &Light { sun, direct_normal, sky: &sky }, args.azimuths, sweep)
+}
+
+fn write(args: &Args, quantity: Quantity, grid: &Grid, bands: &Bands) -> Result<()> {
+    let layers: Vec<Layer> = bands.iter().map(|(name, values)| Layer { name, values }).collect();
+    for format in &args.format {
+        let path = args.out.join(format!("{}.{}", quantity.name(), format.extension()));
+        match format {
+            Format::Tif => write_geotiff(&path, grid, &layers)?,
+            Format::Npz => write_npz(&path, grid, &layers)?,
+            Format::Png => write_png(&path, grid, layers[0], range(quantity, &bands[0].1))?,
+        }
+    }
+    Ok(())
+}
+
+/// The values at the ends of the colour scale.
+fn range(quantity: Quantity, values: &[f32]) -> [f32; 2] {
+    match quantity {
+        Quantity::SkyViewFactor | Quantity::Sunlit => [0.0, 1.0],
+        _ => [0.0, values.iter().copied().filter(|v| v.is_finite()).fold(f32::MIN_POSITIVE, f32::max)],
+    }
+}
+
+/// Adds a line on a quantity; returns the same as JSON.
+fn summary(quantity: Quantity, bands: &Bands, seconds: f64, text: &mut String) -> Value {
+    let known = || bands.iter().flat_map(|(_, values)| values).copied().filter(|v| v.is_finite());
+    let (mut sum, mut count) = (0.0f64, 0usize);
+    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    for value in known() {
+        (sum, count) = (sum + f64::from(value), count + 1);
+        (low, high) = (low.min(value), high.max(value));
+    }
+    let mean = sum / count.max(1) as f64;
+    let name = quantity.name();
+    let _ = writeln!(text, "{name:<16} minimum {low:.4}, mean {mean:.4}, maximum {high:.4}, {seconds:.2} s");
+    json!({ "name": name, "bands": bands.len(), "min": low, "mean": mean, "max": high, "seconds": seconds })
+}
