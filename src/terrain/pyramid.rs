@@ -10,8 +10,8 @@ use crate::{Error, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Side of a block of the lowest level, cells. 4, 8 and 16: 3.0, 2.6, 3.1 µs for a ray to the horizon of rough terrain of 1,000 ×
-/// 1,000; the pyramid takes 1/24 of the memory of the heights.
+/// Side of a block of the lowest level, cells. 4, 8 and 16: 0.99, 1.02 and 1.20 µs of processor time for a ray from rough terrain of
+/// 1,000 × 1,000; with 8 the pyramid takes 1/24 of the memory of the heights, with 4 a sixth.
 const BLOCK: usize = 8;
 
 /// A level: lowest and highest heights of its blocks, row by row.

@@ -18,7 +18,7 @@ pub struct Layer<'a> {
     pub values: &'a [f32],
 }
 
-/// Bytes of a strip, as the GeoTIFF driver of GDAL and others keep them: enough for fast reading, few enough for reading parts.
+/// Bytes of a strip: 36 strips for a band of 3,000 × 3,000, and a part of the file can be read without the rest.
 const STRIP: usize = 1 << 20;
 /// Bytes of a TIFF file whose offsets have 32 bits, less room for tags; larger ones are BigTIFF.
 const MAX_SMALL_TIFF: u64 = (1 << 32) - (16 << 20);

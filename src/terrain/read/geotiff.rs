@@ -18,7 +18,7 @@ const MAX_TAG: usize = 8 * crate::terrain::grid::MAX_SIDE;
 /// Largest strip or tile, bytes: a file of one strip with as many values as fit 2 GiB.
 const MAX_STRIP: usize = 1 << 31;
 /// Largest deviation of the length of a degree of longitude at the north and south ends from that in the middle. 2 % of a slope
-/// of 30° change its sky view factor by .3 %.
+/// of 30° change its sky view factor by .2 %.
 const MAX_STRETCH: f64 = 0.02;
 
 type File = Decoder<Cursor<Vec<u8>>>;

@@ -6,8 +6,7 @@ use crate::terrain::Grid;
 /// Places where a ray from a sample crosses the edges of triangles within a distance. They are the same for all samples of a grid.
 pub struct Taps(Vec<Tap>);
 
-/// Distance in columns up to which edges between columns count. The steepest directions have 29 places within it, and one more
-/// for each column beyond it.
+/// Distance in columns up to which edges between columns count: 48 places within it at most, and one more for each column beyond it.
 const MAX_CROSSED: usize = 12;
 
 /// A place on the edge between two samples.

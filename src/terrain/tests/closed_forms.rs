@@ -27,7 +27,7 @@ fn slopes_have_their_closed_form_everywhere() {
 #[test]
 fn valleys_have_their_closed_form() {
     for inclination in [0.3f64, 0.6, 0.9] {
-        // The valley is 16 times as long as wide: the sky at its ends has 1/2000 of the view factor.
+        // The valley is 16 times as long as wide: the sky at its ends is seen within 4° of the horizon.
         let grid = valley(201, 3201, 1.0, inclination).expect("a grid");
         let values = sky_view(&grid);
         for column in [100usize, 99, 95, 75, 50, 20, 2] {
