@@ -193,8 +193,7 @@ impl PySolution {
     /// progress: as for `Model`.
     #[pyo3(signature = (camera=None, size=None, *, gather=false, look_inside=false, out=None, progress=None))]
     fn image<'py>(
-        &self,
-        py: Python<'py>,
+        this: &Bound<'py, Self>,
         camera: Option<&Bound<'py, PyAny>>,
         size: Option<&Bound<'py, PyAny>>,
         gather: bool,
@@ -202,9 +201,13 @@ impl PySolution {
         out: Option<&Bound<'py, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let py = this.py();
         let camera: Option<GivenCamera> = camera.map(|camera| value("camera", camera)).transpose()?;
         let [columns, rows] = size.map_or(Ok([800, 600]), sides)?;
-        let options = ImageOptions::default().with_size(columns, rows).with_gather(gather).with_look_inside(look_inside);
+        let options = ImageOptions::default()
+            .with_size(columns, rows)
+            .with_gather(gather)
+            .with_look_inside(look_inside);
         let out = match out {
             None => None,
             Some(out) => match out.cast::<PyArray3<f32>>() {
@@ -219,7 +222,7 @@ impl PySolution {
                 }
             },
         };
-        let solution = self.solution.clone();
+        let solution = this.get().solution.clone();
         let radiance = long(py, progress, move |watch| {
             let camera = match camera {
                 Some(GivenCamera { eye, target, up, angle }) => Camera { eye, target, up, angle },

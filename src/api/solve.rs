@@ -98,7 +98,7 @@ impl SolveOptions {
     }
 
     /// Number of elements whose error bars independent paths check, at most 1,048,576; default 200. More say more about the error in
-    /// [`Solution::json`]; 0 leaves it out.
+    /// `Solution::json`; 0 leaves it out.
     #[must_use]
     pub fn with_audit(mut self, elements: usize) -> SolveOptions {
         self.options.audit = elements;

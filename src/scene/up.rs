@@ -65,7 +65,6 @@ const FLAT: f32 = 1.1;
 
 impl Scene {
     /// The upward axis, see [`Scene::up_from`].
-    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn up_axis(&self) -> UpAxis {
         self.up_from().0
     }
