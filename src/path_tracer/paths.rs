@@ -7,7 +7,7 @@ use crate::embree::Hits;
 use crate::points::Point;
 use crate::ray::{LANES, Packet};
 use crate::sky::Environment;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use sobol_burley::sample_4d;
 use std::f32::consts::PI;
 
@@ -93,7 +93,7 @@ impl<'a> Paths<'a> {
     /// Advances all active paths by one bounce; continued paths are in `next`.
     fn step(&mut self, stream: u64, bounce: u32) {
         self.next.clear();
-        self.add_suns(stream, bounce);
+        self.add_sky(stream, bounce);
         for chunk in self.active.chunks(LANES) {
             let mut shadow = Packet::EMPTY;
             let mut rays = Packet::EMPTY;
@@ -132,8 +132,10 @@ impl<'a> Paths<'a> {
                 }
                 let direction = directions[lane];
                 if let Some(sky) = self.sky.filter(|_| hits.triangle[lane] == Hits::NOTHING) {
-                    let radiance = sky.radiance(direction.as_dvec3()).map(|l| l as f32);
-                    add(sum, product(path.throughput, radiance));
+                    let far = direction.as_dvec3();
+                    let chance = f64::from(path.normal.dot(direction) / PI);
+                    let share = if sky.sky().is_some() { chance / (chance + sky.pdf(far)) } else { 1.0 };
+                    add(sum, product(path.throughput, sky.radiance(far).map(|l| (l * share) as f32)));
                 }
                 let Some(place) = self.surfaces.place(&rays, &hits, lane, direction) else { continue };
                 if place.emission != [0.0; 3]
@@ -163,28 +165,53 @@ impl<'a> Paths<'a> {
         }
     }
 
-    /// Adds the light that arrives at the vertices of all active paths from a point of each sun.
-    fn add_suns(&mut self, stream: u64, bounce: u32) {
-        for (number, sun) in self.sky.iter().flat_map(|sky| sky.suns()).enumerate() {
-            // As a ray of a given density: radiance times cosine over the density, of which the throughput holds π.
+    /// Adds the light that arrives at the vertices of all active paths from a point of each sun, and from a direction of the sky that is drawn
+    /// in proportion to radiance.
+    fn add_sky(&mut self, stream: u64, bounce: u32) {
+        let Some(sky) = self.sky else { return };
+        for (number, sun) in sky.suns().iter().enumerate() {
             let full = sun.radiance().map(|l| l * sun.solid_angle());
-            for chunk in self.active.chunks(LANES) {
-                let (mut shadow, mut light) = (Packet::EMPTY, [[0f32; 3]; LANES]);
-                for (lane, path) in chunk.iter().enumerate() {
-                    let ([.., s, t], _) = numbers(!stream ^ number as u64, bounce, path.sample);
-                    let direction = sun.sample([s.into(), t.into()]);
-                    let cosine = direction.dot(path.normal.as_dvec3());
-                    if cosine > 0.0 {
-                        light[lane] = product(path.throughput, full.map(|l| (l * cosine) as f32 / PI));
-                        shadow.set_ray(lane, path.position, direction.as_vec3());
-                    }
+            self.add_directions(!stream ^ number as u64, bounce, |normal, place| {
+                let direction = sun.sample(place);
+                // The throughput holds π.
+                let share = direction.dot(normal) / f64::from(PI);
+                (direction, full.map(|l| l * share))
+            });
+        }
+        if sky.sky().is_some() {
+            self.add_directions(stream ^ 0x5bd1_e995, bounce, |normal, place| {
+                let drawn = sky.sample(place);
+                // The balance heuristic with the cosine-distributed ray.
+                let chance = drawn.direction.dot(normal) / f64::from(PI);
+                (drawn.direction, drawn.radiance.map(|l| l * chance / (chance + drawn.pdf)))
+            });
+        }
+    }
+
+    /// Adds the light of one direction from each vertex of the active paths: `draw` gives it, and its radiance over the density of the
+    /// direction times the cosine over π, for a normal and a place in the unit square.
+    fn add_directions(
+        &mut self,
+        stream: u64,
+        bounce: u32,
+        draw: impl Fn(DVec3, [f64; 2]) -> (DVec3, [f64; 3]),
+    ) {
+        for chunk in self.active.chunks(LANES) {
+            let (mut shadow, mut light) = (Packet::EMPTY, [[0f32; 3]; LANES]);
+            for (lane, path) in chunk.iter().enumerate() {
+                let ([.., s, t], _) = numbers(stream, bounce, path.sample);
+                let normal = path.normal.as_dvec3();
+                let (direction, radiance) = draw(normal, [s.into(), t.into()]);
+                if direction.dot(normal) > 0.0 {
+                    light[lane] = product(path.throughput, radiance.map(|l| l as f32));
+                    shadow.set_ray(lane, path.position, direction.as_vec3());
                 }
-                let mut blocked = [0];
-                self.surfaces.blocked(std::slice::from_ref(&shadow), &mut blocked);
-                for (lane, path) in chunk.iter().enumerate() {
-                    if (shadow.active & !blocked[0]) >> lane & 1 == 1 {
-                        add(&mut self.sums[(path.sample % GROUPS) as usize], light[lane]);
-                    }
+            }
+            let mut blocked = [0];
+            self.surfaces.blocked(std::slice::from_ref(&shadow), &mut blocked);
+            for (lane, path) in chunk.iter().enumerate() {
+                if (shadow.active & !blocked[0]) >> lane & 1 == 1 {
+                    add(&mut self.sums[(path.sample % GROUPS) as usize], light[lane]);
                 }
             }
         }

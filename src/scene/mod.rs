@@ -271,6 +271,7 @@ impl Scene {
     pub fn set_sky(&mut self, sky: &SkyOptions) -> Result<()> {
         let environment = sky.environment(self.up_axis().vector().as_dvec3())?;
         self.environment = Some(Arc::new(environment));
+        self.files.extend(sky.files());
         Ok(())
     }
 

@@ -189,6 +189,15 @@ impl SkyOptions {
         Ok(self)
     }
 
+    /// The files that it names: its description and maps.
+    pub(crate) fn files(&self) -> Vec<PathBuf> {
+        let map = match &self.sky.0 {
+            SkyModel::Map(path) => Some(path),
+            _ => None,
+        };
+        self.file.iter().chain(&self.map).chain(map).cloned().collect()
+    }
+
     /// Checks values that are wrong whatever the sky is.
     pub(super) fn check(&self) -> Result<(), String> {
         let is_reflectance = |v: &f64| (0.0..=1.0).contains(v);

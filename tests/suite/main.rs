@@ -13,6 +13,7 @@ mod hostile;
 mod install;
 mod light;
 mod lighting;
+mod outdoor;
 mod outputs;
 mod package;
 mod pages;

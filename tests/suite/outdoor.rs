@@ -1,0 +1,104 @@
+//! Sky, sun and terrain on the command line.
+
+use super::run::{Outcome, Scratch};
+
+/// A square of 4 by 4 m, up z.
+const GROUND: &str = "mtllib grey.mtl\nusemtl grey\no ground\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nf 1 2 3 4\n";
+const GREY: &str = "newmtl grey\nKd 0.5 0.5 0.5\n";
+const POINT: &str = "x,y,z,nx,ny,nz\n2,2,0,0,0,1\n1,3,0,0,0,1\n";
+
+fn ground() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("ground.obj", GROUND);
+    scratch.write("grey.mtl", GREY);
+    scratch.write("points.csv", POINT);
+    scratch
+}
+
+#[test]
+fn sky_and_sun_light_points_and_are_named_in_outputs() {
+    let scratch = ground();
+    let sky = ["--up", "z", "--sky", "uniform:100", "--sun", "180,30:800"];
+    let solve = ["solve", "ground.obj", "--points", "points.csv", "--out", "s", "--audit", "0", "--error", "0.1"];
+    let solved = scratch.mrvis(&[&solve[..], &sky].concat());
+    assert_eq!(solved.code, Some(0), "{}", solved.stderr);
+    assert!(solved.stdout.contains("sun at azimuth 180.0000, elevation 30.0000 degrees"), "{}", solved.stdout);
+    let light = |name: &str| -> Vec<f64> {
+        let text = std::fs::read_to_string(scratch.path(name)).expect("a file");
+        text.lines().skip(1).map(|l| l.split(',').nth(6).expect("a value").parse().expect("a number")).collect()
+    };
+    assert!(light("s/irradiance.csv").iter().all(|e| (e - 500.0).abs() < 1.5), "{:?}", light("s/irradiance.csv"));
+    let record = scratch.json("s/solution.json");
+    assert!(record["scene"]["sky"].to_string().contains("north +y"), "{}", record["scene"]["sky"]);
+    let reference = ["reference", "ground.obj", "--points", "points.csv", "--out", "r.csv", "--samples", "256"];
+    assert_eq!(scratch.mrvis(&[&reference[..], &sky].concat()).code, Some(0));
+    assert!(light("r.csv").iter().all(|e| (e - 500.0).abs() < 5.0), "{:?}", light("r.csv"));
+}
+
+#[test]
+fn skies_that_cannot_be_are_refused_in_one_line() {
+    let scratch = ground();
+    scratch.write("sky.toml", "sky = 'overcast'\nbrightness = 3\n");
+    for (options, words) in [
+        (&["--sky", "cie:17"][..], "17 is no type of CIE sky"),
+        (&["--sky", "perez:600,100"], "sun"),
+        (&["--sky", "perez:600,100", "--sun", "180,-5"], "horizon"),
+        (&["--sky", "perez:600,-1", "--sun", "180,40"], "-1"),
+        (&["--sky", "clear:3", "--place", "95,11", "--time", "2026-06-21T12:00Z"], "95"),
+        (&["--sky", "clear:3", "--place", "48,11", "--time", "2026-06-31T12:00Z"], "2026-06-31"),
+        (&["--sky", "clear:3", "--place", "48,11"], "time"),
+        (&["--sky", "sky.toml"], "sky.toml"),
+        (&["--sky", "missing.exr"], "missing.exr"),
+    ] {
+        let info = scratch.mrvis(&[&["info", "ground.obj", "--up", "z"][..], options].concat());
+        assert_eq!(info.code, Some(2), "{options:?} {}", info.stdout);
+        assert!(info.stderr.contains(words) && info.stderr.lines().count() == 1, "{options:?}: {}", info.stderr);
+    }
+}
+
+/// A height field with a slope of 45 degrees to the south, whose rows are 10 m apart.
+fn slope() -> Scratch {
+    let scratch = Scratch::new();
+    let mut text = "ncols 12\nnrows 10\nxllcorner 1000\nyllcorner 2000\ncellsize 10\n".to_owned();
+    for row in 0..10 {
+        text += &(format!("{} ", 100 - 10 * row).repeat(12) + "\n");
+    }
+    scratch.write("slope.asc", text);
+    scratch
+}
+
+#[test]
+fn terrain_computes_maps_of_height_fields() {
+    let scratch = slope();
+    let terrain = ["terrain", "slope.asc", "--out", "t", "--json", "t.json", "--format", "tif,npz,png"];
+    let light = ["--output", "sky-view-factor,sunlit,irradiance", "--sky", "uniform:100", "--sun", "180,45:800"];
+    let made = scratch.mrvis(&[&terrain[..], &light].concat());
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    let record = scratch.json("t.json");
+    let mean = |k: usize| record["quantities"][k]["mean"].as_f64().expect("a number");
+    let free = 0.5 * (1.0 + std::f64::consts::FRAC_1_SQRT_2);
+    assert!((mean(0) - free).abs() < 3e-3 && mean(1) == 1.0, "{record}");
+    // The sun is straight above the slope.
+    assert!((mean(2) - 800.0 - 100.0 * free).abs() < 3.0, "{record}");
+    for name in ["sky-view-factor.tif", "sunlit.npz", "irradiance.png"] {
+        assert!(scratch.path(&format!("t/{name}")).metadata().is_ok_and(|file| file.len() > 200), "{name}");
+    }
+    let dark = scratch.mrvis(&["terrain", "slope.asc", "--out", "t", "--output", "irradiance"]);
+    assert!(dark.code == Some(2) && dark.stderr.contains("give --sky"), "{}", dark.stderr);
+    scratch.write("bad.asc", "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize -5\n1 2\n3 4\n");
+    let bad = scratch.mrvis(&["terrain", "bad.asc", "--out", "b"]);
+    assert!(bad.code == Some(2) && bad.stderr.contains("bad.asc"), "{}", bad.stderr);
+    assert!(bad.stderr.lines().count() == 1 && !scratch.path("b").exists(), "{}", bad.stderr);
+}
+
+#[test]
+fn height_fields_are_scenes() {
+    let scratch = slope();
+    scratch.write("points.csv", "x,y,z,nx,ny,nz\n1055,2055,60,0,-0.7071068,0.7071068\n");
+    let solve = ["solve", "slope.asc", "--out", "s", "--points", "points.csv", "--audit", "0", "--error", "0.1"];
+    let solved = scratch.mrvis(&[&solve[..], &["--sky", "uniform:100", "--sun", "180,45:800"]].concat());
+    assert_eq!(solved.code, Some(0), "{}", solved.stderr);
+    let text = std::fs::read_to_string(scratch.path("s/irradiance.csv")).expect("a file");
+    let value: f64 = text.lines().nth(1).and_then(|l| l.split(',').nth(6)).expect("a value").parse().expect("a number");
+    assert!((value - 885.36).abs() < 3.0, "{value}");
+}
