@@ -75,6 +75,7 @@ const TABLE_ROOMS: &[&str] = &[
     "src/memory.rs",
     "src/raster",
     "src/scene",
+    "src/sky",
     "src/threads.rs",
     "Cargo.lock",
 ];
