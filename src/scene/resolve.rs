@@ -13,6 +13,7 @@ use super::{
     keep::Kept,
     luminaires, moves, names, overlap,
     power::{self, Surfaces},
+    size::{areas, twice_area},
     stack::{Order, stack},
     triangulate::{Shape, Triangulator},
 };
@@ -74,8 +75,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     if faces.triangles.is_empty() {
         return Err(empty(&soup, &repairs));
     }
-    let area: Vec<f64> =
-        faces.triangles.iter().map(|t| twice_area(t.map(|v| positions[v as usize])) / 2.0).collect();
+    let area = areas(&faces.triangles, &positions);
     power::apply(
         Surfaces {
             objects: &soup.objects,
@@ -305,11 +305,6 @@ fn reflectance(soup: &Soup, material: &SoupMaterial, corners: [u32; 3]) -> [f32;
     let uv = texcoords(soup, corners);
     let (mean, black) = (texture.mean(uv), kd == [0.0; 3]);
     std::array::from_fn(|c| if black { mean[c] } else { mean[c] * kd[c] }.clamp(0.0, MAX_REFLECTANCE))
-}
-
-fn twice_area([a, b, c]: [Vec3; 3]) -> f64 {
-    let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
-    (b - a).cross(c - a).length()
 }
 
 /// Whether the height of the triangle exceeds the f32 resolution at its position and relative to its longest edge.

@@ -2,6 +2,7 @@
 
 use super::Scene;
 use crate::math::Aabb;
+use glam::Vec3;
 
 /// Ratio of the whole scene to what does not emit, above which emitters do not count: rooms with their lamps and terrains
 /// under their skies are below 3, distant lights of glTF files above 20.
@@ -24,4 +25,14 @@ impl Scene {
     pub(crate) fn size(&self) -> f32 {
         self.placed_bounds(self.near_bounds()).diagonal()
     }
+}
+
+pub(super) fn twice_area([a, b, c]: [Vec3; 3]) -> f64 {
+    let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
+    (b - a).cross(c - a).length()
+}
+
+/// Areas of triangles, scene units squared.
+pub(super) fn areas(triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<f64> {
+    triangles.iter().map(|t| twice_area(t.map(|v| positions[v as usize])) / 2.0).collect()
 }

@@ -42,6 +42,28 @@ pub fn summary(reported: &Reported) -> String {
         "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, local {:.2} s, points {:.2} s",
         s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.local, s.points
     );
+    energy(&mut text, r, photometric);
+    text += &grids::lines(at_points.as_ref(), grids, r);
+    if let Some(v) = versus {
+        text += &side_by_side(r, v);
+    }
+    if let Some(a) = &r.audit {
+        let _ = writeln!(
+            text,
+            "error bars: the paths traced for {} elements lie within one in {:.0} %, within two in {:.0} %",
+            a.elements,
+            100.0 * a.within_one,
+            100.0 * a.within_two
+        );
+    }
+    for warning in &r.warnings {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    text
+}
+
+/// Powers, and the mean irradiance of lit surfaces.
+fn energy(text: &mut String, r: &Record, photometric: &Option<super::luminous::Luminous>) {
     let l = &r.ledger;
     let photometry = photometric.as_ref().map(|l| l.photometry);
     let (powers, unit) = l.shown(photometry);
@@ -80,23 +102,6 @@ pub fn summary(reported: &Reported) -> String {
             let _ = writeln!(text, "mean illuminance of lit surfaces {} lx", number(l.mean_illuminance_lx));
         }
     }
-    text += &grids::lines(at_points.as_ref(), grids, r);
-    if let Some(v) = versus {
-        text += &side_by_side(r, v);
-    }
-    if let Some(a) = &r.audit {
-        let _ = writeln!(
-            text,
-            "error bars: the paths traced for {} elements lie within one in {:.0} %, within two in {:.0} %",
-            a.elements,
-            100.0 * a.within_one,
-            100.0 * a.within_two
-        );
-    }
-    for warning in &r.warnings {
-        let _ = writeln!(text, "note: {warning}");
-    }
-    text
 }
 
 /// Times and results of both engines.
