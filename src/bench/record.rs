@@ -10,6 +10,7 @@ mod classes;
 mod compared;
 mod maps;
 mod scaling;
+mod sky;
 mod spent;
 mod trust;
 
@@ -18,6 +19,7 @@ pub use classes::{ClassRecord, ReceiverClass};
 pub use compared::{NO_FASTER, curve, ratio, speedup};
 pub use maps::{MapExactRow, MapMrRow, MapRecord};
 pub use scaling::{ScalingRecord, ScalingRow};
+pub use sky::SkySources;
 pub use spent::Spent;
 pub use trust::{
     CalibrationBin, IntervalAudit, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow,
@@ -197,6 +199,9 @@ pub struct Workload {
     /// Number of runs of each row; the minimum time of each section counts.
     #[serde(default)]
     pub rounds: usize,
+    /// The sky and the suns among the emitters; absent without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sky: Option<SkySources>,
 }
 
 /// Exact visibility with one number of rays.

@@ -67,7 +67,7 @@ impl Sample {
     ) -> Sample {
         let mut sample = Sample { sets: Vec::new(), runs: Vec::new(), truth: Halves::default(), mean: None };
         let pairs = workload.pairs.len();
-        let length = (extent.run * scene.emitters.len()).min(pairs);
+        let length = (extent.run * workload.sources()).min(pairs);
         let runs = extent.runs.min(pairs / length.max(1));
         let mut chosen = Vec::new();
         for k in 0..runs {
