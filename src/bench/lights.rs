@@ -13,9 +13,9 @@ use crate::sky::Environment;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
-/// Largest half angle of a patch, radians: 15°, with which a hemisphere has 64 patches. Surfaces of rooms and streets that emit
+/// Largest half angle of a patch, radians: 16°, with which a hemisphere has 64 patches. Surfaces of rooms and streets that emit
 /// are seen as wide: a window of a metre from two metres.
-const MAX_HALF_ANGLE: f64 = 15.0 * std::f64::consts::PI / 180.0;
+const MAX_HALF_ANGLE: f64 = 16.0 * std::f64::consts::PI / 180.0;
 /// Patches that are asked from a receiver point: as many pairs as with four lamps, so that a run takes minutes, not an hour.
 const PATCHES_PER_POINT: usize = 4;
 /// L in diagonals of the scene: an umbra is at most a third larger than that of a source at infinity, at the far end of the scene. With more
@@ -270,3 +270,6 @@ fn drawn(sources: &[(u32, (f32, f32))], chance: f64) -> Vec<(u32, (f32, f32))> {
     }
     found
 }
+
+#[cfg(test)]
+mod tests;

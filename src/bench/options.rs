@@ -183,7 +183,7 @@ impl Options {
             let names: Vec<String> = scene.objects.iter().take(4).map(|o| quote(&o.name)).collect();
             return Err(Error::Scene(format!(
                 "{}: nothing emits light; add option `emitters` with the name of an object, group or material and its \
-                 power in watts (there are `{}`{})",
+                 power in watts (there are `{}`{}), or option `sky` or `sun`",
                 shown(&scene.path),
                 names.join("`, `"),
                 if scene.objects.len() > names.len() { ", …" } else { "" },

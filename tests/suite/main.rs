@@ -41,4 +41,6 @@ mod shown;
 mod target;
 mod tidy;
 #[cfg(feature = "cli")]
+mod under_a_sky;
+#[cfg(feature = "cli")]
 mod upright;
