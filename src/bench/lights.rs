@@ -10,7 +10,7 @@ use super::record::SkySources;
 use crate::model::Model;
 use crate::scene::{EmitterSampler, Scene};
 use crate::sky::Environment;
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use std::sync::Arc;
 
 /// Largest half angle of a patch, radians: 16°, with which a hemisphere has 64 patches. Surfaces of rooms and streets that emit
@@ -24,6 +24,11 @@ const FAR: f32 = 4.0;
 /// Samples along each side of a patch that find whether a receiver sees any of it: parts below 1/16 of a patch lie within 2° of the
 /// horizon, with a cosine of at most 0.04.
 const TRIED: usize = 4;
+
+/// Steps along each edge of a source for the box around it, and how far the edge may lie outside between two of them, in units of the sine of
+/// the half angle: of a disc 1 − cos(π / 64) = 0.0012, of patches less.
+const AROUND: usize = 64;
+const SAGITTA: f64 = 0.002;
 
 /// Patches that a workload asks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,18 +63,89 @@ pub(super) struct Distant {
     /// Smallest width of the source as the chord at the distance L, and L; scene units.
     size: f32,
     length: f32,
+    /// Integral of radiance times direction over a patch; zero for a sun.
+    moment: DVec3,
+    /// Corners of a box around all ends, relative to the start of the segments.
+    corners: [Vec3; 8],
 }
 
 impl Distant {
+    fn new(environment: Arc<Environment>, place: Place, angle: f64, length: f32) -> Distant {
+        let moment = match place {
+            Place::Patch(k) => moment(&environment, k),
+            Place::Sun(_) => DVec3::ZERO,
+        };
+        let (size, corners) = (chord(angle, length), [Vec3::ZERO; 8]);
+        let mut distant = Distant { environment, place, size, length, moment, corners };
+        distant.corners = distant.around().map(|corner| length * corner.as_vec3());
+        distant
+    }
+
+    /// Corners of a box around its directions.
+    fn around(&self) -> [DVec3; 8] {
+        let (axis, half_angle) = match self.place {
+            Place::Patch(k) => {
+                let patch = &self.environment.patches().all()[k as usize];
+                (patch.axis, patch.half_angle)
+            }
+            Place::Sun(k) => {
+                (self.environment.suns()[k].direction, 0.5 * self.environment.suns()[k].diameter)
+            }
+        };
+        let up = self.environment.frame().up;
+        let x = up.cross(axis).try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector());
+        let y = axis.cross(x);
+        let (mut low, mut high) = (DVec2::MAX, DVec2::MIN);
+        // The edge of a disc and of a patch; no direction inside is farther along x or y, which are perpendicular to the axis.
+        for k in 0..=AROUND {
+            let t = k as f64 / AROUND as f64;
+            let edge = match self.place {
+                Place::Patch(_) => vec![[0.0, t], [1.0, t], [t, 0.0], [t, 1.0]],
+                Place::Sun(_) => vec![[1.0, t]],
+            };
+            for u in edge {
+                let direction = self.direction_of(u);
+                let at = DVec2::new(direction.dot(x), direction.dot(y));
+                (low, high) = (low.min(at), high.max(at));
+            }
+        }
+        let margin = DVec2::splat(SAGITTA * half_angle.sin() + 1e-6);
+        let [low, high] = [low - margin, high + margin];
+        let depths = [half_angle.cos() - 1e-6, 1.0 + 1e-6];
+        std::array::from_fn(|k| {
+            let pick = |bit: usize, [a, b]: [f64; 2]| if k >> bit & 1 == 0 { a } else { b };
+            pick(0, [low.x, high.x]) * x + pick(1, [low.y, high.y]) * y + pick(2, depths) * axis
+        })
+    }
+
+    /// Points whose hull contains the ends of all segments from here.
+    pub fn hull(&self, from: Vec3) -> [Vec3; 8] {
+        self.corners.map(|corner| from + corner)
+    }
+
     /// Mean over the channels of the irradiance of an unobstructed plane.
     pub fn irradiance(&self, normal: DVec3) -> f64 {
         match self.place {
-            Place::Patch(k) => {
-                let patches = self.environment.patches();
-                mean(patches.all()[k as usize].mean) * patches.projected(k, normal)
-            }
+            Place::Patch(_) if self.is_above(normal) => self.moment.dot(normal),
+            // Parts of it are closer to one radiance each.
+            Place::Patch(k) => match self.environment.patches().children(k) {
+                children if children.is_empty() => self.irradiance_of(k, normal),
+                children => children.map(|k| self.irradiance_of(k, normal)).sum(),
+            },
             Place::Sun(k) => mean(self.environment.suns()[k].irradiance_on(normal)),
         }
+    }
+
+    fn irradiance_of(&self, patch: u32, normal: DVec3) -> f64 {
+        let patches = self.environment.patches();
+        mean(patches.all()[patch as usize].mean) * patches.projected(patch, normal)
+    }
+
+    /// Whether all of a patch is above the horizon of a receiver.
+    fn is_above(&self, normal: DVec3) -> bool {
+        let Place::Patch(k) = self.place else { return false };
+        let patch = &self.environment.patches().all()[k as usize];
+        patch.axis.dot(normal).clamp(-1.0, 1.0).asin() >= patch.half_angle
     }
 
     /// Size at the far ends of segments, and irradiance of a plane that sees a part of the source.
@@ -80,14 +156,17 @@ impl Distant {
 
     /// A direction of the source for `u` in the unit square, even by solid angle.
     fn direction(&self, u: [f64; 2]) -> Vec3 {
-        let direction = match self.place {
+        self.direction_of(u).as_vec3()
+    }
+
+    fn direction_of(&self, u: [f64; 2]) -> DVec3 {
+        match self.place {
             Place::Patch(k) => {
                 let extent = self.environment.patches().all()[k as usize].extent;
                 self.environment.frame().world(extent.at(u[0], u[1]))
             }
             Place::Sun(k) => self.environment.suns()[k].sample(u),
-        };
-        direction.as_vec3()
+        }
     }
 
     /// A direction of the source above the horizon of a receiver.
@@ -119,6 +198,19 @@ impl Distant {
 
 fn mean(channels: [f64; 3]) -> f64 {
     channels.iter().sum::<f64>() / 3.0
+}
+
+/// Integral of radiance, mean over the channels, times direction over a patch.
+fn moment(environment: &Environment, patch: u32) -> DVec3 {
+    let (mut sum, mut open) = (DVec3::ZERO, vec![patch]);
+    while let Some(k) = open.pop() {
+        let (patch, children) = (&environment.patches().all()[k as usize], environment.patches().children(k));
+        if children.is_empty() {
+            sum += mean(patch.mean) * patch.moment;
+        }
+        open.extend(children);
+    }
+    sum
 }
 
 /// Chord at a distance of an angle, which is at most half a turn.
@@ -202,8 +294,7 @@ impl Lights {
         };
         let length = FAR * model.bounds().diagonal();
         let distant = |place: Place, angle: f64| {
-            let environment = environment.clone();
-            Light::Distant(Distant { environment, place, size: chord(angle, length), length })
+            Light::Distant(Distant::new(environment.clone(), place, angle, length))
         };
         all.extend(suns(environment).map(|k| distant(Place::Sun(k), environment.suns()[k].diameter)));
         let lamps = all.len();

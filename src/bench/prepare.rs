@@ -57,6 +57,7 @@ impl Bench<'_> {
         }
         let points = surface_points(self.model, CUT_POINTS, self.options.seed ^ 0x63_7574).ok()?;
         let workload = Workload::new(self.model, points, self.options.seed);
+        let hulls: Vec<_> = (0..workload.pairs.len()).map(|pair| workload.hull(pair)).collect();
         let candidate = |k: u32| {
             let pair = (k as usize).wrapping_mul(CUT_STEP) % workload.pairs.len().max(1);
             let emitter_size = workload.pairs.get(pair)?.emitter_size;
@@ -66,7 +67,7 @@ impl Bench<'_> {
                 packets.swap_remove(0)
             });
             let forwards = packets.iter().all(|packet| packet.backwards == 0);
-            forwards.then(|| Candidate { packets, emitter_size, emitter: workload.hull(pair) })
+            forwards.then(|| Candidate { packets, emitter_size, emitter: &hulls[pair] })
         };
         Cut::fitted(self.scene, candidate, &self.model.exact()).map(Arc::new)
     }

@@ -8,6 +8,7 @@ use crate::scene::Scene;
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
+use std::borrow::Cow;
 
 pub use super::surface::{ReceiverPoint, surface_points};
 
@@ -117,9 +118,20 @@ impl Workload {
         Packet::share_slack(&mut packets[first..]);
     }
 
-    /// Points whose convex hull contains the emitter of a pair; none for suns and patches of the sky, whose segments end outside the scene:
-    /// certificates then hold for the segments that are asked.
-    pub fn hull(&self, pair: usize) -> &[Vec3] {
+    /// Points whose convex hull contains the emitter of a pair, or the ends of all segments of the pair to a sun or a patch of the sky.
+    pub fn hull(&self, pair: usize) -> Cow<'_, [Vec3]> {
+        match self.light(pair) {
+            Light::Surface(_) => Cow::Borrowed(self.hull_of_surface(pair)),
+            Light::Distant(distant) => {
+                let point = &self.points[self.pairs[pair].point as usize];
+                let from = EndRule::new(point.magnitude).lifted(point.position, point.normal);
+                Cow::Owned(distant.hull(from).into())
+            }
+        }
+    }
+
+    /// Points whose convex hull contains the emitter of a pair; none of a sun or a patch of the sky.
+    pub fn hull_of_surface(&self, pair: usize) -> &[Vec3] {
         match self.light(pair) {
             Light::Surface(sampler) => sampler.hull(),
             Light::Distant(_) => &[],

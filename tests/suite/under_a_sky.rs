@@ -13,11 +13,16 @@ const QUICK: [&str; 9] =
 fn bench_names_patches_and_sun_in_all_outputs() {
     let scratch = Scratch::new();
     scratch.write("meadow.obj", MEADOW);
-    let bench = ["bench", "meadow.obj", "--up", "z", "--sky", "uniform:1000", "--json", "b.json", "--out", "b"];
+    let bench =
+        ["bench", "meadow.obj", "--up", "z", "--sky", "uniform:1000", "--json", "b.json", "--out", "b"];
     let with_sun = scratch.mrvis(&[&bench[..], &["--sun", "140,40:500"], &QUICK[..8]].concat());
     assert_eq!(with_sun.code, Some(0), "{}", with_sun.stderr);
     let words = "64 patches of the sky up to";
-    assert!(with_sun.stdout.contains(words) && with_sun.stdout.contains("and the sun."), "{}", with_sun.stdout);
+    assert!(
+        with_sun.stdout.contains(words) && with_sun.stdout.contains("and the sun."),
+        "{}",
+        with_sun.stdout
+    );
     let page = std::fs::read_to_string(scratch.path("b/report.html")).expect("a page");
     assert!(page.contains(words) && page.contains("patches per point"));
     let record = scratch.json("b.json");

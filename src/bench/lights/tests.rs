@@ -113,6 +113,8 @@ fn segments_end_in_their_patch() {
     let normal = Vec3::new(0.2, 0.9, 0.4).normalize();
     let workload = Workload::asking(Asked::All, &model, points(&model, &[([0.0, 0.0, 5.0], normal)]), 1);
     for (k, pair) in workload.pairs.iter().enumerate() {
+        let hull = workload.hull(k);
+        let edges = [hull[1] - hull[0], hull[2] - hull[0], hull[4] - hull[0]];
         let mut packets = Vec::new();
         workload.packed(model.scene(), &[k], 64, 0, &mut packets);
         for packet in &packets {
@@ -121,6 +123,11 @@ fn segments_end_in_their_patch() {
                 let length = FAR * model.bounds().diagonal();
                 assert!((along.length() / length - 1.0).abs() < 1e-5 && along.dot(normal) > 0.0);
                 let direction = along.as_dvec3().normalize();
+                let inside = |edge: Vec3| {
+                    let at = (packet.point(lane, 1.0) - hull[0]).dot(edge) / edge.length_squared();
+                    (0.0..=1.0).contains(&at)
+                };
+                assert!(edges.into_iter().all(inside), "{} {direction}", pair.emitter);
                 let (axis, half_angle) = match pair.emitter {
                     0 => (sky.suns()[0].direction, 0.5 * sky.suns()[0].diameter),
                     patch => {
@@ -154,7 +161,7 @@ fn averaged_leaves_are_near_to_exact_ones_under_a_sky() {
         (mean, rms, found.cost.aggregated)
     };
     let partly = exact.iter().filter(|&&v| v > 0.1 && v < 0.9).count();
-    assert!(partly * 10 > exact.len(), "{partly} of {}", exact.len());
+    assert!(partly * 20 > exact.len(), "{partly} of {}", exact.len());
     let (_, rms, aggregated) = error(1e-5);
     assert!(rms < 1e-3, "{rms} with {aggregated} averaged segments");
     let (mean, rms, aggregated) = error(2.0);
