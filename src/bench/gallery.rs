@@ -5,6 +5,7 @@
 //! feature-based error.
 
 use super::context::{Bench, PlannedRow};
+use super::lights;
 use super::measure::{MrRun, Queries, Timer};
 use super::page::{MrImage, ReceiverImages};
 use super::receivers::{Crop, ReceiverGrid, Surfaces};
@@ -79,7 +80,7 @@ impl Bench<'_> {
         }
         let texels: usize = receivers.iter().map(|r| r.points.len()).sum();
         let pairs = TIMED_PAIRS * self.options.rounds / MAX_ROUNDS;
-        let part = pairs as f64 / (texels * self.scene.emitters.len()).max(1) as f64;
+        let part = pairs as f64 / (texels * lights::shown(self.scene)).max(1) as f64;
         let parts: Vec<Crop> = receivers.iter().map(|r| r.middle(part)).collect();
         let timed: Vec<ReceiverGrid> = receivers.iter().zip(&parts).map(|(r, part)| r.only(*part)).collect();
         let workload = self.texels(&timed);
@@ -98,7 +99,7 @@ impl Bench<'_> {
     /// The texels of receivers as one workload.
     fn texels(&self, receivers: &[ReceiverGrid]) -> Workload {
         let points = receivers.iter().flat_map(|r| r.points.iter().copied()).collect();
-        Workload::new(self.model, points, self.options.seed ^ 0x696d_6167_6573)
+        Workload::shown(self.model, points, self.options.seed ^ 0x696d_6167_6573)
     }
 
     /// The images of the report, on all cores.

@@ -11,6 +11,7 @@ mod quadtree;
 
 use super::context::{Bench, PlannedRow};
 use super::gallery::single_rays;
+use super::lights;
 use super::measure::{MrRun, Queries};
 use super::options::Options;
 use super::receivers::{ReceiverGrid, Surfaces};
@@ -90,7 +91,7 @@ impl Bench<'_> {
         engine: &MultiResolution,
         build: &Build,
     ) -> Result<Vec<MapRecord>> {
-        let side = self.options.map_side(self.scene.emitters.len());
+        let side = self.options.map_side(lights::shown(self.scene));
         if side == 0 {
             return Ok(Vec::new());
         }
@@ -129,7 +130,7 @@ impl Bench<'_> {
             .filter(fits)
             .map(|spacing| {
                 let lattice = Lattice::new(grid, spacing);
-                let workload = Workload::new(self.model, lattice.points(grid), seed);
+                let workload = Workload::shown(self.model, lattice.points(grid), seed);
                 (spacing, lattice, workload)
             })
             .collect();
@@ -178,7 +179,10 @@ impl Bench<'_> {
                 rows.push(Planned::Mr { lattice, row });
             }
         }
-        rows.extend(self.cached_rows(map, engine));
+        // The cache knows emitters of the scene alone.
+        if !map.lattices[0].2.is_under_a_sky() {
+            rows.extend(self.cached_rows(map, engine));
+        }
         rows
     }
 

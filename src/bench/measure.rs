@@ -5,7 +5,9 @@ use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
 use crate::visibility::{Answer, Bundle, Cost, Exact, MultiResolution, Workspace, wilson};
 use crate::{Error, Result};
+use glam::Vec3;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::ops::Range;
 use std::time::Instant;
 
@@ -66,6 +68,11 @@ pub struct Queries<'a> {
 }
 
 impl<'a> Queries<'a> {
+    /// [`Workload::hull`] of a range of the pairs.
+    pub(super) fn hulls(&self, range: Range<usize>) -> Vec<Cow<'a, [Vec3]>> {
+        self.pairs[range].iter().map(|&pair| self.workload.hull(pair)).collect()
+    }
+
     /// The first `count` pairs.
     pub fn first(self, count: usize) -> Queries<'a> {
         Queries { pairs: &self.pairs[..count.min(self.pairs.len())], ..self }
@@ -74,10 +81,12 @@ impl<'a> Queries<'a> {
 
 /// A chunk of pairs: its segments, made outside the timed section, and its answers.
 #[derive(Default)]
-pub(super) struct Chunk<T> {
+pub(super) struct Chunk<'a, T> {
     /// Range within the queries.
     pub pairs: Range<usize>,
     pub packets: Vec<Packet>,
+    /// [`Workload::hull`] of each pair.
+    pub hulls: Vec<Cow<'a, [Vec3]>>,
     pub answers: Vec<T>,
     pub workspace: Workspace,
 }
@@ -88,10 +97,11 @@ pub(super) fn chunks(count: usize, rays: usize) -> Vec<Range<usize>> {
     (0..count).step_by(step).map(|first| first..(first + step).min(count)).collect()
 }
 
-impl<T> Chunk<T> {
+impl<'a, T> Chunk<'a, T> {
     /// Makes the bundles of the chunk; `how` is the number of segments and their order.
-    pub fn prepare(&mut self, queries: Queries, how: (usize, Order), stream: u64) {
+    pub fn prepare(&mut self, queries: Queries<'a>, how: (usize, Order), stream: u64) {
         self.packets.clear();
+        self.hulls = queries.hulls(self.pairs.clone());
         for &pair in &queries.pairs[self.pairs.clone()] {
             queries.workload.add_bundle(queries.scene, pair, how, stream, &mut self.packets);
         }
@@ -103,7 +113,7 @@ impl<T> Chunk<T> {
 pub(super) fn bundles<'a>(
     queries: Queries<'a>,
     chunk: Range<usize>,
-    packets: &'a [Packet],
+    (packets, hulls): (&'a [Packet], &'a [Cow<[Vec3]>]),
     rays: usize,
 ) -> (Vec<usize>, Vec<Bundle<'a>>) {
     let per_pair = rays.div_ceil(LANES);
@@ -114,7 +124,7 @@ pub(super) fn bundles<'a>(
     let bundle = |&k: &usize| Bundle {
         packets: &packets[k * per_pair..(k + 1) * per_pair],
         emitter_size: pair(k).emitter_size,
-        emitter: queries.workload.hull(pairs[k]),
+        emitter: &hulls[k],
     };
     let bundles = order.iter().map(bundle).collect();
     (order, bundles)
@@ -213,8 +223,8 @@ impl Timer {
             chunks(queries.pairs.len(), rays),
             |chunk: &mut Chunk<Option<Answer>>| chunk.prepare(queries, (rays, Order::Near), 0),
             |chunk| {
-                let Chunk { pairs, packets, answers, workspace } = chunk;
-                let (order, bundles) = bundles(queries, pairs.clone(), packets, rays);
+                let Chunk { pairs, packets, hulls, answers, workspace } = chunk;
+                let (order, bundles) = bundles(queries, pairs.clone(), (packets, hulls), rays);
                 answers.clear();
                 answers.resize(bundles.len(), None);
                 let mut next = order.iter();
@@ -235,21 +245,22 @@ impl Timer {
     }
 
     /// Prepares, answers and collects a few chunks at a time, in order; the time of each group of chunks, seconds.
-    pub(super) fn chunk_by_chunk<T: Send>(
+    pub(super) fn chunk_by_chunk<'q, T: Send>(
         &self,
         ranges: Vec<Range<usize>>,
-        prepare: impl Fn(&mut Chunk<T>) + Sync,
-        ask: impl Fn(&mut Chunk<T>) + Sync,
-        mut collect: impl FnMut(&Chunk<T>),
+        prepare: impl Fn(&mut Chunk<'q, T>) + Sync,
+        ask: impl Fn(&mut Chunk<'q, T>) + Sync,
+        mut collect: impl FnMut(&Chunk<'q, T>),
     ) -> Vec<f64> {
         let places = CHUNKS_PER_THREAD * self.pool.as_ref().map_or(1, |pool| pool.current_num_threads());
         let blank = || Chunk {
             pairs: 0..0,
             packets: Vec::new(),
+            hulls: Vec::new(),
             answers: Vec::new(),
             workspace: Workspace::default(),
         };
-        let mut chunks: Vec<Chunk<T>> = (0..places).map(|_| blank()).collect();
+        let mut chunks: Vec<Chunk<'q, T>> = (0..places).map(|_| blank()).collect();
         let mut seconds = Vec::new();
         for group in ranges.chunks(places) {
             let chunks = &mut chunks[..group.len()];

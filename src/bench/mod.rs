@@ -4,6 +4,7 @@ mod audit;
 mod classes;
 mod context;
 mod gallery;
+mod lights;
 mod maps;
 pub mod measure;
 mod options;

@@ -1,5 +1,6 @@
 //! Options of a benchmark and their validity for a scene.
 
+use super::lights;
 use super::pilot::pilot_bytes;
 use super::rounds::MAX_ROUNDS;
 use super::sample::Sample;
@@ -179,11 +180,12 @@ impl Options {
     /// Checks the options for this scene, including [`Options::check`].
     pub fn check_for(&self, scene: &Scene) -> Result<()> {
         self.check()?;
-        if scene.emitters.is_empty() {
+        let sources = lights::per_point(scene);
+        if sources == 0 {
             let names: Vec<String> = scene.objects.iter().take(4).map(|o| quote(&o.name)).collect();
             return Err(Error::Scene(format!(
                 "{}: nothing emits light; add option `emitters` with the name of an object, group or material and its \
-                 power in watts (there are `{}`{})",
+                 power in watts (there are `{}`{}), or option `sky` or `sun`",
                 shown(&scene.path),
                 names.join("`, `"),
                 if scene.objects.len() > names.len() { ", …" } else { "" },
@@ -199,7 +201,7 @@ impl Options {
         for name in &self.receivers {
             scene.faces_named_placed(scene.placed(), name)?;
         }
-        self.check_memory(scene.emitters.len(), self.max_memory.or_else(memory::usable))
+        self.check_memory(sources, self.max_memory.or_else(memory::usable))
     }
 
     /// Checks that a run fits into the usable memory, bytes, if that is known.

@@ -103,6 +103,7 @@ fn headline(record: &Record) -> Markup {
                 (figure(best_of(|row| row.speedup_at_same_fbem), "speed-up at the same feature error (FBEM)"))
                 (figure(best_of(|row| Some(row.speedup_per_segment)), "speed-up per segment"))
             }
+            @if let Some(sky) = &record.workload.sky { p.note { (sky.sentence()) } }
             @for warning in &record.warnings { p.warning { (warning) } }
         }
     }

@@ -5,13 +5,15 @@ use super::options::Options;
 use super::record::{Build, BytesPerTriangle};
 use super::rounds::timed;
 use super::sample::{Extent, Sample};
-use super::workload::Workload;
+use super::workload::{Order, Workload, surface_points};
 #[cfg(any(test, feature = "internals"))]
 use crate::clusters;
 #[cfg(any(test, feature = "internals"))]
 use crate::model::{Detail, PrepareOptions};
 use crate::model::{Mesh, Model};
-use crate::visibility::{LeafMode, MultiResolution, Workspace};
+use crate::ray::LANES;
+use crate::visibility::{Candidate, Cut, LeafMode, MultiResolution, Workspace};
+use std::sync::Arc;
 
 impl Options {
     /// What [`Model::prepare`] must make for a benchmark with these options.
@@ -43,7 +45,37 @@ pub(super) fn build_of(model: &Model) -> Build {
     }
 }
 
+/// Points of the workload on which the cut of a scene under a sky is fitted: more than the receivers that its pilot looks at.
+const CUT_POINTS: usize = 1 << 14;
+/// Step between the pairs of receivers with successive numbers, a prime near to a golden section of their number, so that any of them are spread over the scene.
+const CUT_STEP: usize = 40_487;
+/// Sample sets of these receivers: others use 0 to 11.
+const CUT_STREAMS: [u64; 2] = [12, 13];
+
 impl Bench<'_> {
+    /// The distance cut, fitted on segments to suns and patches of the sky, too; none where [`Model::cut`] makes none but for want of
+    /// emitters.
+    fn cut_under_a_sky(&self) -> Option<Arc<Cut>> {
+        if self.model.instances().len() > 1 {
+            return None;
+        }
+        let points = surface_points(self.model, CUT_POINTS, self.options.seed ^ 0x63_7574).ok()?;
+        let workload = Workload::new(self.model, points, self.options.seed);
+        let hulls: Vec<_> = (0..workload.pairs.len()).map(|pair| workload.hull(pair)).collect();
+        let candidate = |k: u32| {
+            let pair = (k as usize).wrapping_mul(CUT_STEP) % workload.pairs.len().max(1);
+            let emitter_size = workload.pairs.get(pair)?.emitter_size;
+            let packets = CUT_STREAMS.map(|stream| {
+                let mut packets = Vec::with_capacity(1);
+                workload.add_bundle(self.scene, pair, (LANES, Order::Near), stream, &mut packets);
+                packets.swap_remove(0)
+            });
+            let forwards = packets.iter().all(|packet| packet.backwards == 0);
+            forwards.then(|| Candidate { packets, emitter_size, emitter: &hulls[pair] })
+        };
+        Cut::fitted(self.scene, candidate, &self.model.exact()).map(Arc::new)
+    }
+
     /// Sample of the workload for the decisions of all rows.
     pub fn sample(&self, workload: &Workload) -> Sample {
         let exact = self.model.exact();
@@ -59,7 +91,10 @@ impl Bench<'_> {
         let engine = timed(&mut build.budget_s, || {
             engine.with_budget(&sample.bundles(1).concat(), &mut Workspace::default())
         });
-        let cut = timed(&mut build.characterise_s, || model.cut());
+        let cut = timed(&mut build.characterise_s, || match workload.is_under_a_sky() {
+            true => self.cut_under_a_sky(),
+            false => model.cut(),
+        });
         let engine = engine.with_cut(cut);
         let all = |of: &dyn Fn(&Mesh) -> usize| model.meshes().iter().map(|mesh| of(mesh)).sum::<usize>();
         let clusters = all(&|mesh| mesh.hierarchy().micro.bytes() + mesh.hierarchy().large.bytes());

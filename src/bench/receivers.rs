@@ -15,6 +15,7 @@ mod rectangle;
 mod relief;
 mod window;
 
+use super::lights;
 use super::workload::{Order, ReceiverPoint, Workload};
 use crate::math::Aabb;
 use crate::model::Model;
@@ -120,7 +121,7 @@ pub struct Surfaces {
 /// No surface has one of the names, or it has fewer planar patches than times it was named.
 pub fn choose(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Surfaces> {
     let chosen = if names.is_empty() { by_size(model, exact) } else { by_name(model, exact, names)? };
-    let share = chosen.len() * model.scene().emitters.len().max(1);
+    let share = chosen.len() * lights::shown(model.scene()).max(1);
     Ok(Surfaces { chosen, share })
 }
 
@@ -299,7 +300,7 @@ fn light_on(
 
 /// Pairs of points and emitters, and the visible fraction of each by a few rays.
 fn probe(model: &Model, exact: &dyn Occluder, points: Vec<ReceiverPoint>) -> (Workload, Vec<f32>) {
-    let (scene, workload) = (model.scene(), Workload::new(model, points, 0));
+    let (scene, workload) = (model.scene(), Workload::shown(model, points, 0));
     let (mut packets, mut blocked): (Vec<Packet>, Vec<u32>) = (Vec::new(), Vec::new());
     let values = (0..workload.pairs.len()).map(|pair| {
         packets.clear();

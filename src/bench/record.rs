@@ -9,6 +9,7 @@
 mod classes;
 mod compared;
 mod maps;
+mod sky;
 mod spent;
 mod trust;
 
@@ -16,6 +17,7 @@ pub use crate::model::summary::SceneSummary;
 pub use classes::{ClassRecord, ReceiverClass};
 pub use compared::{NO_FASTER, curve, ratio, speedup};
 pub use maps::{MapExactRow, MapMrRow, MapRecord};
+pub use sky::SkySources;
 pub use spent::Spent;
 pub use trust::{
     CalibrationBin, IntervalAudit, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow,
@@ -192,6 +194,9 @@ pub struct Workload {
     /// Number of runs of each row; the minimum time of each section counts.
     #[serde(default)]
     pub rounds: usize,
+    /// The sky and the suns among the emitters; absent without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sky: Option<SkySources>,
 }
 
 /// Exact visibility with one number of rays.

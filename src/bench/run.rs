@@ -2,12 +2,14 @@
 
 use super::context::Bench;
 use super::gallery::single_rays;
+use super::lights;
 use super::measure::{Queries, Timer};
 use super::options::Options;
 use super::page::ReceiverImages;
 use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
 use super::record::{self, Record, Spent};
+use super::reference::Reference;
 use super::rounds::{MAX_TIME, timed};
 use super::rows::Measured;
 use super::sizes::{default_sizes, of_images};
@@ -26,10 +28,14 @@ fn unlit(model: &Model, options: &Options) -> Result<Error> {
     const ENOUGH: usize = 4096;
     let points = surface_points(model, ENOUGH.max(options.points), options.seed)?;
     let path = shown(&model.scene().path);
-    Ok(match Workload::new(model, points, options.seed).pairs.is_empty() {
+    let found = Workload::new(model, points, options.seed);
+    Ok(match found.pairs.is_empty() {
         false => Error::Argument(format!(
             "points {}: none of them faces an emitter, though surfaces of the scene do; ask for more (option `points`)",
             options.points
+        )),
+        true if found.is_under_a_sky() => Error::Scene(format!(
+            "{path}: no surface faces the sky: all of them face downwards; turn them around, or the upward axis (option `up`)"
         )),
         true => Error::Scene(format!("{path}: no surface faces an emitter: {}", model.cause_of_darkness())),
     })
@@ -72,6 +78,7 @@ pub fn run(
     let measured = timed(&mut spent.points_s, || bench.points(queries, &mr, &sample, MAX_TIME));
     let classes = timed(&mut spent.classes_s, || bench.classes(&workload, &mr, &measured))?;
     bench.go_on()?;
+    warnings.extend(unseen_sky(&workload, &measured.reference));
     let requested = Instant::now();
     let unbiased = if options.unbiased { bench.unbiased(queries, &mr, &measured) } else { Vec::new() };
     let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;
@@ -107,6 +114,7 @@ pub fn run(
             reference_rays: reference.rays,
             reference_rms: reference.standard_error(),
             rounds,
+            sky: lights::record(scene),
         },
         spent,
         exact,
@@ -120,6 +128,17 @@ pub fn run(
         maps,
     };
     Ok((record, images.shown))
+}
+
+/// A note if there are suns or patches of the sky and no point sees any.
+fn unseen_sky(workload: &Workload, reference: &Reference) -> Option<String> {
+    let mut distant = (0..workload.pairs.len()).filter(|&pair| workload.is_distant(pair)).peekable();
+    distant.peek()?;
+    distant.all(|pair| reference.mean(pair) == 0.0).then(|| {
+        "No receiver point sees the sky or the sun: surfaces lie between them everywhere, as in a closed room. Open the room, or light it by \
+         emitters in it."
+            .into()
+    })
 }
 
 /// The settings of cluster optics.

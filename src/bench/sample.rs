@@ -51,8 +51,8 @@ struct Set {
 
 /// Neighbouring pairs of one emitter.
 struct Run {
-    /// See [`Workload::hull`].
-    hull: Vec<Vec3>,
+    /// [`Workload::hull`] of each pair.
+    hulls: Vec<Vec<Vec3>>,
     /// Emitter size of each pair.
     sizes: Vec<f32>,
 }
@@ -67,7 +67,7 @@ impl Sample {
     ) -> Sample {
         let mut sample = Sample { sets: Vec::new(), runs: Vec::new(), truth: Halves::default(), mean: None };
         let pairs = workload.pairs.len();
-        let length = (extent.run * scene.emitters.len()).min(pairs);
+        let length = (extent.run * workload.sources()).min(pairs);
         let runs = extent.runs.min(pairs / length.max(1));
         let mut chosen = Vec::new();
         for k in 0..runs {
@@ -79,7 +79,8 @@ impl Sample {
             chosen.extend(same.take(extent.run));
             let sizes =
                 chosen[first_of_run..].iter().map(|&pair| workload.pairs[pair].emitter_size).collect();
-            sample.runs.push(Run { hull: workload.hull(first).to_vec(), sizes });
+            let hulls = chosen[first_of_run..].iter().map(|&pair| workload.hull(pair).to_vec()).collect();
+            sample.runs.push(Run { hulls, sizes });
         }
         for rays in numbers(rays) {
             let mut packets = Vec::new();
@@ -123,12 +124,20 @@ impl Sample {
     pub fn bundles(&self, rays: usize) -> Vec<Vec<Bundle<'_>>> {
         let set = self.sets.iter().find(|set| set.rays == rays).unwrap_or(&self.sets[0]);
         let mut packets = set.packets.chunks(set.rays.div_ceil(LANES));
-        let mut bundle = |hull, &emitter_size: &f32| Bundle {
-            packets: packets.next().expect("a bundle a pair"),
-            emitter_size,
-            emitter: hull,
-        };
-        self.runs.iter().map(|run| run.sizes.iter().map(|size| bundle(&run.hull, size)).collect()).collect()
+        let mut runs = Vec::with_capacity(self.runs.len());
+        for run in &self.runs {
+            let with_size = run.hulls.iter().zip(&run.sizes);
+            runs.push(
+                with_size
+                    .map(|(emitter, &emitter_size)| Bundle {
+                        packets: packets.next().expect("a bundle a pair"),
+                        emitter_size,
+                        emitter,
+                    })
+                    .collect(),
+            );
+        }
+        runs
     }
 
     /// How bundles like these are answered.

@@ -145,7 +145,8 @@ impl Timer {
                 chunk.prepare(queries, (rays, Order::Spread), STREAM)
             },
             |chunk| {
-                let (order, bundles) = bundles(queries, chunk.pairs.clone(), &chunk.packets, rays);
+                let (order, bundles) =
+                    bundles(queries, chunk.pairs.clone(), (&chunk.packets, &chunk.hulls), rays);
                 chunk.answers.clear();
                 chunk.answers.resize(bundles.len(), Estimate::default());
                 let mut next = order.iter();
@@ -224,7 +225,8 @@ impl<'a> Pilot<'a> {
     ) -> Plan {
         let per_pair = self.segments / LANES;
         let pairs = self.queries.pairs;
-        let (order, bundles) = bundles(self.queries, 0..pairs.len(), &self.packets, self.segments);
+        let hulls = self.queries.hulls(0..pairs.len());
+        let (order, bundles) = bundles(self.queries, 0..pairs.len(), (&self.packets, &hulls), self.segments);
         let bundles: Vec<Bundle> =
             bundles.iter().map(|b| Bundle { emitter_size: b.emitter_size * emitter_part, ..*b }).collect();
         let mut workspace = Workspace::default();

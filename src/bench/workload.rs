@@ -1,12 +1,14 @@
 //! Queries of a benchmark: receiver points, the emitters that they face, and the segments between them.
 
+use super::lights::{Asked, Light, Lights};
 use super::surface::scramble;
 use crate::model::Model;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
-use crate::scene::{EmitterSampler, Scene};
+use crate::scene::Scene;
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
+use std::borrow::Cow;
 
 pub use super::surface::{ReceiverPoint, surface_points};
 
@@ -15,11 +17,12 @@ pub use super::surface::{ReceiverPoint, surface_points};
 pub struct Pair {
     /// Index into [`Workload::points`].
     pub point: u32,
-    /// Index into [`Scene::emitters`].
+    /// Index into [`Scene::emitters`]; suns and patches of the sky are counted on from there.
     pub emitter: u32,
     /// Smallest width of the emitter perpendicular to the direction to the point, scene units.
     pub emitter_size: f32,
-    /// Relative irradiance of the point from the unoccluded emitter, by the emitter's centre: its weight in images.
+    /// Relative irradiance of the point from the unoccluded emitter, by the emitter's centre: its weight in images. That of a patch of the
+    /// sky also stands for patches that the point does not ask.
     pub weight: f32,
 }
 
@@ -40,28 +43,57 @@ pub struct Workload {
     /// Pairs in the order of their points.
     pub pairs: Vec<Pair>,
     seed: u64,
-    samplers: Vec<EmitterSampler>,
+    lights: Lights,
 }
 
 impl Workload {
-    /// All pairs of these points and the emitters of the model that face each other.
+    /// All pairs of these points and the emitters and suns of the model that face each other, and a few patches of the sky for each
+    /// point.
     pub fn new(model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
-        let samplers = model.samplers().to_vec();
+        Workload::asking(Asked::Some, model, points, seed)
+    }
+
+    /// The pairs of images: emitters and suns; in scenes without, the patch of the sky with the largest irradiance.
+    pub fn shown(model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
+        Workload::asking(Asked::Shown, model, points, seed)
+    }
+
+    pub(super) fn asking(asked: Asked, model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
+        let lights = Lights::of(model, asked);
         let pairs = points
             .par_iter()
             .enumerate()
             .flat_map_iter(|(p, point)| {
-                samplers.iter().enumerate().filter_map(move |(e, s)| {
-                    s.size_and_weight(point.position, point.normal).map(|(emitter_size, weight)| Pair {
-                        point: p as u32,
-                        emitter: e as u32,
-                        emitter_size,
-                        weight,
-                    })
+                let chance = || f64::from(scramble(seed ^ 0x70_6174_6368 ^ (p as u64) << 8)) / 2f64.powi(32);
+                let sources = lights.seen_from(point.position, point.normal, chance).into_iter();
+                sources.map(move |(emitter, (emitter_size, weight))| Pair {
+                    point: p as u32,
+                    emitter,
+                    emitter_size,
+                    weight,
                 })
             })
             .collect();
-        Workload { points, pairs, seed, samplers }
+        Workload { points, pairs, seed, lights }
+    }
+
+    /// Number of emitters, suns and patches of the sky.
+    pub fn sources(&self) -> usize {
+        self.lights.all.len()
+    }
+
+    /// Whether there are suns or patches of the sky.
+    pub fn is_under_a_sky(&self) -> bool {
+        self.lights.has_distant()
+    }
+
+    /// Whether the emitter of a pair is a sun or a patch of the sky.
+    pub fn is_distant(&self, pair: usize) -> bool {
+        matches!(self.light(pair), Light::Distant(_))
+    }
+
+    fn light(&self, pair: usize) -> &Light {
+        &self.lights.all[self.pairs[pair].emitter as usize]
     }
 
     /// Appends `rays` segments of a pair to `packets`, sixteen per packet.
@@ -86,9 +118,24 @@ impl Workload {
         Packet::share_slack(&mut packets[first..]);
     }
 
-    /// Points whose convex hull contains the emitter of a pair.
-    pub fn hull(&self, pair: usize) -> &[Vec3] {
-        self.samplers[self.pairs[pair].emitter as usize].hull()
+    /// Points whose convex hull contains the emitter of a pair, or the ends of all segments of the pair to a sun or a patch of the sky.
+    pub fn hull(&self, pair: usize) -> Cow<'_, [Vec3]> {
+        match self.light(pair) {
+            Light::Surface(_) => Cow::Borrowed(self.hull_of_surface(pair)),
+            Light::Distant(distant) => {
+                let point = &self.points[self.pairs[pair].point as usize];
+                let from = EndRule::new(point.magnitude).lifted(point.position, point.normal);
+                Cow::Owned(distant.hull(from).into())
+            }
+        }
+    }
+
+    /// Points whose convex hull contains the emitter of a pair; none of a sun or a patch of the sky.
+    pub fn hull_of_surface(&self, pair: usize) -> &[Vec3] {
+        match self.light(pair) {
+            Light::Surface(sampler) => sampler.hull(),
+            Light::Distant(_) => &[],
+        }
     }
 
     /// Fraction of the unoccluded irradiance that arrives at each point: mean of `values` (one per pair) over the
@@ -133,21 +180,28 @@ impl Workload {
         stream: u64,
         mut f: impl FnMut(usize, Vec3, Vec3, [EndRule; 2]),
     ) {
-        let Pair { point, emitter, .. } = self.pairs[pair];
-        let point = &self.points[point as usize];
+        let point = &self.points[self.pairs[pair].point as usize];
         let seed = scramble(self.seed ^ stream << 56 ^ (pair as u64) << 8);
-        let sampler = &self.samplers[emitter as usize];
-        let facing = sampler.facing(scene, point.position);
         // Owen-scrambled Sobol' points, stratified for every power of two; a scramble serves 65,536 points.
         let draw = |i: u32| sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
         let rule = EndRule::new(point.magnitude);
         let from = rule.lifted(point.position, point.normal);
-        let end = |[u, v, ..]: [f32; 4]| {
-            let (at, normal, magnitude) = facing.sample(scene, u, v);
-            let there = EndRule::new(magnitude).seen_from(rule);
-            (there.lifted_towards(at, normal, from), there)
+        let mut ends: Vec<(Vec3, EndRule)> = match self.light(pair) {
+            Light::Surface(sampler) => {
+                let facing = sampler.facing(scene, point.position);
+                let end = |[u, v, ..]: [f32; 4]| {
+                    let (at, normal, magnitude) = facing.sample(scene, u, v);
+                    let there = EndRule::new(magnitude).seen_from(rule);
+                    (there.lifted_towards(at, normal, from), there)
+                };
+                (0..rays as u32).map(draw).map(end).collect()
+            }
+            // No surface is at the far end.
+            Light::Distant(distant) => {
+                let ends = distant.ends((from, point.normal), rays, draw);
+                ends.into_iter().map(|end| (end, rule)).collect()
+            }
         };
-        let mut ends: Vec<(Vec3, EndRule)> = (0..rays as u32).map(draw).map(end).collect();
         if order == Order::Near {
             gather_neighbours(&mut ends);
         }

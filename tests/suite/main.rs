@@ -23,4 +23,5 @@ mod scenes;
 mod shown;
 mod target;
 mod tidy;
+mod under_a_sky;
 mod upright;

@@ -1,6 +1,6 @@
 //! Sky, sun and terrain on the command line.
 
-use super::run::{Outcome, Scratch};
+use super::run::Scratch;
 
 /// A square of 4 by 4 m, up z.
 const GROUND: &str = "mtllib grey.mtl\nusemtl grey\no ground\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nf 1 2 3 4\n";

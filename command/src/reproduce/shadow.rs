@@ -242,7 +242,7 @@ impl<'a> Grid<'a> {
         Bundle {
             packets,
             emitter_size: self.workload.pairs[pair].emitter_size,
-            emitter: self.workload.hull(pair),
+            emitter: self.workload.hull_of_surface(pair),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use crate::bench::record::{Build, ExactRow, MrRow, Record};
+use crate::bench::record::{Build, ExactRow, MrRow, Record, Workload};
 use crate::page::{Cell, bytes, count, length, percent, properties, seconds, signed, table, times};
 use crate::plot::number;
 
@@ -36,19 +36,33 @@ pub(super) fn scene(record: &Record) -> Markup {
                     ("memory, Embree", bytes(build.embree_bytes)),
                     ("memory per triangle", per_triangle(build)),
                 ]))
-                (properties("Workload", &[
-                    ("points", count(work.points as u64)),
-                    ("segments per point and emitter", count(work.rays as u64)),
-                    ("segments", count(work.segments)),
-                    ("reference rays", count(work.reference_rays as u64)),
-                    ("noise of the reference (RMS)", number(work.reference_rms)),
-                ]))
+                (properties("Workload", &workload(work)))
                 (properties("Time of this run", &spent))
             }
             @if let Some(note) = &build.cache_note { p.note { (note) } }
             (repairs(record))
         }
     }
+}
+
+/// The queries, with the sources of light at infinity.
+fn workload(work: &Workload) -> Vec<(&'static str, String)> {
+    let mut rows = vec![
+        ("points", count(work.points as u64)),
+        ("segments per point and emitter", count(work.rays as u64)),
+        ("segments", count(work.segments)),
+        ("reference rays", count(work.reference_rays as u64)),
+        ("noise of the reference (RMS)", number(work.reference_rms)),
+    ];
+    if let Some(sky) = &work.sky {
+        rows.extend([
+            ("patches of the sky", count(sky.patches as u64)),
+            ("largest angle of a patch", format!("{:.1}°", sky.largest_angle)),
+            ("patches per point", count(sky.patches_per_point as u64)),
+            ("suns", count(sky.suns as u64)),
+        ]);
+    }
+    rows
 }
 
 /// Memory by part, bytes per triangle.

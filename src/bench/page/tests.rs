@@ -3,7 +3,7 @@
 use super::*;
 use crate::bench::record::{
     Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, IntervalAudit, ReceiverErrors, SceneSummary,
-    Spent, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
+    SkySources, Spent, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
 };
 
 /// Shadows of 260 discs, six of them large, with noise; `large_only`: of the large ones.
@@ -177,6 +177,13 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             reference_rays: 1024,
             reference_rms: 0.0041,
             rounds: 3,
+            sky: Some(SkySources {
+                patches: 64,
+                largest_angle: 29.4,
+                patches_per_point: 4,
+                suns: 1,
+                shown: "lamps".into(),
+            }),
         },
         exact: exact_rows().into(),
         certified: Vec::new(),
@@ -225,6 +232,7 @@ fn a_page_stands_alone_and_escapes_names() {
     assert_eq!(page.matches("data:image/png;base64,").count(), 3 + 2 * 3);
     assert!(page.contains("s = 0.25\u{a0}m: no texel differs visibly from the image of s = 0.1\u{a0}m."));
     assert!(page.contains("24.1×") && page.contains("41 zero area faces"));
+    assert!(page.contains("64 patches of the sky up to 29.4° wide, of which a point asks up to 4"));
     assert!(page.contains(">walks</td>") && page.contains("Time of this run"));
     assert!(
         page.contains("At the same feature error (FBEM) it was <strong>7.00×"),

@@ -31,7 +31,11 @@ fn segments(model: &Model, workload: &Workload, pair: usize, (rays, stream): (us
 }
 
 fn bundle<'a>(workload: &'a Workload, pair: usize, packets: &'a [Packet]) -> Bundle<'a> {
-    Bundle { packets, emitter_size: workload.pairs[pair].emitter_size, emitter: workload.hull(pair) }
+    Bundle {
+        packets,
+        emitter_size: workload.pairs[pair].emitter_size,
+        emitter: workload.hull_of_surface(pair),
+    }
 }
 
 /// Answers of an engine to all pairs of a workload.

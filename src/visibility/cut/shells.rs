@@ -54,8 +54,9 @@ pub(super) struct Shell {
     /// Smallest height of `centre` over the planes of each row.
     heights: Vec<f32>,
     centre: Vec3,
-    /// Whether the whole scene lies on one side of each plane.
+    /// Whether the whole scene lies on one side of each plane, and the box around the scene.
     outermost: bool,
+    scene: Aabb,
     margin: f32,
 }
 
@@ -82,7 +83,20 @@ impl Shell {
                 return false;
             }
         }
-        true
+        // Other ends, as those on the sky, may lie beyond the shell.
+        let inside = |p: &Vec3| p.cmpge(self.scene.min).all() && p.cmple(self.scene.max).all();
+        bundle.emitter.iter().all(|p| inside(p) || self.is_on_inner_side(simd, *p))
+    }
+
+    /// Whether a point is on the scene's side of all planes, by more than a margin.
+    #[inline(always)]
+    fn is_on_inner_side<S: Simd>(&self, simd: S, p: Vec3) -> bool {
+        let at = vector::splat(simd, p);
+        self.rows.iter().all(|row| {
+            let normal = [simd.load(&row[0]), simd.load(&row[1]), simd.load(&row[2])];
+            let height = simd.sub(vector::dot(simd, &normal, &at), simd.load(&row[3]));
+            simd.bits(simd.le(height, simd.splat(self.margin))) == 0
+        })
     }
 }
 
@@ -220,5 +234,13 @@ fn shell(scene: &Scene, triangles: &[u32], centre: Vec3, margin: f32) -> Option<
         row
     });
     let heights = planes.chunks(LANES).map(|planes| planes[0].height(centre)).collect();
-    Some(Shell { plane: planes[0], rows: rows.collect(), heights, centre, outermost, margin })
+    Some(Shell {
+        plane: planes[0],
+        rows: rows.collect(),
+        heights,
+        centre,
+        outermost,
+        scene: scene.bounds,
+        margin,
+    })
 }

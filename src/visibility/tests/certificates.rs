@@ -119,7 +119,7 @@ fn certificates_hold_for_the_whole_emitter() {
         for pair in 0..workload.pairs.len() {
             let mut packets = Vec::new();
             workload.add_bundle(&stage.scene, pair, (16, Order::Near), 0, &mut packets);
-            let (emitter_size, emitter) = (workload.pairs[pair].emitter_size, workload.hull(pair));
+            let (emitter_size, emitter) = (workload.pairs[pair].emitter_size, workload.hull_of_surface(pair));
             let bundle = Bundle { packets: &packets, emitter_size, emitter };
             let mut found = vec![engine.answer(bundle, 0.1, &mut workspace)];
             engine.certified(&[bundle], &mut workspace, |answer| found.push(answer));

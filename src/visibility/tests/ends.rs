@@ -115,7 +115,7 @@ fn benchmarks_see_the_plate() {
             let of = |emitter| Bundle { packets: &packets, emitter_size: 10.0, emitter };
             let exact = Exact { scene: stage.traced.clone(), traversal: SINGLE };
             assert_eq!(exact.answer(of(&[]), &mut Vec::new()).transmittance, visible, "{gap} {height}");
-            for hull in [&[][..], workload.hull(pair)] {
+            for hull in [&[][..], workload.hull_of_surface(pair)] {
                 let answer = engine.answer(of(hull), 0.5, &mut Workspace::default());
                 assert_eq!(answer.transmittance, visible, "{gap} {height}: {answer:?}");
             }

@@ -70,6 +70,9 @@ fn head(record: &Record) -> String {
         if record.threads == 1 { "" } else { "s" },
         record.isa
     );
+    if let Some(sky) = &workload.sky {
+        let _ = writeln!(text, "{}", sky.sentence());
+    }
     for warning in record.warnings.iter().chain(&build.cache_note) {
         let _ = writeln!(text, "note: {warning}");
     }

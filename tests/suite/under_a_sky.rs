@@ -1,0 +1,48 @@
+//! `bench` under a sky: patches and suns are emitters.
+
+use crate::run::Scratch;
+
+/// A meadow of 20 m with a box of 2 m, z upwards.
+const MEADOW: &str = "o meadow\nv -10 -10 0\nv 10 -10 0\nv 10 10 0\nv -10 10 0\nf 1 2 3 4\n\
+    o box\nv 0 -1 0.01\nv 2 -1 0.01\nv 2 1 0.01\nv 0 1 0.01\nv 0 -1 2\nv 2 -1 2\nv 2 1 2\nv 0 1 2\n\
+    f 8 7 6 5\nf 5 6 10 9\nf 6 7 11 10\nf 7 8 12 11\nf 8 5 9 12\nf 9 10 11 12\n";
+const QUICK: [&str; 9] =
+    ["--points", "300", "--reference-rays", "64", "--rounds", "1", "--map", "16", "--quiet"];
+
+#[test]
+fn bench_names_patches_and_sun_in_all_outputs() {
+    let scratch = Scratch::new();
+    scratch.write("meadow.obj", MEADOW);
+    let bench =
+        ["bench", "meadow.obj", "--up", "z", "--sky", "uniform:1000", "--json", "b.json", "--out", "b"];
+    let with_sun = scratch.mrvis(&[&bench[..], &["--sun", "140,40:500"], &QUICK[..8]].concat());
+    assert_eq!(with_sun.code, Some(0), "{}", with_sun.stderr);
+    let words = "64 patches of the sky up to";
+    assert!(
+        with_sun.stdout.contains(words) && with_sun.stdout.contains("and the sun."),
+        "{}",
+        with_sun.stdout
+    );
+    let page = std::fs::read_to_string(scratch.path("b/report.html")).expect("a page");
+    assert!(page.contains(words) && page.contains("patches per point"));
+    let record = scratch.json("b.json");
+    let sky = &record["workload"]["sky"];
+    assert!(sky["patches"] == 64 && sky["patches_per_point"] == 4 && sky["suns"] == 1, "{sky}");
+    assert!(sky["shown"] == "lamps" && sky["largest_angle"].as_f64().is_some_and(|a| a > 20.0 && a < 32.0));
+    // The box stands in the sun: its shadow is in the image of the meadow.
+    assert_eq!(record["receivers"][0]["name"], "meadow", "{}", record["receivers"]);
+    let without = scratch.mrvis(&[&bench[..], &QUICK[..8]].concat());
+    assert_eq!(without.code, Some(0), "{}", without.stderr);
+    assert!(without.stdout.contains("the patch with the largest irradiance"), "{}", without.stdout);
+    assert_eq!(scratch.json("b.json")["workload"]["sky"]["shown"], "patch");
+}
+
+#[test]
+fn bench_without_light_says_what_to_add() {
+    let scratch = Scratch::new();
+    scratch.write("meadow.obj", MEADOW);
+    let dark = scratch.mrvis(&[&["bench", "meadow.obj"][..], &QUICK].concat());
+    assert!(dark.code == Some(2) && dark.stderr.contains("--sky"), "{}", dark.stderr);
+    let below = scratch.mrvis(&[&["bench", "meadow.obj", "--sun", "140,-10:500"][..], &QUICK].concat());
+    assert!(below.code == Some(2) && below.stderr.lines().count() == 1, "{}", below.stderr);
+}
