@@ -205,7 +205,10 @@ impl PySolution {
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let camera: Option<GivenCamera> = camera.map(|camera| value("camera", camera)).transpose()?;
         let [columns, rows] = size.map_or(Ok([800, 600]), sides)?;
-        let options = ImageOptions::default().with_size(columns, rows).with_gather(gather).with_look_inside(look_inside);
+        let options = ImageOptions::default()
+            .with_size(columns, rows)
+            .with_gather(gather)
+            .with_look_inside(look_inside);
         let out = match out {
             None => None,
             Some(out) => match out.cast::<PyArray3<f32>>() {

@@ -8,6 +8,7 @@ mod limits;
 mod ratios;
 mod sheets;
 mod sizes;
+mod sky_links;
 mod unlit;
 mod visibility;
 

@@ -199,6 +199,16 @@ impl Patches {
         &self.patches[k as usize]
     }
 
+    /// A direction of a patch as a unit vector in scene coordinates, uniform by solid angle for `u` in the unit square.
+    pub fn direction(&self, k: u32, [s, t]: [f64; 2]) -> DVec3 {
+        self.frame.world(self.patch(k).extent.at(s, t))
+    }
+
+    /// Smallest sine of the elevation of a patch above the horizontal plane, in `[-1, 1]`.
+    pub fn lowest(&self, k: u32) -> f64 {
+        self.patch(k).extent.z[0]
+    }
+
     /// The children of a patch, which have equal solid angles; none at the finest level.
     pub fn children(&self, k: u32) -> Range<u32> {
         match self.patches[k as usize].first_child {

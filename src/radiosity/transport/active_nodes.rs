@@ -5,7 +5,8 @@
 //! ([`ActiveNodes::expand`]).
 
 use super::cluster_reflection::ClusterReflection;
-use super::directional::DirectionalIrradiance;
+use super::directional::{DirectionalIrradiance, NodeIrradiance};
+use super::gather_push_pull::push;
 use crate::radiosity::elements::{Elements, Shape, facing};
 use crate::radiosity::links::Link;
 use crate::radiosity::rgb::Rgb;
@@ -39,20 +40,24 @@ pub struct ActiveNodes {
     /// Links by node: first entry of each node, and (other node, exchange area).
     starts: Vec<u32>,
     others: Vec<(u32, f32)>,
+    /// Irradiance that arrives from beyond the scene, also along the links of the nodes above; none without such links.
+    pub beyond: Option<NodeIrradiance>,
 }
 
 impl ActiveNodes {
     /// Stands for no node.
     pub const NONE: u32 = u32::MAX;
 
-    /// The active nodes for a set of links, with the row factors of the elements.
-    pub fn new(elements: &Elements, links: &[Link]) -> ActiveNodes {
+    /// The active nodes for a set of links, with the row factors of the elements. `beyond` is what arrives at elements along their own links
+    /// from beyond the scene.
+    pub fn new(elements: &Elements, links: &[Link], beyond: &[(u32, DirectionalIrradiance)]) -> ActiveNodes {
         let n = elements.len();
         let mut below = vec![false; n];
         let mut linked = vec![false; n];
         for l in links {
             (linked[l.a as usize], linked[l.b as usize]) = (true, true);
         }
+        beyond.iter().for_each(|(e, _)| linked[*e as usize] = true);
         for e in (1..n).rev() {
             if linked[e] || below[e] {
                 below[elements.elements[e].parent as usize] = true;
@@ -67,6 +72,7 @@ impl ActiveNodes {
             clusters: 0,
             starts: Vec::new(),
             others: Vec::new(),
+            beyond: None,
         };
         let mut aggregated = 0;
         for (e, element) in elements.elements.iter().enumerate() {
@@ -89,7 +95,24 @@ impl ActiveNodes {
         }
         active.update_factors(elements);
         active.connect(links);
+        active.beyond = (!beyond.is_empty()).then(|| active.pushed(elements, beyond));
         active
+    }
+
+    /// Irradiance of the nodes by what arrives at elements.
+    fn pushed(&self, elements: &Elements, arriving: &[(u32, DirectionalIrradiance)]) -> NodeIrradiance {
+        let mut pushed = NodeIrradiance {
+            clusters: vec![DirectionalIrradiance::default(); self.clusters],
+            surfaces: vec![[0.0; 3]; self.elements.len() - self.clusters],
+        };
+        for (e, arriving) in arriving {
+            match (self.nodes[*e as usize] as usize).checked_sub(self.clusters) {
+                None => pushed.clusters[self.nodes[*e as usize] as usize] = *arriving,
+                Some(surface) => pushed.surfaces[surface] = arriving.even,
+            }
+        }
+        push(elements, self, &mut pushed);
+        pushed
     }
 
     /// Applies the present row factors of the elements.
@@ -134,6 +157,11 @@ impl ActiveNodes {
         self.others.len()
     }
 
+    /// Irradiance of a surface node by light from beyond the scene, W/m².
+    pub fn beyond_at(&self, surface: usize) -> Rgb {
+        self.beyond.as_ref().map_or([0.0; 3], |beyond| beyond.surfaces[surface])
+    }
+
     /// Nodes of the aggregated clusters, in the order of their reflections.
     pub fn aggregated(&self) -> impl Iterator<Item = usize> {
         self.kinds
@@ -151,6 +179,7 @@ impl ActiveNodes {
             + self.starts.capacity())
             + 8 * (self.kinds.capacity() + self.others.capacity())
             + self.reflections.capacity() * size_of::<ClusterReflection>()
+            + self.beyond.as_ref().map_or(0, NodeIrradiance::bytes)
     }
 
     /// Irradiance of all surface elements, W/m² (0 for clusters), from the irradiance at the nodes.
