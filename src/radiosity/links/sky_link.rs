@@ -1,7 +1,7 @@
 //! Links that end at a part of the sky or at a sun: how much of its light arrives at an element, and how wrong that may be.
 //!
 //! Such links go one way. The exchange of a link is the mean irradiance of the receiver for each unit of radiance of a patch (sr), or for each
-//! unit of irradiance of a plane that faces a sun. See `docs/method.md`, Links to the sky.
+//! unit of irradiance of a plane that faces a sun. See `docs/method.md`, Links and refinement.
 
 use super::Split;
 use super::error_oracle::weigh;
