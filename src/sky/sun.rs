@@ -54,14 +54,9 @@ impl Sun {
 
     /// Irradiance of a plane with a unit normal, W/m²; the part of the disc below the plane does not count.
     pub fn irradiance_on(&self, normal: DVec3) -> [f64; 3] {
-        let factor = self.part_on(normal);
-        self.irradiance.map(|e| e * factor)
-    }
-
-    /// Irradiance of a plane with a unit normal, relative to that of a plane that faces the sun.
-    pub fn part_on(&self, normal: DVec3) -> f64 {
         let (sin, cos) = (0.5 * self.diameter).sin_cos();
-        capped_cosine(sin, cos, normal.dot(self.direction)) / (PI * sin * sin)
+        let factor = capped_cosine(sin, cos, normal.dot(self.direction)) / (PI * sin * sin);
+        self.irradiance.map(|e| e * factor)
     }
 }
 

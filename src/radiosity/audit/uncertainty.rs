@@ -38,11 +38,7 @@ pub fn link_uncertainty(linked: &LinkedScene) -> Vec<f64> {
         }
     }
     for l in &linked.sky_links {
-        let Some(environment) = &linked.environment else { break };
-        let light = mean(l.source.light(environment));
-        let uneven = f64::from(l.spread) * l.source.deviation(environment);
-        variance[l.receiver as usize] +=
-            (f64::from(l.variation.hypot(l.noise)) * light).hypot(uneven).powi(2);
+        variance[l.receiver as usize] += f64::from(l.variation).powi(2) + f64::from(l.noise).powi(2);
     }
     for e in 1..elements.len() {
         variance[e] += variance[elements.elements[e].parent as usize];

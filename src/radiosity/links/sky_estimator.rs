@@ -1,4 +1,4 @@
-//! Measures links to the sky: the unoccluded exchange first, then visibility for all links together.
+//! Measures links to the sky: the light without blockers first, then visibility for all links together.
 
 use super::accuracy::FEW_SEGMENTS_ERROR;
 use super::cluster_pair::{CLUSTER_DEVIATION, shorten_to_box};
@@ -8,6 +8,7 @@ use super::{Scratch, SkyLink, SkySource, VisibilityEngine, VisibilityQuery};
 use crate::math::sampling::{mix, numbers};
 use crate::radiosity::elements::{Element, Elements, Shape};
 use crate::radiosity::options::Inside;
+use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{LANES, Packet};
 use crate::sky::Environment;
 use glam::Vec3;
@@ -20,8 +21,6 @@ const MAX_HALF_ANGLE: f32 = 1.0;
 const INHERITED: f32 = 0.5;
 /// Draws of a direction above the surface's horizon.
 const MAX_DRAWS: u64 = 4;
-/// Standard deviation of a cosine over a hemisphere, relative to its mean: that of numbers between 0 and 1.
-const COSINE_DEVIATION: f32 = 0.577_350_26;
 
 /// Measures links to the sky.
 #[derive(Clone, Copy)]
@@ -47,7 +46,7 @@ pub struct SkyPair {
     pub receiver: u32,
     /// Where its light comes from.
     pub source: SkySource,
-    /// Error that one unit of exchange would cause, in units of the tolerated error.
+    /// Error that 1 W/m² would cause, in units of the tolerated error.
     pub worth: f32,
     /// What is known from the link that this one replaces: segments if all had the same answer, else 0.
     pub agreed: f32,
@@ -58,14 +57,14 @@ pub struct SkyPair {
 /// A link before visibility is known.
 pub struct SkyDraft {
     pair: SkyPair,
-    /// Unoccluded exchange.
-    free: f32,
-    /// The exchange that deviations are relative to: a model without the noise of samples.
+    /// Irradiance without blockers, W/m².
+    free: Rgb,
+    /// The irradiance that deviations are relative to, W/m²: a model without the noise of samples, mean of the channels.
     scale: f32,
-    /// Standard deviation of the unoccluded exchange over the receiver, relative to `scale`.
+    /// Standard deviation of the irradiance without blockers over the receiver, relative to `scale`.
     uneven: f32,
-    /// The same over the source.
-    spread: f32,
+    /// Standard deviation of the radiance over the source relative to its mean.
+    contrast: f32,
     /// Weight of each segment.
     weights: [f32; LANES],
     /// Whether segment 4 j + i goes from point i to part j of the source.
@@ -124,19 +123,20 @@ impl SkyEstimator<'_> {
     ) -> Option<(SkyDraft, Packet)> {
         let side = &self.elements.sides[side as usize];
         let (source, environment) = (pair.source, self.environment);
-        let free = source.free(environment, side.normal.as_dvec3()) as f32;
-        if free <= 0.0 {
+        let free = source.irradiance(environment, side.normal);
+        if mean(free) <= 0.0 {
             return None;
         }
         pair.is_clear = pair.is_clear || self.is_clear(element, corners, source);
-        let half = source.half_angle(environment);
-        let angle = side.normal.dot(source.axis(environment)).clamp(-1.0, 1.0).acos();
-        // Standard deviation of numbers between the least and the largest cosine, relative to their mean.
-        let [low, high] =
-            [angle + half, (angle - half).max(0.0)].map(|a| a.min(std::f32::consts::PI).cos().max(0.0));
-        let spread = COSINE_DEVIATION * (high - low) / (high + low).max(f32::MIN_POSITIVE);
-        let mut draft =
-            SkyDraft { pair, free, scale: free, uneven: 0.0, spread, weights: [0.0; LANES], is_grid: true };
+        let mut draft = SkyDraft {
+            pair,
+            free,
+            scale: mean(free) as f32,
+            uneven: 0.0,
+            contrast: source.deviation(environment),
+            weights: [0.0; LANES],
+            is_grid: true,
+        };
         let mut packet = Packet::EMPTY;
         if !pair.is_clear {
             let points = stratified_points(corners, seed);
@@ -146,7 +146,7 @@ impl SkyEstimator<'_> {
                     .map(|draw| self.direction(source, lane, draw, seed))
                     .find(|direction| direction.dot(side.normal) > 0.0);
                 let Some(direction) = direction else { continue };
-                draft.weights[lane] = direction.dot(side.normal);
+                draft.weights[lane] = direction.dot(side.normal) * source.radiance(environment, direction);
                 let from = side.end.lifted(points[lane & 3], side.normal);
                 packet.set_lifted(lane, from, from + self.length * direction, [side.end; 2]);
             }
@@ -160,21 +160,22 @@ impl SkyEstimator<'_> {
         let (source, environment) = (pair.source, self.environment);
         let axis = source.axis(environment);
         let from = EndSamples::draw(self.elements, pair.receiver, axis, 0, seed);
-        let area = element.area as f32;
         let along = source.along_axes(environment);
         let model: f64 = along.iter().zip(cluster.projected).map(|(e, p)| e * p).sum();
         if model <= 0.0 {
             return None;
         }
-        let exchange =
-            |lane: usize| source.free(environment, from.normals[lane].as_dvec3()) as f32 / from.density[lane];
-        let free = (0..LANES).map(exchange).sum::<f32>() / (LANES as f32 * area);
+        let mut free = [0.0; 3];
+        for lane in 0..LANES {
+            let share = 1.0 / (f64::from(from.density[lane]) * LANES as f64 * element.area);
+            add(&mut free, share, source.irradiance(environment, from.normals[lane]));
+        }
         let mut draft = SkyDraft {
             pair,
             free,
-            scale: model as f32 / area,
+            scale: (model / element.area) as f32,
             uneven: CLUSTER_DEVIATION,
-            spread: COSINE_DEVIATION * source.half_angle(environment).min(1.0),
+            contrast: source.deviation(environment),
             weights: [0.0; LANES],
             is_grid: false,
         };
@@ -185,7 +186,7 @@ impl SkyEstimator<'_> {
             let (normal, rule) = (from.normals[lane], from.rules[lane]);
             let cosine = direction.dot(normal);
             if cosine > 0.0 {
-                draft.weights[lane] = cosine / from.density[lane];
+                draft.weights[lane] = cosine * source.radiance(environment, direction) / from.density[lane];
                 let start = rule.lifted(from.points[lane], normal);
                 packet.set_lifted(lane, start, start + self.length * direction, [rule; 2]);
             }
@@ -286,7 +287,7 @@ impl SkyDraft {
         if packet.is_empty() {
             // Without a proof only a sliver of the source is above the receiver's horizon.
             let noise = if self.pair.is_clear { 0.0 } else { 0.5 };
-            return self.with(1.0, [noise, noise], noise, 0.0);
+            return self.with(1.0, [noise, noise], 0.0);
         }
         let (mut sum, mut visible, mut squares) = (0.0, 0.0, 0.0);
         for lane in packet.lanes() {
@@ -294,6 +295,9 @@ impl SkyDraft {
             sum += weight;
             visible += weight * t;
             squares += weight * t * t;
+        }
+        if sum <= 0.0 {
+            return self.with(1.0, [0.0, 0.0], 0.0);
         }
         let transmittance = visible / sum;
         let n = packet.len() as f32;
@@ -309,20 +313,19 @@ impl SkyDraft {
             let found = two_ways(transmittances);
             parts = [parts[0].min(found[0]).max(0.5 * agreement(n)), parts[1].min(found[1])];
         }
-        self.with(transmittance, parts, deviation, agreed)
+        self.with(transmittance, parts, agreed)
     }
 
-    /// With deviations of visibility, over the receiver, from sampling, and of one segment.
-    fn with(&self, transmittance: f32, [over, noise]: [f32; 2], deviation: f32, agreed: f32) -> SkyLink {
+    /// With deviations of visibility, over the receiver and from sampling. Where the source is uneven, fewer samples count.
+    fn with(&self, transmittance: f32, [over, noise]: [f32; 2], agreed: f32) -> SkyLink {
         let SkyPair { receiver, source, is_clear, .. } = self.pair;
         SkyLink {
             receiver,
             source,
-            exchange: self.free * transmittance,
+            irradiance: self.free.map(|e| e as f32 * transmittance),
             transmittance,
             variation: self.scale * (self.uneven * transmittance).hypot(over),
-            noise: self.scale * noise,
-            spread: self.scale * (self.spread * transmittance).hypot(deviation),
+            noise: self.scale * noise * self.contrast.hypot(1.0),
             agreed,
             is_clear,
         }

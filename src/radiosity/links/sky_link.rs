@@ -1,7 +1,6 @@
 //! Links that end at a part of the sky or at a sun: how much of its light arrives at an element, and how wrong that may be.
 //!
-//! Such links go one way. The exchange of a link is the mean irradiance of the receiver for each unit of radiance of a patch (sr), or for each
-//! unit of irradiance of a plane that faces a sun. See `docs/method.md`, Links and refinement.
+//! Such links go one way, so that they hold the irradiance itself. See `docs/method.md`, Links and refinement.
 
 use super::Split;
 use super::error_oracle::weigh;
@@ -9,7 +8,7 @@ use crate::radiosity::elements::{DIRECTIONS, Elements};
 use crate::radiosity::options::Oracle;
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::sky::Environment;
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 /// Distance at which the width of a patch is compared with that of a receiver where visibility does not say which of both to split, relative to
 /// the radius of the scene: blockers are between the receiver and the edge of the scene.
@@ -29,27 +28,27 @@ impl SkySource {
     pub fn all(environment: &Environment) -> Vec<SkySource> {
         let patches = environment.patches().roots().map(SkySource::Patch);
         let suns = (0..environment.suns().len() as u32).map(SkySource::Sun);
-        patches.chain(suns).filter(|source| mean(source.light(environment)) > 0.0).collect()
+        patches.chain(suns).filter(|source| source.is_lit(environment)).collect()
     }
 
-    /// Radiance of a patch, W/(m² sr), or irradiance of a plane that faces a sun, W/m².
-    pub fn light(self, environment: &Environment) -> Rgb {
+    /// Whether it has any light.
+    fn is_lit(self, environment: &Environment) -> bool {
         match self {
-            SkySource::Patch(k) => environment.patches().patch(k).mean,
-            SkySource::Sun(k) => environment.suns()[k as usize].irradiance,
+            SkySource::Patch(k) => mean(environment.patches().patch(k).max) > 0.0,
+            SkySource::Sun(k) => mean(environment.suns()[k as usize].irradiance) > 0.0,
         }
     }
 
-    /// Upper bound of the standard deviation of the radiance over a patch, mean of the channels; 0 for a sun. Values in `[a, b]` deviate by at most
-    /// √((b − m)(m − a)) from their mean m (Bhatia and Davis 2000).
-    pub fn deviation(self, environment: &Environment) -> f64 {
+    /// Upper bound of the standard deviation of the radiance over a patch relative to its mean, mean of the channels; 0 for a sun. Values in
+    /// `[a, b]` deviate by at most √((b − m)(m − a)) from their mean m (Bhatia and Davis 2000).
+    pub(super) fn deviation(self, environment: &Environment) -> f32 {
         let SkySource::Patch(k) = self else { return 0.0 };
         let patch = environment.patches().patch(k);
         let bound = |c: usize| {
             let (min, mean, max) = (patch.min[c], patch.mean[c], patch.max[c]);
             ((max - mean) * (mean - min)).max(0.0).sqrt()
         };
-        mean([0, 1, 2].map(bound))
+        (mean([0, 1, 2].map(bound)) / mean(patch.mean).max(f64::MIN_POSITIVE)) as f32
     }
 
     /// Its parts; none if it cannot be divided.
@@ -96,18 +95,19 @@ impl SkySource {
         }
     }
 
-    /// Exchange with a surface of this unit normal without blockers, exactly clipped at the surface's horizon.
-    pub fn free(self, environment: &Environment, normal: DVec3) -> f64 {
+    /// Irradiance of a surface of this unit normal without blockers, W/m², exactly clipped at the surface's horizon.
+    pub(super) fn irradiance(self, environment: &Environment, normal: Vec3) -> Rgb {
+        let normal = normal.as_dvec3();
         match self {
-            SkySource::Patch(k) => environment.patches().projected(k, normal),
-            SkySource::Sun(k) => environment.suns()[k as usize].part_on(normal),
+            SkySource::Patch(k) => environment.patches().irradiance_of(k, normal),
+            SkySource::Sun(k) => environment.suns()[k as usize].irradiance_on(normal),
         }
     }
 
-    /// The same for surfaces that face the six directions.
+    /// Irradiance of surfaces that face the six directions, W/m², mean of the channels.
     pub fn along_axes(self, environment: &Environment) -> [f64; DIRECTIONS] {
-        let axis = |k: usize| DVec3::AXES[k / 2] * if k & 1 == 0 { 1.0 } else { -1.0 };
-        std::array::from_fn(|k| self.free(environment, axis(k)))
+        let axis = |k: usize| Vec3::AXES[k / 2] * if k & 1 == 0 { 1.0 } else { -1.0 };
+        std::array::from_fn(|k| mean(self.irradiance(environment, axis(k))))
     }
 
     /// A direction of it, uniform by solid angle for `u` in the unit square.
@@ -118,6 +118,14 @@ impl SkySource {
         };
         direction.as_vec3()
     }
+
+    /// Radiance in one of its directions, mean of the channels; 1 for a sun.
+    pub(super) fn radiance(self, environment: &Environment, direction: Vec3) -> f32 {
+        match self {
+            SkySource::Patch(_) => mean(environment.radiance(direction.as_dvec3())) as f32,
+            SkySource::Sun(_) => 1.0,
+        }
+    }
 }
 
 /// The light that an element receives from one source beyond the scene.
@@ -127,16 +135,14 @@ pub struct SkyLink {
     pub receiver: u32,
     /// Where the light comes from.
     pub source: SkySource,
-    /// Mean irradiance of the receiver for each unit of light of the source, with what blocks it.
-    pub exchange: f32,
-    /// Visible part of the unoccluded exchange, in `[0, 1]`.
+    /// Mean irradiance of the receiver with what blocks it, W/m².
+    pub irradiance: [f32; 3],
+    /// Visible part of the light, in `[0, 1]`.
     pub transmittance: f32,
-    /// Standard deviation of the exchange over the receiver.
+    /// Standard deviation of the irradiance over the receiver, W/m²; mean of the channels.
     pub variation: f32,
-    /// Standard error of the exchange from sampling.
+    /// Standard error of the irradiance from sampling, W/m²; mean of the channels.
     pub noise: f32,
-    /// Error of the exchange for a source whose light has a deviation of 1 over it.
-    pub spread: f32,
     /// Segments of this link, and of the links that it replaces as far as they count here, if all had the same answer; else 0.
     pub agreed: f32,
     /// Whether geometry proves that nothing blocks the link or any part of it.
@@ -152,16 +158,13 @@ pub fn sky_link_error(
     oracle: Oracle,
 ) -> (f32, Split) {
     let element = &elements.elements[link.receiver as usize];
-    let light = mean(link.source.light(environment)) as f32;
-    let uneven = link.spread * link.source.deviation(environment) as f32;
-    let of_receiver = link.variation * light;
-    let of_source = (link.noise * light).hypot(uneven);
+    let (of_receiver, of_source) = (link.variation, link.noise);
     let (receiver_opens, source_opens) =
         (elements.can_open(link.receiver), link.source.can_open(environment));
     let split = match (receiver_opens, source_opens) {
         (true, true) => {
             // Where visibility does not tell, the larger end is split first.
-            let is_tie = uneven < of_receiver && (link.agreed > 0.0 || element.is_cluster());
+            let is_tie = link.agreed > 0.0 || element.is_cluster();
             let width = BLOCKER_DISTANCE * elements.elements[0].radius * link.source.half_angle(environment);
             let prefers_receiver = if is_tie { element.radius > width } else { of_receiver >= of_source };
             if prefers_receiver { Split::A } else { Split::B }
@@ -171,7 +174,7 @@ pub fn sky_link_error(
         (false, false) => Split::Neither,
     };
     let error = match (oracle, receiver_opens, source_opens) {
-        (Oracle::Bf, ..) => link.exchange * light,
+        (Oracle::Bf, ..) => link.irradiance.iter().sum::<f32>() / 3.0,
         (_, true, false) => of_receiver,
         (_, false, true) => of_source,
         _ => of_receiver.hypot(of_source),

@@ -46,23 +46,22 @@ impl LinkedScene {
     pub fn light_from_beyond(&self) -> Vec<(u32, DirectionalIrradiance)> {
         let Some(environment) = &self.environment else { return Vec::new() };
         let mut light = BTreeMap::<u32, DirectionalIrradiance>::new();
-        for link in self.sky_links.iter().filter(|link| link.exchange > 0.0) {
+        for link in self.sky_links.iter().filter(|link| link.transmittance > 0.0) {
             let arriving = light.entry(link.receiver).or_default();
-            let exchange = f64::from(link.exchange);
-            let source = link.source.light(environment);
+            let irradiance = link.irradiance.map(f64::from);
             let element = &self.elements.elements[link.receiver as usize];
             let Shape::Cluster(c) = element.shape else {
-                add(&mut arriving.even, exchange, source);
+                add(&mut arriving.even, 1.0, irradiance);
                 continue;
             };
             let projected = self.elements.clusters[c as usize].projected;
             let shares = link.source.along_axes(environment);
             let total: f64 = (0..DIRECTIONS).map(|k| shares[k] * projected[k]).sum();
             if total > MIN_PROJECTED * element.area {
-                let scale = exchange * element.area / total;
-                arriving.beams.iter_mut().zip(shares).for_each(|(beam, s)| add(beam, scale * s, source));
+                let scale = element.area / total;
+                arriving.beams.iter_mut().zip(shares).for_each(|(beam, s)| add(beam, scale * s, irradiance));
             } else {
-                add(&mut arriving.even, exchange, source);
+                add(&mut arriving.even, 1.0, irradiance);
             }
         }
         light.into_iter().collect()
@@ -71,14 +70,13 @@ impl LinkedScene {
     /// Power that arrives along links from beyond the scene.
     pub fn arrived(&self) -> Arrived {
         let mut arrived = Arrived::default();
-        let Some(environment) = &self.environment else { return arrived };
         for link in &self.sky_links {
             let sum: &mut Rgb = match link.source {
                 SkySource::Patch(_) => &mut arrived.sky,
                 SkySource::Sun(_) => &mut arrived.sun,
             };
             let area = self.elements.elements[link.receiver as usize].area;
-            add(sum, area * f64::from(link.exchange), link.source.light(environment));
+            add(sum, area, link.irradiance.map(f64::from));
         }
         arrived
     }
@@ -120,8 +118,7 @@ pub fn sky_parts(linked: &mut LinkedScene, links: &[(SkyLink, Split)]) -> Vec<Sk
 /// Measures links to the sky, as [`measure`](super::link_measurement::measure) does other links.
 pub fn measure_sky(linked: &mut LinkedScene, pairs: &[SkyPair], threshold: f32, seed: u64) -> Vec<SkyLink> {
     let Some(environment) = linked.environment.clone() else { return Vec::new() };
-    let pairs: Vec<SkyPair> =
-        pairs.iter().map(|pair| with_worth(linked, &environment, pair, threshold)).collect();
+    let pairs: Vec<SkyPair> = pairs.iter().map(|pair| with_worth(linked, pair, threshold)).collect();
     let made: Vec<(Vec<SkyLink>, Tally)> = {
         let linked = &*linked;
         let estimator = |engine| SkyEstimator {
@@ -181,13 +178,12 @@ fn again(link: &SkyLink) -> SkyPair {
     SkyPair { agreed: link.agreed, is_clear: link.is_clear, ..new_pair(link.receiver, link.source) }
 }
 
-/// The pair with the error that one unit of its exchange causes.
-fn with_worth(linked: &LinkedScene, environment: &Environment, pair: &SkyPair, threshold: f32) -> SkyPair {
+/// The pair with the error that 1 W/m² causes.
+fn with_worth(linked: &LinkedScene, pair: &SkyPair, threshold: f32) -> SkyPair {
     let receiver = pair.receiver as usize;
     let element = &linked.elements.elements[receiver];
     let weight = f64::from(linked.elements.states[receiver].statistics.weight);
-    let light = mean(pair.source.light(environment));
     let of_area = (element.area / linked.elements.area).sqrt();
     let tolerated = f64::from(threshold) * linked.mean_irradiance;
-    SkyPair { worth: (weight * light * of_area / tolerated) as f32, ..*pair }
+    SkyPair { worth: (weight * of_area / tolerated) as f32, ..*pair }
 }
