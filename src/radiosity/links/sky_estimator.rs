@@ -311,7 +311,7 @@ impl SkyDraft {
         let mut parts = [0.5 * deviation, deviation / n.sqrt()];
         if !agree && self.is_grid && n as usize == LANES {
             let found = two_ways(transmittances);
-            parts = [parts[0].min(found[0]).max(0.5 * agreement(n)), parts[1].min(found[1])];
+            parts = [parts[0].min(found[0]), parts[1].min(found[1])];
         }
         self.with(transmittance, parts, agreed)
     }
@@ -344,5 +344,6 @@ fn two_ways(values: &[f32; LANES]) -> [f32; 2] {
     let rest = (all - 4.0 * (points + parts)).max(0.0) / 9.0;
     let excess = |squares: f32| (squares / 3.0 - rest / 4.0).max(0.0);
     let [of_points, of_parts] = [points, parts].map(excess);
-    [(of_points + rest / 4.0).sqrt(), (of_parts / 4.0 + rest / 16.0).sqrt()]
+    // What is neither of points nor of parts may be either.
+    [(of_points + rest / 16.0).sqrt(), (of_parts / 4.0 + rest / 16.0).sqrt()]
 }

@@ -164,7 +164,7 @@ pub fn sky_link_error(
     let split = match (receiver_opens, source_opens) {
         (true, true) => {
             // Where visibility does not tell, the larger end is split first.
-            let is_tie = link.agreed > 0.0 || element.is_cluster();
+            let is_tie = link.agreed > 0.0 || element.is_cluster() || of_receiver == of_source;
             let width = BLOCKER_DISTANCE * elements.elements[0].radius * link.source.half_angle(environment);
             let prefers_receiver = if is_tie { element.radius > width } else { of_receiver >= of_source };
             if prefers_receiver { Split::A } else { Split::B }
