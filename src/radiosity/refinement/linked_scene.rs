@@ -11,7 +11,7 @@ use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{Surroundings, received_shares};
 use crate::radiosity::transport::{
     ActiveNodes, Convergence, Field, LinkTransport, Method, NodeIrradiance, cap_row_sums, link_row_sums,
-    normalise_link_rows, short_rows, solve,
+    normalise_link_rows, pushed, short_rows, solve,
 };
 use crate::ranks::Ranks;
 use crate::scene::Scene;
@@ -173,7 +173,10 @@ impl LinkedScene {
 
     /// The active nodes of the present links.
     pub fn active_nodes(&self) -> ActiveNodes {
-        ActiveNodes::new(&self.elements, &self.links, &self.light_from_beyond())
+        let beyond = self.light_from_beyond();
+        let mut nodes = ActiveNodes::new(&self.elements, &self.links, beyond.iter().map(|(e, _)| *e));
+        nodes.beyond = pushed(&self.elements, &nodes, &beyond);
+        nodes
     }
 
     /// Splits a surface into four parts that send out the light of the whole.

@@ -123,40 +123,31 @@ fn a_street_sees_its_part_of_the_sky() {
     let (half, wall) = (DVec3::X * 20.0, DVec3::Z);
     let [left, right] = [-0.5, 0.5].map(|y| -half + y * DVec3::Y);
     let floor = [left, 2.0 * half, DVec3::Y];
-    let scene = quads(0.0, &[floor, [right, 2.0 * half, wall], [left, 2.0 * half, wall]]);
-    for error in [0.05, 0.01, 0.002, 0.0005] {
-        let start = std::time::Instant::now();
-        let Outcome { mesh, record, .. } = solved(&lit(scene.clone(), uniform()), &[], &links(error));
-        let (mut found, mut want, mut squares, mut n) = (0.0, 0.0, 0.0, 0);
+    let scene = lit(quads(0.0, &[floor, [right, 2.0 * half, wall], [left, 2.0 * half, wall]]), uniform());
+    let mut last = (0, f64::INFINITY);
+    for (error, most) in [(0.01, [0.03, 0.1]), (0.002, [0.003, 0.04])] {
+        let Outcome { mesh, record, .. } = solved(&scene, &[], &links(error));
+        let (mut found, mut want, mut squares, mut area) = (0.0, 0.0, 0.0, 0.0);
         for element in mesh.elements.iter().filter(|e| e.object == 0 && normal_of(&mesh, e).z > 0.5) {
             let corners = element.corners.map(|k| mesh.vertices[k as usize].as_dvec3() + mesh.origin);
             let middle = corners.iter().sum::<DVec3>() / 4.0;
             if middle.x.abs() > 5.0 {
                 continue;
             }
-            let exact = street(middle.x, middle.y);
-            let light = mean(element.irradiance) / PI;
+            let (light, exact) = (mean(element.irradiance) / PI, street(middle.x, middle.y));
             found += element.area * light;
             want += element.area * exact;
             squares += element.area * (light - exact).powi(2);
-            n += 1;
+            area += element.area;
         }
-        println!(
-            "{error}: {} want {want} rms {} floor {n} links {} elements {} {:?} {:?}",
-            found / want - 1.0,
-            (squares * 10.0).sqrt() / want,
-            record.links,
-            record.elements,
-            record.ended,
-            start.elapsed()
-        );
-        if error < 0.005 {
-            assert!((found / want - 1.0).abs() < 0.01, "{found} instead of {want}");
-        }
+        let [bias, rms] = [found / want - 1.0, (squares * area).sqrt() / want];
+        assert!(bias.abs() < most[0] && rms < most[1], "{error}: {bias} {rms}");
+        assert!(record.links > last.0 && rms < last.1, "{} {rms} after {last:?}", record.links);
+        last = (record.links, rms);
     }
 }
 
-/// Light on random points of elements, by links and by paths.
+/// Mean difference and root mean square difference of the light on random points of elements from that of paths, relative to its mean.
 fn against_paths(scene: &Scene, outcome: &Outcome) -> [f64; 2] {
     let mesh = &outcome.mesh;
     let elements: Vec<&Element> = mesh.elements.iter().filter(|e| mean(e.irradiance) > 0.0).collect();
@@ -180,59 +171,61 @@ fn against_paths(scene: &Scene, outcome: &Outcome) -> [f64; 2] {
     let traced = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
     let want: Vec<f64> = traced.iter().map(|v| mean(*v)).collect();
     let (a, b): (f64, f64) = (found.iter().sum(), want.iter().sum());
-    for k in 0..8 {
-        let (mut n, mut sq, mut un) = (0, 0.0, 0.0);
-        for (i, p) in points.iter().enumerate() {
-            let z = p.position.z;
-            let r = p.position.truncate().distance(glam::DVec2::splat(0.25));
-            let class = if z > 1e-3 {
-                if p.normal.z > 0.5 { 0 } else { 1 }
-            } else if p.normal.z < 0.0 {
-                2
-            } else {
-                3 + ((r / 0.8) as usize).min(4)
-            };
-            if class == k {
-                n += 1;
-                un += found[i] - want[i];
-                sq += (found[i] - want[i]).powi(2);
-            }
-        }
-        println!("  class {k}: {n} mean diff {:.4} rms {:.4}", un / n as f64, (sq / n as f64).sqrt());
-    }
-    println!("  mean {}", b / want.len() as f64);
     let squares: f64 = found.iter().zip(&want).map(|(a, b)| (a - b) * (a - b)).sum();
     [a / b - 1.0, (squares * want.len() as f64).sqrt() / b]
 }
 
 #[test]
 fn a_yard_has_the_light_of_paths() {
-    for (rho, environment, most) in
-        [(0.0, uniform(), [0.01, 0.08]), (0.5, uniform(), [0.01, 0.08]), (0.5, sunny(40.0), [0.02, 0.25])]
-    {
-        let scene = lit(yard(rho), environment);
+    for (reflectance, environment) in [(0.0, uniform()), (0.5, uniform()), (0.5, sunny(40.0))] {
+        let scene = lit(yard(reflectance), environment);
         let mut last = (0, f64::INFINITY);
-        for error in [0.1, 0.02, 0.005] {
-            let start = std::time::Instant::now();
+        for error in [0.1, 0.01] {
             let outcome = solved(&scene, &[], &links(error));
-            let seconds = start.elapsed();
             let [bias, rms] = against_paths(&scene, &outcome);
             let Ledger { emitted, sky, sun, absorbed, escaped, created, .. } = outcome.record.ledger;
-            let links = outcome.record.links;
-            println!(
-                "{error}: {bias:.4} {rms:.4} links {links} elements {} {seconds:?} {:?} {emitted} {sky} {sun} {absorbed} {escaped} {created} {:?}",
-                outcome.record.elements, outcome.record.ended, outcome.record.error_estimate
-            );
             assert!((sky + sun - emitted).abs() < 1e-9 * emitted);
             assert!((absorbed + escaped - emitted).abs() < 2e-3 * emitted, "{absorbed} {escaped} {emitted}");
             assert!(created.abs() < 2e-3 * emitted, "{created}");
-            assert!(outcome.record.ended == Ended::Error && links > last.0 && rms < last.1);
+            let links = outcome.record.links;
+            assert!(outcome.record.ended == Ended::Error && links > last.0 && rms < last.1, "{links} {rms}");
+            assert!(bias.abs() < 0.01 && rms < 0.1, "{reflectance} {error}: {bias} {rms}");
             last = (links, rms);
-            if error == 0.02 {
-                assert!(bias.abs() < most[0] && rms < most[1], "{bias} {rms}");
-            }
         }
     }
+}
+
+/// Links are only the first guess of a local pass.
+#[test]
+fn a_local_pass_after_links_has_the_light_of_paths() {
+    let scene = lit(yard(0.5), sunny(40.0));
+    let [bias, rms] = against_paths(&scene, &solved(&scene, &[], &quick()));
+    assert!(bias.abs() < 0.01 && rms < 0.15, "{bias} {rms}");
+}
+
+/// A closed room but for a hole in its ceiling; sky and sun on the outsides stay outside.
+#[test]
+fn a_hole_in_a_roof_lights_a_room() {
+    let (x, y, z) = (3.0 * DVec3::X, 4.0 * DVec3::Y, 2.5 * DVec3::Z);
+    let at = |x: f64, y: f64| z + DVec3::new(x, y, 0.0);
+    // The hole is the square from 1 to 2 in x and from 1.5 to 2.5 in y. Fronts are inside.
+    let faces = [
+        [DVec3::ZERO, x, y],
+        [DVec3::ZERO, y, z],
+        [y, x, z],
+        [x + y, -y, z],
+        [x, -x, z],
+        [z, 1.5 * DVec3::Y, x],
+        [at(0.0, 2.5), 1.5 * DVec3::Y, x],
+        [at(0.0, 1.5), DVec3::Y, DVec3::X],
+        [at(2.0, 1.5), DVec3::Y, DVec3::X],
+    ];
+    let scene = lit(quads(0.5, &faces), sunny(60.0));
+    let mut outcome = solved(&scene, &[], &links(0.01));
+    let [bias, rms] = against_paths(&scene, &outcome);
+    outcome.mesh.elements.retain(|e| e.front);
+    let inside = against_paths(&scene, &outcome);
+    assert!(bias.abs() < 0.01 && inside[0].abs() < 0.03, "{bias} {rms} {inside:?}");
 }
 
 /// Under a sky that is brightest about the sun.
@@ -246,31 +239,22 @@ fn uneven_skies_light_planes_as_their_integrals() {
         let normal = DVec3::new(s * 0.8, s * -0.6, c);
         let u = normal.any_orthonormal_vector();
         let scene = lit(quads(0.4, &[[DVec3::Z, u, normal.cross(u)]]), environment.clone());
-        for error in [0.1, 0.02, 0.005] {
-            let Outcome { mesh, record, .. } = solved(&scene, &[], &links(error));
-            let found = mean_of(&mesh, |e| e.front);
-            let want = mean(environment.irradiance(normal));
-            println!("{tilt} {error}: {} {} {:?}", found / want - 1.0, record.links, record.ended);
-            assert!(error > 0.02 || (found / want - 1.0).abs() < 3e-3, "{tilt}: {found} instead of {want}");
-        }
+        let Outcome { mesh, record, .. } = solved(&scene, &[], &links(0.1));
+        let (found, want) = (mean_of(&mesh, |e| e.front), mean(environment.irradiance(normal)));
+        assert!((found / want - 1.0).abs() < 1e-5, "{tilt}: {found} instead of {want}");
+        assert!(record.links < 100, "{}", record.links);
     }
 }
 
 #[test]
-fn forests_under_the_sky() {
+fn forests_have_the_light_of_paths() {
     let scene = build(&Spec { trees: 16, leaves: 300, ..Spec::new("forest") }).expect("a forest");
     for environment in [uniform(), sunny(40.0)] {
         let scene = lit(scene.clone(), environment);
-        for error in [0.2, 0.05, 0.02] {
-            let start = std::time::Instant::now();
-            let Outcome { mesh, record, .. } = solved(&scene, &[], &links(error));
-            let seconds = start.elapsed();
-            let outcome = Outcome { mesh, record, irradiance: Vec::new() };
-            let [bias, rms] = against_paths(&scene, &outcome);
-            println!(
-                "{error}: {bias:.4} {rms:.4} links {} elements {} {seconds:?} {:?} {:?}",
-                outcome.record.links, outcome.record.elements, outcome.record.ended, outcome.record.ledger
-            );
+        for visibility in [Visibility::Exact, Visibility::Mr] {
+            let options = Options { visibility, ..links(0.05) };
+            let [bias, rms] = against_paths(&scene, &solved(&scene, &[], &options));
+            assert!(bias.abs() < 0.03 && rms < 0.5, "{visibility:?}: {bias} {rms}");
         }
     }
 }
@@ -278,11 +262,9 @@ fn forests_under_the_sky() {
 /// Links of the insides of a closed room are all blocked; the outsides are lit.
 #[test]
 fn closed_rooms_stay_dark() {
-    let scene = lit(room(false), sunny(50.0));
-    let Outcome { mesh, record, .. } = solved(&scene, &[], &links(0.05));
+    let mesh = solved(&lit(room(false), sunny(50.0)), &[], &links(0.05)).mesh;
     // The faces of the walls and of the box are wound towards the inside of the room.
     let (inside, outside) = (mean_of(&mesh, |e| e.front), mean_of(&mesh, |e| !e.front));
-    println!("{inside} {outside} {}", record.links);
     assert!(inside < 1e-6 * outside && outside > 0.0, "{inside} {outside}");
 }
 
@@ -293,13 +275,8 @@ fn refinement_ends_at_limits_and_does_not_depend_on_threads() {
     let record = solved(&scene, &[], &few).record;
     assert!(record.ended == Ended::Links && record.links <= 2000, "{:?} {}", record.ended, record.links);
     let hurried = Options { step_seconds: Some(0.01), max_seconds: Some(0.5), ..links(0.002) };
-    let outcome = solved(&scene, &[], &hurried);
-    println!(
-        "{:?}",
-        outcome.record.iterations.iter().map(|i| (i.links, i.elements, i.error_bound)).collect::<Vec<_>>()
-    );
-    let [bias, rms] = against_paths(&scene, &outcome);
-    println!("{bias} {rms} {:?}", outcome.record.ended);
+    let [bias, rms] = against_paths(&scene, &solved(&scene, &[], &hurried));
+    assert!(bias.abs() < 0.05 && rms < 0.5, "{bias} {rms}");
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         pool.install(|| solved(&scene, &[], &links(0.05)))

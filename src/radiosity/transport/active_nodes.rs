@@ -6,7 +6,6 @@
 
 use super::cluster_reflection::ClusterReflection;
 use super::directional::{DirectionalIrradiance, NodeIrradiance};
-use super::gather_push_pull::push;
 use crate::radiosity::elements::{Elements, Shape, facing};
 use crate::radiosity::links::Link;
 use crate::radiosity::rgb::Rgb;
@@ -48,16 +47,15 @@ impl ActiveNodes {
     /// Stands for no node.
     pub const NONE: u32 = u32::MAX;
 
-    /// The active nodes for a set of links, with the row factors of the elements. `beyond` is what arrives at elements along their own links
-    /// from beyond the scene.
-    pub fn new(elements: &Elements, links: &[Link], beyond: &[(u32, DirectionalIrradiance)]) -> ActiveNodes {
+    /// The active nodes for a set of links and the elements at which light from beyond the scene arrives, with the row factors of the elements.
+    pub fn new(elements: &Elements, links: &[Link], lit: impl Iterator<Item = u32>) -> ActiveNodes {
         let n = elements.len();
         let mut below = vec![false; n];
         let mut linked = vec![false; n];
         for l in links {
             (linked[l.a as usize], linked[l.b as usize]) = (true, true);
         }
-        beyond.iter().for_each(|(e, _)| linked[*e as usize] = true);
+        lit.for_each(|e| linked[e as usize] = true);
         for e in (1..n).rev() {
             if linked[e] || below[e] {
                 below[elements.elements[e].parent as usize] = true;
@@ -95,24 +93,7 @@ impl ActiveNodes {
         }
         active.update_factors(elements);
         active.connect(links);
-        active.beyond = (!beyond.is_empty()).then(|| active.pushed(elements, beyond));
         active
-    }
-
-    /// Irradiance of the nodes by what arrives at elements.
-    fn pushed(&self, elements: &Elements, arriving: &[(u32, DirectionalIrradiance)]) -> NodeIrradiance {
-        let mut pushed = NodeIrradiance {
-            clusters: vec![DirectionalIrradiance::default(); self.clusters],
-            surfaces: vec![[0.0; 3]; self.elements.len() - self.clusters],
-        };
-        for (e, arriving) in arriving {
-            match (self.nodes[*e as usize] as usize).checked_sub(self.clusters) {
-                None => pushed.clusters[self.nodes[*e as usize] as usize] = *arriving,
-                Some(surface) => pushed.surfaces[surface] = arriving.even,
-            }
-        }
-        push(elements, self, &mut pushed);
-        pushed
     }
 
     /// Applies the present row factors of the elements.

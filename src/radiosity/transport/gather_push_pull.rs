@@ -109,7 +109,7 @@ pub fn gather(elements: &Elements, nodes: &ActiveNodes, outgoing: &NodeRadiosity
 }
 
 /// Pushes the irradiance that arrives at each node down to the nodes below it.
-pub fn push(elements: &Elements, nodes: &ActiveNodes, arriving: &mut NodeIrradiance) {
+fn push(elements: &Elements, nodes: &ActiveNodes, arriving: &mut NodeIrradiance) {
     let NodeIrradiance { clusters, surfaces } = arriving;
     for p in 1..nodes.elements.len() {
         let parent = nodes.parents[p] as usize;
@@ -129,6 +129,27 @@ pub fn push(elements: &Elements, nodes: &ActiveNodes, arriving: &mut NodeIrradia
             }
         }
     }
+}
+
+/// Irradiance of the nodes by what arrives at elements; none if nothing does.
+pub fn pushed(
+    elements: &Elements,
+    nodes: &ActiveNodes,
+    arriving: &[(u32, DirectionalIrradiance)],
+) -> Option<NodeIrradiance> {
+    let mut pushed = NodeIrradiance {
+        clusters: vec![DirectionalIrradiance::default(); nodes.clusters],
+        surfaces: vec![[0.0; 3]; nodes.elements.len() - nodes.clusters],
+    };
+    for (e, arriving) in arriving {
+        let node = nodes.nodes[*e as usize] as usize;
+        match node.checked_sub(nodes.clusters) {
+            None => pushed.clusters[node] = *arriving,
+            Some(surface) => pushed.surfaces[surface] = arriving.even,
+        }
+    }
+    push(elements, nodes, &mut pushed);
+    (!arriving.is_empty()).then_some(pushed)
 }
 
 fn at_surface(elements: &Elements, nodes: &ActiveNodes, outgoing: &NodeRadiosity, node: usize) -> Rgb {
