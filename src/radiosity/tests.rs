@@ -9,6 +9,7 @@ mod ratios;
 mod sheets;
 mod sizes;
 mod sky;
+mod sky_links;
 mod unlit;
 mod visibility;
 

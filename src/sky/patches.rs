@@ -39,6 +39,8 @@ pub struct Patch {
     pub half_angle: f64,
     /// Integral of the unit vector over the patch, sr, scene coordinates.
     pub moment: DVec3,
+    /// By channel, integral of radiance times the unit vector, by the mean radiance of its finest patches; W/m², scene coordinates.
+    pub flow: [DVec3; 3],
     /// First child; 0 at the finest level.
     first_child: u32,
 }
@@ -116,6 +118,7 @@ impl Patches {
             axis: self.frame.world(local_axis),
             half_angle,
             moment: self.frame.world(moment),
+            flow: [DVec3::ZERO; 3],
             first_child: 0,
             extent,
         });
@@ -158,18 +161,22 @@ impl Patches {
         for k in (0..self.patches.len()).rev() {
             let children = self.children(k as u32);
             if children.is_empty() {
+                let patch = &mut self.patches[k];
+                patch.flow = patch.mean.map(|l| l * patch.moment);
                 continue;
             }
+            let mut flow = [DVec3::ZERO; 3];
             let (mut mean, mut min, mut max) = ([0.0; 3], [f64::INFINITY; 3], [0.0f64; 3]);
             for child in &self.patches[children.start as usize..children.end as usize] {
                 for c in 0..3 {
+                    flow[c] += child.flow[c];
                     mean[c] += child.mean[c] / f64::from(CHILDREN);
                     min[c] = min[c].min(child.min[c]);
                     max[c] = max[c].max(child.max[c]);
                 }
             }
             let patch = &mut self.patches[k];
-            (patch.mean, patch.min, patch.max) = (mean, min, max);
+            (patch.mean, patch.min, patch.max, patch.flow) = (mean, min, max, flow);
         }
     }
 
@@ -180,6 +187,7 @@ impl Patches {
             for values in [&mut patch.mean, &mut patch.min, &mut patch.max] {
                 *values = values.map(|l| factor * l);
             }
+            patch.flow = patch.flow.map(|f| factor * f);
         }
         scaled
     }
@@ -197,6 +205,16 @@ impl Patches {
     /// A patch.
     pub fn patch(&self, k: u32) -> &Patch {
         &self.patches[k as usize]
+    }
+
+    /// A direction of a patch as a unit vector in scene coordinates, uniform by solid angle for `u` in the unit square.
+    pub fn direction(&self, k: u32, [s, t]: [f64; 2]) -> DVec3 {
+        self.frame.world(self.patch(k).extent.at(s, t))
+    }
+
+    /// Smallest sine of the elevation of a patch above the horizontal plane, in `[-1, 1]`.
+    pub fn lowest(&self, k: u32) -> f64 {
+        self.patch(k).extent.z[0]
     }
 
     /// The children of a patch, which have equal solid angles; none at the finest level.
@@ -241,17 +259,31 @@ impl Patches {
     /// Irradiance of a plane with a unit normal in scene coordinates, W/m², by the mean radiance of the finest patches.
     pub fn irradiance(&self, normal: DVec3) -> [f64; 3] {
         let mut sum = [0.0; 3];
-        let mut open: Vec<u32> = self.roots().collect();
-        while let Some(k) = open.pop() {
-            let (patch, children) = (self.patch(k), self.children(k));
-            if children.is_empty() || patch.min == patch.max {
-                let projected = self.projected(k, normal);
-                (0..3).for_each(|c| sum[c] += projected * patch.mean[c]);
-            } else {
-                open.extend(children);
-            }
-        }
+        self.roots().for_each(|k| self.add_irradiance(k, normal, &mut sum));
         sum
+    }
+
+    /// The part of [`Patches::irradiance`] by one patch.
+    pub fn irradiance_of(&self, k: u32, normal: DVec3) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        self.add_irradiance(k, normal, &mut sum);
+        sum
+    }
+
+    fn add_irradiance(&self, k: u32, normal: DVec3, sum: &mut [f64; 3]) {
+        let (patch, children) = (self.patch(k), self.children(k));
+        let above = patch.axis.dot(normal).clamp(-1.0, 1.0).asin();
+        if above <= -patch.half_angle {
+            return;
+        }
+        if above >= patch.half_angle {
+            (0..3).for_each(|c| sum[c] += patch.flow[c].dot(normal).max(0.0));
+        } else if children.is_empty() || patch.min == patch.max {
+            let projected = self.projected(k, normal);
+            (0..3).for_each(|c| sum[c] += projected * patch.mean[c]);
+        } else {
+            children.for_each(|child| self.add_irradiance(child, normal, sum));
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 use super::solved::{Closing, Solved};
 use crate::radiosity::elements::{RowFactors, Shape};
 use crate::radiosity::rgb::{Rgb, add, mean};
+use crate::radiosity::surroundings::Arrived;
 #[cfg(any(test, feature = "reports"))]
 use crate::scene::Photometry;
 use crate::scene::unit_in_metres;
@@ -107,16 +108,21 @@ impl Solved {
                 ledger.row_sum_error_sampled += element.area * (sampled - 1.0).powi(2);
             }
         }
+        let arrived = match &self.closing {
+            Closing::Links(links) => links.arrived,
+            Closing::Rays(local) => local.arrived,
+            Closing::Nothing => Arrived::default(),
+        };
+        (ledger.sky, ledger.sun) = (mean(arrived.sky), mean(arrived.sun));
         if let Closing::Rays(local) = &self.closing {
             for (k, share) in local.received.into_iter().enumerate() {
                 sent[k] += share * powers.emitted[k];
                 powers.escaped[k] += (1.0 - share) * powers.emitted[k];
             }
-            (ledger.sky, ledger.sun) = (mean(local.arrived.sky), mean(local.arrived.sun));
-            for of in [local.arrived.sky, local.arrived.sun] {
-                add(&mut sent, 1.0, of);
-                add(&mut powers.emitted, 1.0, of);
-            }
+        }
+        for of in [arrived.sky, arrived.sun] {
+            add(&mut sent, 1.0, of);
+            add(&mut powers.emitted, 1.0, of);
         }
         for error in [&mut ledger.row_sum_error, &mut ledger.row_sum_error_sampled] {
             *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };

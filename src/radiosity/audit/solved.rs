@@ -43,8 +43,12 @@ impl Solved {
     /// appear or vanish: 6 % of that of a town with 143 links.
     fn balance_power(&mut self) {
         let Elements { elements, states, sides, .. } = &self.linked.elements;
-        // What emitters send to others, and what leaves absorb or lose.
+        // What emitters send to others and what arrives from beyond the scene, and what leaves absorb or lose.
         let (mut sent, mut lost) = ([0.0; 3], [0.0; 3]);
+        if let Closing::Links(links) = &self.closing {
+            add(&mut sent, 1.0, links.arrived.sky);
+            add(&mut sent, 1.0, links.arrived.sun);
+        }
         for leaf in self.linked.leaves() {
             let Shape::Surface { side, .. } = elements[leaf as usize].shape else { continue };
             let (area, side) = (elements[leaf as usize].area, &sides[side as usize]);

@@ -37,6 +37,9 @@ pub fn link_uncertainty(linked: &LinkedScene) -> Vec<f64> {
             put(l.b, l.variation[1], l.a);
         }
     }
+    for l in &linked.sky_links {
+        variance[l.receiver as usize] += f64::from(l.variation).powi(2) + f64::from(l.noise).powi(2);
+    }
     for e in 1..elements.len() {
         variance[e] += variance[elements.elements[e].parent as usize];
     }
@@ -143,6 +146,7 @@ fn links_at(linked: &LinkedScene) -> Vec<u32> {
         links[l.a as usize] += 1;
         links[l.b as usize] += u32::from(l.a != l.b);
     }
+    linked.sky_links.iter().for_each(|l| links[l.receiver as usize] += 1);
     for e in 1..elements.len() {
         links[e] += links[elements.elements[e].parent as usize];
     }

@@ -8,13 +8,14 @@
 use super::element_rays::{LeafRays, batches};
 use super::element_samples::{DIRECT, ElementLight, REFLECTED};
 use super::gatherer::{Buffers, FinalGather};
-use super::local_pass::{Arrived, LocalPass};
+use super::local_pass::LocalPass;
 use super::neighbours::Place;
 use super::sharing::{SharedLight, share};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::rgb::{Rgb, mean};
+use crate::radiosity::surroundings::Arrived;
 use glam::Vec3;
 use rayon::prelude::*;
 

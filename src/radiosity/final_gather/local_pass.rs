@@ -17,12 +17,11 @@ use crate::radiosity::deadline::{Deadline, GATHER_SHARE, RAY_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::refinement::LinkedScene;
-use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::radiosity::surroundings::{SampledShare, emitted_share};
+use crate::radiosity::rgb::{Rgb, mean};
+use crate::radiosity::surroundings::{Arrived, SampledShare, emitted_share};
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
 };
-use glam::Vec3;
 
 /// Smallest number of rays of an element, so that no element stays without exchange. 2 or 8 instead change irradiance
 /// by less than 0.05 % (`constants.py solve`).
@@ -51,27 +50,6 @@ const TIMED_RAYS: u32 = 16;
 /// Part of the rays that remains after surfaces have been split for so many rays and each part has its smallest number:
 /// parts are made for 20 rays each and [`MIN_ROW_RAYS`] of them are fixed, 1 − 4 / 20.
 const SHARED_AFTER_SPLIT: f64 = 0.8;
-
-/// Power that elements receive from beyond the scene, W/m² times scene units squared.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Arrived {
-    /// From the sky and the ground around the scene.
-    pub sky: Rgb,
-    /// From the suns.
-    pub sun: Rgb,
-}
-
-impl Arrived {
-    /// The sums over elements with these areas and irradiances of the sky and the suns.
-    pub fn of(elements: impl Iterator<Item = (f64, Vec3, Vec3)>) -> Arrived {
-        let mut sums = Arrived::default();
-        for (area, sky, sun) in elements {
-            add(&mut sums.sky, area, sky.to_array().map(f64::from));
-            add(&mut sums.sun, area, sun.to_array().map(f64::from));
-        }
-        sums
-    }
-}
 
 /// The result of the local pass.
 pub struct LocalPass {

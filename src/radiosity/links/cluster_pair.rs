@@ -4,6 +4,7 @@
 use super::accuracy::{Accuracy, Draft, FEW_SEGMENTS_ERROR};
 use super::end_samples::{EndSamples, kernel};
 use super::{BlockerCertificate, VisibilityQuery};
+use crate::math::Aabb;
 use crate::math::sampling::mix;
 use crate::radiosity::elements::{Element, Elements, Shape, facing};
 use crate::radiosity::options::Inside;
@@ -76,7 +77,10 @@ impl ClusterPair<'_> {
         }
         if self.inside != Inside::Visible {
             let ends = if accuracy.first_receives { [ea, eb] } else { [eb, ea] };
-            shorten_to_boxes(elements, &mut packet, ends);
+            for (k, end) in ends.into_iter().enumerate() {
+                let Shape::Cluster(c) = end.shape else { continue };
+                shorten_to_box(&elements.clusters[c as usize].bounds, &mut packet, k);
+            }
         }
         let draft = Draft {
             ids: self.ids,
@@ -107,28 +111,24 @@ impl ClusterPair<'_> {
     }
 }
 
-/// Shortens segments to the parts outside the boxes of the clusters in which they start and end.
-fn shorten_to_boxes(elements: &Elements, packet: &mut Packet, ends: [&Element; 2]) {
-    for (k, end) in ends.into_iter().enumerate() {
-        let Shape::Cluster(c) = end.shape else { continue };
-        let bounds = elements.clusters[c as usize].bounds;
-        for lane in packet.lanes() {
-            let (o, d) = (packet.point(lane, 0.0), packet.point(lane, 1.0) - packet.point(lane, 0.0));
-            // Parameters at which the line enters and leaves the box. Axes that the line is perpendicular to are omitted:
-            // on a face of the box their quotient would be 0/0.
-            let (mut enters, mut leaves) = (f32::MIN, f32::MAX);
-            for axis in (0..3).filter(|&axis| d[axis] != 0.0) {
-                let first = (bounds.min[axis] - o[axis]) / d[axis];
-                let last = (bounds.max[axis] - o[axis]) / d[axis];
-                enters = enters.max(first.min(last));
-                leaves = leaves.min(first.max(last));
-            }
-            let (near, far) = (packet.near[lane], packet.far[lane]);
-            if k == 0 {
-                packet.near[lane] = leaves.max(near).min(far);
-            } else {
-                packet.far[lane] = enters.max(near).min(far);
-            }
+/// Shortens segments to the parts outside the box of a cluster in which they start (`end` 0) or end (1).
+pub(super) fn shorten_to_box(bounds: &Aabb, packet: &mut Packet, end: usize) {
+    for lane in packet.lanes() {
+        let (o, d) = (packet.point(lane, 0.0), packet.point(lane, 1.0) - packet.point(lane, 0.0));
+        // Parameters at which the line enters and leaves the box. Axes that the line is perpendicular to are omitted:
+        // on a face of the box their quotient would be 0/0.
+        let (mut enters, mut leaves) = (f32::MIN, f32::MAX);
+        for axis in (0..3).filter(|&axis| d[axis] != 0.0) {
+            let first = (bounds.min[axis] - o[axis]) / d[axis];
+            let last = (bounds.max[axis] - o[axis]) / d[axis];
+            enters = enters.max(first.min(last));
+            leaves = leaves.min(first.max(last));
+        }
+        let (near, far) = (packet.near[lane], packet.far[lane]);
+        if end == 0 {
+            packet.near[lane] = leaves.max(near).min(far);
+        } else {
+            packet.far[lane] = enters.max(near).min(far);
         }
     }
 }

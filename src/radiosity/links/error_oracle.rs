@@ -67,6 +67,6 @@ pub fn link_error(elements: &Elements, link: &Link, oracle: Oracle) -> (f32, Spl
 }
 
 /// The weight of an irradiance error on an element of this area, for a scene of area `whole`.
-fn weigh(error: f32, weight: f32, area: f64, whole: f64) -> f32 {
+pub(super) fn weigh(error: f32, weight: f32, area: f64, whole: f64) -> f32 {
     error * weight * (area / whole).sqrt() as f32
 }

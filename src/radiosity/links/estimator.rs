@@ -61,7 +61,11 @@ impl LinkEstimator<'_> {
             return Some((Draft { swapped: true, ..draft }, query));
         }
         let [ea, eb] = [a, b].map(|e| &self.elements.elements[e as usize]);
-        if ea.area <= 0.0 || eb.area <= 0.0 || self.is_behind(ea, eb) || self.is_behind(eb, ea) {
+        if ea.area <= 0.0
+            || eb.area <= 0.0
+            || is_behind(self.elements, ea, eb)
+            || is_behind(self.elements, eb, ea)
+        {
             return None;
         }
         let seed =
@@ -83,24 +87,24 @@ impl LinkEstimator<'_> {
             ),
         }
     }
-
-    /// Whether all of `other` lies behind a surface.
-    fn is_behind(&self, surface: &Element, other: &Element) -> bool {
-        let Shape::Surface { side, corners } = &surface.shape else { return false };
-        let normal = self.elements.sides[*side as usize].normal;
-        let height = |p: Vec3| normal.dot(p - corners[0]);
-        let highest = match &other.shape {
-            Shape::Surface { corners, .. } => corners.iter().map(|&p| height(p)).fold(f32::MIN, f32::max),
-            Shape::Cluster(c) => {
-                let bounds = self.elements.clusters[*c as usize].bounds;
-                height(Vec3::select(normal.cmpgt(Vec3::ZERO), bounds.max, bounds.min))
-            }
-        };
-        highest <= COPLANAR * (surface.radius + other.radius)
-    }
 }
 
 /// Height above a plane, relative to the radii, up to which an element counts as behind it: 170 roundings of f32 (2⁻²⁴)
 /// of coordinates that may be larger than the radii. 1e-6 or 1e-4 instead change irradiance by less than 0.001 %
 /// (`constants.py solve`).
 const COPLANAR: f32 = 1e-5;
+
+/// Whether all of `other` lies behind a surface.
+pub(super) fn is_behind(elements: &Elements, surface: &Element, other: &Element) -> bool {
+    let Shape::Surface { side, corners } = &surface.shape else { return false };
+    let normal = elements.sides[*side as usize].normal;
+    let height = |p: Vec3| normal.dot(p - corners[0]);
+    let highest = match &other.shape {
+        Shape::Surface { corners, .. } => corners.iter().map(|&p| height(p)).fold(f32::MIN, f32::max),
+        Shape::Cluster(c) => {
+            let bounds = elements.clusters[*c as usize].bounds;
+            height(Vec3::select(normal.cmpgt(Vec3::ZERO), bounds.max, bounds.min))
+        }
+    };
+    highest <= COPLANAR * (surface.radius + other.radius)
+}

@@ -316,10 +316,13 @@ impl Stages<'_> {
             target_met: options.target_error.map(|t| balanced && error_estimate.is_some_and(|e| e <= t)),
             seconds: self.seconds,
             cache: self.model.report().origin.name().into(),
-            links: linked.links.len(),
+            links: linked.link_count(),
             elements: linked.elements.len(),
             unlit,
-            bytes: linked.elements.bytes() + size_of_val(linked.links.as_slice()) + bytes,
+            bytes: linked.elements.bytes()
+                + size_of_val(linked.links.as_slice())
+                + size_of_val(linked.sky_links.as_slice())
+                + bytes,
             exact_rays: tally.exact_rays,
             bundles: tally,
             ledger,

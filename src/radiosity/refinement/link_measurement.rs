@@ -10,7 +10,7 @@ use crate::visibility::sample_runs;
 use rayon::prelude::*;
 
 /// Pairs that one task measures.
-const CHUNK: usize = 64;
+pub const CHUNK: usize = 64;
 /// Links measured between two checks of the deadline: at most 32,768 segments. Changes results with a time limit only.
 pub const SLICE: usize = 2048;
 /// Standard error of the link of a cluster with itself, relative to its exchange area: that of a share measured by 11

@@ -5,13 +5,13 @@ use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::emitter_tree::Receiver;
 use crate::radiosity::elements::emitters::Emitters;
 use crate::radiosity::elements::{Elements, LightStatistics, RowFactors, Shape, Side};
-use crate::radiosity::links::{BlockerCertificate, Link, Tally, VisibilityEngine};
+use crate::radiosity::links::{BlockerCertificate, Link, SkyLink, Tally, VisibilityEngine};
 use crate::radiosity::options::{Inside, Options, Oracle, RowSums};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{Surroundings, received_shares};
 use crate::radiosity::transport::{
     ActiveNodes, Convergence, Field, LinkTransport, Method, NodeIrradiance, cap_row_sums, link_row_sums,
-    normalise_link_rows, short_rows, solve,
+    normalise_link_rows, pushed, short_rows, solve,
 };
 use crate::ranks::Ranks;
 use crate::scene::Scene;
@@ -65,8 +65,12 @@ pub struct LinkedScene {
     pub feature_sizes: FeatureSizes,
     /// Mean irradiance that the emitted power and the mean reflectance imply, W/m²: errors are relative to this.
     pub mean_irradiance: f64,
+    /// Light from beyond the scene.
+    pub environment: Option<Arc<Environment>>,
+    /// The links to it.
+    pub sky_links: Vec<SkyLink>,
     /// Irradiance of a horizontal plane by the sky and the suns, W/m².
-    beyond: f64,
+    pub(super) beyond: f64,
     /// The processes that share the measurement of links.
     pub ranks: Ranks,
     /// Visibility queries so far.
@@ -112,6 +116,8 @@ impl LinkedScene {
             settings: LinkTransportSettings { inside, oracle, row_sums, max_links, seed },
             feature_sizes,
             mean_irradiance: if absorbed > 0.0 { power / absorbed } else { 0.0 },
+            environment: None,
+            sky_links: Vec::new(),
             beyond: 0.0,
             ranks: Ranks::default(),
             tally: Tally::default(),
@@ -122,19 +128,6 @@ impl LinkedScene {
         scene.pull_radiosity();
         scene.update_oracle_statistics();
         scene
-    }
-
-    /// Counts the light of sky and suns to the mean irradiance: that of a horizontal plane on the parts of sides from which rays leave the scene.
-    pub fn add_environment(&mut self, environment: &Environment) {
-        self.beyond = mean(environment.irradiance(environment.frame().up));
-        let Elements { elements, sides, .. } = &self.elements;
-        let (mut power, mut absorbed) = (0.0, 0.0);
-        for (side, escaped) in sides.iter().zip(&self.surroundings.escaped) {
-            let area = elements[side.element as usize].area;
-            power += area * f64::from(*escaped) * self.beyond;
-            absorbed += area * (1.0 - mean(side.reflectance.map(f64::from)) * (1.0 - f64::from(*escaped)));
-        }
-        self.mean_irradiance += if absorbed > 0.0 { power / absorbed } else { 0.0 };
     }
 
     /// The emitting faces of the scene of the elements; found at the first call.
@@ -180,7 +173,10 @@ impl LinkedScene {
 
     /// The active nodes of the present links.
     pub fn active_nodes(&self) -> ActiveNodes {
-        ActiveNodes::new(&self.elements, &self.links)
+        let beyond = self.light_from_beyond();
+        let mut nodes = ActiveNodes::new(&self.elements, &self.links, beyond.iter().map(|(e, _)| *e));
+        nodes.beyond = pushed(&self.elements, &nodes, &beyond);
+        nodes
     }
 
     /// Splits a surface into four parts that send out the light of the whole.
@@ -325,8 +321,14 @@ impl LinkedScene {
         let (field, convergence) = solve(&transport, self.last_field.take(), method, deadline);
         let found = NodeIrradiance::from_field(&field, nodes.clusters);
         let irradiance = nodes.expand(&self.elements, &found.clusters, &found.surfaces);
-        for (state, e) in self.elements.states.iter_mut().zip(irradiance) {
-            state.irradiance = e.map(|v| v * f64::from(state.factors.gathers));
+        let beyond = nodes.beyond.as_ref();
+        let beyond = beyond.map(|of| nodes.expand(&self.elements, &of.clusters, &of.surfaces));
+        for (k, (state, e)) in self.elements.states.iter_mut().zip(irradiance).enumerate() {
+            let gathers = f64::from(state.factors.gathers);
+            state.irradiance = e.map(|v| gathers * v);
+            if let Some(beyond) = &beyond {
+                add(&mut state.irradiance, 1.0 - gathers, beyond[k]);
+            }
         }
         self.pull_radiosity();
         self.last_field = Some(field);

@@ -12,6 +12,7 @@ mod link_measurement;
 mod linked_scene;
 mod refine;
 mod schedule;
+mod sky_links;
 
 pub use importance::apply_importance;
 #[cfg(test)]

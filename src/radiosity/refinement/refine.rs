@@ -3,8 +3,9 @@
 use super::histogram::Histogram;
 use super::link_measurement::{Pair, SLICE, measure};
 use super::linked_scene::LinkedScene;
+use super::sky_links::{measure_sky, sky_link_errors, sky_parts};
 use crate::progress::Progress;
-use crate::radiosity::links::{Link, Split, link_error};
+use crate::radiosity::links::{Link, SkyLink, Split, link_error};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
@@ -23,43 +24,49 @@ pub struct Replaced {
     pub full: bool,
 }
 
-/// Errors of all links relative to the scene's mean irradiance, and the ends to split.
-pub fn link_errors(linked: &LinkedScene) -> Vec<(f32, Split)> {
+/// Errors of links relative to the scene's mean irradiance, and the ends to split.
+pub type LinkErrors = Vec<(f32, Split)>;
+
+/// Errors of all links between elements.
+pub fn link_errors(linked: &LinkedScene) -> LinkErrors {
+    errors_of(linked, &linked.links)
+}
+
+fn errors_of(linked: &LinkedScene, links: &[Link]) -> LinkErrors {
     let scale = 1.0 / linked.mean_irradiance as f32;
-    linked
-        .links
-        .par_iter()
-        .with_min_len(4096)
-        .map(|l| {
-            let (error, split) = link_error(&linked.elements, l, linked.settings.oracle);
-            (error * scale, split)
-        })
-        .collect()
+    let error = |link: &Link| {
+        let (error, split) = link_error(&linked.elements, link, linked.settings.oracle);
+        (error * scale, split)
+    };
+    links.par_iter().with_min_len(1024).map(error).collect()
 }
 
 /// The error that at most `count` links exceed, no smaller than `min`.
-pub fn threshold(errors: &[(f32, Split)], count: usize, min: f32) -> f32 {
-    let open = errors.iter().filter(|(_, split)| *split != Split::Neither);
+pub fn threshold(errors: &[LinkErrors; 2], count: usize, min: f32) -> f32 {
+    let open = errors.iter().flatten().filter(|(_, split)| *split != Split::Neither);
     Histogram::new(open.map(|(error, _)| *error)).threshold(count, min)
 }
 
-/// Refines all links with errors above a threshold and the links that replace them; with `once` not the latter. Between slices,
-/// but not before the first, `stop` is asked with the number of links and elements. Each generation of links is a stage.
+/// Refines all links with errors above a threshold and the links that replace them; with `once` not the latter. `errors` are those of the
+/// links between elements and of the links to the sky. Between slices, but not before the first, `stop` is asked with the number of links and
+/// elements. Each generation of links is a stage.
 pub fn refine(
     linked: &mut LinkedScene,
-    errors: &[(f32, Split)],
+    errors: &[LinkErrors; 2],
     threshold: f32,
     once: bool,
     stop: &dyn Fn(usize) -> bool,
     progress: &dyn Progress,
 ) -> Replaced {
     let open = |(error, split): (f32, Split)| error > threshold && split != Split::Neither;
-    let mut wave: VecDeque<(Link, Split)> = VecDeque::new();
-    let mut kept = Vec::with_capacity(linked.links.len());
-    for (link, &error) in linked.links.iter().zip(errors) {
-        if open(error) { wave.push_back((*link, error.1)) } else { kept.push(*link) }
+    let mut wave = VecDeque::new();
+    // The sky first: outdoors it is what all other light comes from.
+    for (link, &error) in std::mem::take(&mut linked.sky_links).into_iter().zip(&errors[1]) {
+        if open(error) { wave.push_back(Open::Sky(link, error.1)) } else { linked.sky_links.push(link) }
     }
-    linked.links = kept;
+    for (link, &error) in std::mem::take(&mut linked.links).into_iter().zip(&errors[0]) {
+        if open(error) { wave.push_back(Open::Between(link, error.1)) } else { linked.links.push(link) }
+    }
     let mut replaced = Replaced::default();
     // Links of the present generation that are not replaced yet.
     let mut generation = 0;
@@ -68,35 +75,66 @@ pub fn refine(
             generation = wave.len();
             progress.stage(&format!("refining to {threshold:.0e}"), generation as u64);
         }
-        let held = linked.links.len() + wave.len();
+        let held = linked.link_count() + wave.len();
         let room = linked.settings.max_links.saturating_sub(held) / ADDED_LINKS;
         replaced.full = room == 0;
         if replaced.full || (replaced.links > 0 && stop(held + linked.elements.len())) {
             break;
         }
         let slice = if once { SHORT_SLICE } else { SLICE };
-        let slice: Vec<_> = wave.drain(..slice.min(room).min(generation)).collect();
-        generation -= slice.len();
-        progress.advance(slice.len() as u64);
-        replaced.links += slice.len();
-        let pairs = parts(linked, &slice);
-        let made = measure(linked, &pairs, threshold, linked.settings.seed);
-        let scale = 1.0 / linked.mean_irradiance as f32;
-        let errors: Vec<(f32, Split)> = made
-            .par_iter()
-            .with_min_len(1024)
-            .map(|l| link_error(&linked.elements, l, linked.settings.oracle))
-            .collect();
-        for (link, (error, split)) in made.into_iter().zip(errors) {
-            if !once && open((error * scale, split)) {
-                wave.push_back((link, split));
-            } else {
-                linked.links.push(link);
+        let slice = slice.min(room).min(generation);
+        generation -= slice;
+        progress.advance(slice as u64);
+        replaced.links += slice;
+        for made in replace(linked, wave.drain(..slice), threshold) {
+            match made {
+                Open::Sky(_, split) | Open::Between(_, split) if once || split == Split::Neither => {
+                    made.keep(linked)
+                }
+                _ => wave.push_back(made),
             }
         }
     }
-    linked.links.extend(wave.into_iter().map(|(link, _)| link));
+    wave.into_iter().for_each(|link| link.keep(linked));
     replaced
+}
+
+/// A link with the end to split, if its error is too large.
+enum Open {
+    Between(Link, Split),
+    Sky(SkyLink, Split),
+}
+
+impl Open {
+    /// Puts the link among the others.
+    fn keep(self, linked: &mut LinkedScene) {
+        match self {
+            Open::Between(link, _) => linked.links.push(link),
+            Open::Sky(link, _) => linked.sky_links.push(link),
+        }
+    }
+}
+
+/// The links that replace a slice of others, with [`Split::Neither`] for those that need no refinement.
+fn replace(linked: &mut LinkedScene, slice: impl Iterator<Item = Open>, threshold: f32) -> Vec<Open> {
+    let (mut between, mut sky) = (Vec::new(), Vec::new());
+    for link in slice {
+        match link {
+            Open::Between(link, split) => between.push((link, split)),
+            Open::Sky(link, split) => sky.push((link, split)),
+        }
+    }
+    let seed = linked.settings.seed;
+    let pairs = parts(linked, &between);
+    let between = measure(linked, &pairs, threshold, seed);
+    let pairs = sky_parts(linked, &sky);
+    let sky = measure_sky(linked, &pairs, threshold, seed);
+    let end = |(error, split): (f32, Split)| if error > threshold { split } else { Split::Neither };
+    let sky_errors = sky_link_errors(linked, &sky);
+    let sky = sky.into_iter().zip(sky_errors).map(|(link, error)| Open::Sky(link, end(error)));
+    let errors = errors_of(linked, &between);
+    let between = between.into_iter().zip(errors).map(|(link, error)| Open::Between(link, end(error)));
+    sky.chain(between).collect()
 }
 
 /// The pairs that replace links; ends are split as needed.

@@ -4,9 +4,11 @@ use super::importance::propagate_importance;
 use super::link_measurement::remeasure_links;
 use super::linked_scene::LinkedScene;
 use super::refine::{Replaced, link_errors, refine, threshold};
+use super::sky_links::{remeasure_sky_links, sky_link_errors};
 use crate::progress::Progress;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::Options;
+use crate::radiosity::surroundings::Arrived;
 use crate::radiosity::transport::Convergence;
 use serde::Serialize;
 use std::time::Instant;
@@ -118,6 +120,8 @@ pub struct LinkClosing {
     pub bytes: usize,
     /// The last sweeps.
     pub convergence: Convergence,
+    /// What arrives from beyond the scene.
+    pub arrived: Arrived,
 }
 
 impl Coarse {
@@ -226,7 +230,7 @@ impl Refined {
     fn step(&mut self, steps: &mut Steps, progress: &dyn Progress, deadline: &Deadline) -> (Replaced, f32) {
         let start = Instant::now();
         let linked = &mut self.linked;
-        let errors = link_errors(linked);
+        let errors = [link_errors(linked), sky_link_errors(linked, &linked.sky_links)];
         let once = steps.seconds.is_some();
         let threshold = match once {
             true => threshold(&errors, steps.links as usize, self.link_error),
@@ -244,7 +248,7 @@ impl Refined {
         propagate_importance(linked, &nodes);
         linked.update_oracle_statistics();
         let seconds = start.elapsed().as_secs_f64();
-        let (links, elements) = (linked.links.len(), linked.elements.len());
+        let (links, elements) = (linked.link_count(), linked.elements.len());
         let sweeps = self.convergence.sweeps.max(1) * (links + elements);
         self.closing_cost = CLOSING_SWEEPS * (seconds - refining) / sweeps as f64;
         if once {
@@ -266,11 +270,12 @@ impl Refined {
     pub fn close_links(&mut self, deadline: &Deadline) -> LinkClosing {
         let linked = &mut self.linked;
         remeasure_links(linked, self.link_error, self.closing_cost, deadline);
+        remeasure_sky_links(linked, self.link_error, self.closing_cost, deadline);
         let (sampled, bounded) = linked.normalise_rows(deadline);
         let nodes = linked.active_nodes();
         let convergence = linked.iterate(&nodes, FINAL_TOLERANCE, MAX_FINAL_SWEEPS, deadline);
         let used = linked.row_sums(&nodes);
         linked.update_oracle_statistics();
-        LinkClosing { sampled, used, bounded, bytes: nodes.bytes(), convergence }
+        LinkClosing { sampled, used, bounded, bytes: nodes.bytes(), convergence, arrived: linked.arrived() }
     }
 }

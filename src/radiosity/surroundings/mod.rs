@@ -1,11 +1,13 @@
 //! What a few rays say about the surroundings of every side: enclosure of clusters, ways out of the scene, emitted light that
-//! leaves it, sides without light.
+//! leaves it, sides without light; and what arrives from beyond the scene.
 
+mod arrived;
 mod emission;
 mod probe;
 mod side_rays;
 mod unlit;
 
+pub use arrived::Arrived;
 pub use emission::{SampledShare, emitted_share};
 pub use probe::{Surroundings, probe, received_shares};
 pub use unlit::{Unlit, unlit_sides};

@@ -47,7 +47,7 @@ fn under(scene: &Scene, seeds: std::ops::RangeInclusive<u64>, again: bool) -> Ve
         let mut linked = LinkedScene::new(elements.clone(), found, engine, &options);
         const THRESHOLD: f32 = 5e-3;
         for _ in 0..3 {
-            let errors = link_errors(&linked);
+            let errors = [link_errors(&linked), Vec::new()];
             refine(&mut linked, &errors, THRESHOLD, false, &|_| false, &());
             let nodes = linked.active_nodes();
             linked.iterate(&nodes, 1e-3, 12, &deadline);

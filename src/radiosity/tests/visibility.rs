@@ -134,7 +134,7 @@ pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut
     let mut linked = LinkedScene::new(elements, found, engine, options);
     apply_importance(&mut linked, scene, options, &exact).expect("names of the scene");
     for _ in 0..3 {
-        let errors = link_errors(&linked);
+        let errors = [link_errors(&linked), Vec::new()];
         refine(&mut linked, &errors, 1e-3, false, &|_| false, &());
         let nodes = linked.active_nodes();
         linked.iterate(&nodes, 1e-3, 12, &deadline);
@@ -222,11 +222,11 @@ fn links_cover_each_pair_once() {
 fn visibility_is_kept_with_the_link() {
     refined(&room(true), &with(Visibility::Exact), |linked| {
         let before = (linked.tally, linked.links.clone());
-        let errors = link_errors(linked);
+        let errors = [link_errors(linked), Vec::new()];
         assert_eq!(refine(linked, &errors, f32::INFINITY, false, &|_| false, &()), Replaced::default());
         assert_eq!((linked.tally, linked.links.clone()), before);
         // One link more than refined: only its parts are measured.
-        let worst = errors.iter().filter(|(_, split)| *split != Split::Neither);
+        let worst = errors[0].iter().filter(|(_, split)| *split != Split::Neither);
         let worst = worst.map(|(error, _)| *error).fold(0.0, f32::max);
         let refined = refine(linked, &errors, 0.999 * worst, true, &|_| false, &()).links;
         let asked = linked.tally.segments - before.0.segments;

@@ -5,7 +5,7 @@
 //! ([`ActiveNodes::expand`]).
 
 use super::cluster_reflection::ClusterReflection;
-use super::directional::DirectionalIrradiance;
+use super::directional::{DirectionalIrradiance, NodeIrradiance};
 use crate::radiosity::elements::{Elements, Shape, facing};
 use crate::radiosity::links::Link;
 use crate::radiosity::rgb::Rgb;
@@ -39,20 +39,23 @@ pub struct ActiveNodes {
     /// Links by node: first entry of each node, and (other node, exchange area).
     starts: Vec<u32>,
     others: Vec<(u32, f32)>,
+    /// Irradiance that arrives from beyond the scene, also along the links of the nodes above; none without such links.
+    pub beyond: Option<NodeIrradiance>,
 }
 
 impl ActiveNodes {
     /// Stands for no node.
     pub const NONE: u32 = u32::MAX;
 
-    /// The active nodes for a set of links, with the row factors of the elements.
-    pub fn new(elements: &Elements, links: &[Link]) -> ActiveNodes {
+    /// The active nodes for a set of links and the elements at which light from beyond the scene arrives, with the row factors of the elements.
+    pub fn new(elements: &Elements, links: &[Link], lit: impl Iterator<Item = u32>) -> ActiveNodes {
         let n = elements.len();
         let mut below = vec![false; n];
         let mut linked = vec![false; n];
         for l in links {
             (linked[l.a as usize], linked[l.b as usize]) = (true, true);
         }
+        lit.for_each(|e| linked[e as usize] = true);
         for e in (1..n).rev() {
             if linked[e] || below[e] {
                 below[elements.elements[e].parent as usize] = true;
@@ -67,6 +70,7 @@ impl ActiveNodes {
             clusters: 0,
             starts: Vec::new(),
             others: Vec::new(),
+            beyond: None,
         };
         let mut aggregated = 0;
         for (e, element) in elements.elements.iter().enumerate() {
@@ -134,6 +138,11 @@ impl ActiveNodes {
         self.others.len()
     }
 
+    /// Irradiance of a surface node by light from beyond the scene, W/m².
+    pub fn beyond_at(&self, surface: usize) -> Rgb {
+        self.beyond.as_ref().map_or([0.0; 3], |beyond| beyond.surfaces[surface])
+    }
+
     /// Nodes of the aggregated clusters, in the order of their reflections.
     pub fn aggregated(&self) -> impl Iterator<Item = usize> {
         self.kinds
@@ -151,6 +160,7 @@ impl ActiveNodes {
             + self.starts.capacity())
             + 8 * (self.kinds.capacity() + self.others.capacity())
             + self.reflections.capacity() * size_of::<ClusterReflection>()
+            + self.beyond.as_ref().map_or(0, NodeIrradiance::bytes)
     }
 
     /// Irradiance of all surface elements, W/m² (0 for clusters), from the irradiance at the nodes.

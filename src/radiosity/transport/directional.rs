@@ -45,6 +45,20 @@ impl NodeIrradiance {
         clusters.chain(self.surfaces.iter().copied()).collect()
     }
 
+    /// Adds other irradiance at the same nodes.
+    pub fn add(&mut self, other: &NodeIrradiance) {
+        for (own, other) in self.clusters.iter_mut().zip(&other.clusters) {
+            own.beams.iter_mut().zip(other.beams).for_each(|(own, other)| add(own, 1.0, other));
+            add(&mut own.even, 1.0, other.even);
+        }
+        self.surfaces.iter_mut().zip(&other.surfaces).for_each(|(own, other)| add(own, 1.0, *other));
+    }
+
+    /// Size in memory, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.clusters.as_slice()) + size_of_val(self.surfaces.as_slice())
+    }
+
     /// The inverse of [`NodeIrradiance::to_field`] for a number of clusters.
     pub fn from_field(field: &[Rgb], clusters: usize) -> NodeIrradiance {
         let (of_clusters, surfaces) = field.split_at(CLUSTER_UNKNOWNS * clusters);

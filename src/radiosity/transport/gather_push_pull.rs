@@ -93,16 +93,24 @@ impl NodeRadiosity {
 /// Gathers along all links and pushes the irradiance down. Each node adds up its own links in their order, so that the result
 /// does not depend on the number of threads.
 pub fn gather(elements: &Elements, nodes: &ActiveNodes, outgoing: &NodeRadiosity) -> NodeIrradiance {
-    let mut clusters: Vec<DirectionalIrradiance> = (0..nodes.clusters)
+    let clusters: Vec<DirectionalIrradiance> = (0..nodes.clusters)
         .into_par_iter()
         .with_min_len(64)
         .map(|p| at_cluster(elements, nodes, outgoing, p))
         .collect();
-    let mut surfaces: Vec<Rgb> = (nodes.clusters..nodes.elements.len())
+    let surfaces: Vec<Rgb> = (nodes.clusters..nodes.elements.len())
         .into_par_iter()
         .with_min_len(256)
         .map(|p| at_surface(elements, nodes, outgoing, p))
         .collect();
+    let mut arriving = NodeIrradiance { clusters, surfaces };
+    push(elements, nodes, &mut arriving);
+    arriving
+}
+
+/// Pushes the irradiance that arrives at each node down to the nodes below it.
+fn push(elements: &Elements, nodes: &ActiveNodes, arriving: &mut NodeIrradiance) {
+    let NodeIrradiance { clusters, surfaces } = arriving;
     for p in 1..nodes.elements.len() {
         let parent = nodes.parents[p] as usize;
         match elements.elements[nodes.elements[p] as usize].shape {
@@ -121,7 +129,27 @@ pub fn gather(elements: &Elements, nodes: &ActiveNodes, outgoing: &NodeRadiosity
             }
         }
     }
-    NodeIrradiance { clusters, surfaces }
+}
+
+/// Irradiance of the nodes by what arrives at elements; none if nothing does.
+pub fn pushed(
+    elements: &Elements,
+    nodes: &ActiveNodes,
+    arriving: &[(u32, DirectionalIrradiance)],
+) -> Option<NodeIrradiance> {
+    let mut pushed = NodeIrradiance {
+        clusters: vec![DirectionalIrradiance::default(); nodes.clusters],
+        surfaces: vec![[0.0; 3]; nodes.elements.len() - nodes.clusters],
+    };
+    for (e, arriving) in arriving {
+        let node = nodes.nodes[*e as usize] as usize;
+        match node.checked_sub(nodes.clusters) {
+            None => pushed.clusters[node] = *arriving,
+            Some(surface) => pushed.surfaces[surface] = arriving.even,
+        }
+    }
+    push(elements, nodes, &mut pushed);
+    (!arriving.is_empty()).then_some(pushed)
 }
 
 fn at_surface(elements: &Elements, nodes: &ActiveNodes, outgoing: &NodeRadiosity, node: usize) -> Rgb {

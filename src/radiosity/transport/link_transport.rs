@@ -24,7 +24,8 @@ impl<'a> LinkTransport<'a> {
         LinkTransport { elements, nodes, weights }
     }
 
-    /// Gathers the reflection of `irradiance` and, if `emits`, what emitters send. Row factors apply to both.
+    /// Gathers the reflection of `irradiance` and, if `emits`, what emitters send and what arrives from beyond the scene. Row factors correct
+    /// the exchange between elements: the light of surfaces from beyond the scene does not change with them.
     fn gathered(&self, irradiance: &NodeIrradiance, emits: bool) -> Field {
         let nodes = self.nodes;
         let surfaces: Vec<Rgb> = (nodes.clusters..nodes.elements.len())
@@ -35,9 +36,13 @@ impl<'a> LinkTransport<'a> {
                 let RowFactors { gathers, sends } = self.elements.states[e].factors;
                 let (gathers, sends) = (f64::from(gathers), f64::from(sends));
                 let incident = irradiance.surfaces[p - nodes.clusters];
-                let exitance = if emits { s.exitance } else { [0.0; 3] };
+                let (exitance, beyond) = match emits {
+                    true => (s.exitance, nodes.beyond_at(p - nodes.clusters)),
+                    false => ([0.0; 3], [0.0; 3]),
+                };
                 std::array::from_fn(|k| {
-                    sends * (exitance[k] + f64::from(s.reflectance[k]) * gathers * incident[k])
+                    let incident = gathers * incident[k] + (1.0 - gathers) * beyond[k];
+                    sends * (exitance[k] + f64::from(s.reflectance[k]) * incident)
                 })
             })
             .collect();
@@ -45,7 +50,11 @@ impl<'a> LinkTransport<'a> {
             let cluster = &nodes.reflections[r];
             cluster.sent(&irradiance.clusters[p], if emits { cluster.emit } else { [[0.0; 3]; BASIS] })
         });
-        gather(self.elements, nodes, &outgoing).to_field()
+        let mut arriving = gather(self.elements, nodes, &outgoing);
+        if let Some(beyond) = nodes.beyond.as_ref().filter(|_| emits) {
+            arriving.add(beyond);
+        }
+        arriving.to_field()
     }
 
     fn shaped(&self, irradiance: &Field) -> NodeIrradiance {

@@ -16,7 +16,7 @@ mod transport_matrix;
 pub use active_nodes::ActiveNodes;
 pub use cluster_reflection::emission_moments;
 pub use directional::{DirectionalIrradiance, NodeIrradiance};
-pub use gather_push_pull::{NodeRadiosity, gather};
+pub use gather_push_pull::{NodeRadiosity, gather, pushed};
 pub use link_transport::LinkTransport;
 pub use operator::{Convergence, Field};
 pub use ray_transport::RayTransport;

@@ -1,0 +1,184 @@
+//! Links that end at a part of the sky or at a sun: how much of its light arrives at an element, and how wrong that may be.
+//!
+//! Such links go one way, so that they hold the irradiance itself. See `docs/method.md`, Links and refinement.
+
+use super::Split;
+use super::error_oracle::weigh;
+use crate::radiosity::elements::{DIRECTIONS, Elements};
+use crate::radiosity::options::Oracle;
+use crate::radiosity::rgb::{Rgb, mean};
+use crate::sky::Environment;
+use glam::Vec3;
+
+/// Distance at which the width of a patch is compared with that of a receiver where visibility does not say which of both to split, relative to
+/// the radius of the scene: blockers are between the receiver and the edge of the scene.
+const BLOCKER_DISTANCE: f32 = 0.5;
+
+/// What is at the far end of a link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+pub enum SkySource {
+    /// A patch of the sky or of the ground around the scene.
+    Patch(u32),
+    /// A sun, which is not divided.
+    Sun(u32),
+}
+
+impl SkySource {
+    /// Everything that sends light from beyond the scene, as few sources as possible.
+    pub fn all(environment: &Environment) -> Vec<SkySource> {
+        let patches = environment.patches().roots().map(SkySource::Patch);
+        let suns = (0..environment.suns().len() as u32).map(SkySource::Sun);
+        patches.chain(suns).filter(|source| source.is_lit(environment)).collect()
+    }
+
+    /// Whether it has any light.
+    fn is_lit(self, environment: &Environment) -> bool {
+        match self {
+            SkySource::Patch(k) => mean(environment.patches().patch(k).max) > 0.0,
+            SkySource::Sun(k) => mean(environment.suns()[k as usize].irradiance) > 0.0,
+        }
+    }
+
+    /// Upper bound of the standard deviation of the radiance over a patch relative to its mean, mean of the channels; 0 for a sun. Values in
+    /// `[a, b]` deviate by at most √((b − m)(m − a)) from their mean m (Bhatia and Davis 2000).
+    pub(super) fn deviation(self, environment: &Environment) -> f32 {
+        let SkySource::Patch(k) = self else { return 0.0 };
+        let patch = environment.patches().patch(k);
+        let bound = |c: usize| {
+            let (min, mean, max) = (patch.min[c], patch.mean[c], patch.max[c]);
+            ((max - mean) * (mean - min)).max(0.0).sqrt()
+        };
+        (mean([0, 1, 2].map(bound)) / mean(patch.mean).max(f64::MIN_POSITIVE)) as f32
+    }
+
+    /// Its parts; none if it cannot be divided.
+    pub fn parts(self, environment: &Environment) -> impl Iterator<Item = SkySource> + use<> {
+        let children = match self {
+            SkySource::Patch(k) => environment.patches().children(k),
+            SkySource::Sun(_) => 0..0,
+        };
+        children.map(SkySource::Patch)
+    }
+
+    /// Whether it can be divided.
+    pub fn can_open(self, environment: &Environment) -> bool {
+        match self {
+            SkySource::Patch(k) => !environment.patches().children(k).is_empty(),
+            SkySource::Sun(_) => false,
+        }
+    }
+
+    /// Unit vector towards its middle.
+    pub(super) fn axis(self, environment: &Environment) -> Vec3 {
+        match self {
+            SkySource::Patch(k) => environment.patches().patch(k).axis.as_vec3(),
+            SkySource::Sun(k) => environment.suns()[k as usize].direction.as_vec3(),
+        }
+    }
+
+    /// Half angle of a cone about [`SkySource::axis`] that contains it, radians.
+    pub(super) fn half_angle(self, environment: &Environment) -> f32 {
+        match self {
+            SkySource::Patch(k) => environment.patches().patch(k).half_angle as f32,
+            SkySource::Sun(k) => 0.5 * environment.suns()[k as usize].diameter as f32,
+        }
+    }
+
+    /// Smallest sine of the elevation of its directions, or less.
+    pub(super) fn lowest(self, environment: &Environment) -> f64 {
+        match self {
+            SkySource::Patch(k) => environment.patches().lowest(k),
+            SkySource::Sun(k) => {
+                let sun = &environment.suns()[k as usize];
+                sun.direction.dot(environment.frame().up) - 0.5 * sun.diameter
+            }
+        }
+    }
+
+    /// Irradiance of a surface of this unit normal without blockers, W/m², exactly clipped at the surface's horizon.
+    pub(super) fn irradiance(self, environment: &Environment, normal: Vec3) -> Rgb {
+        let normal = normal.as_dvec3();
+        match self {
+            SkySource::Patch(k) => environment.patches().irradiance_of(k, normal),
+            SkySource::Sun(k) => environment.suns()[k as usize].irradiance_on(normal),
+        }
+    }
+
+    /// Irradiance of surfaces that face the six directions, W/m², mean of the channels.
+    pub fn along_axes(self, environment: &Environment) -> [f64; DIRECTIONS] {
+        let axis = |k: usize| Vec3::AXES[k / 2] * if k & 1 == 0 { 1.0 } else { -1.0 };
+        std::array::from_fn(|k| mean(self.irradiance(environment, axis(k))))
+    }
+
+    /// A direction of it, uniform by solid angle for `u` in the unit square.
+    pub(super) fn sample(self, environment: &Environment, u: [f64; 2]) -> Vec3 {
+        let direction = match self {
+            SkySource::Patch(k) => environment.patches().direction(k, u),
+            SkySource::Sun(k) => environment.suns()[k as usize].sample(u),
+        };
+        direction.as_vec3()
+    }
+
+    /// Radiance in one of its directions, mean of the channels; 1 for a sun.
+    pub(super) fn radiance(self, environment: &Environment, direction: Vec3) -> f32 {
+        match self {
+            SkySource::Patch(_) => mean(environment.radiance(direction.as_dvec3())) as f32,
+            SkySource::Sun(_) => 1.0,
+        }
+    }
+}
+
+/// The light that an element receives from one source beyond the scene.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
+pub struct SkyLink {
+    /// The element.
+    pub receiver: u32,
+    /// Where the light comes from.
+    pub source: SkySource,
+    /// Mean irradiance of the receiver with what blocks it, W/m².
+    pub irradiance: [f32; 3],
+    /// Visible part of the light, in `[0, 1]`.
+    pub transmittance: f32,
+    /// Standard deviation of the irradiance over the receiver, W/m²; mean of the channels.
+    pub variation: f32,
+    /// Standard error of the irradiance from sampling, W/m²; mean of the channels.
+    pub noise: f32,
+    /// Segments of this link, and of the links that it replaces as far as they count here, if all had the same answer; else 0.
+    pub agreed: f32,
+    /// Whether geometry proves that nothing blocks the link or any part of it.
+    pub is_clear: bool,
+}
+
+/// The error of a link to the sky and the end to split: [`Split::A`] is the receiver. Errors are as those of [`link_error`](super::link_error).
+/// An end that cannot be split counts only as far as splitting the other one helps.
+pub fn sky_link_error(
+    elements: &Elements,
+    environment: &Environment,
+    link: &SkyLink,
+    oracle: Oracle,
+) -> (f32, Split) {
+    let element = &elements.elements[link.receiver as usize];
+    let (of_receiver, of_source) = (link.variation, link.noise);
+    let (receiver_opens, source_opens) =
+        (elements.can_open(link.receiver), link.source.can_open(environment));
+    let split = match (receiver_opens, source_opens) {
+        (true, true) => {
+            // Where visibility does not tell, the larger end is split first.
+            let is_tie = link.agreed > 0.0 || element.is_cluster() || of_receiver == of_source;
+            let width = BLOCKER_DISTANCE * elements.elements[0].radius * link.source.half_angle(environment);
+            let prefers_receiver = if is_tie { element.radius > width } else { of_receiver >= of_source };
+            if prefers_receiver { Split::A } else { Split::B }
+        }
+        (true, false) => Split::A,
+        (false, true) => Split::B,
+        (false, false) => Split::Neither,
+    };
+    let error = match (oracle, receiver_opens, source_opens) {
+        (Oracle::Bf, ..) => link.irradiance.iter().sum::<f32>() / 3.0,
+        (_, true, false) => of_receiver,
+        (_, false, true) => of_source,
+        _ => of_receiver.hypot(of_source),
+    };
+    let weight = elements.states[link.receiver as usize].statistics.weight;
+    (weigh(error, weight, element.area, elements.area), split)
+}

@@ -1,0 +1,189 @@
+//! Links to the sky and the suns: the first ones, their measurement, and the light that arrives along them.
+
+use super::link_measurement::{CHUNK, SLICE};
+use super::linked_scene::LinkedScene;
+use crate::math::sampling::mix;
+use crate::radiosity::deadline::Deadline;
+use crate::radiosity::elements::{DIRECTIONS, Elements, Shape};
+use crate::radiosity::links::{
+    Scratch, SkyEstimator, SkyLink, SkyPair, SkySource, Split, Tally, VisibilityEngine, VisibilityQuery,
+    sky_link_error,
+};
+use crate::radiosity::rgb::{Rgb, add, mean};
+use crate::radiosity::surroundings::Arrived;
+use crate::radiosity::transport::DirectionalIrradiance;
+use crate::sky::Environment;
+use crate::visibility::sample_runs;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Smallest projected area of a cluster, as part of its area, by which directional light is divided: below it is rounding.
+const MIN_PROJECTED: f64 = 1e-9;
+
+impl LinkedScene {
+    /// Lights the scene by a sky and suns: adds the links of the root to them, and counts their light to the mean irradiance: that of a horizontal
+    /// plane on the parts of sides from which rays leave the scene.
+    pub fn add_environment(&mut self, environment: &Arc<Environment>) {
+        self.beyond = mean(environment.irradiance(environment.frame().up));
+        let Elements { elements, sides, .. } = &self.elements;
+        let (mut power, mut absorbed) = (0.0, 0.0);
+        for (side, escaped) in sides.iter().zip(&self.surroundings.escaped) {
+            let area = elements[side.element as usize].area;
+            power += area * f64::from(*escaped) * self.beyond;
+            absorbed += area * (1.0 - mean(side.reflectance.map(f64::from)) * (1.0 - f64::from(*escaped)));
+        }
+        self.mean_irradiance += if absorbed > 0.0 { power / absorbed } else { 0.0 };
+        self.environment = Some(environment.clone());
+        if self.mean_irradiance > 0.0 {
+            let pairs: Vec<SkyPair> =
+                SkySource::all(environment).into_iter().map(|source| new_pair(0, source)).collect();
+            self.sky_links = measure_sky(self, &pairs, 1.0, self.settings.seed);
+        }
+    }
+
+    /// What arrives at elements along their own links from beyond the scene, by element.
+    pub fn light_from_beyond(&self) -> Vec<(u32, DirectionalIrradiance)> {
+        let Some(environment) = &self.environment else { return Vec::new() };
+        let mut light = BTreeMap::<u32, DirectionalIrradiance>::new();
+        for link in self.sky_links.iter().filter(|link| link.transmittance > 0.0) {
+            let arriving = light.entry(link.receiver).or_default();
+            let irradiance = link.irradiance.map(f64::from);
+            let element = &self.elements.elements[link.receiver as usize];
+            let Shape::Cluster(c) = element.shape else {
+                add(&mut arriving.even, 1.0, irradiance);
+                continue;
+            };
+            let projected = self.elements.clusters[c as usize].projected;
+            let shares = link.source.along_axes(environment);
+            let total: f64 = (0..DIRECTIONS).map(|k| shares[k] * projected[k]).sum();
+            if total > MIN_PROJECTED * element.area {
+                let scale = element.area / total;
+                arriving.beams.iter_mut().zip(shares).for_each(|(beam, s)| add(beam, scale * s, irradiance));
+            } else {
+                add(&mut arriving.even, 1.0, irradiance);
+            }
+        }
+        light.into_iter().collect()
+    }
+
+    /// Power that arrives along links from beyond the scene.
+    pub fn arrived(&self) -> Arrived {
+        let mut arrived = Arrived::default();
+        for link in &self.sky_links {
+            let sum: &mut Rgb = match link.source {
+                SkySource::Patch(_) => &mut arrived.sky,
+                SkySource::Sun(_) => &mut arrived.sun,
+            };
+            let area = self.elements.elements[link.receiver as usize].area;
+            add(sum, area, link.irradiance.map(f64::from));
+        }
+        arrived
+    }
+
+    /// Links between elements, to the sky and to suns.
+    pub fn link_count(&self) -> usize {
+        self.links.len() + self.sky_links.len()
+    }
+}
+
+/// Errors of links to the sky relative to the scene's mean irradiance, and the ends to split; [`Split::A`] is the receiver.
+pub fn sky_link_errors(linked: &LinkedScene, links: &[SkyLink]) -> Vec<(f32, Split)> {
+    let Some(environment) = &linked.environment else { return Vec::new() };
+    let scale = 1.0 / linked.mean_irradiance as f32;
+    let error = |link: &SkyLink| {
+        let (error, split) = sky_link_error(&linked.elements, environment, link, linked.settings.oracle);
+        (error * scale, split)
+    };
+    links.par_iter().with_min_len(1024).map(error).collect()
+}
+
+/// The pairs that replace links to the sky; receivers are split as needed.
+pub fn sky_parts(linked: &mut LinkedScene, links: &[(SkyLink, Split)]) -> Vec<SkyPair> {
+    let mut pairs = Vec::with_capacity(4 * links.len());
+    let Some(environment) = linked.environment.clone() else { return pairs };
+    for (link, split) in links {
+        let known = again(link);
+        if *split == Split::A {
+            linked.split(link.receiver);
+            let children = linked.elements.elements[link.receiver as usize].child_range();
+            pairs.extend(children.map(|c| SkyPair { receiver: c as u32, ..known }));
+        } else {
+            pairs.extend(link.source.parts(&environment).map(|source| SkyPair { source, ..known }));
+        }
+    }
+    pairs
+}
+
+/// Measures links to the sky, as [`measure`](super::link_measurement::measure) does other links.
+pub fn measure_sky(linked: &mut LinkedScene, pairs: &[SkyPair], threshold: f32, seed: u64) -> Vec<SkyLink> {
+    let Some(environment) = linked.environment.clone() else { return Vec::new() };
+    let pairs: Vec<SkyPair> = pairs.iter().map(|pair| with_worth(linked, pair, threshold)).collect();
+    let made: Vec<(Vec<SkyLink>, Tally)> = {
+        let linked = &*linked;
+        let estimator = |engine| SkyEstimator {
+            elements: &linked.elements,
+            environment: &environment,
+            engine,
+            length: linked.surroundings.length,
+            seed,
+            inside: linked.settings.inside,
+        };
+        let queries = |pairs: &[SkyPair]| -> Vec<VisibilityQuery> {
+            pairs.iter().filter_map(|pair| Some(estimator(&linked.engine).draft(*pair)?.1)).collect()
+        };
+        let engine: VisibilityEngine =
+            linked.engine.for_queries(sample_runs(pairs.len()).map(|run| queries(&pairs[run])));
+        let estimator = estimator(&engine);
+        let measure_chunk = |scratch: &mut Scratch, chunk: &[SkyPair]| {
+            scratch.tally = Tally::default();
+            (estimator.measure_all(chunk, scratch), scratch.tally)
+        };
+        let rows = linked.ranks.rows(pairs.len().div_ceil(CHUNK));
+        let chunk = |k: usize| &pairs[CHUNK * k..pairs.len().min(CHUNK * (k + 1))];
+        rows.gather(rows.numbers().map(chunk).map_init(Scratch::default, measure_chunk).collect())
+    };
+    let mut links = Vec::with_capacity(pairs.len());
+    for (part, tally) in made {
+        links.extend(part);
+        linked.tally.add(tally);
+    }
+    links
+}
+
+/// Measures the links to the sky that are not certainly clear again, as [`remeasure_links`](super::link_measurement::remeasure_links) does.
+pub fn remeasure_sky_links(linked: &mut LinkedScene, threshold: f32, closing: f64, deadline: &Deadline) {
+    let (certain, uncertain): (Vec<SkyLink>, Vec<SkyLink>) =
+        std::mem::take(&mut linked.sky_links).into_iter().partition(|link| link.is_clear);
+    let closing = closing * (certain.len() + uncertain.len() + linked.elements.len()) as f64;
+    linked.sky_links = certain;
+    for slice in uncertain.chunks(SLICE) {
+        if deadline.left() <= closing {
+            linked.sky_links.extend(slice);
+            continue;
+        }
+        let pairs: Vec<SkyPair> = slice.iter().map(again).collect();
+        let made = measure_sky(linked, &pairs, threshold, mix(linked.settings.seed));
+        linked.sky_links.extend(made);
+    }
+}
+
+/// A pair of which nothing is known.
+fn new_pair(receiver: u32, source: SkySource) -> SkyPair {
+    SkyPair { receiver, source, worth: f32::INFINITY, agreed: 0.0, is_clear: false }
+}
+
+/// The pair of a link, with what is known of it.
+fn again(link: &SkyLink) -> SkyPair {
+    SkyPair { agreed: link.agreed, is_clear: link.is_clear, ..new_pair(link.receiver, link.source) }
+}
+
+/// The pair with the error that 1 W/m² causes.
+fn with_worth(linked: &LinkedScene, pair: &SkyPair, threshold: f32) -> SkyPair {
+    let receiver = pair.receiver as usize;
+    let element = &linked.elements.elements[receiver];
+    let weight = f64::from(linked.elements.states[receiver].statistics.weight);
+    let of_area = (element.area / linked.elements.area).sqrt();
+    let tolerated = f64::from(threshold) * linked.mean_irradiance;
+    SkyPair { worth: (weight * of_area / tolerated) as f32, ..*pair }
+}
