@@ -15,6 +15,7 @@ use crate::radiosity::transport::DirectionalIrradiance;
 use crate::sky::Environment;
 use crate::visibility::sample_runs;
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -46,6 +47,7 @@ impl LinkedScene {
     pub fn light_from_beyond(&self) -> Vec<(u32, DirectionalIrradiance)> {
         let Some(environment) = &self.environment else { return Vec::new() };
         let mut light = BTreeMap::<u32, DirectionalIrradiance>::new();
+        let mut axes = FxHashMap::default();
         for link in self.sky_links.iter().filter(|link| link.transmittance > 0.0) {
             let arriving = light.entry(link.receiver).or_default();
             let irradiance = link.irradiance.map(f64::from);
@@ -55,7 +57,8 @@ impl LinkedScene {
                 continue;
             };
             let projected = self.elements.clusters[c as usize].projected;
-            let shares = link.source.along_axes(environment);
+            // Many clusters see the same patches.
+            let shares = *axes.entry(link.source).or_insert_with(|| link.source.along_axes(environment));
             let total: f64 = (0..DIRECTIONS).map(|k| shares[k] * projected[k]).sum();
             if total > MIN_PROJECTED * element.area {
                 let scale = element.area / total;
