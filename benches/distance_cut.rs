@@ -100,7 +100,11 @@ fn measure(name: &str, arguments: &Arguments) {
 }
 
 fn bundle<'a>(workload: &'a Workload, pair: usize, packets: &'a [Packet]) -> Bundle<'a> {
-    Bundle { packets, emitter_size: workload.pairs[pair].emitter_size, emitter: workload.hull_of_surface(pair) }
+    Bundle {
+        packets,
+        emitter_size: workload.pairs[pair].emitter_size,
+        emitter: workload.hull_of_surface(pair),
+    }
 }
 
 struct Receivers<'a> {

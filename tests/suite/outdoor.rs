@@ -3,7 +3,8 @@
 use super::run::Scratch;
 
 /// A square of 4 by 4 m, up z.
-const GROUND: &str = "mtllib grey.mtl\nusemtl grey\no ground\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nf 1 2 3 4\n";
+const GROUND: &str =
+    "mtllib grey.mtl\nusemtl grey\no ground\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nf 1 2 3 4\n";
 const GREY: &str = "newmtl grey\nKd 0.5 0.5 0.5\n";
 const POINT: &str = "x,y,z,nx,ny,nz\n2,2,0,0,0,1\n1,3,0,0,0,1\n";
 
@@ -19,18 +20,31 @@ fn ground() -> Scratch {
 fn sky_and_sun_light_points_and_are_named_in_outputs() {
     let scratch = ground();
     let sky = ["--up", "z", "--sky", "uniform:100", "--sun", "180,30:800"];
-    let solve = ["solve", "ground.obj", "--points", "points.csv", "--out", "s", "--audit", "0", "--error", "0.1"];
+    let solve =
+        ["solve", "ground.obj", "--points", "points.csv", "--out", "s", "--audit", "0", "--error", "0.1"];
     let solved = scratch.mrvis(&[&solve[..], &sky].concat());
     assert_eq!(solved.code, Some(0), "{}", solved.stderr);
-    assert!(solved.stdout.contains("sun at azimuth 180.0000, elevation 30.0000 degrees"), "{}", solved.stdout);
+    assert!(
+        solved.stdout.contains("sun at azimuth 180.0000, elevation 30.0000 degrees"),
+        "{}",
+        solved.stdout
+    );
     let light = |name: &str| -> Vec<f64> {
         let text = std::fs::read_to_string(scratch.path(name)).expect("a file");
-        text.lines().skip(1).map(|l| l.split(',').nth(6).expect("a value").parse().expect("a number")).collect()
+        text.lines()
+            .skip(1)
+            .map(|l| l.split(',').nth(6).expect("a value").parse().expect("a number"))
+            .collect()
     };
-    assert!(light("s/irradiance.csv").iter().all(|e| (e - 500.0).abs() < 1.5), "{:?}", light("s/irradiance.csv"));
+    assert!(
+        light("s/irradiance.csv").iter().all(|e| (e - 500.0).abs() < 1.5),
+        "{:?}",
+        light("s/irradiance.csv")
+    );
     let record = scratch.json("s/solution.json");
     assert!(record["scene"]["sky"].to_string().contains("north +y"), "{}", record["scene"]["sky"]);
-    let reference = ["reference", "ground.obj", "--points", "points.csv", "--out", "r.csv", "--samples", "256"];
+    let reference =
+        ["reference", "ground.obj", "--points", "points.csv", "--out", "r.csv", "--samples", "256"];
     assert_eq!(scratch.mrvis(&[&reference[..], &sky].concat()).code, Some(0));
     assert!(light("r.csv").iter().all(|e| (e - 500.0).abs() < 5.0), "{:?}", light("r.csv"));
 }
@@ -52,7 +66,11 @@ fn skies_that_cannot_be_are_refused_in_one_line() {
     ] {
         let info = scratch.mrvis(&[&["info", "ground.obj", "--up", "z"][..], options].concat());
         assert_eq!(info.code, Some(2), "{options:?} {}", info.stdout);
-        assert!(info.stderr.contains(words) && info.stderr.lines().count() == 1, "{options:?}: {}", info.stderr);
+        assert!(
+            info.stderr.contains(words) && info.stderr.lines().count() == 1,
+            "{options:?}: {}",
+            info.stderr
+        );
     }
 }
 
@@ -71,7 +89,8 @@ fn slope() -> Scratch {
 fn terrain_computes_maps_of_height_fields() {
     let scratch = slope();
     let terrain = ["terrain", "slope.asc", "--out", "t", "--json", "t.json", "--format", "tif,npz,png"];
-    let light = ["--output", "sky-view-factor,sunlit,irradiance", "--sky", "uniform:100", "--sun", "180,45:800"];
+    let light =
+        ["--output", "sky-view-factor,sunlit,irradiance", "--sky", "uniform:100", "--sun", "180,45:800"];
     let made = scratch.mrvis(&[&terrain[..], &light].concat());
     assert_eq!(made.code, Some(0), "{}", made.stderr);
     let record = scratch.json("t.json");
@@ -95,10 +114,12 @@ fn terrain_computes_maps_of_height_fields() {
 fn height_fields_are_scenes() {
     let scratch = slope();
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n1055,2055,60,0,-0.7071068,0.7071068\n");
-    let solve = ["solve", "slope.asc", "--out", "s", "--points", "points.csv", "--audit", "0", "--error", "0.1"];
+    let solve =
+        ["solve", "slope.asc", "--out", "s", "--points", "points.csv", "--audit", "0", "--error", "0.1"];
     let solved = scratch.mrvis(&[&solve[..], &["--sky", "uniform:100", "--sun", "180,45:800"]].concat());
     assert_eq!(solved.code, Some(0), "{}", solved.stderr);
     let text = std::fs::read_to_string(scratch.path("s/irradiance.csv")).expect("a file");
-    let value: f64 = text.lines().nth(1).and_then(|l| l.split(',').nth(6)).expect("a value").parse().expect("a number");
+    let value: f64 =
+        text.lines().nth(1).and_then(|l| l.split(',').nth(6)).expect("a value").parse().expect("a number");
     assert!((value - 885.36).abs() < 3.0, "{value}");
 }
