@@ -84,8 +84,11 @@ pub fn read_npy(path: &Path, bytes: &[u8]) -> Result<Array> {
     Ok(Array { shape, values })
 }
 
+/// Makes a number of its bytes.
+type Decode = fn(&[u8]) -> f32;
+
 /// Bytes of a number and its decoder, by NumPy's name of its kind.
-fn decoder(kind: &str) -> Option<(usize, fn(&[u8]) -> f32)> {
+fn decoder(kind: &str) -> Option<(usize, Decode)> {
     macro_rules! number {
         ($type:ty, $from:ident) => {
             (size_of::<$type>(), |b: &[u8]| {

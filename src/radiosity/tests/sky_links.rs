@@ -35,7 +35,7 @@ fn quads(reflectance: f32, quads: &[[DVec3; 3]]) -> Scene {
     let mut soup = Soup::new("quads");
     let material = soup.material(SoupMaterial::diffuse("grey", [reflectance; 3]));
     for (k, [corner, u, v]) in quads.iter().enumerate() {
-        let object = soup.object(&format!("quad {k}"));
+        let object = soup.object(format!("quad {k}"));
         soup.polygon(object, material, &[*corner, *corner + u, *corner + u + v, *corner + v]);
     }
     resolve(soup, &LoadOptions::default()).expect("a scene")

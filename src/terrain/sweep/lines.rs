@@ -193,12 +193,12 @@ impl Line<'_> {
 
     /// Depth of the curved earth below the plane that touches it in the middle of the line, m, at a place in columns.
     fn sink(&self, x: f64) -> f32 {
-        let distance = self.from_middle(x);
+        let distance = self.off_middle(x);
         (0.5 * distance * distance * self.bend) as f32
     }
 
     /// Distance from the middle of the line, m.
-    fn from_middle(&self, x: f64) -> f64 {
+    fn off_middle(&self, x: f64) -> f64 {
         (x - 0.5 * self.grid.columns() as f64) * self.pass.step
     }
 
@@ -217,7 +217,7 @@ impl Line<'_> {
                 hull.push(far as f32, profile.heights[far][2]);
             }
             let [high, low, _] = profile.heights[c];
-            let tilt = -(self.from_middle(c as f64) * self.bend) as f32;
+            let tilt = -(self.off_middle(c as f64) * self.bend) as f32;
             out[c] = [high, low].map(|z| (hull.slope(c as f32, z) * scale + tilt).max(0.0));
         }
     }
@@ -237,7 +237,7 @@ impl Line<'_> {
             }
             let [high, low, _] = profile.heights[c];
             // Seen from x, heights at x' sink by (x' − x)²/2R = x'²/2R − x²/2R − (x' − x) x/R: the last term tilts the profile.
-            let tilt = (self.from_middle(c as f64) * self.bend) as f32;
+            let tilt = (self.off_middle(c as f64) * self.bend) as f32;
             out[c] = [high, low].map(|z| (hull.slope(-(c as f32), z) * scale + tilt).max(0.0));
         }
     }
