@@ -31,6 +31,7 @@ mod overlap;
 mod query;
 mod record;
 mod scene;
+mod sky;
 mod solve;
 mod status;
 #[cfg(test)]

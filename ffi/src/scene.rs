@@ -5,7 +5,7 @@ use super::guard::{Outcome, guard, quiet};
 use super::handle::{Opaque, give, object, release, retain};
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
-use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, SkyOptions, UpAxis};
+use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, UpAxis};
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -265,35 +265,6 @@ pub unsafe extern "C" fn mrv_scene_flatten(
         let made = scene.scene.flattened(if max_triangles == 0 { u64::MAX } else { max_triangles })?;
         // SAFETY: the caller gives a place.
         unsafe { place.set(give(NamedScene::new(Arc::new(made)))) };
-        Ok(())
-    })
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_with_sky(
-    scene: *const mrv_scene,
-    sky: *const c_char,
-    sun: *const c_char,
-    place: *const c_char,
-    time: *const c_char,
-    lit: *mut *mut mrv_scene,
-) -> mrv_status {
-    guard("mrv_scene_with_sky", |call| {
-        let scene = object(call, scene, "scene")?;
-        // SAFETY: the caller gives texts that end with a zero, or NULL.
-        let [sky, sun, place, time] = unsafe {
-            [
-                optional_text(sky, "sky")?,
-                optional_text(sun, "sun")?,
-                optional_text(place, "place")?,
-                optional_text(time, "time")?,
-            ]
-        };
-        let into = Place::of(lit, "lit")?;
-        let mut made = Scene::clone(&scene.scene);
-        made.set_sky(&SkyOptions::of_texts(sky, sun, place, time)?)?;
-        // SAFETY: the caller gives a place.
-        unsafe { into.set(give(NamedScene::new(Arc::new(made)))) };
         Ok(())
     })
 }

@@ -267,7 +267,8 @@ impl Scene {
     /// Lights the scene by a sky and suns, instead of those that it has.
     ///
     /// # Errors
-    /// Those of [`SkyOptions::environment`].
+    /// [`Error::Argument`](crate::Error::Argument) if the values of the description do not fit together, such as a sky that needs a sun above
+    /// the horizon and has none; [`Error::Io`](crate::Error::Io) or [`Error::Format`](crate::Error::Format) of a map.
     pub fn set_sky(&mut self, sky: &SkyOptions) -> Result<()> {
         let environment = sky.environment(self.up_axis().vector().as_dvec3())?;
         self.environment = Some(Arc::new(environment));

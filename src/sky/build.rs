@@ -51,6 +51,7 @@ impl SkyOptions {
     /// # Errors
     /// [`Error::Argument`], or [`Error::Format`] with the name of the description: a sky that needs the sun has none or one below the horizon; values
     /// contradict each other or cannot be. [`Error::Io`] or [`Error::Format`] of a map.
+    #[doc(hidden)]
     pub fn environment(&self, up: DVec3) -> Result<Environment> {
         let at = |what: String| match &self.file {
             Some(file) => Error::format(file, None, what),

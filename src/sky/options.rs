@@ -112,7 +112,7 @@ impl SkyOptions {
     ///
     /// # Errors
     /// [`Error::Argument`] if the text is wrong; [`Error::Io`] or [`Error::Format`] with file and line from a description.
-    pub fn parse(text: &str) -> Result<SkyOptions> {
+    pub(crate) fn parse(text: &str) -> Result<SkyOptions> {
         match parsed("sky", text)? {
             SkyText::Model(model, level) => Ok(SkyOptions { sky: (model, level), ..SkyOptions::default() }),
             SkyText::File(path) => SkyOptions::read(&path),
@@ -141,8 +141,13 @@ impl SkyOptions {
 
     /// A sky, a sun, a place and a time by their short texts; those that are missing are as in [`SkyOptions::default`].
     ///
+    /// Skies: `none`, `uniform[:E]`, `overcast[:E]`, `cie:N[,E]`, `clear:TURBIDITY`, `perez:DNI,DHI`, the name of a map `.exr` or `.hdr`, or of a
+    /// description `.toml`, which is read now; E is the diffuse horizontal irradiance, W/m². Suns: `auto`, `none`, `AZIMUTH,ELEVATION` in degrees
+    /// or `X,Y,Z`, the last two with `:E` for a normal irradiance. Places: `LATITUDE,LONGITUDE[,ALTITUDE]`, degrees north and east, metres. Times as
+    /// `2026-06-21T12:00+02:00`.
+    ///
     /// # Errors
-    /// Those of [`SkyOptions::parse`], [`SkyOptions::with_sun`], [`SkyOptions::with_place`] and [`SkyOptions::with_time`].
+    /// [`Error::Argument`] if a text is wrong; [`Error::Io`] or [`Error::Format`] with file and line from a description.
     pub fn of_texts(
         sky: Option<&str>,
         sun: Option<&str>,
@@ -166,7 +171,7 @@ impl SkyOptions {
     ///
     /// # Errors
     /// [`Error::Argument`].
-    pub fn with_sun(mut self, text: &str) -> Result<SkyOptions> {
+    pub(crate) fn with_sun(mut self, text: &str) -> Result<SkyOptions> {
         self.sun = parsed("sun", text)?;
         Ok(self)
     }
@@ -175,7 +180,7 @@ impl SkyOptions {
     ///
     /// # Errors
     /// [`Error::Argument`].
-    pub fn with_place(mut self, text: &str) -> Result<SkyOptions> {
+    pub(crate) fn with_place(mut self, text: &str) -> Result<SkyOptions> {
         self.place = Some(parsed("place", text)?);
         Ok(self)
     }
@@ -184,7 +189,7 @@ impl SkyOptions {
     ///
     /// # Errors
     /// [`Error::Argument`].
-    pub fn with_time(mut self, text: &str) -> Result<SkyOptions> {
+    pub(crate) fn with_time(mut self, text: &str) -> Result<SkyOptions> {
         self.time = Some(parsed("time", text)?);
         Ok(self)
     }

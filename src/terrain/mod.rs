@@ -22,6 +22,7 @@ mod sky;
 mod sweep;
 #[cfg(test)]
 mod tests;
+#[cfg(any(test, feature = "internals"))]
 mod write;
 
 pub use elements::{Mesh, Shape};
@@ -34,6 +35,5 @@ pub use quantities::{Horizon, Sun, horizon, sky_view_factor, sunlit};
 pub use read::{Loaded, ReadOptions, read};
 pub use sky::{Light, irradiance};
 pub use sweep::{EARTH_RADIUS, SweepOptions};
-#[cfg(feature = "reports")]
-pub use write::write_png;
-pub use write::{Layer, write_geotiff, write_npz};
+#[cfg(any(test, feature = "internals"))]
+pub use write::{Layer, write_geotiff, write_npz, write_png};
