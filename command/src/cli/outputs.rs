@@ -229,7 +229,11 @@ impl Outputs {
             common.print("interrupted: no pictures\n")?;
             return Ok(views);
         }
-        let stage = Stage::new(mesh, solution)?.looking_inside(self.look_inside).under(scene.parts().sky);
+        // The automatic camera stands outside of closed rooms that are too low for it.
+        let is_automatic = self.stated_camera().is_none() && scene.parts().cameras.is_empty();
+        let stage = Stage::new(mesh, solution)?
+            .looking_inside(self.look_inside || is_automatic)
+            .under(scene.parts().sky);
         let cameras = self.cameras(scene, solution, &stage)?;
         for (k, camera) in cameras.iter().enumerate() {
             let part = 1.0 / (cameras.len() - k) as f64;

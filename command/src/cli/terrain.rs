@@ -15,8 +15,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Compute at all samples of a height field (.asc, .tif, .png, .npy, .npz) the sky view factor, the horizon, whether the
-/// sun shines, and the irradiance of sky and sun, without light from other ground; `solve` computes all light.
+/// Compute what the samples of a height field see of sky and sun: sky view factor, horizon, whether the sun shines, and the
+/// irradiance of sky and sun, without light from other ground; `solve` computes all light.
 #[derive(clap::Args, Clone, Debug)]
 #[command(mut_arg("seed", |a| a.hide(true)))]
 #[command(mut_arg("unit", |a| a.hide(true)))]

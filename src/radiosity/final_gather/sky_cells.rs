@@ -16,13 +16,13 @@ const MAX_LEVEL: u32 = 6;
 /// Rays of a point at which cells are not divided any more: leaves are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and
 /// roofs need some hundreds, of a point that sees little of the sky twice as many as of leaves.
 const MAX_RAYS: usize = 1 << 13;
-/// Part of the cell's area by which the light of a cell errs for each unit of the largest difference to a neighbour: an edge that is anywhere in
+/// Part of the cell's area by which the light of a cell errs for each unit of the largest difference of its neighbours: an edge that is anywhere in
 /// two cells is found by their two rays to a standard deviation of √(1/12) = .29 of a cell.
 const ERROR_OF_DIFFERENCE: f64 = 0.29;
 /// Error of the light of the sky at a point, relative to it, over the error asked for.
 const TOLERANCE: f64 = 0.1;
 /// Fewest cells that see the sky: a grid with fewer is made finer as a whole, because a window that is smaller than a cell may be missed.
-const MIN_OPEN: usize = 8;
+const MIN_OPEN: usize = 32;
 /// Largest grids that are made finer as a whole: without a cell that sees the sky, and with some.
 const MAX_WHOLE: [usize; 2] = [1 << 8, 1 << 12];
 
@@ -129,7 +129,8 @@ impl FinalGather<'_> {
     }
 }
 
-/// The cells of the finest level that differ from a neighbour, with the square of their error, (W/m²)², the largest first. Where a neighbour is not divided as often, its
+/// The cells of the finest level whose neighbours differ from each other, with the square of their error, (W/m²)², the largest first. The ray of
+/// a cell does not say whether it is divided: of cells that are open in part, those whose ray happens to be blocked would be left so. Where a neighbour is not divided as often, its
 /// larger cell counts.
 fn uneven_cells(levels: &[Level], [columns, rows]: [usize; 2], area: f64) -> Vec<Uneven> {
     let level = levels.len() - 1;
@@ -144,17 +145,22 @@ fn uneven_cells(levels: &[Level], [columns, rows]: [usize; 2], area: f64) -> Vec
         None
     };
     let mut found: Vec<Uneven> = Vec::new();
-    for (&[i, j], own) in &levels[level] {
-        let mut difference = 0.0f32;
-        for (a, b) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, 1), (-1, 1), (1, -1)] {
-            let (column, row) = (i64::from(i) + a, i64::from(j) + b);
+    for &[i, j] in levels[level].keys() {
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        // Of the whole grid two rings: the ends of narrow strips of sky are thinner than a cell.
+        let reach = if level == 0 { 2 } else { 1 };
+        let side = 2 * reach + 1;
+        for k in (0..side * side).filter(|k| *k != side * side / 2) {
+            let (column, row) = (i64::from(i) + k % side - reach, i64::from(j) + k / side - reach);
             if (0..size[0]).contains(&column)
                 && (0..size[1]).contains(&row)
                 && let Some(other) = of([column as u32, row as u32])
             {
-                difference = difference.max((other - *own).abs().element_sum() / 3.0);
+                let light = other.element_sum() / 3.0;
+                (low, high) = (low.min(light), high.max(light));
             }
         }
+        let difference = high - low;
         if difference > 0.0 {
             found.push(([i, j], (area * ERROR_OF_DIFFERENCE * f64::from(difference)).powi(2)));
         }

@@ -145,7 +145,7 @@ fn check_words(message: &str) {
 }
 
 /// Arguments of functions, and the record that messages about other calls name.
-const ARGUMENTS: [&str; 46] = [
+const ARGUMENTS: [&str; 51] = [
     "answer",
     "answers",
     "approximation",
@@ -160,6 +160,7 @@ const ARGUMENTS: [&str; 46] = [
     "engine",
     "errors",
     "factors",
+    "flat",
     "folder",
     "format",
     "html",
@@ -171,6 +172,7 @@ const ARGUMENTS: [&str; 46] = [
     "json",
     "kind",
     "lightmap",
+    "lit",
     "max_triangles",
     "mesh",
     "model",
@@ -179,6 +181,7 @@ const ARGUMENTS: [&str; 46] = [
     "normals",
     "options",
     "path",
+    "place",
     "positions",
     "query",
     "radiance",
@@ -186,10 +189,12 @@ const ARGUMENTS: [&str; 46] = [
     "report",
     "scene",
     "segments",
-    "solution",
-    "text",
-    "flat",
     "sizes",
+    "sky",
+    "solution",
+    "sun",
+    "text",
+    "time",
     "transform",
     "updated",
 ];
