@@ -167,7 +167,7 @@ def test_light_of_sky_and_sun():
     builder = mrvis.SceneBuilder()
     builder.add_material("grey", (0.5, 0.5, 0.5))
     builder.add_object("ground", SQUARE * [4, 4, 1], UP)
-    scene = builder.finish(up="z").with_sky("uniform:100", sun="180,30:800")
+    scene = builder.finish().with_sky("uniform:100", sun="180,30:800")
     light = mrvis.Model(scene).solve(error=0.05)
     found = light.irradiance([[2, 2, 0]], [0, 0, 1])
     assert found == pytest.approx(500, rel=3e-3)
