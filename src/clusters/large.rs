@@ -1,6 +1,6 @@
 //! Large planar surfaces: kept outside the clusters and always tested exactly (docs/method.md, Clusters).
 
-use crate::math::{Aabb, triangle_normal};
+use crate::math::{Aabb, triangle_area, triangle_normal};
 use crate::raster::{BitImage, Edt, Outside, fill_triangle};
 use crate::scene::Scene;
 use glam::{Vec2, Vec3};
@@ -30,8 +30,14 @@ pub(super) fn surfaces(scene: &Scene, part: f32) -> Vec<u32> {
     let candidates: Vec<u32> =
         (0..scene.triangles.len() as u32).filter(|&t| wide(scene.triangle_component[t as usize])).collect();
     let patches = patches(scene, &candidates);
-    let mut large: Vec<u32> =
-        patches.into_par_iter().filter(|p| inscribed(scene, p) >= size).flatten().collect();
+    // A patch with such a disc has at least its area; of a terrain hardly any other has to be drawn.
+    let disc = 0.25 * std::f64::consts::PI * f64::from(size).powi(2);
+    let area = |p: &[u32]| -> f64 {
+        p.iter().map(|&t| scene.corners(t)).map(|[a, b, c]| triangle_area(a, b, c)).sum()
+    };
+    // The raster finds diameters to a 30th: a smaller area has no disc that it could take for a larger one.
+    let is_large = |p: &Vec<u32>| area(p) >= 0.9 * disc && inscribed(scene, p) >= size;
+    let mut large: Vec<u32> = patches.into_par_iter().filter(is_large).flatten().collect();
     large.par_sort();
     large
 }

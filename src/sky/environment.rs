@@ -80,6 +80,13 @@ impl Environment {
         self.ground
     }
 
+    /// Whether no light comes from below the horizon.
+    pub fn is_dark_below(&self) -> bool {
+        let has_lower_half = self.sky.as_ref().is_some_and(|sky| sky.has_lower_half());
+        let is_up = |sun: &Sun| sun.direction.dot(self.frame.up) > 0.0;
+        !has_lower_half && self.ground == [0.0; 3] && self.suns.iter().all(is_up)
+    }
+
     /// The patches of sky and ground.
     pub fn patches(&self) -> &Patches {
         &self.patches

@@ -1,5 +1,6 @@
 //! Which sides of the faces light can reach.
 
+use super::ground::ground;
 use crate::math::{Aabb, triangle_normal};
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
@@ -9,12 +10,12 @@ use rayon::prelude::*;
 ///
 /// Sheets have two lit sides. A closed part is lit on the sides that have an emitter: outside for a chair, inside for a room
 /// that is one closed box, whatever its winding; the winding number at a point in front of the emitter decides. Parts that are
-/// not consistently wound count as sheets, and so do the parts listed in `open`.
+/// not consistently wound count as sheets, and so do the parts listed in `open`. The [`ground`] is lit from above.
 pub(super) fn lit_sides(scene: &Scene, open: &[u32]) -> Vec<[bool; 2]> {
     let mut parts = closed_parts(scene);
     open.iter().for_each(|&part| parts[part as usize].clear());
     let lights = light_points(scene);
-    let seen_of_part: Vec<[bool; 2]> = parts
+    let mut seen_of_part: Vec<[bool; 2]> = parts
         .par_iter()
         .map(|faces| {
             if faces.is_empty() {
@@ -32,6 +33,9 @@ pub(super) fn lit_sides(scene: &Scene, open: &[u32]) -> Vec<[bool; 2]> {
             if outward { [outside, inside] } else { [inside, outside] }
         })
         .collect();
+    if let Some((part, front_is_up)) = ground(scene) {
+        seen_of_part[part as usize] = [front_is_up, !front_is_up];
+    }
     scene.triangle_component.iter().map(|&part| seen_of_part[part as usize]).collect()
 }
 

@@ -15,6 +15,7 @@ mod column;
 pub mod emitter_face;
 pub mod emitter_tree;
 pub mod emitters;
+mod ground;
 mod instances;
 mod lit_sides;
 mod lookup;

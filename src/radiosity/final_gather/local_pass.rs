@@ -39,9 +39,14 @@ const MAX_LATE_LEAVES: usize = 100_000;
 /// Part of the rays by which elements exchange light. The others gather that light for one element each. In an office and a living
 /// room a seventh and two sevenths leave the same error of the elements within a tenth of it (`scenes/room.py`).
 const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
-/// Rays of an element times the square of the error: one ray deviates by about half of the mean, 16 neighbours share their rays,
-/// which gives 0.5² / 16, and direct and reflected light each have that variance.
-const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / 16.0;
+/// Neighbours that share their rays.
+const NEIGHBOURS: f64 = 16.0;
+/// Rays of an element times the square of the error: one ray deviates by about half of the mean, neighbours share their rays, and direct and
+/// reflected light each have that variance.
+const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / NEIGHBOURS;
+/// Part of the error of elements that may be noise of their rays, where these are known to deviate little: a fifth of the square, as most of the rest
+/// is light that differs over an element.
+const NEEDED_SHARE: f64 = 0.45;
 /// Approximate number of leaves whose rays are timed for an estimate: limits it to 32,000 rays, 1 % of the rays at the
 /// default error. Used with a time limit only.
 const TIMED_LEAVES: usize = 2000;
@@ -114,8 +119,10 @@ impl FinalGather<'_> {
         }
         // Of an iteration that the deadline ends at once the start remains. Otherwise it is the direct light: links bring a little light
         // to rooms without any.
-        let along_links = || rows.rows.iter().map(|row| states[row.leaf as usize].irradiance).collect();
-        let start = deadline.late().then(along_links);
+        let along_links: Vec<Rgb> =
+            rows.rows.iter().map(|row| states[row.leaf as usize].irradiance).collect();
+        let is_linked = along_links.iter().flatten().any(|e| *e > 0.0);
+        let start = (deadline.late() && is_linked).then_some(along_links);
         let (irradiance, convergence) =
             solve(&RayTransport { matrix: &matrix, direct }, start, Method::Krylov, deadline);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
@@ -131,12 +138,14 @@ impl FinalGather<'_> {
             result.kept = 1.0 - row.gone as f32 / row.rays as f32;
             result.row_sum = result.kept;
         }
+        let needed = self.needed_rays(&all, &results);
         let element_rays = rays.map(|rays| match deadline.limited() {
             true => ((1.0 - EXCHANGE_SHARE) * useful).min(GATHER_SHARE * deadline.left() / seconds_a_ray),
             false => (1.0 - EXCHANGE_SHARE) * rays,
         });
         let exchanged = rays.map_or(0.0, |rays| EXCHANGE_SHARE * rays);
         let traced_part = (exchanged + element_rays.unwrap_or(0.0)) / useful;
+        let element_rays = element_rays.map(|rays| rays.min(needed));
         let reciprocity = matrix.reciprocity();
         let RayRows { hurried, tally, .. } = rows;
         LocalPass {
@@ -158,6 +167,23 @@ impl FinalGather<'_> {
     pub fn useful_rays(&self, rays: f64, error: f64) -> f64 {
         let each = RAYS_TIMES_ERROR_SQUARED / (error * error);
         rays.min((each * self.linked.leaves().len() as f64).max(LATE_RAYS))
+    }
+
+    /// The number of rays of elements that brings their noise to [`NEEDED_SHARE`] of the error asked for, by the deviations that the exchange has
+    /// found: shared as [`FinalGather::sample_elements`] does, in proportion to √area times the deviation σ of one ray, N rays leave the error
+    /// Σ √A σ / √(N · Σ A) of all elements together.
+    fn needed_rays(&self, leaves: &[u32], results: &[LocalResult]) -> f64 {
+        let elements = &self.linked.elements.elements;
+        let (mut deviations, mut area, mut light) = (0.0, 0.0, 0.0);
+        for &leaf in leaves {
+            let (own, result) = (elements[leaf as usize].area, &results[leaf as usize]);
+            deviations += own.sqrt() * f64::from(result.noise) * f64::from(result.rays).sqrt();
+            area += own;
+            light += own * mean(result.irradiance);
+        }
+        let noise = NEEDED_SHARE * self.error * light / area;
+        let rays = deviations * deviations / (NEIGHBOURS * area * noise * noise);
+        if rays.is_finite() { rays.max(LATE_RAYS) } else { f64::INFINITY }
     }
 
     /// The number of rays, at most `rays`, that there is time for; none if there is not even time for the smallest number of rays of each

@@ -197,9 +197,9 @@ impl FinalGather<'_> {
         let z = self.length * normal;
         let frame = [x, y, z].map(|axis| axis / self.length);
         let size = self.hemisphere_grid;
-        let mut sky = SkyGrid { size, cells: Vec::new() };
+        let mut sky = SkyGrid { size, open: Vec::new() };
         if self.has_environment() {
-            sky.cells.resize(size[0] * size[1], Vec3::ZERO);
+            sky.open.resize(size[0] * size[1], false);
         }
         let directions = &self.hemispheres[(seed % self.hemispheres.len() as u64) as usize];
         packets.resize(directions.len() / LANES, Packet::EMPTY);
@@ -225,7 +225,7 @@ impl FinalGather<'_> {
                 if hits.triangle[lane] == Hits::NOTHING && self.has_environment() {
                     let (across, down) = (block % (size[0] / 4), block / (size[0] / 4));
                     let cell = (4 * down + lane / 4) * size[0] + 4 * across + lane % 4;
-                    sky.cells[cell] = self.sky_of_ray(packet.point(lane, 1.0) - packet.point(lane, 0.0));
+                    sky.open[cell] = true;
                 }
                 if self.direct_only {
                     continue;

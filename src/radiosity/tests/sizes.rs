@@ -124,7 +124,9 @@ fn points_have_the_feature_size_of_their_surface() {
     let (fine, coarse) = (light(all(SIZE)), light(all(20.0 * SIZE)));
     assert!(fine != coarse, "nothing is averaged");
     assert!(light(Options { feature_sizes: named("ground", SIZE), ..all(20.0 * SIZE) }) == fine);
-    assert!(light(Options { feature_sizes: named("ground", 20.0 * SIZE), ..all(SIZE) }) == coarse);
+    let painted = light(Options { feature_sizes: named("ground", 20.0 * SIZE), ..all(SIZE) });
+    let off: Vec<_> = painted.iter().zip(&coarse).filter(|(a, b)| a != b).collect();
+    assert!(off.is_empty(), "{} of {}: {:?}", off.len(), coarse.len(), off.first());
     assert!(light(Options { feature_sizes: named("bark", SIZE), ..all(20.0 * SIZE) }) == coarse);
 }
 
