@@ -68,7 +68,8 @@ impl<'a> Surfaces<'a> {
     }
 
     /// The start of the paths of a given point, above the surface that the point lies on: of the surfaces whose normals are
-    /// within 60° of that of the point, the nearest one along the normal of the point, within 1e-5 of the scene's diagonal.
+    /// within 60° of that of the point, the nearest one along the normal of the point: above it within 1e-5 of the scene's diagonal, below it
+    /// within the skin of the surface.
     /// Without one, the point is taken as it is, lifted. On an edge or in a corner the start is inside the surface. Also returns its distance
     /// from the surface.
     pub fn start(&self, given: Vec3, normal: Vec3) -> (Vec3, f32) {
@@ -101,7 +102,9 @@ impl<'a> Surfaces<'a> {
             let depth = hits.t[0] - self.slack;
             // Of faces that were moved off each other the first is that of this side of the common plane.
             let nearer = |(other, _): &(f32, SurfaceHit)| depth.abs() + STACKED * hit.skin < other.abs();
-            if hit.cosine.abs() >= 0.5 && found.as_ref().is_none_or(nearer) {
+            // A point that lies higher than rays start has the light of its place.
+            let is_on = depth <= hit.skin.max(skin([given]));
+            if hit.cosine.abs() >= 0.5 && is_on && found.as_ref().is_none_or(nearer) {
                 found = Some((depth, hit));
             }
             ray.near[0] = hits.t[0].next_up();

@@ -2,7 +2,8 @@
 
 use super::ground::ground;
 use crate::math::{Aabb, triangle_normal};
-use crate::scene::Scene;
+use crate::ray::EndRule;
+use crate::scene::{Scene, magnitude};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -108,13 +109,13 @@ fn closed_parts(scene: &Scene) -> Vec<Vec<u32>> {
 fn light_points(scene: &Scene) -> Vec<Vec3> {
     // Faces of an emitter that are tested: limits the time to 4 winding numbers per emitter (8 if it emits from both sides).
     const FACES: usize = 4;
-    let step = 1e-4 * scene.bounds.diagonal();
     let mut points = Vec::new();
     for emitter in &scene.emitters {
         for k in 0..FACES.min(emitter.triangles.len()) {
             let t = emitter.triangles[k * emitter.triangles.len() / FACES.min(emitter.triangles.len())];
             let [a, b, c] = scene.corners(t);
             let (middle, normal) = ((a + b + c) / 3.0, triangle_normal(a, b, c));
+            let step = EndRule::new(magnitude([a, b, c])).height();
             points.push(middle + step * normal);
             if scene.two_sided_emission {
                 points.push(middle - step * normal);

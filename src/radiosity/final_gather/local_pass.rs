@@ -17,7 +17,7 @@ use crate::radiosity::deadline::{Deadline, GATHER_SHARE, RAY_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::refinement::LinkedScene;
-use crate::radiosity::rgb::{Rgb, mean};
+use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{Arrived, SampledShare, emitted_share};
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
@@ -97,11 +97,11 @@ impl FinalGather<'_> {
         // Light that leaves receive outside the exchange, W/m² times scene units squared.
         let apart = rows.take_out(|leaf| states[leaf as usize].crossed);
         let light = |row: &RayRow| elements[row.leaf as usize].area * mean(emitters_irradiance(row));
-        let light_apart: f64 = apart.iter().map(light).sum();
+        let light_apart: f64 = apart.rows.iter().map(light).sum();
         let beyond = |row: &RayRow| {
             (elements[row.leaf as usize].area, row.sky / row.rays as f32, row.sun / row.rays as f32)
         };
-        let arrived = Arrived::of(rows.rows.iter().chain(&apart).map(beyond));
+        let arrived = Arrived::of(rows.rows.iter().chain(&apart.rows).map(beyond));
         rows.number_rows(self.linked.elements.len(), &self.reflected);
         let matrix = self.transport_matrix(&rows, deadline);
         let mut direct = direct_light(&rows);
@@ -133,11 +133,7 @@ impl FinalGather<'_> {
         if all.len() > rows.rows.len() {
             estimate_untraced(&self.linked.elements, &all, &mut results);
         }
-        for row in &apart {
-            let result = &mut results[row.leaf as usize];
-            result.kept = 1.0 - row.gone as f32 / row.rays as f32;
-            result.row_sum = result.kept;
-        }
+        self.light_apart(&apart, &mut results);
         let needed = self.needed_rays(&all, &results);
         let element_rays = rays.map(|rays| match deadline.limited() {
             true => ((1.0 - EXCHANGE_SHARE) * useful).min(GATHER_SHARE * deadline.left() / seconds_a_ray),
@@ -160,6 +156,26 @@ impl FinalGather<'_> {
             hurried,
             untraced,
             tally,
+        }
+    }
+
+    /// Gives leaves that take no part in the exchange the light that their rays have found, now that the light of others is known.
+    fn light_apart(&self, apart: &RayRows, results: &mut [LocalResult]) {
+        let Elements { elements, sides, .. } = &self.linked.elements;
+        let mut first = 0;
+        for row in &apart.rows {
+            let mut light = direct_irradiance(row);
+            for &met in apart.met[first..row.end].iter().filter(|&&met| met != Elements::NONE) {
+                let Shape::Surface { side, .. } = elements[met as usize].shape else { continue };
+                let (side, irradiance) = (&sides[side as usize], results[met as usize].irradiance);
+                let reflected = |k: usize| f64::from(side.reflectance[k]) * irradiance[k];
+                add(&mut light, 1.0 / f64::from(row.rays), std::array::from_fn(reflected));
+            }
+            first = row.end;
+            let result = &mut results[row.leaf as usize];
+            result.irradiance = light;
+            result.kept = 1.0 - row.gone as f32 / row.rays as f32;
+            result.row_sum = result.kept;
         }
     }
 
@@ -278,6 +294,7 @@ impl FinalGather<'_> {
                     reflectance: elements.sides[side as usize].reflectance,
                     end: row.end,
                     closed: linked.surroundings.closed[side as usize] && row.outside == 0,
+                    apart: row.crossed as usize,
                 },
                 Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
             })
@@ -298,5 +315,5 @@ fn direct_irradiance(row: &RayRow) -> Rgb {
 
 /// Irradiance of a row by the emitters of the scene, W/m².
 fn emitters_irradiance(row: &RayRow) -> Rgb {
-    (row.direct - row.sun - row.sky).to_array().map(|d| f64::from(d) / f64::from(row.rays))
+    (row.direct - row.sun - row.sky - row.onwards).to_array().map(|d| f64::from(d) / f64::from(row.rays))
 }

@@ -1,5 +1,6 @@
 //! Paths: single rays from surface points, followed until an element may stand for the light at the point met.
 
+use super::element_rays::LeafRays;
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers};
@@ -220,6 +221,35 @@ impl FinalGather<'_> {
         } else {
             Err(self.continued(met, Vec3::ONE, path))
         }
+    }
+
+    /// For each of `buffers.results` that met an element across which another surface stands, the light that paths from there find, W/m².
+    pub(super) fn light_beyond_crossed(
+        &self,
+        batch: &[LeafRays],
+        buffers: &mut Buffers,
+    ) -> Vec<Option<Vec3>> {
+        let states = &self.linked.elements.states;
+        let results = std::mem::take(&mut buffers.results);
+        buffers.vertices.clear();
+        let mut path = 0;
+        let paths: Vec<Option<u32>> = results
+            .iter()
+            .map(|found| {
+                let goes_on = found.met.side != Elements::NONE && states[found.met.leaf as usize].crossed;
+                goes_on.then(|| {
+                    buffers.vertices.push(self.continued(found.met, Vec3::ONE, path));
+                    path += 1;
+                    path - 1
+                })
+            })
+            .collect();
+        let mut sums: Vec<Rgb> = vec![[0.0; 3]; path as usize];
+        let seed = batch.first().map_or(0, |of| mix(!u64::from(of.leaf)));
+        self.follow(self.linked.settings.seed ^ seed, false, &mut sums, buffers);
+        buffers.results = results;
+        let light = |path: u32| Vec3::from(sums[path as usize].map(|v| v as f32));
+        paths.into_iter().map(|path| path.map(light)).collect()
     }
 
     fn continued(&self, met: PathVertex, share: Vec3, path: u32) -> PathVertex {

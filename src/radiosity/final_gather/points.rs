@@ -164,6 +164,8 @@ impl FinalGather<'_> {
             .map(|points| {
                 let mut packet = Packet::EMPTY;
                 for (lane, &(at, normal)) in points.iter().enumerate() {
+                    // On an edge or in a corner the places around the point may be on its surface.
+                    let at = self.gather_point(at, normal, 0).at;
                     for axis in 0..3 {
                         packet.origin[axis][lane] = (at + reach * normal)[axis];
                         packet.direction[axis][lane] = -2.0 * reach * normal[axis];

@@ -15,19 +15,22 @@ pub struct RayRow {
     pub leaf: u32,
     /// End of its rays among all rays.
     pub end: usize,
-    /// Rays of the leaf: more than those of which is known what they met, if some met elements that other surfaces stand across.
+    /// Rays of the leaf.
     pub rays: u32,
     /// Sum over the rays of the irradiance from emitters, suns and sky, W/m².
     pub direct: Vec3,
-    /// Of that the light of suns and of the sky.
+    /// Of that the light of suns and of the sky, and that of paths which have gone on from crossed leaves.
     pub sun: Vec3,
     pub sky: Vec3,
+    pub onwards: Vec3,
     /// Sum over the rays of the square of its mean over the channels.
     pub squares: f32,
     /// Rays that left the scene.
     pub gone: u32,
     /// Rays that met leaves without rows: their light is known and counts as direct.
     pub outside: u32,
+    /// Rays that met leaves that other surfaces stand across: paths have gone on from there, and their light counts as direct.
+    pub crossed: u32,
 }
 
 /// The rays of all leaves.
@@ -93,46 +96,47 @@ impl RayRows {
         let cuts = gather.cuts_of(batch, buffers);
         gather.trace_leaves(batch, ROW, &cuts, &vec![None; batch.len()], buffers);
         buffers.cuts = cuts;
-        let mut results = buffers.results.iter();
+        let paths = gather.light_beyond_crossed(batch, buffers);
+        let mut results = buffers.results.iter().zip(paths);
         for of in batch {
-            let (mut direct, mut squares, mut gone) = (Vec3::ZERO, 0.0, 0);
-            let (mut sun, mut sky) = (Vec3::ZERO, Vec3::ZERO);
-            for found in results.by_ref().take(of.count as usize) {
-                let light = found.direct + found.sun + found.sky;
+            let (mut direct, mut squares, mut gone, mut crossed) = (Vec3::ZERO, 0.0, 0, 0);
+            let (mut sun, mut sky, mut onwards) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
+            for (found, path) in results.by_ref().take(of.count as usize) {
+                let light = found.direct + found.sun + found.sky + path.unwrap_or_default();
                 direct += light;
                 (sun, sky) = (sun + found.sun, sky + found.sky);
+                onwards += path.unwrap_or_default();
                 gone += u32::from(found.gone);
                 squares += (light.element_sum() / 3.0).powi(2);
-                if found.met.side == Elements::NONE {
-                    self.met.push(Elements::NONE);
-                } else if !gather.linked.elements.states[found.met.leaf as usize].crossed {
-                    self.met.push(found.met.leaf);
-                }
+                crossed += u32::from(path.is_some());
+                self.met.push(match path {
+                    None if found.met.side != Elements::NONE => found.met.leaf,
+                    _ => Elements::NONE,
+                });
             }
-            let (leaf, rays, end) = (of.leaf, of.count, self.met.len());
-            self.rows.push(RayRow { leaf, rays, end, direct, sun, sky, squares, gone, outside: 0 });
+            let (leaf, rays, end, outside) = (of.leaf, of.count, self.met.len(), 0);
+            let light =
+                RayRow { leaf, end, rays, direct, sun, sky, onwards, squares, gone, outside, crossed };
+            self.rows.push(light);
         }
     }
 
-    /// Removes the rows of some leaves, and what their rays have met.
-    pub fn take_out(&mut self, is_removed: impl Fn(u32) -> bool) -> Vec<RayRow> {
-        let mut removed = Vec::new();
+    /// Removes the rows of some leaves, with what their rays have met.
+    pub fn take_out(&mut self, is_removed: impl Fn(u32) -> bool) -> RayRows {
+        let mut removed = RayRows::new();
         if !self.rows.iter().any(|row| is_removed(row.leaf)) {
             return removed;
         }
-        let (mut first, mut met) = (0, Vec::with_capacity(self.met.len()));
-        let mut rows = Vec::with_capacity(self.rows.len());
+        let mut kept = RayRows::new();
+        let mut first = 0;
         for row in self.rows.drain(..) {
             let own = first..row.end;
             first = row.end;
-            if is_removed(row.leaf) {
-                removed.push(row);
-            } else {
-                met.extend_from_slice(&self.met[own]);
-                rows.push(RayRow { end: met.len(), ..row });
-            }
+            let to = if is_removed(row.leaf) { &mut removed } else { &mut kept };
+            to.met.extend_from_slice(&self.met[own]);
+            to.rows.push(RayRow { end: to.met.len(), ..row });
         }
-        (self.rows, self.met) = (rows, met);
+        (self.rows, self.met) = (kept.rows, kept.met);
         removed
     }
 

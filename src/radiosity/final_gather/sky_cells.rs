@@ -25,8 +25,9 @@ const ERROR_OF_GRADIENT: [f64; 2] = [0.29 / 4.0, 0.29];
 const TOLERANCE: f64 = 0.1;
 /// Fewest cells that see the sky: a grid with fewer is made finer as a whole, because a window that is smaller than a cell may be missed.
 const MIN_OPEN: usize = 32;
-/// Largest grids that are made finer as a whole: without a cell that sees the sky, and with some.
-const MAX_WHOLE: [usize; 2] = [1 << 8, 1 << 12];
+/// Cells of a grid that is not made finer as a whole any more. An opening that is seen as a thousandth of the light of an open sky has four cells then,
+/// and its edges have finer ones.
+const MAX_WHOLE: usize = 1 << 12;
 
 /// Rays of a grid of the hemisphere: `size` are its columns and rows on the square that is mapped to the hemisphere (Shirley and Chiu 1997).
 pub(super) struct SkyGrid {
@@ -103,9 +104,8 @@ impl FinalGather<'_> {
             let area = share * 0.25f64.powi(level as i32);
             let cells = &levels[level as usize];
             let open = cells.iter().filter(|cell| cell.light() != DVec3::ZERO).count();
-            let is_whole = cells.len() == grid.open.len() << (2 * level)
-                && open < MIN_OPEN
-                && cells.len() <= MAX_WHOLE[usize::from(open > 0)];
+            let is_whole =
+                cells.len() == grid.open.len() << (2 * level) && open < MIN_OPEN && cells.len() < MAX_WHOLE;
             let uneven = uneven_cells(&levels, grid.size, area);
             let tolerance = (TOLERANCE * self.error * mean(sum.to_array())).powi(2);
             let error: f64 = uneven.iter().map(|(_, e)| e).sum();

@@ -14,12 +14,15 @@ const MAX_SURFACES: usize = 64;
 /// Distance to which overlapping faces of one plane are moved off each other, in roundings of a face's coordinates
 /// ([`EndRule::slack`]): 1.2e-5 of the largest coordinate, and a little more.
 const STACKED: f32 = 32.0;
+/// Height above a surface up to which a point lies on it, in roundings of its coordinates: the height at which rays start.
+const ON_SURFACE: f32 = 5.0;
 /// Smallest cosine between the normals of a point and of its surface, that of 60°: files hold smoothed normals.
 const MIN_COSINE: f32 = 0.5;
 
 impl FinalGather<'_> {
     /// A given point, with its seed, where its rays start: above the surface that the point lies on. That is the surface nearest to the
-    /// point along its normal within the slack, if both are about parallel. A point without one is taken as it is, lifted all the
+    /// point along its normal, if both are about parallel: one above it within the slack, as points are written with few digits, or one below it
+    /// within rounding. A point that lies higher has the light of its place. A point without one is taken as it is, lifted all the
     /// same: its surface may end beside it. On an edge or in a corner the light is the limit from inside the surface.
     pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
         let places = places_around(at, normal, edge_distance(magnitude([at])));
@@ -52,7 +55,10 @@ impl FinalGather<'_> {
             let moved = STACKED * end.slack() / (2.0 * self.slack);
             let nearer = (t - 0.5).abs() + moved < nearest;
             let is_lit = self.linked.elements.met(triangle, -normal) != Elements::NONE;
-            if parallel && (found.is_none() || nearer || is_lit && !lit) {
+            let depth = 2.0 * (t - 0.5) * self.slack;
+            let is_on = depth <= ON_SURFACE * end.slack().max(EndRule::new(magnitude([at])).slack());
+            let better = if is_lit == lit { nearer } else { is_lit };
+            if parallel && is_on && (found.is_none() || better) {
                 let at = on_plane(corners, packet.point(0, t));
                 let at = off_edges(corners, at, edge_distance(magnitude(corners)));
                 found = Some((at, end, self.feature_size_at(triangle, at, normal)));

@@ -18,11 +18,9 @@ const INSET: f32 = 1.0 / 128.0;
 /// adds twice as many elements, a tenth of those of the Cornell box.
 const MAX_SPLITS: i32 = 3;
 /// Largest part of the number of all elements that is added by this.
-const MAX_ADDED: f64 = 0.25;
+const MAX_ADDED: f64 = 1.0;
 /// Elements that may be added to any scene.
 const MIN_ROOM: usize = 1 << 13;
-/// Largest part of the area that takes no part in the exchange of light; where more is crossed, the largest elements do.
-const MAX_AREA: f64 = 0.02;
 /// Elements of one parallel task: four share a packet.
 const CHUNK: usize = LANES / 4;
 
@@ -40,9 +38,14 @@ impl LinkedScene {
         let mut room = ((MAX_ADDED * leaves.len() as f64) as usize).max(MIN_ROOM);
         let mut found = crossed(&self.elements, exact, &leaves);
         loop {
-            let large = |e: &&u32| self.elements.elements[**e as usize].area > smallest;
-            let to_split: Vec<u32> = found.iter().filter(large).copied().collect();
-            if to_split.is_empty() || 4 * to_split.len() > room || deadline.late() {
+            let large = |e: &&u32| area(&self.elements, **e) > smallest;
+            let mut to_split: Vec<u32> = found.iter().filter(large).copied().collect();
+            // Where there is no room for all, for the largest.
+            to_split.sort_by(|&a, &b| {
+                area(&self.elements, b).total_cmp(&area(&self.elements, a)).then(a.cmp(&b))
+            });
+            to_split.truncate(room / 4);
+            if to_split.is_empty() || deadline.late() {
                 break;
             }
             room -= 4 * to_split.len();
@@ -55,16 +58,13 @@ impl LinkedScene {
             let whole = found.into_iter().filter(|&e| self.elements.elements[e as usize].is_leaf());
             found = whole.chain(crossed(&self.elements, exact, &made)).collect();
         }
-        let area = |e: u32| self.elements.elements[e as usize].area;
-        found.sort_by(|&a, &b| area(a).total_cmp(&area(b)).then(a.cmp(&b)));
-        let mut room = MAX_AREA * self.elements.area;
-        let mut marked = found;
-        marked.retain(|&e| {
-            room -= area(e);
-            room >= 0.0
-        });
-        marked.into_iter().for_each(|e| self.elements.states[e as usize].crossed = true);
+        found.into_iter().for_each(|e| self.elements.states[e as usize].crossed = true);
     }
+}
+
+/// Area of an element, scene units squared.
+fn area(elements: &Elements, e: u32) -> f64 {
+    elements.elements[e as usize].area
 }
 
 /// The parts of large surfaces among some leaves across which other surfaces stand: segments along their edges are blocked.

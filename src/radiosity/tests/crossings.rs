@@ -104,3 +104,50 @@ fn elements_are_smaller_at_edges_of_shadows() {
     assert!(at_edge.len() > 20 && elsewhere.len() > 20, "{} {}", at_edge.len(), elsewhere.len());
     assert!(mean(&at_edge) < 0.5 * mean(&elsewhere), "{} {}", mean(&at_edge), mean(&elsewhere));
 }
+
+/// A closed hall that thin walls divide into so many square rooms along each side, with a lamp in every other room.
+fn rooms(count: usize) -> Scene {
+    const SIDE: f64 = 4.3;
+    let mut soup = Soup::new("rooms");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.7; 3]));
+    let light = soup.material(SoupMaterial::light("light", [50.0; 3]));
+    let hall = soup.object("hall");
+    let end = SIDE * count as f64;
+    inward(&mut soup, hall, grey, DVec3::ZERO, DVec3::new(end, end, 2.7));
+    for k in 1..count {
+        let (wall, at) = (soup.object("wall"), SIDE * k as f64);
+        for [p, q] in [[[at, 0.0], [at, end]], [[0.0, at], [end, at]]] {
+            let corner = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
+            soup.polygon(wall, grey, &[corner(p, 0.0), corner(q, 0.0), corner(q, 2.7), corner(p, 2.7)]);
+        }
+    }
+    for k in (0..count * count).filter(|k| (k / count + k % count) % 2 == 0) {
+        let lamp = soup.object("lamp");
+        let at = |x: f64, y: f64| {
+            DVec3::new(SIDE * ((k / count) as f64 + 0.5) + x, SIDE * ((k % count) as f64 + 0.5) + y, 2.6)
+        };
+        soup.polygon(lamp, light, &[at(-0.3, -0.3), at(-0.3, 0.3), at(0.3, 0.3), at(0.3, -0.3)]);
+    }
+    resolve(soup, &LoadOptions::default()).expect("a scene")
+}
+
+/// However many walls stand on the elements of one floor.
+#[test]
+fn rooms_without_lamps_are_dark() {
+    let at = |x: f64, y: f64, z: f64, normal: DVec3| Point { position: DVec3::new(x, y, z), normal };
+    let points = [
+        at(2.0, 6.3, 0.0, DVec3::Z),
+        at(4.2, 7.3, 0.0, DVec3::Z),
+        at(2.0, 6.3, 2.7, -DVec3::Z),
+        at(0.0, 5.6, 1.3, DVec3::X),
+        at(2.0, 2.0, 0.0, DVec3::Z),
+    ];
+    for elements in [false, true] {
+        let options = Options { audit: 0, error: 0.2, elements, ..Options::default() };
+        let outcome = solved(&rooms(5), &points, &options);
+        let found: Vec<f64> = outcome.irradiance.iter().map(|v| v[0]).collect();
+        assert!(found[..4] == [0.0; 4] && found[4] > 1.0, "{found:?}");
+        let Ledger { emitted, created, .. } = outcome.record.ledger;
+        assert!(created.abs() < if elements { 5e-3 } else { 0.025 } * emitted, "{created} of {emitted}");
+    }
+}

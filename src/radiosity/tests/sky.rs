@@ -164,3 +164,41 @@ fn windows_let_in_what_paths_say_and_closed_rooms_are_dark() {
     let dark = solved(&room(false), &points, &Options { audit: 0, ..Options::default() });
     assert!(dark.irradiance.iter().flatten().all(|e| *e < 1e-4), "{:?}", dark.irradiance);
 }
+
+/// A skylight that is seen as a five-hundredth of the light of the open sky.
+#[test]
+fn small_openings_are_found_from_all_points() {
+    let (size, low, high) = ([5.0, 4.0, 3.0], [2.0, 1.5], [2.3, 1.8]);
+    let level = |z: f64| move |_: f64, _: f64| z;
+    let [wide, deep, tall] = size;
+    let mut polygons = vec![
+        rectangle([0.0, 0.0], [wide, deep], level(0.0)),
+        rectangle([0.0, 0.0], [low[0], deep], level(tall)),
+        rectangle([high[0], 0.0], [wide, deep], level(tall)),
+        rectangle([low[0], 0.0], [high[0], low[1]], level(tall)),
+        rectangle([low[0], high[1]], [high[0], deep], level(tall)),
+    ];
+    let corners = [[0.0, 0.0], [wide, 0.0], [wide, deep], [0.0, deep]];
+    for k in 0..4 {
+        let ([a, b], [c, d]) = (corners[k], corners[(k + 1) % 4]);
+        let at = DVec3::new;
+        polygons.push(vec![at(a, b, 0.0), at(c, d, 0.0), at(c, d, tall), at(a, b, tall)]);
+    }
+    let scene = outdoors(0.0, &polygons, "uniform:1000", "none");
+    let place = |k: u32| DVec3::new(0.3 + 0.55 * f64::from(k % 9), 0.3 + 0.56 * f64::from(k / 9), 0.0);
+    let points: Vec<Point> = (0..63).map(|k| at(place(k), DVec3::Z)).collect();
+    // 1/π ∫ cos² / r² dA over the opening.
+    let factor = |p: DVec3| -> f64 {
+        let patch = |k: u32| {
+            let (u, v) = (f64::from(k % 16) + 0.5, f64::from(k / 16) + 0.5);
+            let to = DVec3::new(low[0] + 0.3 * u / 16.0, low[1] + 0.3 * v / 16.0, tall) - p;
+            to.z * to.z / to.length_squared().powi(2)
+        };
+        (0..256).map(patch).sum::<f64>() * 0.09 / 256.0 / PI
+    };
+    let outcome = solved(&scene, &points, &Options { audit: 0, elements: false, ..Options::default() });
+    let found: Vec<f64> = outcome.irradiance.into_iter().map(mean).collect();
+    let (all, want): (f64, f64) =
+        (found.iter().sum(), points.iter().map(|p| 1000.0 * factor(p.position)).sum());
+    assert!(found.iter().all(|e| *e > 0.0) && (all / want - 1.0).abs() < 0.06, "{all} {want}");
+}

@@ -165,6 +165,7 @@ mod tests {
                 reflectance: [reflectance; 3],
                 end: i * rays as usize,
                 closed: true,
+                apart: 0,
             })
             .collect();
         TransportMatrix::new(&rows, &met, RowSums::Balanced, &Ranks::default(), &Deadline::start(&(), None))

@@ -50,6 +50,8 @@ pub struct MatrixRow {
     pub end: usize,
     /// Whether other rays have shown that no light from the row leaves the scene.
     pub closed: bool,
+    /// Of its rays, those that met elements which take no part in the exchange.
+    pub apart: usize,
 }
 
 impl TransportMatrix {
@@ -81,7 +83,7 @@ impl TransportMatrix {
             .map(|i| {
                 let own = &met[rows[i].end - rays(i)..rows[i].end];
                 let kept = own.iter().filter(|&&j| j != u32::MAX).count();
-                matrix.expected_row_sum(i, rows[i].closed, own.len(), kept)
+                matrix.expected_row_sum(i, &rows[i], own.len(), kept)
             })
             .collect();
         if row_sums == RowSums::Balanced {
@@ -112,15 +114,14 @@ impl TransportMatrix {
     /// The expected row sum of i: the part of its own rays that stayed in the scene and the sum of its weights, each weighted by
     /// the variance of the other, relative to the row sum: `(1 - p)/n` of n rays with the part p, and the mean weight. Variances in
     /// proportion to either estimate would prefer the smaller one: row sums were 0.5 to 1.3 % too small.
-    fn expected_row_sum(&self, i: usize, closed: bool, rays: usize, met: usize) -> f64 {
-        if closed && met == rays {
-            return 1.0;
+    fn expected_row_sum(&self, i: usize, row: &MatrixRow, rays: usize, met: usize) -> f64 {
+        if row.closed && met + row.apart == rays && (met > 0 || rays == 0) {
+            return if rays > 0 { met as f64 / rays as f64 } else { 1.0 };
         }
         let (mut sum, mut squares) = (0.0, 0.0);
         for w in self.weights(i).map(|(_, w)| f64::from(w) / self.area[i]) {
             (sum, squares) = (sum + w, squares + w * w);
         }
-        // All of the row's own rays met elements that exchange no light.
         if rays == 0 {
             return sum.min(1.0);
         }
@@ -244,6 +245,7 @@ mod tests {
                     reflectance: [0.5; 3],
                     end: met.len(),
                     closed: true,
+                    apart: 0,
                 }
             })
             .collect();
@@ -280,7 +282,7 @@ mod tests {
                     let [stays, which, ..] = numbers(u64::from(i), k);
                     if stays < 0.4 { (which * n as f32) as u32 } else { u32::MAX }
                 }));
-                MatrixRow { area: 1.0, reflectance: [0.5; 3], end: met.len(), closed: false }
+                MatrixRow { area: 1.0, reflectance: [0.5; 3], end: met.len(), closed: false, apart: 0 }
             })
             .collect();
         let kept = met.iter().filter(|&&j| j != u32::MAX).count() as f64 / met.len() as f64;
