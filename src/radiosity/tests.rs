@@ -85,7 +85,7 @@ fn solved(scene: &Scene, points: &[Point], options: &Options) -> Outcome {
 
 #[test]
 fn a_furnace_has_the_same_light_everywhere() {
-    for reflectance in [0.0, 0.5, 0.95] {
+    for reflectance in [0.0, 0.95] {
         let scene = furnace(reflectance);
         let options = Options { local_rays: Some(1_500_000), audit: 0, ..Options::default() };
         let outcome = solved(&scene, &floor(20), &options);

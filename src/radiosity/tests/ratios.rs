@@ -40,7 +40,7 @@ fn sent(floor: f64, lamp: (DVec3, f64)) -> f64 {
 
 #[test]
 fn light_of_a_lamp_arrives_on_floors_of_any_size() {
-    for width in [1.0, 60.0, 2000.0, 1e5] {
+    for width in [1.0, 60.0, 1e5] {
         // Beside the middle, which is a corner of elements.
         let lamp = (DVec3::new(0.113 * width, 0.071 * width, 1.0), 1.0);
         let scene = lamp_over_floor(width, lamp, 0.0);

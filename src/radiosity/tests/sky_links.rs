@@ -156,7 +156,7 @@ fn against_paths(scene: &Scene, outcome: &Outcome) -> [f64; 2] {
     let (mut sum, mut next) = (0.0, 0.5);
     for element in elements {
         sum += element.area;
-        while next / 4000.0 * all < sum {
+        while next / 2000.0 * all < sum {
             let [u, v, ..] = numbers(7, next as u64);
             let corners = element.corners.map(|k| mesh.vertices[k as usize]);
             let normal = normal_of(mesh, element);
@@ -166,7 +166,7 @@ fn against_paths(scene: &Scene, outcome: &Outcome) -> [f64; 2] {
             next += 1.0;
         }
     }
-    let settings = path_tracer::Settings { samples: 1024, direct_only: false, seed: 3 };
+    let settings = path_tracer::Settings { samples: 512, direct_only: false, seed: 3 };
     let model = model_for(scene, &Options::default());
     let traced = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
     let want: Vec<f64> = traced.iter().map(|v| mean(*v)).collect();
