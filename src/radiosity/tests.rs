@@ -202,7 +202,7 @@ fn cameras_make_important_what_they_see() {
     let scene = room(true);
     let view = View { eye: DVec3::new(0.5, 2.0, 1.25), forward: DVec3::X, angle: 0.8 };
     // Links alone: the local pass splits all surfaces evenly.
-    let plain = Options { local_rays: Some(0), ..Options::default() };
+    let plain = Options { local_rays: Some(0), audit: 0, ..Options::default() };
     let options = Options { views: vec![view], ..plain.clone() };
     let at = |options: &Options, x: f64| {
         let outcome = solved(&scene, &[], options);

@@ -202,7 +202,7 @@ fn what_is_found_by_chance_is_right_in_the_mean() {
 
 #[test]
 fn groups_are_sums_of_their_facets() {
-    let scene = town(200);
+    let scene = town(80);
     let facets = Facets::new(&scene);
     let (m, _) = run(&scene, |_| ());
     for by in [Grouping::Object, Grouping::Material] {
@@ -219,7 +219,7 @@ fn groups_are_sums_of_their_facets() {
 
 #[test]
 fn the_same_bits_on_any_number_of_threads() {
-    let scene = town(150);
+    let scene = town(60);
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         pool.install(|| run(&scene, |_| ()).0)

@@ -221,7 +221,7 @@ fn ledgers_are_in_watts() {
 fn points_off_surfaces_are_counted() {
     let mut points = floor(5);
     points[3].position.z = 1.7;
-    let options = Options { error: 0.3, audit: 0, ..Options::default() };
+    let options = Options { error: 0.3, local_rays: Some(20_000), audit: 0, ..Options::default() };
     let warnings = |points: &[Point]| solved(&room(true), points, &options).record.warnings;
     let found = warnings(&points);
     assert!(found.iter().any(|w| w.starts_with("1 of 5 points lie")), "{found:?}");
