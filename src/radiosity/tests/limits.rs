@@ -125,7 +125,7 @@ fn solutions_of_any_number_of_links_keep_their_power() {
 fn a_missed_target_is_recorded() {
     let target = |target_error: f64, max_links: usize| {
         // A given number of rays is not raised to meet the target. Small targets need many paths at each element that is audited.
-        let rays = Options { error: 0.05, local_rays: Some(100_000), audit: 10, ..Options::default() };
+        let rays = Options { error: 0.05, local_rays: Some(100_000), audit: 4, ..Options::default() };
         let options = Options { target_error: Some(target_error), max_links, ..rays };
         solved(&room(true), &[], &options).record
     };
