@@ -156,7 +156,7 @@ fn against_paths(scene: &Scene, outcome: &Outcome) -> [f64; 2] {
     let (mut sum, mut next) = (0.0, 0.5);
     for element in elements {
         sum += element.area;
-        while next / 2000.0 * all < sum {
+        while next / 4000.0 * all < sum {
             let [u, v, ..] = numbers(7, next as u64);
             let corners = element.corners.map(|k| mesh.vertices[k as usize]);
             let normal = normal_of(mesh, element);
