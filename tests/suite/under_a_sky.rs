@@ -6,8 +6,20 @@ use crate::run::Scratch;
 const MEADOW: &str = "o meadow\nv -10 -10 0\nv 10 -10 0\nv 10 10 0\nv -10 10 0\nf 1 2 3 4\n\
     o box\nv 0 -1 0.01\nv 2 -1 0.01\nv 2 1 0.01\nv 0 1 0.01\nv 0 -1 2\nv 2 -1 2\nv 2 1 2\nv 0 1 2\n\
     f 8 7 6 5\nf 5 6 10 9\nf 6 7 11 10\nf 7 8 12 11\nf 8 5 9 12\nf 9 10 11 12\n";
-const QUICK: [&str; 9] =
-    ["--points", "300", "--reference-rays", "64", "--rounds", "1", "--map", "16", "--quiet"];
+/// One feature size: images of each size take seconds.
+const QUICK: [&str; 11] = [
+    "--points",
+    "100",
+    "--feature-size",
+    "0.5",
+    "--reference-rays",
+    "64",
+    "--rounds",
+    "1",
+    "--map",
+    "16",
+    "--quiet",
+];
 
 #[test]
 fn bench_names_patches_and_sun_in_all_outputs() {
@@ -15,7 +27,7 @@ fn bench_names_patches_and_sun_in_all_outputs() {
     scratch.write("meadow.obj", MEADOW);
     let bench =
         ["bench", "meadow.obj", "--up", "z", "--sky", "uniform:1000", "--json", "b.json", "--out", "b"];
-    let with_sun = scratch.mrvis(&[&bench[..], &["--sun", "140,40:500"], &QUICK[..8]].concat());
+    let with_sun = scratch.mrvis(&[&bench[..], &["--sun", "140,40:500"], &QUICK[..10]].concat());
     assert_eq!(with_sun.code, Some(0), "{}", with_sun.stderr);
     let words = "64 patches of the sky up to";
     assert!(
@@ -31,7 +43,7 @@ fn bench_names_patches_and_sun_in_all_outputs() {
     assert!(sky["shown"] == "lamps" && sky["largest_angle"].as_f64().is_some_and(|a| a > 20.0 && a < 32.0));
     // The box stands in the sun: its shadow is in the image of the meadow.
     assert_eq!(record["receivers"][0]["name"], "meadow", "{}", record["receivers"]);
-    let without = scratch.mrvis(&[&bench[..], &QUICK[..8]].concat());
+    let without = scratch.mrvis(&[&bench[..], &QUICK[..10]].concat());
     assert_eq!(without.code, Some(0), "{}", without.stderr);
     assert!(without.stdout.contains("the patch with the largest irradiance"), "{}", without.stdout);
     assert_eq!(scratch.json("b.json")["workload"]["sky"]["shown"], "patch");

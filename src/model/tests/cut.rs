@@ -62,7 +62,7 @@ fn with_cut(model: &Model, mode: usize) -> MultiResolution {
 #[test]
 fn ground_of_a_forest_is_answered_by_the_cut() {
     let model = flat("forest", 36, 800);
-    let (workload, truths) = ground(&model, 6000);
+    let (workload, truths) = ground(&model, 3500);
     for (mode, rays) in (0..model.cut().expect("a cut").modes().len()).zip([16, 64, 256, 16]) {
         let engine = with_cut(&model, mode);
         let [found, others @ ..] = [0.05, 1.0].map(|s| answers(&engine, (&model, &workload), (rays, s)));

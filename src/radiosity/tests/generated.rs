@@ -222,7 +222,7 @@ fn light_at_points_is_that_of_a_separate_integration() {
 #[test]
 fn generated_scenes_keep_their_energy() {
     // In the last one a lamp hangs beside a partition, whose bright spot few rays of other surfaces meet.
-    let seeds: Vec<u64> = (0..16).chain([297]).collect();
+    let seeds: Vec<u64> = (0..8).chain([297]).collect();
     let mean = seeds.iter().copied().map(imbalance).sum::<f64>() / seeds.len() as f64;
     assert!(mean < 0.002, "{mean}");
 }

@@ -125,7 +125,7 @@ fn solutions_of_any_number_of_links_keep_their_power() {
 fn a_missed_target_is_recorded() {
     let target = |target_error: f64, max_links: usize| {
         // A given number of rays is not raised to meet the target. Small targets need many paths at each element that is audited.
-        let rays = Options { error: 0.05, local_rays: Some(100_000), audit: 10, ..Options::default() };
+        let rays = Options { error: 0.05, local_rays: Some(100_000), audit: 4, ..Options::default() };
         let options = Options { target_error: Some(target_error), max_links, ..rays };
         solved(&room(true), &[], &options).record
     };
@@ -221,7 +221,7 @@ fn ledgers_are_in_watts() {
 fn points_off_surfaces_are_counted() {
     let mut points = floor(5);
     points[3].position.z = 1.7;
-    let options = Options { error: 0.3, audit: 0, ..Options::default() };
+    let options = Options { error: 0.3, local_rays: Some(20_000), audit: 0, ..Options::default() };
     let warnings = |points: &[Point]| solved(&room(true), points, &options).record.warnings;
     let found = warnings(&points);
     assert!(found.iter().any(|w| w.starts_with("1 of 5 points lie")), "{found:?}");

@@ -166,7 +166,7 @@ fn against_paths(scene: &Scene, outcome: &Outcome) -> [f64; 2] {
             next += 1.0;
         }
     }
-    let settings = path_tracer::Settings { samples: 1024, direct_only: false, seed: 3 };
+    let settings = path_tracer::Settings { samples: 512, direct_only: false, seed: 3 };
     let model = model_for(scene, &Options::default());
     let traced = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
     let want: Vec<f64> = traced.iter().map(|v| mean(*v)).collect();

@@ -151,7 +151,8 @@ fn measured_clusters_are_kept_for_those_who_need_them() {
     scene.path = folder.path().join("forest.obj");
     let files = || std::fs::read_dir(folder.path()).expect("the folder").count();
     let solve = |visibility| {
-        let options = Options { cache: CacheLocation::Folder(folder.path().into()), ..with(visibility) };
+        let cache = CacheLocation::Folder(folder.path().into());
+        let options = Options { cache, error: 0.3, ..with(visibility) };
         let outcome = solved(&scene, &ground(&scene, 20), &options);
         (outcome.record.cache.clone(), outcome)
     };

@@ -181,7 +181,7 @@ fn levels_are_integrals() {
     ] {
         skies.push((format!("perez:{direct},{diffuse}"), diffuse));
     }
-    for sun in ["200,50:0", "80,8:0", "80,88:0"] {
+    for sun in ["80,8:0", "200,88:0"] {
         for (text, wanted) in &skies {
             let sky = environment(text, sun);
             let found = integral(300, 0.0, |v| v.z * sky.radiance(v)[0]);

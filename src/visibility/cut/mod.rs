@@ -115,8 +115,9 @@ impl Cut {
         self.sum(bundle, How::Exact { shells: true }).embree_work()
     }
 
-    /// Follows the segments of bundles and passes the number of the bundle and what those of each packet met to `each`.
-    fn each_packet(&self, bundles: &[Bundle], how: How, each: impl FnMut(usize, Packeted)) {
+    /// Follows the segments of bundles and passes the number of the bundle and what those of each packet met to `each`, which is not a
+    /// type parameter: the compiler would make the traversal for three instruction sets again for each caller.
+    fn each_packet(&self, bundles: &[Bundle], how: How, each: &mut dyn FnMut(usize, Packeted)) {
         let opaque = OPAQUE_DEPTH / how.mode().map_or(1.0, Mode::smallest_factor);
         dispatch(self.isa, Bundles { cut: self, bundles, how, opaque, each });
     }
@@ -147,7 +148,7 @@ impl Cut {
     /// The answers to bundles of one packet each in a mode, with the transmittance of each segment, 0 in unused lanes.
     pub(super) fn lanes(&self, bundles: &[Bundle], mode: &Mode, mut each: impl FnMut(Answer, &[f32; LANES])) {
         let how = How::Mode(mode);
-        self.each_packet(bundles, how, |_, packet| {
+        self.each_packet(bundles, how, &mut |_, packet| {
             each(Sums::of(&packet, how, packet.segments as f32).answer(), packet.lanes);
         });
     }

@@ -135,7 +135,7 @@ impl Cut {
             // Depths are needed up to those that the smallest factor makes opaque.
             let mode = Mode::unmeasured(width, FACTORS[0]);
             let mut all = Vec::with_capacity(bundles.len());
-            self.each_packet(&bundles, How::Mode(&mode), |_, packet| all.push(SetMet::of(&packet)));
+            self.each_packet(&bundles, How::Mode(&mode), &mut |_, packet| all.push(SetMet::of(&packet)));
             all.into_iter()
         });
         let mut sets = packets.iter().zip(blocked).zip(work).map(|((packet, blocked), work)| Set {

@@ -77,20 +77,20 @@ pub struct Sums {
 }
 
 /// Kernel that follows the segments of bundles, and passes what those of each packet met and transmit, and their class, to `each`.
-pub(super) struct Bundles<'a, F> {
+pub(super) struct Bundles<'a> {
     pub cut: &'a Cut,
     pub bundles: &'a [Bundle<'a>],
     pub how: How<'a>,
     /// Optical depth, before its correction, at which a segment counts as blocked.
     pub opaque: f32,
-    pub each: F,
+    pub each: &'a mut dyn FnMut(usize, Packeted),
 }
 
-impl<F: FnMut(usize, Packeted)> Kernel for Bundles<'_, F> {
+impl Kernel for Bundles<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(mut self, simd: S) {
+    fn run<S: Simd>(self, simd: S) {
         let cut = self.cut;
         let mut stack = EMPTY_STACK;
         for (k, bundle) in self.bundles.iter().enumerate() {
@@ -208,7 +208,7 @@ impl Cut {
         let segments = |bundle: &Bundle| bundle.packets.iter().map(Packet::len).sum::<usize>() as f32;
         let (mut at, mut all) = (0, Sums::default());
         let mut n = bundles.first().map_or(0.0, segments);
-        self.each_packet(bundles, how, |k, packet| {
+        self.each_packet(bundles, how, &mut |k, packet| {
             while at < k {
                 each(at, std::mem::take(&mut all));
                 at += 1;

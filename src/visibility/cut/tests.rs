@@ -44,7 +44,7 @@ fn lanes(cut: &Cut, packet: &Packet, (e, width): (f32, f32)) -> ([f32; LANES], S
     let mode = Mode::unmeasured(width, 1.0);
     let how = if width > 0.0 { How::Mode(&mode) } else { How::Exact { shells: false } };
     let mut found = ([0.0; LANES], Sums::default());
-    cut.each_packet(&[Bundle::of_packet(packet, e)], how, |_, packet| {
+    cut.each_packet(&[Bundle::of_packet(packet, e)], how, &mut |_, packet| {
         found = (*packet.lanes, Sums::counted(packet.met, packet.segments));
     });
     found
@@ -54,7 +54,7 @@ fn lanes(cut: &Cut, packet: &Packet, (e, width): (f32, f32)) -> ([f32; LANES], S
 /// are larger than what their squares fill by half a square on each side, so that they transmit a little more.
 #[test]
 fn a_slab_of_small_squares_obeys_beers_law() {
-    for (count, edge) in [(20_000, 0.05), (40_000, 0.05), (80_000, 0.05)] {
+    for (count, edge) in [(20_000, 0.05), (80_000, 0.05)] {
         let cut = Cut::build(&slab(count, edge));
         let kappa = count as f64 * edge * edge / (2.0 * 200.0);
         let mut random = Pcg64Mcg::new(1);
