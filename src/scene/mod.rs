@@ -94,7 +94,7 @@ pub use write_gltf::write_gltf;
 #[cfg(any(test, feature = "internals"))]
 pub use write_obj::{mtl_path, write_obj};
 
-use crate::sky::{Environment, SkyOptions};
+use crate::sky::{Environment, SkyOptions, Sun};
 use crate::{Result, math::Aabb};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -239,6 +239,8 @@ pub struct Scene {
     pub(crate) emitters: Vec<Emitter>,
     /// Sky and suns.
     pub(crate) environment: Option<Arc<Environment>>,
+    /// Suns of the file.
+    pub(crate) suns: Vec<Sun>,
     /// Index into `emitters`; `u32::MAX` for faces that do not emit.
     pub(crate) triangle_emitter: Vec<u32>,
     /// Texture coordinates of the corners of each face, from the lower left corner of the image; empty if the file
@@ -264,16 +266,22 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Lights the scene by a sky and suns, instead of those that it has.
+    /// Lights the scene by a sky and suns, instead of those that it has. Suns of the scene's file stay where the description has none and does not say
+    /// `sun = "none"`.
     ///
     /// # Errors
     /// [`Error::Argument`](crate::Error::Argument) if the values of the description do not fit together, such as a sky that needs a sun above
     /// the horizon and has none; [`Error::Io`](crate::Error::Io) or [`Error::Format`](crate::Error::Format) of a map.
     pub fn set_sky(&mut self, sky: &SkyOptions) -> Result<()> {
-        let environment = sky.environment(self.up_axis().vector().as_dvec3())?;
+        let environment = sky.environment_with(self.up_vector(), &self.suns)?;
         self.environment = Some(Arc::new(environment));
         self.files.extend(sky.files());
         Ok(())
+    }
+
+    /// The upward direction.
+    fn up_vector(&self) -> glam::DVec3 {
+        self.up_axis().vector().as_dvec3()
     }
 
     /// The sky and the suns that light the scene, if there are any.

@@ -17,12 +17,14 @@ use super::{
     stack::{Order, stack},
     triangulate::{Shape, Triangulator},
 };
+use crate::sky::Environment;
 use crate::{
     Error, Result,
     error::quote,
     math::{Aabb, weld::weld},
 };
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// Checks, repairs and converts a soup.
 ///
@@ -106,7 +108,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let part_area = &area_of_parts(&parts, &faces.polygon, &area);
     let order = Order { part: &part, part_area, emitter: &triangle_emitter, two_sided: &|t| sides(t) == 2 };
     stack(&found, order, &mut positions, &mut triangles);
-    Ok(Scene {
+    let mut scene = Scene {
         path: soup.path,
         cameras: soup.cameras,
         files: Vec::new(),
@@ -130,13 +132,18 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         materials,
         emitters,
         environment: None,
+        suns: soup.suns,
         triangle_emitter,
         triangle_texcoords: faces.texcoords,
         repairs,
         shared: Vec::new(),
         placements: Vec::new(),
         instances: Vec::new(),
-    })
+    };
+    if !scene.suns.is_empty() {
+        scene.environment = Some(Arc::new(Environment::of_suns(scene.up_vector(), scene.suns.clone())?));
+    }
+    Ok(scene)
 }
 
 /// For each triangle, the area of its part, scene units squared.

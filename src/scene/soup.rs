@@ -1,6 +1,7 @@
 //! Polygon soup: unchecked input of [`resolve`](super::resolve()).
 
 use super::{Placement, Profile, Repairs, StoredCamera, texture::Texture};
+use crate::sky::Sun;
 use glam::DVec3;
 use std::{collections::HashMap, path::PathBuf, sync::Arc};
 
@@ -31,6 +32,8 @@ pub struct Soup {
     pub materials: Vec<SoupMaterial>,
     /// Perspective cameras.
     pub cameras: Vec<StoredCamera>,
+    /// Lights that are infinitely far away.
+    pub suns: Vec<Sun>,
     /// Repairs made while reading.
     pub repairs: Repairs,
 }

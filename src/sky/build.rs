@@ -1,6 +1,6 @@
 //! The environment that a description stands for.
 
-use super::environment::Environment;
+use super::environment::{Environment, notes_of_suns};
 use super::frame::Frame;
 use super::gradation::Shape;
 use super::map::SkyMap;
@@ -53,6 +53,11 @@ impl SkyOptions {
     /// contradict each other or cannot be. [`Error::Io`] or [`Error::Format`] of a map.
     #[doc(hidden)]
     pub fn environment(&self, up: DVec3) -> Result<Environment> {
+        self.environment_with(up, &[])
+    }
+
+    /// The same with the suns of a file, where the description has none and does not say that there is none.
+    pub(crate) fn environment_with(&self, up: DVec3, suns: &[Sun]) -> Result<Environment> {
         let at = |what: String| match &self.file {
             Some(file) => Error::format(file, None, what),
             None => Error::Argument(what),
@@ -65,7 +70,7 @@ impl SkyOptions {
         let frame = frame.map_err(|e| at(e.to_string()))?;
         let position = self.position(&frame).map_err(at)?;
         let model = self.model(position.as_ref()).map_err(at)?;
-        let mut notes = vec![axes_note(&frame)];
+        let mut notes = vec![frame.note()];
         notes.push(model.note.clone());
         let map = match (&self.sky.0, &self.map) {
             (SkyModel::Map(_), Some(_)) => return Err(at("`sky` is a map already: remove `map`".into())),
@@ -89,9 +94,14 @@ impl SkyOptions {
             ));
         }
         let sun = self.disc(&frame, position.as_ref(), &model).map_err(at)?;
-        notes.push(self.sun_note(&frame, position.as_ref(), sun.as_ref()));
+        let has_others = sun.is_none() && !suns.is_empty() && matches!(self.sun, SunChoice::Auto);
+        notes.push(match has_others {
+            true => notes_of_suns(&frame, suns),
+            false => self.sun_note(&frame, position.as_ref(), sun.as_ref()),
+        });
+        let suns = if has_others { suns.to_vec() } else { sun.into_iter().collect() };
         let ground = self.ground.map_or([0.0; 3], Amount::rgb);
-        let mut environment = Environment::new(frame, sky, sun.into_iter().collect(), ground);
+        let mut environment = Environment::new(frame, sky, suns, ground);
         environment.notes = notes;
         Ok(environment)
     }
@@ -264,17 +274,4 @@ impl SkyOptions {
         let direction = frame.world(position.local);
         Ok(Some(Sun { direction, diameter: self.sun_diameter.to_radians(), irradiance }))
     }
-}
-
-/// How axes of the scene are oriented.
-fn axes_note(frame: &Frame) -> String {
-    let name = |v: DVec3| {
-        let axes = [("x", DVec3::X), ("y", DVec3::Y), ("z", DVec3::Z)];
-        let found = axes.into_iter().find(|(_, a)| v.dot(*a).abs() > 1.0 - 1e-9);
-        found.map_or_else(
-            || format!("[{:.4}, {:.4}, {:.4}]", v.x, v.y, v.z),
-            |(name, a)| format!("{}{name}", if v.dot(a) > 0.0 { '+' } else { '-' }),
-        )
-    };
-    format!("up is {}, north {}, east {}", name(frame.up), name(frame.north), name(frame.east))
 }

@@ -5,6 +5,7 @@ use super::frame::Frame;
 use super::patches::Patches;
 use super::radiance::Sky;
 use super::sun::Sun;
+use crate::Result;
 use glam::DVec3;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -58,6 +59,16 @@ impl Environment {
         let patches = Patches::new(frame, lower, detail, sky.as_ref().and_then(Sky::peak), value);
         let (cells, patches) = (Arc::new(cells), Arc::new(patches));
         Environment { frame, sky: sky.map(Arc::new), suns, ground, cells, patches, notes: Vec::new() }
+    }
+
+    /// Suns alone, in a scene with this upward axis.
+    ///
+    /// # Errors
+    /// [`Error::Argument`](crate::Error::Argument) if `up` is no direction.
+    pub fn of_suns(up: DVec3, suns: Vec<Sun>) -> Result<Environment> {
+        let frame = Frame::upright(up)?;
+        let notes = vec![frame.note(), notes_of_suns(&frame, &suns)];
+        Ok(Environment { notes, ..Environment::new(frame, None, suns, [0.0; 3]) })
     }
 
     /// Up, north and east.
@@ -152,4 +163,17 @@ fn radiance_of(sky: Option<&Sky>, ground: [f64; 3], local: DVec3) -> [f64; 3] {
         _ if local.z > 0.0 => [0.0; 3],
         _ => ground,
     }
+}
+
+/// Where the suns of a scene's file are, one sentence.
+pub(super) fn notes_of_suns(frame: &Frame, suns: &[Sun]) -> String {
+    let note = |sun: &Sun| {
+        let [azimuth, elevation] = frame.angles(sun.direction);
+        let [r, g, b] = sun.irradiance;
+        format!(
+            "azimuth {azimuth:.4}, elevation {elevation:.4} degrees, normal irradiance {r:.4} {g:.4} {b:.4}"
+        )
+    };
+    let notes: Vec<String> = suns.iter().map(note).collect();
+    format!("suns of the file: {}", notes.join("; "))
 }

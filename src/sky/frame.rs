@@ -50,6 +50,19 @@ impl Frame {
         Frame::new(up, wanted.reject_from(unit))
     }
 
+    /// The axes in words.
+    pub fn note(&self) -> String {
+        let name = |v: DVec3| {
+            let axes = [("x", DVec3::X), ("y", DVec3::Y), ("z", DVec3::Z)];
+            let found = axes.into_iter().find(|(_, a)| v.dot(*a).abs() > 1.0 - 1e-9);
+            found.map_or_else(
+                || format!("[{:.4}, {:.4}, {:.4}]", v.x, v.y, v.z),
+                |(name, a)| format!("{}{name}", if v.dot(a) > 0.0 { '+' } else { '-' }),
+            )
+        };
+        format!("up is {}, north {}, east {}", name(self.up), name(self.north), name(self.east))
+    }
+
     /// (east, north, up) of a vector in scene coordinates.
     pub fn local(&self, v: DVec3) -> DVec3 {
         DVec3::new(self.east.dot(v), self.north.dot(v), self.up.dot(v))

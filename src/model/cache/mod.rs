@@ -178,6 +178,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         shared: _,
         placements: _,
         environment: _,
+        suns: _,
         instances: _,
     } = scene;
     let mut hash = blake3::Hasher::new();

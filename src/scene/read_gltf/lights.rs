@@ -1,10 +1,11 @@
-//! Lights of the extension `KHR_lights_punctual` as small or distant emitters.
+//! Lights of the extension `KHR_lights_punctual` as small emitters and suns.
 
 use super::Reader;
 use crate::scene::luminaires::Lamp;
 use crate::scene::names::counted;
 use crate::scene::profile::{Distribution, axes};
-use crate::scene::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial};
+use crate::scene::{LoadOptions, MAX_COORDINATE, Soup};
+use crate::sky::Sun;
 use crate::{Result, error::quote, math::Aabb};
 use glam::{DMat4, DVec3};
 use gltf::khr_lights_punctual::{Kind, Light};
@@ -12,11 +13,6 @@ use gltf::khr_lights_punctual::{Kind, Light};
 /// Side of the plate of a point or spot light relative to the scene's diagonal: light at ten sides' distance, 2 % of the
 /// diagonal, is that of a point within (1/10)² / 2 = 0.5 %.
 const PLATE: f64 = 2e-3;
-/// Distance of a directional light in diagonals of the scene: light differs by (1 + 1/40)² - 1 = 5 % over the scene, by
-/// the square of the distance.
-const DISTANCE: f64 = 20.0;
-/// Tangent of half the side over distance of a directional light: a square of the solid angle of the sun, 6.8e-5 sr.
-const HALF_SIDE: f64 = 4.12e-3;
 /// Tabulated angles between the inner and the outer cone of a spot: interpolation loses less than (1/64)² / 4 of its
 /// intensity.
 const CONE_STEPS: usize = 64;
@@ -83,13 +79,11 @@ impl Reader<'_> {
 
     /// Adds emitters for the lights to the polygons of the scene. `bounds`: of all its polygons and placements.
     pub(super) fn add_lights(&self, soup: &mut Soup, bounds: Aabb, options: &LoadOptions) -> Result<()> {
-        let (diagonal, centre) = (f64::from(bounds.diagonal()), bounds.center().as_dvec3());
+        let diagonal = f64::from(bounds.diagonal());
         // Without surfaces nothing is lit, and the size of a light is not known.
         if diagonal <= 0.0 {
             return Ok(());
         }
-        let is_distant = |light: &PlacedLight| light.distribution.is_none();
-        let extent = if self.lights.iter().any(is_distant) { 2.0 * DISTANCE * diagonal } else { diagonal };
         for light in &self.lights {
             let c0 = if light.aim.x.abs() > 0.9 { DVec3::Y } else { DVec3::X };
             let axes = axes(light.aim, c0).ok_or_else(|| self.wrong("a light without a direction"))?;
@@ -105,22 +99,11 @@ impl Reader<'_> {
                     factors: [1.0; 2],
                     colour: light.colour,
                 }
-                .add(soup, extent, options);
+                .add(soup, diagonal, options);
                 continue;
             }
-            // Irradiance of a small square of radiance L facing it: L A / d².
-            let distance = DISTANCE * diagonal;
-            let radiance =
-                light.strength / options.photometry.lumens_per_watt / (4.0 * HALF_SIDE * HALF_SIDE);
-            let emission = light.colour.map(|c| (c * radiance) as f32);
-            let material = soup.material(SoupMaterial::light(&light.name, emission));
-            let object = soup.object(&light.name);
-            let (at, half) = (centre - distance * light.aim, HALF_SIDE * distance);
-            let (u, v) = (half * axes[1], half * axes[2]);
-            soup.polygon(object, material, &[at - u - v, at - u + v, at + u + v, at + u - v]);
-            if !soup.corner_texcoords.is_empty() || !soup.texcoords.is_empty() {
-                soup.corner_texcoords.extend([0; 4]);
-            }
+            let irradiance = light.strength / options.photometry.lumens_per_watt;
+            soup.suns.push(Sun::new(-light.aim, light.colour.map(|c| c * irradiance)));
         }
         if self.hard_spots > 0 {
             soup.repairs.messages.push(format!(
@@ -132,7 +115,7 @@ impl Reader<'_> {
             let count = counted(self.lights.len(), "light");
             soup.repairs.messages.push(format!(
                 "{count} of KHR_lights_punctual made into emitters: point and spot lights squares of {PLATE} of the scene's \
-                 diagonal, directional lights squares of the size of the sun at {DISTANCE} diagonals; their ranges are not used"
+                 diagonal, directional lights suns; their ranges are not used"
             ));
         }
         Ok(())

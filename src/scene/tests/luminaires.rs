@@ -225,8 +225,8 @@ fn punctual_lights_of_gltf() {
             .any(|m| { m.contains("1 spot light with an inner cone angle that is not below the outer one") })
     );
     let sun = value(r#"{"type":"directional","intensity":5000}"#, place);
-    near(sun[0], 5000.0, 0.05);
-    near(sun[1], 5000.0, 0.05);
+    near(sun[0], 5000.0, 0.001);
+    near(sun[1], 5000.0, 0.001);
 }
 
 /// A grey room of 4 m × 4 m × 3 m with a downlight of I = I(0) cos⁸ γ below its ceiling.
