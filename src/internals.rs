@@ -8,7 +8,7 @@ pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, Sc
 /// The measurement behind `mrvis bench`.
 pub mod bench {
     pub use crate::bench::workload::{Order, ReceiverPoint, Workload, surface_points};
-    pub use crate::bench::{Options, Record, Target, run};
+    pub use crate::bench::{Options, Record, run};
 
     /// Its report.
     pub mod page {
@@ -23,7 +23,7 @@ pub mod bench {
     /// Its record.
     pub mod record {
         pub use crate::bench::record::{
-            Build, ClassRecord, ExactRow, MapRecord, MrRow, NO_FASTER, ReceiverClass, Record, Spent, Target,
+            Build, ClassRecord, ExactRow, MapRecord, MrRow, NO_FASTER, ReceiverClass, Record, Spent,
             UnbiasedRow,
         };
     }

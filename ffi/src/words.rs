@@ -117,8 +117,6 @@ const BENCH_OPTIONS: Members = (
         "receivers",
         "receiver_count",
         "audit",
-        "target_error",
-        "target_seconds",
         "seed",
         "threads",
         "unbiased",

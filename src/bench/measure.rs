@@ -28,13 +28,6 @@ pub struct Run {
     pub sections: Vec<f64>,
 }
 
-impl Run {
-    /// Wall time of all timed sections, seconds.
-    pub fn seconds(&self) -> f64 {
-        self.sections.iter().sum()
-    }
-}
-
 /// A [`Run`] of the multi-resolution engine.
 #[derive(Clone, Debug, Default)]
 pub struct MrRun {

@@ -21,12 +21,11 @@ mod sample;
 pub mod side_by_side;
 pub mod sizes;
 mod surface;
-mod target;
 mod unaveraged;
 mod unbiased;
 pub mod workload;
 
-pub use options::{Options, Target};
+pub use options::Options;
 #[cfg(any(test, feature = "internals"))]
 pub use record::Record;
 pub use run::run;

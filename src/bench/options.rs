@@ -26,15 +26,6 @@ const MAX_MAP: usize = 16_384;
 /// Largest number of segments of a row to one emitter: at 10 million a second (`mrvis bench` on one core) it takes a day.
 const MAX_SEGMENTS: f64 = 1e12;
 
-/// Target of the error or the time of the answers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Target {
-    /// Root mean square error of the visible fraction, in `(0, 1]`.
-    Error(f64),
-    /// Time of pilot and queries together, seconds, above 0.
-    Seconds(f64),
-}
-
 /// Options of a benchmark.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -60,8 +51,6 @@ pub struct Options {
     pub audit: f64,
     /// Whether unbiased estimates are measured as well.
     pub unbiased: bool,
-    /// Target of the error or the time of the answers, if any.
-    pub target: Option<Target>,
     /// Algorithm that builds the clusters.
     #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub builder: Builder,
@@ -88,7 +77,6 @@ impl Default for Options {
             seed: 1,
             audit: 0.05,
             unbiased: false,
-            target: None,
             builder: Builder::default(),
             clusters: optics::Options::default(),
             cache: CacheLocation::Off,
@@ -156,17 +144,6 @@ impl Options {
                 "audit {}: must be a part of the bundles, in 0..1",
                 self.audit
             )));
-        }
-        match self.target {
-            Some(Target::Error(e)) if !(e > 0.0 && e <= 1.0) => {
-                return Err(Error::Argument(format!(
-                    "target_error {e}: must be an error of the visible fraction above 0, at most 1"
-                )));
-            }
-            Some(Target::Seconds(t)) if !(t > 0.0 && t.is_finite()) => {
-                return Err(Error::Argument(format!("target_seconds {t}: must be a time above 0")));
-            }
-            _ => {}
         }
         let tolerance = self.clusters.tolerance;
         if !(tolerance > 0.0 && tolerance <= 1.0) {
@@ -263,10 +240,6 @@ mod tests {
             Options { audit: -0.1, ..good.clone() },
             Options { audit: 1.5, ..good.clone() },
             Options { audit: f64::NAN, ..good.clone() },
-            Options { target: Some(Target::Error(0.0)), ..good.clone() },
-            Options { target: Some(Target::Error(f64::NAN)), ..good.clone() },
-            Options { target: Some(Target::Seconds(-1.0)), ..good.clone() },
-            Options { target: Some(Target::Seconds(f64::INFINITY)), ..good.clone() },
         ];
         assert!(bad.iter().all(|o| o.check().is_err()));
         for tolerance in [0.0, -1.0, 1.5, f32::NAN] {

@@ -44,8 +44,8 @@ fn unlit(model: &Model, options: &Options) -> Result<Error> {
 /// Measures a scene.
 ///
 /// The record is complete but for `build.load_s`, which the caller knows. All of it is independent of the number of
-/// threads, except times, ratios of times, Embree's ray call and the origin of the clusters. Targets and unbiased
-/// rows depend on measured times and may differ between runs.
+/// threads, except times, ratios of times, Embree's ray call and the origin of the clusters. Unbiased rows
+/// depend on measured times and may differ between runs.
 ///
 /// # Errors
 /// An option is out of range, a name is unknown, the scene has no emitter or no receiver, Embree fails, or `progress` stops the run, which
@@ -82,7 +82,6 @@ pub fn run(
     let requested = Instant::now();
     let unbiased = if options.unbiased { bench.unbiased(queries, &mr, &measured) } else { Vec::new() };
     let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;
-    let target = options.target.map(|target| bench.target(target, queries, &mr, &reference));
     spent.requested_s = requested.elapsed().as_secs_f64();
     bench.go_on()?;
     let mut images = timed(&mut spent.images_s, || bench.images(&surfaces, &mr, &mut rows, &mut warnings))?;
@@ -123,7 +122,6 @@ pub fn run(
         classes,
         nothing_averaged,
         unbiased,
-        target,
         receivers: images.errors,
         maps,
     };

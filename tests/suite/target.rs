@@ -25,39 +25,6 @@ fn bench(scratch: &Scratch, scene: &str, more: &[&str]) -> (Option<i32>, Value) 
 }
 
 #[test]
-fn targets_are_met_or_said_to_be_missed() {
-    let scratch = Scratch::new();
-    let mut spec = Spec::new("forest");
-    (spec.trees, spec.leaves) = (4, 200);
-    let scene = scratch.generate(&spec);
-
-    let (code, record) = bench(&scratch, &scene, &["--target-error", "0.05", "--feature-size", "1"]);
-    let target = &record["target"];
-    let value = |key: &str| target[key].as_f64().expect(key);
-    assert_eq!(
-        (code, &target["met"], &target["reachable"]),
-        (Some(0), &Value::from(true), &Value::from(true))
-    );
-    assert_eq!(target["asked"]["error"], 0.05);
-    assert!(target["asked"]["seconds"].is_null());
-    assert!(value("expected_rms_hi") <= 0.05 && value("rms") <= 0.05, "{target}");
-    assert_eq!(target["as_expected"], true, "{target}");
-    // The audit with independent rays agrees.
-    let audit = |key: &str| target["audit"][key].as_f64().expect(key);
-    assert!(audit("observed_lo") <= value("rms_hi") && value("rms_lo") <= audit("observed_hi"), "{target}");
-
-    // No plan meets a target time of 0.1 µs.
-    let (code, record) =
-        bench(&scratch, &scene, &["--target-seconds", "1e-7", "--audit", "0", "--feature-size", "1"]);
-    let target = &record["target"];
-    assert_eq!(
-        (code, &target["met"], &target["reachable"]),
-        (Some(1), &Value::from(false), &Value::from(false))
-    );
-    assert!(target["audit"].is_null() && record["mr"][0]["audit"].is_null());
-}
-
-#[test]
 fn estimates_without_bias_have_none() {
     let scratch = Scratch::new();
     let mut spec = Spec::new("forest");

@@ -3,7 +3,7 @@
 use super::*;
 use crate::bench::record::{
     Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, IntervalAudit, ReceiverErrors, SceneSummary,
-    SkySources, Spent, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
+    SkySources, Spent, UnbiasedLevel, UnbiasedRow, Workload,
 };
 
 /// Shadows of 260 discs, six of them large, with noise; `large_only`: of the large ones.
@@ -64,18 +64,6 @@ fn unbiased() -> UnbiasedRow {
         rms: 0.03,
         seconds: 0.5,
         speedup_at_same_rms: Some(1.25),
-        ..Default::default()
-    }
-}
-
-fn target() -> Target {
-    Target {
-        asked: TargetAsked { error: Some(0.02), seconds: None },
-        chosen: TargetChoice { exact: true, rays: 64, ..Default::default() },
-        expected_rms: 0.018,
-        rms: 0.019,
-        met: true,
-        audit: Some(audit()),
         ..Default::default()
     }
 }
@@ -191,7 +179,6 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         classes: Vec::new(),
         nothing_averaged: None,
         unbiased: vec![unbiased()],
-        target: Some(target()),
         receivers: vec![ReceiverErrors { name: "lawn".into(), ..Default::default() }],
         maps: Vec::new(),
     };

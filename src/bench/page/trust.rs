@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use crate::Result;
-use crate::bench::record::{IntervalAudit, MrRow, Record, TargetChoice, UnbiasedRow};
+use crate::bench::record::{IntervalAudit, MrRow, Record, UnbiasedRow};
 use crate::page::{Cell, chart, length, percent, seconds, signed, table, times};
 use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 
@@ -94,52 +94,6 @@ fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
         380,
         "Claimed against observed error, both axes logarithmic. Groups without any observed error are not shown.",
     )
-}
-
-/// Target, choice, expectation and result; empty without a target.
-pub(super) fn target(record: &Record) -> Markup {
-    let Some(target) = &record.target else { return html! {} };
-    let asked = match (target.asked.error, target.asked.seconds) {
-        (Some(error), _) => format!("an RMS error of at most {}", percent(error)),
-        (_, time) => format!("at most {}, pilot included", seconds(time.unwrap_or(0.0))),
-    };
-    html! {
-        section {
-            h2 { "Target" }
-            p {
-                "Target: " (asked) ". A pilot on a sample measured plans with different feature sizes and numbers of segments, and exact \
-                 rays, and chose " (choice(&target.chosen, &record.unit)) ". It expected an RMS error of "
-                (percent(target.expected_rms)) " (" (percent(target.expected_rms_lo)) " to "
-                (percent(target.expected_rms_hi)) ") in " (seconds(target.expected_seconds)) "; observed: "
-                strong { (percent(target.rms)) " in " (seconds(target.seconds)) }
-                ", after a pilot of " (seconds(target.pilot_s))
-                @if let Some(audit) = &target.audit { ", by the audit " (percent(audit.observed_rms)) }
-                "."
-            }
-            @if !target.reachable { p.warning { "The pilot expected no plan to meet the target; this is the nearest." } }
-            @if !target.met { p.warning { "The target was missed." } }
-            @if !target.as_expected { p.warning { "The observed error differs from the expected one." } }
-        }
-    }
-}
-
-/// A choice as text.
-fn choice(chosen: &TargetChoice, unit: &str) -> String {
-    let engine = match chosen.feature_size {
-        Some(s) => {
-            format!("multi-resolution visibility at s = {} with {} segments", length(s, unit), chosen.rays)
-        }
-        None => format!("exact visibility with {} rays", chosen.rays),
-    };
-    match chosen.rays_where_partly_visible {
-        Some(more) => {
-            format!(
-                "{engine}, and {more} where the light was partly visible ({})",
-                percent(chosen.partly_visible)
-            )
-        }
-        None => engine,
-    }
 }
 
 /// Unbiased rows; empty if there are none.

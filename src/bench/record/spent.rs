@@ -11,7 +11,7 @@ pub struct Spent {
     pub points_s: f64,
     /// Rows by class of receiver.
     pub classes_s: f64,
-    /// Unbiased rows and a target, if requested.
+    /// Unbiased rows, if requested.
     pub requested_s: f64,
     /// Shadow images.
     pub images_s: f64,
@@ -26,7 +26,7 @@ impl Spent {
             ("choices", self.choice_s),
             ("rows over all points", self.points_s),
             ("classes of receivers", self.classes_s),
-            ("unbiased rows and target", self.requested_s),
+            ("unbiased rows", self.requested_s),
             ("shadow images", self.images_s),
             ("maps", self.maps_s),
         ]

@@ -34,67 +34,6 @@ pub struct IntervalAudit {
     pub bins: Vec<CalibrationBin>,
 }
 
-/// Request, choice, expectation and result of a target.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Target {
-    /// The requested error or time.
-    pub asked: TargetAsked,
-    /// The chosen plan.
-    pub chosen: TargetChoice,
-    /// RMS error expected by the pilot.
-    pub expected_rms: f64,
-    /// 95 % interval of `expected_rms`, lower end.
-    pub expected_rms_lo: f64,
-    /// 95 % interval of `expected_rms`, upper end.
-    pub expected_rms_hi: f64,
-    /// Time of the queries expected by the pilot, seconds.
-    pub expected_seconds: f64,
-    /// Time of the pilot, seconds.
-    pub pilot_s: f64,
-    /// Time of the queries, seconds. A target time includes `pilot_s`.
-    pub seconds: f64,
-    /// Observed RMS error.
-    pub rms: f64,
-    /// Mean error; positive: too bright.
-    pub bias: f64,
-    /// 95 % interval of `rms`, lower end.
-    pub rms_lo: f64,
-    /// 95 % interval of `rms`, upper end.
-    pub rms_hi: f64,
-    /// Whether the pilot expected any plan to meet the target.
-    pub reachable: bool,
-    /// Whether the target was met.
-    pub met: bool,
-    /// Whether the intervals of the expected and the observed error overlap.
-    pub as_expected: bool,
-    /// Audit of the answers; `null` without an audit.
-    pub audit: Option<IntervalAudit>,
-}
-
-/// Request of a [`Target`]: one of the two is given.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct TargetAsked {
-    /// Largest RMS error.
-    pub error: Option<f64>,
-    /// Largest time of pilot and queries together, seconds.
-    pub seconds: Option<f64>,
-}
-
-/// Plan of a [`Target`].
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct TargetChoice {
-    /// Feature size; `null`: exact.
-    pub feature_size: Option<f64>,
-    /// Whether visibility is exact.
-    pub exact: bool,
-    /// Segments from a point to an emitter.
-    pub rays: usize,
-    /// Segments of a second query of the pairs that are partly visible; `null`: no second query.
-    pub rays_where_partly_visible: Option<usize>,
-    /// Part of the pairs, in `[0, 1]`, that the pilot found partly visible.
-    pub partly_visible: f64,
-}
-
 /// Unbiased estimates: an averaged level, corrected by exact segments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct UnbiasedRow {

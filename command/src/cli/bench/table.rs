@@ -3,7 +3,7 @@
 mod classes;
 mod headline;
 
-use mrvis::internals::bench::record::{Build, MapRecord, MrRow, Record, Target, UnbiasedRow};
+use mrvis::internals::bench::record::{Build, MapRecord, MrRow, Record, UnbiasedRow};
 use mrvis::internals::error::quote;
 use mrvis::internals::plot::number;
 use std::fmt::Write as _;
@@ -20,9 +20,6 @@ pub fn table(record: &Record) -> String {
     text += &spent(record);
     text += &audits(&record.mr);
     text += &unbiased(&record.unbiased, unit);
-    if let Some(target) = &record.target {
-        text += &target_result(target, unit);
-    }
     // Writing to a string cannot fail.
     let result = record.nothing_averaged.clone().unwrap_or_else(|| headline::of(record));
     let _ = writeln!(text, "\n{result}");
@@ -215,34 +212,6 @@ fn unbiased(rows: &[UnbiasedRow], unit: &str) -> String {
         );
     }
     text
-}
-
-/// Result of a target.
-fn target_result(target: &Target, unit: &str) -> String {
-    let asked = match (target.asked.error, target.asked.seconds) {
-        (Some(error), _) => format!("RMS {error}"),
-        (_, time) => format!("{} of pilot and queries", seconds(time.unwrap_or(0.0))),
-    };
-    let chosen = &target.chosen;
-    let engine = chosen.feature_size.map_or("exact".into(), |s| format!("s = {} {unit}", number(s)));
-    let more = chosen.rays_where_partly_visible.map_or(String::new(), |more| {
-        format!(", {more} where partly visible ({:.0} %)", 100.0 * chosen.partly_visible)
-    });
-    let unreached = if target.reachable { "" } else { " (no plan was expected to meet it)" };
-    let surprise = if target.as_expected { "" } else { ", not as expected" };
-    format!(
-        "\ntarget {asked}{unreached}: {engine} with {} segments{more}; expected RMS {:.5} ({:.5} to {:.5}) in {}; observed \
-         {:.5} in {}, after a pilot of {}: {}{surprise}\n",
-        chosen.rays,
-        target.expected_rms,
-        target.expected_rms_lo,
-        target.expected_rms_hi,
-        seconds(target.expected_seconds),
-        target.rms,
-        seconds(target.seconds),
-        seconds(target.pilot_s),
-        if target.met { "met" } else { "missed" },
-    )
 }
 
 /// Preparation of both engines, which the times of rows do not include, in one line.
