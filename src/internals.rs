@@ -176,7 +176,7 @@ pub mod model {
 
 /// Cluster optics.
 pub mod optics {
-    pub use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics, Extinction, Options, extinction, measure};
+    pub use crate::optics::{Extinction, Options, extinction, measure};
 }
 
 /// Parts of pages.
@@ -251,8 +251,7 @@ pub mod threads {
 pub mod visibility {
     pub use crate::visibility::steps::Steps;
     pub use crate::visibility::{
-        Answer, Bundle, CALIBRATION_BUNDLES, Cut, Exact, LeafMode, Mode, MultiResolution, Sums, Workspace,
-        fastest_traversal,
+        Answer, Bundle, Cut, Exact, LeafMode, Mode, MultiResolution, Sums, Workspace, fastest_traversal,
     };
 }
 
