@@ -7,7 +7,7 @@ pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, Sc
 
 /// The measurement behind `mrvis bench`.
 pub mod bench {
-    pub use crate::bench::workload::{Order, ReceiverPoint, Workload, surface_points};
+    pub use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
     pub use crate::bench::{Options, Record, run};
 
     /// Its report.
@@ -24,7 +24,6 @@ pub mod bench {
     pub mod record {
         pub use crate::bench::record::{
             Build, ClassRecord, ExactRow, MapRecord, MrRow, NO_FASTER, ReceiverClass, Record, Spent,
-            UnbiasedRow,
         };
     }
 

@@ -672,9 +672,7 @@ typedef struct mrv_bench_options {
   double audit;                  /* part of the bundles on which exact rays check the stated intervals, in [0, 1]; 0: .05 */
   uint64_t seed;                 /* of all random numbers; 0: 1 */
   uint32_t threads;              /* threads of the timed sections, at most 1024; 0: 1 */
-  int32_t unbiased;              /* other than 0: unbiased estimates are measured as well */
   int32_t no_audit;              /* other than 0: no audit */
-  uint32_t reserved;
   mrv_progress progress;         /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned after the stage */
   void *user;                    /* first argument of `progress` */
   uint64_t max_memory;           /* largest memory of the results, bytes; 0: four fifths of what is available */

@@ -1,6 +1,6 @@
 //! Measurements of a model: exact against multi-resolution visibility, and irradiance by path tracing.
 
-use super::arguments::{Place, c_text, no_reserved, slice, slice_mut, texts};
+use super::arguments::{Place, c_text, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard, quiet};
 use super::handle::{Opaque, give, object, release, retain};
@@ -44,17 +44,15 @@ pub struct mrv_bench_options {
     pub audit: f64,
     pub seed: u64,
     pub threads: u32,
-    pub unbiased: i32,
     pub no_audit: i32,
-    pub reserved: u32,
     pub progress: mrv_progress,
     pub user: *mut c_void,
     pub max_memory: u64,
 }
 record!(
-    mrv_bench_options: 104,
+    mrv_bench_options: 96,
     struct_size, points, rays, reference_rays, feature_sizes, feature_size_count, receivers,
-    receiver_count, audit, seed, threads, unbiased, no_audit, reserved,
+    receiver_count, audit, seed, threads, no_audit,
     progress, user, max_memory
 );
 
@@ -63,8 +61,7 @@ record!(
 /// # Safety
 /// The record holds arrays and text as the header says.
 unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
-    no_reserved(given.reserved, "options.reserved")?;
-    let mut options = BenchOptions::default().with_unbiased(given.unbiased != 0);
+    let mut options = BenchOptions::default();
     if given.points != 0 {
         options = options.with_points(usize::try_from(given.points).unwrap_or(usize::MAX));
     }

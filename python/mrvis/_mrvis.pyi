@@ -85,7 +85,6 @@ class _BenchOptions(TypedDict, total=False):
     reference_rays: int | None
     threads: int | None
     audit: float | None
-    unbiased: bool | None
     seed: int | None
 
 class _FbemOptions(TypedDict, total=False):

@@ -65,7 +65,6 @@ fn bench_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<BenchOptions> 
             "reference_rays" => all.with_reference_rays(whole(&name, &given)?),
             "threads" => all.with_threads(whole(&name, &given)?),
             "audit" => all.with_audit(value(&name, &given)?),
-            "unbiased" => all.with_unbiased(value(&name, &given)?),
             "seed" => all.with_seed(whole(&name, &given)?),
             _ => return unknown("bench", &name),
         };
@@ -328,8 +327,7 @@ impl PyModel {
     /// emitter, 1 to 65,536, default 16; 4 and 16 times as many are measured as well. feature_size: a number or several, scene units, above 0,
     /// default four from two texels of the shadow images to a fifth of the largest. receivers: names of objects, groups or materials for shadow images, default the largest flat surfaces.
     /// reference_rays: from a point to an emitter in the reference, 1 to 65,536, default 1,024. threads: of the timed sections, 1 to 1,024,
-    /// default 1. audit: part of the bundles, 0 to 1, on which exact rays check the intervals, default 0.05. unbiased: whether corrected
-    /// estimates are measured too, default False. seed: 0 to
+    /// default 1. audit: part of the bundles, 0 to 1, on which exact rays check the intervals, default 0.05. seed: 0 to
     /// 2**64 - 1, default 1.
     /// progress: as for `Model`; it stops the work between stages.
     #[pyo3(signature = (*, progress=None, **options))]

@@ -63,13 +63,6 @@ impl BenchOptions {
         self
     }
 
-    /// Whether unbiased estimates are measured as well: averaged answers, corrected by a few exact segments. Default false.
-    #[must_use]
-    pub fn with_unbiased(mut self, unbiased: bool) -> BenchOptions {
-        self.options.unbiased = unbiased;
-        self
-    }
-
     /// Largest memory of the results, bytes; default: four fifths of the available memory.
     #[must_use]
     pub fn with_max_memory(mut self, bytes: u64) -> BenchOptions {

@@ -3,7 +3,6 @@
 use super::audit::{AUDIT_RAYS, AuditRays};
 use super::measure::{MrRun, Queries, Run, Timer};
 use super::options::Options;
-use super::pilot::UNBIASED_SEGMENTS;
 use super::record::MrRow;
 use super::reference::Reference;
 use super::rounds::{WARM_UP_PAIRS, timed};
@@ -110,8 +109,7 @@ impl Bench<'_> {
 
     /// Numbers of rays of the exact rows: the fixed ones and those that MR rows are compared with.
     pub fn exact_rays(&self) -> Vec<usize> {
-        let unbiased = if self.options.unbiased { &UNBIASED_SEGMENTS[..] } else { &[] };
-        let mut rays: Vec<usize> = EXACT_RAYS.iter().chain(unbiased).copied().chain(self.mr_rays()).collect();
+        let mut rays: Vec<usize> = EXACT_RAYS.into_iter().chain(self.mr_rays()).collect();
         rays.sort_unstable();
         rays.dedup();
         rays

@@ -9,7 +9,6 @@ mod maps;
 pub mod measure;
 mod options;
 pub mod page;
-mod pilot;
 mod prepare;
 pub mod receivers;
 pub mod record;
@@ -22,7 +21,6 @@ pub mod side_by_side;
 pub mod sizes;
 mod surface;
 mod unaveraged;
-mod unbiased;
 pub mod workload;
 
 pub use options::Options;

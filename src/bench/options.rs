@@ -1,7 +1,6 @@
 //! Options of a benchmark and their validity for a scene.
 
 use super::lights;
-use super::pilot::pilot_bytes;
 use super::rounds::MAX_ROUNDS;
 use super::sample::Sample;
 use crate::clusters::Builder;
@@ -49,8 +48,6 @@ pub struct Options {
     pub seed: u64,
     /// Part of the pairs, in `[0, 1]`, on which independent exact rays check each row; 0: no audit.
     pub audit: f64,
-    /// Whether unbiased estimates are measured as well.
-    pub unbiased: bool,
     /// Algorithm that builds the clusters.
     #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub builder: Builder,
@@ -76,7 +73,6 @@ impl Default for Options {
             threads: 1,
             seed: 1,
             audit: 0.05,
-            unbiased: false,
             builder: Builder::default(),
             clusters: optics::Options::default(),
             cache: CacheLocation::Off,
@@ -96,13 +92,12 @@ impl Options {
         // Points, pairs, both halves of the reference, and the largest row with its intervals: bytes per point and
         // per pair.
         let rows = self.points as f64 * (32.0 + emitters as f64 * 48.0);
-        // The samples of the decisions (points and images), and the pilot of the unbiased rows.
+        // The samples of the decisions (points and images).
         let samples = 2 * Sample::bytes(&self.mr_rays());
-        let pilot = if self.unbiased { pilot_bytes() } else { 0 };
         // One map at a time: points of all spacings and light of some thirty rows; pairs, both halves of the reference and a row.
         let texels = self.map.map_or(0.0, |side| (side as f64).powi(2));
         let maps = texels * (160.0 + emitters as f64 * 64.0);
-        rows.max(maps) + (samples + pilot) as f64
+        rows.max(maps) + samples as f64
     }
 
     /// Checks the options independently of a scene.

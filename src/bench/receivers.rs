@@ -16,7 +16,7 @@ mod relief;
 mod window;
 
 use super::lights;
-use super::workload::{Order, ReceiverPoint, Workload};
+use super::workload::{ReceiverPoint, Workload};
 use crate::math::Aabb;
 use crate::model::Model;
 use crate::ray::{Occluder, Packet};
@@ -304,7 +304,7 @@ fn probe(model: &Model, exact: &dyn Occluder, points: Vec<ReceiverPoint>) -> (Wo
     let (mut packets, mut blocked): (Vec<Packet>, Vec<u32>) = (Vec::new(), Vec::new());
     let values = (0..workload.pairs.len()).map(|pair| {
         packets.clear();
-        workload.add_bundle(scene, pair, (PROBE_RAYS, Order::Near), 0, &mut packets);
+        workload.add_bundle(scene, pair, PROBE_RAYS, 0, &mut packets);
         blocked.clear();
         blocked.resize(packets.len(), 0);
         exact.occluded(&packets, &mut blocked);

@@ -55,9 +55,6 @@ pub struct Args {
     /// Check the stated intervals by independent exact rays on this part of the bundles; 0: no check [default: 0.05]
     #[arg(long, value_name = "FRACTION")]
     pub audit: Option<f64>,
-    /// Also measure unbiased estimates: averaged answers, corrected by a few exact segments
-    #[arg(long)]
-    pub unbiased: bool,
     /// Tolerated error of a cluster's transmittance; clusters with a larger error are averaged only for beams wide
     /// enough to compensate
     #[arg(long, value_name = "TOL", default_value_t = 0.05)]
@@ -118,7 +115,6 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
         rounds: args.rounds,
         seed: common.seed,
         audit: args.audit.unwrap_or(Options::default().audit),
-        unbiased: args.unbiased,
         clusters: optics::Options {
             extinction: args.extinction.into(),
             tolerance: args.tolerance,

@@ -4,7 +4,7 @@ use super::plain::{Descent, PlainTree, Visits};
 use glam::{DVec3, Vec3};
 use mrvis::Model;
 use mrvis::Result;
-use mrvis::internals::bench::{Order, ReceiverPoint, Workload};
+use mrvis::internals::bench::{ReceiverPoint, Workload};
 use mrvis::internals::ray::{LANES, Occluder, Packet};
 use mrvis::internals::visibility::{Bundle, Exact, MultiResolution, Workspace};
 use mrvis::internals::{ModelParts, SceneParts};
@@ -177,7 +177,7 @@ impl<'a> Grid<'a> {
         let mut drawn = Segments { packets: Vec::new(), ends: vec![0] };
         for place in places {
             let (scene, pair) = (self.model.scene(), self.pairs[place]);
-            self.workload.add_bundle(scene, pair, (rays, Order::Near), 0, &mut drawn.packets);
+            self.workload.add_bundle(scene, pair, rays, 0, &mut drawn.packets);
             drawn.ends.push(drawn.packets.len());
         }
         drawn

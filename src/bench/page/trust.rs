@@ -3,8 +3,8 @@
 use maud::{Markup, html};
 
 use crate::Result;
-use crate::bench::record::{IntervalAudit, MrRow, Record, UnbiasedRow};
-use crate::page::{Cell, chart, length, percent, seconds, signed, table, times};
+use crate::bench::record::{IntervalAudit, MrRow, Record};
+use crate::page::{Cell, chart, length, percent, table};
 use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 
 /// Largest number of feature sizes in the plot: with the diagonal, one per colour.
@@ -94,56 +94,4 @@ fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
         380,
         "Claimed against observed error, both axes logarithmic. Groups without any observed error are not shown.",
     )
-}
-
-/// Unbiased rows; empty if there are none.
-pub(super) fn unbiased(record: &Record) -> Markup {
-    if record.unbiased.is_empty() {
-        return html! {};
-    }
-    let gain = |row: &UnbiasedRow| row.speedup_at_same_rms.is_some_and(|s| s > 1.05);
-    let gains = record.unbiased.iter().filter(|row| gain(row)).count();
-    let columns = [
-        "s",
-        "segments",
-        "exact segments",
-        "time",
-        "pilot",
-        "RMS",
-        "bias",
-        "its error",
-        "speed-up, same RMS",
-    ];
-    let rows: Vec<_> = record.unbiased.iter().map(|row| unbiased_row(row, &record.unit)).collect();
-    html! {
-        section {
-            h2 { "Unbiased estimates" }
-            p {
-                "Averaged answers are biased for any number of segments. Here some of their segments, picked at \
-                 random, are also traced exactly, and the mean difference is added: the result is unbiased, and its \
-                 error falls with the number of segments. At the same error "
-                @if gains == 0 { "none of these rows is faster than plain exact rays." }
-                @else { (gains) " of " (record.unbiased.len()) " rows are faster than plain exact rays." }
-            }
-            (table(columns, &rows))
-        }
-    }
-}
-
-fn unbiased_row(row: &UnbiasedRow, unit: &str) -> [Cell; 9] {
-    let averaged = row.levels.iter().find_map(|level| level.feature_size);
-    let exact: f64 = row.levels.iter().filter(|level| level.feature_size.is_none()).map(|l| l.rays).sum();
-    let about = if row.extrapolated { "~" } else { "" };
-    [
-        averaged.map_or("–".into(), |s| length(s, unit)).into(),
-        row.rays.into(),
-        number(exact).into(),
-        seconds(row.seconds).into(),
-        seconds(row.pilot_s).into(),
-        number(row.rms).into(),
-        signed(row.bias).into(),
-        number(row.bias_error).into(),
-        Cell::from(format!("{about}{}", times(row.speedup_at_same_rms)))
-            .loss(row.speedup_at_same_rms.is_some_and(|s| s < 1.0)),
-    ]
 }

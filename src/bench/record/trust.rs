@@ -34,40 +34,6 @@ pub struct IntervalAudit {
     pub bins: Vec<CalibrationBin>,
 }
 
-/// Unbiased estimates: an averaged level, corrected by exact segments.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct UnbiasedRow {
-    /// The averaged level, then the exact one.
-    pub levels: Vec<UnbiasedLevel>,
-    /// Segments from a point to an emitter at the averaged level.
-    pub rays: usize,
-    /// Time of the queries, seconds.
-    pub seconds: f64,
-    /// Time of the pilot that divides the work, seconds; not part of `seconds`.
-    pub pilot_s: f64,
-    /// Root mean square error.
-    pub rms: f64,
-    /// Mean error; positive: too bright. Its expectation is 0.
-    pub bias: f64,
-    /// Standard error of `bias`.
-    pub bias_error: f64,
-    /// Time of exact rays for the same RMS error, divided by this time; `null` if undefined.
-    pub speedup_at_same_rms: Option<f64>,
-    /// Whether the speed-up is extrapolated beyond the last exact row, with error ∝ rays^(−1/2).
-    pub extrapolated: bool,
-}
-
-/// A level of an [`UnbiasedRow`].
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct UnbiasedLevel {
-    /// Feature size; `null`: exact.
-    pub feature_size: Option<f64>,
-    /// Emitter size in the umbra criterion relative to the true size, in `(0, 1]`.
-    pub emitter_part: f64,
-    /// Mean number of segments from a point to an emitter.
-    pub rays: f64,
-}
-
 /// Bundles with similar claimed errors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationBin {

@@ -3,7 +3,7 @@
 mod classes;
 mod headline;
 
-use mrvis::internals::bench::record::{Build, MapRecord, MrRow, Record, UnbiasedRow};
+use mrvis::internals::bench::record::{Build, MapRecord, MrRow, Record};
 use mrvis::internals::error::quote;
 use mrvis::internals::plot::number;
 use std::fmt::Write as _;
@@ -19,7 +19,6 @@ pub fn table(record: &Record) -> String {
     text += &setup(record);
     text += &spent(record);
     text += &audits(&record.mr);
-    text += &unbiased(&record.unbiased, unit);
     // Writing to a string cannot fail.
     let result = record.nothing_averaged.clone().unwrap_or_else(|| headline::of(record));
     let _ = writeln!(text, "\n{result}");
@@ -187,31 +186,6 @@ fn clusters(build: &Build) -> String {
         seconds(build.hierarchy_s),
         seconds(build.characterise_s)
     )
-}
-
-/// Unbiased rows.
-fn unbiased(rows: &[UnbiasedRow], unit: &str) -> String {
-    let mut text = String::new();
-    if !rows.is_empty() {
-        text += "\nunbiased  rays      exact       time      pilot        RMS       bias  same RMS\n";
-    }
-    for row in rows {
-        let size = row.levels.iter().find_map(|level| level.feature_size);
-        let exact: f64 = row.levels.iter().filter(|l| l.feature_size.is_none()).map(|l| l.rays).sum();
-        let _ = writeln!(
-            text,
-            "{:>14} {:>10} {:>10} {:>10} {:>10.5} {:>+10.5} {:>9}  s = {} {unit}",
-            row.rays,
-            number(exact),
-            seconds(row.seconds),
-            seconds(row.pilot_s),
-            row.rms,
-            row.bias,
-            times(row.speedup_at_same_rms, row.extrapolated),
-            number(size.unwrap_or(0.0)),
-        );
-    }
-    text
 }
 
 /// Preparation of both engines, which the times of rows do not include, in one line.
