@@ -17,7 +17,6 @@ mod window;
 
 use super::lights;
 use super::workload::{ReceiverPoint, Workload};
-use crate::math::Aabb;
 use crate::model::Model;
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
@@ -170,10 +169,7 @@ impl Surfaces {
 fn by_size(model: &Model, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     let scene = model.shared_scene();
     let min_extent = MIN_EXTENT_PART * scene.size();
-    let mut extent = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
-    for (t, &c) in scene.triangle_component.iter().enumerate() {
-        extent[c as usize] = extent[c as usize].union(Aabb::of(scene.corners(t as u32)));
-    }
+    let extent = scene.component_bounds();
     let large = |t: &u32| {
         scene.triangle_emitter[*t as usize] == u32::MAX
             && extent[scene.triangle_component[*t as usize] as usize].diagonal() >= min_extent
