@@ -5,16 +5,16 @@ use super::measure::{MrRun, Queries, Run, Timer};
 use super::options::Options;
 use super::record::MrRow;
 use super::reference::Reference;
-use super::rounds::{WARM_UP_PAIRS, timed};
+use super::rounds::WARM_UP_PAIRS;
 use super::sample::Sample;
 use super::workload::Workload;
+use crate::Result;
 use crate::embree::Traversal;
 use crate::model::Model;
-use crate::progress::Progress;
+use crate::progress::{Progress, go_on, timed};
 use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::visibility::{Exact, MultiResolution, Route, fastest_traversal};
-use crate::{Error, Result};
 
 /// Numbers of rays of the exact rows: steps of 4 halve the error, and 256 rays bracket the errors of the MR rows, so
 /// that times at equal error are interpolated.
@@ -96,10 +96,7 @@ impl Bench<'_> {
     /// # Errors
     /// The caller wants the run to stop.
     pub fn go_on(&self) -> Result<()> {
-        match self.progress.stopped() {
-            true => Err(Error::Cancelled("stopped before the benchmark was complete".into())),
-            false => Ok(()),
-        }
+        go_on(self.progress, "the benchmark was")
     }
 
     /// Numbers of segments of the MR rows.

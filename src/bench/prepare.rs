@@ -3,7 +3,6 @@
 use super::context::Bench;
 use super::options::Options;
 use super::record::{Build, BytesPerTriangle};
-use super::rounds::timed;
 use super::sample::{Extent, Sample};
 use super::workload::{Workload, surface_points};
 #[cfg(any(test, feature = "internals"))]
@@ -11,6 +10,7 @@ use crate::clusters;
 #[cfg(any(test, feature = "internals"))]
 use crate::model::{Detail, PrepareOptions};
 use crate::model::{Mesh, Model};
+use crate::progress::timed;
 use crate::ray::LANES;
 use crate::visibility::{Candidate, Cut, LeafMode, MultiResolution, Workspace};
 use std::sync::Arc;

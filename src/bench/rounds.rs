@@ -55,14 +55,6 @@ fn shorten(best: &mut [f64], again: &[f64]) {
     best.iter_mut().zip(again).for_each(|(a, &b)| *a = a.min(b));
 }
 
-/// The result of `make`; adds its time to `seconds`.
-pub(super) fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
-    let start = Instant::now();
-    let result = make();
-    *seconds += start.elapsed().as_secs_f64();
-    result
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

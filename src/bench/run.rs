@@ -10,7 +10,7 @@ use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
 use super::record::{self, Record, Spent};
 use super::reference::Reference;
-use super::rounds::{MAX_TIME, timed};
+use super::rounds::MAX_TIME;
 use super::rows::Measured;
 use super::sizes::{default_sizes, of_images};
 use super::unaveraged;
@@ -18,7 +18,7 @@ use super::workload::{Workload, surface_points};
 use crate::model::Model;
 use crate::model::summary::SceneSummary;
 use crate::optics::Extinction;
-use crate::progress::Progress;
+use crate::progress::{Progress, timed};
 use crate::{Error, Result, error::shown};
 use std::time::Instant;
 

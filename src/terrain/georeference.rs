@@ -1,6 +1,5 @@
 //! Where a grid is on the earth, in the terms of GeoTIFF (OGC 19-008r4).
 
-
 /// Key: kind of coordinate system.
 pub(super) const MODEL_TYPE: u16 = 1024;
 /// Key: whether tie points are of corners of pixels (1) or of samples (2).
