@@ -5,7 +5,7 @@
 //! much longer Embree's fastest call takes to the same error, interpolated between 1, 4, 16, ... 1,024 rays, and the part of the stated
 //! intervals that hold. Widths are relative to the emitter's; `--width` adds one with this factor of extinctions.
 
-use mrvis::internals::bench::{Order, Workload, surface_points};
+use mrvis::internals::bench::{Workload, surface_points};
 use mrvis::internals::embree::Traversal;
 use mrvis::internals::ray::{Occluder, Packet};
 use mrvis::internals::scene::{Scene, generate};
@@ -143,7 +143,7 @@ impl Receivers<'_> {
     fn rows(&self, pairs: &[usize], rays: usize, reference: &[Vec<f32>; 2], exact: &[(f64, f64)]) {
         let mut packets = Vec::new();
         for &pair in pairs {
-            self.workload.add_bundle(self.model.scene(), pair, (rays, Order::Near), 0, &mut packets);
+            self.workload.add_bundle(self.model.scene(), pair, rays, 0, &mut packets);
         }
         let of_pair = packets.chunks(rays.div_ceil(16)).zip(pairs);
         let bundles: Vec<Bundle> =

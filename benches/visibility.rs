@@ -3,7 +3,7 @@
 
 use divan::{Bencher, black_box, counter::ItemsCount};
 use mrvis::Model;
-use mrvis::internals::bench::{Order, Workload, surface_points};
+use mrvis::internals::bench::{Workload, surface_points};
 use mrvis::internals::embree::Traversal;
 use mrvis::internals::ray::{Occluder, Packet};
 use mrvis::internals::scene::generate;
@@ -50,8 +50,7 @@ impl Forest {
         let workload = Workload::new(&model, points, 1);
         let first = workload.pairs.len() / 2;
         let mut packets = Vec::new();
-        (first..first + BUNDLES)
-            .for_each(|pair| workload.add_bundle(scene, pair, (RAYS, Order::Near), 0, &mut packets));
+        (first..first + BUNDLES).for_each(|pair| workload.add_bundle(scene, pair, RAYS, 0, &mut packets));
         let emitter_size = workload.pairs[first].emitter_size;
         Forest { model: model.clone(), packets, emitter_size }
     }

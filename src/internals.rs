@@ -7,8 +7,8 @@ pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, Sc
 
 /// The measurement behind `mrvis bench`.
 pub mod bench {
-    pub use crate::bench::workload::{Order, ReceiverPoint, Workload, surface_points};
-    pub use crate::bench::{Options, Record, Target, run};
+    pub use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
+    pub use crate::bench::{Options, Record, run};
 
     /// Its report.
     pub mod page {
@@ -23,8 +23,7 @@ pub mod bench {
     /// Its record.
     pub mod record {
         pub use crate::bench::record::{
-            Build, ClassRecord, ExactRow, MapRecord, MrRow, NO_FASTER, ReceiverClass, Record, Spent, Target,
-            UnbiasedRow,
+            Build, ClassRecord, ExactRow, MapRecord, MrRow, NO_FASTER, ReceiverClass, Record, Spent,
         };
     }
 
@@ -176,7 +175,7 @@ pub mod model {
 
 /// Cluster optics.
 pub mod optics {
-    pub use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics, Extinction, Options, extinction, measure};
+    pub use crate::optics::{Extinction, Options, extinction, measure};
 }
 
 /// Parts of pages.
@@ -251,8 +250,7 @@ pub mod threads {
 pub mod visibility {
     pub use crate::visibility::steps::Steps;
     pub use crate::visibility::{
-        Answer, Bundle, CALIBRATION_BUNDLES, Cut, Exact, LeafMode, Mode, MultiResolution, Sums, Workspace,
-        fastest_traversal,
+        Answer, Bundle, Cut, Exact, LeafMode, Mode, MultiResolution, Sums, Workspace, fastest_traversal,
     };
 }
 

@@ -100,9 +100,7 @@ mod raster;
 mod ray;
 mod scene;
 mod simd;
-#[allow(dead_code, unused_imports)] // No other room asks it yet.
 mod sky;
-#[allow(dead_code, unused_imports)]
 mod terrain;
 mod threads;
 mod visibility;

@@ -2,6 +2,7 @@
 
 #[cfg(any(test, feature = "reports"))]
 use std::io::{Error, Result, Seek, SeekFrom, Write};
+use std::time::Instant;
 
 /// Receives the progress of a computation and can cancel it. `()` ignores progress and never cancels.
 ///
@@ -23,6 +24,23 @@ pub trait Progress: Sync {
 }
 
 impl Progress for () {}
+
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled) if the caller wants the computation to stop before `what` is complete.
+pub fn go_on(progress: &dyn Progress, what: &str) -> crate::Result<()> {
+    match progress.stopped() {
+        true => Err(crate::Error::Cancelled(format!("stopped before {what} complete"))),
+        false => Ok(()),
+    }
+}
+
+/// The result of `make`; adds its time to `seconds`.
+pub fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
+    let start = Instant::now();
+    let result = make();
+    *seconds += start.elapsed().as_secs_f64();
+    result
+}
 
 /// Bytes that are written between two looks at the caller: a millisecond.
 #[cfg(any(test, feature = "reports"))]

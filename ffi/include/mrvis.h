@@ -670,13 +670,9 @@ typedef struct mrv_bench_options {
   const char *const *receivers;  /* names of objects, groups or materials for shadow images; none: the largest flat surfaces */
   size_t receiver_count;
   double audit;                  /* part of the bundles on which exact rays check the stated intervals, in [0, 1]; 0: .05 */
-  double target_error;           /* chooses sizes and segments for this RMS error of the visible fraction, in (0, 1]; 0: none */
-  double target_seconds;         /* chooses them for the smallest error in so many seconds, above 0; 0: none; not both targets */
   uint64_t seed;                 /* of all random numbers; 0: 1 */
   uint32_t threads;              /* threads of the timed sections, at most 1024; 0: 1 */
-  int32_t unbiased;              /* other than 0: unbiased estimates are measured as well */
   int32_t no_audit;              /* other than 0: no audit */
-  uint32_t reserved;
   mrv_progress progress;         /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned after the stage */
   void *user;                    /* first argument of `progress` */
   uint64_t max_memory;           /* largest memory of the results, bytes; 0: four fifths of what is available */
@@ -688,10 +684,8 @@ mrv_status mrv_model_bench(const mrv_model *model, const mrv_bench_options *opti
 mrv_status mrv_bench_report_retain(const mrv_bench_report *report);
 void mrv_bench_report_release(const mrv_bench_report *report);
 
-/* The report as JSON and as an HTML page that refers to no other file, valid until it is released, and whether the target was met: 1, 0,
- * or -1 without a target. NULL for what is not wanted. */
-mrv_status mrv_bench_report_get_text(const mrv_bench_report *report, const char **json, const char **html,
-                                     int32_t *target_met);
+/* The report as JSON and as an HTML page that refers to no other file, valid until it is released. NULL for what is not wanted. */
+mrv_status mrv_bench_report_get_text(const mrv_bench_report *report, const char **json, const char **html);
 
 typedef struct mrv_reference_options {
   size_t struct_size;

@@ -705,19 +705,13 @@ class bench_report : public detail::handle<mrv_bench_report, mrv_bench_report_re
 
   result<std::string> json() const {
     const char *text = "";
-    const mrv_status status = mrv_bench_report_get_text(get(), &text, nullptr, nullptr);
+    const mrv_status status = mrv_bench_report_get_text(get(), &text, nullptr);
     return detail::finish<std::string>(status, text);
   }
   result<std::string> page() const {
     const char *text = "";
-    const mrv_status status = mrv_bench_report_get_text(get(), nullptr, &text, nullptr);
+    const mrv_status status = mrv_bench_report_get_text(get(), nullptr, &text);
     return detail::finish<std::string>(status, text);
-  }
-  /* 1: the target was met, 0: it was missed, -1: there was none. */
-  result<int> target_met() const {
-    int32_t met = -1;
-    const mrv_status status = mrv_bench_report_get_text(get(), nullptr, nullptr, &met);
-    return detail::finish<int>(status, met);
   }
 };
 

@@ -1,6 +1,6 @@
 //! Measurements of a model: exact against multi-resolution visibility, and irradiance by path tracing.
 
-use super::arguments::{Place, c_text, no_reserved, slice, slice_mut, texts, wrong};
+use super::arguments::{Place, c_text, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard, quiet};
 use super::handle::{Opaque, give, object, release, retain};
@@ -23,7 +23,6 @@ pub struct mrv_bench_report {
 pub struct ReportText {
     json: CString,
     page: CString,
-    target_met: Option<bool>,
 }
 
 impl Opaque for mrv_bench_report {
@@ -43,21 +42,17 @@ pub struct mrv_bench_options {
     pub receivers: *const *const c_char,
     pub receiver_count: usize,
     pub audit: f64,
-    pub target_error: f64,
-    pub target_seconds: f64,
     pub seed: u64,
     pub threads: u32,
-    pub unbiased: i32,
     pub no_audit: i32,
-    pub reserved: u32,
     pub progress: mrv_progress,
     pub user: *mut c_void,
     pub max_memory: u64,
 }
 record!(
-    mrv_bench_options: 120,
+    mrv_bench_options: 96,
     struct_size, points, rays, reference_rays, feature_sizes, feature_size_count, receivers,
-    receiver_count, audit, target_error, target_seconds, seed, threads, unbiased, no_audit, reserved,
+    receiver_count, audit, seed, threads, no_audit,
     progress, user, max_memory
 );
 
@@ -66,8 +61,7 @@ record!(
 /// # Safety
 /// The record holds arrays and text as the header says.
 unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
-    no_reserved(given.reserved, "options.reserved")?;
-    let mut options = BenchOptions::default().with_unbiased(given.unbiased != 0);
+    let mut options = BenchOptions::default();
     if given.points != 0 {
         options = options.with_points(usize::try_from(given.points).unwrap_or(usize::MAX));
     }
@@ -83,20 +77,8 @@ unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
     if given.no_audit != 0 || given.audit != 0.0 {
         options = options.with_audit(if given.no_audit != 0 { 0.0 } else { given.audit });
     }
-    if given.target_error != 0.0 && given.target_seconds != 0.0 {
-        return wrong(format!(
-            "`options.target_error` {} and `options.target_seconds` {}: give one of them, the other 0",
-            given.target_error, given.target_seconds
-        ));
-    }
     if given.max_memory != 0 {
         options = options.with_max_memory(given.max_memory);
-    }
-    if given.target_error != 0.0 {
-        options = options.with_target_error(given.target_error);
-    }
-    if given.target_seconds != 0.0 {
-        options = options.with_target_seconds(given.target_seconds);
     }
     if given.seed != 0 {
         options = options.with_seed(given.seed);
@@ -129,7 +111,7 @@ pub unsafe extern "C" fn mrv_model_bench(
         let found: BenchReport = with_progress(call, given.progress, given.user, run)??;
         let (json, page) = (c_text(&found.json()), c_text(found.page()));
         // SAFETY: the caller gives a place.
-        unsafe { place.set(give(ReportText { json, page, target_met: found.target_met() })) };
+        unsafe { place.set(give(ReportText { json, page })) };
         Ok(())
     })
 }
@@ -149,18 +131,15 @@ pub unsafe extern "C" fn mrv_bench_report_get_text(
     report: *const mrv_bench_report,
     json: *mut *const c_char,
     html: *mut *const c_char,
-    target_met: *mut i32,
 ) -> mrv_status {
     guard("mrv_bench_report_get_text", |call| {
         let report = object(call, report, "report")?;
         let json = (!json.is_null()).then(|| Place::of(json, "json")).transpose()?;
         let html = (!html.is_null()).then(|| Place::of(html, "html")).transpose()?;
-        let met = (!target_met.is_null()).then(|| Place::of(target_met, "target_met")).transpose()?;
         // SAFETY: the caller gives places.
         unsafe {
             json.into_iter().for_each(|place| place.set(report.json.as_ptr()));
             html.into_iter().for_each(|place| place.set(report.page.as_ptr()));
-            met.into_iter().for_each(|place| place.set(report.target_met.map_or(-1, i32::from)));
         }
         Ok(())
     })

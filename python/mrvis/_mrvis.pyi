@@ -85,9 +85,6 @@ class _BenchOptions(TypedDict, total=False):
     reference_rays: int | None
     threads: int | None
     audit: float | None
-    unbiased: bool | None
-    target_error: float | None
-    target_seconds: float | None
     seed: int | None
 
 class _FbemOptions(TypedDict, total=False):

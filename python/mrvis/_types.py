@@ -163,11 +163,9 @@ class Bench:
     """Everything, as ``mrvis bench --json`` writes it."""
     page: str
     """The report as one HTML page, which refers to no other file."""
-    target_met: bool | None
-    """Whether ``target_error`` or ``target_seconds`` was met; None if neither was given."""
 
     def __repr__(self) -> str:
-        return f"<mrvis.Bench: {len(self.record.get('mr', []))} multi-resolution rows, target met: {self.target_met}>"
+        return f"<mrvis.Bench: {len(self.record.get('mr', []))} multi-resolution rows>"
 
 
 @dataclass(frozen=True)

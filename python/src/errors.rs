@@ -40,7 +40,7 @@ const BEGINNINGS: [(&str, &str); 9] = [
 ];
 
 /// Options that the crate names by their fields in front of their values, as in `max_links 0: must lie in 1..100`.
-const FIELDS: [&str; 13] = [
+const FIELDS: [&str; 12] = [
     "audit",
     "error",
     "feature_size",
@@ -52,7 +52,6 @@ const FIELDS: [&str; 13] = [
     "reference_rays",
     "seed",
     "target_error",
-    "target_seconds",
     "threads",
 ];
 

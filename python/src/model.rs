@@ -2,7 +2,6 @@
 
 use crate::arguments::{keywords, not_pickled, unknown, value, whole, word};
 use crate::arrays::rows_out;
-use crate::errors::input;
 use crate::form_factors::{PyFormFactors, form_factor_options};
 use crate::scene::{PyScene, affine};
 use crate::solution::{PySolution, class, solve_options, surface_points};
@@ -50,9 +49,8 @@ impl PyModel {
 }
 
 fn bench_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<BenchOptions> {
-    let (mut all, mut targets) = (BenchOptions::default(), 0);
+    let mut all = BenchOptions::default();
     for (name, given) in keywords(options) {
-        targets += usize::from(name.starts_with("target_"));
         all = match name.as_str() {
             "points" => all.with_points(whole(&name, &given)?),
             "rays" => all.with_rays(whole(&name, &given)?),
@@ -67,16 +65,9 @@ fn bench_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<BenchOptions> 
             "reference_rays" => all.with_reference_rays(whole(&name, &given)?),
             "threads" => all.with_threads(whole(&name, &given)?),
             "audit" => all.with_audit(value(&name, &given)?),
-            "unbiased" => all.with_unbiased(value(&name, &given)?),
-            "target_error" => all.with_target_error(value(&name, &given)?),
-            "target_seconds" => all.with_target_seconds(value(&name, &given)?),
             "seed" => all.with_seed(whole(&name, &given)?),
             _ => return unknown("bench", &name),
         };
-        if targets > 1 {
-            let what = "`target_error` and `target_seconds` are both given: give one of them";
-            return Err(input(given.py(), what));
-        }
     }
     Ok(all)
 }
@@ -336,9 +327,8 @@ impl PyModel {
     /// emitter, 1 to 65,536, default 16; 4 and 16 times as many are measured as well. feature_size: a number or several, scene units, above 0,
     /// default four from two texels of the shadow images to a fifth of the largest. receivers: names of objects, groups or materials for shadow images, default the largest flat surfaces.
     /// reference_rays: from a point to an emitter in the reference, 1 to 65,536, default 1,024. threads: of the timed sections, 1 to 1,024,
-    /// default 1. audit: part of the bundles, 0 to 1, on which exact rays check the intervals, default 0.05. unbiased: whether corrected
-    /// estimates are measured too, default False. target_error: chooses size and segments for this RMS error of the visible fraction, above 0,
-    /// at most 1; target_seconds: for the smallest error within this time; give one of both, or none. seed: 0 to 2**64 - 1, default 1.
+    /// default 1. audit: part of the bundles, 0 to 1, on which exact rays check the intervals, default 0.05. seed: 0 to
+    /// 2**64 - 1, default 1.
     /// progress: as for `Model`; it stops the work between stages.
     #[pyo3(signature = (*, progress=None, **options))]
     fn bench<'py>(
@@ -351,7 +341,7 @@ impl PyModel {
         let model = self.model.clone();
         let report = long(py, progress, move |watch| model.bench(&options, watch))?;
         let record = py.import("json")?.call_method1("loads", (report.json(),))?;
-        class(py, "Bench")?.call1((record, report.page(), report.target_met()))
+        class(py, "Bench")?.call1((record, report.page()))
     }
 
     fn __repr__(&self) -> String {

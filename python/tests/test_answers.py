@@ -250,7 +250,7 @@ def test_benchmark():
     stages = []
     model = mrvis.Model(squares())
     found = model.bench(points=50, rays=4, reference_rays=32, feature_size=2.0, progress=lambda stage, part: stages.append(stage))
-    assert found.target_met is None and found.page.startswith("<!") and len(set(stages)) > 1
+    assert found.page.startswith("<!") and len(set(stages)) > 1
     record = found.record
     assert json.loads(json.dumps(record)) == record and record["mr"] and "mrvis.Bench" in repr(found)
 

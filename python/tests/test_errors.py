@@ -134,8 +134,6 @@ def test_other_inputs(model, light):
         ("^`audit` 2: must", lambda: model.bench(audit=2)),
         ("^`feature_size` -1: ", lambda: model.bench(feature_size=[-1])),
         ("^`points` 100000000 with `rays` 65536 .*`points` or `rays`$", lambda: model.bench(points=10**8, rays=65536)),
-        ("^`target_seconds` 0: must", lambda: model.bench(target_seconds=0)),
-        ("`target_error` and `target_seconds`", lambda: model.bench(target_seconds=1, target_error=0.1)),
         ('detail="optics"', lambda: mrvis.Model(model.scene, detail="rays").bench()),
         ("^`samples` 1: must", lambda: model.reference([[0, 0, 0]], [0, 0, 1], samples=1)),
         ("^`samples` -1: must", lambda: model.reference([[0, 0, 0]], [0, 0, 1], samples=-1)),

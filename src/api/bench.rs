@@ -1,6 +1,6 @@
 //! Exact against multi-resolution visibility on the same segments.
 
-use crate::bench::{self, Options, Target, page, record::Record};
+use crate::bench::{self, Options, page, record::Record};
 use crate::files::json_text;
 use crate::model::{Detail, Model};
 use crate::progress::Progress;
@@ -63,28 +63,6 @@ impl BenchOptions {
         self
     }
 
-    /// Whether unbiased estimates are measured as well: averaged answers, corrected by a few exact segments. Default false.
-    #[must_use]
-    pub fn with_unbiased(mut self, unbiased: bool) -> BenchOptions {
-        self.options.unbiased = unbiased;
-        self
-    }
-
-    /// Chooses feature size and segments for an RMS error of the visible fraction of at most this, in `(0, 1]`. Replaces a target of time.
-    #[must_use]
-    pub fn with_target_error(mut self, error: f64) -> BenchOptions {
-        self.options.target = Some(Target::Error(error));
-        self
-    }
-
-    /// Chooses feature size and segments for the smallest error within so many seconds of pilot and queries, above 0. Replaces a target of
-    /// error.
-    #[must_use]
-    pub fn with_target_seconds(mut self, seconds: f64) -> BenchOptions {
-        self.options.target = Some(Target::Seconds(seconds));
-        self
-    }
-
     /// Largest memory of the results, bytes; default: four fifths of the available memory.
     #[must_use]
     pub fn with_max_memory(mut self, bytes: u64) -> BenchOptions {
@@ -138,10 +116,5 @@ impl BenchReport {
     /// The report as one HTML page with pictures and charts: `report.html` of the command. It refers to no other file.
     pub fn page(&self) -> &str {
         &self.page
-    }
-
-    /// Whether the target was met; `None` if there was none.
-    pub fn target_met(&self) -> Option<bool> {
-        self.record.target.as_ref().map(|target| target.met)
     }
 }

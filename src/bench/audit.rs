@@ -100,7 +100,7 @@ fn bin(part: &[usize], claims: &[f64], squares: &[f64]) -> record::CalibrationBi
     let n = part.len().max(1) as f64;
     let mean = |f: &dyn Fn(usize) -> f64| part.iter().map(|&k| f(k)).sum::<f64>() / n;
     let own: Vec<f64> = part.iter().map(|&k| squares[k]).collect();
-    let found = RmsEstimate::of(&own, 1);
+    let found = RmsEstimate::of(&own);
     record::CalibrationBin {
         count: part.len(),
         claimed: mean(&|k| claims[k] * claims[k]).sqrt(),

@@ -3,19 +3,18 @@
 use super::audit::{AUDIT_RAYS, AuditRays};
 use super::measure::{MrRun, Queries, Run, Timer};
 use super::options::Options;
-use super::pilot::UNBIASED_SEGMENTS;
 use super::record::MrRow;
 use super::reference::Reference;
-use super::rounds::{WARM_UP_PAIRS, timed};
+use super::rounds::WARM_UP_PAIRS;
 use super::sample::Sample;
 use super::workload::Workload;
+use crate::Result;
 use crate::embree::Traversal;
 use crate::model::Model;
-use crate::progress::Progress;
+use crate::progress::{Progress, go_on, timed};
 use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::visibility::{Exact, MultiResolution, Route, fastest_traversal};
-use crate::{Error, Result};
 
 /// Numbers of rays of the exact rows: steps of 4 halve the error, and 256 rays bracket the errors of the MR rows, so
 /// that times at equal error are interpolated.
@@ -97,10 +96,7 @@ impl Bench<'_> {
     /// # Errors
     /// The caller wants the run to stop.
     pub fn go_on(&self) -> Result<()> {
-        match self.progress.stopped() {
-            true => Err(Error::Cancelled("stopped before the benchmark was complete".into())),
-            false => Ok(()),
-        }
+        go_on(self.progress, "the benchmark was")
     }
 
     /// Numbers of segments of the MR rows.
@@ -110,8 +106,7 @@ impl Bench<'_> {
 
     /// Numbers of rays of the exact rows: the fixed ones and those that MR rows are compared with.
     pub fn exact_rays(&self) -> Vec<usize> {
-        let unbiased = if self.options.unbiased { &UNBIASED_SEGMENTS[..] } else { &[] };
-        let mut rays: Vec<usize> = EXACT_RAYS.iter().chain(unbiased).copied().chain(self.mr_rays()).collect();
+        let mut rays: Vec<usize> = EXACT_RAYS.into_iter().chain(self.mr_rays()).collect();
         rays.sort_unstable();
         rays.dedup();
         rays

@@ -1,6 +1,6 @@
 //! Runs engines over a workload: times and visible fractions.
 
-use super::workload::{Order, Workload};
+use super::workload::Workload;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
 use crate::visibility::{Answer, Bundle, Cost, Exact, MultiResolution, Workspace, wilson};
@@ -26,13 +26,6 @@ pub struct Run {
     pub visible: Vec<f32>,
     /// Wall time of each timed section, seconds; every run of the same queries has the same sections.
     pub sections: Vec<f64>,
-}
-
-impl Run {
-    /// Wall time of all timed sections, seconds.
-    pub fn seconds(&self) -> f64 {
-        self.sections.iter().sum()
-    }
 }
 
 /// A [`Run`] of the multi-resolution engine.
@@ -69,7 +62,7 @@ pub struct Queries<'a> {
 
 impl<'a> Queries<'a> {
     /// [`Workload::hull`] of a range of the pairs.
-    pub(super) fn hulls(&self, range: Range<usize>) -> Vec<Cow<'a, [Vec3]>> {
+    fn hulls(&self, range: Range<usize>) -> Vec<Cow<'a, [Vec3]>> {
         self.pairs[range].iter().map(|&pair| self.workload.hull(pair)).collect()
     }
 
@@ -80,8 +73,7 @@ impl<'a> Queries<'a> {
 }
 
 /// A chunk of pairs: its segments, made outside the timed section, and its answers.
-#[derive(Default)]
-pub(super) struct Chunk<'a, T> {
+struct Chunk<'a, T> {
     /// Range within the queries.
     pub pairs: Range<usize>,
     pub packets: Vec<Packet>,
@@ -98,19 +90,19 @@ pub(super) fn chunks(count: usize, rays: usize) -> Vec<Range<usize>> {
 }
 
 impl<'a, T> Chunk<'a, T> {
-    /// Makes the bundles of the chunk; `how` is the number of segments and their order.
-    pub fn prepare(&mut self, queries: Queries<'a>, how: (usize, Order), stream: u64) {
+    /// Makes the bundles of the chunk.
+    fn prepare(&mut self, queries: Queries<'a>, rays: usize) {
         self.packets.clear();
         self.hulls = queries.hulls(self.pairs.clone());
         for &pair in &queries.pairs[self.pairs.clone()] {
-            queries.workload.add_bundle(queries.scene, pair, how, stream, &mut self.packets);
+            queries.workload.add_bundle(queries.scene, pair, rays, 0, &mut self.packets);
         }
     }
 }
 
 /// The bundles of a chunk, sorted by emitter so that neighbours share the upper part of their traversal, and the
 /// index within the chunk of each bundle.
-pub(super) fn bundles<'a>(
+fn bundles<'a>(
     queries: Queries<'a>,
     chunk: Range<usize>,
     (packets, hulls): (&'a [Packet], &'a [Cow<[Vec3]>]),
@@ -221,7 +213,7 @@ impl Timer {
         let mut result = MrRun::default();
         result.run.sections = self.chunk_by_chunk(
             chunks(queries.pairs.len(), rays),
-            |chunk: &mut Chunk<Option<Answer>>| chunk.prepare(queries, (rays, Order::Near), 0),
+            |chunk: &mut Chunk<Option<Answer>>| chunk.prepare(queries, rays),
             |chunk| {
                 let Chunk { pairs, packets, hulls, answers, workspace } = chunk;
                 let (order, bundles) = bundles(queries, pairs.clone(), (packets, hulls), rays);
@@ -245,7 +237,7 @@ impl Timer {
     }
 
     /// Prepares, answers and collects a few chunks at a time, in order; the time of each group of chunks, seconds.
-    pub(super) fn chunk_by_chunk<'q, T: Send>(
+    fn chunk_by_chunk<'q, T: Send>(
         &self,
         ranges: Vec<Range<usize>>,
         prepare: impl Fn(&mut Chunk<'q, T>) + Sync,

@@ -9,7 +9,6 @@ mod maps;
 pub mod measure;
 mod options;
 pub mod page;
-mod pilot;
 mod prepare;
 pub mod receivers;
 pub mod record;
@@ -21,12 +20,10 @@ mod sample;
 pub mod side_by_side;
 pub mod sizes;
 mod surface;
-mod target;
 mod unaveraged;
-mod unbiased;
 pub mod workload;
 
-pub use options::{Options, Target};
+pub use options::Options;
 #[cfg(any(test, feature = "internals"))]
 pub use record::Record;
 pub use run::run;

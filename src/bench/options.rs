@@ -1,7 +1,6 @@
 //! Options of a benchmark and their validity for a scene.
 
 use super::lights;
-use super::pilot::pilot_bytes;
 use super::rounds::MAX_ROUNDS;
 use super::sample::Sample;
 use crate::clusters::Builder;
@@ -26,15 +25,6 @@ const MAX_MAP: usize = 16_384;
 /// Largest number of segments of a row to one emitter: at 10 million a second (`mrvis bench` on one core) it takes a day.
 const MAX_SEGMENTS: f64 = 1e12;
 
-/// Target of the error or the time of the answers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Target {
-    /// Root mean square error of the visible fraction, in `(0, 1]`.
-    Error(f64),
-    /// Time of pilot and queries together, seconds, above 0.
-    Seconds(f64),
-}
-
 /// Options of a benchmark.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -58,10 +48,6 @@ pub struct Options {
     pub seed: u64,
     /// Part of the pairs, in `[0, 1]`, on which independent exact rays check each row; 0: no audit.
     pub audit: f64,
-    /// Whether unbiased estimates are measured as well.
-    pub unbiased: bool,
-    /// Target of the error or the time of the answers, if any.
-    pub target: Option<Target>,
     /// Algorithm that builds the clusters.
     #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub builder: Builder,
@@ -87,8 +73,6 @@ impl Default for Options {
             threads: 1,
             seed: 1,
             audit: 0.05,
-            unbiased: false,
-            target: None,
             builder: Builder::default(),
             clusters: optics::Options::default(),
             cache: CacheLocation::Off,
@@ -108,13 +92,12 @@ impl Options {
         // Points, pairs, both halves of the reference, and the largest row with its intervals: bytes per point and
         // per pair.
         let rows = self.points as f64 * (32.0 + emitters as f64 * 48.0);
-        // The samples of the decisions (points and images), and the pilot of the unbiased rows.
+        // The samples of the decisions (points and images).
         let samples = 2 * Sample::bytes(&self.mr_rays());
-        let pilot = if self.unbiased { pilot_bytes() } else { 0 };
         // One map at a time: points of all spacings and light of some thirty rows; pairs, both halves of the reference and a row.
         let texels = self.map.map_or(0.0, |side| (side as f64).powi(2));
         let maps = texels * (160.0 + emitters as f64 * 64.0);
-        rows.max(maps) + (samples + pilot) as f64
+        rows.max(maps) + samples as f64
     }
 
     /// Checks the options independently of a scene.
@@ -156,17 +139,6 @@ impl Options {
                 "audit {}: must be a part of the bundles, in 0..1",
                 self.audit
             )));
-        }
-        match self.target {
-            Some(Target::Error(e)) if !(e > 0.0 && e <= 1.0) => {
-                return Err(Error::Argument(format!(
-                    "target_error {e}: must be an error of the visible fraction above 0, at most 1"
-                )));
-            }
-            Some(Target::Seconds(t)) if !(t > 0.0 && t.is_finite()) => {
-                return Err(Error::Argument(format!("target_seconds {t}: must be a time above 0")));
-            }
-            _ => {}
         }
         let tolerance = self.clusters.tolerance;
         if !(tolerance > 0.0 && tolerance <= 1.0) {
@@ -263,10 +235,6 @@ mod tests {
             Options { audit: -0.1, ..good.clone() },
             Options { audit: 1.5, ..good.clone() },
             Options { audit: f64::NAN, ..good.clone() },
-            Options { target: Some(Target::Error(0.0)), ..good.clone() },
-            Options { target: Some(Target::Error(f64::NAN)), ..good.clone() },
-            Options { target: Some(Target::Seconds(-1.0)), ..good.clone() },
-            Options { target: Some(Target::Seconds(f64::INFINITY)), ..good.clone() },
         ];
         assert!(bad.iter().all(|o| o.check().is_err()));
         for tolerance in [0.0, -1.0, 1.5, f32::NAN] {

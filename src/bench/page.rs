@@ -66,8 +66,6 @@ pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> R
         (tables::measurements(record))
         (classes::section(&record.classes, &record.unit))
         (trust::calibration(record)?)
-        (trust::target(record))
-        (trust::unbiased(record))
         section {
             h2 { "Shadow images" }
             @if receivers.is_empty() { p { "No receiver was imaged in this run." } }

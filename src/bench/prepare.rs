@@ -3,14 +3,14 @@
 use super::context::Bench;
 use super::options::Options;
 use super::record::{Build, BytesPerTriangle};
-use super::rounds::timed;
 use super::sample::{Extent, Sample};
-use super::workload::{Order, Workload, surface_points};
+use super::workload::{Workload, surface_points};
 #[cfg(any(test, feature = "internals"))]
 use crate::clusters;
 #[cfg(any(test, feature = "internals"))]
 use crate::model::{Detail, PrepareOptions};
 use crate::model::{Mesh, Model};
+use crate::progress::timed;
 use crate::ray::LANES;
 use crate::visibility::{Candidate, Cut, LeafMode, MultiResolution, Workspace};
 use std::sync::Arc;
@@ -67,7 +67,7 @@ impl Bench<'_> {
             let emitter_size = workload.pairs.get(pair)?.emitter_size;
             let packets = CUT_STREAMS.map(|stream| {
                 let mut packets = Vec::with_capacity(1);
-                workload.add_bundle(self.scene, pair, (LANES, Order::Near), stream, &mut packets);
+                workload.add_bundle(self.scene, pair, LANES, stream, &mut packets);
                 packets.swap_remove(0)
             });
             let forwards = packets.iter().all(|packet| packet.backwards == 0);

@@ -16,8 +16,7 @@ mod relief;
 mod window;
 
 use super::lights;
-use super::workload::{Order, ReceiverPoint, Workload};
-use crate::math::Aabb;
+use super::workload::{ReceiverPoint, Workload};
 use crate::model::Model;
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
@@ -170,10 +169,7 @@ impl Surfaces {
 fn by_size(model: &Model, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     let scene = model.shared_scene();
     let min_extent = MIN_EXTENT_PART * scene.size();
-    let mut extent = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
-    for (t, &c) in scene.triangle_component.iter().enumerate() {
-        extent[c as usize] = extent[c as usize].union(Aabb::of(scene.corners(t as u32)));
-    }
+    let extent = scene.component_bounds();
     let large = |t: &u32| {
         scene.triangle_emitter[*t as usize] == u32::MAX
             && extent[scene.triangle_component[*t as usize] as usize].diagonal() >= min_extent
@@ -304,7 +300,7 @@ fn probe(model: &Model, exact: &dyn Occluder, points: Vec<ReceiverPoint>) -> (Wo
     let (mut packets, mut blocked): (Vec<Packet>, Vec<u32>) = (Vec::new(), Vec::new());
     let values = (0..workload.pairs.len()).map(|pair| {
         packets.clear();
-        workload.add_bundle(scene, pair, (PROBE_RAYS, Order::Near), 0, &mut packets);
+        workload.add_bundle(scene, pair, PROBE_RAYS, 0, &mut packets);
         blocked.clear();
         blocked.resize(packets.len(), 0);
         exact.occluded(&packets, &mut blocked);

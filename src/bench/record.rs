@@ -2,7 +2,7 @@
 //!
 //! Names and nesting are a contract (docs/report.md, The JSON): fields may be added, never renamed or removed. The
 //! record contains no date. Equal runs give equal records except for times and numbers of runs, values derived from
-//! times (speed-ups, Embree's fastest ray call), and plans based on times (targets and unbiased rows). Lengths are in
+//! times (speed-ups, Embree's fastest ray call). Lengths are in
 //! the scene's unit, times in seconds of wall clock. `rms` and `bias` are errors of the visible fraction of each
 //! emitter at each point, in [0, 1], relative to the reference, whose noise is subtracted.
 
@@ -15,13 +15,11 @@ mod trust;
 
 pub use crate::model::summary::SceneSummary;
 pub use classes::{ClassRecord, ReceiverClass};
-pub use compared::{NO_FASTER, curve, ratio, speedup};
+pub use compared::{NO_FASTER, ratio, speedup};
 pub use maps::{MapExactRow, MapMrRow, MapRecord};
 pub use sky::SkySources;
 pub use spent::Spent;
-pub use trust::{
-    CalibrationBin, IntervalAudit, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow,
-};
+pub use trust::{CalibrationBin, IntervalAudit};
 
 use serde::{Deserialize, Serialize};
 
@@ -72,12 +70,6 @@ pub struct Record {
     /// If no row averages anything: one sentence that says so.
     #[serde(default)]
     pub nothing_averaged: Option<String>,
-    /// Unbiased rows, if requested.
-    #[serde(default)]
-    pub unbiased: Vec<UnbiasedRow>,
-    /// Result of a target, if requested.
-    #[serde(default)]
-    pub target: Option<Target>,
     /// Errors of shadow images.
     pub receivers: Vec<ReceiverErrors>,
     /// Maps of the receivers: images of whole surfaces, with set-up and interpolation.
@@ -126,7 +118,7 @@ pub struct Build {
     #[serde(default)]
     pub exact_setup_s: f64,
     /// Preparation of MR besides Embree's tree: clusters, optics, cache, budget and the decisions of all rows,
-    /// seconds. The pilots of targets and unbiased rows (`pilot_s`) are not included.
+    /// seconds.
     #[serde(default)]
     pub mr_setup_s: f64,
     /// Memory of hierarchy and optics, bytes.

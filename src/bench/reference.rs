@@ -119,23 +119,21 @@ pub struct RmsEstimate {
 }
 
 impl RmsEstimate {
-    /// RMS of squared errors (at most 1 each) that come in independent runs of `run` values.
+    /// RMS of independent squared errors, at most 1 each.
     ///
-    /// The interval is Student's for the mean squares of the runs. A single run gives no interval: [0, 1]. If all
-    /// runs have the same mean square, the rule of three bounds the part of deviating squares by 3 / N with 95 % (N
-    /// squares, deviations of at most 1).
-    pub fn of(squares: &[f64], run: usize) -> RmsEstimate {
-        let means: Vec<f64> =
-            squares.chunks(run.max(1)).map(|run| run.iter().sum::<f64>() / run.len() as f64).collect();
-        let n = means.len().max(1) as f64;
-        let mean = means.iter().sum::<f64>() / n;
+    /// The interval is Student's for the mean square. A single square gives no interval: [0, 1]. If all squares are
+    /// the same, the rule of three bounds the part of deviating squares by 3 / N with 95 % (N squares, deviations of
+    /// at most 1).
+    pub fn of(squares: &[f64]) -> RmsEstimate {
+        let n = squares.len().max(1) as f64;
+        let mean = squares.iter().sum::<f64>() / n;
         let root = |square: f64| square.clamp(0.0, 1.0).sqrt();
-        if means.len() < 2 {
+        if squares.len() < 2 {
             return RmsEstimate { rms: root(mean), lo: 0.0, hi: 1.0 };
         }
-        let variance = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        let variance = squares.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (n - 1.0);
         let half = match variance > 0.0 {
-            true => student(means.len() - 1) * (variance / n).sqrt(),
+            true => student(squares.len() - 1) * (variance / n).sqrt(),
             false => 3.0 / squares.len() as f64,
         };
         RmsEstimate { rms: root(mean), lo: root(mean - half), hi: root(mean + half) }
@@ -183,17 +181,15 @@ mod tests {
 
     #[test]
     fn intervals_are_wide_for_few_samples() {
-        // One run gives no interval; two give a wide one.
-        let one = RmsEstimate::of(&[0.04], 1);
+        // One gives no interval; two give a wide one.
+        let one = RmsEstimate::of(&[0.04]);
         assert_eq!((one.lo, one.hi), (0.0, 1.0));
         assert!((one.rms - 0.2).abs() < 1e-12);
-        let together = RmsEstimate::of(&[0.04; 32], 32);
-        assert_eq!((together.lo, together.hi), (0.0, 1.0));
-        assert_eq!(RmsEstimate::of(&[], 1).hi, 1.0);
-        let two = RmsEstimate::of(&[0.03, 0.05], 1);
+        assert_eq!(RmsEstimate::of(&[]).hi, 1.0);
+        let two = RmsEstimate::of(&[0.03, 0.05]);
         assert!(two.lo == 0.0 && (two.hi.powi(2) - (0.04 + 12.706 * 0.01)).abs() < 1e-9, "{two:?}");
         // No error in 300 pairs: at most 1 pair of 100 has an error of 1.
-        let none = RmsEstimate::of(&[0.0; 300], 10);
+        let none = RmsEstimate::of(&[0.0; 300]);
         assert!(none.rms == 0.0 && none.lo == 0.0 && (none.hi - 0.1).abs() < 1e-9, "{none:?}");
     }
 

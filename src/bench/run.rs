@@ -10,7 +10,7 @@ use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
 use super::record::{self, Record, Spent};
 use super::reference::Reference;
-use super::rounds::{MAX_TIME, timed};
+use super::rounds::MAX_TIME;
 use super::rows::Measured;
 use super::sizes::{default_sizes, of_images};
 use super::unaveraged;
@@ -18,7 +18,7 @@ use super::workload::{Workload, surface_points};
 use crate::model::Model;
 use crate::model::summary::SceneSummary;
 use crate::optics::Extinction;
-use crate::progress::Progress;
+use crate::progress::{Progress, timed};
 use crate::{Error, Result, error::shown};
 use std::time::Instant;
 
@@ -44,8 +44,7 @@ fn unlit(model: &Model, options: &Options) -> Result<Error> {
 /// Measures a scene.
 ///
 /// The record is complete but for `build.load_s`, which the caller knows. All of it is independent of the number of
-/// threads, except times, ratios of times, Embree's ray call and the origin of the clusters. Targets and unbiased
-/// rows depend on measured times and may differ between runs.
+/// threads, except times, ratios of times, Embree's ray call and the origin of the clusters.
 ///
 /// # Errors
 /// An option is out of range, a name is unknown, the scene has no emitter or no receiver, Embree fails, or `progress` stops the run, which
@@ -79,12 +78,7 @@ pub fn run(
     let classes = timed(&mut spent.classes_s, || bench.classes(&workload, &mr, &measured))?;
     bench.go_on()?;
     warnings.extend(unseen_sky(&workload, &measured.reference));
-    let requested = Instant::now();
-    let unbiased = if options.unbiased { bench.unbiased(queries, &mr, &measured) } else { Vec::new() };
     let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;
-    let target = options.target.map(|target| bench.target(target, queries, &mr, &reference));
-    spent.requested_s = requested.elapsed().as_secs_f64();
-    bench.go_on()?;
     let mut images = timed(&mut spent.images_s, || bench.images(&surfaces, &mr, &mut rows, &mut warnings))?;
     bench.go_on()?;
     let mut maps = timed(&mut spent.maps_s, || bench.maps(&surfaces, &mr, &build))?;
@@ -122,8 +116,6 @@ pub fn run(
         mr: rows,
         classes,
         nothing_averaged,
-        unbiased,
-        target,
         receivers: images.errors,
         maps,
     };

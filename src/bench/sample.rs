@@ -1,7 +1,7 @@
 //! Sample of a workload for decisions: runs of neighbouring bundles.
 
 use super::measure::clear_fraction;
-use super::workload::{Order, Workload};
+use super::workload::Workload;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
 use crate::visibility::{Bundle, Exact, Halves, MultiResolution, Route, RouteSample, Work, Workspace};
@@ -85,7 +85,7 @@ impl Sample {
         for rays in numbers(rays) {
             let mut packets = Vec::new();
             for &pair in &chosen {
-                workload.add_bundle(scene, pair, (rays, Order::Near), 0, &mut packets);
+                workload.add_bundle(scene, pair, rays, 0, &mut packets);
             }
             sample.sets.push(Set { rays, packets });
         }

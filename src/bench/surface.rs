@@ -80,8 +80,7 @@ impl<'a> ReceivingTriangles<'a> {
         let mut sums = Vec::with_capacity(triangles.len());
         let mut sum = 0.0f64;
         for &t in &triangles {
-            let [a, b, c] = scene.corners(t);
-            sum += crate::math::triangle_area(a, b, c);
+            sum += scene.face_area(t);
             sums.push(sum);
         }
         ReceivingTriangles { mesh, triangles, sums }

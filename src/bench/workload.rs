@@ -26,15 +26,6 @@ pub struct Pair {
     pub weight: f32,
 }
 
-/// Assignment of the segments of a pair to packets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    /// Segments that end close together share a packet: packets are coherent.
-    Near,
-    /// Order of the samples: each packet, and each power of two of packets, is stratified over the whole emitter.
-    Spread,
-}
-
 /// Points and pairs of a scene, the same for every engine.
 #[derive(Clone, Debug)]
 pub struct Workload {
@@ -104,12 +95,12 @@ impl Workload {
         &self,
         scene: &Scene,
         pair: usize,
-        (rays, order): (usize, Order),
+        rays: usize,
         stream: u64,
         packets: &mut Vec<Packet>,
     ) {
         let first = packets.len();
-        self.each_segment(scene, pair, (rays, order), stream, |i, a, b, rules| {
+        self.each_segment(scene, pair, rays, stream, |i, a, b, rules| {
             if i % LANES == 0 {
                 packets.push(Packet::EMPTY);
             }
@@ -162,7 +153,7 @@ impl Workload {
         packets.clear();
         let mut n = 0;
         for &pair in pairs {
-            self.each_segment(scene, pair, (rays, Order::Near), stream, |_, a, b, rules| {
+            self.each_segment(scene, pair, rays, stream, |_, a, b, rules| {
                 if n % LANES == 0 {
                     packets.push(Packet::EMPTY);
                 }
@@ -176,7 +167,7 @@ impl Workload {
         &self,
         scene: &Scene,
         pair: usize,
-        (rays, order): (usize, Order),
+        rays: usize,
         stream: u64,
         mut f: impl FnMut(usize, Vec3, Vec3, [EndRule; 2]),
     ) {
@@ -202,9 +193,7 @@ impl Workload {
                 ends.into_iter().map(|end| (end, rule)).collect()
             }
         };
-        if order == Order::Near {
-            gather_neighbours(&mut ends);
-        }
+        gather_neighbours(&mut ends);
         ends.into_iter().enumerate().for_each(|(i, (end, there))| f(i, from, end, [rule, there]));
     }
 }

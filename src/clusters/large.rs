@@ -1,6 +1,5 @@
 //! Large planar surfaces: kept outside the clusters and always tested exactly (docs/method.md, Clusters).
 
-use crate::math::{Aabb, triangle_area, triangle_normal};
 use crate::raster::{BitImage, Edt, Outside, fill_triangle};
 use crate::scene::Scene;
 use glam::{Vec2, Vec3};
@@ -17,10 +16,7 @@ const DISC_RASTER_PIXELS: usize = 62;
 pub(super) fn surfaces(scene: &Scene, part: f32) -> Vec<u32> {
     let size = part * scene.near_bounds().diagonal();
     // Only components that are wide along two axes can contain such a surface; most small objects are rejected here.
-    let mut extent = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
-    for (t, &c) in scene.triangle_component.iter().enumerate() {
-        extent[c as usize] = extent[c as usize].union(Aabb::of(scene.corners(t as u32)));
-    }
+    let extent = scene.component_bounds();
     // A disc of diameter d spans at least d/√2 along two axes whatever its tilt; d/2 is a safe bound.
     let wide = |c: u32| {
         let mut e = extent[c as usize].extent().to_array();
@@ -32,9 +28,7 @@ pub(super) fn surfaces(scene: &Scene, part: f32) -> Vec<u32> {
     let patches = patches(scene, &candidates);
     // A patch with such a disc has at least its area; of a terrain hardly any other has to be drawn.
     let disc = 0.25 * std::f64::consts::PI * f64::from(size).powi(2);
-    let area = |p: &[u32]| -> f64 {
-        p.iter().map(|&t| scene.corners(t)).map(|[a, b, c]| triangle_area(a, b, c)).sum()
-    };
+    let area = |p: &[u32]| -> f64 { p.iter().map(|&t| scene.face_area(t)).sum() };
     // The raster finds diameters to a 30th: a smaller area has no disc that it could take for a larger one.
     let is_large = |p: &Vec<u32>| area(p) >= 0.9 * disc && inscribed(scene, p) >= size;
     let mut large: Vec<u32> = patches.into_par_iter().filter(is_large).flatten().collect();
@@ -44,43 +38,19 @@ pub(super) fn surfaces(scene: &Scene, part: f32) -> Vec<u32> {
 
 /// Edge-connected coplanar patches of the candidates.
 fn patches(scene: &Scene, candidates: &[u32]) -> Vec<Vec<u32>> {
-    let normals: Vec<Vec3> = candidates
-        .par_iter()
-        .map(|&t| {
-            let [a, b, c] = scene.corners(t);
-            triangle_normal(a, b, c)
-        })
-        .collect();
-    let mut leader: Vec<u32> = (0..candidates.len() as u32).collect();
-    fn find(leader: &mut [u32], mut i: u32) -> u32 {
-        while leader[i as usize] != i {
-            leader[i as usize] = leader[leader[i as usize] as usize];
-            i = leader[i as usize];
-        }
-        i
-    }
-    for pair in scene.edges_of(candidates).windows(2) {
-        let ((a0, b0, i), (a1, b1, j)) = (pair[0], pair[1]);
-        if (a0, b0) == (a1, b1) {
-            // Compare with the representative's normal, not the neighbour's: small angles must not add up around a
-            // column.
-            let (i, j) = (find(&mut leader, i), find(&mut leader, j));
-            if normals[i as usize].dot(normals[j as usize]).abs() > MIN_COPLANAR_COSINE {
-                leader[i.max(j) as usize] = i.min(j);
-            }
-        }
-    }
-    let mut labelled: Vec<(u32, u32)> =
-        (0..candidates.len() as u32).map(|i| (find(&mut leader, i), candidates[i as usize])).collect();
+    let normals: Vec<Vec3> = candidates.par_iter().map(|&t| scene.face_normal(t)).collect();
+    // Compare with the first face's normal, not the neighbour's: small angles must not add up around a column.
+    let groups = scene.joined_across_edges(candidates, |_, [i, j]| {
+        normals[i as usize].dot(normals[j as usize]).abs() > MIN_COPLANAR_COSINE
+    });
+    let mut labelled: Vec<(u32, u32)> = groups.into_iter().zip(candidates.iter().copied()).collect();
     labelled.par_sort_unstable();
     labelled.chunk_by(|a, b| a.0 == b.0).map(|patch| patch.iter().map(|&(_, t)| t).collect()).collect()
 }
 
 /// Diameter of the largest disc inside a planar patch; length.
 fn inscribed(scene: &Scene, patch: &[u32]) -> f32 {
-    let [a, b, c] = scene.corners(patch[0]);
-    let normal = triangle_normal(a, b, c);
-    let (u, v) = normal.any_orthonormal_pair();
+    let (u, v) = scene.face_normal(patch[0]).any_orthonormal_pair();
     let flat = |p: Vec3| Vec2::new(p.dot(u), p.dot(v));
     let points = || patch.iter().flat_map(|&t| scene.corners(t)).map(flat);
     let low = points().reduce(Vec2::min).unwrap_or_default();

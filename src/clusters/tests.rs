@@ -153,10 +153,7 @@ fn large_surfaces_stay_outside_and_detail_inside() {
         );
     }
     // The top of the desk is large, the legs are not.
-    let normal = |t: u32| {
-        let [a, b, c] = room.corners(t);
-        crate::math::triangle_normal(a, b, c)
-    };
+    let normal = |t: u32| room.face_normal(t);
     let desk = room.faces_named("desk").expect("desk");
     let span = |t: u32| Aabb::of(room.corners(t)).extent();
     let top: Vec<u32> = desk.iter().copied().filter(|&t| normal(t).z > 0.9 && span(t).x > 1.0).collect();
@@ -193,10 +190,7 @@ fn finely_tessellated_columns_are_not_planar() {
     let scene = column.scene();
     let hierarchy = check(&scene);
     // Facets turn by half a degree each: a planar patch may span a few degrees, not the whole column.
-    let mut normals = hierarchy.large.order.iter().map(|&t| {
-        let [a, b, c] = scene.corners(t);
-        crate::math::triangle_normal(a, b, c)
-    });
+    let mut normals = hierarchy.large.order.iter().map(|&t| scene.face_normal(t));
     if let Some(first) = normals.next() {
         assert!(normals.all(|n| n.dot(first) > 0.0), "one `planar` surface goes all around a column");
     }

@@ -4,9 +4,9 @@
 use super::Mesh;
 #[cfg(any(test, feature = "internals"))]
 use crate::files::WholeFile;
-use crate::progress::Progress;
 #[cfg(any(test, feature = "internals"))]
 use crate::progress::Stoppable;
+use crate::progress::{self, Progress};
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::Scene;
 use crate::{Error, Result};
@@ -146,10 +146,7 @@ pub fn lightmap(
 
 /// An error once the caller has stopped.
 pub(super) fn go_on(progress: &dyn Progress) -> Result<()> {
-    match progress.stopped() {
-        true => Err(Error::Cancelled("stopped before the lightmap was complete".into())),
-        false => Ok(()),
-    }
+    progress::go_on(progress, "the lightmap was")
 }
 
 /// Groups triangles in one plane and on one side of a connected surface.

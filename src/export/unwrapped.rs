@@ -163,11 +163,7 @@ fn probe_rays(scene: &Scene, faces: &[[Vec2; 3]], owner: &[u32], [left, y]: [usi
 
 /// Mean side of a texel, scene units.
 fn texel(scene: &Scene, faces: &[[Vec2; 3]]) -> f32 {
-    let area = |t: u32| {
-        let [a, b, c] = scene.corners(t);
-        crate::math::triangle_area(a, b, c)
-    };
-    let surface: f64 = (0..faces.len() as u32).map(area).sum();
+    let surface: f64 = (0..faces.len() as u32).map(|t| scene.face_area(t)).sum();
     let shown: f64 = faces.iter().map(|[a, b, c]| f64::from(0.5 * (*b - *a).perp_dot(*c - *a).abs())).sum();
     (surface / shown).sqrt() as f32
 }

@@ -1,6 +1,7 @@
 //! Files that are written completely or not at all, and files that are read ([`input`]).
 
 pub mod input;
+pub mod npz;
 
 use crate::{Error, Result};
 use std::{

@@ -111,8 +111,7 @@ impl Surfaces {
     fn with(scene: &Scene, bounds: Aabb, counts: impl Fn(u32) -> bool) -> Surfaces {
         let mut sum = 0.0;
         let areas = (0..scene.triangles.len() as u32).map(|t| {
-            let [a, b, c] = scene.corners(t);
-            sum += if counts(t) { crate::math::triangle_area(a, b, c) } else { 0.0 };
+            sum += if counts(t) { scene.face_area(t) } else { 0.0 };
             sum
         });
         Surfaces { sums: areas.collect(), bounds }

@@ -8,7 +8,7 @@ use super::top_level::TopLevel;
 use super::{Inner, Model};
 use crate::clusters::Builder;
 use crate::embree::{CommittedScene, Device, SceneBuilder};
-use crate::progress::Progress;
+use crate::progress::{Progress, timed};
 use crate::ranks::Ranks;
 use crate::scene::Scene;
 use crate::threads::Threads;
@@ -382,12 +382,4 @@ fn clusters_of(
     report.optics_s += optics_s;
     report.cache_s += start.elapsed().as_secs_f64() - clusters_s - optics_s;
     Ok(Some(Arc::new(prepared)))
-}
-
-/// The result of `make`; its seconds are added to `seconds`.
-fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
-    let start = time::Instant::now();
-    let result = make();
-    *seconds += start.elapsed().as_secs_f64();
-    result
 }

@@ -43,8 +43,6 @@ pub enum Extinction {
 pub struct Options {
     /// Measure of blocker and gap sizes: the inscribed disc, or the paper's erosion counts.
     pub morphology: Morphology,
-    /// One value for all directions (the mean over the axes) as in [SD95 sec 3.3], instead of one per axis.
-    pub isotropic: bool,
     /// Source of the extinction.
     pub extinction: Extinction,
     /// Root mean square error of a cluster's transmittance that the averaging width allows, above 0, dimensionless. At
@@ -56,7 +54,6 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             morphology: Morphology::Euclid,
-            isotropic: false,
             extinction: Extinction::default(),
             // Clusters of larger error need wider beams. The forest of `scenes/constants.py bench`, at a feature size of
             // 0.25 m and 64 segments, has errors of 0.026 at 0.05 and 0.036 at 0.1; at 0.02 no cluster is averaged.
@@ -223,21 +220,6 @@ impl Scratch {
             (optics.blocker_size[axis], optics.gap_size[axis], optics.coverage[axis]) =
                 (m.blocker_size, m.gap_size, m.coverage);
             (optics.extinction[axis], optics.averaging_width[axis]) = (m.extinction, m.averaging_width);
-        }
-        if options.isotropic {
-            let ClusterOptics {
-                blocker_size,
-                gap_size,
-                coverage,
-                averaging_width,
-                extinction,
-                slope: _,
-                connected_size: _,
-                error: _,
-            } = &mut optics;
-            for values in [blocker_size, gap_size, coverage, averaging_width, extinction] {
-                *values = [values.iter().sum::<f32>() / AXIS_COUNT as f32; AXIS_COUNT];
-            }
         }
         // A beam of this width passes enough free space beside the cluster to dilute its error to the tolerance.
         let (mut square, mut largest, mut count) = (0.0f32, 0.0f32, 0.0f32);

@@ -4,6 +4,7 @@ use super::light::PowerSampler;
 use super::surfaces::{SurfaceHit, Surfaces};
 use super::{Estimate, Settings};
 use crate::embree::Hits;
+use crate::math::sampling::mix;
 use crate::points::Point;
 use crate::ray::{LANES, Packet};
 use crate::sky::Environment;
@@ -245,14 +246,6 @@ fn numbers(stream: u64, bounce: u32, sample: u32) -> ([f32; 4], [f32; 4]) {
         stream ^ u64::from(group) << 32 ^ u64::from(index / SEQUENCE_SAMPLES) << 40 ^ u64::from(bounce);
     let seed = mix(seed) as u32;
     (sample_4d(index % SEQUENCE_SAMPLES, 0, seed), sample_4d(index % SEQUENCE_SAMPLES, 1, seed))
-}
-
-/// Finaliser of SplitMix64 (Steele, Lea and Flood 2014): decorrelates consecutive numbers.
-fn mix(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
 
 /// A direction around `normal` with density cos θ / π (Malley: a point on the disc, projected to the hemisphere).

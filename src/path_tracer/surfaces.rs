@@ -1,7 +1,7 @@
 //! Traced geometry with normals, reflectances and emission of hit points.
 
 use crate::embree::{CommittedScene, Hits, Traversal};
-use crate::math::{edge_distance, off_edges, places_around, triangle_normal};
+use crate::math::{edge_distance, off_edges, places_around};
 use crate::model::Model;
 use crate::ray::Packet;
 use crate::scene::Profile;
@@ -51,8 +51,7 @@ impl<'a> Surfaces<'a> {
         let magnitude = model.magnitude();
         let normals = model.meshes().iter().map(|mesh| {
             let scene = mesh.scene();
-            let corners = (0..scene.triangles.len() as u32).map(|t| scene.corners(t));
-            corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect()
+            (0..scene.triangles.len() as u32).map(|t| scene.face_normal(t)).collect()
         });
         Surfaces {
             traced: model.traced().clone(),

@@ -1,5 +1,7 @@
-//! Edge-connected parts of polygons, and whether they are closed.
+//! Edge-connected parts of polygons, and whether they are closed; groups of triangles across their edges.
 
+use super::Scene;
+use crate::math::Aabb;
 use rayon::prelude::*;
 
 /// Disjoint sets of `0..n` (union by smaller root: the root is the first member).
@@ -98,4 +100,44 @@ fn number(mut sets: Sets, open: &[bool]) -> Parts {
         closed[part[i] as usize] &= !open[i];
     }
     Parts { part, closed }
+}
+
+impl Scene {
+    /// Boxes around the edge-connected parts of the scene, by `triangle_component`.
+    pub(crate) fn component_bounds(&self) -> Vec<Aabb> {
+        let parts = self.triangle_component.iter().max().map_or(0, |&part| part as usize + 1);
+        let mut bounds = vec![Aabb::EMPTY; parts];
+        for (t, &part) in self.triangle_component.iter().enumerate() {
+            bounds[part as usize] = bounds[part as usize].union(Aabb::of(self.corners(t as u32)));
+        }
+        bounds
+    }
+
+    /// Groups of some triangles across their common edges: for each the place in the list of the first of its group. `joins` says whether
+    /// two neighbours are joined; it gets their places, and those of the first of their groups so far.
+    pub(crate) fn joined_across_edges(
+        &self,
+        triangles: &[u32],
+        joins: impl Fn([u32; 2], [u32; 2]) -> bool,
+    ) -> Vec<u32> {
+        let mut sets = Sets::new(triangles.len());
+        for pair in self.edges_of(triangles).windows(2) {
+            let ((a0, b0, i), (a1, b1, j)) = (pair[0], pair[1]);
+            if (a0, b0) == (a1, b1) && joins([i, j], [sets.root(i), sets.root(j)]) {
+                sets.join(i, j);
+            }
+        }
+        (0..triangles.len() as u32).map(|i| sets.root(i)).collect()
+    }
+
+    /// The edges of some triangles, ascending: both vertices, the smaller index first, and the place of the triangle in the list.
+    pub(crate) fn edges_of(&self, triangles: &[u32]) -> Vec<(u32, u32, u32)> {
+        let edges_of_triangle = |(i, &t): (u32, &u32)| {
+            let [a, b, c] = self.triangles[t as usize];
+            [(a, b), (b, c), (c, a)].map(|(p, q)| (p.min(q), p.max(q), i))
+        };
+        let mut edges: Vec<(u32, u32, u32)> = (0..).zip(triangles).flat_map(edges_of_triangle).collect();
+        edges.par_sort_unstable();
+        edges
+    }
 }

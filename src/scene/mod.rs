@@ -94,10 +94,10 @@ pub use write_gltf::write_gltf;
 #[cfg(any(test, feature = "internals"))]
 pub use write_obj::{mtl_path, write_obj};
 
+use crate::Result;
+use crate::math::{Aabb, triangle_area, triangle_normal};
 use crate::sky::{Environment, SkyOptions, Sun};
-use crate::{Result, math::Aabb};
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::{path::PathBuf, sync::Arc};
 
 /// A named range of faces: an OBJ object or group, a glTF node, a PLY file.
@@ -300,15 +300,16 @@ impl Scene {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
-    /// The edges of some triangles, ascending: both vertices, the smaller index first, and the place of the triangle in the list.
-    pub(crate) fn edges_of(&self, triangles: &[u32]) -> Vec<(u32, u32, u32)> {
-        let edges_of_triangle = |(i, &t): (u32, &u32)| {
-            let [a, b, c] = self.triangles[t as usize];
-            [(a, b), (b, c), (c, a)].map(|(p, q)| (p.min(q), p.max(q), i))
-        };
-        let mut edges: Vec<(u32, u32, u32)> = (0..).zip(triangles).flat_map(edges_of_triangle).collect();
-        edges.par_sort_unstable();
-        edges
+    /// Unit normal of a triangle's front.
+    pub(crate) fn face_normal(&self, triangle: u32) -> Vec3 {
+        let [a, b, c] = self.corners(triangle);
+        triangle_normal(a, b, c)
+    }
+
+    /// Area of a triangle, of one side.
+    pub(crate) fn face_area(&self, triangle: u32) -> f64 {
+        let [a, b, c] = self.corners(triangle);
+        triangle_area(a, b, c)
     }
 
     /// The scene's own faces of the objects, groups or materials called `name`, ascending. Placements are not

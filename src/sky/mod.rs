@@ -27,14 +27,16 @@ mod sun;
 #[cfg(test)]
 mod tests;
 
-pub use cosine::Extent;
-pub use environment::{Environment, SkySample};
-pub use frame::Frame;
-pub use gradation::{Gradation, Shape};
-pub use map::SkyMap;
-pub use options::{Amount, SkyOptions};
-pub use parse::{SkyModel, SunChoice, SunDirection};
-pub use patches::{Patch, Patches};
-pub use position::{Air, Moment, Place, SunPosition};
-pub use radiance::{Level, Sky};
-pub use sun::{SUN_DIAMETER, Sun};
+pub use environment::Environment;
+pub use options::SkyOptions;
+pub use sun::Sun;
+#[cfg(test)]
+pub use {
+    frame::Frame,
+    gradation::Shape,
+    map::SkyMap,
+    options::Amount,
+    parse::SkyModel,
+    position::{Air, Place},
+    radiance::{Level, Sky},
+};

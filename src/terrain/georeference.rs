@@ -1,7 +1,5 @@
 //! Where a grid is on the earth, in the terms of GeoTIFF (OGC 19-008r4).
 
-use glam::DVec3;
-
 /// Key: kind of coordinate system.
 pub(super) const MODEL_TYPE: u16 = 1024;
 /// Key: whether tie points are of corners of pixels (1) or of samples (2).
@@ -56,13 +54,6 @@ impl Georeference {
         let half = if self.key(RASTER_TYPE) == Some(2) { 0.0 } else { 0.5 };
         let [i, j, _, x, y, _] = self.tie_point;
         [x + (column as f64 + half - i) * self.scale[0], y - (row as f64 + half - j) * self.scale[1]]
-    }
-
-    /// Position of a point in the frame of the room's page, z unchanged, in the coordinate system. `rows` and `cell`: those of
-    /// the grid.
-    pub fn of_point(&self, point: DVec3, rows: usize, cell: [f64; 2]) -> DVec3 {
-        let [x, y] = self.position(0, rows - 1);
-        DVec3::new(x + point.x / cell[0] * self.scale[0], y + point.y / cell[1] * self.scale[1], point.z)
     }
 }
 

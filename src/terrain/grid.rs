@@ -2,7 +2,9 @@
 
 use super::Georeference;
 use crate::{Error, Result, memory};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
+#[cfg(test)]
+use glam::Vec3;
 
 /// Largest number of columns or rows: positions along a line of samples, in columns with fractions, are exact to 1/128 of a
 /// column in f32.
@@ -103,6 +105,7 @@ impl Grid {
 
     /// Unit normal of the surface at a sample, from the central differences of its neighbours; at borders and beside holes from
     /// the differences on one side. Horizontal if there are none.
+    #[cfg(test)]
     pub fn normal(&self, column: usize, row: usize) -> Vec3 {
         let at = |c: usize, r: usize| self.height(c, r);
         let here = at(column, row);

@@ -8,32 +8,45 @@
 //! Frame: x to the east, y to the north, z up, metres; the origin is the sample of the first column and the last row. Azimuths
 //! are in radians from north over east.
 
+#[allow(dead_code)] // For the solver.
 mod elements;
+#[cfg(test)]
 mod generate;
 mod georeference;
 mod grid;
 mod local;
 mod numpy;
+#[cfg(test)]
 mod pyramid;
+#[allow(dead_code)] // For the solver.
 mod quadtree;
+#[allow(dead_code)] // Without the command, for the solver.
 mod quantities;
 mod read;
+#[allow(dead_code)] // Without the command, for the solver.
 mod sky;
+#[allow(dead_code)] // Without the command, for the solver.
 mod sweep;
 #[cfg(test)]
 mod tests;
 #[cfg(any(test, feature = "internals"))]
 mod write;
 
-pub use elements::{Mesh, Shape};
-pub use generate::{canyon, courtyard, fractal, plane, valley};
 pub use georeference::Georeference;
 pub use grid::Grid;
-pub use pyramid::Pyramid;
-pub use quadtree::{Node, Quadtree, Side};
-pub use quantities::{Horizon, Sun, horizon, sky_view_factor, sunlit};
+pub use quadtree::{Quadtree, Side};
+#[cfg(any(test, feature = "internals"))]
+pub use quantities::{Sun, horizon, sky_view_factor, sunlit};
 pub use read::{Loaded, ReadOptions, read};
+#[cfg(any(test, feature = "internals"))]
 pub use sky::{Light, irradiance};
+#[cfg(any(test, feature = "internals"))]
 pub use sweep::{EARTH_RADIUS, SweepOptions};
 #[cfg(any(test, feature = "internals"))]
 pub use write::{Layer, write_geotiff, write_npz, write_png};
+#[cfg(test)]
+use {
+    generate::{canyon, courtyard, fractal, plane, valley},
+    pyramid::Pyramid,
+    quadtree::Node,
+};

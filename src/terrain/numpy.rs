@@ -1,4 +1,4 @@
-//! NumPy arrays: `.npy` files of version 1 to 3, and `.npz` archives of them.
+//! NumPy arrays that are read: `.npy` files of version 1 to 3, and `.npz` archives of them.
 
 use crate::{Error, Result, error::quote};
 use std::io::{Cursor, Read};
@@ -14,20 +14,6 @@ pub struct Array {
     pub shape: Vec<usize>,
     /// Entries, the last dimension fastest.
     pub values: Vec<f32>,
-}
-
-/// Beginning of a file of version 1.0: magic, version, length of the rest of the header, and a Python literal, padded to a
-/// multiple of 64 bytes. `kind` such as `<f4`.
-pub fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
-    let sides: String = shape.iter().map(|n| format!("{n},")).collect();
-    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sides}), }}");
-    let length = (text.len() + 11).next_multiple_of(64) - 10;
-    text.extend(std::iter::repeat_n(' ', length - 1 - text.len()));
-    let mut header = b"\x93NUMPY\x01\x00".to_vec();
-    header.extend((length as u16).to_le_bytes());
-    header.extend(text.as_bytes());
-    header.push(b'\n');
-    header
 }
 
 /// Reads a `.npy` file of real numbers.

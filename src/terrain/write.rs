@@ -1,7 +1,8 @@
 //! Values of samples in files: GeoTIFF with the georeference of the grid, NumPy archives, pictures.
 
-use super::{Grid, numpy};
+use super::Grid;
 use crate::files::WholeFile;
+use crate::files::npz::NpzWriter;
 use crate::{Error, Result, memory};
 use std::io::{Cursor, Write};
 use std::path::Path;
@@ -136,26 +137,21 @@ pub fn write_npz(path: &Path, grid: &Grid, layers: &[Layer]) -> Result<()> {
 }
 
 fn npz(out: &mut impl Write, grid: &Grid, layers: &[Layer]) -> std::io::Result<()> {
-    let mut zip = zip::ZipWriter::new_stream(out);
-    let options = zip::write::SimpleFileOptions::default()
-        .compression_method(zip::CompressionMethod::Stored)
-        .last_modified_time(zip::DateTime::default())
-        .large_file(true);
-    let mut array = |name: &str, kind: &str, shape: &[usize], bytes: &[u8]| -> std::io::Result<()> {
-        zip.start_file(format!("{name}.npy"), options)?;
-        zip.write_all(&numpy::header(kind, shape))?;
-        zip.write_all(bytes)
-    };
+    let mut archive = NpzWriter::new(out);
     let georeference = grid.georeference();
     let x: Vec<f64> = (0..grid.columns()).map(|c| georeference.position(c, 0)[0]).collect();
     let y: Vec<f64> = (0..grid.rows()).map(|r| georeference.position(0, r)[1]).collect();
-    // `<` is little endian, as are all machines that Embree supports.
-    array("x", "<f8", &[x.len()], bytemuck::cast_slice(&x))?;
-    array("y", "<f8", &[y.len()], bytemuck::cast_slice(&y))?;
+    archive.array("x", "<f8", &[x.len()], bytemuck::cast_slice(&x))?;
+    archive.array("y", "<f8", &[y.len()], bytemuck::cast_slice(&y))?;
     for layer in layers {
-        array(layer.name, "<f4", &[grid.rows(), grid.columns()], bytemuck::cast_slice(layer.values))?;
+        archive.array(
+            layer.name,
+            "<f4",
+            &[grid.rows(), grid.columns()],
+            bytemuck::cast_slice(layer.values),
+        )?;
     }
-    zip.finish()?.flush()
+    archive.finish()
 }
 
 /// Writes a layer as a picture: `range[0]` dark, `range[1]` bright, on the colour map of all false colours; samples without a

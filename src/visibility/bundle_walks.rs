@@ -59,7 +59,7 @@ impl Workspace {
     /// Sum of the transmittances of each packet's segments, for all bundles of the last call of
     /// `MultiResolution::answers` or `MultiResolution::certified` in order; zeros for bundles that were handed
     /// over or met nothing.
-    #[cfg(any(test, feature = "reports"))]
+    #[cfg(test)]
     pub fn sums(&self) -> &[f32] {
         &self.buffers.sums
     }

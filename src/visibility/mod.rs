@@ -37,8 +37,6 @@ mod testing;
 #[cfg(test)]
 mod tests;
 mod triangles;
-#[cfg(any(test, feature = "reports"))]
-mod unbiased;
 mod walk;
 mod walk_factor;
 mod wide;
@@ -62,6 +60,4 @@ pub use multires::{LeafMode, MultiResolution};
 pub use probe::Probe;
 pub use route::Route;
 pub use routes::{Halves, RouteSample};
-#[cfg(any(test, feature = "reports"))]
-pub use unbiased::{Correction, Estimate, Unbiased};
 pub use wide::WideTree;

@@ -99,7 +99,7 @@ static void nulls(void) {
   WRONG(mrv_lightmap_get_arrays(NULL, NULL), "lightmap");
   WRONG(mrv_scene_get_camera(scene, 0, NULL), "camera");
   WRONG(mrv_model_bench(model, NULL, NULL), "report");
-  WRONG(mrv_bench_report_get_text(NULL, NULL, NULL, NULL), "report");
+  WRONG(mrv_bench_report_get_text(NULL, NULL, NULL), "report");
   WRONG(mrv_model_reference(model, NULL, NULL, 1, NULL, NULL, NULL), "positions");
   WRONG(mrv_fbem(NULL, NULL, 0, NULL, NULL), "images");
   mrv_lightmap_release(NULL);
@@ -655,13 +655,6 @@ static void stop_showing(const mrv_solution *light, int *calls) {
   bench.audit = NAN;
   WRONG(mrv_model_bench(model, &bench, &report), "`options.audit` NaN");
   bench.audit = 0;
-  bench.target_error = .1;
-  bench.target_seconds = 1;
-  WRONG(mrv_model_bench(model, &bench, &report), "`options.target_seconds` 1");
-  bench.target_error = 2;
-  bench.target_seconds = 0;
-  WRONG(mrv_model_bench(model, &bench, &report), "`options.target_error` 2");
-  bench.target_error = 0;
   bench.threads = 1u << 20;
   WRONG(mrv_model_bench(model, &bench, &report), "`options.threads` 1048576");
   bench.threads = 0;

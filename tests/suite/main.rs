@@ -21,7 +21,6 @@ mod reproduced;
 mod run;
 mod scenes;
 mod shown;
-mod target;
 mod tidy;
 mod under_a_sky;
 mod upright;

@@ -91,7 +91,7 @@ fn check_pages(views: &[(u32, &str)]) {
     let scene = long_names(&folder);
     let few = ["--points", "300", "--rays", "4", "--reference-rays", "64", "--map", "64", "--rounds", "1"];
     let few = [&few[..], &["--feature-size", "0.5", "--quiet", "--cache", "off"]].concat();
-    let all = ["bench", &scene, "--out", "all", "--unbiased", "--target-error", "0.1"];
+    let all = ["bench", &scene, "--out", "all"];
     folder.mrvis(&[&all[..], &few].concat());
     let forest = Spec { trees: 4, leaves: 100, ..Spec::new("forest") };
     let forest = folder.generate(&forest);

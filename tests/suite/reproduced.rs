@@ -50,8 +50,8 @@ fn what_cannot_be_made_is_refused() {
     let calls: [(&[&str], &str); 3] = [
         (&["reproduce", "--only", "fig99", "--out", "paper"], "fig99"),
         (
-            &["reproduce", "--only", "builders", "--scenes", "reproduce.json", "--out", "."],
-            "would be replaced",
+            &["reproduce", "--only", "fig3", "--json", "paper/reproduce.json", "--out", "paper"],
+            "reproduce.json",
         ),
         (&["reproduce", "--only", "fig3", "--out", "file"], "file"),
     ];

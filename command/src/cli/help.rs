@@ -46,7 +46,7 @@ const ADVANCED: [&str; 25] = [
 ];
 
 /// The same of `bench`.
-const ADVANCED_BENCH: [&str; 6] = ["builder", "extinction", "place", "sides", "time", "unbiased"];
+const ADVANCED_BENCH: [&str; 5] = ["builder", "extinction", "place", "sides", "time"];
 
 /// The command line, with options in groups and a short help of one sentence an option.
 pub fn command() -> Command {

@@ -23,9 +23,6 @@ pub struct Args {
     /// Only this item, such as fig9; repeatable [default: all].
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Scenes on which the item builders compares the builders of clusters, beside generated scenes.
-    #[arg(long, value_name = "FILE", num_args = 1..)]
-    scenes: Vec<PathBuf>,
     #[command(flatten)]
     pub common: Common,
 }
@@ -39,13 +36,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let _folder = check_folder(&args.out)?;
     common.check_json()?;
     let files = [PAGE, RECORD].map(String::from);
-    common.check_outputs(
-        &Inputs::of(args.scenes.iter().map(PathBuf::as_path)),
-        Output::within("--out", &args.out, files),
-    )?;
+    common.check_outputs(&Inputs::default(), Output::within("--out", &args.out, files))?;
     let bar = Bar::new(common.quiet);
-    let mut context = Context::new(false, &bar);
-    context.scenes.clone_from(&args.scenes);
+    let context = Context::new(false, &bar);
     let report = common.on_threads(|| make(&entries, &context))?;
     bar.finish();
     let path = args.out.join(PAGE);

@@ -7,20 +7,15 @@
 mod blocks;
 mod books;
 mod bsize;
-mod builder_statistics;
-mod builders;
 mod cells;
 mod cubes;
 mod desks;
-mod equal_time;
 mod erosion;
 mod feature_sizes;
 mod feature_verdict;
 mod groups;
 mod importance;
-mod isotropy;
 mod item;
-mod later;
 mod office;
 mod office_light;
 mod office_verdict;
@@ -28,7 +23,6 @@ mod page;
 mod plain;
 mod progressive;
 mod shadow;
-mod shaft;
 mod table;
 mod table_1;
 #[cfg(test)]
@@ -43,7 +37,6 @@ use groups::Groups;
 use mrvis::Progress;
 use mrvis::{Error, Result};
 use serde::Serialize;
-use std::path::PathBuf;
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
@@ -53,8 +46,6 @@ pub struct Context<'a> {
     pub small: bool,
     /// Receives the name of the item that is made.
     pub progress: &'a dyn Progress,
-    /// Scenes on which builders are compared beside generated ones.
-    pub scenes: Vec<PathBuf>,
     groups: OnceLock<Groups>,
     making: Mutex<()>,
 }
@@ -62,7 +53,7 @@ pub struct Context<'a> {
 impl<'a> Context<'a> {
     /// A context without images.
     pub fn new(small: bool, progress: &'a dyn Progress) -> Context<'a> {
-        Context { small, progress, scenes: Vec::new(), groups: OnceLock::new(), making: Mutex::new(()) }
+        Context { small, progress, groups: OnceLock::new(), making: Mutex::new(()) }
     }
 
     /// The images of the four groups, made once.
@@ -204,30 +195,6 @@ pub const ENTRIES: &[Entry] = &[
                 different surfaces in the scene.",
         of_program: true,
         make: importance::importance,
-    },
-    Entry {
-        names: &["isotropy", "footnote3"],
-        title: "Footnote 3: clusters that are not isotropic",
-        claim: "For clusters that are not isotropic BSIZE is a function of the direction; a fixed number of directions could be sampled and \
-                interpolated. The paper leaves it as future work (sections 3.3 and 7).",
-        of_program: true,
-        make: isotropy::footnote_3,
-    },
-    Entry {
-        names: &["later"],
-        title: "The papers after it",
-        claim: "Two papers built on this one: G. Drettakis and F. Sillion 1997 update a solution after moves by a hierarchy of line space; \
-                K. Daubert and others 1997 treat outdoor scenes with terrain, plants, sky and sun.",
-        of_program: true,
-        make: later::later_papers,
-    },
-    Entry {
-        names: &["builders"],
-        title: "Builders of clusters compared",
-        claim: "The algorithm presented is a first approximation; better algorithms for hierarchy construction must be investigated \
-                (sections 4.2 and 7).",
-        of_program: true,
-        make: builders::builders,
     },
 ];
 

@@ -5,7 +5,7 @@ use super::table::{Cell, Table, count, number};
 use super::{Context, counts_of, fixed, list};
 use mrvis::Result;
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Scale, Series};
-use mrvis::internals::radiosity::{self, Options, Oracle, Record};
+use mrvis::internals::radiosity::{self, Options, Oracle, Record, Visibility};
 use mrvis::internals::scene::generate::{self, Spec};
 use mrvis::{Model, PrepareOptions};
 
@@ -17,6 +17,10 @@ const PAPER_POLYGONS: usize = 6000;
 const AUDITED: [usize; 2] = [400, 60];
 /// Numbers of links after which solves end to measure errors, and in tests.
 const ENDS: [&[usize]; 2] = [&[1, 64, 256, 1024, 4096, 16_384], &[1, 64, 1024]];
+/// Numbers of links after which solves of a closed room end, for the statement that a solution is consistent at any time.
+const EARLY_ENDS: [usize; 3] = [100, 1000, 10_000];
+/// Part of the emitted power that a solution may create: rounding errors of 32-bit factors.
+const CREATED: f64 = 1e-4;
 /// Seeds of these solves and of the elements at which errors are measured; their differences tell the noise.
 const SEEDS: [u64; 2] = [1, 2];
 /// Standard errors by which a difference is certain.
@@ -97,7 +101,7 @@ pub fn multigridding(context: &Context) -> Result<Item> {
              the first sentence of the claim is tested by unit tests of the histogram, not here. RMS errors, relative to the mean irradiance, \
              are those of solves that end at given numbers of links, and at those of the iterations, measured by independent paths at {audit} elements; means of two solves \
              with other random numbers, whose differences, pooled, tell the noise. In the end that of the stepped solve itself stands beside, \
-             and that of links refined by the light that they transport (BF refinement of P. Hanrahan and others 1991, option `oracle`)."
+             and that of links refined by the light that they transport (BF refinement of P. Hanrahan and others 1991, option `oracle`). Solves of `mrvis generate office`, a closed room, end early."
         ),
         ..Item::default()
     };
@@ -105,7 +109,35 @@ pub fn multigridding(context: &Context) -> Result<Item> {
     item.tables.push(errors(&measured));
     item.chart(plot(&measured), "Measured error of solves that end at numbers of links.");
     judge(&mut item, &measured);
+    judge_early_ends(&mut item, &early_ends(context)?);
     Ok(item)
+}
+
+/// A solution that ended after few links.
+struct EarlyEnd {
+    links: usize,
+    /// Power received less power sent, as a part of what is emitted.
+    created: f64,
+    /// Root mean square difference of row sums from 1, before and after normalisation.
+    row_sums: [f64; 2],
+}
+
+/// Solves of the office, a closed room, that end after few links.
+fn early_ends(context: &Context) -> Result<Vec<EarlyEnd>> {
+    let scene = generate::build(&Spec::new("office"))?;
+    let model = Model::prepare(scene, &PrepareOptions::default(), context.progress)?;
+    let end = |max_links: usize| -> Result<EarlyEnd> {
+        let visibility = Visibility::Exact;
+        let options = Options { max_links, visibility, local_rays: Some(0), audit: 0, ..Options::default() };
+        let record = radiosity::run(&model, &[], &options, context.progress)?.record;
+        let ledger = &record.ledger;
+        Ok(EarlyEnd {
+            links: record.links,
+            created: ledger.created / ledger.emitted,
+            row_sums: [ledger.row_sum_error_sampled, ledger.row_sum_error],
+        })
+    };
+    EARLY_ENDS.map(end).into_iter().collect()
 }
 
 /// Errors by the number of links.
@@ -193,6 +225,33 @@ fn judge(item: &mut Item, measured: &Measured) {
     );
 }
 
+/// Whether solutions that end early are consistent.
+fn judge_early_ends(item: &mut Item, ends: &[EarlyEnd]) {
+    let links: Vec<usize> = ends.iter().map(|end| end.links).collect();
+    let percentages = |of: &dyn Fn(&EarlyEnd) -> f64, digits| {
+        list(&ends.iter().map(|end| 100.0 * of(end)).collect::<Vec<_>>(), digits)
+    };
+    item.check(
+        "a solution of a closed room is consistent whenever it ends: received and sent power are equal, to 0.01 % of what is emitted",
+        format!("{} % with {} links", percentages(&|end| end.created, 5), counts_of(&links)),
+        !ends.is_empty() && ends.iter().all(|end| end.created.abs() <= CREATED),
+        || {
+            format!(
+                "after normalisation row sums differ from 1 by {} %: one factor for each leaf does not bring all of them to 1",
+                percentages(&|end| end.row_sums[1], 2)
+            )
+        },
+    );
+    item.check(
+        "the form factors of a closed room sum to 1 the better the more links there are: before normalisation the root mean square \
+         difference falls from end to end",
+        format!("{} % with {} links", percentages(&|end| end.row_sums[0], 1), counts_of(&links)),
+        ends.len() > 1
+            && ends.windows(2).all(|pair| pair[0].links < pair[1].links && pair[1].row_sums[0] < pair[0].row_sums[0]),
+        || "each link has few segments, and as its ends become smaller their noise adds up as much as the links' errors shrink".into(),
+    );
+}
+
 /// Whether errors are known, and fall.
 fn judge_errors(item: &mut Item, measured: &Measured) {
     let Measured { ends, own, other, by_transport, .. } = measured;
@@ -239,6 +298,7 @@ fn judge_errors(item: &mut Item, measured: &Measured) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::item::failing_checks;
     use super::*;
 
     fn failing(change: impl Fn(&mut Measured)) -> Vec<usize> {
@@ -275,5 +335,20 @@ mod tests {
         assert_eq!(failing(|m| m.iterations[1].0 = 1.1), [5]);
         // Noise does not make errors fall.
         assert_eq!(failing(|m| m.ends[0].errors = [20.0, 380.0]), [2, 4]);
+    }
+
+    #[test]
+    fn ends_that_are_not_consistent_are_found() {
+        let ends = |created: f64, row_sums: f64| {
+            let of = |links: usize, created: f64, row_sums: f64| EarlyEnd {
+                links,
+                created,
+                row_sums: [row_sums, 0.0],
+            };
+            failing_checks(|item| judge_early_ends(item, &[of(100, 0.0, 0.2), of(1000, created, row_sums)]))
+        };
+        assert_eq!(ends(1e-6, 0.1), [0; 0]);
+        assert_eq!(ends(-2e-4, 0.1), [0]);
+        assert_eq!(ends(0.0, 0.3), [1]);
     }
 }

@@ -4,9 +4,9 @@ use super::plain::{Descent, PlainTree, Visits};
 use glam::{DVec3, Vec3};
 use mrvis::Model;
 use mrvis::Result;
-use mrvis::internals::bench::{Order, ReceiverPoint, Workload};
+use mrvis::internals::bench::{ReceiverPoint, Workload};
 use mrvis::internals::ray::{LANES, Occluder, Packet};
-use mrvis::internals::visibility::{Bundle, CALIBRATION_BUNDLES, Exact, MultiResolution, Workspace};
+use mrvis::internals::visibility::{Bundle, Exact, MultiResolution, Workspace};
 use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::{FeatureOptions, Features, Image, Morphology};
 use rayon::prelude::*;
@@ -52,10 +52,10 @@ impl Wall {
     }
 }
 
-/// Segments from all texels to the emitters that they face, sixteen or fewer a packet, drawn once for several engines.
-pub struct Segments {
+/// Segments from texels to the emitters that they face, sixteen or fewer a packet.
+struct Segments {
     packets: Vec<Packet>,
-    /// First packet of each pair, in the order of [`Grid::pairs`], and the number of packets.
+    /// First packet of each pair, and the number of packets.
     ends: Vec<usize>,
 }
 
@@ -154,19 +154,10 @@ impl<'a> Grid<'a> {
         s: f64,
         (rays, repeat): (usize, usize),
     ) -> Result<Rendered> {
-        self.by_clusters_along(engine, s, &self.segments(rays, 0), repeat)
-    }
-
-    /// The same along segments that were drawn before.
-    pub fn by_clusters_along(
-        &self,
-        engine: &MultiResolution,
-        s: f64,
-        segments: &Segments,
-        repeat: usize,
-    ) -> Result<Rendered> {
         self.rendered(1, |run| {
-            let bundles = self.bundles(run, segments);
+            let segments = self.segments(run.clone(), rays);
+            let bundles: Vec<Bundle> =
+                run.enumerate().map(|(k, place)| self.bundle(place, segments.of(k))).collect();
             let mut workspace = Workspace::default();
             // Memory of the workspace is not part of the time.
             engine.answers(&bundles, s as f32, &mut workspace, |_| ());
@@ -181,60 +172,15 @@ impl<'a> Grid<'a> {
         })
     }
 
-    /// Part of these segments that the engine hands over to exact rays at a feature size.
-    pub fn handed_over(&self, engine: &MultiResolution, s: f64, segments: &Segments) -> f64 {
-        let starts: Vec<usize> = (0..self.pairs.len()).step_by(RUN).collect();
-        let count = |&first: &usize| {
-            let bundles = self.bundles(first..(first + RUN).min(self.pairs.len()), segments);
-            let (mut handed_over, mut all) = (0, 0);
-            engine.answers(&bundles, s as f32, &mut Workspace::default(), |answer| {
-                handed_over += answer.cost.handed_over;
-                all += answer.cost.segments;
-            });
-            [handed_over, all]
-        };
-        let add = |a: [u64; 2], b: [u64; 2]| [a[0] + b[0], a[1] + b[1]];
-        let [handed_over, all] = starts.par_iter().map(count).reduce(|| [0, 0], add);
-        handed_over as f64 / all.max(1) as f64
-    }
-
-    /// The engine with an estimate of the cost of exact rays for these texels; `stream` selects an independent sample set.
-    pub fn with_budget(&self, engine: MultiResolution, stream: u64) -> MultiResolution {
-        let step = (self.pairs.len() / CALIBRATION_BUNDLES).max(1);
-        let places: Vec<usize> = (0..self.pairs.len()).step_by(step).collect();
-        let segments = self.drawn(&places, LANES, stream);
-        let bundles: Vec<Bundle> =
-            places.iter().enumerate().map(|(k, &place)| self.bundle(place, segments.of(k))).collect();
-        engine.with_budget(&bundles, &mut Workspace::default())
-    }
-
-    /// Segments of all pairs; `stream` selects an independent sample set.
-    pub fn segments(&self, rays: usize, stream: u64) -> Segments {
-        let places: Vec<usize> = (0..self.pairs.len()).collect();
-        let parts: Vec<Segments> =
-            places.par_chunks(RUN).map(|places| self.drawn(places, rays, stream)).collect();
-        let mut all = Segments { packets: Vec::new(), ends: vec![0] };
-        for part in parts {
-            let first = all.packets.len();
-            all.ends.extend(part.ends[1..].iter().map(|end| first + end));
-            all.packets.extend(part.packets);
-        }
-        all
-    }
-
-    /// Those of some pairs, which are at these places of [`Grid::pairs`].
-    fn drawn(&self, places: &[usize], rays: usize, stream: u64) -> Segments {
+    /// Segments of some pairs, which are at these places of [`Grid::pairs`].
+    fn segments(&self, places: Range<usize>, rays: usize) -> Segments {
         let mut drawn = Segments { packets: Vec::new(), ends: vec![0] };
-        for &place in places {
+        for place in places {
             let (scene, pair) = (self.model.scene(), self.pairs[place]);
-            self.workload.add_bundle(scene, pair, (rays, Order::Near), stream, &mut drawn.packets);
+            self.workload.add_bundle(scene, pair, rays, 0, &mut drawn.packets);
             drawn.ends.push(drawn.packets.len());
         }
         drawn
-    }
-
-    fn bundles<'s>(&'s self, run: Range<usize>, segments: &'s Segments) -> Vec<Bundle<'s>> {
-        run.map(|place| self.bundle(place, segments.of(place))).collect()
     }
 
     fn bundle<'s>(&'s self, place: usize, packets: &'s [Packet]) -> Bundle<'s> {

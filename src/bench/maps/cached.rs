@@ -6,7 +6,7 @@ use super::{MAX_SEGMENTS, MORE_SEGMENTS, Map, Planned};
 use crate::bench::context::Bench;
 use crate::bench::receivers::ReceiverGrid;
 use crate::bench::record::MapMrRow;
-use crate::bench::rounds::timed;
+use crate::progress::timed;
 use crate::visibility::{Cost, FarField, MultiResolution, Probe, Scratch};
 use std::ops::Range;
 use std::time::Instant;

@@ -3,7 +3,7 @@
 use super::*;
 use crate::bench::record::{
     Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, IntervalAudit, ReceiverErrors, SceneSummary,
-    SkySources, Spent, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
+    SkySources, Spent, Workload,
 };
 
 /// Shadows of 260 discs, six of them large, with noise; `large_only`: of the large ones.
@@ -53,30 +53,6 @@ fn audit() -> IntervalAudit {
         coverage_lo: 0.95,
         coverage_hi: 0.99,
         bins: vec![bin(0.02, 0.01), bin(0.05, 0.04), bin(0.12, 0.09)],
-    }
-}
-
-fn unbiased() -> UnbiasedRow {
-    let level = |feature_size, rays| UnbiasedLevel { feature_size, emitter_part: 0.5, rays };
-    UnbiasedRow {
-        levels: vec![level(Some(0.1), 64.0), level(None, 21.5)],
-        rays: 64,
-        rms: 0.03,
-        seconds: 0.5,
-        speedup_at_same_rms: Some(1.25),
-        ..Default::default()
-    }
-}
-
-fn target() -> Target {
-    Target {
-        asked: TargetAsked { error: Some(0.02), seconds: None },
-        chosen: TargetChoice { exact: true, rays: 64, ..Default::default() },
-        expected_rms: 0.018,
-        rms: 0.019,
-        met: true,
-        audit: Some(audit()),
-        ..Default::default()
     }
 }
 
@@ -190,8 +166,6 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         mr: mr_rows().into(),
         classes: Vec::new(),
         nothing_averaged: None,
-        unbiased: vec![unbiased()],
-        target: Some(target()),
         receivers: vec![ReceiverErrors { name: "lawn".into(), ..Default::default() }],
         maps: Vec::new(),
     };

@@ -3,8 +3,8 @@
 use maud::{Markup, html};
 
 use crate::Result;
-use crate::bench::record::{IntervalAudit, MrRow, Record, TargetChoice, UnbiasedRow};
-use crate::page::{Cell, chart, length, percent, seconds, signed, table, times};
+use crate::bench::record::{IntervalAudit, MrRow, Record};
+use crate::page::{Cell, chart, length, percent, table};
 use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 
 /// Largest number of feature sizes in the plot: with the diagonal, one per colour.
@@ -94,102 +94,4 @@ fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
         380,
         "Claimed against observed error, both axes logarithmic. Groups without any observed error are not shown.",
     )
-}
-
-/// Target, choice, expectation and result; empty without a target.
-pub(super) fn target(record: &Record) -> Markup {
-    let Some(target) = &record.target else { return html! {} };
-    let asked = match (target.asked.error, target.asked.seconds) {
-        (Some(error), _) => format!("an RMS error of at most {}", percent(error)),
-        (_, time) => format!("at most {}, pilot included", seconds(time.unwrap_or(0.0))),
-    };
-    html! {
-        section {
-            h2 { "Target" }
-            p {
-                "Target: " (asked) ". A pilot on a sample measured plans with different feature sizes and numbers of segments, and exact \
-                 rays, and chose " (choice(&target.chosen, &record.unit)) ". It expected an RMS error of "
-                (percent(target.expected_rms)) " (" (percent(target.expected_rms_lo)) " to "
-                (percent(target.expected_rms_hi)) ") in " (seconds(target.expected_seconds)) "; observed: "
-                strong { (percent(target.rms)) " in " (seconds(target.seconds)) }
-                ", after a pilot of " (seconds(target.pilot_s))
-                @if let Some(audit) = &target.audit { ", by the audit " (percent(audit.observed_rms)) }
-                "."
-            }
-            @if !target.reachable { p.warning { "The pilot expected no plan to meet the target; this is the nearest." } }
-            @if !target.met { p.warning { "The target was missed." } }
-            @if !target.as_expected { p.warning { "The observed error differs from the expected one." } }
-        }
-    }
-}
-
-/// A choice as text.
-fn choice(chosen: &TargetChoice, unit: &str) -> String {
-    let engine = match chosen.feature_size {
-        Some(s) => {
-            format!("multi-resolution visibility at s = {} with {} segments", length(s, unit), chosen.rays)
-        }
-        None => format!("exact visibility with {} rays", chosen.rays),
-    };
-    match chosen.rays_where_partly_visible {
-        Some(more) => {
-            format!(
-                "{engine}, and {more} where the light was partly visible ({})",
-                percent(chosen.partly_visible)
-            )
-        }
-        None => engine,
-    }
-}
-
-/// Unbiased rows; empty if there are none.
-pub(super) fn unbiased(record: &Record) -> Markup {
-    if record.unbiased.is_empty() {
-        return html! {};
-    }
-    let gain = |row: &UnbiasedRow| row.speedup_at_same_rms.is_some_and(|s| s > 1.05);
-    let gains = record.unbiased.iter().filter(|row| gain(row)).count();
-    let columns = [
-        "s",
-        "segments",
-        "exact segments",
-        "time",
-        "pilot",
-        "RMS",
-        "bias",
-        "its error",
-        "speed-up, same RMS",
-    ];
-    let rows: Vec<_> = record.unbiased.iter().map(|row| unbiased_row(row, &record.unit)).collect();
-    html! {
-        section {
-            h2 { "Unbiased estimates" }
-            p {
-                "Averaged answers are biased for any number of segments. Here some of their segments, picked at \
-                 random, are also traced exactly, and the mean difference is added: the result is unbiased, and its \
-                 error falls with the number of segments. At the same error "
-                @if gains == 0 { "none of these rows is faster than plain exact rays." }
-                @else { (gains) " of " (record.unbiased.len()) " rows are faster than plain exact rays." }
-            }
-            (table(columns, &rows))
-        }
-    }
-}
-
-fn unbiased_row(row: &UnbiasedRow, unit: &str) -> [Cell; 9] {
-    let averaged = row.levels.iter().find_map(|level| level.feature_size);
-    let exact: f64 = row.levels.iter().filter(|level| level.feature_size.is_none()).map(|l| l.rays).sum();
-    let about = if row.extrapolated { "~" } else { "" };
-    [
-        averaged.map_or("–".into(), |s| length(s, unit)).into(),
-        row.rays.into(),
-        number(exact).into(),
-        seconds(row.seconds).into(),
-        seconds(row.pilot_s).into(),
-        number(row.rms).into(),
-        signed(row.bias).into(),
-        number(row.bias_error).into(),
-        Cell::from(format!("{about}{}", times(row.speedup_at_same_rms)))
-            .loss(row.speedup_at_same_rms.is_some_and(|s| s < 1.0)),
-    ]
 }

@@ -5,7 +5,6 @@ use super::rectangle::{Rectangle, fit};
 use super::relief::points as relief_points;
 use crate::bench::workload::ReceiverPoint;
 use crate::clusters::MIN_COPLANAR_COSINE;
-use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -88,20 +87,8 @@ impl Patch {
 /// Planar edge-connected patches, each of one object, grown from the largest triangles. The normals of all members
 /// agree with that of the first triangle, so that finely tessellated curves are not planes.
 pub(super) fn patches(scene: &Scene, triangles: &[u32]) -> Vec<Patch> {
-    let normals: Vec<Vec3> = triangles
-        .par_iter()
-        .map(|&t| {
-            let [a, b, c] = scene.corners(t);
-            triangle_normal(a, b, c)
-        })
-        .collect();
-    let areas: Vec<f64> = triangles
-        .par_iter()
-        .map(|&t| {
-            let [a, b, c] = scene.corners(t);
-            triangle_area(a, b, c)
-        })
-        .collect();
+    let normals: Vec<Vec3> = triangles.par_iter().map(|&t| scene.face_normal(t)).collect();
+    let areas: Vec<f64> = triangles.par_iter().map(|&t| scene.face_area(t)).collect();
     let neighbours = neighbours(scene, triangles);
     let mut seeds: Vec<u32> = (0..triangles.len() as u32).collect();
     seeds.par_sort_by(|&a, &b| areas[b as usize].total_cmp(&areas[a as usize]).then(a.cmp(&b)));
@@ -145,9 +132,8 @@ pub(super) fn relief<'a>(
 ) -> Option<Patch> {
     let (mut sum, mut area) = (DVec3::ZERO, 0.0);
     for &t in triangles {
-        let [a, b, c] = scene.corners(t);
-        let own = triangle_area(a, b, c);
-        sum += own * triangle_normal(a, b, c).as_dvec3();
+        let own = scene.face_area(t);
+        sum += own * scene.face_normal(t).as_dvec3();
         area += own;
     }
     let largest = patches.filter(|p| p.filled() >= MIN_FILLED_PART).map(|p| p.area).fold(0.0, f64::max);

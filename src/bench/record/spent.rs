@@ -11,8 +11,6 @@ pub struct Spent {
     pub points_s: f64,
     /// Rows by class of receiver.
     pub classes_s: f64,
-    /// Unbiased rows and a target, if requested.
-    pub requested_s: f64,
     /// Shadow images.
     pub images_s: f64,
     /// Maps.
@@ -21,12 +19,11 @@ pub struct Spent {
 
 impl Spent {
     /// Names and seconds of the parts.
-    pub fn parts(&self) -> [(&'static str, f64); 6] {
+    pub fn parts(&self) -> [(&'static str, f64); 5] {
         [
             ("choices", self.choice_s),
             ("rows over all points", self.points_s),
             ("classes of receivers", self.classes_s),
-            ("unbiased rows and target", self.requested_s),
             ("shadow images", self.images_s),
             ("maps", self.maps_s),
         ]

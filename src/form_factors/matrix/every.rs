@@ -5,7 +5,7 @@
 
 use super::facets::Facet;
 use super::pair::{Buffers, CHANCE_CLASSES, Pairs, Row, Transmittance, exchange, mix_pair};
-use super::rays::mix;
+use crate::math::sampling::mix;
 use crate::ray::{LANES, Packet};
 
 /// Expected discovery rays from which a pair gets a bundle of its own. Any value from 1.25 to 5 changes the error of

@@ -32,7 +32,7 @@ pub use rows::{Grouping, Matrix};
 pub use write::{Format, write};
 
 use crate::model::Model;
-use crate::progress::Progress;
+use crate::progress::{self, Progress};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use rays::Traced;
@@ -200,8 +200,5 @@ pub fn compute(
 
 /// Nothing, or [`Error::Cancelled`] if `progress` has stopped.
 fn go_on(progress: &dyn Progress) -> Result<()> {
-    match progress.stopped() {
-        true => Err(Error::Cancelled("stopped before the form factors were complete".into())),
-        false => Ok(()),
-    }
+    progress::go_on(progress, "the form factors were")
 }

@@ -6,6 +6,7 @@ use super::rays::{SampleTable, Traced};
 use super::{Settings, go_on};
 use crate::Result;
 use crate::form_factors::analytic::{point_to_polygon, polygon_to_polygon};
+use crate::math::sampling::mix;
 use crate::progress::Progress;
 use crate::ray::{LANES, Packet};
 use glam::DVec3;
@@ -180,7 +181,7 @@ impl Pairs<'_> {
                 break;
             }
             *rays += table.len() as u64;
-            let next = self.bundle(pair, table, super::rays::mix(key ^ k));
+            let next = self.bundle(pair, table, mix(key ^ k));
             if next.error > 0.0 {
                 sum += next.value;
                 squares += next.error.powi(2);
@@ -338,5 +339,5 @@ fn area(polygon: &[DVec3]) -> f64 {
 }
 
 pub fn mix_pair(seed: u64, i: u32, j: u32) -> u64 {
-    super::rays::mix(seed ^ super::rays::mix(u64::from(i) << 32 | u64::from(j)))
+    mix(seed ^ mix(u64::from(i) << 32 | u64::from(j)))
 }

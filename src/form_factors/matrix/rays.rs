@@ -2,6 +2,7 @@
 
 use super::facets::{Facet, Facets};
 use crate::embree::{CommittedScene, Hits, Traversal};
+use crate::math::sampling::mix;
 use crate::math::triangle_normal;
 use crate::model::Model;
 use crate::ray::Packet;
@@ -85,14 +86,6 @@ fn interleaved(a: u32, b: u32) -> u32 {
         (x | (x << 1)) & 0x5555_5555
     };
     spread(a) | spread(b) << 1
-}
-
-/// SplitMix64's finaliser (Steele, Lea and Flood 2014).
-pub fn mix(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
 
 impl Facet {

@@ -142,7 +142,8 @@ fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
     let traced = Traced::new(&model(scene, Detail::Rays), &facets);
     let mut counts = vec![0.0; facets.count()];
     let from = facets.get(i);
-    let mut random = (0u64..).map(|k| (rays::mix(k ^ u64::from(i) << 40) >> 40) as f32 / (1 << 24) as f32);
+    let mut random = (0u64..)
+        .map(|k| (crate::math::sampling::mix(k ^ u64::from(i) << 40) >> 40) as f32 / (1 << 24) as f32);
     let mut next = || random.next().expect("endless");
     for _ in 0..rays / 16 {
         let mut packet = Packet::EMPTY;

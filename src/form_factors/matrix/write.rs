@@ -2,6 +2,7 @@
 
 use super::{Labels, Matrix};
 use crate::error::is_obeyed;
+use crate::files::npz::NpzWriter;
 use crate::files::{WholeFile, csv_text};
 use crate::{Error, Result};
 use std::io::Write;
@@ -93,27 +94,16 @@ fn mtx(out: &mut impl Write, m: &Matrix, labels: Option<&Labels>) -> std::io::Re
 }
 
 fn npz(out: &mut impl Write, m: &Matrix, labels: Option<&Labels>) -> std::io::Result<()> {
-    let mut zip = zip::ZipWriter::new_stream(out);
-    let options = zip::write::SimpleFileOptions::default()
-        .compression_method(zip::CompressionMethod::Stored)
-        .last_modified_time(zip::DateTime::default())
-        .large_file(true);
-    let mut array = |name: &str, kind: &str, shape: String, bytes: &[u8]| -> std::io::Result<()> {
-        zip.start_file(format!("{name}.npy"), options)?;
-        zip.write_all(&npy_header(kind, &shape))?;
-        zip.write_all(bytes)
-    };
-    let vector = |n: usize| format!("({n},)");
+    let mut archive = NpzWriter::new(out);
     let n = m.len();
-    // Native byte order: `<` is little endian, as are all machines that Embree supports.
-    array("data", "<f4", vector(m.factors.len()), bytemuck::cast_slice(&m.factors))?;
-    array("indices", "<i4", vector(m.columns.len()), bytemuck::cast_slice(&m.columns))?;
-    array("indptr", "<i8", vector(n + 1), bytemuck::cast_slice(&m.offsets))?;
-    array("shape", "<i8", vector(2), bytemuck::cast_slice(&[n as u64; 2]))?;
-    array("format", "|S3", "()".into(), b"csr")?;
-    array("area", "<f8", vector(n), bytemuck::cast_slice(&m.areas))?;
-    array("escaped", "<f4", vector(n), bytemuck::cast_slice(&m.escaped))?;
-    array("lost", "<f4", vector(n), bytemuck::cast_slice(&m.lost))?;
+    archive.array("data", "<f4", &[m.factors.len()], bytemuck::cast_slice(&m.factors))?;
+    archive.array("indices", "<i4", &[m.columns.len()], bytemuck::cast_slice(&m.columns))?;
+    archive.array("indptr", "<i8", &[n + 1], bytemuck::cast_slice(&m.offsets))?;
+    archive.array("shape", "<i8", &[2], bytemuck::cast_slice(&[n as u64; 2]))?;
+    archive.array("format", "|S3", &[], b"csr")?;
+    archive.array("area", "<f8", &[n], bytemuck::cast_slice(&m.areas))?;
+    archive.array("escaped", "<f4", &[n], bytemuck::cast_slice(&m.escaped))?;
+    archive.array("lost", "<f4", &[n], bytemuck::cast_slice(&m.lost))?;
     let mut texts = |name: &str, list: &[String]| {
         let longest = list.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(1);
         // NumPy strings are UTF-32, padded with zeros.
@@ -121,7 +111,7 @@ fn npz(out: &mut impl Write, m: &Matrix, labels: Option<&Labels>) -> std::io::Re
             s.chars().map(u32::from).chain(std::iter::repeat(0)).take(longest).collect()
         };
         let text: Vec<u32> = list.iter().flat_map(letters).collect();
-        array(name, &format!("<U{longest}"), vector(list.len()), bytemuck::cast_slice(&text))
+        archive.array(name, &format!("<U{longest}"), &[list.len()], bytemuck::cast_slice(&text))
     };
     if !m.names.is_empty() {
         texts("names", &m.names)?;
@@ -129,21 +119,8 @@ fn npz(out: &mut impl Write, m: &Matrix, labels: Option<&Labels>) -> std::io::Re
     if let Some(labels) = labels {
         texts("object_names", &labels.object_names)?;
         texts("material_names", &labels.material_names)?;
-        array("object", "<u4", vector(n), bytemuck::cast_slice(&labels.objects))?;
-        array("material", "<u4", vector(n), bytemuck::cast_slice(&labels.materials))?;
+        archive.array("object", "<u4", &[n], bytemuck::cast_slice(&labels.objects))?;
+        archive.array("material", "<u4", &[n], bytemuck::cast_slice(&labels.materials))?;
     }
-    zip.finish()?.flush()
-}
-
-/// Header of version 1.0 of NumPy's array format: magic, length, and a Python literal, padded to a multiple of 64
-/// bytes.
-fn npy_header(kind: &str, shape: &str) -> Vec<u8> {
-    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
-    let length = (text.len() + 11).next_multiple_of(64) - 10;
-    text.extend(std::iter::repeat_n(' ', length - 1 - text.len()));
-    let mut header = b"\x93NUMPY\x01\x00".to_vec();
-    header.extend((length as u16).to_le_bytes());
-    header.extend(text.as_bytes());
-    header.push(b'\n');
-    header
+    archive.finish()
 }

@@ -1,7 +1,7 @@
 //! The distance cut of a model: its correction, where it is used, and that placed meshes and rooms do without.
 
 use super::*;
-use crate::bench::workload::{Order, Workload, surface_points};
+use crate::bench::workload::{Workload, surface_points};
 use crate::ray::Packet;
 use crate::visibility::{Answer, MultiResolution, Route};
 
@@ -26,7 +26,7 @@ fn ground(model: &Model, points: usize) -> (Workload, Vec<f32>) {
 
 fn segments(model: &Model, workload: &Workload, pair: usize, (rays, stream): (usize, u64)) -> Vec<Packet> {
     let mut packets = Vec::new();
-    workload.add_bundle(model.scene(), pair, (rays, Order::Near), stream, &mut packets);
+    workload.add_bundle(model.scene(), pair, rays, stream, &mut packets);
     packets
 }
 

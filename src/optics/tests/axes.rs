@@ -57,25 +57,3 @@ fn each_axis_measures_its_own_direction() {
         );
     }
 }
-
-#[test]
-fn isotropic_mode_is_the_mean_over_the_axes() {
-    let own = whole(table(), &options());
-    let mean = whole(table(), &Options { isotropic: true, ..options() });
-    for (own, mean) in [
-        (own.blocker_size, mean.blocker_size),
-        (own.gap_size, mean.gap_size),
-        (own.coverage, mean.coverage),
-        (own.extinction, mean.extinction),
-    ] {
-        let expect = own.iter().sum::<f32>() / AXIS_COUNT as f32;
-        assert!(
-            mean.iter().all(|m| *m == mean[0] && (m - expect).abs() <= 1e-5 * expect),
-            "{mean:?}: {expect}"
-        );
-    }
-    assert!(
-        own.blocker_size.iter().any(|b| *b != own.blocker_size[0]),
-        "a table looks the same from everywhere"
-    );
-}

@@ -1,6 +1,6 @@
 //! The ground of a scene: a surface that faces up everywhere, under the whole scene, with nothing but darkness below.
 
-use crate::math::{Aabb, triangle_normal};
+use crate::math::Aabb;
 use crate::scene::Scene;
 use rayon::prelude::*;
 
@@ -20,11 +20,7 @@ pub(super) fn ground(scene: &Scene) -> Option<(u32, bool)> {
         false => -of.max[axis],
     };
     let faces = 0..scene.triangles.len() as u32;
-    let mut bounds = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
-    for t in faces.clone() {
-        let own = &mut bounds[scene.triangle_component[t as usize] as usize];
-        *own = own.union(Aabb::of(scene.corners(t)));
-    }
+    let bounds = scene.component_bounds();
     let whole = bounds.iter().fold(Aabb::EMPTY, |all, own| all.union(*own));
     let within = EDGE * whole.extent().max_element();
     let lowest = heights(&whole) + within;
@@ -38,8 +34,7 @@ pub(super) fn ground(scene: &Scene) -> Option<(u32, bool)> {
     let (only, None) = (candidates.next()?, candidates.next()) else { return None };
     // 1 and 2 for faces whose front is above and below, 3 for those that stand upright.
     let facing = |t: u32| {
-        let [a, b, c] = scene.corners(t);
-        let rise = triangle_normal(a, b, c).dot(up);
+        let rise = scene.face_normal(t).dot(up);
         if rise > 0.0 {
             1
         } else if rise < 0.0 {

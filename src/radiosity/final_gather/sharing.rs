@@ -305,20 +305,16 @@ mod tests {
         (squares.sqrt(), (shared.iter().map(|s| s.error).sum::<f64>() / n).sqrt())
     }
 
+    fn shared_on_one_side(places: &[Place], light: &[ElementLight]) -> Vec<SharedLight> {
+        let sides = (&[0; 1600][..], &[1.0; 1600][..]);
+        share(places, sides, light, &Ranks::default(), &Deadline::start(&(), None))
+    }
+
     #[test]
     fn noise_of_smooth_light_is_divided_and_stated() {
         let noise = 0.2f32;
         let (places, light, truth) = floor(|x, y| 1.0 + 0.01 * x + 0.02 * y, noise);
-        let (error, stated) = errors(
-            &share(
-                &places,
-                (&[0; 1600], &[1.0; 1600]),
-                &light,
-                &Ranks::default(),
-                &Deadline::start(&(), None),
-            ),
-            &truth,
-        );
+        let (error, stated) = errors(&shared_on_one_side(&places, &light), &truth);
         // The mean of both halves has 0.141. A plane through 49 neighbours has a seventh of that, at borders more.
         assert!(error < 0.4 * 0.141, "{error}");
         assert!(stated > 0.5 * error && stated < 2.0 * error, "{stated} stated, {error} found");
@@ -335,13 +331,7 @@ mod tests {
             light.halves[0].iter_mut().for_each(|half| *half += exact);
             truth[k] = f64::from(exact);
         }
-        let shared = share(
-            &places,
-            (&[0; 1600], &[1.0; 1600]),
-            &light,
-            &Ranks::default(),
-            &Deadline::start(&(), None),
-        );
+        let shared = shared_on_one_side(&places, &light);
         let (error, stated) = errors(&shared, &truth);
         assert!(error < 0.6 * 0.071, "{error}");
         assert!(stated > 0.5 * error && stated < 2.0 * error, "{stated} stated, {error} found");
@@ -350,13 +340,7 @@ mod tests {
     #[test]
     fn edges_of_shadows_stay_sharp() {
         let (places, light, truth) = floor(|x, _| if x < 20.0 { 1.0 } else { 0.1 }, 0.1);
-        let shared = share(
-            &places,
-            (&[0; 1600], &[1.0; 1600]),
-            &light,
-            &Ranks::default(),
-            &Deadline::start(&(), None),
-        );
+        let shared = shared_on_one_side(&places, &light);
         let (error, _) = errors(&shared, &truth);
         assert!(error < 0.05, "{error}");
         for (k, s) in shared.iter().enumerate() {
@@ -373,13 +357,7 @@ mod tests {
     fn a_single_dark_element_stays_dark() {
         let (places, mut light, _) = floor(|_, _| 1.0, 0.1);
         light[820] = ElementLight { rays: 16, ..ElementLight::default() };
-        let shared = share(
-            &places,
-            (&[0; 1600], &[1.0; 1600]),
-            &light,
-            &Ranks::default(),
-            &Deadline::start(&(), None),
-        );
+        let shared = shared_on_one_side(&places, &light);
         assert!(shared[820].irradiance[0] < 0.05, "{:?}", shared[820]);
         assert!((shared[821].irradiance[0] - 1.0).abs() < 0.3, "{:?}", shared[821]);
     }

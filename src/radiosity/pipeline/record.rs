@@ -1,6 +1,7 @@
 //! What is written down about a solution.
 
 use crate::model::summary::SceneSummary;
+pub use crate::progress::timed;
 use crate::radiosity::audit::{ErrorBarAudit, ErrorSource, Ledger, PointsError};
 use crate::radiosity::links::Tally;
 use crate::radiosity::mesh::RadiosityMesh;
@@ -116,12 +117,4 @@ pub struct Outcome {
     /// Irradiance at the points asked for, W/m².
     #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub irradiance: Vec<Rgb>,
-}
-
-/// The result of a stage; adds the seconds that it took.
-pub fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
-    let start = std::time::Instant::now();
-    let result = make();
-    *seconds += start.elapsed().as_secs_f64();
-    result
 }

@@ -379,10 +379,5 @@ fn lit_elements(
 
 /// Area of all triangles, one side of each, scene units squared.
 pub fn total_area(scene: &Scene) -> f64 {
-    (0..scene.triangles.len() as u32)
-        .map(|t| {
-            let [a, b, c] = scene.corners(t);
-            crate::math::triangle_area(a, b, c)
-        })
-        .sum()
+    (0..scene.triangles.len() as u32).map(|t| scene.face_area(t)).sum()
 }

@@ -6,11 +6,13 @@ use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::{
     Accuracy, BlockerCertificate, Link, LinkEstimator, Scratch, Tally, VisibilityEngine, VisibilityQuery,
 };
+use crate::ranks::Ranks;
 use crate::visibility::sample_runs;
 use rayon::prelude::*;
+use serde::{Serialize, de::DeserializeOwned};
 
 /// Pairs that one task measures.
-pub const CHUNK: usize = 64;
+const CHUNK: usize = 64;
 /// Links measured between two checks of the deadline: at most 32,768 segments. Changes results with a time limit only.
 pub const SLICE: usize = 2048;
 /// Standard error of the link of a cluster with itself, relative to its exchange area: that of a share measured by 11
@@ -37,31 +39,40 @@ impl Pair {
     }
 }
 
+/// Links of all pairs in the order of their tasks, each of up to [`CHUNK`] pairs and made by one rank, and what the tasks asked.
+pub fn measured<P: Sync, L: Send + Serialize + DeserializeOwned>(
+    ranks: &Ranks,
+    pairs: &[P],
+    measure: impl Fn(&mut Scratch, &[P]) -> Vec<L> + Send + Sync,
+) -> (Vec<L>, Tally) {
+    let measure_chunk = |scratch: &mut Scratch, k: usize| {
+        scratch.tally = Tally::default();
+        (measure(scratch, &pairs[CHUNK * k..pairs.len().min(CHUNK * (k + 1))]), scratch.tally)
+    };
+    let rows = ranks.rows(pairs.len().div_ceil(CHUNK));
+    let made = rows.gather(rows.numbers().map_init(Scratch::default, measure_chunk).collect());
+    let (mut links, mut tally) = (Vec::with_capacity(pairs.len()), Tally::default());
+    for (part, own) in made {
+        links.extend(part);
+        tally.add(own);
+    }
+    (links, tally)
+}
+
 /// Measures pairs, in their order within each task, the insides of clusters last; pairs that exchange nothing are left out.
 /// `threshold` is the tolerated error relative to the mean irradiance.
 pub fn measure(linked: &mut LinkedScene, pairs: &[Pair], threshold: f32, seed: u64) -> Vec<Link> {
-    let made: Vec<(Vec<Link>, Tally)> = {
-        let linked = &*linked;
-        let estimator =
-            LinkEstimator { engine: &engine_for(linked, pairs, threshold), ..estimator(linked, seed) };
-        let measure_chunk = |scratch: &mut Scratch, chunk: &[Pair]| {
-            scratch.tally = Tally::default();
-            let (inside, others): (Vec<Pair>, Vec<Pair>) = chunk.iter().partition(|p| p.a == p.b);
-            let asked: Vec<_> =
-                others.iter().map(|pair| ([pair.a, pair.b], accuracy(linked, pair, threshold))).collect();
-            let mut links = estimator.measure_all(&asked, scratch);
-            links.extend(inside.iter().map(|pair| inside_link(linked, pair.a)));
-            (links, scratch.tally)
-        };
-        let rows = linked.ranks.rows(pairs.len().div_ceil(CHUNK));
-        let chunk = |k: usize| &pairs[CHUNK * k..pairs.len().min(CHUNK * (k + 1))];
-        rows.gather(rows.numbers().map(chunk).map_init(Scratch::default, measure_chunk).collect())
-    };
-    let mut links = Vec::with_capacity(pairs.len());
-    for (part, tally) in made {
-        links.extend(part);
-        linked.tally.add(tally);
-    }
+    let engine = engine_for(linked, pairs, threshold);
+    let estimator = LinkEstimator { engine: &engine, ..estimator(linked, seed) };
+    let (links, tally) = measured(&linked.ranks, pairs, |scratch, chunk| {
+        let (inside, others): (Vec<Pair>, Vec<Pair>) = chunk.iter().partition(|p| p.a == p.b);
+        let asked: Vec<_> =
+            others.iter().map(|pair| ([pair.a, pair.b], accuracy(linked, pair, threshold))).collect();
+        let mut links = estimator.measure_all(&asked, scratch);
+        links.extend(inside.iter().map(|pair| inside_link(linked, pair.a)));
+        links
+    });
+    linked.tally.add(tally);
     links
 }
 

@@ -1,13 +1,12 @@
 //! Links to the sky and the suns: the first ones, their measurement, and the light that arrives along them.
 
-use super::link_measurement::{CHUNK, SLICE};
+use super::link_measurement::{SLICE, measured};
 use super::linked_scene::LinkedScene;
 use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{DIRECTIONS, Elements, Shape};
 use crate::radiosity::links::{
-    Scratch, SkyEstimator, SkyLink, SkyPair, SkySource, Split, Tally, VisibilityEngine, VisibilityQuery,
-    sky_link_error,
+    SkyEstimator, SkyLink, SkyPair, SkySource, Split, VisibilityEngine, VisibilityQuery, sky_link_error,
 };
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::Arrived;
@@ -122,35 +121,23 @@ pub fn sky_parts(linked: &mut LinkedScene, links: &[(SkyLink, Split)]) -> Vec<Sk
 pub fn measure_sky(linked: &mut LinkedScene, pairs: &[SkyPair], threshold: f32, seed: u64) -> Vec<SkyLink> {
     let Some(environment) = linked.environment.clone() else { return Vec::new() };
     let pairs: Vec<SkyPair> = pairs.iter().map(|pair| with_worth(linked, pair, threshold)).collect();
-    let made: Vec<(Vec<SkyLink>, Tally)> = {
-        let linked = &*linked;
-        let estimator = |engine| SkyEstimator {
-            elements: &linked.elements,
-            environment: &environment,
-            engine,
-            length: linked.surroundings.length,
-            seed,
-            inside: linked.settings.inside,
-        };
-        let queries = |pairs: &[SkyPair]| -> Vec<VisibilityQuery> {
-            pairs.iter().filter_map(|pair| Some(estimator(&linked.engine).draft(*pair)?.1)).collect()
-        };
-        let engine: VisibilityEngine =
-            linked.engine.for_queries(sample_runs(pairs.len()).map(|run| queries(&pairs[run])));
-        let estimator = estimator(&engine);
-        let measure_chunk = |scratch: &mut Scratch, chunk: &[SkyPair]| {
-            scratch.tally = Tally::default();
-            (estimator.measure_all(chunk, scratch), scratch.tally)
-        };
-        let rows = linked.ranks.rows(pairs.len().div_ceil(CHUNK));
-        let chunk = |k: usize| &pairs[CHUNK * k..pairs.len().min(CHUNK * (k + 1))];
-        rows.gather(rows.numbers().map(chunk).map_init(Scratch::default, measure_chunk).collect())
+    let estimator = |engine| SkyEstimator {
+        elements: &linked.elements,
+        environment: &environment,
+        engine,
+        length: linked.surroundings.length,
+        seed,
+        inside: linked.settings.inside,
     };
-    let mut links = Vec::with_capacity(pairs.len());
-    for (part, tally) in made {
-        links.extend(part);
-        linked.tally.add(tally);
-    }
+    let queries = |pairs: &[SkyPair]| -> Vec<VisibilityQuery> {
+        pairs.iter().filter_map(|pair| Some(estimator(&linked.engine).draft(*pair)?.1)).collect()
+    };
+    let engine: VisibilityEngine =
+        linked.engine.for_queries(sample_runs(pairs.len()).map(|run| queries(&pairs[run])));
+    let estimator = estimator(&engine);
+    let (links, tally) =
+        measured(&linked.ranks, &pairs, |scratch, chunk| estimator.measure_all(chunk, scratch));
+    linked.tally.add(tally);
     links
 }
 

@@ -37,12 +37,7 @@ fn message(result: Result<Scene>) -> String {
 }
 
 fn area(scene: &Scene) -> f64 {
-    (0..scene.triangles.len() as u32)
-        .map(|t| {
-            let [a, b, c] = scene.corners(t);
-            crate::math::triangle_area(a, b, c)
-        })
-        .sum()
+    (0..scene.triangles.len() as u32).map(|t| scene.face_area(t)).sum()
 }
 
 /// Properties of every scene.

@@ -27,10 +27,7 @@ fn polygons_keep_their_area() {
         assert!((area(&s) - want).abs() < 1e-5 * want, "{points:?}: {} instead of {want}", area(&s));
         assert_eq!(s.repairs.concave_polygons, concave, "{points:?}");
         // All triangles have the orientation of the polygon.
-        let mut normals = (0..s.triangles.len() as u32).map(|t| {
-            let [a, b, c] = s.corners(t);
-            crate::math::triangle_normal(a, b, c)
-        });
+        let mut normals = (0..s.triangles.len() as u32).map(|t| s.face_normal(t));
         assert!(normals.all(|n| n.dot(Vec3::new(0.0, -0.6, 0.8)) > 0.99), "{points:?}");
     };
     check(&[[0., 0.], [2., 0.], [2., 1.], [0., 1.]], 2.0, 0);

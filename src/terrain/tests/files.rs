@@ -1,5 +1,6 @@
 use super::*;
 use crate::Result;
+use crate::files::npz::header;
 use std::path::{Path, PathBuf};
 use tiff::encoder::{TiffEncoder, colortype};
 use tiff::tags::Tag;
@@ -170,7 +171,7 @@ fn damaged_files_are_errors() {
     let path = |name: &str| -> PathBuf { folder.path().join(name) };
     let layer = Layer { name: "heights", values: grid.heights() };
     write_npz(&path("a.npz"), &grid, &[layer]).expect("written");
-    let mut npy = numpy::header("<f4", &[3, 4]);
+    let mut npy = header("<f4", &[3, 4]);
     npy.extend(bytemuck::cast_slice::<f32, u8>(grid.heights()));
     let options = ReadOptions { cell: Some([1.0; 2]), height_scale: Some(1.0), ..plain() };
     for (name, bytes) in [

@@ -4,8 +4,8 @@ mod closed_forms;
 mod elements;
 mod files;
 mod light;
+mod memory;
 mod rays;
-mod speed;
 
 use super::*;
 

@@ -1,6 +1,5 @@
 //! Pieces of a scene: sizes of connected parts, and large surfaces, which are never aggregated.
 
-use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -44,11 +43,7 @@ pub fn surface_widths(scene: &Scene) -> Vec<f32> {
 
 /// The area of each triangle.
 fn areas(scene: &Scene) -> Vec<f64> {
-    let area = |t| {
-        let [a, b, c] = scene.corners(t);
-        triangle_area(a, b, c)
-    };
-    (0..scene.triangles.len() as u32).into_par_iter().map(area).collect()
+    (0..scene.triangles.len() as u32).into_par_iter().map(|t| scene.face_area(t)).collect()
 }
 
 /// Root of the area of the group that each triangle belongs to.
@@ -61,25 +56,8 @@ fn widths(groups: &[u32], areas: &[f64]) -> Vec<f32> {
 /// The smooth surface of each triangle: faces that meet at an edge with similar planes.
 fn smooth_surfaces(scene: &Scene) -> Vec<u32> {
     let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
-    let normal = |&t: &u32| {
-        let [a, b, c] = scene.corners(t);
-        triangle_normal(a, b, c)
-    };
-    let normals: Vec<Vec3> = triangles.par_iter().map(normal).collect();
-    let mut leader: Vec<u32> = triangles.clone();
-    fn find(leader: &mut [u32], mut i: u32) -> u32 {
-        while leader[i as usize] != i {
-            leader[i as usize] = leader[leader[i as usize] as usize];
-            i = leader[i as usize];
-        }
-        i
-    }
-    for pair in scene.edges_of(&triangles).windows(2) {
-        let ((a0, b0, i), (a1, b1, j)) = (pair[0], pair[1]);
-        if (a0, b0) == (a1, b1) && normals[i as usize].dot(normals[j as usize]).abs() > SMOOTH_COSINE {
-            let (i, j) = (find(&mut leader, i), find(&mut leader, j));
-            leader[i.max(j) as usize] = i.min(j);
-        }
-    }
-    triangles.iter().map(|&t| find(&mut leader, t)).collect()
+    let normals: Vec<Vec3> = triangles.par_iter().map(|&t| scene.face_normal(t)).collect();
+    scene.joined_across_edges(&triangles, |[i, j], _| {
+        normals[i as usize].dot(normals[j as usize]).abs() > SMOOTH_COSINE
+    })
 }

@@ -33,8 +33,8 @@ pub(super) struct Plane {
 
 impl Plane {
     fn of(scene: &Scene, triangle: u32) -> Plane {
-        let [a, b, c] = scene.corners(triangle);
-        let normal = crate::math::triangle_normal(a, b, c);
+        let [a, ..] = scene.corners(triangle);
+        let normal = scene.face_normal(triangle);
         Plane { normal, offset: normal.dot(a) }
     }
 

@@ -103,7 +103,7 @@ fn claimed_errors_are_those_that_are_there() {
     let engine = stage.engine(LeafMode::Exact).with_tolerance(0.1);
     let model = crate::model::testing::model(&stage.scene, crate::model::Detail::Rays);
     let points = crate::bench::workload::surface_points(&model, 600, 3).expect("points");
-    use crate::bench::workload::{Order, Workload};
+    use crate::bench::workload::Workload;
     let workload = Workload::new(&model, points, 3);
     let exact = Exact { scene: stage.traced.clone(), traversal: SINGLE };
     let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
@@ -111,8 +111,8 @@ fn claimed_errors_are_those_that_are_there() {
         let (mut inside, mut count, mut claimed, mut there, mut aggregated) = (0, 0, 0.0f64, 0.0f64, 0);
         for pair in 0..workload.pairs.len() {
             let (mut packets, mut truth) = (Vec::new(), Vec::new());
-            workload.add_bundle(&stage.scene, pair, (256, Order::Near), 0, &mut packets);
-            workload.add_bundle(&stage.scene, pair, (4096, Order::Near), 1, &mut truth);
+            workload.add_bundle(&stage.scene, pair, 256, 0, &mut packets);
+            workload.add_bundle(&stage.scene, pair, 4096, 1, &mut truth);
             let e = workload.pairs[pair].emitter_size;
             let answer =
                 engine.answer(Bundle { packets: &packets, emitter_size: e, emitter: &[] }, s, &mut workspace);

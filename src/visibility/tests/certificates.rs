@@ -2,7 +2,7 @@
 //! intervals).
 
 use super::*;
-use crate::bench::workload::{Order, Workload, surface_points};
+use crate::bench::workload::{Workload, surface_points};
 use crate::scene::testing::{Pieces, direction};
 use glam::DVec3;
 
@@ -118,14 +118,14 @@ fn certificates_hold_for_the_whole_emitter() {
         let mut certain = [0usize; 2];
         for pair in 0..workload.pairs.len() {
             let mut packets = Vec::new();
-            workload.add_bundle(&stage.scene, pair, (16, Order::Near), 0, &mut packets);
+            workload.add_bundle(&stage.scene, pair, 16, 0, &mut packets);
             let (emitter_size, emitter) = (workload.pairs[pair].emitter_size, workload.hull_of_surface(pair));
             let bundle = Bundle { packets: &packets, emitter_size, emitter };
             let mut found = vec![engine.answer(bundle, 0.1, &mut workspace)];
             engine.certified(&[bundle], &mut workspace, |answer| found.push(answer));
             for answer in found.into_iter().filter(|a| a.cost.certified > 0) {
                 let mut rays = Vec::new();
-                workload.add_bundle(&stage.scene, pair, (1024, Order::Near), 1, &mut rays);
+                workload.add_bundle(&stage.scene, pair, 1024, 1, &mut rays);
                 let truth = exact.answer(Bundle { packets: &rays, ..bundle }, &mut blocked).transmittance;
                 assert_eq!(answer.transmittance, truth, "{name}, pair {pair}: {answer:?}");
                 assert_eq!((answer.lo, answer.hi), (truth, truth), "{name}, pair {pair}: {answer:?}");

@@ -1,7 +1,7 @@
 //! Segment ends: what lies near an end blocks however long the segment is, and the surface at an end does not.
 
 use super::*;
-use crate::bench::workload::{Order, ReceiverPoint, Workload};
+use crate::bench::workload::{ReceiverPoint, Workload};
 use crate::ray::{Brute, Verdict};
 use crate::scene::testing::{Pieces, in_cube, rotation};
 use glam::{DMat3, DVec3};
@@ -111,7 +111,7 @@ fn benchmarks_see_the_plate() {
         let engine = stage.engine(LeafMode::Exact);
         for (pair, visible) in [0.0, 0.0, 1.0, 1.0].into_iter().enumerate() {
             let mut packets = Vec::new();
-            workload.add_bundle(&stage.scene, pair, (64, Order::Near), 0, &mut packets);
+            workload.add_bundle(&stage.scene, pair, 64, 0, &mut packets);
             let of = |emitter| Bundle { packets: &packets, emitter_size: 10.0, emitter };
             let exact = Exact { scene: stage.traced.clone(), traversal: SINGLE };
             assert_eq!(exact.answer(of(&[]), &mut Vec::new()).transmittance, visible, "{gap} {height}");

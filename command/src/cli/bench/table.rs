@@ -3,7 +3,7 @@
 mod classes;
 mod headline;
 
-use mrvis::internals::bench::record::{Build, MapRecord, MrRow, Record, Target, UnbiasedRow};
+use mrvis::internals::bench::record::{Build, MapRecord, MrRow, Record};
 use mrvis::internals::error::quote;
 use mrvis::internals::plot::number;
 use std::fmt::Write as _;
@@ -19,10 +19,6 @@ pub fn table(record: &Record) -> String {
     text += &setup(record);
     text += &spent(record);
     text += &audits(&record.mr);
-    text += &unbiased(&record.unbiased, unit);
-    if let Some(target) = &record.target {
-        text += &target_result(target, unit);
-    }
     // Writing to a string cannot fail.
     let result = record.nothing_averaged.clone().unwrap_or_else(|| headline::of(record));
     let _ = writeln!(text, "\n{result}");
@@ -189,59 +185,6 @@ fn clusters(build: &Build) -> String {
         "hierarchy {}, measuring clusters {}{kept}",
         seconds(build.hierarchy_s),
         seconds(build.characterise_s)
-    )
-}
-
-/// Unbiased rows.
-fn unbiased(rows: &[UnbiasedRow], unit: &str) -> String {
-    let mut text = String::new();
-    if !rows.is_empty() {
-        text += "\nunbiased  rays      exact       time      pilot        RMS       bias  same RMS\n";
-    }
-    for row in rows {
-        let size = row.levels.iter().find_map(|level| level.feature_size);
-        let exact: f64 = row.levels.iter().filter(|l| l.feature_size.is_none()).map(|l| l.rays).sum();
-        let _ = writeln!(
-            text,
-            "{:>14} {:>10} {:>10} {:>10} {:>10.5} {:>+10.5} {:>9}  s = {} {unit}",
-            row.rays,
-            number(exact),
-            seconds(row.seconds),
-            seconds(row.pilot_s),
-            row.rms,
-            row.bias,
-            times(row.speedup_at_same_rms, row.extrapolated),
-            number(size.unwrap_or(0.0)),
-        );
-    }
-    text
-}
-
-/// Result of a target.
-fn target_result(target: &Target, unit: &str) -> String {
-    let asked = match (target.asked.error, target.asked.seconds) {
-        (Some(error), _) => format!("RMS {error}"),
-        (_, time) => format!("{} of pilot and queries", seconds(time.unwrap_or(0.0))),
-    };
-    let chosen = &target.chosen;
-    let engine = chosen.feature_size.map_or("exact".into(), |s| format!("s = {} {unit}", number(s)));
-    let more = chosen.rays_where_partly_visible.map_or(String::new(), |more| {
-        format!(", {more} where partly visible ({:.0} %)", 100.0 * chosen.partly_visible)
-    });
-    let unreached = if target.reachable { "" } else { " (no plan was expected to meet it)" };
-    let surprise = if target.as_expected { "" } else { ", not as expected" };
-    format!(
-        "\ntarget {asked}{unreached}: {engine} with {} segments{more}; expected RMS {:.5} ({:.5} to {:.5}) in {}; observed \
-         {:.5} in {}, after a pilot of {}: {}{surprise}\n",
-        chosen.rays,
-        target.expected_rms,
-        target.expected_rms_lo,
-        target.expected_rms_hi,
-        seconds(target.expected_seconds),
-        target.rms,
-        seconds(target.seconds),
-        seconds(target.pilot_s),
-        if target.met { "met" } else { "missed" },
     )
 }
 
