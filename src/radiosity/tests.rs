@@ -126,8 +126,7 @@ fn threads_do_not_matter() {
     for scene in [room(true), cluttered] {
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            // A number of links that is asked for has links made before a local pass.
-            let options = Options { error: 0.2, audit: 20, max_links: 1_000_000, ..Options::default() };
+            let options = Options { error: 0.2, audit: 20, ..Options::default() };
             pool.install(|| solved(&scene, &floor(200), &options))
         };
         let (one, two) = (with(1), with(3));

@@ -119,10 +119,8 @@ impl FinalGather<'_> {
         }
         // Of an iteration that the deadline ends at once the start remains. Otherwise it is the direct light: links bring a little light
         // to rooms without any.
-        let along_links: Vec<Rgb> =
-            rows.rows.iter().map(|row| states[row.leaf as usize].irradiance).collect();
-        let is_linked = along_links.iter().flatten().any(|e| *e > 0.0);
-        let start = (deadline.late() && is_linked).then_some(along_links);
+        let along_links = || rows.rows.iter().map(|row| states[row.leaf as usize].irradiance).collect();
+        let start = deadline.late().then(along_links);
         let (irradiance, convergence) =
             solve(&RayTransport { matrix: &matrix, direct }, start, Method::Krylov, deadline);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];

@@ -1,6 +1,5 @@
 //! Paths: single rays from surface points, followed until an element may stand for the light at the point met.
 
-use super::element_rays::LeafRays;
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers};
@@ -224,11 +223,7 @@ impl FinalGather<'_> {
     }
 
     /// For each of `buffers.results` that met an element across which another surface stands, the light that paths from there find, W/m².
-    pub(super) fn light_beyond_crossed(
-        &self,
-        batch: &[LeafRays],
-        buffers: &mut Buffers,
-    ) -> Vec<Option<Vec3>> {
+    pub(super) fn light_beyond_crossed(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<Vec3>> {
         let states = &self.linked.elements.states;
         let results = std::mem::take(&mut buffers.results);
         buffers.vertices.clear();
@@ -245,7 +240,6 @@ impl FinalGather<'_> {
             })
             .collect();
         let mut sums: Vec<Rgb> = vec![[0.0; 3]; path as usize];
-        let seed = batch.first().map_or(0, |of| mix(!u64::from(of.leaf)));
         self.follow(self.linked.settings.seed ^ seed, false, &mut sums, buffers);
         buffers.results = results;
         let light = |path: u32| Vec3::from(sums[path as usize].map(|v| v as f32));

@@ -2,6 +2,7 @@
 
 use super::element_rays::{LeafRays, ROW, batches};
 use super::gatherer::{Buffers, FinalGather};
+use crate::math::sampling::mix;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::links::Tally;
 use glam::Vec3;
@@ -96,7 +97,8 @@ impl RayRows {
         let cuts = gather.cuts_of(batch, buffers);
         gather.trace_leaves(batch, ROW, &cuts, &vec![None; batch.len()], buffers);
         buffers.cuts = cuts;
-        let paths = gather.light_beyond_crossed(batch, buffers);
+        let seed = batch.first().map_or(0, |of| mix(!u64::from(of.leaf)));
+        let paths = gather.light_beyond_crossed(seed, buffers);
         let mut results = buffers.results.iter().zip(paths);
         for of in batch {
             let (mut direct, mut squares, mut gone, mut crossed) = (Vec3::ZERO, 0.0, 0, 0);

@@ -3,7 +3,6 @@
 use super::notes;
 use super::record::timed;
 use super::run::{Stages, total_area};
-use crate::model::Model;
 use crate::radiosity::audit::{AuditSize, Closing, Solved};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
@@ -92,7 +91,6 @@ impl Stages<'_> {
             linked.split_all(smallest * total_area(scene), deadline);
             linked.split_near_emitters(scene, deadline);
             linked.split_at_crossings(&self.model.exact(), deadline);
-            light_for_paths(self.model, linked, options, deadline);
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all, options.error);
             let rays = rays.map(|rays| rays.min(useful));
@@ -129,18 +127,4 @@ impl Stages<'_> {
         self.notes.extend(notes::hurried(hurried.unwrap_or(0), all, deadline));
         solved
     }
-}
-
-/// Finds a first light of elements by few rays, where links have found none: paths that go on from elements that other surfaces stand across read
-/// the light of the elements that they meet next.
-fn light_for_paths(model: &Model, linked: &mut LinkedScene, options: &Options, deadline: &Deadline) {
-    let states = &linked.elements.states;
-    let is_lit = states.iter().any(|state| state.irradiance != [0.0; 3]);
-    if is_lit || !states.iter().any(|state| state.crossed) || deadline.late() {
-        return;
-    }
-    let gather = FinalGather::new(model, linked, options);
-    let found = gather.local_pass(Some(LATE_RAYS), LATE_RAYS, deadline);
-    linked.tally.add(found.tally);
-    linked.set_irradiance(found.results.iter().map(|result| result.irradiance));
 }

@@ -76,11 +76,6 @@ pub fn solve(
     let coarse_light = [coarse.0.mean_irradiance; 3];
     let refined = match idle {
         true => coarse.unrefined(options),
-        false if local && !coarse.needs_links(options, &deadline) => {
-            let mut unrefined = coarse.unrefined(options);
-            unrefined.ended = Ended::Error;
-            unrefined
-        }
         false => {
             let estimate = |linked: &LinkedScene| error_estimate(linked, &link_uncertainty(linked));
             coarse.refine(options, &estimate, progress, &plan.refinement)
@@ -229,11 +224,7 @@ impl Stages<'_> {
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
             self.progress.stage("local pass", 0);
-            let solved = self.light_by_rays(refined, &plan.light);
-            if steps.ended == Ended::Error && self.deadline.interrupted() {
-                steps.ended = Ended::Interrupted;
-            }
-            return (solved, steps);
+            return (self.light_by_rays(refined, &plan.light), steps);
         }
         let solved = Solved::by_links(refined, &plan.light);
         if let Closing::Links(closing) = &solved.closing {

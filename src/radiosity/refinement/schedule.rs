@@ -75,7 +75,7 @@ pub struct Iteration {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ended {
-    /// No link that could be refined exceeds the error asked for, or rays alone determine the light.
+    /// No link that could be refined exceeds the error asked for.
     Error,
     /// The estimated error was no larger than the target.
     Target,
@@ -129,16 +129,6 @@ impl Coarse {
     pub fn needs_local_pass(&self, options: &Options) -> bool {
         let Coarse(linked) = self;
         options.local_rays() > 0 && !options.direct_only && linked.mean_irradiance > 0.0
-    }
-
-    /// Whether links are used although a local pass follows: importance travels along them, a local pass that runs out of time starts from
-    /// their light, and what is asked of them is reported.
-    pub fn needs_links(&self, options: &Options, deadline: &Deadline) -> bool {
-        let is_asked = options.step_seconds.is_some()
-            || options.target_error.is_some()
-            || options.max_links < Options::default().max_links;
-        let has_importance = !options.importance.is_empty() || !options.views.is_empty();
-        is_asked || has_importance || deadline.limited() || deadline.interrupted()
     }
 
     /// Ends without refinement.
