@@ -279,6 +279,15 @@ impl Scene {
         Ok(())
     }
 
+    /// Lights the scene by the suns of its file, if there are any.
+    fn light_by_suns(&mut self) -> Result<()> {
+        if !self.suns.is_empty() {
+            let environment = Environment::of_suns(self.up_vector(), self.suns.clone())?;
+            self.environment = Some(Arc::new(environment));
+        }
+        Ok(())
+    }
+
     /// The upward direction.
     fn up_vector(&self) -> glam::DVec3 {
         self.up_axis().vector().as_dvec3()

@@ -17,14 +17,12 @@ use super::{
     stack::{Order, stack},
     triangulate::{Shape, Triangulator},
 };
-use crate::sky::Environment;
 use crate::{
     Error, Result,
     error::quote,
     math::{Aabb, weld::weld},
 };
 use glam::{DVec3, Vec3};
-use std::sync::Arc;
 
 /// Checks, repairs and converts a soup.
 ///
@@ -41,7 +39,9 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
 /// As [`resolve`].
 pub(super) fn resolve_moved(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
     luminaires::add_placed(&mut soup, options);
-    resolve_as(soup, options, Role::Whole)
+    let mut scene = resolve_as(soup, options, Role::Whole)?;
+    scene.light_by_suns()?;
+    Ok(scene)
 }
 
 /// [`resolve`] for a shared mesh. Repairs are counted, but only overlaps give a message: the scene that places the
@@ -108,7 +108,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let part_area = &area_of_parts(&parts, &faces.polygon, &area);
     let order = Order { part: &part, part_area, emitter: &triangle_emitter, two_sided: &|t| sides(t) == 2 };
     stack(&found, order, &mut positions, &mut triangles);
-    let mut scene = Scene {
+    Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,
         files: Vec::new(),
@@ -139,11 +139,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         shared: Vec::new(),
         placements: Vec::new(),
         instances: Vec::new(),
-    };
-    if !scene.suns.is_empty() {
-        scene.environment = Some(Arc::new(Environment::of_suns(scene.up_vector(), scene.suns.clone())?));
-    }
-    Ok(scene)
+    })
 }
 
 /// For each triangle, the area of its part, scene units squared.

@@ -3,11 +3,13 @@
 use super::notes;
 use super::record::timed;
 use super::run::{Stages, total_area};
+use crate::model::Model;
 use crate::radiosity::audit::{AuditSize, Closing, Solved};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::{LinkedScene, Refined};
+use crate::radiosity::rgb::Rgb;
 
 /// Largest number of local passes for [`Options::target_error`]: each has more rays than all before it together.
 const MAX_ATTEMPTS: usize = 5;
@@ -91,6 +93,7 @@ impl Stages<'_> {
             linked.split_all(smallest * total_area(scene), deadline);
             linked.split_near_emitters(scene, deadline);
             linked.split_at_crossings(&self.model.exact(), deadline);
+            light_for_paths(self.model, linked, options, deadline);
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all, options.error);
             let rays = rays.map(|rays| rays.min(useful));
@@ -126,5 +129,21 @@ impl Stages<'_> {
         let all = solved.linked.leaves().len();
         self.notes.extend(notes::hurried(hurried.unwrap_or(0), all, deadline));
         solved
+    }
+}
+
+/// Replaces the light along links by that of few rays where surfaces stand across elements: paths go on from there and read the light of what they
+/// meet, and links bring a little light to rooms without any.
+fn light_for_paths(model: &Model, linked: &mut LinkedScene, options: &Options, deadline: &Deadline) {
+    if !linked.elements.states.iter().any(|state| state.crossed) || deadline.late() {
+        return;
+    }
+    let before: Vec<Rgb> = linked.elements.states.iter().map(|state| state.irradiance).collect();
+    linked.set_irradiance(before.iter().map(|_| [0.0; 3]));
+    let found = FinalGather::new(model, linked, options).local_pass(Some(LATE_RAYS), LATE_RAYS, deadline);
+    linked.tally.add(found.tally);
+    match deadline.late() {
+        true => linked.set_irradiance(before.into_iter()),
+        false => linked.set_irradiance(found.results.iter().map(|result| result.irradiance)),
     }
 }
