@@ -122,7 +122,7 @@ fn rooms(count: usize) -> Scene {
             soup.polygon(wall, grey, &[corner(p, 0.0), corner(q, 0.0), corner(q, 2.7), corner(p, 2.7)]);
         }
     }
-    for k in (0..count * count).filter(|k| (k / count + k % count) % 2 == 0) {
+    for k in (0..count * count).filter(|k| (k / count + k % count).is_multiple_of(2)) {
         let lamp = soup.object("lamp");
         let at = |x: f64, y: f64| {
             DVec3::new(SIDE * ((k / count) as f64 + 0.5) + x, SIDE * ((k % count) as f64 + 0.5) + y, 2.6)
