@@ -15,11 +15,6 @@ pub mod bench {
         pub use crate::bench::page::{MrImage, ReceiverImages, render};
     }
 
-    /// Receivers of shadow images.
-    pub mod receivers {
-        pub use crate::bench::receivers::{ReceiverGrid, choose};
-    }
-
     /// Its record.
     pub mod record {
         pub use crate::bench::record::{
