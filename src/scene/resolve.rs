@@ -65,8 +65,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let mut repairs = std::mem::take(&mut soup.repairs);
     let mut materials = check_materials(&soup, role, &mut repairs)?;
     let origin = origin(&soup)?;
-    let (number, positions) = weld(&seen_from(origin, &soup.positions));
-    soup.positions = Vec::new();
+    let (number, positions) = weld(&seen_from(origin, &std::mem::take(&mut soup.positions)));
 
     let kept = Kept::of(&soup, &number, &positions, &mut repairs);
     let (mut faces, broken) = triangulate(&soup, &kept, &positions, &mut repairs);

@@ -277,7 +277,7 @@ const MAX_COPIED_TRIANGLES: u64 = 20_000_000;
 /// Writes warnings to standard error, one per line. A closed standard error is ignored.
 pub fn warn(common: &Common, messages: &[String]) {
     for message in messages.iter().filter(|_| !common.quiet) {
-        let _ = writeln!(std::io::stderr(), "mrvis: warning: {}", printable(&with_flags(message)));
+        super::say(&format!("mrvis: warning: {}", printable(&with_flags(message))));
     }
 }
 

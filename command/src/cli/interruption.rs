@@ -1,6 +1,5 @@
 //! Interruption by the user (SIGINT): one flag for the whole process.
 
-use std::io::Write as _;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -20,7 +19,7 @@ pub fn watch(message: Option<&'static str>) {
             }
             if let Some(message) = message {
                 // A closed standard error is ignored.
-                let _ = writeln!(std::io::stderr(), "mrvis: {message}");
+                super::say(&format!("mrvis: {message}"));
             }
         });
     });

@@ -7,7 +7,7 @@ use mrvis::internals::memory;
 use mrvis::{Error, Result};
 #[cfg(not(unix))]
 use std::process;
-use std::{io::Write as _, thread, time::Duration};
+use std::{thread, time::Duration};
 
 /// Time between two comparisons. Memory is filled at some 5 GB/s, so about 0.1 GB are taken in that time.
 const INTERVAL: Duration = Duration::from_millis(20);
@@ -73,7 +73,7 @@ pub fn watch(given: Option<f64>) {
 /// Ends the command.
 fn out_of_memory(cause: &str) -> ! {
     // A closed standard error is ignored.
-    let _ = writeln!(std::io::stderr(), "mrvis: {}", Error::OutOfMemory(cause.into()));
+    super::say(&format!("mrvis: {}", Error::OutOfMemory(cause.into())));
     // Other threads are at work: what runs at the end of a program would take away what they use.
     #[cfg(unix)]
     signal_hook::low_level::exit(2);

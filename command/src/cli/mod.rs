@@ -160,7 +160,7 @@ pub fn main() -> ExitCode {
     std::panic::set_hook(Box::new(move |info| *last() = info.to_string()));
     catch_unwind(parse_and_run).unwrap_or_else(|_| {
         let what = last().split_whitespace().collect::<Vec<_>>().join(" ");
-        let _ = writeln!(std::io::stderr(), "mrvis: internal error, please report it: {what}");
+        say(&format!("mrvis: internal error, please report it: {what}"));
         mpi::end_after_error();
         ExitCode::from(FAILED)
     })
@@ -171,7 +171,7 @@ fn parse_and_run() -> ExitCode {
     let mut cli = match parsed {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
-            let _ = writeln!(std::io::stderr(), "mrvis: {} (see mrvis --help)", usage(&error));
+            say(&format!("mrvis: {} (see mrvis --help)", usage(&error)));
             return ExitCode::from(2);
         }
         Err(version) if version.kind() == clap::error::ErrorKind::DisplayVersion => {
@@ -207,7 +207,7 @@ fn parse_and_run() -> ExitCode {
 fn failed(error: &Error) -> ExitCode {
     let (sign, text) = (mpi::sign(), with_flags(&one_line(error)));
     // A closed standard error is ignored.
-    let _ = writeln!(std::io::stderr(), "mrvis: {sign}{text}");
+    say(&format!("mrvis: {sign}{text}"));
     mpi::end_after_error();
     ExitCode::from(FAILED)
 }
@@ -261,6 +261,11 @@ fn print(text: &str) -> Result<()> {
 /// Cores that this process may use.
 fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Prints a line to the standard error stream in one write, so that lines of other processes do not come between its parts.
+pub(crate) fn say(line: &str) {
+    let _ = std::io::stderr().write_all(format!("{line}\n").as_bytes());
 }
 
 #[cfg(test)]

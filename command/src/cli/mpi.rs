@@ -14,7 +14,6 @@ use mrvis::internals::ranks::Ranks;
 #[cfg(feature = "mpi")]
 use mrvis::internals::threads::MAX_THREADS;
 use mrvis::{Error, Result};
-use std::io::Write as _;
 use std::process::ExitCode;
 #[cfg(feature = "mpi")]
 pub use world::{Mailbox, Sharing, World};
@@ -125,7 +124,7 @@ pub fn start(command: &mut Command, quiet: bool) -> Result<()> {
     if let (Some((0, count)), false) = (launched, quiet || has_own_part) {
         let what = "copies of this command were started, and each does all of the work: share it with --mpi";
         // A closed standard error is ignored.
-        let _ = writeln!(std::io::stderr(), "mrvis: warning: {count} {what}");
+        super::say(&format!("mrvis: warning: {count} {what}"));
     }
     Ok(())
 }

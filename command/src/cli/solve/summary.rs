@@ -50,7 +50,7 @@ pub fn summary(reported: &Reported) -> String {
     if let Some(a) = &r.audit {
         let _ = writeln!(
             text,
-            "error bars: the paths traced for {} elements lie within one in {:.0} %, within two in {:.0} %",
+            "error bars, checked by independent paths at {} elements: {:.0} % of the light lies within one error bar, {:.0} % within two",
             a.elements,
             100.0 * a.within_one,
             100.0 * a.within_two
