@@ -34,12 +34,20 @@ pub fn pick(running_sums: &[f32], u: f32) -> (usize, f32, f32) {
     (k, ((target - before) / part).clamp(0.0, 1.0), part)
 }
 
+/// Largest skew of a quad that counts as a parallelogram, relative to its diagonal: as much may the density of points be off.
+const PARALLELOGRAM: f32 = 1e-4;
+
 /// The point of a triangle or convex quad for `(u, v)` in the unit square. Equal areas of the square give equal areas of the
 /// surface.
 pub fn point_on(corners: &[Vec3; 4], u: f32, v: f32) -> Vec3 {
     let [a, b, c, d] = *corners;
     if c == d {
         return on_triangle([a, b, c], u, v);
+    }
+    // Even points of the square stay even on a parallelogram, which they do not on two triangles.
+    let skew = (a + c) - (b + d);
+    if skew.abs().max_element() <= PARALLELOGRAM * (c - a).abs().max_element() {
+        return a + u * (b - a) + v * (d - a);
     }
     let (first, second) = (parallel_length((b - a).cross(c - a)), parallel_length((c - a).cross(d - a)));
     let share = first / (first + second);

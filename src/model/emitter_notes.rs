@@ -1,5 +1,5 @@
 //! What rays from the emitters tell about a scene: emitters whose front faces away from everything, most often because the corners of their
-//! faces are in the wrong order or a luminaire is aimed wrongly, and surfaces near them that are too large for the precision of coordinates.
+//! faces are in the wrong order or a luminaire is aimed wrongly, or whose light ends close to them.
 
 use super::Model;
 use crate::embree::Hits;
@@ -15,20 +15,15 @@ use rayon::prelude::*;
 const MAX_TESTED: usize = 4096;
 /// Packets of rays from each side of an emitter: 64 rays all miss what covers a tenth of the hemisphere with a probability of
 /// 0.9⁶⁴ = 0.1 %. What covers less is found by [`MAX_LOOKED_AT`].
-const PACKETS: usize = 4;
+pub(super) const PACKETS: usize = 4;
 /// Largest number of faces, evenly spread, whose centres are compared with the plane of an emitter: limits the time to that of
 /// as many products of vectors.
 const MAX_LOOKED_AT: usize = 4096;
 /// Names that a note lists.
 const MAX_NAMES: usize = 3;
-/// Smallest height at which rays start above a surface, as a part of its distance from an emitter, of which a note tells: irradiance there
-/// errs by about that part.
-const COARSE: f32 = 0.01;
 /// Part of the rays of an emitter that must end within its own diameter for a note of that: an emitter just behind a ceiling sends 98 % of its
 /// light to a tenth of its diameter, one in an open shade of three times its size none.
 const MIN_ENCLOSED_SHARE: f64 = 0.9;
-/// Part of an emitter's rays that must meet such surfaces.
-const MIN_COARSE_SHARE: f64 = 0.05;
 
 /// What to change if the light of luminaires, or else of emissive faces, misses everything.
 const AIM: &str = "check `at` and `aim` of its luminaire in the file of luminaires (of glTF, place and turn of the light's node)";
@@ -40,6 +35,7 @@ impl Model {
         let mut notes = self.notes_of_turned_emitters();
         notes.extend(self.note_of_enclosed_emitters());
         notes.extend(self.note_of_coarse_coordinates());
+        notes.extend(self.note_of_small_things());
         notes
     }
 
@@ -86,7 +82,7 @@ impl Model {
     }
 
     /// Emitters that are looked at: all, or evenly spread ones.
-    fn tested_emitters(&self) -> Vec<&Emitter> {
+    pub(super) fn tested_emitters(&self) -> Vec<&Emitter> {
         let emitters = &self.scene().emitters;
         emitters.iter().step_by(emitters.len().div_ceil(MAX_TESTED).max(1)).collect()
     }
@@ -109,41 +105,6 @@ impl Model {
     fn is_luminaire(&self, emitter: &Emitter) -> bool {
         let scene = self.scene();
         scene.materials[scene.triangle_material[emitter.triangles[0] as usize] as usize].profile.is_some()
-    }
-
-    /// A note if emitters light surfaces from so near that the precision of the surfaces' coordinates shows: rays start above a surface by
-    /// [`EndRule::height`](crate::ray::EndRule::height), 2e-6 of its largest coordinate.
-    pub(crate) fn note_of_coarse_coordinates(&self) -> Option<String> {
-        let tested = self.tested_emitters();
-        let coarse = |emitter| self.coarsest_surface(emitter).map(|found| (found, emitter));
-        let found: Vec<((f32, f32), &Emitter)> = tested.into_par_iter().filter_map(coarse).collect();
-        let &((height, distance), worst) =
-            found.iter().max_by(|((h, d), _), ((i, e), _)| (h / d).total_cmp(&(i / e)))?;
-        let unit = &self.scene().unit;
-        let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
-        Some(format!(
-            "the emitter `{}`{more} is so close to a surface, {distance:.2e} {unit}, that rounding of the surface's coordinates limits the \
-             accuracy: rays start {height:.1e} {unit} above it, so that light there is wrong by about {:.0} %; divide that surface into \
-             smaller faces, or move the scene nearer to the origin",
-            quote(&worst.name),
-            100.0 * (height / distance).min(1.0)
-        ))
-    }
-
-    /// The height at which rays start above the surface that is coarsest against its distance from an emitter, and that distance; scene
-    /// units. None if few rays of the emitter meet coarse surfaces.
-    fn coarsest_surface(&self, emitter: &Emitter) -> Option<(f32, f32)> {
-        let (packets, hits) = self.rays_of_emitter(emitter, 1.0);
-        let mut coarse = Vec::new();
-        for (packet, hits) in packets.iter().zip(&hits) {
-            for lane in (0..LANES).filter(|&lane| hits.triangle[lane] != Hits::NOTHING) {
-                let distance = (packet.point(lane, hits.t[lane]) - packet.point(lane, 0.0)).length();
-                let height = self.end_on(hits.instance[lane], hits.triangle[lane]).height();
-                coarse.extend((height > COARSE * distance).then_some((height, distance)));
-            }
-        }
-        let enough = coarse.len() as f64 >= MIN_COARSE_SHARE * (PACKETS * LANES) as f64;
-        coarse.into_iter().filter(|_| enough).max_by(|(h, d), (i, e)| (h / d).total_cmp(&(i / e)))
     }
 
     /// Notes if emissive faces, or luminaires, send all their light out of the scene although there are surfaces behind them.
@@ -189,7 +150,11 @@ impl Model {
     }
 
     /// Cosine-weighted rays from one side of an emitter (1 front, −1 back), and what they meet.
-    fn rays_of_emitter(&self, emitter: &Emitter, side: f32) -> ([Packet; PACKETS], [Hits; PACKETS]) {
+    pub(super) fn rays_of_emitter(
+        &self,
+        emitter: &Emitter,
+        side: f32,
+    ) -> ([Packet; PACKETS], [Hits; PACKETS]) {
         let scene = self.scene();
         let length = 1.01 * self.bounds().diagonal();
         let seed = mix(u64::from(emitter.triangles[0]));
@@ -252,22 +217,6 @@ mod tests {
         }
         let scene = resolve(soup, options).expect("a scene");
         model(&scene, Detail::Rays)
-    }
-
-    /// Rays start 0.2 above a floor of 100,000, and 2e-5 above one of 10.
-    #[test]
-    fn lamps_near_surfaces_with_coarse_coordinates_are_named() {
-        let note = |width: f64, z: f64| {
-            with_lamps(width, &[(z, false)], &LoadOptions::default()).note_of_coarse_coordinates()
-        };
-        assert_eq!(note(10.0, 1.0), None);
-        assert_eq!(note(1e5, 100.0), None);
-        let found = note(1e5, 1.0).expect("a note");
-        assert!(
-            found.contains("the emitter `lamp 0` is so close to a surface")
-                && found.contains("smaller faces"),
-            "{found}"
-        );
     }
 
     /// A lamp of 0.5 just above a floor that faces up, and one at a distance.

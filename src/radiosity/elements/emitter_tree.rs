@@ -155,14 +155,6 @@ impl EmitterTree {
         sum
     }
 
-    /// The cut that consists of the root: faces are drawn by power.
-    pub fn whole(&self) -> Cut {
-        match self.nodes.is_empty() {
-            true => Cut::default(),
-            false => Cut { nodes: vec![0], bounds: vec![1.0], sums: vec![1.0] },
-        }
-    }
-
     /// The range of faces that `u` in `[0, 1)` draws, what is left of `u`, and the probability of the range over its power. None
     /// if no face can light the receiver.
     pub fn draw(&self, cut: &Cut, u: f32) -> Option<([u32; 2], f32, f32)> {

@@ -101,11 +101,6 @@ impl Emitters {
         self.tree.variation(receiver, area, limit)
     }
 
-    /// The cut for receivers that are not known: faces are drawn by power.
-    pub fn any_receiver(&self) -> Cut {
-        self.tree.whole()
-    }
-
     /// A point on an emitter for two numbers in `[0, 1)`, its face, and the density of the point on the face over the face's
     /// exitance (mean over the channels). None if no emitter can light the receiver.
     pub fn sample(&self, cut: &Cut, u: f32, v: f32) -> Option<(Vec3, &EmitterFace, f32)> {

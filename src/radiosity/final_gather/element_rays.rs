@@ -113,7 +113,7 @@ impl FinalGather<'_> {
         let random = self.starts(batch, streams, buffers);
         self.trace_scene_rays(&|i| random[i], buffers);
         let leaf = |vertex: &PathVertex| (vertex.path / count) as usize;
-        self.read_hits(|vertex| free[leaf(vertex)].is_none().then_some(&cuts[leaf(vertex)]), buffers);
+        self.read_hits(|_, vertex| free[leaf(vertex)].is_none().then_some(&cuts[leaf(vertex)]), buffers);
         let emitters = |vertex: &PathVertex| (&cuts[leaf(vertex)], free[leaf(vertex)].is_some());
         let parts = self.visible_parts(emitters, &random, buffers);
         self.add_suns(&|i| random[i], buffers);

@@ -3,7 +3,7 @@
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers};
-use crate::radiosity::elements::emitter_tree::Cut;
+use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
 use crate::radiosity::elements::emitters::density_ratio;
 use crate::radiosity::elements::{Elements, Side, emission_gain};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
@@ -25,23 +25,18 @@ impl FinalGather<'_> {
     }
 
     /// One cosine-weighted ray and one shadow ray from each of `buffers.vertices`, to `buffers.results`. `random` gives four numbers
-    /// in `[0, 1)` for each: the direction, and the point on an emitter, which is drawn from `cut`.
-    pub(super) fn trace(
-        &self,
-        engine: &VisibilityEngine,
-        cut: &Cut,
-        random: impl Fn(usize) -> [f32; 4],
-        buffers: &mut Buffers,
-    ) {
+    /// in `[0, 1)` for each: the direction, and the point on an emitter.
+    fn trace(&self, engine: &VisibilityEngine, random: impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
+        let cuts = self.cuts_of_vertices(buffers);
         self.trace_scene_rays(&random, buffers);
-        self.read_hits(|_| Some(cut), buffers);
+        self.read_hits(|i, _| Some(&cuts[i]), buffers);
         self.add_suns(&random, buffers);
         let Buffers { vertices, results, scratch, .. } = buffers;
         let scattered = engine.scattered();
         for (g, group) in vertices.chunks(LANES).enumerate() {
             let (mut packet, mut light) = (Packet::EMPTY, [Vec3::ZERO; LANES]);
             for (lane, vertex) in group.iter().enumerate() {
-                let ray = self.emitter_ray(vertex, cut, weight, random(g * LANES + lane));
+                let ray = self.emitter_ray(vertex, &cuts[g * LANES + lane], weight, random(g * LANES + lane));
                 if let Some(([from, to], rules, of_ray)) = ray {
                     packet.set_lifted(lane, from, to, rules);
                     light[lane] = of_ray;
@@ -60,16 +55,32 @@ impl FinalGather<'_> {
                 results[g * LANES + lane].direct += through[lane] * light[lane];
             }
         }
+        buffers.cuts = cuts;
+    }
+
+    /// The groups of emitting faces from which the emitter rays of `buffers.vertices` are drawn, in the buffer for them.
+    fn cuts_of_vertices(&self, buffers: &mut Buffers) -> Vec<Cut> {
+        let mut cuts = std::mem::take(&mut buffers.cuts);
+        cuts.resize_with(cuts.len().max(buffers.vertices.len()), Cut::default);
+        for (vertex, cut) in buffers.vertices.iter().zip(&mut cuts) {
+            let Side { normal, .. } = self.linked.elements.sides[vertex.side as usize];
+            self.emitters.cut(&Receiver { centre: vertex.at, radius: 0.0, normal }, cut);
+        }
+        cuts
     }
 
     /// Writes what the scene rays have met to `buffers.results`, with the light of emitters that they met where `cut` gives the
-    /// emitters to which the vertex also sends shadow rays.
-    pub(super) fn read_hits<'c>(&self, cut: impl Fn(&PathVertex) -> Option<&'c Cut>, buffers: &mut Buffers) {
+    /// emitters to which the vertex, with its number, also sends shadow rays.
+    pub(super) fn read_hits<'c>(
+        &self,
+        cut: impl Fn(usize, &PathVertex) -> Option<&'c Cut>,
+        buffers: &mut Buffers,
+    ) {
         let Buffers { packets, hits, vertices, results, .. } = buffers;
         results.clear();
         for (i, vertex) in vertices.iter().enumerate() {
             let (packet, hits, lane) = (&packets[i / LANES], &hits[i / LANES], i % LANES);
-            results.push(self.result(vertex, cut(vertex), packet, hits, lane));
+            results.push(self.result(vertex, cut(i, vertex), packet, hits, lane));
         }
     }
 
@@ -165,13 +176,12 @@ impl FinalGather<'_> {
         } else {
             &self.linked.engine
         };
-        let cut = self.emitters.any_receiver();
         for bounce in 1..=MAX_BOUNCES {
             if buffers.vertices.is_empty() {
                 return;
             }
             let seed = mix(seed ^ bounce);
-            self.trace(engine, &cut, |i| numbers(seed, i as u64), buffers);
+            self.trace(engine, |i| numbers(seed, i as u64), buffers);
             let Buffers { vertices, results, next_vertices, .. } = buffers;
             next_vertices.clear();
             for (i, (vertex, found)) in vertices.iter().zip(results.iter()).enumerate() {

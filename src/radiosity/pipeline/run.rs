@@ -100,9 +100,7 @@ pub fn solve(
         stages.notes.push(format!("no light arrives anywhere: {}", model.cause_of_darkness()));
         stages.notes.extend(model.note_of_coarse_coordinates());
     } else {
-        if !scene.emitters.is_empty() {
-            stages.notes.extend(model.notes_of_emitters());
-        }
+        stages.notes.extend(model.notes_of_emitters());
         stages.notes.extend(notes::dark_points(&irradiance, solved.linked.dark()));
     }
     if !solved.is_finite() || irradiance.iter().flatten().any(|v| !v.is_finite()) {
