@@ -5,7 +5,7 @@
 
 runs the command with one thread alone and with `mpirun -n 2 ... --mpi`, and prints a Markdown table. The command must be built with
 `--features mpi`. Times are those of the processor, which other programs on the machine hardly change; measured times of the clock are
-printed above the table. docs/mpi.md explains the model. It needs only Python's standard library.
+printed above the table. docs/measurements.md explains the model. It needs only Python's standard library.
 """
 
 import argparse
