@@ -28,7 +28,7 @@ impl BenchOptions {
         self
     }
 
-    /// A feature size, scene units, above 0. May be called several times; default: four sizes from two texels of the shadow images to a fifth of the largest.
+    /// A feature size, scene units, above 0. May be called several times; default: four sizes from two texels of the shadow images to a fifth of the largest receiver.
     #[must_use]
     pub fn with_feature_size(mut self, size: f64) -> BenchOptions {
         self.options.feature_sizes.push(size);

@@ -124,7 +124,7 @@ struct Tolerance {
     height: f64,
 }
 
-/// Largest difference of heights, in units of f32 spacing (2⁻²³) of the coordinates: 16 roundings, as of two transforms
+/// Largest difference of heights, in units of f32 spacing (2⁻²³) of the coordinates: 16 roundings of half a spacing each, as of two transforms
 /// by 3 × 4 matrices (6 each) and of a file between them.
 const MAX_ROUNDINGS: f64 = 8.0;
 /// Largest difference of slopes: 84 roundings of f32 (2⁻²³), and an angle of 0.0006 degrees, which nobody models.

@@ -10,7 +10,7 @@ use std::collections::{HashMap, HashSet};
 /// leave out at their ends (16 × 4e-7, see the end rule of rays), so that rays of the lower face meet the upper one. Of a shared mesh
 /// the coordinates are its own: in a model that is much larger than the mesh, rays may start above both faces.
 const GAP: f32 = 8e-6;
-/// Largest number of levels below the uppermost face: faces move by at most 8 × 1.2e-5 of the largest coordinate, 1 mm in a room of
+/// Largest number of levels below the uppermost face: faces move by at most 8 × 9e-6 of the largest coordinate, .7 mm in a room of
 /// 10 m. In longer chains, as of shingles, the next face takes a level that is free beside those that it overlaps.
 const MAX_LEVELS: u32 = 8;
 /// Smallest cosine between the normals of faces in one plane that share moved vertices: 2.6 degrees; a sheet that is

@@ -30,7 +30,7 @@ pub struct Args {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// Feature size in scene units: smaller shadows may be averaged; repeatable [default: four sizes, from two texels of
-    /// the shadow images to a fifth of the largest]
+    /// the shadow images to a fifth of the largest receiver]
     #[arg(short = 's', long = "feature-size", value_name = "S")]
     pub feature_sizes: Vec<f64>,
     /// Segments from a point to an emitter; 4 and 16 times as many are measured as well

@@ -9,6 +9,7 @@ use std::{path::PathBuf, process::ExitCode};
 
 /// Compare irradiance at the same points: RMS relative to the mean, bias, percentiles. Exit code 1 above --tolerance.
 #[derive(clap::Args, Debug)]
+#[command(mut_args(|a| if ["seed", "unit", "threads", "max_memory"].contains(&a.get_id().as_str()) { a.hide(true) } else { a }))]
 pub struct Args {
     /// The irradiance file of the reference.
     #[arg(value_name = "REF.csv")]

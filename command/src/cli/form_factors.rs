@@ -20,7 +20,7 @@ use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 /// F(from, to) is the fraction of the light from the front of `from` that arrives at the front of `to`. Row sums,
 /// escaped light and light lost on back sides are reported; A F is symmetric by construction.
 #[derive(clap::Args, Debug)]
-#[command(mut_arg("photometric", |a| a.hide(true)))]
+#[command(mut_args(|a| if ["photometric", "sky", "sun", "place", "time"].contains(&a.get_id().as_str()) { a.hide(true) } else { a }))]
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
@@ -96,6 +96,7 @@ impl Args {
 pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     args.scene.without_light()?;
+    args.scene.without_sky()?;
     let format = args.format()?;
     args.mpi.on_first(|| check_file(&args.out))?;
     common.check_json()?;

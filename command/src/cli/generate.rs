@@ -22,7 +22,7 @@ pub struct Args {
     /// List all scenes.
     #[arg(long)]
     list: bool,
-    /// Number of cubes, slats, courses of bricks, boards.
+    /// Number of cubes, slats, courses of bricks, boards, facets (of urban-block).
     #[arg(long, value_name = "N")]
     count: Option<usize>,
     /// Number of trees of the forest.

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Outputs")]
 pub struct Outputs {
-    /// Files besides solution.json, separated by commas [default: glb,vtu,image; none with --points]
+    /// Files besides solution.json, separated by commas [default: glb,vtu,image; none with --points or --grid]
     #[arg(long = "output", value_name = "WHAT", value_enum, value_delimiter = ',')]
     outputs: Option<Vec<Kind>>,
     /// Columns and rows of images.

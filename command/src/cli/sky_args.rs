@@ -1,9 +1,25 @@
 //! The sky and the sun on the command line.
 
 use super::args::SceneArgs;
-use mrvis::{Result, Scene, SkyOptions};
+use mrvis::{Error, Result, Scene, SkyOptions};
 
 impl SceneArgs {
+    /// Refuses a sky and a sun, for commands whose results do not depend on light.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if one is asked for.
+    pub(super) fn without_sky(&self) -> Result<()> {
+        let SceneArgs { sky, sun, place, time, .. } = self;
+        let named = [("--sky", sky), ("--sun", sun), ("--place", place), ("--time", time)];
+        match named.into_iter().find(|(_, text)| text.is_some()) {
+            Some((name, _)) => {
+                let what = "has no effect here: what this command computes does not depend on light";
+                Err(Error::Argument(format!("{name} {what}; omit it")))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Lights the scene by the sky and the sun that are asked for.
     ///
     /// # Errors

@@ -12,7 +12,7 @@ use glam::Vec3;
 /// Largest number of surfaces that are tested around a point: bounds the time where many sheets lie on each other.
 const MAX_SURFACES: usize = 64;
 /// Distance to which overlapping faces of one plane are moved off each other, in roundings of a face's coordinates
-/// ([`EndRule::slack`]): 1.2e-5 of the largest coordinate, and a little more.
+/// ([`EndRule::slack`]): 1.28e-5 of the largest coordinate, where the readers move them by 9e-6.
 const STACKED: f32 = 32.0;
 /// Height above a surface up to which a point lies on it, in roundings of its coordinates: the height at which rays start.
 const ON_SURFACE: f32 = 5.0;
