@@ -1,4 +1,4 @@
-//! Height fields with known sky view factors, and a rough one.
+//! Height fields made by formulas: a rough one, and those with known sky view factors.
 
 use super::Grid;
 use crate::Result;
@@ -26,6 +26,7 @@ pub fn of(columns: usize, rows: usize, cell: f64, height: impl Fn(f64, f64) -> f
 ///
 /// # Errors
 /// As for [`of`].
+#[cfg(test)]
 pub fn plane(side: usize, cell: f64, inclination: f64, azimuth: f64) -> Result<Grid> {
     let fall = inclination.tan();
     of(side, side, cell, |x, y| -fall * (x * azimuth.sin() + y * azimuth.cos()))
@@ -37,6 +38,7 @@ pub fn plane(side: usize, cell: f64, inclination: f64, azimuth: f64) -> Result<G
 ///
 /// # Errors
 /// As for [`of`].
+#[cfg(test)]
 pub fn valley(columns: usize, rows: usize, cell: f64, inclination: f64) -> Result<Grid> {
     of(columns, rows, cell, |x, _| x.abs() * inclination.tan())
 }
@@ -47,6 +49,7 @@ pub fn valley(columns: usize, rows: usize, cell: f64, inclination: f64) -> Resul
 ///
 /// # Errors
 /// As for [`of`].
+#[cfg(test)]
 pub fn canyon(columns: usize, rows: usize, cell: f64, width: f64, height: f64) -> Result<Grid> {
     // The wall's top edge is at half the width, also if rounding moves a sample.
     of(columns, rows, cell, |x, _| if x.abs() >= 0.5 * width * (1.0 - 1e-9) { height } else { 0.0 })
@@ -57,8 +60,18 @@ pub fn canyon(columns: usize, rows: usize, cell: f64, width: f64, height: f64) -
 ///
 /// # Errors
 /// As for [`of`].
+#[cfg(test)]
 pub fn courtyard(side: usize, cell: f64, radius: f64, height: f64) -> Result<Grid> {
     of(side, side, cell, |x, y| if x.hypot(y) >= radius * (1.0 - 1e-9) { height } else { 0.0 })
+}
+
+/// Mountains and valleys on a square of `side × side` samples, 20 m apart: [`fractal`] whose slopes are mostly between 10 and 35 degrees.
+///
+/// # Errors
+/// As for [`of`].
+pub fn mountains(side: usize, seed: u64) -> Result<Grid> {
+    const CELL: f64 = 20.0;
+    fractal(side, side, CELL, 0.5 * side as f64 * CELL, 0.45, seed)
 }
 
 /// Rough terrain: a sum of smooth noises, each with half the wavelength of the one before, down to two samples, and `roughness`

@@ -10,7 +10,7 @@
 
 #[allow(dead_code)] // For the solver.
 mod elements;
-#[cfg(test)]
+#[cfg(any(test, feature = "internals"))]
 mod generate;
 mod georeference;
 mod grid;
@@ -32,6 +32,8 @@ mod tests;
 #[cfg(any(test, feature = "internals"))]
 mod write;
 
+#[cfg(any(test, feature = "internals"))]
+pub use generate::mountains;
 pub use georeference::Georeference;
 pub use grid::Grid;
 pub use quadtree::{Quadtree, Side};

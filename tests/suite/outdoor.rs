@@ -123,3 +123,46 @@ fn height_fields_are_scenes() {
         text.lines().nth(1).and_then(|l| l.split(',').nth(6)).expect("a value").parse().expect("a number");
     assert!((value - 885.36).abs() < 3.0, "{value}");
 }
+
+/// A square in the plane y = 0 that faces up, and a directional light that shines straight down.
+const YARD: &str = r#"{"asset":{"version":"2.0"},"extensionsUsed":["KHR_lights_punctual"],
+"extensions":{"KHR_lights_punctual":{"lights":[{"type":"directional","intensity":1000}]}},
+"scenes":[{"nodes":[0,1]}],"nodes":[{"mesh":0},{"rotation":[-0.70710678,0,0,0.70710678],"extensions":{"KHR_lights_punctual":{"light":0}}}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[-2,0,-2],"max":[2,0,2]},
+{"bufferView":1,"componentType":5123,"count":6,"type":"SCALAR"}],
+"bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":12}],
+"buffers":[{"byteLength":60,"uri":"data:application/octet-stream;base64,AAAAwAAAAAAAAADAAAAAwAAAAAAAAABAAAAAQAAAAAAAAABAAAAAQAAAAAAAAADAAAABAAIAAAACAAMA"}]}"#;
+
+/// The sun of the file stays beside a sky without a sun of its own.
+#[test]
+fn suns_of_gltf_files_shine_beside_a_sky() {
+    let scratch = Scratch::new();
+    scratch.write("yard.gltf", YARD);
+    scratch.write("points.csv", "x,y,z,nx,ny,nz\n0.3,0,0.4,0,1,0\n");
+    let light = |sky: &[&str]| -> f64 {
+        let solve = ["solve", "yard.gltf", "--out", "s", "--points", "points.csv", "--audit", "0"];
+        let solved = scratch.mrvis(&[&solve[..], sky].concat());
+        assert_eq!(solved.code, Some(0), "{}", solved.stderr);
+        let text = std::fs::read_to_string(scratch.path("s/irradiance.csv")).expect("a file");
+        text.lines().nth(1).and_then(|l| l.split(',').nth(6)).expect("a value").parse().expect("a number")
+    };
+    let sun = light(&[]);
+    let sky = light(&["--sky", "uniform:100", "--sun", "none"]);
+    let both = light(&["--sky", "uniform:100"]);
+    assert!(sun > 1.0 && (sky - 100.0).abs() < 0.3 && (both - sun - sky).abs() < 0.3, "{sun} {sky} {both}");
+}
+
+#[test]
+fn generated_terrain_is_read_again() {
+    let scratch = Scratch::new();
+    let made = scratch.mrvis(&["generate", "terrain", "--count", "30", "--out", "hills.tif"]);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    let seen = scratch.mrvis(&["terrain", "hills.tif", "--out", "t", "--json", "t.json"]);
+    assert_eq!(seen.code, Some(0), "{}", seen.stderr);
+    let factor = &scratch.json("t.json")["quantities"][0];
+    let value = |name: &str| factor[name].as_f64().expect("a number");
+    assert!(value("min") > 0.2 && value("min") < value("mean") && value("max") <= 1.0, "{factor}");
+    let refused = scratch.mrvis(&["generate", "terrain", "--out", "hills.obj"]);
+    assert!(refused.code == Some(2) && refused.stderr.contains("must end in .tif"), "{}", refused.stderr);
+}

@@ -4,6 +4,7 @@ use super::args::{Common, file_name, grouped};
 use super::inputs::{Inputs, Output};
 use mrvis::internals::scene::generate::{KINDS, Kind, Spec, placed, soup};
 use mrvis::internals::scene::{mtl_path, write_gltf, write_obj};
+use mrvis::internals::terrain::{Layer, mountains, write_geotiff};
 use mrvis::{Error, Result};
 use std::{
     fmt::Write,
@@ -11,18 +12,23 @@ use std::{
     process::ExitCode,
 };
 
+/// Name of the height field, which is no scene of polygons.
+const TERRAIN: &str = "terrain";
+/// Its samples along a side, unless --count is given.
+const TERRAIN_SIDE: usize = 400;
+
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Name of the scene (see --list).
     #[arg(value_name = "NAME", required_unless_present = "list")]
     name: Option<String>,
-    /// The .obj file (its materials go to an .mtl file beside it); with --instances a .gltf or .glb file.
+    /// The .obj file (its materials go to an .mtl file beside it); with --instances a .gltf or .glb file, for terrain a .tif file.
     #[arg(long, value_name = "FILE", required_unless_present = "list")]
     out: Option<PathBuf>,
     /// List all scenes.
     #[arg(long)]
     list: bool,
-    /// Number of cubes, slats, courses of bricks, boards, facets (of urban-block).
+    /// Number of cubes, slats, courses of bricks, boards, facets (of urban-block), samples along a side (of terrain).
     #[arg(long, value_name = "N")]
     count: Option<usize>,
     /// Number of trees of the forest.
@@ -54,14 +60,19 @@ impl Args {
     /// [`Error::Argument`] with the extensions that are right.
     pub fn check_extension(&self) -> Result<()> {
         let Some(out) = &self.out else { return Ok(()) };
-        let (right, what) = match self.instances {
-            true => {
-                (has_extension(out, &["gltf", "glb"]), ".gltf or .glb, because only these hold instances")
-            }
-            false => (has_extension(out, &["obj"]), ".obj"),
+        let (right, what) = if self.is_terrain() {
+            (has_extension(out, &["tif", "tiff"]), ".tif")
+        } else if self.instances {
+            (has_extension(out, &["gltf", "glb"]), ".gltf or .glb, because only these hold instances")
+        } else {
+            (has_extension(out, &["obj"]), ".obj")
         };
         let message = || Error::Argument(format!("--out {}: must end in {what}", out.display()));
         if right { Ok(()) } else { Err(message()) }
+    }
+
+    fn is_terrain(&self) -> bool {
+        self.name.as_deref() == Some(TERRAIN)
     }
 }
 
@@ -74,6 +85,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             return Ok(ExitCode::SUCCESS);
         }
     };
+    if args.is_terrain() {
+        return terrain(args, out);
+    }
     let spec = Spec {
         seed: args.common.seed,
         count: args.count,
@@ -87,6 +101,33 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     };
     let kind = spec.kind()?;
     if args.instances { with_instances(args, &spec, kind, out) } else { flat(args, &spec, kind, out) }
+}
+
+/// Writes a height field.
+fn terrain(args: &Args, out: &Path) -> Result<ExitCode> {
+    args.common.check_outputs(&Inputs::default(), [Output::new("--out", out)])?;
+    let spinner = args.common.spinner("generating terrain");
+    let grid = mountains(args.count.unwrap_or(TERRAIN_SIDE), args.common.seed)?;
+    write_geotiff(out, &grid, &[Layer { name: "height", values: grid.heights() }])?;
+    drop(spinner);
+    let [columns, rows] = [grid.columns(), grid.rows()];
+    args.common.write_json(&serde_json::json!({
+        "mrvis": env!("CARGO_PKG_VERSION"),
+        "path": out,
+        "unit": "m",
+        "columns": columns,
+        "rows": rows,
+        "cell": grid.cell(),
+        "seed": args.common.seed,
+    }))?;
+    let [cell, _] = grid.cell();
+    args.common.print(&format!(
+        "{}: {} x {} samples, {cell} m apart\n",
+        out.display(),
+        grouped(columns),
+        grouped(rows)
+    ))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Writes an OBJ file.
@@ -165,5 +206,7 @@ fn list() -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{:12} {}", kind.name, kind.about);
     }
+    let about = "mountains and valleys, a height field for `terrain` and, under a sky, for `solve` (count of samples along a side";
+    let _ = writeln!(text, "{TERRAIN:12} {about}: {TERRAIN_SIDE})");
     text
 }
