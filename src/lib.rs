@@ -113,8 +113,6 @@ pub use api::{
 pub use api::{BenchOptions, BenchReport, Camera, ImageOptions, Lightmap, Reference};
 pub use clusters::Builder;
 pub use error::{Error, ErrorCategory, Result};
-#[doc(no_inline)]
-pub use glam::DAffine3;
 pub use model::{Detail, Instance, InstanceChange, Model, PrepareOptions, PrepareReport, Source};
 pub use progress::Progress;
 pub use scene::{Channels, GenerateOptions, LoadOptions, Scene, UpAxis};

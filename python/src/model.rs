@@ -153,10 +153,7 @@ impl PyModel {
         let class = class(py, "Instance")?;
         let all = self.model.instances().iter();
         let one = |instance: &Instance| {
-            let m = instance.transform.matrix3.to_cols_array_2d();
-            let t = instance.transform.translation.to_array();
-            let rows = (0..3).map(|r| [m[0][r], m[1][r], m[2][r], t[r]]).collect::<Vec<_>>();
-            let transform = PyArray1::from_vec(py, rows.into_flattened()).reshape([3, 4])?;
+            let transform = PyArray1::from_slice(py, instance.transform.as_flattened()).reshape([3, 4])?;
             let (visible, removed) = (instance.visible, instance.removed);
             class.call1((&*instance.name, instance.mesh, transform, instance.material, visible, removed))
         };

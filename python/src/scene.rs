@@ -5,7 +5,7 @@ use crate::arrays::{Numbers, Points, numbers, points};
 use crate::errors::{Raise, input};
 use crate::solution::camera_out;
 use crate::work::{Watch, long, short};
-use mrvis::{DAffine3, LoadOptions, MeshArrays, Positions, Scene, SceneBuilder};
+use mrvis::{LoadOptions, MeshArrays, Positions, Scene, SceneBuilder};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
@@ -354,7 +354,7 @@ impl PySceneBuilder {
 }
 
 /// The matrix of an instance.
-pub fn affine(name: &str, given: &Bound<'_, PyAny>) -> PyResult<DAffine3> {
+pub fn affine(name: &str, given: &Bound<'_, PyAny>) -> PyResult<[[f64; 4]; 3]> {
     let py = given.py();
     let arguments = (given, "float64");
     let made = py.import("numpy").and_then(|numpy| numpy.call_method1("asarray", arguments));
@@ -373,8 +373,5 @@ pub fn affine(name: &str, given: &Bound<'_, PyAny>) -> PyResult<DAffine3> {
             ));
         }
     }
-    let columns = (0..4).flat_map(|c| (0..3).map(move |r| (r, c)));
-    let numbers: Vec<f64> = columns.map(|(r, c)| m[[r, c]]).collect();
-    let numbers: [f64; 12] = numbers.try_into().expect("three rows of four columns");
-    Ok(DAffine3::from_cols_array(&numbers))
+    Ok(std::array::from_fn(|row| std::array::from_fn(|column| m[[row, column]])))
 }

@@ -293,10 +293,15 @@ impl BuilderParts for Builder {
 #[allow(missing_docs)]
 pub trait AxisParts {
     fn name(self) -> &'static str;
+    fn vector(self) -> Vec3;
 }
 
 impl AxisParts for UpAxis {
     fn name(self) -> &'static str {
         self.name()
+    }
+
+    fn vector(self) -> Vec3 {
+        self.vector()
     }
 }

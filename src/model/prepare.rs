@@ -8,6 +8,7 @@ use super::top_level::TopLevel;
 use super::{Inner, Model};
 use crate::clusters::Builder;
 use crate::embree::{CommittedScene, Device, SceneBuilder};
+use crate::math::rows;
 use crate::progress::{Progress, timed};
 use crate::ranks::Ranks;
 use crate::scene::Scene;
@@ -273,7 +274,7 @@ fn instances_of(scene: &Scene) -> Result<Vec<Instance>> {
     let own = Instance::own(scene.path.display().to_string());
     let placed = scene.placements.iter().map(|p| Instance {
         mesh: p.mesh + 1,
-        transform: p.transform,
+        transform: rows(&p.transform),
         material: p.material,
         name: p.name.as_str().into(),
         visible: p.visible,

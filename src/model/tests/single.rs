@@ -106,7 +106,7 @@ fn points_follow_instances() {
     let before = model(&scene, Detail::Rays);
     let after = before
         .update(&[
-            InstanceChange::Move { instance: 1, transform: away(50.0) },
+            InstanceChange::Move { instance: 1, transform: rows(&away(50.0)) },
             InstanceChange::Remove { instance: 2 },
         ])
         .expect("updated");
