@@ -58,7 +58,7 @@ fn cache_hit(bencher: Bencher, trees: usize) {
 fn update(bencher: Bencher, (n, changed): (usize, usize)) {
     let spec = generate::Spec { trees: n, leaves: 100, instances: true, ..generate::Spec::new("forest") };
     let scene = generate::build(&spec).expect("a forest");
-    let mut model = Model::prepare(scene, &PrepareOptions::default(), &()).expect("a model");
+    let mut model = Model::prepare(scene, &PrepareOptions::default()).expect("a model");
     let mut round = 0;
     bencher.bench_local(|| {
         round += 1;

@@ -5,7 +5,7 @@ use crate::arrays::{Numbers, Points, numbers, points};
 use crate::errors::{Raise, input};
 use crate::solution::camera_out;
 use crate::work::{Watch, long, short};
-use mrvis::{LoadOptions, MeshArrays, Positions, Scene, SceneBuilder};
+use mrvis::{LoadOptions, MeshArrays, Positions, Scene, SceneBuilder, Strength};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
@@ -24,23 +24,24 @@ pub struct PyScene {
 fn load_options(function: &str, options: Option<&Bound<'_, PyDict>>) -> PyResult<LoadOptions> {
     let mut all = LoadOptions::default();
     for (name, given) in keywords(options) {
-        all = match name.as_str() {
-            "unit" => all.with_unit(value::<String>(&name, &given)?),
+        match name.as_str() {
+            "unit" => all.unit = value(&name, &given)?,
             "emitters" => {
                 let emitters: BTreeMap<String, f64> = value(&name, &given)?;
-                emitters.into_iter().fold(all, |all, (emitter, watts)| all.with_emitter(emitter, watts))
+                all.emitters =
+                    emitters.into_iter().map(|(name, watts)| (name, Strength::Watts(watts))).collect();
             }
-            "two_sided_emission" => all.with_two_sided_emission(value(&name, &given)?),
+            "two_sided_emission" => all.two_sided_emission = value(&name, &given)?,
             "sides" => match whole(&name, &given)? {
-                sides @ (1 | 2) => all.with_sides(sides),
+                sides @ (1 | 2) => all.sides = Some(sides),
                 other => {
                     let what = format!("`sides` {other}: must be 1 (closed solids) or 2 (sheets)");
                     return Err(input(given.py(), what));
                 }
             },
-            "threads" => all.with_threads(whole(&name, &given)?),
+            "threads" => all.threads = whole(&name, &given)?,
             _ => return unknown(function, &name),
-        };
+        }
     }
     Ok(all)
 }
@@ -76,7 +77,7 @@ impl PyScene {
     ) -> PyResult<PyScene> {
         let options = load_options("from_bytes", options)?;
         let (source, format) = (format!("{format} in memory"), format.to_owned());
-        let read = move |_: &Watch| Scene::from_memory(&data, &format, folder.as_deref(), &options);
+        let read = move |_: Arc<Watch>| Scene::from_memory(&data, &format, folder.as_deref(), &options);
         let scene = long(py, None, read)?;
         Ok(PyScene { scene: Arc::new(scene), source })
     }

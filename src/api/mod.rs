@@ -30,7 +30,7 @@ pub use scene_builder::SceneBuilder;
 pub use segments::{Answers, Segments, Strided};
 #[cfg(feature = "reports")]
 pub use shown::{Camera, ImageOptions, Lightmap};
-pub use solve::{Solution, SolveOptions, SurfacePoint};
+pub use solve::{Solution, SolveOptions, SolveReport, SurfacePoint};
 pub use visibility::{Engine, Visibility};
 
 use crate::{Error, Result};

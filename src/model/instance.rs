@@ -33,7 +33,7 @@ impl Instance {
     }
 
     /// Whether rays see it.
-    pub fn is_present(&self) -> bool {
+    pub(crate) fn is_present(&self) -> bool {
         self.visible && !self.removed
     }
 

@@ -122,7 +122,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     common.print(&format!("{count} facets, at most {} for their matrix\n", size(bound)))?;
     let bar = Bar::new(common.quiet);
     let start = Instant::now();
-    let rays = PrepareOptions::default().with_detail(Detail::Rays);
+    let mut rays = PrepareOptions::default();
+    rays.detail = Detail::Rays;
     let (model, (faces, report)) = common.on_threads(|| {
         let model = job_context::prepare(scene, &rays, &bar)?.on_ranks(args.mpi.ranks());
         let found = compute(&model, &facets, &settings, &bar)?;
@@ -142,7 +143,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let matrix = faces.grouped(scene, &facets, by, &())?;
     let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
     let labels = matches!(args.by, By::Face).then(|| facets.labels(scene));
-    write(&args.out, &matrix, format, labels.as_ref())?;
+    write(&args.out, matrix.rows(), format, labels.as_ref())?;
     drop(spinner);
     let mut json = serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),

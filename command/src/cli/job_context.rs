@@ -5,6 +5,7 @@ use crate::batch::HashedFile;
 use mrvis::Progress;
 use mrvis::Result;
 use mrvis::Scene;
+use mrvis::internals::ModelParts;
 use mrvis::{Model, PrepareOptions};
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -74,7 +75,7 @@ pub fn scene(key: impl FnOnce() -> String, read: impl FnOnce() -> Result<Scene>)
 /// As [`Model::prepare`].
 pub fn prepare(scene: Arc<Scene>, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
     match shared() {
-        None => Model::prepare(scene, options, progress),
+        None => Model::prepare_watched(scene, options, progress),
         Some(shared) => shared.model(scene, options, progress),
     }
 }

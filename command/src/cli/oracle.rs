@@ -52,7 +52,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let settings = Settings { samples: args.samples, direct_only: args.direct_only, seed: common.seed };
     let bar = Bar::new(common.quiet);
     let start = Instant::now();
-    let rays = PrepareOptions::default().with_detail(Detail::Rays);
+    let mut rays = PrepareOptions::default();
+    rays.detail = Detail::Rays;
     let (model, found) = common.on_threads(|| {
         let model = job_context::prepare(scene, &rays, &bar)?.on_ranks(args.mpi.ranks());
         let found = irradiance(&model, &points, settings, &bar)?;

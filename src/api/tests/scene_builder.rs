@@ -70,7 +70,7 @@ fn content(scene: &Scene) -> (Vec<String>, Vec<String>) {
 /// Transmittances from a few points of the box of the scene to its first source.
 fn answers(scene: Scene) -> Vec<u32> {
     let [low, high] = scene.bounds().map(DVec3::from_array);
-    let model = Model::prepare(scene, &PrepareOptions::default(), &()).unwrap();
+    let model = Model::prepare(scene, &PrepareOptions::default()).unwrap();
     let visibility = model.visibility();
     let answer = |k: u32| {
         let place = sobol_burley::sample_4d(k, 0, 3).map(f64::from);
@@ -180,7 +180,13 @@ fn wrong_arrays_are_named() {
     says(builder.add_instance(0, "i", rows(&DAffine3::from_scale(DVec3::new(1.0, 2.0, 1.0)))), "ratio 2.000");
     says(builder.add_instance(0, "i", rows(&DAffine3::from_translation(DVec3::NAN))), "not finite");
     builder.add_instance(0, "i", rows(&DAffine3::IDENTITY)).unwrap();
-    says(builder.finish(&LoadOptions::default().with_emitter("i", 1.0)), "the instance `i` would emit");
+    says(
+        builder.finish(&LoadOptions {
+            emitters: vec![("i".into(), crate::Strength::Watts(1.0))],
+            ..LoadOptions::default()
+        }),
+        "the instance `i` would emit",
+    );
     assert!(matches!(SceneBuilder::default().finish(&LoadOptions::default()), Err(Error::Format { .. })));
 }
 
