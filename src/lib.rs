@@ -116,7 +116,7 @@ pub use api::{
     SceneBuilder, Segments, Solution, SolveOptions, SolveReport, Strided, SurfacePoint, Visibility,
 };
 #[cfg(feature = "reports")]
-pub use api::{BenchOptions, BenchReport, Camera, ImageOptions, Lightmap, Reference};
+pub use api::{BenchOptions, BenchReport, BenchRow, Camera, ImageOptions, Lightmap, Reference};
 pub use clusters::Builder;
 pub use error::{Error, ErrorCategory, Result};
 pub use model::{Detail, Instance, InstanceChange, Model, PrepareOptions, PrepareReport, Source};

@@ -110,7 +110,7 @@ pub unsafe extern "C" fn mrv_model_bench(
         let place = Place::of(report, "report")?;
         let run = |progress| model.model.with_progress(progress).bench(&options);
         let found: BenchReport = with_progress(call, given.progress, given.user, run)??;
-        let (json, page) = (c_text(&found.json()), c_text(found.page()));
+        let (json, page) = (c_text(&found.json), c_text(&found.page));
         // SAFETY: the caller gives a place.
         unsafe { place.set(give(ReportText { json, page })) };
         Ok(())

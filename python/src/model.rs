@@ -124,7 +124,7 @@ impl PyModel {
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (report, all) = (self.model.report(), PyDict::new(py));
         for (name, seconds) in [
-            ("seconds", report.seconds()),
+            ("seconds", report.embree_s + report.clusters_s + report.optics_s + report.cache_s),
             ("embree_s", report.embree_s),
             ("clusters_s", report.clusters_s),
             ("optics_s", report.optics_s),
@@ -335,8 +335,8 @@ impl PyModel {
         let options = bench_options(options)?;
         let model = self.model.clone();
         let report = long(py, progress, move |watch| model.with_progress(watch).bench(&options))?;
-        let record = py.import("json")?.call_method1("loads", (report.json(),))?;
-        class(py, "Bench")?.call1((record, report.page()))
+        let record = py.import("json")?.call_method1("loads", (report.json,))?;
+        class(py, "Bench")?.call1((record, report.page))
     }
 
     fn __repr__(&self) -> String {

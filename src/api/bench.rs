@@ -1,6 +1,6 @@
 //! Exact against multi-resolution visibility on the same segments.
 
-use crate::bench::{self, Options, page, record::Record};
+use crate::bench::{self, Options, page, record::MrRow};
 use crate::files::json_text;
 use crate::model::{Detail, Model};
 use crate::{Error, Result, optics};
@@ -73,9 +73,44 @@ impl BenchOptions {
 
 /// Results of [`Model::bench`].
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct BenchReport {
-    record: Record,
-    page: String,
+    /// Multi-resolution visibility by number of rays and feature size; one row if nothing is averaged at the default sizes.
+    pub rows: Vec<BenchRow>,
+    /// The whole record as JSON: the content of `bench --json`. The time of reading the scene is 0.
+    pub json: String,
+    /// The report as one HTML page with pictures and charts: `report.html` of the command. It refers to no other file.
+    pub page: String,
+}
+
+/// Multi-resolution visibility with one feature size and number of rays; errors are those of visible fractions in `[0, 1]`.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct BenchRow {
+    /// Feature size, scene units.
+    pub feature_size: f64,
+    /// Segments from a point to an emitter.
+    pub rays: usize,
+    /// Time of the queries, seconds.
+    pub seconds: f64,
+    /// Root mean square error.
+    pub rms: f64,
+    /// Mean error; positive: too bright.
+    pub bias: f64,
+    /// Part of the stated 95 % intervals, in `[0, 1]`, that the reference confirms.
+    pub interval_coverage: f64,
+    /// Part of the segments, in `[0, 1]`, that met at least one averaged cluster.
+    pub aggregated: f64,
+    /// Time of the fastest exact rays for the same RMS error divided by this time; `None` if undefined, for example without any error.
+    pub speedup: Option<f64>,
+}
+
+impl BenchRow {
+    fn of(row: &MrRow) -> BenchRow {
+        let &MrRow { feature_size, rays, seconds, rms, bias, interval_coverage, .. } = row;
+        let (aggregated, speedup) = (row.aggregated_fraction, row.speedup_at_same_rms);
+        BenchRow { feature_size, rays, seconds, rms, bias, interval_coverage, aggregated, speedup }
+    }
 }
 
 impl Model {
@@ -95,19 +130,9 @@ impl Model {
         self.on_threads(|| {
             let (record, images) = bench::run(self, &options, self.progress())?;
             let page = page::render(&record, &images, "")?;
-            Ok(BenchReport { record, page })
+            let rows = record.mr.iter().map(BenchRow::of).collect();
+            let json = json_text(&record).expect("numbers, texts and lists alone");
+            Ok(BenchReport { rows, json, page })
         })?
-    }
-}
-
-impl BenchReport {
-    /// The record as JSON: the content of `bench --json`. The time of reading the scene is 0.
-    pub fn json(&self) -> String {
-        json_text(&self.record).expect("numbers, texts and lists alone")
-    }
-
-    /// The report as one HTML page with pictures and charts: `report.html` of the command. It refers to no other file.
-    pub fn page(&self) -> &str {
-        &self.page
     }
 }

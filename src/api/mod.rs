@@ -20,7 +20,7 @@ mod visibility;
 pub use crate::form_factors::matrix::Grouping;
 pub use crate::radiosity::mesh::Element;
 #[cfg(feature = "reports")]
-pub use bench::{BenchOptions, BenchReport};
+pub use bench::{BenchOptions, BenchReport, BenchRow};
 pub use form_factors::{FormFactorOptions, FormFactors};
 pub use mesh_arrays::{MeshArrays, Positions};
 pub use query::Query;

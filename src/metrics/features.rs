@@ -102,17 +102,6 @@ impl FeatureSet {
     }
 }
 
-/// Feature mask F^s of [SD95 sec 2.2]: for each texel, row by row, whether it belongs to a feature of `image` larger than `size`
-/// (scene units; negative sizes count as 0).
-///
-/// # Errors
-/// [`Error::Argument`] if an option is out of its range.
-pub fn feature_mask(image: &Image, size: f64, options: &FeatureOptions) -> Result<Vec<bool>> {
-    let mask = FeatureSet::new(image, options)?.mask(size);
-    let width = image.width();
-    Ok((0..image.data().len()).map(|i| mask.get(i % width, i / width)).collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

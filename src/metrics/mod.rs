@@ -21,7 +21,7 @@ pub(crate) mod norms;
 
 pub use crate::raster::Morphology;
 pub use fbem::{Fbem, FbemOptions, Filter, fbem};
-pub use features::{FeatureOptions, Features, feature_mask};
+pub use features::{FeatureOptions, Features};
 pub use image::Image;
 
 #[cfg(any(test, feature = "reports"))]

@@ -116,11 +116,6 @@ impl PrepareReport {
         self.origin_of_any = true;
         self.from_cache = self.origin == Origin::Hit;
     }
-
-    /// Seconds of the whole preparation.
-    pub fn seconds(&self) -> f64 {
-        self.embree_s + self.clusters_s + self.optics_s + self.cache_s
-    }
 }
 
 impl Model {

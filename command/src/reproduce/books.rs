@@ -147,7 +147,8 @@ impl Solves {
 
     /// The mean picture.
     fn picture(&self) -> Result<Image<'static>> {
-        let values: Vec<f32> = self.picture.iter().map(|sum| (sum / self.pictures.max(1) as f64) as f32).collect();
+        let values: Vec<f32> =
+            self.picture.iter().map(|sum| (sum / self.pictures.max(1) as f64) as f32).collect();
         Image::new(SIZE[0], SIZE[1], 1.0, values)
     }
 

@@ -35,11 +35,13 @@ fn benchmarks_have_a_record_and_a_page() {
         ..BenchOptions::default()
     };
     let report = optics.bench(&options).unwrap();
-    let record: serde_json::Value = serde_json::from_str(&report.json()).unwrap();
+    let record: serde_json::Value = serde_json::from_str(&report.json).unwrap();
     assert_eq!((&record["workload"]["points"], &record["seed"]), (&60.into(), &1.into()));
     let sizes = record["mr"].as_array().unwrap().iter().map(|row| row["feature_size"].as_f64().unwrap());
     assert!(sizes.clone().all(|s| s == 0.5 || s == 1.0) && sizes.count() == 6);
-    assert!(report.page().starts_with("<!DOCTYPE html>") && !report.page().contains("<pre>"));
+    assert_eq!(report.rows.len(), 6);
+    assert!(report.rows.iter().all(|row| row.seconds > 0.0 && (0.0..=1.0).contains(&row.aggregated)));
+    assert!(report.page.starts_with("<!DOCTYPE html>") && !report.page.contains("<pre>"));
 
     let says = |result: crate::Result<_>, part: &str| {
         let message = result.err().unwrap().to_string();

@@ -67,6 +67,7 @@ impl Matrix {
     }
 
     /// Whether there are no rows.
+    #[cfg(any(test, feature = "internals"))]
     pub fn is_empty(&self) -> bool {
         self.areas.is_empty()
     }
