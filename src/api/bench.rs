@@ -3,7 +3,7 @@
 use crate::bench::{self, Options, page, record::MrRow};
 use crate::files::json_text;
 use crate::model::{Detail, Model};
-use crate::{Error, Result, optics};
+use crate::{Error, Result};
 
 /// Options of [`Model::bench`]: [`BenchOptions::default`] with other values of some fields.
 #[derive(Clone, Debug)]
@@ -51,7 +51,7 @@ impl Default for BenchOptions {
 }
 
 impl BenchOptions {
-    fn options(&self, clusters: optics::Options) -> Options {
+    fn options(&self) -> Options {
         let BenchOptions { points, rays, feature_sizes, receivers, reference_rays, .. } = self.clone();
         let &BenchOptions { threads, audit, max_memory, seed, rounds, .. } = self;
         Options {
@@ -65,7 +65,6 @@ impl BenchOptions {
             max_memory,
             seed,
             rounds,
-            clusters,
             ..Options::default()
         }
     }
@@ -126,7 +125,7 @@ impl Model {
                 "the benchmark needs optics: prepare the model with `Detail::Optics`".into(),
             ));
         }
-        let options = options.options(self.optics_options());
+        let options = Options { clusters: self.optics_options(), ..options.options() };
         self.on_threads(|| {
             let (record, images) = bench::run(self, &options, self.progress())?;
             let page = page::render(&record, &images, "")?;

@@ -2,11 +2,8 @@
 
 use super::shared_scenes::{InUse, SharedScenes};
 use crate::batch::HashedFile;
-use mrvis::Progress;
-use mrvis::Result;
-use mrvis::Scene;
 use mrvis::internals::ModelParts;
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Detail, Model, PrepareOptions, Progress, Result, Scene};
 use std::cell::RefCell;
 use std::sync::Arc;
 
@@ -78,4 +75,14 @@ pub fn prepare(scene: Arc<Scene>, options: &PrepareOptions, progress: &dyn Progr
         None => Model::prepare_watched(scene, options, progress),
         Some(shared) => shared.model(scene, options, progress),
     }
+}
+
+/// [`prepare`] for rays alone.
+///
+/// # Errors
+/// As [`Model::prepare`].
+pub fn prepare_rays(scene: Arc<Scene>, progress: &dyn Progress) -> Result<Model> {
+    let mut options = PrepareOptions::default();
+    options.detail = Detail::Rays;
+    prepare(scene, &options, progress)
 }
