@@ -67,8 +67,9 @@ fn scene(name: &str) -> Scene {
 }
 
 fn measure(name: &str, arguments: &Arguments) {
-    let options = PrepareOptions::default().with_detail(Detail::Rays);
-    let model = Model::prepare(scene(name), &options, &()).expect("a model");
+    let mut options = PrepareOptions::default();
+    options.detail = Detail::Rays;
+    let model = Model::prepare(scene(name), &options).expect("a model");
     let triangles = model.scene().triangle_count();
     let start = Instant::now();
     let cut = cut(&model);

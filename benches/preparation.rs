@@ -2,12 +2,11 @@
 //! preparation`.
 
 use divan::{Bencher, counter::ItemsCount};
-use glam::DVec3;
 use mrvis::internals::cache::{self, CacheLocation, Origin, PreparedClusters};
 use mrvis::internals::clusters;
 use mrvis::internals::optics::{self, Extinction};
 use mrvis::internals::scene::generate;
-use mrvis::{DAffine3, InstanceChange, Model, PrepareOptions, Scene};
+use mrvis::{InstanceChange, Model, PrepareOptions, Scene};
 
 fn main() {
     divan::main();
@@ -59,16 +58,17 @@ fn cache_hit(bencher: Bencher, trees: usize) {
 fn update(bencher: Bencher, (n, changed): (usize, usize)) {
     let spec = generate::Spec { trees: n, leaves: 100, instances: true, ..generate::Spec::new("forest") };
     let scene = generate::build(&spec).expect("a forest");
-    let mut model = Model::prepare(scene, &PrepareOptions::default(), &()).expect("a model");
+    let mut model = Model::prepare(scene, &PrepareOptions::default()).expect("a model");
     let mut round = 0;
     bencher.bench_local(|| {
         round += 1;
-        let away = DAffine3::from_translation(DVec3::new(0.37, -0.21, 0.0));
         let changes: Vec<InstanceChange> = (0..changed)
             .map(|k| 1 + (round * 7919 + k * (n / changed)) % n)
-            .map(|i| InstanceChange::Move {
-                instance: i as u32,
-                transform: away * model.instances()[i].transform,
+            .map(|i| {
+                let mut transform = model.instances()[i].transform;
+                transform[0][3] += 0.37;
+                transform[1][3] -= 0.21;
+                InstanceChange::Move { instance: i as u32, transform }
             })
             .collect();
         model = model.update(&changes).expect("updated");

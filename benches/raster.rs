@@ -70,6 +70,6 @@ fn feature_based_error(bencher: Bencher, n: usize) {
     let shadow = &silhouettes("dense", n)[0];
     let image = |dark: f32| Image::from_fn(n, n, 1.0, |x, y| if shadow.get(x, y) { dark } else { 1.0 });
     let (Ok(reference), Ok(approximation)) = (image(0.0), image(0.1)) else { return };
-    let options = FbemOptions::default().with_size(n as f64 / 20.0);
-    bencher.bench_local(|| fbem(black_box(&reference), &approximation, &options).map(|f| f.value));
+    let (sizes, options) = ([n as f64 / 20.0], FbemOptions::default());
+    bencher.bench_local(|| fbem(black_box(&reference), &approximation, &sizes, &options).map(|f| f[0].value));
 }

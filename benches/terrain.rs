@@ -30,8 +30,9 @@ fn main() {
     let start = Instant::now();
     let scene = Scene::load(&file).expect("a scene");
     std::fs::remove_file(&file).expect("removed");
-    let model =
-        Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Rays), &()).expect("a model");
+    let mut options = PrepareOptions::default();
+    options.detail = Detail::Rays;
+    let model = Model::prepare(scene, &options).expect("a model");
     println!("{side} x {side} samples; scene and tree of Embree in {:.1} s", start.elapsed().as_secs_f64());
     let tested: Vec<usize> = (0..side * side).step_by((side * side / TESTED).max(1)).collect();
     let by_rays = |azimuths| -> Vec<f64> {

@@ -44,7 +44,7 @@ impl Forest {
     fn new(instances: bool) -> Forest {
         let spec = generate::Spec { trees: 16, leaves: 600, instances, ..generate::Spec::new("forest") };
         let scene = generate::build(&spec).expect("a forest");
-        let model = Model::prepare(scene, &Default::default(), &()).expect("a model");
+        let model = Model::prepare(scene, &Default::default()).expect("a model");
         let scene = model.scene();
         let points = surface_points(&model, 20_000, 1).expect("points");
         let workload = Workload::new(&model, points, 1);

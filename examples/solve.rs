@@ -13,8 +13,12 @@ impl Progress for Talk {
 
 fn main() -> mrvis::Result<()> {
     let scene = Scene::generate("cornell")?;
-    let model = Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Clusters), &Talk)?;
-    let light = model.solve(&SolveOptions::default().with_error(0.05), &Talk)?;
+    let mut prepare = PrepareOptions::default();
+    prepare.detail = Detail::Clusters;
+    let model = Model::prepare(scene, &prepare.with_progress(Talk))?;
+    let mut options = SolveOptions::default();
+    options.error = 0.05;
+    let light = model.with_progress(Talk).solve(&options)?;
     let points: Vec<SurfacePoint> = (1..10)
         .map(|k| SurfacePoint { position: [55.0 * f64::from(k), 0.0, 30.0], normal: [0.0, 1.0, 0.0] })
         .collect();
@@ -22,7 +26,8 @@ fn main() -> mrvis::Result<()> {
     for (point, [red, green, blue]) in points.iter().zip(light.irradiance(&points)?) {
         println!("{:6} {red:10.3} {green:10.3} {blue:10.3}", point.position[0]);
     }
-    let error = light.error_estimate().map_or("unknown".into(), |e| format!("{:.1} %", 100.0 * e));
-    println!("{} elements, estimated error {error}", light.element_count());
+    let report = light.report();
+    let error = report.error_estimate.map_or("unknown".into(), |e| format!("{:.1} %", 100.0 * e));
+    println!("{} elements, estimated error {error}", report.elements);
     Ok(())
 }

@@ -7,7 +7,7 @@ fn main() -> mrvis::Result<()> {
         Some(path) => Scene::load(path)?,
         None => Scene::generate("cubes")?,
     };
-    let model = Model::prepare(scene, &PrepareOptions::default(), &())?;
+    let model = Model::prepare(scene, &PrepareOptions::default())?;
     let [low, high] = model.scene().bounds();
     let visibility = model.visibility();
     let exact = visibility.clone().with_engine(Engine::Exact);

@@ -3,7 +3,7 @@
 
 mod parts;
 
-pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, SceneParts};
+pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, SceneParts, SolutionParts};
 
 /// The measurement behind `mrvis bench`.
 pub mod bench {
@@ -238,7 +238,7 @@ pub mod simd {
 
 /// Pools of threads.
 pub mod threads {
-    pub use crate::threads::{MAX_THREADS, Threads};
+    pub use crate::threads::{MAX_THREADS, Threads, in_callback, is_in_callback};
 }
 
 /// Visibility engines.

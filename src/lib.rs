@@ -15,7 +15,7 @@
 //! use mrvis::{Model, PrepareOptions, Scene};
 //!
 //! let scene = Scene::generate("cubes")?; // or Scene::load("room.obj")?
-//! let model = Model::prepare(scene, &PrepareOptions::default(), &())?;
+//! let model = Model::prepare(scene, &PrepareOptions::default())?;
 //! let (point, normal) = ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
 //! let seen = model.visibility().from_point(point, normal).to_source(0).feature_size(0.1).answer()?;
 //! println!("{} of the light is visible, {} to {}", seen.transmittance, seen.lo, seen.hi);
@@ -28,11 +28,13 @@
 //! # Radiosity
 //!
 //! ```
-//! use mrvis::{Detail, Model, PrepareOptions, Scene, SolveOptions, SurfacePoint};
+//! use mrvis::{Model, PrepareOptions, Scene, SolveOptions, SurfacePoint};
 //!
 //! let scene = Scene::generate("cornell")?;
-//! let model = Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Clusters), &())?;
-//! let light = model.solve(&SolveOptions::default().with_error(0.1), &())?;
+//! let model = Model::prepare(scene, &PrepareOptions::default())?;
+//! let mut options = SolveOptions::default();
+//! options.error = 0.1; // of the mean irradiance
+//! let light = model.solve(&options)?;
 //! let floor = SurfacePoint { position: [278.0, 0.0, 279.6], normal: [0.0, 1.0, 0.0] };
 //! let [red, green, blue] = light.irradiance(&[floor])?[0]; // W/m²
 //! assert!(red > 0.0 && green > 0.0 && blue > 0.0);
@@ -45,22 +47,26 @@
 //! use mrvis::{Detail, FormFactorOptions, Grouping, Model, PrepareOptions, Scene};
 //!
 //! let scene = Scene::generate("cornell")?;
-//! let model = Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Rays), &())?;
-//! let factors = model.form_factors(&FormFactorOptions::default().with_grouping(Grouping::Object), &())?;
+//! let mut prepare = PrepareOptions::default();
+//! prepare.detail = Detail::Rays; // no more is needed
+//! let model = Model::prepare(scene, &prepare)?;
+//! let mut options = FormFactorOptions::default();
+//! options.grouping = Grouping::Object;
+//! let factors = model.form_factors(&options)?;
 //! let (columns, values) = factors.row(0);
 //! for (&to, factor) in columns.iter().zip(values) {
-//!     println!("{} -> {}: {factor}", factors.names()[0], factors.names()[to as usize]);
+//!     println!("{} -> {}: {factor}", factors.names[0], factors.names[to as usize]);
 //! }
 //! # Ok::<(), mrvis::Error>(())
 //! ```
 //!
 //! # Conventions
 //!
-//! * Lengths are in the unit of the scene, metres unless [`LoadOptions::with_unit`] says otherwise. Irradiance and radiosity are in
+//! * Lengths are in the unit of the scene, metres unless [`LoadOptions::unit`] says otherwise. Irradiance and radiosity are in
 //!   W/m², emission of materials is radiance in W/(m² sr); light is linear RGB.
 //! * Positions are in the coordinates of the file. Arrays of f32 may be relative to a point, see [`Segments`].
-//! * Whatever takes long takes a [`Progress`] last; `&()` ignores it. It reports stages and can cancel.
-//! * Each model has threads of its own, as many as [`PrepareOptions::with_threads`] says; calls from inside a rayon pool use that pool. No
+//! * Whatever takes long reports to a [`Progress`], which can cancel it, if the model or the solution has one: [`Model::with_progress`].
+//! * Each model has threads of its own, as many as [`PrepareOptions::threads`] says; calls from inside a rayon pool use that pool. No
 //!   result depends on their number.
 //! * Functions do not print, do not read the environment and do not panic on input: errors say what, where and the cure, and
 //!   [`Error::category`] what kind of error it is.
@@ -107,18 +113,14 @@ mod visibility;
 
 pub use api::{
     Answers, Element, Engine, FormFactorOptions, FormFactors, Grouping, MeshArrays, Positions, Query,
-    SceneBuilder, Segments, Solution, SolveOptions, Strided, SurfacePoint, Visibility,
+    SceneBuilder, Segments, Solution, SolveOptions, SolveReport, Strided, SurfacePoint, Visibility,
 };
 #[cfg(feature = "reports")]
-pub use api::{BenchOptions, BenchReport, Camera, ImageOptions, Lightmap, Reference};
+pub use api::{BenchOptions, BenchReport, BenchRow, Camera, ImageOptions, Lightmap, Reference};
 pub use clusters::Builder;
 pub use error::{Error, ErrorCategory, Result};
-#[doc(no_inline)]
-pub use glam::DAffine3;
 pub use model::{Detail, Instance, InstanceChange, Model, PrepareOptions, PrepareReport, Source};
 pub use progress::Progress;
-pub use scene::{Channels, GenerateOptions, LoadOptions, Scene, UpAxis};
+pub use scene::{Channels, GenerateOptions, LoadOptions, Scene, Strength, UpAxis};
 pub use sky::SkyOptions;
-#[doc(hidden)]
-pub use threads::{in_callback, is_in_callback};
 pub use visibility::{Answer, Cost, Method};

@@ -1,9 +1,9 @@
-//! Axis-aligned boxes, triangle areas and normals.
+//! Axis-aligned boxes, triangle areas and normals, transforms as arrays.
 
 pub mod sampling;
 pub mod weld;
 
-use glam::Vec3;
+use glam::{DAffine3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// An axis-aligned box, `min <= max` on every axis unless it is [`Aabb::EMPTY`]. Scene units.
@@ -109,4 +109,16 @@ pub fn places_around(point: Vec3, normal: Vec3, distance: f32) -> [Vec3; 9] {
 pub fn on_plane([a, b, c]: [Vec3; 3], point: Vec3) -> Vec3 {
     let normal = triangle_normal(a, b, c);
     point - normal.dot(point - a) * normal
+}
+
+/// The transform with these rows, of which the last column is the translation.
+pub fn affine(rows: &[[f64; 4]; 3]) -> DAffine3 {
+    let column = |i: usize| DVec3::new(rows[0][i], rows[1][i], rows[2][i]);
+    DAffine3 { matrix3: glam::DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
+}
+
+/// The rows of a transform.
+pub fn rows(transform: &DAffine3) -> [[f64; 4]; 3] {
+    let DAffine3 { matrix3: m, translation: t } = transform;
+    std::array::from_fn(|i| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]])
 }

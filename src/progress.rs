@@ -1,13 +1,43 @@
 //! Progress of long computations, and cancellation.
 
+use std::fmt;
 #[cfg(any(test, feature = "reports"))]
 use std::io::{Error, Result, Seek, SeekFrom, Write};
+use std::sync::Arc;
 use std::time::Instant;
 
-/// Receives the progress of a computation and can cancel it. `()` ignores progress and never cancels.
+/// Receives the progress of a computation and can cancel it.
 ///
-/// Methods are called from any thread, and never inside a timed section of a benchmark.
-pub trait Progress: Sync {
+/// ```
+/// use mrvis::{Error, Model, PrepareOptions, Progress, Scene};
+/// use std::sync::Arc;
+/// use std::sync::atomic::{AtomicBool, Ordering};
+///
+/// #[derive(Default)]
+/// struct Button(AtomicBool);
+///
+/// impl Progress for Button {
+///     fn stage(&self, name: &str, _steps: u64) {
+///         eprintln!("{name}");
+///     }
+///
+///     fn stopped(&self) -> bool {
+///         self.0.load(Ordering::Relaxed)
+///     }
+/// }
+///
+/// let model = Model::prepare(Scene::generate("cornell")?, &PrepareOptions::default())?;
+/// let button = Arc::new(Button::default());
+/// button.0.store(true, Ordering::Relaxed); // at any time, from any thread
+/// let stopped = model.with_progress(button.clone()).form_factors(&Default::default());
+/// assert!(matches!(stopped, Err(Error::Cancelled(_))));
+/// # Ok::<(), mrvis::Error>(())
+/// ```
+///
+/// It is given by [`PrepareOptions::with_progress`](crate::PrepareOptions::with_progress),
+/// [`Model::with_progress`](crate::Model::with_progress) or [`Solution::with_progress`](crate::Solution::with_progress). Who wants to keep
+/// it gives an `Arc`. Its methods are called from any thread, and never inside a timed section of a benchmark.
+pub trait Progress: Send + Sync {
     /// A stage of `steps` steps begins; 0 if the number is unknown.
     fn stage(&self, name: &str, steps: u64) {
         let _ = (name, steps);
@@ -23,7 +53,45 @@ pub trait Progress: Sync {
     }
 }
 
+/// Ignores progress and never cancels.
 impl Progress for () {}
+
+/// The shared one.
+impl<P: Progress + ?Sized> Progress for Arc<P> {
+    fn stage(&self, name: &str, steps: u64) {
+        (**self).stage(name, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        (**self).advance(steps);
+    }
+
+    fn stopped(&self) -> bool {
+        (**self).stopped()
+    }
+}
+
+/// The progress that a caller gave to a handle, if any.
+#[derive(Clone, Default)]
+pub struct Watcher(Option<Arc<dyn Progress>>);
+
+impl Watcher {
+    /// What a caller gave.
+    pub fn new(progress: impl Progress + 'static) -> Watcher {
+        Watcher(Some(Arc::new(progress)))
+    }
+
+    /// What computations report to.
+    pub fn progress(&self) -> &dyn Progress {
+        self.0.as_deref().unwrap_or(&())
+    }
+}
+
+impl fmt::Debug for Watcher {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(if self.0.is_some() { "Watcher" } else { "none" })
+    }
+}
 
 /// # Errors
 /// [`Error::Cancelled`](crate::Error::Cancelled) if the caller wants the computation to stop before `what` is complete.

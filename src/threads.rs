@@ -11,12 +11,13 @@ pub const MAX_THREADS: usize = 1024;
 const STACK: usize = 8 << 20;
 
 thread_local! {
-    /// Whether this thread runs a callback: see [`in_callback`].
+    /// Whether this thread runs a callback: see `in_callback`.
     static IN_CALLBACK: Cell<bool> = const { Cell::new(false) };
 }
 
 /// Runs a callback that is called while a pool works for its caller. What it asks is done on a thread of its own: in the pool at work it
 /// would wait until that work is over. For interfaces to other languages, whose callbacks run on the thread of the caller.
+#[cfg(any(test, feature = "internals"))]
 pub fn in_callback<R>(is_callback: bool, run: impl FnOnce() -> R) -> R {
     struct Before(bool);
     impl Drop for Before {
@@ -29,6 +30,7 @@ pub fn in_callback<R>(is_callback: bool, run: impl FnOnce() -> R) -> R {
 }
 
 /// Whether this thread runs a callback.
+#[cfg(any(test, feature = "internals"))]
 pub fn is_in_callback() -> bool {
     IN_CALLBACK.get()
 }

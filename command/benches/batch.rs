@@ -52,14 +52,17 @@ fn in_process(folder: &Path) {
     let next = AtomicU64::new(0);
     let solves = || {
         let scene = Scene::load_with(folder.join("cornell.obj"), &LoadOptions::default()).expect("a scene");
-        let model = Model::prepare(scene, &PrepareOptions::default().with_threads(1), &()).expect("a model");
+        let mut options = PrepareOptions::default();
+        options.threads = 1;
+        let model = Model::prepare(scene, &options).expect("a model");
         loop {
             let seed = next.fetch_add(1, Ordering::Relaxed);
             if seed >= JOBS {
                 break;
             }
-            let options = SolveOptions::default().with_error(ERROR).with_seed(seed);
-            model.solve(&options, &()).expect("a solution");
+            let mut options = SolveOptions::default();
+            (options.error, options.seed) = (ERROR, seed);
+            model.solve(&options).expect("a solution");
         }
     };
     std::thread::scope(|scope| {

@@ -132,7 +132,9 @@ fn main() -> ExitCode {
     let ask = c_side(&folder);
     let scene = Scene::generate("cubes").expect("a scene");
     let batch = Batch::new(&scene);
-    let model = Model::prepare(scene, &PrepareOptions::default().with_threads(1), &()).expect("a model");
+    let mut options = PrepareOptions::default();
+    options.threads = 1;
+    let model = Model::prepare(scene, &options).expect("a model");
     let handle = capi::model_handle(model.clone());
     let bundles = batch.offsets.len() - 1;
     for (number, engine) in [(1, Engine::Exact), (2, Engine::MultiResolution)] {

@@ -9,7 +9,7 @@ use super::overlap::{Span, check_apart};
 use super::record::{read_optional, record};
 use super::solve::points_of;
 use super::status::mrv_status;
-use mrvis::Progress;
+use mrvis::internals::ModelParts;
 use mrvis::{BenchOptions, BenchReport};
 use std::ffi::{CString, c_char, c_void};
 
@@ -63,25 +63,25 @@ record!(
 unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
     let mut options = BenchOptions::default();
     if given.points != 0 {
-        options = options.with_points(usize::try_from(given.points).unwrap_or(usize::MAX));
+        options.points = usize::try_from(given.points).unwrap_or(usize::MAX);
     }
     if given.rays != 0 {
-        options = options.with_rays(given.rays as usize);
+        options.rays = given.rays as usize;
     }
     if given.reference_rays != 0 {
-        options = options.with_reference_rays(given.reference_rays as usize);
+        options.reference_rays = given.reference_rays as usize;
     }
     if given.threads != 0 {
-        options = options.with_threads(given.threads as usize);
+        options.threads = given.threads as usize;
     }
     if given.no_audit != 0 || given.audit != 0.0 {
-        options = options.with_audit(if given.no_audit != 0 { 0.0 } else { given.audit });
+        options.audit = if given.no_audit != 0 { 0.0 } else { given.audit };
     }
     if given.max_memory != 0 {
-        options = options.with_max_memory(given.max_memory);
+        options.max_memory = Some(given.max_memory);
     }
     if given.seed != 0 {
-        options = options.with_seed(given.seed);
+        options.seed = given.seed;
     }
     // SAFETY: as for this function.
     let (sizes, receivers) = unsafe {
@@ -90,8 +90,9 @@ unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
             texts(given.receivers, given.receiver_count, "options.receivers")?,
         )
     };
-    let options = sizes.iter().fold(options, |options, &size| options.with_feature_size(size));
-    Ok(receivers.into_iter().fold(options, BenchOptions::with_receiver))
+    options.feature_sizes = sizes.to_vec();
+    options.receivers = receivers.into_iter().map(String::from).collect();
+    Ok(options)
 }
 
 #[unsafe(no_mangle)]
@@ -107,9 +108,9 @@ pub unsafe extern "C" fn mrv_model_bench(
         // SAFETY: as above.
         let options = unsafe { bench_options(&given) }?;
         let place = Place::of(report, "report")?;
-        let run = |progress: &dyn Progress| model.model.bench(&options, progress);
+        let run = |progress| model.model.with_progress(progress).bench(&options);
         let found: BenchReport = with_progress(call, given.progress, given.user, run)??;
-        let (json, page) = (c_text(&found.json()), c_text(found.page()));
+        let (json, page) = (c_text(&found.json), c_text(&found.page));
         // SAFETY: the caller gives a place.
         unsafe { place.set(give(ReportText { json, page })) };
         Ok(())
@@ -196,8 +197,8 @@ pub unsafe extern "C" fn mrv_model_reference(
         let samples = if given.samples == 0 { SAMPLES } else { given.samples };
         let seed = if given.seed == 0 { 1 } else { given.seed };
         let direct_only = given.direct_only != 0;
-        let trace = |progress: &dyn Progress| {
-            model.model.reference_of(count, points, (samples, direct_only, seed), progress)
+        let trace = |progress| {
+            model.model.with_progress(progress).reference_of(count, points, (samples, direct_only, seed))
         };
         let found = with_progress(call, given.progress, given.user, trace)??;
         out.copy_from_slice(&found.irradiance);

@@ -6,7 +6,7 @@ use super::handle::{Opaque, give, object, release, retain};
 use super::record::{read, record};
 use super::scene::{NamedScene, load_options, mrv_load_options, mrv_scene};
 use super::status::mrv_status;
-use super::update::matrix_of;
+use super::update::rows_of;
 use mrvis::{MeshArrays, Positions, SceneBuilder, Strided};
 use std::ffi::c_char;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -209,7 +209,7 @@ pub unsafe extern "C" fn mrv_scene_builder_add_instance(
         // SAFETY: the caller gives text and twelve numbers.
         let (name, rows) =
             unsafe { (text(name, "name")?, slice(transform.cast::<[f64; 12]>(), 1, "transform")?) };
-        Ok(open(&builder).add_instance(mesh, name, matrix_of(&rows[0]))?)
+        Ok(open(&builder).add_instance(mesh, name, rows_of(&rows[0]))?)
     })
 }
 

@@ -3,11 +3,11 @@
 use super::guard::{Call, Outcome};
 use mrvis::Error;
 use mrvis::Progress;
-use mrvis::{in_callback, is_in_callback};
+use mrvis::internals::threads::{in_callback, is_in_callback};
 use std::ffi::{CString, c_char, c_void};
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -25,23 +25,23 @@ pub fn with_progress<R: Send>(
     call: &Call,
     callback: mrv_progress,
     user: *mut c_void,
-    work: impl FnOnce(&dyn Progress) -> R + Send,
+    work: impl FnOnce(Arc<dyn Progress>) -> R + Send,
 ) -> Outcome<R> {
-    let Some(callback) = callback else { return Ok(work(&())) };
+    let Some(callback) = callback else { return Ok(work(Arc::new(()))) };
     let ask = |stage: &CString, done: f64| {
         // SAFETY: the caller promises that the callback may be called so; `stage` outlives the call.
         call.as_the_caller(|| in_callback(true, || unsafe { callback(user, stage.as_ptr(), done) })) != 0
     };
     // Work of a call that is made in another callback stays apart from the pool that is at work there.
     let nested = is_in_callback();
-    let told = Told::default();
+    let told = Arc::new(Told::default());
     // A caller who stops at once stops before anything is done.
     told.stop.store(ask(&CString::from(c"start"), 0.0), Ordering::Relaxed);
     thread::scope(|scope| {
         let worker = thread::Builder::new().name("mrvis".into()).stack_size(STACK);
         let worker = worker.spawn_scoped(scope, || {
             let _over = Over(&told);
-            in_callback(nested, || work(&told))
+            in_callback(nested, || work(told.clone()))
         });
         let worker = worker.map_err(|e| Error::OutOfMemory(format!("a thread cannot be started ({e})")))?;
         if !told.stopped() {

@@ -10,7 +10,6 @@ use super::solve::mrv_solution;
 use super::status::mrv_status;
 use super::words::in_c;
 use mrvis::Element;
-use mrvis::Progress;
 use std::ffi::{c_char, c_void};
 
 #[repr(C)]
@@ -158,7 +157,13 @@ pub unsafe extern "C" fn mrv_solution_get_warning(
         let solution = object(call, solution, "solution")?;
         let place = Place::of(text, "text")?;
         let all = solution.warnings.get_or_init(|| {
-            solution.solution.warnings().iter().map(|text| c_text(&in_c("mrv_model_solve", text))).collect()
+            solution
+                .solution
+                .report()
+                .warnings
+                .iter()
+                .map(|text| c_text(&in_c("mrv_model_solve", text)))
+                .collect()
         });
         let Some(text) = usize::try_from(index).ok().and_then(|i| all.get(i)) else {
             return wrong(format!("`index` {index}: the solution has {} warnings", all.len()));
@@ -180,7 +185,7 @@ pub unsafe extern "C" fn mrv_solution_write(
         let solution = object(call, solution, "solution")?;
         // SAFETY: the caller gives text.
         let path = unsafe { text(path, "path") }?;
-        let write = |progress: &dyn Progress| solution.solution.write(path, progress);
+        let write = |progress| solution.solution.with_progress(progress).write(path);
         Ok(with_progress(call, progress, user, write)??)
     })
 }
@@ -194,9 +199,8 @@ pub unsafe extern "C" fn mrv_solution_get_page(
         let solution = object(call, solution, "solution")?;
         let place = Place::of(html, "html")?;
         if solution.page.get().is_none() {
-            let ignored: &dyn Progress = &();
             // Another thread may have set it meanwhile; either page serves.
-            let _ = solution.page.set(c_text(&solution.solution.page(ignored)?));
+            let _ = solution.page.set(c_text(&solution.solution.page()?));
         }
         // SAFETY: the caller gives a place.
         unsafe { place.set(solution.page.get().map_or(c"".as_ptr(), |page| page.as_ptr())) };

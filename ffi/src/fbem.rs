@@ -7,7 +7,7 @@ use super::record::{read, record};
 use super::status::mrv_status;
 use mrvis::Error;
 use mrvis::internals::memory;
-use mrvis::metrics::{Fbem, FbemOptions, FeatureOptions, Features, Filter, Image, Morphology, spectrum};
+use mrvis::metrics::{Fbem, FbemOptions, Features, Filter, Image, Morphology, fbem};
 
 pub const MRV_FEATURES_BOTH: i32 = 0;
 pub const MRV_FEATURES_SHADOW: i32 = 1;
@@ -64,16 +64,21 @@ fn fbem_options(given: &mrv_fbem_images) -> Outcome<FbemOptions> {
             ));
         }
     };
-    let mut features = FeatureOptions::default().with_features(kinds).with_morphology(morphology);
+    let mut options = FbemOptions::default();
+    (options.features.features, options.features.morphology) = (kinds, morphology);
     if given.white != 0.0 {
-        features = features.with_white(given.white);
+        options.features.white = given.white;
     }
     if given.threshold != 0.0 {
-        features = features.with_threshold(given.threshold);
+        options.features.threshold = given.threshold;
     }
-    let filter = if given.unmasked_filter == 0 { Filter::Whole } else { Filter::Unmasked };
-    let options = FbemOptions::default().with_features(features).with_filter(filter);
-    Ok(if given.exponent == 0.0 { options } else { options.with_exponent(given.exponent) })
+    if given.unmasked_filter != 0 {
+        options.filter = Filter::Unmasked;
+    }
+    if given.exponent != 0.0 {
+        options.exponent = given.exponent;
+    }
+    Ok(options)
 }
 
 #[unsafe(no_mangle)]
@@ -114,12 +119,12 @@ pub unsafe extern "C" fn mrv_fbem(
         let [reference, approximation] =
             [("images.reference", reference), ("images.approximation", approximation)].map(
                 |(name, texels)| {
-                    Image::borrowed(width, height, texel, texels)
+                    Image::new(width, height, texel, texels)
                         .map_err(|e| Error::Argument(format!("`{name}`: {e}")))
                 },
             );
         memory::check_room(BYTES_PER_TEXEL * texels as u64, || format!("the errors of {texels} texels"))?;
-        let found = spectrum(&reference?, &approximation?, sizes, &options)?;
+        let found = fbem(&reference?, &approximation?, sizes, &options)?;
         let put =
             |out: &mut [f64], of: fn(&Fbem) -> f64| out.iter_mut().zip(&found).for_each(|(o, f)| *o = of(f));
         put(errors, |found| found.value);

@@ -7,7 +7,6 @@ use super::handle::{Opaque, give, object, release, retain};
 use super::model::mrv_model;
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
-use mrvis::Progress;
 use mrvis::{FormFactorOptions, FormFactors, Grouping};
 use std::ffi::{CString, c_char, c_void};
 
@@ -61,19 +60,19 @@ fn form_factor_options(given: &mrv_form_factor_options) -> Outcome<FormFactorOpt
             ));
         }
     };
-    let mut options =
-        FormFactorOptions::default().with_grouping(grouping).with_closure(given.no_closure == 0);
+    let mut options = FormFactorOptions::default();
+    (options.grouping, options.closure) = (grouping, given.no_closure == 0);
     if given.rays != 0 {
-        options = options.with_rays(given.rays);
+        options.rays = Some(given.rays);
     }
     if given.pair_rays != 0 {
-        options = options.with_pair_rays(given.pair_rays);
+        options.pair_rays = Some(given.pair_rays);
     }
     if given.max_bytes != 0 {
-        options = options.with_max_bytes(given.max_bytes);
+        options.max_bytes = Some(given.max_bytes);
     }
     if given.seed != 0 {
-        options = options.with_seed(given.seed);
+        options.seed = given.seed;
     }
     Ok(options)
 }
@@ -90,9 +89,9 @@ pub unsafe extern "C" fn mrv_model_form_factors(
         let given = unsafe { read_optional(options, "options") }?;
         let options = form_factor_options(&given)?;
         let place = Place::of(factors, "factors")?;
-        let compute = |progress: &dyn Progress| model.model.form_factors(&options, progress);
+        let compute = |progress| model.model.with_progress(progress).form_factors(&options);
         let factors = with_progress(call, given.progress, given.user, compute)??;
-        let names = factors.names().iter().map(|name| c_text(name)).collect();
+        let names = factors.names.iter().map(|name| c_text(name)).collect();
         // SAFETY: the caller gives a place.
         unsafe { place.set(give(NamedFactors { factors, names })) };
         Ok(())
@@ -140,20 +139,20 @@ pub unsafe extern "C" fn mrv_form_factors_get_arrays(
         let factors = &object(call, factors, "factors")?.factors;
         // SAFETY: the caller gives a record.
         let place = unsafe { RecordPlace::of(arrays, "arrays") }?;
-        let (offsets, columns, values) = factors.csr();
+        let (offsets, columns, values) = (&factors.offsets, &factors.columns, &factors.factors);
         let arrays = mrv_form_factor_arrays {
             struct_size: 0,
-            rows: factors.len() as u64,
+            rows: factors.areas.len() as u64,
             entries: columns.len() as u64,
             offsets: offsets.as_ptr(),
             columns: columns.as_ptr(),
             values: values.as_ptr(),
-            areas: factors.areas().as_ptr(),
-            escaped: factors.escaped().as_ptr(),
-            lost: factors.lost().as_ptr(),
-            rays: factors.rays(),
-            row_sum_error: factors.row_sum_error(),
-            closed_row_sum_error: factors.closed_row_sum_error(),
+            areas: factors.areas.as_ptr(),
+            escaped: factors.escaped.as_ptr(),
+            lost: factors.lost.as_ptr(),
+            rays: factors.rays,
+            row_sum_error: factors.row_sum_error,
+            closed_row_sum_error: factors.closed_row_sum_error,
         };
         // SAFETY: as above.
         unsafe { place.set(arrays) };
@@ -173,7 +172,7 @@ pub unsafe extern "C" fn mrv_form_factors_get_row(
         let factors = &object(call, factors, "factors")?.factors;
         let places =
             (Place::of(columns, "columns")?, Place::of(values, "values")?, Place::of(count, "count")?);
-        let (columns, values) = factors.row(index(row, factors.len())?);
+        let (columns, values) = factors.row(index(row, factors.areas.len())?);
         // SAFETY: the caller gives places.
         unsafe {
             places.0.set(columns.as_ptr());
@@ -193,7 +192,7 @@ pub unsafe extern "C" fn mrv_form_factors_get_name(
     guard("mrv_form_factors_get_name", |call| {
         let factors = object(call, factors, "factors")?;
         let place = Place::of(name, "name")?;
-        let row = index(row, factors.factors.len())?;
+        let row = index(row, factors.factors.areas.len())?;
         let name = factors.names.get(row).map_or(c"".as_ptr(), |name| name.as_ptr());
         // SAFETY: the caller gives a place.
         unsafe { place.set(name) };

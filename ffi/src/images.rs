@@ -8,7 +8,6 @@ use super::record::{RecordPlace, read, read_optional, record};
 use super::scene::mrv_scene;
 use super::solve::mrv_solution;
 use super::status::mrv_status;
-use mrvis::Progress;
 use mrvis::{Camera, ImageOptions, Lightmap};
 use std::ffi::{CString, c_char, c_void};
 
@@ -58,7 +57,7 @@ pub unsafe extern "C" fn mrv_solution_get_camera(
         let solution = &object(call, solution, "solution")?.solution;
         // SAFETY: the caller gives a record.
         let place = unsafe { RecordPlace::of(camera, "camera") }?;
-        let camera = solution.automatic_camera(&())?;
+        let camera = solution.automatic_camera()?;
         // SAFETY: as above.
         unsafe { place.set(camera_record(camera)) };
         Ok(())
@@ -90,15 +89,15 @@ pub unsafe extern "C" fn mrv_solution_image(
         let solution = &object(call, solution, "solution")?.solution;
         // SAFETY: the caller gives records.
         let (from, given) = unsafe { (read(camera, "camera")?, read_optional(options, "options")?) };
-        let mut options =
-            ImageOptions::default().with_gather(given.gather != 0).with_look_inside(given.look_inside != 0);
+        let mut options = ImageOptions::default();
+        (options.gather, options.look_inside) = (given.gather != 0, given.look_inside != 0);
         if (given.width, given.height) != (0, 0) {
-            options = options.with_size(given.width as usize, given.height as usize);
+            options.size = [given.width as usize, given.height as usize];
         }
         let camera = Camera { eye: from.eye, target: from.target, up: from.up, angle: from.angle };
         // SAFETY: the caller gives room for `size` numbers.
         let radiance = unsafe { slice_mut(radiance, size, "radiance") }?;
-        let draw = |progress: &dyn Progress| solution.image(&camera, &options, radiance, progress);
+        let draw = |progress| solution.with_progress(progress).image(&camera, &options, radiance);
         Ok(with_progress(call, given.progress, given.user, draw)??)
     })
 }
@@ -146,7 +145,7 @@ pub unsafe extern "C" fn mrv_solution_lightmap(
         let place = Place::of(lightmap, "lightmap")?;
         let texels =
             if given.texels == 0 { TEXELS } else { usize::try_from(given.texels).unwrap_or(usize::MAX) };
-        let draw = |progress: &dyn Progress| solution.lightmap(texels, progress);
+        let draw = |progress| solution.with_progress(progress).lightmap(texels);
         let map = with_progress(call, given.progress, given.user, draw)??;
         let note = map.note.as_deref().map(c_text);
         // SAFETY: the caller gives a place.

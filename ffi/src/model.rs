@@ -91,13 +91,11 @@ unsafe fn prepare_options(given: &mrv_prepare_options) -> Outcome<PrepareOptions
         }
     };
     no_reserved(given.reserved, "options.reserved")?;
-    let options = PrepareOptions::default().with_detail(detail).with_builder(builder);
-    let options = options.with_threads(given.threads as usize);
+    let mut options = PrepareOptions::default();
+    (options.detail, options.builder, options.threads) = (detail, builder, given.threads as usize);
     // SAFETY: as for this function.
-    Ok(match unsafe { optional_text(given.cache, "options.cache") }? {
-        Some(folder) => options.with_cache(folder),
-        None => options,
-    })
+    options.cache = unsafe { optional_text(given.cache, "options.cache") }?.map(Into::into);
+    Ok(options)
 }
 
 #[unsafe(no_mangle)]
@@ -113,8 +111,7 @@ pub unsafe extern "C" fn mrv_model_prepare(
         // SAFETY: as above.
         let options = unsafe { prepare_options(&given) }?;
         let place = Place::of(model, "model")?;
-        let prepare =
-            |progress: &dyn mrvis::Progress| Model::prepare(scene.scene.clone(), &options, progress);
+        let prepare = |progress| Model::prepare(scene.scene.clone(), &options.with_progress(progress));
         let model = with_progress(call, given.progress, given.user, prepare)??;
         // SAFETY: the caller gives a place.
         unsafe { place.set(give(NamedModel::new(model))) };
@@ -192,7 +189,7 @@ pub unsafe extern "C" fn mrv_model_get_info(
                 Detail::Clusters => MRV_DETAIL_CLUSTERS,
                 Detail::Optics => MRV_DETAIL_OPTICS,
             },
-            from_cache: i32::from(report.from_cache()),
+            from_cache: i32::from(report.from_cache),
         };
         // SAFETY: as above.
         unsafe { place.set(info) };

@@ -5,7 +5,7 @@ use super::guard::{Outcome, guard, quiet};
 use super::handle::{Opaque, give, object, release, retain};
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
-use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, UpAxis};
+use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, Strength, UpAxis};
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -81,19 +81,18 @@ fn one_of<T: Copy>(name: &str, number: i32, all: &[(i32, &str, T)]) -> Outcome<T
     }
 }
 
-/// Options with an emitter of a strength in this unit.
-fn with_emitter(options: LoadOptions, name: &str, strength: f64, unit: i32) -> Outcome<LoadOptions> {
-    type Add = fn(LoadOptions, &str, f64) -> LoadOptions;
-    let add: Add = one_of(
+/// What an emitter sends out, in this unit.
+fn strength_of(value: f64, unit: i32) -> Outcome<Strength> {
+    let in_unit: fn(f64) -> Strength = one_of(
         "options.emitter_units",
         unit,
         &[
-            (MRV_POWER_WATTS, "MRV_POWER_WATTS", (|o, n, s| o.with_emitter(n, s)) as Add),
-            (MRV_POWER_LUMENS, "MRV_POWER_LUMENS", |o, n, s| o.with_emitter_lumens(n, s)),
-            (MRV_POWER_LUMINANCE, "MRV_POWER_LUMINANCE", |o, n, s| o.with_emitter_luminance(n, s)),
+            (MRV_POWER_WATTS, "MRV_POWER_WATTS", Strength::Watts as fn(f64) -> Strength),
+            (MRV_POWER_LUMENS, "MRV_POWER_LUMENS", Strength::Lumens),
+            (MRV_POWER_LUMINANCE, "MRV_POWER_LUMINANCE", Strength::Luminance),
         ],
     )?;
-    Ok(add(options, name, strength))
+    Ok(in_unit(value))
 }
 
 /// The options of a caller.
@@ -104,12 +103,12 @@ pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOpti
     // SAFETY: as for this function.
     let given = unsafe { read_optional(options, "options") }?;
     no_reserved(given.reserved, "options.reserved")?;
-    let mut options = LoadOptions::default()
-        .with_two_sided_emission(given.two_sided_emission != 0)
-        .with_threads(given.threads as usize);
+    let mut options = LoadOptions::default();
+    options.two_sided_emission = given.two_sided_emission != 0;
+    options.threads = given.threads as usize;
     // SAFETY: as for this function.
     if let Some(unit) = unsafe { optional_text(given.unit, "options.unit") }? {
-        options = options.with_unit(unit);
+        options.unit = unit.into();
     }
     // SAFETY: as for this function.
     let names = unsafe { texts(given.emitters, given.emitter_count, "options.emitters") }?;
@@ -120,7 +119,7 @@ pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOpti
     let units = unsafe { slice(given.emitter_units, counted, "options.emitter_units") }?;
     for (i, (name, &strength)) in names.into_iter().zip(watts).enumerate() {
         let unit = units.get(i).copied().unwrap_or(MRV_POWER_WATTS);
-        options = with_emitter(options, name, strength, unit)?;
+        options.emitters.push((name.into(), strength_of(strength, unit)?));
     }
     let up = [
         (MRV_UP_AUTOMATIC, "MRV_UP_AUTOMATIC", None),
@@ -128,9 +127,9 @@ pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOpti
         (MRV_UP_Z, "MRV_UP_Z", Some(UpAxis::Z)),
     ];
     if let Some(up) = one_of("options.up", given.up, &up)? {
-        options = options.with_up(up);
+        options.up = Some(up);
     }
-    options = options.with_channels(one_of(
+    options.channels = one_of(
         "options.channels",
         given.channels,
         &[
@@ -139,19 +138,20 @@ pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOpti
             (MRV_CHANNELS_GREEN, "MRV_CHANNELS_GREEN", Channels::Green),
             (MRV_CHANNELS_BLUE, "MRV_CHANNELS_BLUE", Channels::Blue),
         ],
-    )?);
+    )?;
     if given.max_memory != 0 {
-        options = options.with_max_memory(given.max_memory);
+        options.max_memory = Some(given.max_memory);
     }
     // SAFETY: as for this function.
     if let Some(placements) = unsafe { optional_text(given.luminaires, "options.luminaires") }? {
         options = options.with_luminaires(placements)?;
     }
-    match u8::try_from(given.sides) {
-        Ok(0) => Ok(options),
-        Ok(sides @ 1..=2) => Ok(options.with_sides(sides)),
-        _ => wrong(format!("`options.sides` {}: give 0, 1 or 2", given.sides)),
-    }
+    options.sides = match u8::try_from(given.sides) {
+        Ok(0) => None,
+        Ok(sides @ 1..=2) => Some(sides),
+        _ => return wrong(format!("`options.sides` {}: give 0, 1 or 2", given.sides)),
+    };
+    Ok(options)
 }
 
 #[unsafe(no_mangle)]

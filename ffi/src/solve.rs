@@ -9,7 +9,7 @@ use super::overlap::{Span, check_apart};
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
 use super::visibility::engine_of;
-use mrvis::Progress;
+use mrvis::internals::SolutionParts;
 use mrvis::{Solution, SolveOptions, SurfacePoint};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::OnceLock;
@@ -77,38 +77,38 @@ record!(
 /// # Safety
 /// The record holds arrays and text as the header says.
 unsafe fn solve_options(given: &mrv_solve_options) -> Outcome<SolveOptions> {
-    let mut options = SolveOptions::default()
-        .with_engine(engine_of(given.engine, "options.engine")?)
-        .with_direct_only(given.direct_only != 0);
+    let mut options = SolveOptions::default();
+    options.engine = engine_of(given.engine, "options.engine")?;
+    options.direct_only = given.direct_only != 0;
     if given.error != 0.0 {
-        options = options.with_error(given.error);
+        options.error = given.error;
     }
     if given.target_error != 0.0 {
-        options = options.with_target_error(given.target_error);
+        options.target_error = Some(given.target_error);
     }
     if given.min_area != 0.0 {
-        options = options.with_min_area(given.min_area);
+        options.min_area = given.min_area;
     }
     if given.max_seconds != 0.0 {
-        options = options.with_max_seconds(given.max_seconds);
+        options.max_seconds = Some(given.max_seconds);
     }
     if given.max_links != 0 {
-        options = options.with_max_links(usize::try_from(given.max_links).unwrap_or(usize::MAX));
+        options.max_links = usize::try_from(given.max_links).unwrap_or(usize::MAX);
     }
     if given.seed != 0 {
-        options = options.with_seed(given.seed);
+        options.seed = given.seed;
     }
     if given.no_audit != 0 || given.audit != 0 {
-        options = options.with_audit(if given.no_audit != 0 { 0 } else { given.audit as usize });
+        options.audit = if given.no_audit != 0 { 0 } else { given.audit as usize };
     }
     if given.light_rays != 0 {
-        options = options.with_light_rays(given.light_rays as usize);
+        options.light_rays = Some(given.light_rays as usize);
     }
     if given.gather_rays != 0 {
-        options = options.with_gather_rays(given.gather_rays as usize);
+        options.gather_rays = Some(given.gather_rays as usize);
     }
     if given.feature_size != 0.0 {
-        options = options.with_feature_size(given.feature_size as f32);
+        options.feature_size = Some(given.feature_size as f32);
     }
     // SAFETY: as for this function.
     let (names, sizes, important) = unsafe {
@@ -119,10 +119,9 @@ unsafe fn solve_options(given: &mrv_solve_options) -> Outcome<SolveOptions> {
             texts(given.importance, given.importance_count, "options.importance")?,
         )
     };
-    for (name, &size) in names.into_iter().zip(sizes) {
-        options = options.with_feature_size_of(name, size);
-    }
-    Ok(important.into_iter().fold(options, SolveOptions::with_importance))
+    options.feature_sizes = names.into_iter().map(String::from).zip(sizes.iter().copied()).collect();
+    options.importance = important.into_iter().map(String::from).collect();
+    Ok(options)
 }
 
 #[unsafe(no_mangle)]
@@ -138,7 +137,7 @@ pub unsafe extern "C" fn mrv_model_solve(
         // SAFETY: as above.
         let options = unsafe { solve_options(&given) }?;
         let place = Place::of(solution, "solution")?;
-        let solve = |progress: &dyn Progress| model.model.solve(&options, progress);
+        let solve = |progress| model.model.with_progress(progress).solve(&options);
         let solution = with_progress(call, given.progress, given.user, solve)??;
         // SAFETY: the caller gives a place.
         unsafe { place.set(give(NotedSolution::new(solution))) };
@@ -183,15 +182,16 @@ pub unsafe extern "C" fn mrv_solution_get_info(
         let solution = &object(call, solution, "solution")?.solution;
         // SAFETY: the caller gives a record.
         let place = unsafe { RecordPlace::of(info, "info") }?;
+        let report = solution.report();
         let info = mrv_solution_info {
             struct_size: 0,
             vertices: solution.vertices().len() as u64,
             elements: solution.elements().len() as u64,
-            mean_irradiance: solution.mean_irradiance(),
-            error_estimate: solution.error_estimate().unwrap_or(-1.0),
-            interrupted: i32::from(solution.interrupted()),
+            mean_irradiance: report.mean_irradiance,
+            error_estimate: report.error_estimate.unwrap_or(-1.0),
+            interrupted: i32::from(report.interrupted),
             reserved: 0,
-            warnings: solution.warnings().len() as u64,
+            warnings: report.warnings.len() as u64,
         };
         // SAFETY: as above.
         unsafe { place.set(info) };

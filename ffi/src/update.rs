@@ -6,7 +6,6 @@ use super::handle::{give, object};
 use super::model::{NamedModel, mrv_model};
 use super::record::{RecordPlace, read, record};
 use super::status::mrv_status;
-use glam::DAffine3;
 use mrvis::{Instance, InstanceChange};
 use std::ffi::c_char;
 
@@ -44,7 +43,7 @@ pub unsafe extern "C" fn mrv_model_get_instance(
         let instance = mrv_instance {
             struct_size: 0,
             name: names[i].as_ptr(),
-            transform: rows_of(found.transform),
+            transform: std::array::from_fn(|i| found.transform[i / 4][i % 4]),
             material: found.material.map_or(i64::from(MRV_MATERIAL_KEEP), i64::from),
             mesh: found.mesh,
             visible: i32::from(found.visible),
@@ -132,7 +131,7 @@ unsafe fn changes_of(changes: *const mrv_instance_change, count: usize) -> Outco
 /// The record holds text as the header says.
 unsafe fn change(given: &mrv_instance_change, name: &str) -> Outcome<InstanceChange> {
     no_reserved(given.reserved, &format!("{name}.reserved"))?;
-    let (instance, transform) = (given.instance, matrix_of(&given.transform));
+    let (instance, transform) = (given.instance, rows_of(&given.transform));
     Ok(match given.kind {
         MRV_CHANGE_MOVE => InstanceChange::Move { instance, transform },
         MRV_CHANGE_ADD => InstanceChange::Add(Instance {
@@ -155,14 +154,7 @@ unsafe fn change(given: &mrv_instance_change, name: &str) -> Outcome<InstanceCha
     })
 }
 
-/// The rows of a 3 by 4 matrix, as a transform.
-pub fn matrix_of(rows: &[f64; 12]) -> DAffine3 {
-    let [a, b, c, x, d, e, f, y, g, h, i, z] = *rows;
-    DAffine3::from_cols_array(&[a, d, g, b, e, h, c, f, i, x, y, z])
-}
-
-/// A transform as the rows of a 3 by 4 matrix.
-fn rows_of(transform: DAffine3) -> [f64; 12] {
-    let [a, d, g, b, e, h, c, f, i, x, y, z] = transform.to_cols_array();
-    [a, b, c, x, d, e, f, y, g, h, i, z]
+/// The rows of a 3 by 4 matrix.
+pub fn rows_of(numbers: &[f64; 12]) -> [[f64; 4]; 3] {
+    std::array::from_fn(|row| std::array::from_fn(|column| numbers[4 * row + column]))
 }

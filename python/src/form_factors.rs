@@ -13,15 +13,15 @@ const GROUPINGS: [(&str, Grouping); 3] =
 pub fn form_factor_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<FormFactorOptions> {
     let mut all = FormFactorOptions::default();
     for (name, given) in keywords(options) {
-        all = match name.as_str() {
-            "grouping" => all.with_grouping(word(&name, &given, &GROUPINGS)?),
-            "rays" => all.with_rays(whole(&name, &given)?),
-            "pair_rays" => all.with_pair_rays(whole(&name, &given)?),
-            "closure" => all.with_closure(value(&name, &given)?),
-            "max_bytes" => all.with_max_bytes(whole(&name, &given)?),
-            "seed" => all.with_seed(whole(&name, &given)?),
+        match name.as_str() {
+            "grouping" => all.grouping = word(&name, &given, &GROUPINGS)?,
+            "rays" => all.rays = Some(whole(&name, &given)?),
+            "pair_rays" => all.pair_rays = Some(whole(&name, &given)?),
+            "closure" => all.closure = value(&name, &given)?,
+            "max_bytes" => all.max_bytes = Some(whole(&name, &given)?),
+            "seed" => all.seed = whole(&name, &given)?,
             _ => return unknown("form_factors", &name),
-        };
+        }
     }
     Ok(all)
 }
@@ -61,7 +61,7 @@ pub struct PyFormFactors {
 impl PyFormFactors {
     /// Copies the matrix once, into memory that NumPy owns.
     pub fn new(py: Python<'_>, factors: &FormFactors) -> PyFormFactors {
-        let (offsets, columns, values) = factors.csr();
+        let (offsets, columns, values) = (&factors.offsets, &factors.columns, &factors.factors);
         // SciPy wants one type for both, and copies what has another. There are at most 2³¹ polygons.
         let (indices, indptr) = match i32::try_from(values.len()) {
             Ok(_) => {
@@ -75,12 +75,12 @@ impl PyFormFactors {
             data: PyArray1::from_slice(py, values).unbind(),
             indices,
             indptr,
-            areas: PyArray1::from_slice(py, factors.areas()).unbind(),
-            escaped: PyArray1::from_slice(py, factors.escaped()).unbind(),
-            lost: PyArray1::from_slice(py, factors.lost()).unbind(),
-            names: factors.names().to_vec(),
-            rays: factors.rays(),
-            row_sum_error: factors.row_sum_error(),
+            areas: PyArray1::from_slice(py, &factors.areas).unbind(),
+            escaped: PyArray1::from_slice(py, &factors.escaped).unbind(),
+            lost: PyArray1::from_slice(py, &factors.lost).unbind(),
+            names: factors.names.clone(),
+            rays: factors.rays,
+            row_sum_error: factors.row_sum_error,
         }
     }
 }

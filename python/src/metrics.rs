@@ -5,7 +5,7 @@ use crate::arrays::image;
 use crate::errors::{Raise, input};
 use crate::solution::class;
 use crate::work::long;
-use mrvis::metrics::{FbemOptions, FeatureOptions, Features, Filter, Image, Morphology, spectrum};
+use mrvis::metrics::{FbemOptions, Features, Filter, Image, Morphology};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -20,20 +20,20 @@ struct Options {
 }
 
 fn options(function: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
-    let (mut fbem, mut features, mut texel) = (FbemOptions::default(), FeatureOptions::default(), 1.0);
+    let (mut fbem, mut texel) = (FbemOptions::default(), 1.0);
     for (name, given) in keywords(given) {
         match name.as_str() {
             "texel" => texel = value(&name, &given)?,
-            "exponent" => fbem = fbem.with_exponent(value(&name, &given)?),
-            "filter" => fbem = fbem.with_filter(word(&name, &given, &FILTERS)?),
-            "features" => features = features.with_features(word(&name, &given, &FEATURES)?),
-            "morphology" => features = features.with_morphology(word(&name, &given, &MORPHOLOGIES)?),
-            "white" => features = features.with_white(value(&name, &given)?),
-            "threshold" => features = features.with_threshold(value(&name, &given)?),
+            "exponent" => fbem.exponent = value(&name, &given)?,
+            "filter" => fbem.filter = word(&name, &given, &FILTERS)?,
+            "features" => fbem.features.features = word(&name, &given, &FEATURES)?,
+            "morphology" => fbem.features.morphology = word(&name, &given, &MORPHOLOGIES)?,
+            "white" => fbem.features.white = value(&name, &given)?,
+            "threshold" => fbem.features.threshold = value(&name, &given)?,
             _ => return unknown(function, &name),
         }
     }
-    Ok(Options { fbem: fbem.with_features(features), texel })
+    Ok(Options { fbem, texel })
 }
 
 /// Errors of the approximation for each size.
@@ -56,7 +56,7 @@ fn measured<'py>(
         })?);
     }
     let sizes = sizes.to_vec();
-    let found = long(py, None, move |_| spectrum(&pixels[0], &pixels[1], &sizes, &options.fbem))?;
+    let found = long(py, None, move |_| mrvis::metrics::fbem(&pixels[0], &pixels[1], &sizes, &options.fbem))?;
     let class = class(py, "Fbem")?;
     let made = found.iter().map(|f| class.call1((f.size, f.value, f.masked_fraction, f.inside, f.outside)));
     made.collect()

@@ -12,7 +12,6 @@ use mrvis::{BenchOptions, Builder, Detail, Instance, InstanceChange, Model, Prep
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::path::PathBuf;
 
 const DETAILS: [(&str, Detail); 3] =
     [("rays", Detail::Rays), ("clusters", Detail::Clusters), ("optics", Detail::Optics)];
@@ -51,23 +50,21 @@ impl PyModel {
 fn bench_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<BenchOptions> {
     let mut all = BenchOptions::default();
     for (name, given) in keywords(options) {
-        all = match name.as_str() {
-            "points" => all.with_points(whole(&name, &given)?),
-            "rays" => all.with_rays(whole(&name, &given)?),
+        match name.as_str() {
+            "points" => all.points = whole(&name, &given)?,
+            "rays" => all.rays = whole(&name, &given)?,
             "feature_size" => {
                 let sizes =
                     given.extract::<f64>().map_or_else(|_| value(&name, &given), |size| Ok(vec![size]))?;
-                sizes.into_iter().fold(all, BenchOptions::with_feature_size)
+                all.feature_sizes = sizes;
             }
-            "receivers" => {
-                value::<Vec<String>>(&name, &given)?.into_iter().fold(all, BenchOptions::with_receiver)
-            }
-            "reference_rays" => all.with_reference_rays(whole(&name, &given)?),
-            "threads" => all.with_threads(whole(&name, &given)?),
-            "audit" => all.with_audit(value(&name, &given)?),
-            "seed" => all.with_seed(whole(&name, &given)?),
+            "receivers" => all.receivers = value(&name, &given)?,
+            "reference_rays" => all.reference_rays = whole(&name, &given)?,
+            "threads" => all.threads = whole(&name, &given)?,
+            "audit" => all.audit = value(&name, &given)?,
+            "seed" => all.seed = whole(&name, &given)?,
             _ => return unknown("bench", &name),
-        };
+        }
     }
     Ok(all)
 }
@@ -84,16 +81,16 @@ impl PyModel {
     ) -> PyResult<PyModel> {
         let mut prepare = PrepareOptions::default();
         for (name, given) in keywords(options) {
-            prepare = match name.as_str() {
-                "detail" => prepare.with_detail(word(&name, &given, &DETAILS)?),
-                "threads" => prepare.with_threads(whole(&name, &given)?),
-                "cache" => prepare.with_cache(value::<PathBuf>(&name, &given)?),
-                "builder" => prepare.with_builder(word(&name, &given, &BUILDERS)?),
+            match name.as_str() {
+                "detail" => prepare.detail = word(&name, &given, &DETAILS)?,
+                "threads" => prepare.threads = whole(&name, &given)?,
+                "cache" => prepare.cache = Some(value(&name, &given)?),
+                "builder" => prepare.builder = word(&name, &given, &BUILDERS)?,
                 _ => return unknown("Model", &name),
-            };
+            }
         }
         let shared = scene.get().scene.clone();
-        let model = long(py, progress, move |watch| Model::prepare(shared, &prepare, watch))?;
+        let model = long(py, progress, move |watch| Model::prepare(shared, &prepare.with_progress(watch)))?;
         Ok(PyModel { model, scene })
     }
 
@@ -127,7 +124,7 @@ impl PyModel {
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (report, all) = (self.model.report(), PyDict::new(py));
         for (name, seconds) in [
-            ("seconds", report.seconds()),
+            ("seconds", report.embree_s + report.clusters_s + report.optics_s + report.cache_s),
             ("embree_s", report.embree_s),
             ("clusters_s", report.clusters_s),
             ("optics_s", report.optics_s),
@@ -136,7 +133,7 @@ impl PyModel {
             all.set_item(name, seconds)?;
         }
         all.set_item("embree_bytes", report.embree_bytes)?;
-        all.set_item("from_cache", report.from_cache())?;
+        all.set_item("from_cache", report.from_cache)?;
         Ok(all)
     }
 
@@ -153,10 +150,7 @@ impl PyModel {
         let class = class(py, "Instance")?;
         let all = self.model.instances().iter();
         let one = |instance: &Instance| {
-            let m = instance.transform.matrix3.to_cols_array_2d();
-            let t = instance.transform.translation.to_array();
-            let rows = (0..3).map(|r| [m[0][r], m[1][r], m[2][r], t[r]]).collect::<Vec<_>>();
-            let transform = PyArray1::from_vec(py, rows.into_flattened()).reshape([3, 4])?;
+            let transform = PyArray1::from_slice(py, instance.transform.as_flattened()).reshape([3, 4])?;
             let (visible, removed) = (instance.visible, instance.removed);
             class.call1((&*instance.name, instance.mesh, transform, instance.material, visible, removed))
         };
@@ -272,7 +266,7 @@ impl PyModel {
     ) -> PyResult<PyFormFactors> {
         let options = form_factor_options(options)?;
         let model = self.model.clone();
-        let factors = long(py, progress, move |watch| model.form_factors(&options, watch))?;
+        let factors = long(py, progress, move |watch| model.with_progress(watch).form_factors(&options))?;
         Ok(PyFormFactors::new(py, &factors))
     }
 
@@ -293,7 +287,7 @@ impl PyModel {
     ) -> PyResult<PySolution> {
         let options = solve_options(options)?;
         let model = this.get().model.clone();
-        let solution = long(py, progress, move |watch| model.solve(&options, watch))?;
+        let solution = long(py, progress, move |watch| model.with_progress(watch).solve(&options))?;
         Ok(PySolution { solution, model: this.clone().into_any().unbind() })
     }
 
@@ -315,7 +309,8 @@ impl PyModel {
         let samples = samples.map_or(Ok(1024), |samples| whole("samples", samples))?;
         let seed = seed.map_or(Ok(1), |seed| whole("seed", seed))?;
         let model = self.model.clone();
-        let found = long(py, progress, move |watch| model.reference(&points, samples, seed, watch))?;
+        let found =
+            long(py, progress, move |watch| model.with_progress(watch).reference(&points, samples, seed))?;
         let (values, errors) = (rows_out(py, found.irradiance)?, rows_out(py, found.standard_errors)?);
         class(py, "Reference")?.call1((values, errors))
     }
@@ -339,9 +334,9 @@ impl PyModel {
     ) -> PyResult<Bound<'py, PyAny>> {
         let options = bench_options(options)?;
         let model = self.model.clone();
-        let report = long(py, progress, move |watch| model.bench(&options, watch))?;
-        let record = py.import("json")?.call_method1("loads", (report.json(),))?;
-        class(py, "Bench")?.call1((record, report.page()))
+        let report = long(py, progress, move |watch| model.with_progress(watch).bench(&options))?;
+        let record = py.import("json")?.call_method1("loads", (report.json,))?;
+        class(py, "Bench")?.call1((record, report.page))
     }
 
     fn __repr__(&self) -> String {

@@ -5,7 +5,7 @@ use crate::arrays::{Numbers, Points, numbers, points};
 use crate::errors::{Raise, input};
 use crate::solution::camera_out;
 use crate::work::{Watch, long, short};
-use mrvis::{DAffine3, LoadOptions, MeshArrays, Positions, Scene, SceneBuilder};
+use mrvis::{LoadOptions, MeshArrays, Positions, Scene, SceneBuilder, Strength};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
@@ -24,23 +24,24 @@ pub struct PyScene {
 fn load_options(function: &str, options: Option<&Bound<'_, PyDict>>) -> PyResult<LoadOptions> {
     let mut all = LoadOptions::default();
     for (name, given) in keywords(options) {
-        all = match name.as_str() {
-            "unit" => all.with_unit(value::<String>(&name, &given)?),
+        match name.as_str() {
+            "unit" => all.unit = value(&name, &given)?,
             "emitters" => {
                 let emitters: BTreeMap<String, f64> = value(&name, &given)?;
-                emitters.into_iter().fold(all, |all, (emitter, watts)| all.with_emitter(emitter, watts))
+                all.emitters =
+                    emitters.into_iter().map(|(name, watts)| (name, Strength::Watts(watts))).collect();
             }
-            "two_sided_emission" => all.with_two_sided_emission(value(&name, &given)?),
+            "two_sided_emission" => all.two_sided_emission = value(&name, &given)?,
             "sides" => match whole(&name, &given)? {
-                sides @ (1 | 2) => all.with_sides(sides),
+                sides @ (1 | 2) => all.sides = Some(sides),
                 other => {
                     let what = format!("`sides` {other}: must be 1 (closed solids) or 2 (sheets)");
                     return Err(input(given.py(), what));
                 }
             },
-            "threads" => all.with_threads(whole(&name, &given)?),
+            "threads" => all.threads = whole(&name, &given)?,
             _ => return unknown(function, &name),
-        };
+        }
     }
     Ok(all)
 }
@@ -76,7 +77,7 @@ impl PyScene {
     ) -> PyResult<PyScene> {
         let options = load_options("from_bytes", options)?;
         let (source, format) = (format!("{format} in memory"), format.to_owned());
-        let read = move |_: &Watch| Scene::from_memory(&data, &format, folder.as_deref(), &options);
+        let read = move |_: Arc<Watch>| Scene::from_memory(&data, &format, folder.as_deref(), &options);
         let scene = long(py, None, read)?;
         Ok(PyScene { scene: Arc::new(scene), source })
     }
@@ -354,7 +355,7 @@ impl PySceneBuilder {
 }
 
 /// The matrix of an instance.
-pub fn affine(name: &str, given: &Bound<'_, PyAny>) -> PyResult<DAffine3> {
+pub fn affine(name: &str, given: &Bound<'_, PyAny>) -> PyResult<[[f64; 4]; 3]> {
     let py = given.py();
     let arguments = (given, "float64");
     let made = py.import("numpy").and_then(|numpy| numpy.call_method1("asarray", arguments));
@@ -373,8 +374,5 @@ pub fn affine(name: &str, given: &Bound<'_, PyAny>) -> PyResult<DAffine3> {
             ));
         }
     }
-    let columns = (0..4).flat_map(|c| (0..3).map(move |r| (r, c)));
-    let numbers: Vec<f64> = columns.map(|(r, c)| m[[r, c]]).collect();
-    let numbers: [f64; 12] = numbers.try_into().expect("three rows of four columns");
-    Ok(DAffine3::from_cols_array(&numbers))
+    Ok(std::array::from_fn(|row| std::array::from_fn(|column| m[[row, column]])))
 }

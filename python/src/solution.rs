@@ -6,41 +6,36 @@ use crate::errors::input;
 use crate::source::Normals;
 use crate::visibility::ENGINES;
 use crate::work::long;
-use mrvis::{Camera, Element, Error, ImageOptions, Progress, Solution, SolveOptions, SurfacePoint};
+use mrvis::{Camera, Element, ImageOptions, Solution, SolveOptions, SurfacePoint};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 use std::collections::BTreeMap;
 
-/// Points between two looks for an interruption: 4,096 of them take about a second on one core at the default of some hundred rays each.
-const POINTS: usize = 1 << 12;
-
-/// Limits of [`ImageOptions::with_size`].
+/// Limits of [`ImageOptions::size`].
 const MAX_SIDE: usize = 16_384;
 const MAX_PIXELS: usize = 1 << 25;
 
 pub fn solve_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<SolveOptions> {
     let mut all = SolveOptions::default();
     for (name, given) in keywords(options) {
-        all = match name.as_str() {
-            "error" => all.with_error(value(&name, &given)?),
-            "engine" => all.with_engine(word(&name, &given, &ENGINES)?),
-            "feature_size" => all.with_feature_size(value(&name, &given)?),
+        match name.as_str() {
+            "error" => all.error = value(&name, &given)?,
+            "engine" => all.engine = word(&name, &given, &ENGINES)?,
+            "feature_size" => all.feature_size = Some(value(&name, &given)?),
             "feature_sizes" => {
                 let sizes: BTreeMap<String, f32> = value(&name, &given)?;
-                sizes.into_iter().fold(all, |all, (of, size)| all.with_feature_size_of(of, size))
+                all.feature_sizes = sizes.into_iter().collect();
             }
-            "importance" => {
-                value::<Vec<String>>(&name, &given)?.into_iter().fold(all, SolveOptions::with_importance)
-            }
-            "min_area" => all.with_min_area(value(&name, &given)?),
-            "direct_only" => all.with_direct_only(value(&name, &given)?),
-            "max_seconds" => all.with_max_seconds(value(&name, &given)?),
-            "max_links" => all.with_max_links(whole(&name, &given)?),
-            "target_error" => all.with_target_error(value(&name, &given)?),
-            "seed" => all.with_seed(whole(&name, &given)?),
+            "importance" => all.importance = value(&name, &given)?,
+            "min_area" => all.min_area = value(&name, &given)?,
+            "direct_only" => all.direct_only = value(&name, &given)?,
+            "max_seconds" => all.max_seconds = Some(value(&name, &given)?),
+            "max_links" => all.max_links = whole(&name, &given)?,
+            "target_error" => all.target_error = Some(value(&name, &given)?),
+            "seed" => all.seed = whole(&name, &given)?,
             _ => return unknown("solve", &name),
-        };
+        }
     }
     Ok(all)
 }
@@ -122,18 +117,7 @@ impl PySolution {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let surface = surface_points(points, normals)?;
         let solution = self.solution.clone();
-        let found = long(py, progress, move |watch| {
-            let mut found = Vec::with_capacity(surface.len());
-            watch.stage("light at points", surface.len() as u64);
-            for some in surface.chunks(POINTS) {
-                if watch.stopped() {
-                    return Err(Error::Cancelled("stopped before the light at all points was found".into()));
-                }
-                found.extend(solution.irradiance(some)?);
-                watch.advance(some.len() as u64);
-            }
-            Ok(found)
-        })?;
+        let found = long(py, progress, move |watch| solution.with_progress(watch).irradiance(&surface))?;
         rows_out(py, found)
     }
 
@@ -181,7 +165,7 @@ impl PySolution {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let solution = self.solution.clone();
-        camera_out(py, &long(py, progress, move |watch| solution.automatic_camera(watch))?)
+        camera_out(py, &long(py, progress, move |watch| solution.with_progress(watch).automatic_camera())?)
     }
 
     /// The radiance that a camera sees, shape (rows, columns, 3), float32, W/(m² sr), linear RGB, from the top; black where it sees no lit
@@ -204,10 +188,8 @@ impl PySolution {
         let py = this.py();
         let camera: Option<GivenCamera> = camera.map(|camera| value("camera", camera)).transpose()?;
         let [columns, rows] = size.map_or(Ok([800, 600]), sides)?;
-        let options = ImageOptions::default()
-            .with_size(columns, rows)
-            .with_gather(gather)
-            .with_look_inside(look_inside);
+        let mut options = ImageOptions::default();
+        (options.size, options.gather, options.look_inside) = ([columns, rows], gather, look_inside);
         let out = match out {
             None => None,
             Some(out) => match out.cast::<PyArray3<f32>>() {
@@ -224,12 +206,13 @@ impl PySolution {
         };
         let solution = this.get().solution.clone();
         let radiance = long(py, progress, move |watch| {
+            let solution = solution.with_progress(watch);
             let camera = match camera {
                 Some(GivenCamera { eye, target, up, angle }) => Camera { eye, target, up, angle },
-                None => solution.automatic_camera(watch)?,
+                None => solution.automatic_camera()?,
             };
             let mut radiance = vec![0.0f32; 3 * columns * rows];
-            solution.image(&camera, &options, &mut radiance, watch)?;
+            solution.image(&camera, &options, &mut radiance)?;
             Ok(radiance)
         })?;
         match out {
@@ -251,7 +234,7 @@ impl PySolution {
     ) -> PyResult<Bound<'py, PyAny>> {
         let texels = texels.map_or(Ok(1 << 20), |texels| whole("texels", texels))?;
         let solution = self.solution.clone();
-        let map = long(py, progress, move |watch| solution.lightmap(texels, watch))?;
+        let map = long(py, progress, move |watch| solution.with_progress(watch).lightmap(texels))?;
         let fields = PyDict::new(py);
         let irradiance = PyArray1::from_vec(py, map.irradiance.into_flattened());
         fields.set_item("irradiance", irradiance.reshape([map.height, map.width, 3])?)?;
@@ -267,37 +250,37 @@ impl PySolution {
     #[pyo3(signature = (*, progress=None))]
     fn page(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<String> {
         let solution = self.solution.clone();
-        long(py, progress, move |watch| solution.page(watch))
+        long(py, progress, move |watch| solution.with_progress(watch).page())
     }
 
     /// Mean irradiance of all surfaces, shape (3,), float64, W/m², linear RGB.
     #[getter]
     fn mean_irradiance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.solution.mean_irradiance())
+        PyArray1::from_slice(py, &self.solution.report().mean_irradiance)
     }
 
     /// Estimated RMS error of the irradiance of the elements, relative to its mean; None if it is unknown.
     #[getter]
     fn error_estimate(&self) -> Option<f64> {
-        self.solution.error_estimate()
+        self.solution.report().error_estimate
     }
 
     /// What a user should know, one sentence each.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.solution.warnings().to_vec()
+        self.solution.report().warnings.clone()
     }
 
     /// Whether progress stopped it before the error was reached.
     #[getter]
     fn interrupted(&self) -> bool {
-        self.solution.interrupted()
+        self.solution.report().interrupted
     }
 
     fn __repr__(&self) -> String {
         let elements = self.solution.elements().len();
         let error =
-            self.solution.error_estimate().map_or("unknown".into(), |e| format!("{:.2} %", 100.0 * e));
+            self.solution.report().error_estimate.map_or("unknown".into(), |e| format!("{:.2} %", 100.0 * e));
         format!("<mrvis.Solution: {elements} elements, estimated error {error}>")
     }
 

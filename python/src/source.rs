@@ -10,6 +10,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Points of surfaces that look at a source.
 pub struct SourceAsk<'py> {
@@ -119,7 +120,7 @@ impl<'py> SourceAsk<'py> {
             size.map_or(query, |size| query.feature_size(size)).answer()
         };
         let model = model.clone();
-        let work = move |watch: &Watch| {
+        let work = move |watch: Arc<Watch>| {
             watch.stage("visibility", count as u64);
             model.on_threads(|| {
                 let answers = queries.par_iter().enumerate().map(|(i, query)| {

@@ -267,12 +267,11 @@ impl<'py> Ask<'py> {
         if self.segments {
             answers = answers.segments(&mut each);
         }
-        let visibility = model.visibility().with_engine(self.engine);
+        let mut ask =
+            |model: &Model| model.visibility().with_engine(self.engine).answer_into(&segments, &mut answers);
         let cost = match progress {
-            None if count <= SHORT => short(py, || visibility.answer_into(&segments, &mut answers)),
-            progress => {
-                borrowing(py, progress, |watch| visibility.answer_into_unless(&segments, &mut answers, watch))
-            }
+            None if count <= SHORT => short(py, || ask(model)),
+            progress => borrowing(py, progress, |watch| ask(&model.with_progress(watch))),
         }?;
         let array = |wanted: bool, values: Vec<f32>| wanted.then(|| PyArray1::from_vec(py, values).unbind());
         Ok(PyVisibility {

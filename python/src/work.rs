@@ -1,7 +1,8 @@
 //! Work without the GIL: the calling thread waits, and serves progress and signals meanwhile.
 
 use crate::errors::{Raise, panicked, unsupported};
-use mrvis::{Progress, in_callback, is_in_callback};
+use mrvis::Progress;
+use mrvis::internals::threads::{in_callback, is_in_callback};
 use pyo3::prelude::*;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -134,7 +135,7 @@ pub fn short<R: Send>(py: Python<'_>, work: impl FnOnce() -> mrvis::Result<R> + 
 pub fn long<R: Send + 'static>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
-    work: impl FnOnce(&Watch) -> mrvis::Result<R> + Send + 'static,
+    work: impl FnOnce(Arc<Watch>) -> mrvis::Result<R> + Send + 'static,
 ) -> PyResult<R> {
     begin(py)?;
     let (watch, heard) = Watch::new();
@@ -142,7 +143,7 @@ pub fn long<R: Send + 'static>(
     let (own, nested) = (watch.clone(), is_in_callback());
     let job = move || {
         // Without a caller the result is dropped here.
-        let _ = results.send(catch_unwind(AssertUnwindSafe(|| in_callback(nested, || work(&own)))));
+        let _ = results.send(catch_unwind(AssertUnwindSafe(|| in_callback(nested, || work(own.clone())))));
         own.ended.store(true, Relaxed);
         own.tell(Event::Done);
     };
@@ -170,7 +171,7 @@ pub fn long<R: Send + 'static>(
 pub fn borrowing<R: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
-    work: impl FnOnce(&Watch) -> mrvis::Result<R> + Send,
+    work: impl FnOnce(Arc<Watch>) -> mrvis::Result<R> + Send,
 ) -> PyResult<R> {
     begin(py)?;
     let nested = is_in_callback();
@@ -178,7 +179,7 @@ pub fn borrowing<R: Send>(
         let (watch, heard) = Watch::new();
         thread::scope(|scope| {
             let job = || {
-                let result = catch_unwind(AssertUnwindSafe(|| in_callback(nested, || work(&watch))));
+                let result = catch_unwind(AssertUnwindSafe(|| in_callback(nested, || work(watch.clone()))));
                 watch.tell(Event::Done);
                 result
             };

@@ -26,34 +26,18 @@ impl Visibility {
     /// # Errors
     /// [`Error::Argument`], which names array and index, if lengths do not match, offsets do not ascend, a
     /// position is not finite, a segment has no length, or a size is out of its range; if the engine needs feature sizes or optics that
-    /// are missing. `answers` are then as they were.
+    /// are missing. `answers` are then as they were. [`Error::Cancelled`] if the progress of [`Model::with_progress`] stops it, which hears of
+    /// one stage with a step a bundle: some of the `answers` are then written.
     pub fn answer_into(&self, segments: &Segments, answers: &mut Answers) -> Result<Cost> {
-        self.answer_into_unless(segments, answers, &())
-    }
-
-    /// [`Visibility::answer_into`] that `progress` can stop, which hears of one stage with a step a bundle.
-    ///
-    /// # Errors
-    /// As for `answer_into`, and [`Error::Cancelled`] if `progress` stopped it: some of the `answers` are then written.
-    pub fn answer_into_unless(
-        &self,
-        segments: &Segments,
-        answers: &mut Answers,
-        progress: &dyn Progress,
-    ) -> Result<Cost> {
         match self.model.has_one_thread() {
-            true => self.answer_batch(segments, answers, (progress, false)),
-            false => self.model.on_threads(|| self.answer_batch(segments, answers, (progress, true)))?,
+            true => self.answer_batch(segments, answers, false),
+            false => self.model.on_threads(|| self.answer_batch(segments, answers, true))?,
         }
     }
 
     /// `parallel`: whether parts are answered in parallel.
-    fn answer_batch(
-        &self,
-        segments: &Segments,
-        answers: &mut Answers,
-        (progress, parallel): (&dyn Progress, bool),
-    ) -> Result<Cost> {
+    fn answer_batch(&self, segments: &Segments, answers: &mut Answers, parallel: bool) -> Result<Cost> {
+        let progress = self.model.progress();
         let frame = segments.frame(self.model.scene().origin);
         segments.check(&frame, parallel)?;
         answers.check(segments.bundle_count(), segments.origins.len())?;

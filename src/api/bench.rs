@@ -1,88 +1,115 @@
 //! Exact against multi-resolution visibility on the same segments.
 
-use crate::bench::{self, Options, page, record::Record};
+use crate::bench::{self, Options, page, record::MrRow};
 use crate::files::json_text;
 use crate::model::{Detail, Model};
-use crate::progress::Progress;
 use crate::{Error, Result};
 
-/// Options of [`Model::bench`]: [`BenchOptions::default`], then `with_…`.
-#[derive(Clone, Debug, Default)]
+/// Options of [`Model::bench`]: [`BenchOptions::default`] with other values of some fields.
+#[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct BenchOptions {
-    pub(super) options: Options,
+    /// Receiver points, uniform over all surfaces that do not emit, 1 to 100 million; default 20,000.
+    pub points: usize,
+    /// Segments from a point to an emitter, 1 to 65,536; 4 and 16 times as many are measured as well. Default 16.
+    pub rays: usize,
+    /// Feature sizes, scene units, above 0; default none: four sizes from two texels of the shadow images to a fifth of the largest receiver.
+    pub feature_sizes: Vec<f64>,
+    /// Objects, groups or materials for shadow images; default none: the largest flat surfaces, and terrain.
+    pub receivers: Vec<String>,
+    /// Rays from a point to an emitter in the reference, 1 to 65,536; default 1,024.
+    pub reference_rays: usize,
+    /// Threads of the timed sections, 1 to 1024; default 1. All else runs on the threads of the model.
+    pub threads: usize,
+    /// Part of the bundles, in `[0, 1]`, on which independent exact rays check the stated intervals; default 0.05.
+    pub audit: f64,
+    /// Largest memory of the results, bytes; default: four fifths of the available memory.
+    pub max_memory: Option<u64>,
+    /// Seed of all random numbers; default 1.
+    pub seed: u64,
+    /// Rounds of the timed sections.
+    pub(super) rounds: usize,
+}
+
+impl Default for BenchOptions {
+    fn default() -> BenchOptions {
+        let Options { points, rays, feature_sizes, receivers, reference_rays, .. } = Options::default();
+        let Options { threads, audit, max_memory, seed, rounds, .. } = Options::default();
+        BenchOptions {
+            points,
+            rays,
+            feature_sizes,
+            receivers,
+            reference_rays,
+            threads,
+            audit,
+            max_memory,
+            seed,
+            rounds,
+        }
+    }
 }
 
 impl BenchOptions {
-    /// Receiver points, uniform over all surfaces that do not emit, 1 to 100 million; default 20,000.
-    #[must_use]
-    pub fn with_points(mut self, points: usize) -> BenchOptions {
-        self.options.points = points;
-        self
-    }
-
-    /// Segments from a point to an emitter, 1 to 65,536; 4 and 16 times as many are measured as well. Default 16.
-    #[must_use]
-    pub fn with_rays(mut self, rays: usize) -> BenchOptions {
-        self.options.rays = rays;
-        self
-    }
-
-    /// A feature size, scene units, above 0. May be called several times; default: four sizes from two texels of the shadow images to a fifth of the largest receiver.
-    #[must_use]
-    pub fn with_feature_size(mut self, size: f64) -> BenchOptions {
-        self.options.feature_sizes.push(size);
-        self
-    }
-
-    /// An object, group or material for shadow images. May be called several times; default: the largest flat surfaces, and terrain.
-    #[must_use]
-    pub fn with_receiver(mut self, name: impl Into<String>) -> BenchOptions {
-        self.options.receivers.push(name.into());
-        self
-    }
-
-    /// Rays from a point to an emitter in the reference, 1 to 65,536; default 1,024.
-    #[must_use]
-    pub fn with_reference_rays(mut self, rays: usize) -> BenchOptions {
-        self.options.reference_rays = rays;
-        self
-    }
-
-    /// Threads of the timed sections, 1 to 1024; default 1. All else runs on the threads of the model.
-    #[must_use]
-    pub fn with_threads(mut self, threads: usize) -> BenchOptions {
-        self.options.threads = threads;
-        self
-    }
-
-    /// Part of the bundles, in `[0, 1]`, on which independent exact rays check the stated intervals; default 0.05.
-    #[must_use]
-    pub fn with_audit(mut self, part: f64) -> BenchOptions {
-        self.options.audit = part;
-        self
-    }
-
-    /// Largest memory of the results, bytes; default: four fifths of the available memory.
-    #[must_use]
-    pub fn with_max_memory(mut self, bytes: u64) -> BenchOptions {
-        self.options.max_memory = Some(bytes);
-        self
-    }
-
-    /// Seed of all random numbers; default 1.
-    #[must_use]
-    pub fn with_seed(mut self, seed: u64) -> BenchOptions {
-        self.options.seed = seed;
-        self
+    fn options(&self) -> Options {
+        let BenchOptions { points, rays, feature_sizes, receivers, reference_rays, .. } = self.clone();
+        let &BenchOptions { threads, audit, max_memory, seed, rounds, .. } = self;
+        Options {
+            points,
+            rays,
+            feature_sizes,
+            receivers,
+            reference_rays,
+            threads,
+            audit,
+            max_memory,
+            seed,
+            rounds,
+            ..Options::default()
+        }
     }
 }
 
 /// Results of [`Model::bench`].
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct BenchReport {
-    record: Record,
-    page: String,
+    /// Multi-resolution visibility by number of rays and feature size; one row if nothing is averaged at the default sizes.
+    pub rows: Vec<BenchRow>,
+    /// The whole record as JSON: the content of `bench --json`. The time of reading the scene is 0.
+    pub json: String,
+    /// The report as one HTML page with pictures and charts: `report.html` of the command. It refers to no other file.
+    pub page: String,
+}
+
+/// Multi-resolution visibility with one feature size and number of rays; errors are those of visible fractions in `[0, 1]`.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct BenchRow {
+    /// Feature size, scene units.
+    pub feature_size: f64,
+    /// Segments from a point to an emitter.
+    pub rays: usize,
+    /// Time of the queries, seconds.
+    pub seconds: f64,
+    /// Root mean square error.
+    pub rms: f64,
+    /// Mean error; positive: too bright.
+    pub bias: f64,
+    /// Part of the stated 95 % intervals, in `[0, 1]`, that the reference confirms.
+    pub interval_coverage: f64,
+    /// Part of the segments, in `[0, 1]`, that met at least one averaged cluster.
+    pub aggregated: f64,
+    /// Time of the fastest exact rays for the same RMS error divided by this time; `None` if undefined, for example without any error.
+    pub speedup: Option<f64>,
+}
+
+impl BenchRow {
+    fn of(row: &MrRow) -> BenchRow {
+        let &MrRow { feature_size, rays, seconds, rms, bias, interval_coverage, .. } = row;
+        let (aggregated, speedup) = (row.aggregated_fraction, row.speedup_at_same_rms);
+        BenchRow { feature_size, rays, seconds, rms, bias, interval_coverage, aggregated, speedup }
+    }
 }
 
 impl Model {
@@ -91,30 +118,20 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::Argument`] if an option is out of its range or names nothing, or the model holds no optics; [`Error::Scene`] if nothing emits
-    /// or receives light; [`Error::Cancelled`] if `progress` stops it, which is asked between its stages.
-    pub fn bench(&self, options: &BenchOptions, progress: &dyn Progress) -> Result<BenchReport> {
+    /// or receives light; [`Error::Cancelled`] if the caller's progress stops it, which is asked between its stages.
+    pub fn bench(&self, options: &BenchOptions) -> Result<BenchReport> {
         if self.detail() < Detail::Optics {
             return Err(Error::Argument(
                 "the benchmark needs optics: prepare the model with `Detail::Optics`".into(),
             ));
         }
-        let options = Options { clusters: self.optics_options(), ..options.options.clone() };
+        let options = Options { clusters: self.optics_options(), ..options.options() };
         self.on_threads(|| {
-            let (record, images) = bench::run(self, &options, progress)?;
+            let (record, images) = bench::run(self, &options, self.progress())?;
             let page = page::render(&record, &images, "")?;
-            Ok(BenchReport { record, page })
+            let rows = record.mr.iter().map(BenchRow::of).collect();
+            let json = json_text(&record).expect("numbers, texts and lists alone");
+            Ok(BenchReport { rows, json, page })
         })?
-    }
-}
-
-impl BenchReport {
-    /// The record as JSON: the content of `bench --json`. The time of reading the scene is 0.
-    pub fn json(&self) -> String {
-        json_text(&self.record).expect("numbers, texts and lists alone")
-    }
-
-    /// The report as one HTML page with pictures and charts: `report.html` of the command. It refers to no other file.
-    pub fn page(&self) -> &str {
-        &self.page
     }
 }

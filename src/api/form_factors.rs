@@ -1,24 +1,30 @@
 //! Form factors of a model, with occlusion.
 
 use crate::form_factors::matrix::{
-    Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write,
+    Facets, Format, Grouping, Matrix, Report, Rows, Settings, compute, memory_bound, write,
 };
 use crate::model::Model;
-use crate::progress::Progress;
 use crate::{Error, Result, memory};
 use std::path::Path;
 
-/// Options of [`Model::form_factors`]: [`FormFactorOptions::default`], then `with_…`.
+/// Options of [`Model::form_factors`]: [`FormFactorOptions::default`] with other values of some fields.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct FormFactorOptions {
-    grouping: Grouping,
-    rays: Option<u32>,
-    pair_rays: Option<u32>,
-    closure: bool,
-    /// None: a part of the available memory.
-    max_bytes: Option<u64>,
-    seed: u64,
+    /// Rows and columns; default [`Grouping::Polygon`].
+    pub grouping: Grouping,
+    /// Rays of every polygon that look for what it sees, 1 to 1,048,576; default 2,048, more where there are few polygons.
+    pub rays: Option<u32>,
+    /// Largest number of rays between two polygons that are partly hidden from each other, 4 to 4,194,304; default 256, more where there are
+    /// few.
+    pub pair_rays: Option<u32>,
+    /// Whether rows that nothing escapes from are adjusted to the sum 1, each entry by as much as it is uncertain; default true. A F is
+    /// symmetric either way.
+    pub closure: bool,
+    /// Refuses to begin if the matrix could take more than so many bytes; default: four fifths of the available memory.
+    pub max_bytes: Option<u64>,
+    /// Seed of all random numbers; default 1.
+    pub seed: u64,
 }
 
 impl Default for FormFactorOptions {
@@ -36,50 +42,6 @@ impl Default for FormFactorOptions {
 }
 
 impl FormFactorOptions {
-    /// Rows and columns.
-    #[must_use]
-    pub fn with_grouping(mut self, grouping: Grouping) -> FormFactorOptions {
-        self.grouping = grouping;
-        self
-    }
-
-    /// Rays of every polygon that look for what it sees, 1 to 1,048,576; default 2,048, more where there are few polygons.
-    #[must_use]
-    pub fn with_rays(mut self, rays: u32) -> FormFactorOptions {
-        self.rays = Some(rays);
-        self
-    }
-
-    /// Largest number of rays between two polygons that are partly hidden from each other, 4 to 4,194,304; default 256, more where
-    /// there are few.
-    #[must_use]
-    pub fn with_pair_rays(mut self, rays: u32) -> FormFactorOptions {
-        self.pair_rays = Some(rays);
-        self
-    }
-
-    /// Whether rows that nothing escapes from are adjusted to the sum 1, each entry by as much as it is uncertain; default true.
-    /// A F is symmetric either way.
-    #[must_use]
-    pub fn with_closure(mut self, closure: bool) -> FormFactorOptions {
-        self.closure = closure;
-        self
-    }
-
-    /// Refuses to begin if the matrix could take more than so many bytes; default: four fifths of the available memory.
-    #[must_use]
-    pub fn with_max_bytes(mut self, bytes: u64) -> FormFactorOptions {
-        self.max_bytes = Some(bytes);
-        self
-    }
-
-    /// Seed of all random numbers; default 1.
-    #[must_use]
-    pub fn with_seed(mut self, seed: u64) -> FormFactorOptions {
-        self.seed = seed;
-        self
-    }
-
     fn settings(&self, facets: usize) -> Result<Settings> {
         let mut settings = Settings { enforce: self.closure, seed: self.seed, ..Settings::new(facets) };
         settings.rays = self.rays.unwrap_or(settings.rays);
@@ -103,57 +65,73 @@ impl FormFactorOptions {
 }
 
 /// Form factors F(from → to): the fraction of what the front of one polygon (object, material) sends out that arrives at the front of
-/// another, with what stands between them. A sparse matrix by rows; A(from) F(from → to) is symmetric.
+/// another, with what stands between them. A sparse matrix by rows (CSR), each with a polygon's, object's or material's values;
+/// A(from) F(from → to) is symmetric.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct FormFactors {
-    matrix: Matrix,
-    report: Report,
+    /// Where the entries of each row begin in `columns` and `factors`, and the end of the last: one more than rows.
+    pub offsets: Vec<u64>,
+    /// Columns of the entries, ascending in each row. Pairs that do not see each other have no entry.
+    pub columns: Vec<u32>,
+    /// The form factor of each entry, in `[0, 1]`.
+    pub factors: Vec<f32>,
+    /// Names of the rows: those of objects or materials, which need not be unique; none for polygons.
+    pub names: Vec<String>,
+    /// Area of each row, scene units squared; 0 for objects and materials without faces.
+    pub areas: Vec<f64>,
+    /// Fraction of what each row sends out that leaves the scene, in `[0, 1]`.
+    pub escaped: Vec<f32>,
+    /// Fraction of what each row sends out that falls on back sides, in `[0, 1]`.
+    pub lost: Vec<f32>,
+    /// Rays traced.
+    pub rays: u64,
+    /// Mean over the polygons of |row sum + escaped + lost − 1| before closure: what sampling and discovery missed.
+    pub row_sum_error: f64,
+    /// The same over the rows from which nothing escapes, after closure; 0 without such rows.
+    pub closed_row_sum_error: f64,
 }
 
 impl Model {
     /// Form factors between all polygons, objects or materials, by exact rays on the threads of the model. Needs
-    /// [`Detail::Rays`](crate::Detail::Rays). `&()` ignores progress.
+    /// [`Detail::Rays`](crate::Detail::Rays).
     ///
     /// # Errors
     /// [`Error::Argument`] if an option is out of its range, [`Error::OutOfMemory`] if the matrix could be too large,
-    /// [`Error::Scene`] with more than 2²⁶ polygons, [`Error::Cancelled`] if `progress` stops it, which takes less than a second or so.
-    pub fn form_factors(&self, options: &FormFactorOptions, progress: &dyn Progress) -> Result<FormFactors> {
+    /// [`Error::Scene`] with more than 2²⁶ polygons, [`Error::Cancelled`] if the caller's progress stops it, which takes less than a second or so.
+    pub fn form_factors(&self, options: &FormFactorOptions) -> Result<FormFactors> {
         self.on_threads(|| {
-            let scene = self.scene();
+            let (scene, progress) = (self.scene(), self.progress());
             let facets = Facets::new_unless(scene, progress)?;
             let settings = options.settings(facets.count())?;
             let (matrix, report) = compute(self, &facets, &settings, progress)?;
             let matrix = matrix.grouped(scene, &facets, options.grouping, progress)?;
-            Ok(FormFactors { matrix, report })
+            let Matrix { offsets, columns, factors, names, areas, escaped, lost } = matrix;
+            let Report { rays, row_sum_error, closed_row_sum_error, .. } = report;
+            Ok(FormFactors {
+                offsets,
+                columns,
+                factors,
+                names,
+                areas,
+                escaped,
+                lost,
+                rays,
+                row_sum_error,
+                closed_row_sum_error,
+            })
         })?
     }
 }
 
 impl FormFactors {
-    /// Number of rows, and of columns.
-    pub fn len(&self) -> usize {
-        self.matrix.len()
-    }
-
-    /// Whether there are no rows.
-    pub fn is_empty(&self) -> bool {
-        self.matrix.is_empty()
-    }
-
     /// Columns of a row, ascending, and the form factor of each, in `[0, 1]`. Pairs that do not see each other have no entry.
     ///
     /// # Panics
     /// If there is no such row.
     pub fn row(&self, from: usize) -> (&[u32], &[f32]) {
-        let span = self.matrix.offsets[from] as usize..self.matrix.offsets[from + 1] as usize;
-        (&self.matrix.columns[span.clone()], &self.matrix.factors[span])
-    }
-
-    /// The whole matrix by rows (CSR): row `i` has the entries `offsets[i]..offsets[i + 1]` of the columns and the form factors; one offset
-    /// more than rows.
-    pub fn csr(&self) -> (&[u64], &[u32], &[f32]) {
-        let Matrix { offsets, columns, factors, .. } = &self.matrix;
-        (offsets, columns, factors)
+        let span = self.offsets[from] as usize..self.offsets[from + 1] as usize;
+        (&self.columns[span.clone()], &self.factors[span])
     }
 
     /// One form factor; 0 if there is no entry.
@@ -165,41 +143,6 @@ impl FormFactors {
         columns.binary_search(&(to as u32)).map_or(0.0, |at| factors[at])
     }
 
-    /// Names of the rows: those of objects or materials, which need not be unique; none for polygons.
-    pub fn names(&self) -> &[String] {
-        &self.matrix.names
-    }
-
-    /// Area of each row, scene units squared; 0 for objects and materials without faces.
-    pub fn areas(&self) -> &[f64] {
-        &self.matrix.areas
-    }
-
-    /// Fraction of what each row sends out that leaves the scene, in `[0, 1]`.
-    pub fn escaped(&self) -> &[f32] {
-        &self.matrix.escaped
-    }
-
-    /// Fraction of what each row sends out that falls on back sides, in `[0, 1]`.
-    pub fn lost(&self) -> &[f32] {
-        &self.matrix.lost
-    }
-
-    /// Rays traced.
-    pub fn rays(&self) -> u64 {
-        self.report.rays
-    }
-
-    /// Mean over the polygons of |row sum + escaped + lost − 1| before closure: what sampling and discovery missed.
-    pub fn row_sum_error(&self) -> f64 {
-        self.report.row_sum_error
-    }
-
-    /// The same over the rows from which nothing escapes, after closure; 0 without such rows.
-    pub fn closed_row_sum_error(&self) -> f64 {
-        self.report.closed_row_sum_error
-    }
-
     /// Writes the matrix, completely or not at all; the extension says the format: `npz` (as `scipy.sparse.load_npz` reads it), `csv`
     /// (from, to, factor) or `mtx` (Matrix Market).
     ///
@@ -208,6 +151,8 @@ impl FormFactors {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         let format = Format::of(path).map_err(|error| Error::Argument(format!("`path` {error}")))?;
-        write(path, &self.matrix, format, None)
+        let FormFactors { offsets, columns, factors, names, areas, escaped, lost, .. } = self;
+        let rows = Rows { offsets, columns, factors, names, areas, escaped, lost };
+        write(path, rows, format, None)
     }
 }

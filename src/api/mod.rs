@@ -20,7 +20,7 @@ mod visibility;
 pub use crate::form_factors::matrix::Grouping;
 pub use crate::radiosity::mesh::Element;
 #[cfg(feature = "reports")]
-pub use bench::{BenchOptions, BenchReport};
+pub use bench::{BenchOptions, BenchReport, BenchRow};
 pub use form_factors::{FormFactorOptions, FormFactors};
 pub use mesh_arrays::{MeshArrays, Positions};
 pub use query::Query;
@@ -30,7 +30,7 @@ pub use scene_builder::SceneBuilder;
 pub use segments::{Answers, Segments, Strided};
 #[cfg(feature = "reports")]
 pub use shown::{Camera, ImageOptions, Lightmap};
-pub use solve::{Solution, SolveOptions, SurfacePoint};
+pub use solve::{Solution, SolveOptions, SolveReport, SurfacePoint};
 pub use visibility::{Engine, Visibility};
 
 use crate::{Error, Result};

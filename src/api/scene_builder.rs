@@ -2,13 +2,13 @@
 
 use super::mesh_arrays::MeshArrays;
 use crate::error::quote;
+use crate::math::affine;
 use crate::scene::{
     LoadOptions, MAX_PLACEMENTS, MAX_STRETCH, PlacedSoup, Placement, Scene, Soup, SoupMaterial,
     resolve_placed, stretch,
 };
 use crate::threads::Threads;
 use crate::{Error, Result};
-use glam::DAffine3;
 use std::collections::HashSet;
 
 /// Name of scenes from arrays in messages and records.
@@ -113,12 +113,13 @@ impl SceneBuilder {
     }
 
     /// Places a shared mesh in the scene: rotation, reflection, uniform scale and translation, from coordinates of the mesh to those of
-    /// the scene. The name is unique among objects and instances.
+    /// the scene, as rows of a 3 by 4 matrix of which the last column is the translation. The name is unique among objects and instances.
     ///
     /// # Errors
     /// [`Error::Argument`] if there is no such mesh, the name is empty or taken, or the transform is not finite, has the scale 0, or has shear or
     /// unequal scale of more than 1 %.
-    pub fn add_instance(&mut self, mesh: u32, name: &str, transform: DAffine3) -> Result<()> {
+    pub fn add_instance(&mut self, mesh: u32, name: &str, transform: [[f64; 4]; 3]) -> Result<()> {
+        let transform = affine(&transform);
         let wrong = |what: String| Err(Error::Argument(format!("instance `{}`: {what}", quote(name))));
         check_name("instance", name, &self.objects)?;
         if mesh as usize >= self.placed.meshes.len() {

@@ -65,13 +65,16 @@ impl Camera {
     }
 }
 
-/// Options of [`Solution::image`]: [`ImageOptions::default`], then `with_…`.
+/// Options of [`Solution::image`]: [`ImageOptions::default`] with other values of some fields.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct ImageOptions {
-    size: [usize; 2],
-    gather: bool,
-    look_inside: bool,
+    /// Columns and rows, 1 to 16,384 each and at most 2²⁵ pixels; default 800 and 600.
+    pub size: [usize; 2],
+    /// Whether the irradiance of every pixel is computed by final gathering instead of interpolated: slower and sharper. Default false.
+    pub gather: bool,
+    /// Whether surfaces are transparent from sides that no light can reach, as the outside of a closed room, instead of black. Default false.
+    pub look_inside: bool,
 }
 
 impl Default for ImageOptions {
@@ -82,27 +85,6 @@ impl Default for ImageOptions {
 }
 
 impl ImageOptions {
-    /// Columns and rows, 1 to 16,384 each and at most 2²⁵ pixels; default 800 and 600.
-    #[must_use]
-    pub fn with_size(mut self, columns: usize, rows: usize) -> ImageOptions {
-        self.size = [columns, rows];
-        self
-    }
-
-    /// Whether the irradiance of every pixel is computed by final gathering instead of interpolated: slower and sharper. Default false.
-    #[must_use]
-    pub fn with_gather(mut self, gather: bool) -> ImageOptions {
-        self.gather = gather;
-        self
-    }
-
-    /// Whether surfaces are transparent from sides that no light can reach, as the outside of a closed room, instead of black. Default false.
-    #[must_use]
-    pub fn with_look_inside(mut self, look_inside: bool) -> ImageOptions {
-        self.look_inside = look_inside;
-        self
-    }
-
     fn check(&self, numbers: usize) -> Result<()> {
         let [columns, rows] = self.size;
         if !self.size.iter().all(|n| (1..=MAX_SIDE).contains(n)) || columns * rows > MAX_PIXELS {
@@ -203,6 +185,11 @@ fn stopped(what: &str) -> Error {
 }
 
 impl Solution {
+    /// What is shown, and whom it is reported to.
+    fn watched(&self) -> (&Solved, &dyn Progress) {
+        (&self.inner, self.watcher.progress())
+    }
+
     /// The record of the solution as JSON: the content of `solution.json`, with the options, times, energy, error estimate and warnings.
     pub fn json(&self) -> String {
         let record = ComparedRecord { record: self.inner.record.clone(), versus: None };
@@ -212,9 +199,9 @@ impl Solution {
     /// A camera that shows much of the scene: from inside at eye height if it is enclosed.
     ///
     /// # Errors
-    /// [`Error::Cancelled`] if `progress` stops it; [`Error::Embree`] or [`Error::OutOfMemory`].
-    pub fn automatic_camera(&self, progress: &dyn Progress) -> Result<Camera> {
-        let inner = &*self.inner;
+    /// [`Error::Cancelled`] if the caller's progress stops it; [`Error::Embree`] or [`Error::OutOfMemory`].
+    pub fn automatic_camera(&self) -> Result<Camera> {
+        let (inner, progress) = self.watched();
         let found = self.model().on_threads(|| {
             Ok::<_, Error>(inner.automatic_camera(&Stage::new(inner.smooth(progress)?, &inner.mesh)?))
         })??;
@@ -228,23 +215,17 @@ impl Solution {
     }
 
     /// The radiance that a camera sees, W/(m² sr), linear RGB, into `radiance`: three entries for each pixel, row by row from the top;
-    /// black where it sees no side that light can reach ([`ImageOptions::with_look_inside`]). Written only if there is no error.
+    /// black where it sees no side that light can reach ([`ImageOptions::look_inside`]). Written only if there is no error.
     ///
     /// # Errors
     /// [`Error::Argument`] if the camera or the size is out of range or `radiance` has another length, [`Error::Cancelled`] if
-    /// `progress` stops it; [`Error::Embree`] or [`Error::OutOfMemory`].
-    pub fn image(
-        &self,
-        camera: &Camera,
-        options: &ImageOptions,
-        radiance: &mut [f32],
-        progress: &dyn Progress,
-    ) -> Result<()> {
+    /// the caller's progress stops it; [`Error::Embree`] or [`Error::OutOfMemory`].
+    pub fn image(&self, camera: &Camera, options: &ImageOptions, radiance: &mut [f32]) -> Result<()> {
         options.check(radiance.len())?;
         let pixels = radiance.len() / 3;
         let bytes = export::bytes_per_pixel(options.gather) * pixels;
         memory::check_room(bytes as u64, || format!("{pixels} pixels"))?;
-        let inner = &*self.inner;
+        let (inner, progress) = self.watched();
         let camera = camera.checked(inner.mesh.origin)?;
         let gather = |points: &[Point]| inner.solved.irradiance_unless(points, progress);
         let gather: Option<&(dyn Fn(&[Point]) -> _ + Sync)> = options.gather.then_some(&gather);
@@ -267,12 +248,12 @@ impl Solution {
     ///
     /// # Errors
     /// [`Error::Argument`] if `texels` is out of range, [`Error::Scene`] if the charts do not fit into an image of 16,384 texels a side,
-    /// [`Error::Cancelled`] if `progress` stops it; [`Error::Embree`] or [`Error::OutOfMemory`].
-    pub fn lightmap(&self, texels: usize, progress: &dyn Progress) -> Result<Lightmap> {
+    /// [`Error::Cancelled`] if the caller's progress stops it; [`Error::Embree`] or [`Error::OutOfMemory`].
+    pub fn lightmap(&self, texels: usize) -> Result<Lightmap> {
         if !(1..=1 << 26).contains(&texels) {
             return Err(Error::Argument(format!("`texels` {texels}: must lie in 1..{}", 1 << 26)));
         }
-        let inner = &*self.inner;
+        let (inner, progress) = self.watched();
         self.model().on_threads(|| {
             let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?.looking_inside(true);
             let (map, note) =
@@ -285,10 +266,10 @@ impl Solution {
     /// `ply` or `glb` (smooth meshes with colours).
     ///
     /// # Errors
-    /// [`Error::Argument`] for another extension, [`Error::Io`] if the file cannot be written, [`Error::Cancelled`] if `progress` stops it
+    /// [`Error::Argument`] for another extension, [`Error::Io`] if the file cannot be written, [`Error::Cancelled`] if the caller's progress stops it
     /// before the file is complete: then there is none.
-    pub fn write(&self, path: impl AsRef<Path>, progress: &dyn Progress) -> Result<()> {
-        let (path, inner) = (path.as_ref(), &*self.inner);
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let (path, (inner, progress)) = (path.as_ref(), self.watched());
         let (scene, mesh) = (inner.scene(), &inner.mesh);
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         if !["vtu", "ply", "glb"].contains(&&*extension) {
@@ -322,9 +303,9 @@ impl Solution {
     /// refers to no other file.
     ///
     /// # Errors
-    /// [`Error::Cancelled`] if `progress` stops it; [`Error::Embree`] or [`Error::OutOfMemory`].
-    pub fn page(&self, progress: &dyn Progress) -> Result<String> {
-        let inner = &*self.inner;
+    /// [`Error::Cancelled`] if the caller's progress stops it; [`Error::Embree`] or [`Error::OutOfMemory`].
+    pub fn page(&self) -> Result<String> {
+        let (inner, progress) = self.watched();
         self.model().on_threads(|| {
             let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?.under(inner.scene().sky());
             let mut views = Vec::new();

@@ -4,126 +4,106 @@ use super::segments::MAX_COORDINATE;
 use super::visibility::Engine;
 use crate::model::Model;
 use crate::points::Point;
-use crate::progress::Progress;
+use crate::progress::{Progress, Watcher};
 use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::radiosity::{self, Options, Record};
 use crate::{Error, Result, memory};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
-/// Options of [`Model::solve`]: [`SolveOptions::default`], then `with_…`.
-#[derive(Clone, Debug, Default)]
+/// Options of [`Model::solve`]: [`SolveOptions::default`] with other values of some fields.
+///
+/// ```
+/// let mut options = mrvis::SolveOptions::default();
+/// options.error = 0.01;
+/// options.importance.push("table".into());
+/// ```
+#[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct SolveOptions {
-    options: Options,
+    /// Error that links are refined to, relative to the mean irradiance, above 0; default 0.02. A target, not a bound: the remaining error is
+    /// estimated in [`SolveReport::error_estimate`].
+    pub error: f64,
+    /// How visibility is answered; default [`Engine::Automatic`]. Multi-resolution and average need a model with optics.
+    pub engine: Engine,
+    /// Feature size of all receivers, scene units, above 0; default: each receiver's diameter. Shadow features of at least this size are
+    /// resolved.
+    pub feature_size: Option<f32>,
+    /// Feature sizes of objects, groups or materials by name, scene units, above 0.
+    pub feature_sizes: Vec<(String, f32)>,
+    /// Objects, groups or materials whose light matters; default none: all matter alike.
+    pub importance: Vec<String>,
+    /// Smallest element as a fraction of the scene's area, in `[1e-9, 1]`; default 2e-5.
+    pub min_area: f64,
+    /// Whether reflected light is left out of the irradiance at points; default false.
+    pub direct_only: bool,
+    /// Seconds from the call of [`Model::solve`] in which to be done, about, above 0; default: no limit. The preparation of the model does not
+    /// count. Of many elements for whose rays there is no time, some are traced and determine the light of the others.
+    pub max_seconds: Option<f64>,
+    /// Number of links at which refinement ends, which bounds the memory (72 bytes each), 1 to 2³⁰; default ten million.
+    pub max_links: usize,
+    /// RMS error of the elements relative to the mean irradiance, above 0, until which more rays are traced, as independent paths find it;
+    /// default: none.
+    pub target_error: Option<f64>,
+    /// Number of elements whose error bars independent paths check, at most 1,048,576; default 200. More say more about the error in
+    /// `Solution::json`; 0 leaves it out.
+    pub audit: usize,
+    /// Shadow rays from a point to an emitter that is partly visible, 1 to 65,536; default: derived from the error.
+    pub light_rays: Option<usize>,
+    /// Rays from a point that gather reflected light, 1 to 1,048,576; default: derived from the error.
+    pub gather_rays: Option<usize>,
+    /// Seed of all random numbers; default 1.
+    pub seed: u64,
+}
+
+impl Default for SolveOptions {
+    fn default() -> SolveOptions {
+        let Options { error, feature_size, feature_sizes, importance, min_area, .. } = Options::default();
+        let Options { direct_only, max_seconds, max_links, target_error, .. } = Options::default();
+        let Options { audit, light_rays, gather_rays, seed, .. } = Options::default();
+        SolveOptions {
+            error,
+            engine: Engine::Automatic,
+            feature_size,
+            feature_sizes,
+            importance,
+            min_area,
+            direct_only,
+            max_seconds,
+            max_links,
+            target_error,
+            audit,
+            light_rays,
+            gather_rays,
+            seed,
+        }
+    }
 }
 
 impl SolveOptions {
-    /// Error that links are refined to, relative to the mean irradiance, above 0; default 0.02. A target, not a bound: the
-    /// remaining error is estimated by [`Solution::error_estimate`].
-    #[must_use]
-    pub fn with_error(mut self, error: f64) -> SolveOptions {
-        self.options.error = error;
-        self
-    }
-
-    /// How visibility is answered; default (and [`Engine::Automatic`]) exact. Others need a model with optics.
-    #[must_use]
-    pub fn with_engine(mut self, engine: Engine) -> SolveOptions {
-        self.options.visibility = match engine {
-            Engine::MultiResolution => radiosity::Visibility::Mr,
-            Engine::Average => radiosity::Visibility::Average,
-            Engine::Exact | Engine::Automatic => radiosity::Visibility::Exact,
-        };
-        self
-    }
-
-    /// Feature size of all receivers, scene units, above 0; default: each receiver's diameter. Shadow features of at least this size
-    /// are resolved.
-    #[must_use]
-    pub fn with_feature_size(mut self, size: f32) -> SolveOptions {
-        self.options.feature_size = Some(size);
-        self
-    }
-
-    /// Feature size of an object, group or material, scene units, above 0. May be called several times.
-    #[must_use]
-    pub fn with_feature_size_of(mut self, name: impl Into<String>, size: f32) -> SolveOptions {
-        self.options.feature_sizes.push((name.into(), size));
-        self
-    }
-
-    /// An object, group or material whose light matters; default: all matter alike. May be called several times.
-    #[must_use]
-    pub fn with_importance(mut self, name: impl Into<String>) -> SolveOptions {
-        self.options.importance.push(name.into());
-        self
-    }
-
-    /// Smallest element as a fraction of the scene's area, in `[1e-9, 1]`; default 2e-5.
-    #[must_use]
-    pub fn with_min_area(mut self, part: f64) -> SolveOptions {
-        self.options.min_area = part;
-        self
-    }
-
-    /// Leaves reflected light out of the irradiance at points; default false.
-    #[must_use]
-    pub fn with_direct_only(mut self, direct_only: bool) -> SolveOptions {
-        self.options.direct_only = direct_only;
-        self
-    }
-
-    /// Seconds from the call of [`Model::solve`] in which to be done, about, above 0; default: no limit. The preparation of the model does not
-    /// count. Of many elements for whose rays there is no time, some are traced and determine the light of the others.
-    #[must_use]
-    pub fn with_max_seconds(mut self, seconds: f64) -> SolveOptions {
-        self.options.max_seconds = Some(seconds);
-        self
-    }
-
-    /// Number of links at which refinement ends, which bounds the memory (72 bytes each), 1 to 2³⁰; default ten million.
-    #[must_use]
-    pub fn with_max_links(mut self, links: usize) -> SolveOptions {
-        self.options.max_links = links;
-        self
-    }
-
-    /// RMS error of the elements relative to the mean irradiance, above 0, until which more rays are traced, as independent paths find it;
-    /// default: none.
-    #[must_use]
-    pub fn with_target_error(mut self, error: f64) -> SolveOptions {
-        self.options.target_error = Some(error);
-        self
-    }
-
-    /// Number of elements whose error bars independent paths check, at most 1,048,576; default 200. More say more about the error in
-    /// `Solution::json`; 0 leaves it out.
-    #[must_use]
-    pub fn with_audit(mut self, elements: usize) -> SolveOptions {
-        self.options.audit = elements;
-        self
-    }
-
-    /// Shadow rays from a point to an emitter that is partly visible, 1 to 65,536; default: derived from the error.
-    #[must_use]
-    pub fn with_light_rays(mut self, rays: usize) -> SolveOptions {
-        self.options.light_rays = Some(rays);
-        self
-    }
-
-    /// Rays from a point that gather reflected light, 1 to 1,048,576; default: derived from the error.
-    #[must_use]
-    pub fn with_gather_rays(mut self, rays: usize) -> SolveOptions {
-        self.options.gather_rays = Some(rays);
-        self
-    }
-
-    /// Seed of all random numbers; default 1.
-    #[must_use]
-    pub fn with_seed(mut self, seed: u64) -> SolveOptions {
-        self.options.seed = seed;
-        self
+    fn options(&self) -> Options {
+        let given = self.clone();
+        Options {
+            error: given.error,
+            visibility: match given.engine {
+                Engine::MultiResolution => radiosity::Visibility::Mr,
+                Engine::Average => radiosity::Visibility::Average,
+                Engine::Exact | Engine::Automatic => radiosity::Visibility::Exact,
+            },
+            feature_size: given.feature_size,
+            feature_sizes: given.feature_sizes,
+            importance: given.importance,
+            min_area: given.min_area,
+            direct_only: given.direct_only,
+            max_seconds: given.max_seconds,
+            max_links: given.max_links,
+            target_error: given.target_error,
+            audit: given.audit,
+            light_rays: given.light_rays,
+            gather_rays: given.gather_rays,
+            seed: given.seed,
+            ..Options::default()
+        }
     }
 }
 
@@ -186,11 +166,13 @@ impl SurfacePoint {
 /// The light in a model: radiosity of all surfaces. Owned; answers irradiance at points any time.
 ///
 /// ```
-/// use mrvis::{Detail, Model, PrepareOptions, Scene, SolveOptions};
+/// use mrvis::{Model, PrepareOptions, Scene, SolveOptions};
 ///
 /// let scene = Scene::generate("cornell")?;
-/// let model = Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Clusters), &())?;
-/// let light = model.solve(&SolveOptions::default().with_error(0.1), &())?;
+/// let model = Model::prepare(scene, &PrepareOptions::default())?;
+/// let mut options = SolveOptions::default();
+/// options.error = 0.1;
+/// let light = model.solve(&options)?;
 /// let vertices: Vec<[f64; 3]> = light.vertices().collect(); // scene units
 /// for element in light.elements() {
 ///     let corners = element.corners.map(|v| vertices[v as usize]);
@@ -202,11 +184,15 @@ impl SurfacePoint {
 #[derive(Clone)]
 pub struct Solution {
     pub(super) inner: Arc<Solved>,
+    /// The progress of what is asked of this handle.
+    pub(super) watcher: Watcher,
 }
 
 /// What all copies of a solution share.
 pub(super) struct Solved {
     pub solved: radiosity::Solution,
+    pub report: SolveReport,
+    #[cfg(feature = "reports")]
     pub record: Record,
     pub mesh: RadiosityMesh,
     /// The mesh of pictures and lightmaps, made when it is first needed.
@@ -215,15 +201,16 @@ pub(super) struct Solved {
 }
 
 impl Model {
-    /// Computes the light: hierarchical radiosity of all surfaces, with all reflections, on the threads of the model. `&()`
-    /// ignores progress. If `progress` stops, the result is the consistent solution reached so far: see [`Solution::interrupted`].
+    /// Computes the light: hierarchical radiosity of all surfaces, with all reflections, on the threads of the model.
+    /// If the progress of [`Model::with_progress`] stops it, the result is the consistent solution reached so far: see
+    /// [`SolveReport::interrupted`].
     ///
     /// # Errors
     /// [`Error::Argument`] if an option is out of its range, names nothing, or needs more of the model than was prepared
     /// ([`Detail::Clusters`](crate::Detail::Clusters), for other than exact visibility [`Detail::Optics`](crate::Detail::Optics));
     /// [`Error::Scene`] if the scene's size or light is beyond f32.
-    pub fn solve(&self, options: &SolveOptions, progress: &dyn Progress) -> Result<Solution> {
-        let options = &options.options;
+    pub fn solve(&self, options: &SolveOptions) -> Result<Solution> {
+        let options = &options.options();
         let needed = options.prepare().detail;
         if self.detail() < needed {
             let have = self.detail();
@@ -231,38 +218,53 @@ impl Model {
                 "the model holds `Detail::{have:?}`: prepare it with `Detail::{needed:?}` to solve with this engine"
             )));
         }
-        let (outcome, solved) = self.on_threads(|| radiosity::solve(self, &[], options, progress))??;
+        let (outcome, solved) =
+            self.on_threads(|| radiosity::solve(&self.unwatched(), &[], options, self.progress()))??;
         let radiosity::Outcome { mesh, record, .. } = outcome;
         let solved = Solved {
             solved,
+            report: SolveReport::of(&record),
+            #[cfg(feature = "reports")]
             record,
             mesh,
             #[cfg(feature = "reports")]
             smooth: Default::default(),
         };
-        Ok(Solution { inner: Arc::new(solved) })
+        Ok(Solution { inner: Arc::new(solved), watcher: Watcher::default() })
     }
 }
 
 impl Solution {
+    /// The same solution, of which all that is asked reports to `progress` and can be stopped by it:
+    /// `light.with_progress(bar).irradiance(&points)`. Clones keep it.
+    #[must_use]
+    pub fn with_progress(&self, progress: impl Progress + 'static) -> Solution {
+        Solution { watcher: Watcher::new(progress), ..self.clone() }
+    }
+
     /// Irradiance at points of surfaces, W/m², linear RGB, in their order: direct light by rays to the emitters, reflected light by
     /// rays that gather the radiosity of surfaces.
     ///
     /// # Errors
     /// [`Error::Argument`] if a position is not finite or beyond 1e12 from the scene's origin, or a normal has no length; the message names
-    /// the point. [`Error::OutOfMemory`] if there are too many.
+    /// the point. [`Error::OutOfMemory`] if there are too many; [`Error::Cancelled`] if the caller's progress stops it.
     pub fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<[f64; 3]>> {
         self.irradiance_of(points.len(), |i| points[i])
     }
 
     /// [`Solution::irradiance`] at `count` points that `at` gives: they are copied once, into 24 bytes each.
-    #[doc(hidden)]
-    pub fn irradiance_of(&self, count: usize, at: impl Fn(usize) -> SurfacePoint) -> Result<Vec<[f64; 3]>> {
+    pub(crate) fn irradiance_of(
+        &self,
+        count: usize,
+        at: impl Fn(usize) -> SurfacePoint,
+    ) -> Result<Vec<[f64; 3]>> {
         let solved = &self.inner.solved;
         let origin = solved.model().scene().origin;
         let kept = |p: Point| ((p.position - origin).as_vec3(), p.normal.as_vec3());
         let points = SurfacePoint::all_checked(count, at, origin, kept)?;
-        solved.model().on_threads(|| solved.irradiance(&points))
+        let stopped = || Error::Cancelled("stopped before the light at all points was found".into());
+        let find = || solved.irradiance(&points, self.watcher.progress()).ok_or_else(stopped);
+        solved.model().on_threads(find)?
     }
 
     /// The model that was solved.
@@ -281,28 +283,34 @@ impl Solution {
         vertices.iter().map(move |p| (origin + p.as_dvec3()).to_array())
     }
 
+    /// What is known of the solution as a whole.
+    pub fn report(&self) -> &SolveReport {
+        &self.inner.report
+    }
+}
+
+/// What is known of a solution as a whole; [`Solution::json`] says more.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct SolveReport {
     /// Mean irradiance of all sides of surfaces that light arrives at, W/m², linear RGB.
-    pub fn mean_irradiance(&self) -> [f64; 3] {
-        self.inner.record.mean_irradiance
-    }
-
+    pub mean_irradiance: [f64; 3],
     /// Estimated RMS error of the irradiance of the elements, relative to its mean; `None` if it is unknown.
-    pub fn error_estimate(&self) -> Option<f64> {
-        self.inner.record.error_estimate
-    }
-
+    pub error_estimate: Option<f64>,
     /// Number of elements of the hierarchy, clusters included: more than [`Solution::elements`].
-    pub fn element_count(&self) -> usize {
-        self.inner.record.elements
-    }
-
+    pub elements: usize,
+    /// Number of links between elements.
+    pub links: usize,
     /// What a user should know, one sentence each: repairs of the scene, limits that were reached.
-    pub fn warnings(&self) -> &[String] {
-        &self.inner.record.warnings
-    }
-
+    pub warnings: Vec<String>,
     /// Whether the caller's progress stopped it before the error was reached.
-    pub fn interrupted(&self) -> bool {
-        self.inner.record.interrupted
+    pub interrupted: bool,
+}
+
+impl SolveReport {
+    fn of(record: &Record) -> SolveReport {
+        let &Record { mean_irradiance, error_estimate, elements, links, interrupted, .. } = record;
+        let warnings = record.warnings.clone();
+        SolveReport { mean_irradiance, error_estimate, elements, links, warnings, interrupted }
     }
 }

@@ -15,7 +15,7 @@ use glam::Vec3;
 /// A small forest under its sky panel.
 fn forest() -> Model {
     let spec = Spec { trees: 9, leaves: 200, ..Spec::new("forest") };
-    Model::prepare(build(&spec).unwrap(), &PrepareOptions::default(), &()).unwrap()
+    Model::prepare(build(&spec).unwrap(), &PrepareOptions::default()).unwrap()
 }
 
 /// Origins, targets, offsets of bundles, and sizes of emitters.
@@ -191,7 +191,7 @@ fn what_lies_near_an_end_blocks_however_large_the_scene_is() {
     pieces.quad(DVec3::ZERO, 10.0 * DVec3::X, 10.0 * DVec3::Y);
     pieces.object("plate").quad(0.002 * DVec3::Z, 2.0 * DVec3::X, 2.0 * DVec3::Y);
     pieces.light(5e4 * DVec3::Z, 10.0 * DVec3::Y, 10.0 * DVec3::X);
-    let model = Model::prepare(pieces.scene(), &PrepareOptions::default(), &()).unwrap();
+    let model = Model::prepare(pieces.scene(), &PrepareOptions::default()).unwrap();
     let floor = [[0.3f32, -0.2, 0.0], [-0.4, 0.1, 0.0], [1.5, 0.0, 0.0], [-2.0, 1.7, 0.0]];
     let lamp = [[1.0f32, 2.0, 5e4]; 4];
     for engine in [Engine::Exact, Engine::MultiResolution] {
@@ -283,8 +283,8 @@ fn empty_bundles_and_batches_are_answered() {
 #[test]
 fn without_optics_visibility_is_exact() {
     let spec = Spec { trees: 4, leaves: 50, ..Spec::new("forest") };
-    let options = PrepareOptions::default().with_detail(Detail::Rays).with_threads(2);
-    let model = Model::prepare(build(&spec).unwrap(), &options, &()).unwrap();
+    let options = PrepareOptions { detail: Detail::Rays, threads: 2, ..PrepareOptions::default() };
+    let model = Model::prepare(build(&spec).unwrap(), &options).unwrap();
     let up = |engine| {
         let visibility = model.visibility().with_engine(engine);
         visibility.from_point([0.0, 0.0, 0.01], [0.0, 0.0, 1.0]).to_source(0).feature_size(0.1).answer()
@@ -292,7 +292,7 @@ fn without_optics_visibility_is_exact() {
     assert_eq!(up(Engine::Automatic).unwrap().cost.exact_rays, 64);
     let error = up(Engine::Average).expect_err("no optics").to_string();
     assert!(error.contains("Detail::Optics"), "{error}");
-    let error = model.solve(&SolveOptions::default(), &()).err().expect("no clusters").to_string();
+    let error = model.solve(&SolveOptions::default()).err().expect("no clusters").to_string();
     assert!(error.contains("Detail::Clusters"), "{error}");
 }
 
@@ -300,42 +300,45 @@ fn without_optics_visibility_is_exact() {
 fn form_factors_have_rows() {
     let model = Model::prepare(
         build(&Spec::new("cornell")).unwrap(),
-        &PrepareOptions::default().with_detail(Detail::Rays),
-        &(),
+        &PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() },
     );
     let model = model.unwrap();
-    let found = model.form_factors(&FormFactorOptions::default().with_rays(1024), &()).unwrap();
-    assert!(found.names().is_empty() && found.len() == found.areas().len());
-    for from in 0..found.len() {
+    let found =
+        model.form_factors(&FormFactorOptions { rays: Some(1024), ..FormFactorOptions::default() }).unwrap();
+    assert!(found.names.is_empty() && found.offsets.len() == found.areas.len() + 1);
+    for from in 0..found.areas.len() {
         let (columns, factors) = found.row(from);
         for (&to, &factor) in columns.iter().zip(factors) {
             assert_eq!(found.factor(from, to as usize), factor);
             let [there, back] = [(from, to as usize), (to as usize, from)]
-                .map(|(a, b)| found.areas()[a] * f64::from(found.factor(a, b)));
+                .map(|(a, b)| found.areas[a] * f64::from(found.factor(a, b)));
             assert!((there - back).abs() <= 1e-5 * there.abs(), "{from} {to}: {there} {back}");
         }
     }
-    let objects = FormFactorOptions::default().with_rays(1024).with_grouping(Grouping::Object);
-    let found = model.form_factors(&objects, &()).unwrap();
+    let objects =
+        FormFactorOptions { rays: Some(1024), grouping: Grouping::Object, ..FormFactorOptions::default() };
+    let found = model.form_factors(&objects).unwrap();
     let names: Vec<&str> = model.scene().object_names().collect();
-    assert_eq!(found.names(), names);
-    let refused = FormFactorOptions::default().with_max_bytes(10);
-    let error = model.form_factors(&refused, &()).unwrap_err();
+    assert_eq!(found.names, names);
+    let refused = FormFactorOptions { max_bytes: Some(10), ..FormFactorOptions::default() };
+    let error = model.form_factors(&refused).unwrap_err();
     assert_eq!(error.category(), crate::ErrorCategory::OutOfMemory);
-    assert!(model.form_factors(&FormFactorOptions::default().with_rays(0), &()).is_err());
+    assert!(
+        model.form_factors(&FormFactorOptions { rays: Some(0), ..FormFactorOptions::default() }).is_err()
+    );
 }
 
 #[test]
 fn a_solution_answers_points_at_any_time() {
     let scene = build(&Spec::new("cornell")).unwrap();
-    let options = PrepareOptions::default().with_detail(Detail::Clusters);
+    let options = PrepareOptions { detail: Detail::Clusters, ..PrepareOptions::default() };
     let solution = {
-        let model = Model::prepare(scene, &options, &()).unwrap();
-        model.solve(&SolveOptions::default().with_error(0.1), &()).unwrap()
+        let model = Model::prepare(scene, &options).unwrap();
+        model.solve(&SolveOptions { error: 0.1, ..SolveOptions::default() }).unwrap()
     };
     let point = |normal| SurfacePoint { position: [278.0, 0.5, 279.5], normal };
     let found = solution.irradiance(&[point([0.0, 1.0, 0.0]), point([0.0, 3.0, 0.0])]).unwrap();
-    assert!(found[0].iter().all(|e| *e > 0.0) && solution.mean_irradiance()[0] > 0.0);
+    assert!(found[0].iter().all(|e| *e > 0.0) && solution.report().mean_irradiance[0] > 0.0);
     let (a, b) = (found[0][1], found[1][1]);
     assert!((a / b - 1.0).abs() < 0.1, "{a} {b}");
     let error = solution.irradiance(&[point([0.0; 3])]).unwrap_err().to_string();

@@ -8,8 +8,9 @@ use crate::{Error, Result};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Engine {
-    /// Multi-resolution where a feature size is given, the model holds optics, and a sample of the bundles says that it takes
-    /// less time than exact rays; else exact.
+    /// Exact or multi-resolution, whichever is expected to take less time: multi-resolution only where a feature size is given, the model holds
+    /// optics, and a sample of the bundles says that it takes clearly less time. Solutions take exact rays: most of theirs are incoherent,
+    /// and multi-resolution was measured to take longer (`docs/light.md`).
     #[default]
     Automatic,
     /// One Embree ray a segment, 0 or 1.

@@ -256,7 +256,7 @@ impl Bench<'_> {
 }
 
 pub(super) fn fbem_of(reference: &Image, image: &Image, size: f64) -> Result<f64> {
-    Ok(fbem(reference, image, &FbemOptions { size, ..FbemOptions::default() })?.value)
+    Ok(fbem(reference, image, &[size], &FbemOptions::default())?[0].value)
 }
 
 /// The texels of all receivers as one workload.
@@ -270,7 +270,7 @@ impl Gallery<'_> {
     fn images(&self, visible: &[f32]) -> Result<Vec<Image<'static>>> {
         let mut values = self.workload.weighted(visible).into_iter();
         let image = |r: &ReceiverGrid| {
-            let texels = values.by_ref().take(r.width * r.height).collect();
+            let texels: Vec<f32> = values.by_ref().take(r.width * r.height).collect();
             Image::new(r.width, r.height, r.texel, texels)
         };
         self.receivers.iter().map(image).collect()

@@ -146,7 +146,7 @@ impl Bench<'_> {
         let Reference { a, b, rays } = self.reference("reference maps", queries, rays);
         let [a, b] = [a, b].map(|half| workload.weighted(&half));
         let reference = Reference { a, b, rays };
-        let means = (0..grid.points.len()).map(|texel| reference.mean(texel)).collect();
+        let means: Vec<f32> = (0..grid.points.len()).map(|texel| reference.mean(texel)).collect();
         let image = Image::new(grid.width, grid.height, grid.texel, means)?;
         Ok(Some(Map { grid, lattices, reference, image }))
     }

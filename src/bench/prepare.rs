@@ -6,7 +6,6 @@ use super::record::{Build, BytesPerTriangle};
 use super::sample::{Extent, Sample};
 use super::workload::{Workload, surface_points};
 #[cfg(any(test, feature = "internals"))]
-use crate::clusters;
 #[cfg(any(test, feature = "internals"))]
 use crate::model::{Detail, PrepareOptions};
 use crate::model::{Mesh, Model};
@@ -21,9 +20,9 @@ impl Options {
     pub fn prepare(&self) -> PrepareOptions {
         PrepareOptions {
             detail: Detail::Optics,
-            clusters: clusters::Options { builder: self.builder, ..Default::default() },
+            builder: self.builder,
             optics: self.clusters,
-            cache: self.cache.clone(),
+            cache: self.cache.folder(),
             ..PrepareOptions::default()
         }
     }

@@ -325,7 +325,7 @@ fn faces_named(model: &Model, name: &str) -> Result<(Arc<Scene>, Vec<u32>)> {
     let (place, faces) = scene.faces_named_placed(placed, name)?;
     let surfaces = place.map(|place| {
         let i = present[place];
-        Arc::new(model.mesh_of(i).transformed(&model.instances()[i as usize].transform))
+        Arc::new(model.mesh_of(i).transformed(&model.instances()[i as usize].affine()))
     });
     Ok((surfaces.unwrap_or(scene), faces))
 }

@@ -101,7 +101,7 @@ impl<'a> ReceivingTriangles<'a> {
         if scene.triangle_sides[face as usize] == 2 && draw[3] < 0.5 {
             normal = -normal;
         }
-        let position = instance.transform.transform_point3(position.as_dvec3()).as_vec3();
+        let position = instance.affine().transform_point3(position.as_dvec3()).as_vec3();
         let magnitude = instance.magnitude_of(self.mesh, face);
         ReceiverPoint { position, normal: instance.turned(normal), magnitude }
     }
@@ -109,7 +109,7 @@ impl<'a> ReceivingTriangles<'a> {
 
 /// Ratio of the area of a placed triangle to its area in the mesh.
 fn area_scale(instance: &Instance) -> f64 {
-    instance.transform.matrix3.determinant().abs().cbrt().powi(2)
+    instance.affine().matrix3.determinant().abs().cbrt().powi(2)
 }
 
 /// Index along a Morton curve of 2^10 cells per axis.

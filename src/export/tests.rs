@@ -268,7 +268,7 @@ fn what_is_shown_of_a_solved_room_has_no_cracks() {
     use crate::scene::generate::{Spec, build};
     let scene = build(&Spec::new("cornell")).expect("a scene");
     let options = Options { error: 0.05, ..Options::default() };
-    let model = Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model");
+    let model = Model::prepare(scene.clone(), &options.prepare()).expect("a model");
     let outcome = run(&model, &[], &options, &()).expect("a solution");
     let levels: std::collections::HashSet<u8> = outcome.mesh.elements.iter().map(|e| e.level).collect();
     assert!(levels.len() >= 3, "mixed levels: {levels:?}");

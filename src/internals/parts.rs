@@ -1,5 +1,6 @@
 //! What types of the public interface hold besides it: traits, so that the types themselves have no more names.
 
+use crate::api::{Reference, Solution, SurfacePoint};
 use crate::clusters::{self, Builder};
 use crate::math::Aabb;
 use crate::model::cache::CacheLocation;
@@ -10,7 +11,7 @@ use crate::ranks::Ranks;
 use crate::ray::EndRule;
 use crate::scene::{
     Emitter, LoadOptions, Material, MeasuringGrid, Move, Object, Placement, Placements, Repairs, Scene,
-    StoredCamera, Strength, UpAxis, UpFrom,
+    StoredCamera, UpAxis, UpFrom,
 };
 use crate::sky::Environment;
 use crate::terrain::ReadOptions;
@@ -162,7 +163,18 @@ pub trait ModelParts: Sized {
     fn note_of_coarse_coordinates(&self) -> Option<String>;
     fn notes_of_emitters(&self) -> Vec<String>;
     fn on_ranks(self, ranks: Ranks) -> Self;
+    fn prepare_watched(
+        scene: impl Into<Arc<Scene>>,
+        options: &PrepareOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self>;
     fn prepared_again(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Self>;
+    fn reference_of(
+        &self,
+        count: usize,
+        at: impl Fn(usize) -> SurfacePoint,
+        how: (u32, bool, u64),
+    ) -> Result<Reference>;
     fn shared_scene(&self) -> Arc<Scene>;
     fn widest_packets(&self) -> Traversal;
 }
@@ -208,8 +220,25 @@ impl ModelParts for Model {
         self.on_ranks(ranks)
     }
 
+    fn prepare_watched(
+        scene: impl Into<Arc<Scene>>,
+        options: &PrepareOptions,
+        progress: &dyn Progress,
+    ) -> Result<Model> {
+        Model::prepare_watched(scene.into(), options, progress)
+    }
+
     fn prepared_again(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
         self.prepared_again(options, progress)
+    }
+
+    fn reference_of(
+        &self,
+        count: usize,
+        at: impl Fn(usize) -> SurfacePoint,
+        how: (u32, bool, u64),
+    ) -> Result<Reference> {
+        self.reference_of(count, at, how)
     }
 
     fn shared_scene(&self) -> Arc<Scene> {
@@ -221,17 +250,29 @@ impl ModelParts for Model {
     }
 }
 
+/// Solutions.
+#[allow(missing_docs)]
+pub trait SolutionParts {
+    fn irradiance_of(&self, count: usize, at: impl Fn(usize) -> SurfacePoint) -> Result<Vec<[f64; 3]>>;
+}
+
+impl SolutionParts for Solution {
+    fn irradiance_of(&self, count: usize, at: impl Fn(usize) -> SurfacePoint) -> Result<Vec<[f64; 3]>> {
+        self.irradiance_of(count, at)
+    }
+}
+
 /// Options of preparation.
 #[allow(missing_docs)]
 pub trait PrepareParts {
     fn with_clusters(self, clusters: clusters::Options) -> Self;
     fn with_optics(self, optics: optics::Options) -> Self;
-    fn parts(&self) -> (&clusters::Options, &optics::Options, &CacheLocation);
+    fn parts(&self) -> (clusters::Options, optics::Options, CacheLocation);
 }
 
 impl PrepareParts for PrepareOptions {
     fn with_clusters(mut self, clusters: clusters::Options) -> PrepareOptions {
-        self.clusters = clusters;
+        (self.builder, self.clusters) = (clusters.builder, clusters);
         self
     }
 
@@ -240,26 +281,20 @@ impl PrepareParts for PrepareOptions {
         self
     }
 
-    fn parts(&self) -> (&clusters::Options, &optics::Options, &CacheLocation) {
-        (&self.clusters, &self.optics, &self.cache)
+    fn parts(&self) -> (clusters::Options, optics::Options, CacheLocation) {
+        (self.clusters(), self.optics, self.cache())
     }
 }
 
 /// Options of reading.
 #[allow(missing_docs)]
 pub trait LoadParts {
-    fn with_emitters(self, emitters: Vec<(String, Strength)>) -> Self;
     fn with_placements(self, luminaires: Placements) -> Self;
     fn with_moves(self, moves: Vec<Move>) -> Self;
     fn with_grid(self, grid: ReadOptions) -> Self;
 }
 
 impl LoadParts for LoadOptions {
-    fn with_emitters(mut self, emitters: Vec<(String, Strength)>) -> LoadOptions {
-        self.emitters = emitters;
-        self
-    }
-
     fn with_placements(mut self, luminaires: Placements) -> LoadOptions {
         self.luminaires = luminaires;
         self
@@ -293,10 +328,15 @@ impl BuilderParts for Builder {
 #[allow(missing_docs)]
 pub trait AxisParts {
     fn name(self) -> &'static str;
+    fn vector(self) -> Vec3;
 }
 
 impl AxisParts for UpAxis {
     fn name(self) -> &'static str {
         self.name()
+    }
+
+    fn vector(self) -> Vec3 {
+        self.vector()
     }
 }

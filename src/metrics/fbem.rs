@@ -18,50 +18,22 @@ pub enum Filter {
     Unmasked,
 }
 
-/// Options of the metric: [`FbemOptions::default`], then `with_…`.
+/// Options of the metric: [`FbemOptions::default`] with other values of some fields.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct FbemOptions {
-    pub(crate) size: f64,
-    pub(crate) p: f64,
-    pub(crate) features: FeatureOptions,
-    pub(crate) filter: Filter,
-}
-
-impl FbemOptions {
-    /// Feature size s: features larger than s are compared texel by texel; scene units, at least 0.
-    #[must_use]
-    pub fn with_size(mut self, size: f64) -> FbemOptions {
-        self.size = size;
-        self
-    }
-
-    /// Exponent p of the norm, at least 1; the paper uses 2.
-    #[must_use]
-    pub fn with_exponent(mut self, p: f64) -> FbemOptions {
-        self.p = p;
-        self
-    }
-
+    /// Exponent p of the norm, at least 1; default 2, as in the paper.
+    pub exponent: f64,
     /// Definition of features.
-    #[must_use]
-    pub fn with_features(mut self, features: FeatureOptions) -> FbemOptions {
-        self.features = features;
-        self
-    }
-
-    /// Support of the box averages outside the mask.
-    #[must_use]
-    pub fn with_filter(mut self, filter: Filter) -> FbemOptions {
-        self.filter = filter;
-        self
-    }
+    pub features: FeatureOptions,
+    /// Support of the box averages outside the mask; default [`Filter::Whole`].
+    pub filter: Filter,
 }
 
 impl Default for FbemOptions {
-    /// Size 0 (an ordinary norm), p = 2, both kinds of features, Euclidean sizes, averages over the whole box.
+    /// p = 2, both kinds of features, Euclidean sizes, averages over the whole box.
     fn default() -> Self {
-        FbemOptions { size: 0.0, p: 2.0, features: FeatureOptions::default(), filter: Filter::Whole }
+        FbemOptions { exponent: 2.0, features: FeatureOptions::default(), filter: Filter::Whole }
     }
 }
 
@@ -81,30 +53,25 @@ pub struct Fbem {
     pub outside: f64,
 }
 
-/// ‖f̂ − f‖ₚˢ of [SD95 sec 2.2], divided by the area: texels are compared inside the feature mask of the reference,
-/// averages over boxes of side s outside the mask.
+/// ‖f̂ − f‖ₚˢ of [SD95 sec 2.2], divided by the area, for each feature size s of `sizes` (scene units, at least 0): texels of features larger
+/// than s in the reference are compared one by one, averages over boxes of side s elsewhere. Several sizes are the error spectrum.
 ///
 /// For s = 0 the result equals the ordinary norm bit by bit; for equal images it is 0. The result usually decreases
 /// with s, but not always: the mask changes with s.
 ///
 /// # Errors
-/// [`Error::Argument`] if the images differ in columns or rows, or an option is out of its range.
-pub fn fbem(reference: &Image, approximation: &Image, options: &FbemOptions) -> Result<Fbem> {
-    Ok(spectrum(reference, approximation, &[options.size], options)?[0])
-}
-
-/// [`fbem`] for each of `sizes` (scene units; `options.size` is ignored): the error spectrum by feature size.
-///
-/// # Errors
-/// As for [`fbem`].
-pub fn spectrum(
+/// [`Error::Argument`] if the images differ in columns or rows, or an option or a size is out of its range.
+pub fn fbem(
     reference: &Image,
     approximation: &Image,
     sizes: &[f64],
     options: &FbemOptions,
 ) -> Result<Vec<Fbem>> {
-    if !(options.p.is_finite() && options.p >= 1.0) {
-        return Err(Error::Argument(format!("the exponent {} of the norm is not at least 1", options.p)));
+    if !(options.exponent.is_finite() && options.exponent >= 1.0) {
+        return Err(Error::Argument(format!(
+            "the exponent {} of the norm is not at least 1",
+            options.exponent
+        )));
     }
     if let Some(size) = sizes.iter().find(|s| !(s.is_finite() && **s >= 0.0)) {
         return Err(Error::Argument(format!("the feature size {size} is not a length of at least 0")));
@@ -114,7 +81,7 @@ pub fn spectrum(
     let measure = |&size: &f64| {
         let mask = features.mask(size);
         let averages = averages(&differences, &mask, size / reference.texel(), options.filter);
-        norm(&differences, &averages, &mask, size, options.p)
+        norm(&differences, &averages, &mask, size, options.exponent)
     };
     Ok(sizes.iter().map(measure).collect())
 }

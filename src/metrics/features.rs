@@ -18,14 +18,18 @@ pub enum Features {
     Shadow,
 }
 
-/// Definition of features: [`FeatureOptions::default`], then `with_…`.
+/// Definition of features: [`FeatureOptions::default`] with other values of some fields.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct FeatureOptions {
-    pub(crate) features: Features,
-    pub(crate) morphology: Morphology,
-    pub(crate) white: f32,
-    pub(crate) threshold: f32,
+    /// Kinds of regions; default [`Features::Both`].
+    pub features: Features,
+    /// Measure of sizes; default [`Morphology::Euclid`].
+    pub morphology: Morphology,
+    /// Value of an unoccluded texel, greater than 0, in the image's units; default 1, for visible fractions.
+    pub white: f32,
+    /// A texel is in shadow if its value is less than (1 − threshold) · white; in `[0, 1)`, dimensionless; default 0.02.
+    pub threshold: f32,
 }
 
 impl Default for FeatureOptions {
@@ -41,34 +45,6 @@ impl Default for FeatureOptions {
 }
 
 impl FeatureOptions {
-    /// Kinds of regions.
-    #[must_use]
-    pub fn with_features(mut self, features: Features) -> FeatureOptions {
-        self.features = features;
-        self
-    }
-
-    /// Measure of sizes.
-    #[must_use]
-    pub fn with_morphology(mut self, morphology: Morphology) -> FeatureOptions {
-        self.morphology = morphology;
-        self
-    }
-
-    /// Value of an unoccluded texel, greater than 0, in the image's units; 1 for visible fractions.
-    #[must_use]
-    pub fn with_white(mut self, white: f32) -> FeatureOptions {
-        self.white = white;
-        self
-    }
-
-    /// A texel is in shadow if its value is less than (1 − threshold) · white; in `[0, 1)`, dimensionless.
-    #[must_use]
-    pub fn with_threshold(mut self, threshold: f32) -> FeatureOptions {
-        self.threshold = threshold;
-        self
-    }
-
     /// Checks the ranges.
     ///
     /// # Errors
@@ -124,17 +100,6 @@ impl FeatureSet {
         }
         mask
     }
-}
-
-/// Feature mask F^s of [SD95 sec 2.2]: for each texel, row by row, whether it belongs to a feature of `image` larger than `size`
-/// (scene units; negative sizes count as 0).
-///
-/// # Errors
-/// [`Error::Argument`] if an option is out of its range.
-pub fn feature_mask(image: &Image, size: f64, options: &FeatureOptions) -> Result<Vec<bool>> {
-    let mask = FeatureSet::new(image, options)?.mask(size);
-    let width = image.width();
-    Ok((0..image.data().len()).map(|i| mask.get(i % width, i / width)).collect())
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 ///
 /// The constructor guarantees finite values and at least one texel; the metrics rely on that.
 ///
-/// Borrows the values, or owns them.
+/// Borrows the values of a slice, or owns those of a vector.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image<'a> {
     width: usize,
@@ -22,16 +22,13 @@ impl<'a> Image<'a> {
     /// # Errors
     /// [`Error::Argument`] if a side is zero, `data` has another length than `width * height`, `texel` is not positive
     /// and finite, or a value is not finite (the message names the first such texel).
-    pub fn new(width: usize, height: usize, texel: f64, data: Vec<f32>) -> Result<Image<'a>> {
-        Image::checked(width, height, texel, Cow::Owned(data))
-    }
-
-    /// The same of values that stay where they are. Errors as for [`Image::new`].
-    pub fn borrowed(width: usize, height: usize, texel: f64, data: &'a [f32]) -> Result<Image<'a>> {
-        Image::checked(width, height, texel, Cow::Borrowed(data))
-    }
-
-    fn checked(width: usize, height: usize, texel: f64, data: Cow<'a, [f32]>) -> Result<Image<'a>> {
+    pub fn new(
+        width: usize,
+        height: usize,
+        texel: f64,
+        data: impl Into<Cow<'a, [f32]>>,
+    ) -> Result<Image<'a>> {
+        let data = data.into();
         let argument = |what: String| Err(Error::Argument(what));
         if width == 0 || height == 0 {
             return argument(format!("an image of {width} x {height} texels is empty"));
@@ -58,7 +55,7 @@ impl<'a> Image<'a> {
         texel: f64,
         mut value: impl FnMut(usize, usize) -> f32,
     ) -> Result<Image<'a>> {
-        let data =
+        let data: Vec<f32> =
             (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| value(x, y)).collect();
         Image::new(width, height, texel, data)
     }

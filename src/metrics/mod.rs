@@ -5,8 +5,8 @@
 //!
 //! * An image holds one value per texel (such as the visible fraction of an emitter), sampled at texel centres.
 //!   Integrals over the image are means over its texels, so that the p = 2 norms are root mean squares in the image's
-//!   own units. Per cent of the unoccluded value is 100 · value / [`FeatureOptions::with_white`].
-//! * Sizes are lengths in scene units on the receiver; [`Image::texel`] is the side of a texel.
+//!   own units. Per cent of the unoccluded value is 100 · value / [`FeatureOptions::white`].
+//! * Sizes are lengths in scene units on the receiver; an [`Image`] knows the side of a texel.
 //! * A feature is a connected region that is shadowed (umbra or penumbra) or, with [`Features::Both`], lit.
 //!
 //! This room does not depend on how images were computed.
@@ -20,8 +20,8 @@ mod missing;
 pub(crate) mod norms;
 
 pub use crate::raster::Morphology;
-pub use fbem::{Fbem, FbemOptions, Filter, fbem, spectrum};
-pub use features::{FeatureOptions, Features, feature_mask};
+pub use fbem::{Fbem, FbemOptions, Filter, fbem};
+pub use features::{FeatureOptions, Features};
 pub use image::Image;
 
 #[cfg(any(test, feature = "reports"))]

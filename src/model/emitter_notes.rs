@@ -237,7 +237,10 @@ mod tests {
         assert!(found.contains("1 of 2 emitters") && found.contains("`lamp 1`"), "{found}");
         // The upper lamp is in front of the lower one.
         assert_eq!(note(&[(2.1, false), (2.0, true)], &options), None);
-        assert_eq!(note(&[(2.0, false), (2.0, true)], &options.with_two_sided_emission(true)), None);
+        assert_eq!(
+            note(&[(2.0, false), (2.0, true)], &LoadOptions { two_sided_emission: true, ..options }),
+            None
+        );
         // However small the floor looks from there.
         assert_eq!(note(&[(1e4, false)], &LoadOptions::default()), None);
     }

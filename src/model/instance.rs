@@ -1,7 +1,7 @@
 //! Instances: placed meshes, and changes of them.
 
 use super::mesh::Mesh;
-use crate::math::Aabb;
+use crate::math::{Aabb, affine, rows};
 use crate::scene::{MAX_COORDINATE, MAX_STRETCH, MIN_EXTENT, Material, Scene, magnitude, stretch};
 use crate::{Error, Result};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
@@ -12,8 +12,9 @@ use std::sync::Arc;
 pub struct Instance {
     /// Index of the mesh: 0 holds the scene's own triangles, meshes that nodes of the file share follow in its order.
     pub mesh: u32,
-    /// From the frame of the mesh to that of the model, scene units relative to `Scene::origin`.
-    pub transform: DAffine3,
+    /// From the frame of the mesh to that of the model, scene units relative to [`Scene::origin`](crate::Scene::origin): rows of a 3 by 4
+    /// matrix, of which the last column is the translation.
+    pub transform: [[f64; 4]; 3],
     /// Material that replaces those of the mesh, an index into [`Scene::material_names`](crate::Scene::material_names); `None` keeps them.
     pub material: Option<u32>,
     /// Name of the node in the file, or a made-up one.
@@ -27,18 +28,23 @@ pub struct Instance {
 impl Instance {
     /// The scene's own triangles, placed once and as they are.
     pub(super) fn own(name: String) -> Instance {
-        let transform = DAffine3::IDENTITY;
+        let transform = rows(&DAffine3::IDENTITY);
         Instance { mesh: 0, transform, material: None, name: name.into(), visible: true, removed: false }
     }
 
     /// Whether rays see it.
-    pub fn is_present(&self) -> bool {
+    pub(crate) fn is_present(&self) -> bool {
         self.visible && !self.removed
+    }
+
+    /// The transform.
+    pub(crate) fn affine(&self) -> DAffine3 {
+        affine(&self.transform)
     }
 
     /// The transform in single precision.
     pub(super) fn transform_f32(&self) -> Affine3A {
-        self.transform.as_affine3a()
+        self.affine().as_affine3a()
     }
 
     /// The box around the eight transformed corners of the box of its mesh.
@@ -46,14 +52,14 @@ impl Instance {
         let Aabb { min, max } = mesh.bounds;
         Aabb::of((0..8).map(|i| {
             let pick = |k: usize| f64::from(if i >> k & 1 == 0 { min[k] } else { max[k] });
-            self.transform.transform_point3(DVec3::new(pick(0), pick(1), pick(2))).as_vec3()
+            self.affine().transform_point3(DVec3::new(pick(0), pick(1), pick(2))).as_vec3()
         }))
     }
 
     /// The unit normal of a face whose normal in the frame of the mesh is `normal`.
     pub(crate) fn turned(&self, normal: Vec3) -> Vec3 {
         // The scene's own triangles are not turned: their normals keep all bits.
-        if self.mesh == 0 { normal } else { turned(self.transform.matrix3, normal) }
+        if self.mesh == 0 { normal } else { turned(self.affine().matrix3, normal) }
     }
 
     /// Largest coordinate magnitude of a face of its mesh and of that face's neighbours, scene units: in the frame of the model, and in
@@ -64,8 +70,8 @@ impl Instance {
             return own;
         }
         let placed =
-            mesh.scene.corners(triangle).map(|p| self.transform.transform_point3(p.as_dvec3()).as_vec3());
-        let scale = self.transform.matrix3.determinant().abs().cbrt() as f32;
+            mesh.scene.corners(triangle).map(|p| self.affine().transform_point3(p.as_dvec3()).as_vec3());
+        let scale = self.affine().matrix3.determinant().abs().cbrt() as f32;
         magnitude(placed).max(scale * own)
     }
 
@@ -82,12 +88,12 @@ impl Instance {
                 materials.len()
             )));
         }
-        if !self.transform.is_finite() {
+        if !self.affine().is_finite() {
             return Err(Error::Argument(format!(
                 "instance {index}: its transform holds a value that is not finite"
             )));
         }
-        let stretch = stretch(self.transform.matrix3);
+        let stretch = stretch(self.affine().matrix3);
         if stretch > MAX_STRETCH {
             return Err(Error::Argument(format!(
                 "instance {index}: its transform has shear or unequal scale (ratio {stretch:.3}, at most {MAX_STRETCH}): its \
@@ -127,8 +133,8 @@ pub enum InstanceChange {
     Move {
         /// Index into [`super::Model::instances`].
         instance: u32,
-        /// From the frame of the mesh to that of the model: rotation, reflection, uniform scale.
-        transform: DAffine3,
+        /// From the frame of the mesh to that of the model: rotation, reflection, uniform scale, translation. As in [`Instance::transform`].
+        transform: [[f64; 4]; 3],
     },
     /// Adds an instance after all others.
     Add(Instance),

@@ -32,6 +32,7 @@ use crate::embree::{CommittedScene, Device, Hits, Traversal};
 use crate::math::Aabb;
 #[cfg(any(test, feature = "reports"))]
 use crate::optics;
+use crate::progress::{Progress, Watcher};
 use crate::ranks::Ranks;
 use crate::ray::{EndRule, Packet};
 use crate::scene::{Scene, magnitude};
@@ -57,6 +58,8 @@ pub fn embree_version() -> Result<String> {
 pub struct Model {
     inner: Arc<Inner>,
     ranks: Ranks,
+    /// The progress of what is asked of this handle.
+    watcher: Watcher,
 }
 
 struct Inner {
@@ -108,6 +111,23 @@ impl Model {
         Model { ranks, ..self }
     }
 
+    /// The same model, of which all that is asked reports to `progress` and can be stopped by it: `model.with_progress(bar).solve(&options)`.
+    /// Clones and [`Model::visibility`] keep it; models, solutions and form factors that are computed do not.
+    #[must_use]
+    pub fn with_progress(&self, progress: impl Progress + 'static) -> Model {
+        Model { watcher: Watcher::new(progress), ..self.clone() }
+    }
+
+    /// The same model without progress.
+    pub(crate) fn unwatched(&self) -> Model {
+        Model { watcher: Watcher::default(), ..self.clone() }
+    }
+
+    /// What computations report to.
+    pub(crate) fn progress(&self) -> &dyn Progress {
+        self.watcher.progress()
+    }
+
     /// Light sources.
     pub fn sources(&self) -> &[Source] {
         &self.inner.sources
@@ -132,7 +152,7 @@ impl Model {
     /// How clusters were built.
     #[cfg(any(test, feature = "reports"))]
     pub(crate) fn cluster_options(&self) -> clusters::Options {
-        self.inner.options.clusters
+        self.inner.options.clusters()
     }
 
     /// Whether the caller asked for one thread, so that the caller's will do.
@@ -140,7 +160,7 @@ impl Model {
         self.inner.threads.count() == 1
     }
 
-    /// Does `work` on the threads of [`PrepareOptions::with_threads`], or of the rayon pool that the caller is in: many single queries
+    /// Does `work` on the threads of [`PrepareOptions::threads`], or of the rayon pool that the caller is in: many single queries
     /// in parallel, for example. All clones and updates of a model share one pool, which is built when it is first needed.
     ///
     /// # Errors

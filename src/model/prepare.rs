@@ -8,7 +8,8 @@ use super::top_level::TopLevel;
 use super::{Inner, Model};
 use crate::clusters::Builder;
 use crate::embree::{CommittedScene, Device, SceneBuilder};
-use crate::progress::{Progress, timed};
+use crate::math::rows;
+use crate::progress::{Progress, Watcher, timed};
 use crate::ranks::Ranks;
 use crate::scene::Scene;
 use crate::threads::Threads;
@@ -31,53 +32,53 @@ pub enum Detail {
     Optics,
 }
 
-/// Options of [`Model::prepare`]: [`PrepareOptions::default`], then `with_…`.
+/// Options of [`Model::prepare`]: [`PrepareOptions::default`] with other values of some fields.
+///
+/// ```
+/// use mrvis::{Detail, PrepareOptions};
+///
+/// let mut options = PrepareOptions::default();
+/// options.detail = Detail::Clusters;
+/// ```
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct PrepareOptions {
-    /// How much is prepared.
-    pub(crate) detail: Detail,
-    /// How clusters are built.
-    pub(crate) clusters: clusters::Options,
-    /// How their optics are measured.
-    pub(crate) optics: optics::Options,
-    /// Where measured clusters are kept for the next run.
-    pub(crate) cache: CacheLocation,
-    /// Threads of the preparation and of all that is asked of the model; 0 for all cores.
-    pub(crate) threads: usize,
-}
-
-impl PrepareOptions {
     /// How much is prepared; default [`Detail::Optics`], everything.
-    #[must_use]
-    pub fn with_detail(mut self, detail: Detail) -> PrepareOptions {
-        self.detail = detail;
-        self
-    }
-
+    pub detail: Detail,
     /// Threads of the preparation and of all that is asked of the model, at most 1024; 0 (default) for one a core.
     ///
     /// They form a pool of the model's own. Calls from inside a rayon pool use that pool instead. No result depends on the number.
+    pub threads: usize,
+    /// Algorithm that builds the clusters; default [`Builder::Grids`]. It changes what is averaged and how fast, not what exact visibility
+    /// answers.
+    pub builder: Builder,
+    /// A folder for files of the measured clusters, so that the next preparation of the same scene reads them instead; default: no files. The
+    /// folder is made if it is missing.
+    pub cache: Option<PathBuf>,
+    /// How clusters are built; the builder is that of `builder`.
+    pub(crate) clusters: clusters::Options,
+    /// How their optics are measured.
+    pub(crate) optics: optics::Options,
+    /// What the preparation reports to.
+    pub(crate) watcher: Watcher,
+}
+
+impl PrepareOptions {
+    /// Reports the preparation to `progress`, which can stop it. The model does not keep it: see [`Model::with_progress`].
     #[must_use]
-    pub fn with_threads(mut self, threads: usize) -> PrepareOptions {
-        self.threads = threads;
+    pub fn with_progress(mut self, progress: impl Progress + 'static) -> PrepareOptions {
+        self.watcher = Watcher::new(progress);
         self
     }
 
-    /// Algorithm that builds the clusters; default [`Builder::Grids`]. It changes what is averaged and how fast, not what exact
-    /// visibility answers.
-    #[must_use]
-    pub fn with_builder(mut self, builder: Builder) -> PrepareOptions {
-        self.clusters.builder = builder;
-        self
+    /// How clusters are built.
+    pub(crate) fn clusters(&self) -> clusters::Options {
+        clusters::Options { builder: self.builder, ..self.clusters }
     }
 
-    /// Keeps the measured clusters in files of this folder, so that the next preparation of the same scene reads them instead;
-    /// default: no files. The folder is made if it is missing.
-    #[must_use]
-    pub fn with_cache(mut self, folder: impl Into<PathBuf>) -> PrepareOptions {
-        self.cache = CacheLocation::Folder(folder.into());
-        self
+    /// Where measured clusters are kept.
+    pub(crate) fn cache(&self) -> CacheLocation {
+        self.cache.clone().map_or(CacheLocation::Off, CacheLocation::Folder)
     }
 }
 
@@ -95,6 +96,8 @@ pub struct PrepareReport {
     pub cache_s: f64,
     /// Bytes that Embree reports for the acceleration structures.
     pub embree_bytes: u64,
+    /// Whether the clusters were read from a file instead of measured.
+    pub from_cache: bool,
     /// Where the clusters came from.
     pub(crate) origin: Origin,
     /// Whether `origin` is that of a mesh already.
@@ -111,16 +114,7 @@ impl PrepareReport {
             _ => origin,
         };
         self.origin_of_any = true;
-    }
-
-    /// Seconds of the whole preparation.
-    pub fn seconds(&self) -> f64 {
-        self.embree_s + self.clusters_s + self.optics_s + self.cache_s
-    }
-
-    /// Whether the clusters were read from a file instead of measured.
-    pub fn from_cache(&self) -> bool {
-        self.origin == Origin::Hit
+        self.from_cache = self.origin == Origin::Hit;
     }
 }
 
@@ -130,14 +124,23 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::Unsupported`] if the installed Embree is too old, [`Error::OutOfMemory`] or [`Error::Embree`] if it fails,
-    /// [`Error::Argument`] for too many threads, [`Error::Cancelled`] if `progress` stops the preparation.
-    pub fn prepare(
-        scene: impl Into<Arc<Scene>>,
+    /// [`Error::Argument`] for too many threads, [`Error::Cancelled`] if the caller's progress stops the preparation.
+    pub fn prepare(scene: impl Into<Arc<Scene>>, options: &PrepareOptions) -> Result<Model> {
+        Model::prepare_watched(scene.into(), options, options.watcher.progress())
+    }
+
+    /// [`Model::prepare`] that reports to a borrowed `progress`.
+    ///
+    /// # Errors
+    /// As [`Model::prepare`].
+    pub(crate) fn prepare_watched(
+        scene: Arc<Scene>,
         options: &PrepareOptions,
         progress: &dyn Progress,
     ) -> Result<Model> {
-        let (scene, threads) = (scene.into(), Arc::new(Threads::new(options.threads)?));
-        threads.run(|| prepare(scene, options, &threads, progress))?
+        let threads = Arc::new(Threads::new(options.threads)?);
+        let options = PrepareOptions { watcher: Watcher::default(), ..options.clone() };
+        threads.run(|| prepare(scene, &options, &threads, progress))?
     }
 
     /// This model with at least as much prepared as `options` ask for. Embree scenes are kept; what is there already is not
@@ -173,7 +176,7 @@ impl Model {
     /// their detail at most. Nothing is made again, and the report has only what is made now.
     #[cfg(any(test, feature = "internals"))]
     pub(crate) fn prepared_again(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
-        let PrepareReport { embree_bytes, origin, .. } = self.inner.report;
+        let PrepareReport { embree_bytes, origin, from_cache, .. } = self.inner.report;
         let report = PrepareReport { embree_bytes, ..PrepareReport::default() };
         if options.detail > self.detail() {
             return self.on_threads(|| self.prepared_further(options, progress, report))?;
@@ -182,7 +185,7 @@ impl Model {
             true => mesh.clone(),
             false => Arc::new(reduced(mesh, options.detail)),
         });
-        self.with_meshes(meshes.collect(), options, PrepareReport { origin, ..report })
+        self.with_meshes(meshes.collect(), options, PrepareReport { origin, from_cache, ..report })
     }
 
     /// The model with other meshes in the places of its own.
@@ -208,7 +211,7 @@ impl Model {
             engines: Default::default(),
         };
         inner.top = top_level(&mut inner)?;
-        Ok(Model { inner: Arc::new(inner), ranks: Ranks::default() })
+        Ok(Model { inner: Arc::new(inner), ranks: Ranks::default(), watcher: Watcher::default() })
     }
 }
 
@@ -265,7 +268,7 @@ fn prepare(
     };
     inner.top = top_level(&mut inner)?;
     inner.report.embree_bytes = inner.device.bytes() as u64;
-    Ok(Model { inner: Arc::new(inner), ranks: Ranks::default() })
+    Ok(Model { inner: Arc::new(inner), ranks: Ranks::default(), watcher: Watcher::default() })
 }
 
 /// The instances of a scene: its own triangles, then its placements.
@@ -273,7 +276,7 @@ fn instances_of(scene: &Scene) -> Result<Vec<Instance>> {
     let own = Instance::own(scene.path.display().to_string());
     let placed = scene.placements.iter().map(|p| Instance {
         mesh: p.mesh + 1,
-        transform: p.transform,
+        transform: rows(&p.transform),
         material: p.material,
         name: p.name.as_str().into(),
         visible: p.visible,
@@ -333,7 +336,7 @@ fn clusters_of(
     progress: &dyn Progress,
     report: &mut PrepareReport,
 ) -> Result<Option<Arc<Clusters>>> {
-    let how = cache::Options { clusters: options.clusters, optics: options.optics };
+    let how = cache::Options { clusters: options.clusters(), optics: options.optics };
     let start = time::Instant::now();
     let (mut clusters_s, mut optics_s) = (0.0, 0.0);
     let stop = Stop::of(progress);
@@ -343,7 +346,7 @@ fn clusters_of(
         Detail::Rays => return Ok(None),
         // Exact visibility needs no optics: none are measured, but clusters that are kept are used.
         Detail::Clusters => {
-            let (hierarchy, origin) = match cache::find(scene, &options.cache, &how) {
+            let (hierarchy, origin) = match cache::find(scene, &options.cache(), &how) {
                 Some(kept) => (kept.hierarchy, Origin::Hit),
                 None => {
                     progress.stage("building clusters", 0);
@@ -360,7 +363,7 @@ fn clusters_of(
                 return Err(cancelled());
             }
             progress.stage("looking for measured clusters", 0);
-            let made = cache::load_or_try(scene, &options.cache, &how, || {
+            let made = cache::load_or_try(scene, &options.cache(), &how, || {
                 progress.stage("building clusters", 0);
                 let build = || clusters::build_unless(scene, &how.clusters, &stopped);
                 let hierarchy = timed(&mut clusters_s, build)?;

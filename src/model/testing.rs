@@ -6,7 +6,7 @@ use crate::scene::Scene;
 /// The model of a scene, without a cache.
 pub fn model(scene: &Scene, detail: Detail) -> Model {
     let options = PrepareOptions { detail, ..PrepareOptions::default() };
-    Model::prepare(scene.clone(), &options, &()).expect("a model")
+    Model::prepare(scene.clone(), &options).expect("a model")
 }
 
 /// The same model, as if its preparation had taken so many seconds.

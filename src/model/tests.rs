@@ -7,6 +7,7 @@ mod stopped;
 
 use super::testing::model;
 use super::{Detail, InstanceChange, Model};
+use crate::math::{affine, rows};
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
 use crate::scene::generate::{self, Spec};
@@ -103,11 +104,11 @@ fn updated_models_answer_like_fresh_ones() {
             * p
             * DAffine3::from_quat(DQuat::from_rotation_z(0.3 * PI))
     };
-    let moved = turned(before.instances()[3].transform);
-    let added = super::Instance { transform: turned(moved), ..before.instances()[3].clone() };
+    let moved = turned(before.instances()[3].affine());
+    let added = super::Instance { transform: rows(&turned(moved)), ..before.instances()[3].clone() };
     let after = before
         .update(&[
-            InstanceChange::Move { instance: 3, transform: moved },
+            InstanceChange::Move { instance: 3, transform: rows(&moved) },
             InstanceChange::Show { instance: 5, visible: false },
             InstanceChange::Add(added.clone()),
             InstanceChange::Remove { instance: 7 },
@@ -116,7 +117,7 @@ fn updated_models_answer_like_fresh_ones() {
     scene.placements[2].transform = moved;
     scene.placements[4].visible = false;
     scene.placements[6].visible = false;
-    let last = crate::scene::Placement { transform: added.transform, ..scene.placements[2].clone() };
+    let last = crate::scene::Placement { transform: added.affine(), ..scene.placements[2].clone() };
     scene.placements.push(last);
     let fresh = model(&scene, Detail::Optics);
     assert_eq!((before.revision(), after.revision()), (0, 1));
@@ -147,23 +148,20 @@ fn updated_models_answer_like_fresh_ones() {
 fn bad_changes_are_refused() {
     let forest = model(&forest(), Detail::Rays);
     let transform = forest.instances()[1].transform;
-    let stretched = transform * DAffine3::from_scale(DVec3::new(1.0, 1.0, 1.2));
-    let nowhere = DAffine3::from_translation(DVec3::new(f64::NAN, 0.0, 0.0));
+    let stretched = rows(&(affine(&transform) * DAffine3::from_scale(DVec3::new(1.0, 1.0, 1.2))));
+    let away = |by: f64| rows(&DAffine3::from_translation(DVec3::splat(by)));
     let stranger = super::Instance { mesh: 99, ..forest.instances()[1].clone() };
     for (change, word) in [
         (InstanceChange::Move { instance: 0, transform }, "instance 0"),
         (InstanceChange::Move { instance: 1000, transform }, "does not exist"),
         (InstanceChange::Move { instance: 1, transform: stretched }, "unequal scale"),
-        (InstanceChange::Move { instance: 1, transform: nowhere }, "not finite"),
+        (InstanceChange::Move { instance: 1, transform: away(f64::NAN) }, "not finite"),
         (InstanceChange::Add(stranger), "mesh 99"),
         (
             InstanceChange::Add(super::Instance { material: Some(999), ..forest.instances()[1].clone() }),
             "material 999",
         ),
-        (
-            InstanceChange::Move { instance: 1, transform: DAffine3::from_translation(DVec3::splat(1e39)) },
-            "beyond",
-        ),
+        (InstanceChange::Move { instance: 1, transform: away(1e39) }, "beyond"),
     ] {
         let error = forest.update(&[change]).err().expect("refused").to_string();
         assert!(error.contains(word), "{error}");

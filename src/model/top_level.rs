@@ -80,7 +80,7 @@ fn groups(
         let old = before.and_then(|(before, _)| before.instances.get(number as usize));
         let new = Some(&instances[number as usize]).filter(|instance| instance.is_present());
         let frame = |instance: &Instance| {
-            Frame::new(measured[instance.mesh as usize].tree.clone(), instance.transform)
+            Frame::new(measured[instance.mesh as usize].tree.clone(), instance.affine())
         };
         PlacedChange {
             number,

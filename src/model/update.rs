@@ -70,6 +70,7 @@ impl Model {
                 engines: Default::default(),
             }),
             ranks: self.ranks.clone(),
+            watcher: Default::default(),
         })
     }
 }

@@ -145,8 +145,8 @@ impl<'a> Surfaces<'a> {
         let (placed, skin) = if instance.mesh == 0 {
             (own, skin(own))
         } else {
-            let placed = own.map(|p| instance.transform.transform_point3(p.as_dvec3()).as_vec3());
-            let scale = instance.transform.matrix3.determinant().abs().cbrt() as f32;
+            let placed = own.map(|p| instance.affine().transform_point3(p.as_dvec3()).as_vec3());
+            let scale = instance.affine().matrix3.determinant().abs().cbrt() as f32;
             (placed, skin(placed).max(scale * skin(own)))
         };
         // Rounding of a long ray may exceed the skin of a face near the origin.

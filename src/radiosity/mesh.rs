@@ -41,7 +41,8 @@ pub struct Element {
 
 impl Element {
     /// Whether the element has three corners.
-    pub fn is_triangle(&self) -> bool {
+    #[cfg(any(test, feature = "reports"))]
+    pub(crate) fn is_triangle(&self) -> bool {
         self.corners[2] == self.corners[3]
     }
 }

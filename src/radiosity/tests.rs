@@ -281,7 +281,7 @@ fn options_out_of_range_are_refused() {
 
 /// The model that a solve with these options needs.
 fn model_for(scene: &Scene, options: &Options) -> Model {
-    Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model")
+    Model::prepare(scene.clone(), &options.prepare()).expect("a model")
 }
 
 /// Points on edges and in corners have the light of points beside them, inside the room; by the solver and by paths.

@@ -250,7 +250,7 @@ impl Lamp {
         let area = length * width * metres * metres;
         for (half, flux) in halves.into_iter().enumerate().filter(|(_, f)| *f > DARK_HALF * total) {
             let [dimming, maintenance] = self.factors;
-            let watts = flux * self.scale * dimming * maintenance / options.photometry.lumens_per_watt;
+            let watts = flux * self.scale * dimming * maintenance / options.photometry().lumens_per_watt;
             let radiance = watts / (std::f64::consts::PI * area);
             let name = if half == 0 { self.name.clone() } else { format!("{} (back)", self.name) };
             let material = soup.material(SoupMaterial {

@@ -273,7 +273,10 @@ mod tests {
             )
         };
         for (height, want) in [(2.0, 1.0), (-2.0, -1.0)] {
-            let options = LoadOptions::default().with_emitter("lamp", 1.0);
+            let options = LoadOptions {
+                emitters: vec![("lamp".into(), crate::Strength::Watts(1.0))],
+                ..LoadOptions::default()
+            };
             let scene = read_from_memory(None, "obj", text(height).as_bytes(), &options).expect("a scene");
             let grid = scene.measuring_grid("sheet", 1.0, 0.1).expect("a grid");
             assert!((grid.normal.z - want).abs() < 1e-6 && (grid.points[0].z - 0.1 * want).abs() < 1e-6);
@@ -295,7 +298,11 @@ mod tests {
         }
         text += &[[1.0, 1.0], [2.0, 1.0], [1.0, 1.5]].map(|[x, y]| place(x, y, lamp)).concat();
         text += "o lamp\nf 9 10 11\n";
-        let options = LoadOptions::default().with_emitter("lamp", 1.0).with_up(crate::scene::UpAxis::Z);
+        let options = LoadOptions {
+            emitters: vec![("lamp".into(), crate::Strength::Watts(1.0))],
+            up: Some(crate::scene::UpAxis::Z),
+            ..LoadOptions::default()
+        };
         read_from_memory(None, "obj", text.as_bytes(), &options).expect("a scene")
     }
 

@@ -92,7 +92,7 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
             return Err(unknown(name, s.objects.iter().map(String::as_str).chain(materials)));
         }
         let area: f64 = faces.iter().map(|&t| s.triangle_area[t]).sum::<f64>() * metres * metres;
-        let radiance = strength.radiance(area * sides, options.photometry.lumens_per_watt) as f32;
+        let radiance = strength.radiance(area * sides, options.photometry().lumens_per_watt) as f32;
         if !radiance.is_finite() {
             return Err(Error::Scene(format!(
                 "emitter {}: {} {unit} on {area:e} m² is beyond every number",

@@ -48,7 +48,7 @@ impl UpAxis {
     }
 
     /// Its unit vector.
-    pub fn vector(self) -> Vec3 {
+    pub(crate) fn vector(self) -> Vec3 {
         match self {
             UpAxis::Y => Vec3::Y,
             UpAxis::Z => Vec3::Z,

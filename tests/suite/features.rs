@@ -34,7 +34,7 @@ fn a_board_over_a_floor_has_one_row() {
 
 fn one_row(scene: Scene) -> Record {
     let options = Options { points: 100, reference_rays: 64, rounds: 1, ..Options::default() };
-    let model = Model::prepare(scene, &options.prepare(), &()).expect("a model");
+    let model = Model::prepare(scene, &options.prepare()).expect("a model");
     let (record, images) = bench::run(&model, &options, &()).expect("a benchmark");
     let sentence = record.nothing_averaged.as_ref().expect("nothing is averaged");
     assert!(sentence.starts_with("Nothing may be averaged in this scene"), "{sentence}");
@@ -70,7 +70,7 @@ fn check_features(((trees, leaves), sizes): ((usize, usize), &[f64]), scenes: &[
         let scene = generate::build(&spec).expect(name);
         let few = Options { points: 200, rays: 16, reference_rays: 64, rounds: 1, ..Options::default() };
         let options = Options { feature_sizes: sizes.to_vec(), ..few };
-        let model = Model::prepare(scene, &options.prepare(), &()).expect(name);
+        let model = Model::prepare(scene, &options.prepare()).expect(name);
         let (record, _) = bench::run(&model, &options, &()).expect(name);
         if record.nothing_averaged.is_some() {
             assert!(name != "forest" && record.mr.len() == 1, "{name}: nothing is averaged at any size");

@@ -321,5 +321,5 @@ fn ten_million_links_take_less_than_a_gibibyte() {
 
 /// The model for a solve with default options.
 fn model(scene: &Scene) -> Model {
-    Model::prepare(scene.clone(), &Options::default().prepare(), &()).expect("a model")
+    Model::prepare(scene.clone(), &Options::default().prepare()).expect("a model")
 }

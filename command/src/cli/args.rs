@@ -225,25 +225,15 @@ impl SceneArgs {
         let emitters = self.emitters.iter().map(|e| parse_emitter(e)).collect::<Result<Vec<_>>>()?;
         let moves = self.moves.iter().map(|m| Move::parse(m)).collect::<Result<Vec<_>>>()?;
         let luminaires = self.luminaires.as_deref().map(read_placements).transpose()?.unwrap_or_default();
-        let mut options = LoadOptions::default()
-            .with_unit(&common.unit)
-            .with_emitters(emitters)
-            .with_moves(moves)
-            .with_placements(luminaires)
-            .with_two_sided_emission(self.two_sided_emission)
-            .with_threads(common.threads.map_or(0, usize::from));
-        if let Some(channels) = self.photometric {
-            options = options.with_channels(channels.into());
-        }
-        if let Some(up) = self.up {
-            options = options.with_up(up.into());
-        }
-        if let Some(sides) = self.sides {
-            options = options.with_sides(sides);
-        }
-        if let Some(bytes) = limits::bytes(common.max_memory) {
-            options = options.with_max_memory(bytes);
-        }
+        let mut options = LoadOptions::default().with_moves(moves).with_placements(luminaires);
+        options.unit = common.unit.clone();
+        options.emitters = emitters;
+        options.two_sided_emission = self.two_sided_emission;
+        options.threads = common.threads.map_or(0, usize::from);
+        options.channels = self.photometric.map(Into::into).unwrap_or_default();
+        options.up = self.up.map(Into::into);
+        options.sides = self.sides;
+        options.max_memory = limits::bytes(common.max_memory);
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
         let mut scene = Scene::load_with(&self.scene, &options)?;
         self.add_sky(&mut scene)?;

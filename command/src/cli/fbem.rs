@@ -14,7 +14,7 @@ use mrvis::internals::image_io::{
 use mrvis::internals::metrics::{DEFAULT_THRESHOLD, FeatureSet, Norms, norms, spectrum_sizes};
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 use mrvis::metrics::Morphology;
-use mrvis::metrics::{Fbem, FbemOptions, FeatureOptions, Features, Filter, Image, spectrum};
+use mrvis::metrics::{Fbem, FbemOptions, FeatureOptions, Features, Filter, Image, fbem};
 use mrvis::{Error, Result};
 
 /// Compare two images by the feature-based error metric: features larger than s are compared texel by texel, the rest
@@ -119,7 +119,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let white = args.white.unwrap_or_else(|| reference.data().iter().copied().fold(1.0, f32::max));
     let features = feature_options(args, white);
     let filter = if args.unmasked_filter { Filter::Unmasked } else { Filter::Whole };
-    let options = FbemOptions::default().with_exponent(args.p).with_features(features).with_filter(filter);
+    let mut options = FbemOptions::default();
+    (options.exponent, options.features, options.filter) = (args.p, features, filter);
     let sizes = if args.sizes.is_empty() { spectrum_sizes(&reference, 8) } else { args.sizes.clone() };
     if let Some(folder) = &args.out {
         let pictures =
@@ -127,7 +128,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         inputs.check(Output::within("--out", folder, pictures).chain(json()))?;
     }
     let norms = norms(&reference, &approximation)?;
-    let rows = spectrum(&reference, &approximation, &sizes, &options)?;
+    let rows = fbem(&reference, &approximation, &sizes, &options)?;
     let json_is_piped = args.json.as_deref() == Some(Path::new("-"));
     if !args.quiet {
         let text = table(args, &reference, white, &norms, &rows);
@@ -159,11 +160,10 @@ fn feature_options(args: &Args, white: f32) -> FeatureOptions {
         Mode::Paper4 => Morphology::Paper4,
     };
     let features = if args.features == Kind::Both { Features::Both } else { Features::Shadow };
-    FeatureOptions::default()
-        .with_features(features)
-        .with_morphology(morphology)
-        .with_white(white)
-        .with_threshold(args.threshold)
+    let mut options = FeatureOptions::default();
+    (options.features, options.morphology) = (features, morphology);
+    (options.white, options.threshold) = (white, args.threshold);
+    options
 }
 
 /// The results as text.
@@ -244,7 +244,7 @@ fn write_pictures(
     let range = white;
     let [difference_png, difference_exr, svg] = FIXED_PICTURES.map(|name| folder.join(name));
     write_png(&difference_png, &difference(reference, approximation, range)?)?;
-    let values = reference.data().iter().zip(approximation.data()).map(|(r, a)| a - r).collect();
+    let values: Vec<f32> = reference.data().iter().zip(approximation.data()).map(|(r, a)| a - r).collect();
     let signed = Image::new(reference.width(), reference.height(), reference.texel(), values)?;
     write_exr(&difference_exr, &signed)?;
     let point = |row: &Fbem| PlotPoint { x: row.size, y: row.value, label: String::new() };

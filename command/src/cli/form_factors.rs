@@ -12,7 +12,7 @@ use mrvis::internals::form_factors::{
 };
 use mrvis::internals::plot::number;
 use mrvis::internals::{ModelParts, SceneParts};
-use mrvis::{Detail, Error, PrepareOptions, Result};
+use mrvis::{Error, Result};
 use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 
 /// Form factors between polygons, objects or materials, with visibility.
@@ -123,9 +123,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     common.print(&format!("{count} facets, at most {} for their matrix\n", size(bound)))?;
     let bar = Bar::new(common.quiet);
     let start = Instant::now();
-    let rays = PrepareOptions::default().with_detail(Detail::Rays);
     let (model, (faces, report)) = common.on_threads(|| {
-        let model = job_context::prepare(scene, &rays, &bar)?.on_ranks(args.mpi.ranks());
+        let model = job_context::prepare_rays(scene, &bar)?.on_ranks(args.mpi.ranks());
         let found = compute(&model, &facets, &settings, &bar)?;
         Ok((model, found))
     })?;
@@ -143,7 +142,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let matrix = faces.grouped(scene, &facets, by, &())?;
     let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
     let labels = matches!(args.by, By::Face).then(|| facets.labels(scene));
-    write(&args.out, &matrix, format, labels.as_ref())?;
+    write(&args.out, matrix.rows(), format, labels.as_ref())?;
     drop(spinner);
     let mut json = serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),

@@ -2,10 +2,8 @@
 
 use super::shared_scenes::{InUse, SharedScenes};
 use crate::batch::HashedFile;
-use mrvis::Progress;
-use mrvis::Result;
-use mrvis::Scene;
-use mrvis::{Model, PrepareOptions};
+use mrvis::internals::ModelParts;
+use mrvis::{Detail, Model, PrepareOptions, Progress, Result, Scene};
 use std::cell::RefCell;
 use std::sync::Arc;
 
@@ -74,7 +72,17 @@ pub fn scene(key: impl FnOnce() -> String, read: impl FnOnce() -> Result<Scene>)
 /// As [`Model::prepare`].
 pub fn prepare(scene: Arc<Scene>, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
     match shared() {
-        None => Model::prepare(scene, options, progress),
+        None => Model::prepare_watched(scene, options, progress),
         Some(shared) => shared.model(scene, options, progress),
     }
+}
+
+/// [`prepare`] for rays alone.
+///
+/// # Errors
+/// As [`Model::prepare`].
+pub fn prepare_rays(scene: Arc<Scene>, progress: &dyn Progress) -> Result<Model> {
+    let mut options = PrepareOptions::default();
+    options.detail = Detail::Rays;
+    prepare(scene, &options, progress)
 }

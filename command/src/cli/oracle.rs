@@ -6,11 +6,11 @@ use super::job_context;
 use super::mpi::MpiArgs;
 use super::progress::Bar;
 use super::writable::check_file;
+use mrvis::Result;
 use mrvis::internals::path_tracer::{Settings, irradiance};
 use mrvis::internals::plot::number;
 use mrvis::internals::points::{Irradiance, read_points, write_irradiance};
 use mrvis::internals::{ModelParts, SceneParts};
-use mrvis::{Detail, PrepareOptions, Result};
 use std::{path::PathBuf, process::ExitCode, time::Instant};
 
 /// Irradiance at points by path tracing, with standard errors: independent values for comparison with solutions.
@@ -52,9 +52,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let settings = Settings { samples: args.samples, direct_only: args.direct_only, seed: common.seed };
     let bar = Bar::new(common.quiet);
     let start = Instant::now();
-    let rays = PrepareOptions::default().with_detail(Detail::Rays);
     let (model, found) = common.on_threads(|| {
-        let model = job_context::prepare(scene, &rays, &bar)?.on_ranks(args.mpi.ranks());
+        let model = job_context::prepare_rays(scene, &bar)?.on_ranks(args.mpi.ranks());
         let found = irradiance(&model, &points, settings, &bar)?;
         Ok((model, found))
     })?;

@@ -2,7 +2,6 @@
 
 use super::args::{Common, distinct, plain};
 use glam::DVec3;
-use mrvis::internals::SceneParts;
 use mrvis::internals::export::{
     Camera, MAX_PIXELS, MAX_SIDE, Mesh, PageView, Stage, Tone, VIEW, best_view, bytes_per_pixel, developed,
     picture, scene_view, suitable_lightmap, write_glb, write_lightmap_mesh, write_ply, write_vtu,
@@ -12,6 +11,7 @@ use mrvis::internals::plot::number;
 use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::RadiosityMesh;
 use mrvis::internals::scene::{Photometry, StoredCamera};
+use mrvis::internals::{AxisParts, SceneParts};
 use mrvis::{Progress, Result, Scene};
 use std::path::{Path, PathBuf};
 

@@ -111,14 +111,14 @@ impl SharedScenes {
             let is_it = |entry: &&Kept| entry.scene.as_ref().is_some_and(|(own, _)| Arc::ptr_eq(own, &scene));
             kept.values().find(is_it).map(|entry| entry.models.clone())
         };
-        let Some(models) = models else { return Model::prepare(scene, options, progress) };
+        let Some(models) = models else { return Model::prepare_watched(scene, options, progress) };
         let (clusters, optics, cache) = options.parts();
         let how = format!("{clusters:?} {optics:?} {cache:?}");
         let mut models = lock(&models);
         let similar = models.iter().filter(|known| known.how == how).map(|known| &known.model);
         // Of the models with enough detail, or else of all, the most detailed.
         let made = match similar.max_by_key(|model| model.detail()) {
-            None => Model::prepare(scene, options, progress)?,
+            None => Model::prepare_watched(scene, options, progress)?,
             Some(known) => known.prepared_again(options, progress)?,
         };
         models.retain(|known| known.how != how || known.model.detail() > made.detail());
@@ -209,7 +209,8 @@ mod tests {
         let (scene, _used) =
             shared.scene("a".into(), || Scene::load_with(&path, &Default::default())).expect("a scene");
         let model = |detail| {
-            let options = PrepareOptions::default().with_detail(detail);
+            let mut options = PrepareOptions::default();
+            options.detail = detail;
             shared.model(scene.clone(), &options, &()).expect("a model")
         };
         let details = [Detail::Rays, Detail::Optics, Detail::Clusters, Detail::Rays, Detail::Optics];
@@ -217,7 +218,8 @@ mod tests {
         assert_eq!(models.each_ref().map(Model::detail), details);
         // Nothing was made again after the second.
         for model in &models[2..] {
-            assert_eq!(model.report().seconds(), 0.0);
+            let report = model.report();
+            assert_eq!([report.embree_s, report.clusters_s, report.optics_s, report.cache_s], [0.0; 4]);
         }
         let tree = |model: &Model| model.base().hierarchy().clone();
         assert!(Arc::ptr_eq(&tree(&models[1]), &tree(&models[2])));

@@ -11,7 +11,7 @@ use mrvis::Scene;
 use mrvis::internals::clusters;
 use mrvis::internals::math::triangle_area;
 use mrvis::internals::radiosity::{self, Inside, Options, Outcome, RowSums};
-use mrvis::internals::{PrepareParts, SceneParts};
+use mrvis::internals::{ModelParts, PrepareParts, SceneParts};
 use mrvis::metrics::Image;
 use mrvis::{Model, PrepareOptions};
 use rayon::prelude::*;
@@ -147,7 +147,8 @@ impl Solves {
 
     /// The mean picture.
     fn picture(&self) -> Result<Image<'static>> {
-        let values = self.picture.iter().map(|sum| (sum / self.pictures.max(1) as f64) as f32).collect();
+        let values: Vec<f32> =
+            self.picture.iter().map(|sum| (sum / self.pictures.max(1) as f64) as f32).collect();
         Image::new(SIZE[0], SIZE[1], 1.0, values)
     }
 
@@ -199,7 +200,7 @@ pub fn figure_10(context: &Context) -> Result<Item> {
     // The covers of the books shall be in clusters, large as they are in this scene.
     let clusters = clusters::Options { large_surface: f32::INFINITY, ..Default::default() };
     let options = PrepareOptions::default().with_clusters(clusters);
-    let model = Model::prepare(scene()?, &options, context.progress)?;
+    let model = Model::prepare_watched(scene()?, &options, context.progress)?;
     let links = |inside| Options {
         inside,
         local_rays: Some(0),

@@ -129,11 +129,12 @@ impl Series9 {
     /// L2 and FBEM(s) by size and group, per cent.
     fn errors(&self, reference: &[Image]) -> Result<Vec<[[f64; 2]; 4]>> {
         let of = |walls: &Walls, s: f64| -> Result<[[f64; 2]; 4]> {
-            let mut errors = [[0.0; 2]; 4];
+            let (mut errors, mut options) = ([[0.0; 2]; 4], FbemOptions::default());
+            options.features = paper_features();
             for (k, error) in errors.iter_mut().enumerate() {
-                let options = FbemOptions::default().with_features(paper_features()).with_size(s * unit());
                 let l2 = norms(&reference[k], &walls.images[k])?.l2;
-                *error = [l2, fbem(&reference[k], &walls.images[k], &options)?.value].map(|v| 100.0 * v);
+                *error = [l2, fbem(&reference[k], &walls.images[k], &[s * unit()], &options)?[0].value]
+                    .map(|v| 100.0 * v);
             }
             Ok(errors)
         };
@@ -164,7 +165,8 @@ pub fn figure_9(context: &Context) -> Result<Item> {
         ),
         ..Item::default()
     };
-    let model = Model::prepare(covering_scene(COVERAGE)?, &PrepareOptions::default(), context.progress)?;
+    let model =
+        Model::prepare_watched(covering_scene(COVERAGE)?, &PrepareOptions::default(), context.progress)?;
     let by_rays = |rays: usize, stream: u64| -> Result<Vec<Image<'static>>> {
         walls(context).iter().map(|wall| Ok(wall.grid(&model).by_rays(rays, stream, 1)?.image)).collect()
     };
@@ -189,11 +191,9 @@ pub fn figure_9(context: &Context) -> Result<Item> {
 
 /// Work at the smallest feature size relative to that at the largest, with groups that cover this part of the wall.
 fn work_factor(context: &Context, coverage: f64) -> Result<f64> {
-    let model = Model::prepare(
-        covering_scene(coverage)?,
-        &PrepareOptions::default().with_detail(Detail::Clusters),
-        context.progress,
-    )?;
+    let mut options = PrepareOptions::default();
+    options.detail = Detail::Clusters;
+    let model = Model::prepare_watched(covering_scene(coverage)?, &options, context.progress)?;
     let tree = &model.base().hierarchy().micro;
     let sizes = blocker_sizes(model.scene(), tree, Vec3::Y);
     let plain = (&PlainTree::new(model.scene(), tree, &sizes), Leaves::Extinction);
@@ -285,10 +285,11 @@ fn times(name: &str, made: &Series9, exact: &[Image]) -> Result<Table> {
     times.push(first);
     for (k, walls) in made.sized.iter().enumerate() {
         let (own, images) = &made.engine[k];
-        let options = FbemOptions::default().with_features(paper_features()).with_size(SIZES[k] * unit());
+        let mut options = FbemOptions::default();
+        options.features = paper_features();
         let mut worst = 0.0f64;
         for (exact, image) in exact.iter().zip(images) {
-            worst = worst.max(100.0 * fbem(exact, image, &options)?.value);
+            worst = worst.max(100.0 * fbem(exact, image, &[SIZES[k] * unit()], &options)?[0].value);
         }
         times.push([
             number(SIZES[k], 1),

@@ -9,6 +9,7 @@ use super::table::{Table, count, number};
 use super::table_1::{paper_spread, range};
 use super::{Context, fixed, list};
 use mrvis::Result;
+use mrvis::internals::ModelParts;
 use mrvis::internals::metrics::{FeatureSet, norms};
 use mrvis::internals::raster::BitImage;
 use mrvis::metrics::Image;
@@ -29,8 +30,9 @@ pub struct Groups {
 
 impl Groups {
     pub fn new(context: &Context) -> Result<Groups> {
-        let options = PrepareOptions::default().with_detail(Detail::Rays);
-        let model = Model::prepare(covering_scene(COVERAGE)?, &options, context.progress)?;
+        let mut options = PrepareOptions::default();
+        options.detail = Detail::Rays;
+        let model = Model::prepare_watched(covering_scene(COVERAGE)?, &options, context.progress)?;
         let rays = if context.small { 16 } else { 128 };
         let four = |make: &dyn Fn(&Wall) -> Result<Image<'static>>| -> Result<[Image<'static>; 4]> {
             let images = (0..4).map(|k| make(&wall(k, COLUMNS, TEXEL))).collect::<Result<Vec<_>>>()?;

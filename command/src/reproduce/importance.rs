@@ -7,11 +7,11 @@ use super::view::{irradiance, seen};
 use super::{Context, fixed};
 use glam::DVec3;
 use mrvis::Result;
-use mrvis::internals::SceneParts;
 use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::{self, Options, Visibility};
 use mrvis::internals::scene::Object;
 use mrvis::internals::scene::generate::{self, DESKS, Spec};
+use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::Image;
 use mrvis::{Model, PrepareOptions};
 
@@ -80,8 +80,11 @@ fn at_desk() -> [DVec3; 2] {
 
 /// Section 6: feature sizes and errors by importance. One looks at the desks.
 pub fn importance(context: &Context) -> Result<Item> {
-    let model =
-        Model::prepare(generate::build(&Spec::new("office"))?, &PrepareOptions::default(), context.progress)?;
+    let model = Model::prepare_watched(
+        generate::build(&Spec::new("office"))?,
+        &PrepareOptions::default(),
+        context.progress,
+    )?;
     let points = desk();
     let small = usize::from(context.small);
     let error = [Options::default().error, 0.05][small];

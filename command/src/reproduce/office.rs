@@ -12,6 +12,7 @@ use super::{Context, counts_of, fixed, office_light};
 use glam::DVec3;
 use mrvis::Builder;
 use mrvis::Result;
+use mrvis::internals::ModelParts;
 use mrvis::internals::clusters;
 use mrvis::internals::radiosity::Visibility;
 use mrvis::internals::scene::generate::{self, ROOM, Spec};
@@ -68,8 +69,9 @@ impl Floors {
         builders: &[(Option<Builder>, &'static str)],
     ) -> Result<Floors> {
         let scene = generate::build(&Spec::new("office"))?;
-        let model =
-            Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Rays), context.progress)?;
+        let mut options = PrepareOptions::default();
+        options.detail = Detail::Rays;
+        let model = Model::prepare_watched(scene, &options, context.progress)?;
         let grid = floor(context.small).grid(&model);
         let rays = if context.small { 4 } else { 16 };
         let exact = grid.by_rays(if context.small { 32 } else { 128 }, 1, 1)?.image;
@@ -95,7 +97,7 @@ impl Floors {
     }
 
     fn fbem(&self, image: &Image) -> Result<f64> {
-        Ok(100.0 * fbem(&self.exact, image, &FbemOptions::default().with_size(SHADOW))?.value)
+        Ok(100.0 * fbem(&self.exact, image, &[SHADOW], &FbemOptions::default())?[0].value)
     }
 
     /// From each texel to points of all panels.

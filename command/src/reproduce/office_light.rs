@@ -13,7 +13,7 @@ use mrvis::internals::clusters;
 use mrvis::internals::radiosity::{self, Options, Visibility};
 use mrvis::internals::radiosity::{Element, RadiosityMesh};
 use mrvis::internals::scene::generate::{self, ROOM, Spec};
-use mrvis::internals::{PrepareParts, SceneParts};
+use mrvis::internals::{ModelParts, PrepareParts, SceneParts};
 use mrvis::metrics::Image;
 use mrvis::{Model, PrepareOptions};
 use std::sync::Arc;
@@ -65,7 +65,7 @@ pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Resul
     for (builder, name, options) in links.chain(rays) {
         let clusters = clusters::Options { builder, large_surface: SHELL };
         let prepare = PrepareOptions::default().with_clusters(clusters);
-        let model = Model::prepare(scene.clone(), &prepare, context.progress)?;
+        let model = Model::prepare_watched(scene.clone(), &prepare, context.progress)?;
         let options = Options { audit: 0, ..options };
         let outcome = radiosity::run(&model, &[], &options, context.progress)?;
         let under = contrast(&floor(&scene, &outcome.mesh)?)?;

@@ -4,6 +4,7 @@ use super::item::Item;
 use super::table::{Cell, Table, count, number};
 use super::{Context, counts_of, fixed, list};
 use mrvis::Result;
+use mrvis::internals::ModelParts;
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Scale, Series};
 use mrvis::internals::radiosity::{self, Options, Oracle, Record, Visibility};
 use mrvis::internals::scene::generate::{self, Spec};
@@ -67,7 +68,8 @@ struct Measured {
 pub fn multigridding(context: &Context) -> Result<Item> {
     let spec = Spec { count: Some(7000), ..Spec::new("urban-block") };
     let polygons = generate::soup(&spec)?.polygons();
-    let model = Model::prepare(generate::build(&spec)?, &PrepareOptions::default(), context.progress)?;
+    let model =
+        Model::prepare_watched(generate::build(&spec)?, &PrepareOptions::default(), context.progress)?;
     let small = usize::from(context.small);
     let (step, max_links) = [(0.1, 20_000), (0.05, 1000)][small];
     let audit = AUDITED[small];
@@ -125,7 +127,7 @@ struct EarlyEnd {
 /// Solves of the office, a closed room, that end after few links.
 fn early_ends(context: &Context) -> Result<Vec<EarlyEnd>> {
     let scene = generate::build(&Spec::new("office"))?;
-    let model = Model::prepare(scene, &PrepareOptions::default(), context.progress)?;
+    let model = Model::prepare_watched(scene, &PrepareOptions::default(), context.progress)?;
     let end = |max_links: usize| -> Result<EarlyEnd> {
         let visibility = Visibility::Exact;
         let options = Options { max_links, visibility, local_rays: Some(0), audit: 0, ..Options::default() };

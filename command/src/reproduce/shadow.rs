@@ -233,7 +233,9 @@ const RUN: usize = 64;
 
 /// Features as the paper defines them: shadows, sized by erosions with eight neighbours.
 pub fn paper_features() -> FeatureOptions {
-    FeatureOptions::default().with_features(Features::Shadow).with_morphology(Morphology::Paper8)
+    let mut options = FeatureOptions::default();
+    (options.features, options.morphology) = (Features::Shadow, Morphology::Paper8);
+    options
 }
 
 /// Mean of an image.

@@ -6,7 +6,7 @@ use super::shadow::paper_features;
 use super::table::{Table, number};
 use super::{Context, fixed, list};
 use mrvis::Result;
-use mrvis::metrics::{FbemOptions, spectrum};
+use mrvis::metrics::{FbemOptions, fbem};
 
 /// Feature sizes of Table 1, texels.
 const SIZES: [f64; 5] = [5.0, 16.0, 24.0, 30.0, 40.0];
@@ -59,11 +59,12 @@ pub fn table_1(context: &Context) -> Result<Item> {
             .into(),
         ..Item::default()
     };
-    let options = FbemOptions::default().with_features(paper_features());
+    let mut options = FbemOptions::default();
+    options.features = paper_features();
     let sizes = SIZES.map(|s| s * TEXEL);
     let columns: Vec<Vec<f64>> = (0..4)
         .map(|k| {
-            let found = spectrum(&groups.shadows[k], &groups.coarse[k], &sizes, &options)?;
+            let found = fbem(&groups.shadows[k], &groups.coarse[k], &sizes, &options)?;
             Ok(found.iter().map(|fbem| 100.0 * fbem.value).collect())
         })
         .collect::<Result<_>>()?;

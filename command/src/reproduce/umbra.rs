@@ -8,9 +8,9 @@ use super::table::{Table, count, number};
 use super::{Context, fixed};
 use glam::{DVec3, Vec3};
 use mrvis::Result;
-use mrvis::internals::SceneParts;
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Series};
 use mrvis::internals::raster::{BitImage, Opener};
+use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::{Image, Morphology};
 use mrvis::{Model, PrepareOptions};
 
@@ -56,7 +56,7 @@ fn square_shadow(context: &Context, wall: &Wall, (e, b, d1): (f64, f64, f64)) ->
     blocks.rectangle(DVec3::ZERO, RECEIVER * DVec3::X, RECEIVER * DVec3::Y, false);
     blocks.rectangle(DVec3::new(0.0, 0.0, DISTANCE - d1), b * DVec3::X, b * DVec3::Y, false);
     light(&mut blocks, e);
-    let model = Model::prepare(blocks.scene()?, &rays(), context.progress)?;
+    let model = Model::prepare_watched(blocks.scene()?, &rays(), context.progress)?;
     wall.grid(&model).sees(&lattice(e, 17))
 }
 
@@ -148,7 +148,9 @@ fn judge_figure_5(item: &mut Item, worst: [f64; 2], vanishes: &[(f64, f64, f64)]
 
 /// Preparation for exact rays.
 fn rays() -> PrepareOptions {
-    PrepareOptions::default().with_detail(mrvis::Detail::Rays)
+    let mut options = PrepareOptions::default();
+    options.detail = mrvis::Detail::Rays;
+    options
 }
 
 /// Side of the cluster's box, metres.
@@ -244,7 +246,7 @@ fn cluster_shadow(
     blocks.rectangle(DVec3::ZERO, RECEIVER * DVec3::X, RECEIVER * DVec3::Y, false);
     blocks.random_cubes(cubes, edge, centre, CLUSTER);
     light(&mut blocks, EMITTER);
-    let model = Model::prepare(blocks.scene()?, &rays(), context.progress)?;
+    let model = Model::prepare_watched(blocks.scene()?, &rays(), context.progress)?;
     let scene = model.scene();
     let is_cube = |&t: &u32| {
         scene.parts().objects[scene.parts().triangle_object[t as usize] as usize].name.starts_with("box")

@@ -24,7 +24,7 @@ pub fn seen(light: &RadiosityMesh, ends: [DVec3; 2], angle: f64, size: [usize; 2
         frame.first.iter().map(|first| first.map_or(0.0, |f| f.irradiance.iter().sum::<f32>() / 3.0));
     let object = |element: u32| light.elements[element as usize].object;
     Ok(Seen {
-        image: Image::new(size[0], size[1], 1.0, values.collect())?,
+        image: Image::new(size[0], size[1], 1.0, values.collect::<Vec<f32>>())?,
         objects: frame.first.iter().map(|first| first.map(|f| object(f.element))).collect(),
     })
 }

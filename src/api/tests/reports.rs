@@ -5,6 +5,7 @@ use crate::scene::Scene;
 use crate::scene::generate::{Spec, build};
 use crate::{Answers, BenchOptions, Error, FormFactorOptions, Grouping, Progress, Segments, SolveOptions};
 use crate::{Strided, SurfacePoint};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 struct Never;
@@ -16,7 +17,7 @@ impl Progress for Never {
 }
 
 fn model(scene: Scene, detail: Detail) -> Model {
-    Model::prepare(scene, &PrepareOptions::default().with_detail(detail), &()).unwrap()
+    Model::prepare(scene, &PrepareOptions { detail, ..PrepareOptions::default() }).unwrap()
 }
 
 #[test]
@@ -24,52 +25,61 @@ fn benchmarks_have_a_record_and_a_page() {
     let spec = Spec { trees: 4, leaves: 40, ..Spec::new("forest") };
     let model_of = |detail| model(build(&spec).unwrap(), detail);
     let optics = model_of(Detail::Optics);
-    let options = BenchOptions::default().with_points(60).with_rays(2).with_reference_rays(16);
-    let mut options = options.with_feature_size(1.0).with_feature_size(0.5).with_audit(0.0);
-    options.options.rounds = 1;
-    let report = optics.bench(&options, &()).unwrap();
-    let record: serde_json::Value = serde_json::from_str(&report.json()).unwrap();
+    let options = BenchOptions {
+        points: 60,
+        rays: 2,
+        reference_rays: 16,
+        feature_sizes: vec![1.0, 0.5],
+        audit: 0.0,
+        rounds: 1,
+        ..BenchOptions::default()
+    };
+    let report = optics.bench(&options).unwrap();
+    let record: serde_json::Value = serde_json::from_str(&report.json).unwrap();
     assert_eq!((&record["workload"]["points"], &record["seed"]), (&60.into(), &1.into()));
     let sizes = record["mr"].as_array().unwrap().iter().map(|row| row["feature_size"].as_f64().unwrap());
     assert!(sizes.clone().all(|s| s == 0.5 || s == 1.0) && sizes.count() == 6);
-    assert!(report.page().starts_with("<!DOCTYPE html>") && !report.page().contains("<pre>"));
+    assert_eq!(report.rows.len(), 6);
+    assert!(report.rows.iter().all(|row| row.seconds > 0.0 && (0.0..=1.0).contains(&row.aggregated)));
+    assert!(report.page.starts_with("<!DOCTYPE html>") && !report.page.contains("<pre>"));
 
     let says = |result: crate::Result<_>, part: &str| {
         let message = result.err().unwrap().to_string();
         assert!(message.contains(part), "{message}");
     };
-    says(model_of(Detail::Clusters).bench(&options, &()), "prepare the model with `Detail::Optics`");
-    says(optics.bench(&options.clone().with_points(0), &()), "points 0");
-    says(optics.bench(&options.clone().with_receiver("nobody"), &()), "nobody");
-    assert!(matches!(optics.bench(&options, &Never), Err(Error::Cancelled(_))));
+    says(model_of(Detail::Clusters).bench(&options), "prepare the model with `Detail::Optics`");
+    says(optics.bench(&BenchOptions { points: 0, ..options.clone() }), "points 0");
+    says(optics.bench(&BenchOptions { receivers: vec!["nobody".into()], ..options.clone() }), "nobody");
+    assert!(matches!(optics.with_progress(Never).bench(&options), Err(Error::Cancelled(_))));
 }
 
 #[test]
 fn references_agree_with_solutions() {
     let model = model(Scene::generate("cornell").unwrap(), Detail::Clusters);
     let floor = SurfacePoint { position: [278.0, 0.0, 279.6], normal: [0.0, 2.0, 0.0] };
-    let found = model.reference(&[floor], 4096, 1, &()).unwrap();
-    let solved = model.solve(&SolveOptions::default().with_error(0.05), &()).unwrap();
+    let found = model.reference(&[floor], 4096, 1).unwrap();
+    let solved = model.solve(&SolveOptions { error: 0.05, ..SolveOptions::default() }).unwrap();
     let light = solved.irradiance(&[floor]).unwrap()[0];
     for (k, light) in light.into_iter().enumerate() {
         let (want, noise) = (found.irradiance[0][k], found.standard_errors[0][k]);
         assert!(noise > 0.0 && noise < 0.05 * want, "{noise} {want}");
         assert!((light - want).abs() < 4.0 * noise + 0.05 * want, "{light} {want}");
     }
-    assert!(model.reference(&[floor], 1, 1, &()).unwrap_err().to_string().contains("`samples` 1"));
+    assert!(model.reference(&[floor], 1, 1).unwrap_err().to_string().contains("`samples` 1"));
     let nowhere = SurfacePoint { normal: [0.0; 3], ..floor };
-    assert!(model.reference(&[floor, nowhere], 8, 1, &()).unwrap_err().to_string().contains("`points`[1]"));
-    assert!(matches!(model.reference(&[floor], 8, 1, &Never), Err(Error::Cancelled(_))));
+    assert!(model.reference(&[floor, nowhere], 8, 1).unwrap_err().to_string().contains("`points`[1]"));
+    assert!(matches!(model.with_progress(Never).reference(&[floor], 8, 1), Err(Error::Cancelled(_))));
 }
 
 #[test]
 fn whole_matrices_of_form_factors_are_their_rows() {
     let model = model(Scene::generate("cornell").unwrap(), Detail::Rays);
-    let options = FormFactorOptions::default().with_grouping(Grouping::Object).with_rays(256);
-    let factors = model.form_factors(&options, &()).unwrap();
-    let (offsets, columns, values) = factors.csr();
-    assert_eq!((offsets.len(), offsets[0]), (factors.len() + 1, 0));
-    for row in 0..factors.len() {
+    let options =
+        FormFactorOptions { grouping: Grouping::Object, rays: Some(256), ..FormFactorOptions::default() };
+    let factors = model.form_factors(&options).unwrap();
+    let (offsets, columns, values) = (&factors.offsets, &factors.columns, &factors.factors);
+    assert_eq!((offsets.len(), offsets[0]), (factors.areas.len() + 1, 0));
+    for row in 0..factors.areas.len() {
         let span = offsets[row] as usize..offsets[row + 1] as usize;
         assert_eq!(factors.row(row), (&columns[span.clone()], &values[span]));
     }
@@ -89,22 +99,31 @@ impl Progress for After {
     }
 }
 
+fn steps_until(most: u64) -> Arc<After> {
+    Arc::new(After(most, AtomicU64::new(0)))
+}
+
 #[test]
 fn form_factors_and_batches_stop_in_their_middle() {
     let model = model(Scene::generate("cornell").unwrap(), Detail::Rays);
-    let (few, steps) = (FormFactorOptions::default().with_rays(16), After(3, AtomicU64::new(0)));
-    assert!(matches!(model.form_factors(&few, &steps), Err(Error::Cancelled(_))));
+    let (few, steps) = (FormFactorOptions { rays: Some(16), ..FormFactorOptions::default() }, steps_until(3));
+    assert!(matches!(model.with_progress(steps.clone()).form_factors(&few), Err(Error::Cancelled(_))));
     // Those that were at work on other threads end.
-    assert!((3..30).contains(&steps.1.into_inner()));
+    assert!((3..30).contains(&steps.1.load(Relaxed)));
 
     let (ends, offsets) = ([100.0f32, 100.0, 100.0, 400.0, 400.0, 400.0], Vec::from_iter(0..=100_000));
     let [from, to] = [&ends[..3], &ends[3..]].map(|p| Strided::repeated(p.try_into().unwrap(), 100_000));
     let (segments, mut clear) = (Segments::new(from, to, &offsets), vec![-1.0; 100_000]);
-    let steps = After(1, AtomicU64::new(0));
-    let found = model.visibility().answer_into_unless(&segments, &mut Answers::new(&mut clear), &steps);
+    let steps = steps_until(1);
+    let found =
+        model.with_progress(steps.clone()).visibility().answer_into(&segments, &mut Answers::new(&mut clear));
     assert!(matches!(found, Err(Error::Cancelled(_))));
-    assert!(clear.contains(&-1.0) && steps.1.into_inner() < 100_000);
-    let steps = After(u64::MAX, AtomicU64::new(0));
-    model.visibility().answer_into_unless(&segments, &mut Answers::new(&mut clear), &steps).unwrap();
-    assert!(!clear.contains(&-1.0) && steps.1.into_inner() == 100_000);
+    assert!(clear.contains(&-1.0) && steps.1.load(Relaxed) < 100_000);
+    let steps = steps_until(u64::MAX);
+    model
+        .with_progress(steps.clone())
+        .visibility()
+        .answer_into(&segments, &mut Answers::new(&mut clear))
+        .unwrap();
+    assert!(!clear.contains(&-1.0) && steps.1.load(Relaxed) == 100_000);
 }

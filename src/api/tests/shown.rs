@@ -18,10 +18,10 @@ fn solved() -> Solution {
     let lamp = MeshArrays::new("lamp", &lamp[..], &[3, 2, 1, 0]).polygon_sizes(&[4]).material(light);
     builder.add_object(&lamp).unwrap();
     // The room is seen from inside.
-    let scene = builder.finish(&LoadOptions::default().with_sides(2)).unwrap();
-    let options = PrepareOptions::default().with_detail(Detail::Clusters);
-    let model = Model::prepare(scene, &options, &()).unwrap();
-    model.solve(&SolveOptions::default().with_error(0.1), &()).unwrap()
+    let scene = builder.finish(&LoadOptions { sides: Some(2), ..LoadOptions::default() }).unwrap();
+    let options = PrepareOptions { detail: Detail::Clusters, ..PrepareOptions::default() };
+    let model = Model::prepare(scene, &options).unwrap();
+    model.solve(&SolveOptions { error: 0.1, ..SolveOptions::default() }).unwrap()
 }
 
 /// Stops at once.
@@ -56,29 +56,29 @@ fn elements_hold_the_light_of_the_surfaces() {
         }
         area += e.area;
     }
-    for (received, mean) in received.iter().zip(light.mean_irradiance()) {
+    for (received, mean) in received.iter().zip(light.report().mean_irradiance) {
         assert!((received / area / mean - 1.0).abs() < 1e-3, "{} {mean}", received / area);
     }
     let record: serde_json::Value = serde_json::from_str(&light.json()).unwrap();
-    assert_eq!(record["mean_irradiance"][0].as_f64(), Some(light.mean_irradiance()[0]));
+    assert_eq!(record["mean_irradiance"][0].as_f64(), Some(light.report().mean_irradiance[0]));
     assert!(record["versus"].is_null() && record["seconds"]["solve"].is_number());
 }
 
 #[test]
 fn pictures_show_the_light_of_the_points_that_they_see() {
     let light = solved();
-    let options = ImageOptions::default().with_size(9, 7);
+    let options = ImageOptions { size: [9, 7], ..ImageOptions::default() };
     let mut radiance = vec![0.0; 3 * 9 * 7];
     let floor = crate::SurfacePoint { position: [1.0, 1.0, 0.0], normal: [0.0, 0.0, 1.0] };
     let [e, ..] = light.irradiance(&[floor]).unwrap()[0];
     let want = 0.7 * e / std::f64::consts::PI;
     for (gather, tolerance) in [(false, 0.1), (true, 0.05)] {
-        light.image(&DOWN, &options.clone().with_gather(gather), &mut radiance, &()).unwrap();
+        light.image(&DOWN, &ImageOptions { gather, ..options.clone() }, &mut radiance).unwrap();
         let centre = f64::from(radiance[3 * (3 * 9 + 4)]);
         assert!((centre / want - 1.0).abs() < tolerance, "{centre} instead of {want}");
     }
     let before = radiance.clone();
-    let stopped = light.image(&DOWN, &options, &mut radiance, &Never);
+    let stopped = light.with_progress(Never).image(&DOWN, &options, &mut radiance);
     assert!(matches!(stopped, Err(Error::Cancelled(_))) && radiance == before);
     for (camera, buffer, part) in [
         (Camera { angle: 180.0, ..DOWN }, 189, "`camera.angle` 180"),
@@ -87,19 +87,19 @@ fn pictures_show_the_light_of_the_points_that_they_see() {
         (Camera { eye: [f64::NAN; 3], ..DOWN }, 189, "`camera.eye`"),
         (DOWN, 188, "must have 189"),
     ] {
-        let message = light.image(&camera, &options, &mut radiance[..buffer], &()).unwrap_err().to_string();
+        let message = light.image(&camera, &options, &mut radiance[..buffer]).unwrap_err().to_string();
         assert!(message.contains(part), "{message}");
     }
-    let huge = ImageOptions::default().with_size(1 << 14, 1 << 14);
-    assert!(light.image(&DOWN, &huge, &mut radiance, &()).is_err());
-    let inside = light.automatic_camera(&()).unwrap().eye;
+    let huge = ImageOptions { size: [1 << 14, 1 << 14], ..ImageOptions::default() };
+    assert!(light.image(&DOWN, &huge, &mut radiance).is_err());
+    let inside = light.automatic_camera().unwrap().eye;
     assert!(inside.iter().all(|x| (0.0..=2.0).contains(x)), "{inside:?}");
 }
 
 #[test]
 fn lightmaps_hold_the_light_of_all_sides() {
     let light = solved();
-    let map = light.lightmap(4096, &()).unwrap();
+    let map = light.lightmap(4096).unwrap();
     assert!(map.note.is_some() && map.irradiance.len() == map.width * map.height);
     assert_eq!(map.triangles.len(), map.texcoords.len());
     // The floor from above, at its middle.
@@ -119,12 +119,12 @@ fn lightmaps_hold_the_light_of_all_sides() {
     let point = crate::SurfacePoint { position: [1.0, 1.0, 0.0], normal: [0.0, 0.0, 1.0] };
     let want = light.irradiance(&[point]).unwrap()[0][1];
     assert!((f64::from(map.irradiance[at][1]) / want - 1.0).abs() < 0.1, "{:?} {want}", map.irradiance[at]);
-    assert!(light.lightmap(0, &()).is_err() && light.lightmap(usize::MAX, &()).is_err());
+    assert!(light.lightmap(0).is_err() && light.lightmap(usize::MAX).is_err());
 }
 
 #[test]
 fn the_page_stands_alone() {
-    let page = solved().page(&()).unwrap();
+    let page = solved().page().unwrap();
     assert!(page.starts_with("<!DOCTYPE html>") && page.contains("Where the light goes"));
     assert!(!page.contains("<pre>") && !page.contains("<link"));
     assert!(Scene::generate("cornell").unwrap().cameras().len() == 0);

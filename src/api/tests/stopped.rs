@@ -7,6 +7,7 @@ use crate::{
     Answers, Engine, Error, FormFactorOptions, GenerateOptions, Grouping, Progress, Segments, SolveOptions,
     SurfacePoint,
 };
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Stops when so many steps are done.
@@ -66,13 +67,14 @@ fn cornell(detail: Detail) -> Model {
 #[test]
 fn form_factors_stop_at_any_step() {
     let model = cornell(Detail::Rays);
-    let options = FormFactorOptions::default().with_rays(256);
-    let all = after(u64::MAX);
-    let facets = model.form_factors(&options, &all).expect("form factors").len() as u64;
+    let options = FormFactorOptions { rays: Some(256), ..FormFactorOptions::default() };
+    let all = Arc::new(after(u64::MAX));
+    let facets =
+        model.with_progress(all.clone()).form_factors(&options).expect("form factors").areas.len() as u64;
     assert_eq!(all.done.load(Ordering::Relaxed), 2 * facets);
     for steps in [0, 1, facets, facets + 1, 2 * facets] {
-        let progress = after(steps);
-        let result = model.form_factors(&options, &progress);
+        let progress = Arc::new(after(steps));
+        let result = model.with_progress(progress.clone()).form_factors(&options);
         assert!(matches!(result, Err(Error::Cancelled(_))), "{steps} of {}", 2 * facets);
         // Each thread ends what it has begun.
         let done = progress.done.load(Ordering::Relaxed);
@@ -84,18 +86,23 @@ fn form_factors_stop_at_any_step() {
 #[test]
 fn form_factors_stop_before_and_after_their_rays() {
     let model = model(&Scene::generate("cubes").expect("a scene"), Detail::Rays);
-    let options = FormFactorOptions::default().with_rays(16).with_grouping(Grouping::Material);
-    let all = at_ask(u64::MAX);
-    model.form_factors(&options, &all).expect("form factors");
-    let facets =
-        model.form_factors(&options.with_grouping(Grouping::Polygon), &()).expect("form factors").len();
+    let options =
+        FormFactorOptions { rays: Some(16), grouping: Grouping::Material, ..FormFactorOptions::default() };
+    let all = Arc::new(at_ask(u64::MAX));
+    model.with_progress(all.clone()).form_factors(&options).expect("form factors");
+    let facets = model
+        .form_factors(&FormFactorOptions { grouping: Grouping::Polygon, ..options })
+        .expect("form factors")
+        .areas
+        .len();
     let [asked, before, since] = [&all.asked, &all.before, &all.since].map(|n| n.load(Ordering::Relaxed));
     assert!(before >= facets as u64, "{before} questions while {facets} facets are made");
     assert!(since >= 2 * facets as u64, "{since} questions while {facets} rows are balanced and grouped");
-    let options = FormFactorOptions::default().with_rays(16).with_grouping(Grouping::Material);
+    let options =
+        FormFactorOptions { rays: Some(16), grouping: Grouping::Material, ..FormFactorOptions::default() };
     for at in [2, before / 2, asked - facets as u64 / 2] {
         assert!(
-            matches!(model.form_factors(&options, &at_ask(at)), Err(Error::Cancelled(_))),
+            matches!(model.with_progress(at_ask(at)).form_factors(&options), Err(Error::Cancelled(_))),
             "{at} of {asked}"
         );
     }
@@ -120,8 +127,8 @@ fn one_large_bundle_stops() {
         let visibility = model.visibility().with_engine(engine);
         let (mut found, mut each) = ([0.0], vec![7.0; count]);
         for at in [1, 4] {
-            let stopped =
-                visibility.answer_into_unless(&segments, &mut Answers::new(&mut found), &at_ask(at));
+            let watched = model.with_progress(at_ask(at)).visibility().with_engine(engine);
+            let stopped = watched.answer_into(&segments, &mut Answers::new(&mut found));
             assert!(matches!(stopped, Err(Error::Cancelled(_))), "{engine:?} {at}");
         }
         visibility
@@ -139,11 +146,11 @@ fn one_large_bundle_stops() {
 #[test]
 fn the_time_of_a_solution_begins_with_its_call() {
     let light = |model: Model, seconds: Option<f64>| {
-        let options = SolveOptions::default().with_error(0.2).with_audit(0);
-        let options = seconds.iter().fold(options, |options, &seconds| options.with_max_seconds(seconds));
-        let solution = model.solve(&options, &()).expect("light");
-        assert!(!solution.warnings().iter().any(|w| w.contains("max_seconds")), "{:?}", solution.warnings());
-        (solution.mean_irradiance(), solution.element_count())
+        let options = SolveOptions { error: 0.2, audit: 0, max_seconds: seconds, ..SolveOptions::default() };
+        let solution = model.solve(&options).expect("light");
+        let report = solution.report().clone();
+        assert!(!report.warnings.iter().any(|w| w.contains("max_seconds")), "{:?}", report.warnings);
+        (report.mean_irradiance, report.elements)
     };
     let slow = prepared_in(cornell(Detail::Clusters), 1e6);
     assert_eq!(light(slow, Some(1e5)), light(cornell(Detail::Clusters), None));
@@ -152,7 +159,8 @@ fn the_time_of_a_solution_begins_with_its_call() {
 #[test]
 fn points_beyond_the_scene_are_refused() {
     let model = cornell(Detail::Clusters);
-    let solution = model.solve(&SolveOptions::default().with_error(0.5).with_audit(0), &()).expect("light");
+    let solution =
+        model.solve(&SolveOptions { error: 0.5, audit: 0, ..SolveOptions::default() }).expect("light");
     let floor = SurfacePoint { position: [278.0, 0.0, 279.6], normal: [0.0, 1.0, 0.0] };
     for (point, want) in [
         (
@@ -163,15 +171,19 @@ fn points_beyond_the_scene_are_refused() {
         (SurfacePoint { normal: [0.0; 3], ..floor }, "`points`[1].normal [0.0, 0.0, 0.0]: must be"),
     ] {
         let errors =
-            [solution.irradiance(&[floor, point]).err(), model.reference(&[floor, point], 2, 1, &()).err()];
+            [solution.irradiance(&[floor, point]).err(), model.reference(&[floor, point], 2, 1).err()];
         for error in errors {
             let error = error.expect(want).to_string();
             assert!(error.contains(want), "{error}");
         }
     }
-    let camera = solution.automatic_camera(&()).expect("a camera");
+    let camera = solution.automatic_camera().expect("a camera");
     let camera = crate::Camera { eye: [1e300; 3], ..camera };
-    let error = solution.image(&camera, &crate::ImageOptions::default().with_size(1, 1), &mut [0.0; 3], &());
+    let error = solution.image(
+        &camera,
+        &crate::ImageOptions { size: [1, 1], ..crate::ImageOptions::default() },
+        &mut [0.0; 3],
+    );
     assert!(error.unwrap_err().to_string().contains("`camera.eye`"));
 }
 
@@ -192,16 +204,16 @@ fn parameters_of_generated_scenes_count() {
 fn solutions_are_written_by_their_extension() {
     let solution = cornell(Detail::Clusters);
     let solution =
-        solution.solve(&SolveOptions::default().with_error(0.5).with_audit(0), &()).expect("light");
+        solution.solve(&SolveOptions { error: 0.5, audit: 0, ..SolveOptions::default() }).expect("light");
     let folder = tempfile::tempdir().expect("a folder");
     for (name, begin) in [("a.vtu", "<?xml"), ("a.ply", "ply\n"), ("a.glb", "glTF")] {
         let path = folder.path().join(name);
-        solution.write(&path, &()).expect(name);
+        solution.write(&path).expect(name);
         assert!(std::fs::read(&path).expect(name).starts_with(begin.as_bytes()), "{name}");
         std::fs::remove_file(&path).expect(name);
         // Stopped at any time: either there is a complete file, or the work was cancelled and there is none.
         for at in 1.. {
-            match solution.write(&path, &at_ask(at)) {
+            match solution.with_progress(at_ask(at)).write(&path) {
                 Ok(()) => {
                     assert!(at > 2, "{name}: asked {} times", at - 1);
                     break;
@@ -212,5 +224,5 @@ fn solutions_are_written_by_their_extension() {
         }
         assert!(path.exists());
     }
-    assert!(solution.write(folder.path().join("a.doc"), &()).unwrap_err().to_string().contains(".glb"));
+    assert!(solution.write(folder.path().join("a.doc")).unwrap_err().to_string().contains(".glb"));
 }

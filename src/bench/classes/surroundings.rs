@@ -164,5 +164,5 @@ impl<'a> Surroundings<'a> {
 
 /// Ratio of a length that an instance places to that in its mesh.
 fn scale(instance: &Instance) -> f32 {
-    instance.transform.matrix3.determinant().abs().cbrt() as f32
+    instance.affine().matrix3.determinant().abs().cbrt() as f32
 }

@@ -197,7 +197,7 @@ fn a_closed_room_under_a_sky_has_a_note() {
     pieces.object("shelf").cuboid(DVec3::new(-1.0, 0.0, 0.0), DVec3::new(1.0, 0.5, 1.0));
     let options = Options { points: 100, reference_rays: 16, rounds: 1, map: Some(16), ..Options::default() };
     let scene = under("uniform:1000", "160,50:400", pieces.scene());
-    let model = Model::prepare(scene, &options.prepare(), &()).expect("a model");
+    let model = Model::prepare(scene, &options.prepare()).expect("a model");
     let (record, _) = run(&model, &options, &()).expect("a record");
     let sky = record.workload.sky.expect("a sky");
     assert_eq!((sky.patches, sky.suns, sky.patches_per_point, &*sky.shown), (64, 1, 4, "lamps"));

@@ -7,7 +7,7 @@ use crate::Result;
 use crate::bench::record::Record;
 use crate::image_io::{Picture, difference, grey, mask_overlay};
 use crate::metrics::{
-    Fbem, FbemOptions, FeatureOptions, FeatureSet, Image, difference as differences, fbem, norms, spectrum,
+    Fbem, FbemOptions, FeatureOptions, FeatureSet, Image, difference as differences, fbem, norms,
     spectrum_sizes,
 };
 use crate::page::{data_url, length, signed};
@@ -49,7 +49,7 @@ pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup
         );
         rows.push(compared.row(&label, s, image, &mut features)?);
     }
-    let exact = spectrum(reference, exact16, &sizes(reference, mr), &FbemOptions::default())?;
+    let exact = fbem(reference, exact16, &sizes(reference, mr), &FbemOptions::default())?;
     let own = mr
         .iter()
         .map(|row| fbem_at(reference, &row.image, f64::from(row.size)))
@@ -163,7 +163,7 @@ impl Spot {
 
 /// FBEM with default options.
 pub(super) fn fbem_at(reference: &Image, image: &Image, size: f64) -> Result<Fbem> {
-    fbem(reference, image, &FbemOptions { size, ..FbemOptions::default() })
+    Ok(fbem(reference, image, &[size], &FbemOptions::default())?[0])
 }
 
 /// Sizes of the spectrum of the exact image: up to 1.5 times the largest size of an MR image.

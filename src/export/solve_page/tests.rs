@@ -23,7 +23,7 @@ fn page(audit: usize, photometry: Option<Photometry>) -> (String, Record) {
     let mut scene = build(&Spec::new("cornell")).expect("the box");
     scene.materials[0].name = "<b>white</b>".into();
     let options = Options { audit, error: 0.2, local_rays: Some(0), ..Options::default() };
-    let model = Model::prepare(scene, &options.prepare(), &()).expect("a model");
+    let model = Model::prepare(scene, &options.prepare()).expect("a model");
     let outcome = crate::radiosity::run(&model, &[], &options, &()).expect("a solution");
     let view = PageView {
         name: "view <1>".into(),

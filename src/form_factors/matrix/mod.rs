@@ -28,7 +28,7 @@ mod tests;
 mod write;
 
 pub use facets::{Facets, Labels};
-pub use rows::{Grouping, Matrix};
+pub use rows::{Grouping, Matrix, Rows};
 pub use write::{Format, write};
 
 use crate::model::Model;

@@ -28,22 +28,53 @@ pub struct Matrix {
     pub names: Vec<String>,
 }
 
+/// What a [`Matrix`] holds, borrowed.
+#[derive(Clone, Copy)]
+pub struct Rows<'a> {
+    pub offsets: &'a [u64],
+    pub columns: &'a [u32],
+    pub factors: &'a [f32],
+    pub areas: &'a [f64],
+    pub escaped: &'a [f32],
+    pub lost: &'a [f32],
+    pub names: &'a [String],
+}
+
+impl<'a> Rows<'a> {
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.areas.len()
+    }
+
+    /// Column and form factor of the entries of a row.
+    pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + use<'a> {
+        let span = self.offsets[i] as usize..self.offsets[i + 1] as usize;
+        let columns = self.columns[span.clone()].iter().map(|&c| c as usize);
+        columns.zip(self.factors[span].iter().map(|&f| f64::from(f)))
+    }
+}
+
 impl Matrix {
+    /// What it holds.
+    pub fn rows(&self) -> Rows<'_> {
+        let Matrix { offsets, columns, factors, areas, escaped, lost, names } = self;
+        Rows { offsets, columns, factors, areas, escaped, lost, names }
+    }
+
     /// Number of rows.
     pub fn len(&self) -> usize {
         self.areas.len()
     }
 
     /// Whether there are no rows.
+    #[cfg(any(test, feature = "internals"))]
     pub fn is_empty(&self) -> bool {
         self.areas.is_empty()
     }
 
     /// Column and form factor of the entries of a row.
     pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let span = self.offsets[i] as usize..self.offsets[i + 1] as usize;
-        let columns = self.columns[span.clone()].iter().map(|&c| c as usize);
-        columns.zip(self.factors[span].iter().map(|&f| f64::from(f)))
+        self.rows().row(i)
     }
 
     /// Sum of the form factors of a row.

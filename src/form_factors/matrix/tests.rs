@@ -259,7 +259,7 @@ fn files_hold_the_matrix() {
     let path = |name: &str| folder.path().join(name);
     for (name, format) in [("f.npz", Format::Npz), ("f.csv", Format::Csv), ("f.mtx", Format::Mtx)] {
         assert_eq!(Format::of(&path(name)).expect("known"), format);
-        write(&path(name), &m, format, None).expect("written");
+        write(&path(name), m.rows(), format, None).expect("written");
     }
     let text = |name: &str| std::fs::read_to_string(path(name)).expect("text");
     let rows: Vec<String> = text("f.csv").lines().map(str::to_owned).collect();
@@ -298,7 +298,7 @@ fn files_name_the_objects_of_facets() {
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = |name: &str| folder.path().join(name);
     for (name, format) in [("f.npz", Format::Npz), ("f.csv", Format::Csv), ("f.mtx", Format::Mtx)] {
-        write(&path(name), &m, format, Some(&labels)).expect("written");
+        write(&path(name), m.rows(), format, Some(&labels)).expect("written");
     }
     let text = |name: &str| std::fs::read_to_string(path(name)).expect("text");
     let rows: Vec<String> = text("f.csv").lines().map(str::to_owned).collect();

@@ -35,9 +35,9 @@ proptest! {
     ) {
         let (f, g) = (image(w, h, seed), image(w, h, other));
         for options in all_options() {
-            prop_assert_eq!(fbem(&f, &g, &options).unwrap().value, norms(&f, &g).unwrap().l2);
-            prop_assert_eq!(fbem(&f, &f, &FbemOptions { size, ..options }).unwrap().value, 0.0);
-            let l1 = fbem(&f, &g, &FbemOptions { p: 1.0, ..options }).unwrap().value;
+            prop_assert_eq!(fbem(&f, &g, &[0.0], &options).unwrap()[0].value, norms(&f, &g).unwrap().l2);
+            prop_assert_eq!(fbem(&f, &f, &[size], &options).unwrap()[0].value, 0.0);
+            let l1 = fbem(&f, &g, &[0.0], &FbemOptions { exponent: 1.0, ..options }).unwrap()[0].value;
             prop_assert!((l1 - norms(&f, &g).unwrap().l1).abs() < 1e-12);
         }
     }
@@ -46,12 +46,12 @@ proptest! {
 #[test]
 fn bad_arguments_are_refused() {
     let (f, g) = (image(8, 8, 1), image(8, 9, 1));
-    assert!(fbem(&f, &g, &FbemOptions::default()).is_err());
+    assert!(fbem(&f, &g, &[0.0], &FbemOptions::default()).is_err());
     for size in [-1.0, f64::NAN, f64::INFINITY] {
-        assert!(fbem(&f, &f, &FbemOptions { size, ..Default::default() }).is_err());
+        assert!(fbem(&f, &f, &[size], &Default::default()).is_err());
     }
-    for p in [0.5, f64::NAN, f64::INFINITY] {
-        assert!(fbem(&f, &f, &FbemOptions { p, ..Default::default() }).is_err());
+    for exponent in [0.5, f64::NAN, f64::INFINITY] {
+        assert!(fbem(&f, &f, &[0.0], &FbemOptions { exponent, ..Default::default() }).is_err());
     }
 }
 
@@ -61,9 +61,10 @@ fn the_unmasked_filter_does_not_bleed() {
     let shadow = Image::from_fn(60, 60, 1.0, |x, y| if x < 30 && y < 30 { 0.0 } else { 1.0 }).unwrap();
     let nothing = Image::from_fn(60, 60, 1.0, |_, _| 1.0).unwrap();
     let features = FeatureOptions { features: Features::Shadow, ..Default::default() };
-    let options = FbemOptions { size: 10.0, features, ..Default::default() };
-    let whole = fbem(&shadow, &nothing, &options).unwrap();
-    let unmasked = fbem(&shadow, &nothing, &FbemOptions { filter: Filter::Unmasked, ..options }).unwrap();
+    let options = FbemOptions { features, ..Default::default() };
+    let whole = fbem(&shadow, &nothing, &[10.0], &options).unwrap()[0];
+    let unmasked =
+        fbem(&shadow, &nothing, &[10.0], &FbemOptions { filter: Filter::Unmasked, ..options }).unwrap()[0];
     // The remaining error comes from the corners that the opening rounds off.
     assert!(unmasked.outside < 0.5 * whole.outside && unmasked.inside == whole.inside);
     assert!((whole.inside + whole.outside - whole.value.powi(2)).abs() < 1e-12);
@@ -111,7 +112,7 @@ fn table_1_orders_by_cube_size_and_falls_off() {
         let options = FbemOptions { features, ..Default::default() };
         let group = |side: usize| -> Vec<f64> {
             let reference = shadows(side);
-            let rows = spectrum(&reference, &coarse(&reference), &sizes, &options).unwrap();
+            let rows = fbem(&reference, &coarse(&reference), &sizes, &options).unwrap();
             rows.iter().map(|row| 100.0 * row.value).collect()
         };
         let table = [4, 8, 15, 30].map(group);

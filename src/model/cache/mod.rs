@@ -44,6 +44,16 @@ pub enum CacheLocation {
     Folder(PathBuf),
 }
 
+impl CacheLocation {
+    /// The folder, if there is one.
+    pub fn folder(&self) -> Option<PathBuf> {
+        match self {
+            CacheLocation::Off => None,
+            CacheLocation::Folder(folder) => Some(folder.clone()),
+        }
+    }
+}
+
 /// Options that the prepared clusters depend on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {

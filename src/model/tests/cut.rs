@@ -93,8 +93,8 @@ fn threads_change_no_answer_of_the_cut() {
     let spec = Spec { trees: 16, leaves: 500, ..Spec::new("forest") };
     let scene = std::sync::Arc::new(generate::build(&spec).expect("a forest"));
     let found = |threads: usize| {
-        let options = crate::model::PrepareOptions::default().with_threads(threads);
-        let model = Model::prepare(scene.clone(), &options, &()).expect("a model");
+        let options = crate::model::PrepareOptions { threads, ..crate::model::PrepareOptions::default() };
+        let model = Model::prepare(scene.clone(), &options).expect("a model");
         let points = surface_points(&model, 500, 1).expect("points");
         let workload = Workload::new(&model, points, 1);
         model.on_threads(|| answers(&with_cut(&model, 0), (&model, &workload), (16, 0.1))).expect("threads")

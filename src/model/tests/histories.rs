@@ -1,6 +1,7 @@
 //! Sequences of updates against models that are prepared afresh.
 
 use super::{blocked, bundles, transmittances};
+use crate::math::rows;
 use crate::model::testing::model;
 use crate::model::{Detail, Instance, InstanceChange, Model};
 use crate::scene::generate::{self, Spec};
@@ -24,7 +25,7 @@ fn groups(model: &Model) -> Option<&InstanceTree> {
 fn scene_of(model: &Model) -> Scene {
     let placements = model.instances()[1..].iter().map(|instance| Placement {
         mesh: instance.mesh - 1,
-        transform: instance.transform,
+        transform: instance.affine(),
         name: instance.name.to_string(),
         material: instance.material,
         visible: instance.is_present(),
@@ -38,7 +39,7 @@ fn some_change(random: &mut Pcg64Mcg, instances: &[Instance]) -> InstanceChange 
     let instance = there[(unit(random) * there.len() as f64) as usize];
     let away = DVec3::new(30.0 * unit(random) - 15.0, 30.0 * unit(random) - 15.0, unit(random));
     let of = &instances[instance as usize];
-    let transform = DAffine3::from_translation(away) * of.transform;
+    let transform = rows(&(DAffine3::from_translation(away) * of.affine()));
     match (5.0 * unit(random)) as u32 {
         0 | 1 => InstanceChange::Move { instance, transform },
         2 => InstanceChange::Add(Instance { transform, ..of.clone() }),
@@ -93,7 +94,8 @@ fn updates_measure_the_groups_above_changed_instances() {
                 let instance = 1 + (unit(&mut random) * n as f64) as u32;
                 let away = DVec3::new(20.0 * unit(&mut random), -20.0 * unit(&mut random), 0.0);
                 let transform =
-                    DAffine3::from_translation(away) * before.instances()[instance as usize].transform;
+                    DAffine3::from_translation(away) * before.instances()[instance as usize].affine();
+                let transform = rows(&transform);
                 InstanceChange::Move { instance, transform }
             })
             .collect();

@@ -106,7 +106,7 @@ fn points_follow_instances() {
     let before = model(&scene, Detail::Rays);
     let after = before
         .update(&[
-            InstanceChange::Move { instance: 1, transform: away(50.0) },
+            InstanceChange::Move { instance: 1, transform: rows(&away(50.0)) },
             InstanceChange::Remove { instance: 2 },
         ])
         .expect("updated");
@@ -131,7 +131,7 @@ fn instances_do_not_emit() {
     let lamp = |m: &Material| m.emission != [0.0; 3];
     scene.placements[1].material = scene.materials.iter().position(lamp).map(|m| m as u32);
     let options = super::super::PrepareOptions { detail: Detail::Rays, ..Default::default() };
-    let refused = Model::prepare(scene, &options, &()).err().expect("an instance emits").to_string();
+    let refused = Model::prepare(scene, &options).err().expect("an instance emits").to_string();
     assert!(refused.contains("instance 2") && refused.contains("must not emit"), "{refused}");
     let spec = Spec { trees: 3, leaves: 20, instances: true, ..Spec::new("forest") };
     let mut placed = generate::placed(&spec).expect("a forest");

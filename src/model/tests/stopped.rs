@@ -33,9 +33,9 @@ fn a_preparation_ends_in_the_stage_in_which_it_is_stopped() {
     let spec = Spec { trees: 40, leaves: 1000, ..Spec::new("forest") };
     let scene = generate::build(&spec).expect("a forest");
     let prepare = |stage, detail| {
-        let options = PrepareOptions::default().with_detail(detail);
+        let options = PrepareOptions { detail, ..PrepareOptions::default() };
         let stop = In { stage, ..In::default() };
-        let result = Model::prepare(scene.clone(), &options, &stop);
+        let result = Model::prepare_watched(scene.clone().into(), &options, &stop);
         (result.err(), stop)
     };
     let cases = [

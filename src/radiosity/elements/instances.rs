@@ -51,6 +51,7 @@ impl Elements {
 mod tests {
     use super::*;
     use crate::clusters;
+    use crate::math::rows;
     use crate::model::{Detail, InstanceChange, Model, testing::model};
     use crate::scene::generate::{self, Spec};
     use crate::scene::{Placement, Scene};
@@ -62,7 +63,7 @@ mod tests {
         let mut scene = model.scene().clone();
         let placed = model.instances().iter().skip(1).map(|i| Placement {
             mesh: i.mesh - 1,
-            transform: i.transform,
+            transform: i.affine(),
             name: i.name.to_string(),
             material: i.material,
             visible: i.is_present(),
@@ -105,7 +106,8 @@ mod tests {
         let spec = Spec { trees: 5, leaves: 40, instances: true, species: 2, ..Spec::new("forest") };
         let scene = generate::build(&spec).expect("a forest");
         let before = model(&scene, Detail::Rays);
-        let away = DAffine3::from_translation(DVec3::new(0.7, 0.2, 0.1)) * before.instances()[2].transform;
+        let away = DAffine3::from_translation(DVec3::new(0.7, 0.2, 0.1)) * before.instances()[2].affine();
+        let away = rows(&away);
         let reference = surfaces(&before);
         assert_eq!(reference.len(), 6);
         assert!(reference.iter().all(|instance| instance.len() > 4));

@@ -1,6 +1,5 @@
 //! The visibility engine of a solve.
 
-use crate::clusters;
 use crate::model::{Detail, Model, PrepareOptions};
 use crate::radiosity::elements::Elements;
 use crate::radiosity::links::{VisibilityEngine, sample_bundles};
@@ -12,8 +11,12 @@ impl Options {
     /// What a model must hold for a solve with these options.
     pub fn prepare(&self) -> PrepareOptions {
         let detail = if self.visibility == Visibility::Exact { Detail::Clusters } else { Detail::Optics };
-        let clusters = clusters::Options { builder: self.builder, ..Default::default() };
-        PrepareOptions { detail, clusters, cache: self.cache.clone(), ..PrepareOptions::default() }
+        PrepareOptions {
+            detail,
+            builder: self.builder,
+            cache: self.cache.folder(),
+            ..PrepareOptions::default()
+        }
     }
 }
 

@@ -4,7 +4,6 @@
 use super::notes;
 use crate::model::Model;
 use crate::points::Point;
-#[cfg(any(test, feature = "reports"))]
 use crate::progress::Progress;
 use crate::radiosity::audit::Solved;
 use crate::radiosity::deadline::Deadline;
@@ -20,7 +19,6 @@ use glam::Vec3;
 
 /// Approximate number of rays between two checks of the deadline: limits the delay to 4 million rays, half a second at
 /// 8 million rays a second.
-#[cfg(any(test, feature = "reports"))]
 const RAYS_PER_CHECK: usize = 1 << 22;
 
 /// The light of a scene, which answers irradiance at points.
@@ -49,9 +47,22 @@ impl Solution {
         &self.model
     }
 
-    /// Irradiance at points relative to the scene's origin, with unit normals, W/m², with all rays.
-    pub fn irradiance(&self, points: &[(Vec3, Vec3)]) -> Vec<Rgb> {
-        FinalGather::new(&self.model, &self.solved.linked, &self.options).irradiance(points, &|_| ()).0
+    /// Irradiance at points relative to the scene's origin, with unit normals, W/m², with all rays; none if `progress` has
+    /// stopped.
+    pub fn irradiance(&self, points: &[(Vec3, Vec3)], progress: &dyn Progress) -> Option<Vec<Rgb>> {
+        let gather = FinalGather::new(&self.model, &self.solved.linked, &self.options);
+        progress.stage("light at points", points.len() as u64);
+        let direct = gather.direct_light_for(points);
+        let mut found = Vec::with_capacity(points.len());
+        let step = (RAYS_PER_CHECK / rays_per_point(&self.options)).max(1);
+        for first in (0..points.len()).step_by(step) {
+            if progress.stopped() {
+                return None;
+            }
+            let part = first..points.len().min(first + step);
+            found.extend(gather.irradiance_of(points, part, &direct, &|n| progress.advance(n as u64)).0);
+        }
+        Some(found)
     }
 
     /// Irradiance at points (file coordinates) within a part, in `(0, 1]`, of the time that is left of [`Options::max_seconds`]: by
@@ -73,9 +84,7 @@ impl Solution {
         let gather = |options: &Options| FinalGather::new(&self.model, &self.solved.linked, options);
         let all = gather(&self.options);
         let possible = all.possible_part(&points, &deadline.part(QUERY_SHARE));
-        let rays = |options: &Options| {
-            options.light_rays() + if options.direct_only { 0 } else { options.gather_rays() }
-        };
+        let rays = rays_per_point;
         let min_part = rays(&with_fewer_rays(&self.options, 0.0)) as f64 / rays(&self.options) as f64;
         if possible < min_part {
             return self.nothing(points.len(), &deadline);
@@ -107,6 +116,11 @@ impl Solution {
             format!("{why}: light at {points} pixels is that of elements, there was no time to gather it");
         PointLight { irradiance: None, note: Some(note) }
     }
+}
+
+/// Rays that are traced from a point.
+fn rays_per_point(options: &Options) -> usize {
+    options.light_rays() + if options.direct_only { 0 } else { options.gather_rays() }
 }
 
 /// Points relative to the scene's origin, with their normals, scene units.

@@ -11,7 +11,9 @@ fn outdoors(reflectance: f32, polygons: &[Vec<DVec3>], sky: &str, sun: &str) -> 
     let grey = soup.material(SoupMaterial::diffuse("grey", [reflectance; 3]));
     let object = soup.object("ground");
     polygons.iter().for_each(|corners| soup.polygon(object, grey, corners));
-    let mut scene = resolve(soup, &LoadOptions::default().with_up(crate::scene::UpAxis::Z)).expect("a scene");
+    let mut scene =
+        resolve(soup, &LoadOptions { up: Some(crate::scene::UpAxis::Z), ..LoadOptions::default() })
+            .expect("a scene");
     let sky = SkyOptions::parse(sky).and_then(|sky| sky.with_sun(sun)).expect("a sky");
     scene.set_sky(&sky).expect("a sky of the scene");
     scene

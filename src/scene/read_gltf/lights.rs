@@ -102,7 +102,7 @@ impl Reader<'_> {
                 .add(soup, diagonal, options);
                 continue;
             }
-            let irradiance = light.strength / options.photometry.lumens_per_watt;
+            let irradiance = light.strength / options.photometry().lumens_per_watt;
             soup.suns.push(Sun::new(-light.aim, light.colour.map(|c| c * irradiance)));
         }
         if self.hard_spots > 0 {

@@ -41,7 +41,7 @@ fn reference_and_solution(scene: &Scene, points: &[Point]) -> (Irradiance, radio
     let settings = Settings { samples: 1024, direct_only: false, seed: 1 };
     let reference = irradiance(&model(scene, Detail::Rays), points, settings, &()).expect("reference");
     let options = radiosity::Options { audit: 0, local_rays: Some(350_000), ..Default::default() };
-    let model = Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model");
+    let model = Model::prepare(scene.clone(), &options.prepare()).expect("a model");
     let solved = radiosity::run(&model, points, &options, &()).expect("solved");
     (reference, solved)
 }

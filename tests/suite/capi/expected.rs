@@ -1,6 +1,6 @@
 //! What `tests/capi/answers.c` prints, computed by the crate.
 
-use mrvis::metrics::{Fbem, FbemOptions, Image, spectrum};
+use mrvis::metrics::{Fbem, FbemOptions, Image, fbem};
 use mrvis::{
     Answers, Cost, Detail, Element, Engine, FormFactorOptions, Grouping, ImageOptions, LoadOptions,
     MeshArrays, Method, Model, PrepareOptions, Scene, SceneBuilder, Segments, Solution, SolveOptions,
@@ -54,7 +54,9 @@ fn scene() -> Scene {
 }
 
 pub fn model() -> Model {
-    Model::prepare(scene(), &PrepareOptions::default().with_threads(1), &()).expect("a model")
+    let mut options = PrepareOptions::default();
+    options.threads = 1;
+    Model::prepare(scene(), &options).expect("a model")
 }
 
 /// Answers of all engines, as the C++ program prints them.
@@ -156,10 +158,13 @@ fn query_lines(text: &mut String, model: &Model) {
 }
 
 fn solution_lines(text: &mut String, model: &Model) {
-    let light = model.solve(&SolveOptions::default().with_error(0.1), &()).expect("light");
-    let mean = light.mean_irradiance()[0].to_bits();
-    let estimate = light.error_estimate().unwrap_or(-1.0).to_bits();
-    writeln!(text, "solution {mean:016x} {estimate:016x} {}", i32::from(light.interrupted())).unwrap();
+    let mut options = SolveOptions::default();
+    options.error = 0.1;
+    let light = model.solve(&options).expect("light");
+    let report = light.report();
+    let mean = report.mean_irradiance[0].to_bits();
+    let estimate = report.error_estimate.unwrap_or(-1.0).to_bits();
+    writeln!(text, "solution {mean:016x} {estimate:016x} {}", i32::from(report.interrupted)).unwrap();
     let point = |x, y, z| SurfacePoint { position: [x, y, 0.0], normal: [0.0, 0.0, z] };
     let found = light.irradiance(&[point(0.25, 0.25, 1.0), point(0.8, 0.6, 5.0)]).expect("irradiance");
     found.as_flattened().iter().for_each(|e| writeln!(text, "irradiance {:016x}", e.to_bits()).unwrap());
@@ -197,13 +202,15 @@ fn element_lines(text: &mut String, light: &Solution) {
 }
 
 fn image_lines(text: &mut String, light: &Solution) {
-    let camera = light.automatic_camera(&()).expect("a camera");
+    let camera = light.automatic_camera().expect("a camera");
     let mut radiance = vec![0.0; 3 * 32 * 24];
-    light.image(&camera, &ImageOptions::default().with_size(32, 24), &mut radiance, &()).expect("an image");
+    let mut options = ImageOptions::default();
+    options.size = [32, 24];
+    light.image(&camera, &options, &mut radiance).expect("an image");
     let (eye, image) =
         (hash(camera.eye.map(f64::to_ne_bytes)), hash(radiance.into_iter().map(f32::to_ne_bytes)));
     writeln!(text, "image {eye:016x} {image:016x}").unwrap();
-    let map = light.lightmap(4096, &()).expect("a lightmap");
+    let map = light.lightmap(4096).expect("a lightmap");
     let floats = |numbers: Vec<f32>| hash(numbers.into_iter().map(f32::to_ne_bytes));
     let irradiance = floats(map.irradiance.concat());
     writeln!(text, "lightmap {} {} {irradiance:016x}", map.width, map.height).unwrap();
@@ -215,7 +222,7 @@ fn image_lines(text: &mut String, light: &Solution) {
 
 fn reference_lines(text: &mut String, model: &Model) {
     let point = |x, y| SurfacePoint { position: [x, y, 0.0], normal: [0.0, 0.0, 1.0] };
-    let found = model.reference(&[point(0.25, 0.25), point(0.8, 0.6)], 16, 9, &()).expect("a reference");
+    let found = model.reference(&[point(0.25, 0.25), point(0.8, 0.6)], 16, 9).expect("a reference");
     for (value, error) in found.irradiance.as_flattened().iter().zip(found.standard_errors.as_flattened()) {
         writeln!(text, "reference {:016x} {:016x}", value.to_bits(), error.to_bits()).unwrap();
     }
@@ -232,24 +239,25 @@ fn fbem_lines(text: &mut String) {
     let mut draw = Draw(3);
     let noisy = |x, y| value(x, y) + 0.125 * draw.next();
     let approximation = Image::from_fn(32, 32, 0.25, noisy).expect("an image");
-    let found =
-        spectrum(&reference, &approximation, &[0.0, 0.5, 4.0], &FbemOptions::default()).expect("errors");
+    let found = fbem(&reference, &approximation, &[0.0, 0.5, 4.0], &FbemOptions::default()).expect("errors");
     for Fbem { value, masked_fraction, .. } in found {
         writeln!(text, "fbem {:016x} {:016x}", value.to_bits(), masked_fraction.to_bits()).unwrap();
     }
 }
 
 fn form_factor_lines(text: &mut String) {
-    let options = PrepareOptions::default().with_detail(Detail::Rays).with_threads(2);
-    let model = Model::prepare(Scene::generate("cornell").expect("a box"), &options, &()).expect("a model");
-    let options = FormFactorOptions::default().with_grouping(Grouping::Object).with_rays(256);
-    let factors = model.form_factors(&options, &()).expect("factors");
-    let (rows, entries) = (factors.len(), factors.csr().1.len());
-    writeln!(text, "factors {rows} {entries} {} {:016x}", factors.rays(), factors.row_sum_error().to_bits())
+    let mut options = PrepareOptions::default();
+    (options.detail, options.threads) = (Detail::Rays, 2);
+    let model = Model::prepare(Scene::generate("cornell").expect("a box"), &options).expect("a model");
+    let mut options = FormFactorOptions::default();
+    (options.grouping, options.rays) = (Grouping::Object, Some(256));
+    let factors = model.form_factors(&options).expect("factors");
+    let (rows, entries) = (factors.areas.len(), factors.columns.len());
+    writeln!(text, "factors {rows} {entries} {} {:016x}", factors.rays, factors.row_sum_error.to_bits())
         .unwrap();
-    for row in 0..factors.len() {
-        let [escaped, lost] = [factors.escaped()[row], factors.lost()[row]].map(f32::to_bits);
-        let (name, area) = (&factors.names()[row], factors.areas()[row].to_bits());
+    for row in 0..factors.areas.len() {
+        let [escaped, lost] = [factors.escaped[row], factors.lost[row]].map(f32::to_bits);
+        let (name, area) = (&factors.names[row], factors.areas[row].to_bits());
         writeln!(text, "row {name} {area:016x} {escaped:08x} {lost:08x}").unwrap();
         let (columns, values) = factors.row(row);
         for (to, factor) in columns.iter().zip(values) {

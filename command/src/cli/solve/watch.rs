@@ -4,6 +4,7 @@ use super::super::{interruption, job_context, progress::Bar};
 use mrvis::Model;
 use mrvis::Progress;
 use mrvis::Scene;
+use mrvis::internals::ModelParts;
 use mrvis::internals::radiosity::{Options, Visibility};
 use mrvis::{Error, Result};
 use std::sync::Arc;
@@ -72,7 +73,7 @@ pub fn prepare(scene: Arc<Scene>, options: &Options, watch: &Watch) -> Result<Mo
     let until = Until { watch, start: Instant::now(), seconds: left };
     // A job with a limit of time does not wait for another one that prepares the same scene.
     let prepared = match options.max_seconds {
-        Some(_) => Model::prepare(scene, &options.prepare(), &until),
+        Some(_) => Model::prepare_watched(scene, &options.prepare(), &until),
         None => job_context::prepare(scene, &options.prepare(), &until),
     };
     prepared.map_err(|error| match (error, options.max_seconds) {
