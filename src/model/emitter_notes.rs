@@ -65,6 +65,10 @@ impl Model {
         let scene = self.scene();
         let corners = emitter.triangles.iter().flat_map(|&t| scene.corners(t));
         let diameter = Aabb::of(corners).diagonal();
+        // An uplight below a ceiling has the room behind it.
+        if self.meets_others(emitter, -1.0) {
+            return None;
+        }
         let (packets, hits) = self.rays_of_emitter(emitter, 1.0);
         let mut near = Vec::new();
         for (packet, hits) in packets.iter().zip(&hits) {
@@ -92,6 +96,9 @@ impl Model {
         let emitters = &self.scene().emitters;
         let lamps = emitters.iter().filter(|emitter| self.is_luminaire(emitter)).count();
         let mut causes = Vec::new();
+        if emitters.is_empty() {
+            causes.push("the sky and the sun have no light, or all surfaces face away from them".to_owned());
+        }
         if lamps < emitters.len() {
             causes.push(format!("the emitters face away from everything; {TURN}"));
         }

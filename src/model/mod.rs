@@ -10,6 +10,7 @@ mod emitter_notes;
 mod engines;
 mod instance;
 mod mesh;
+mod places;
 mod precision_notes;
 mod prepare;
 mod source;

@@ -18,6 +18,8 @@ const MIN_COARSE_SHARE: f64 = 0.05;
 
 /// Largest number of things that are tested, evenly spread: limits the time to 0.1 million rays.
 const MAX_THINGS: usize = 4096;
+/// Height of a thing, as a part of its diagonal, up to which it is flush with the surface, as a panel in a ceiling is.
+const FLUSH: f32 = 0.01;
 /// How far outside the box of a thing its rays run, as a part of the extent of the box.
 const OUTSIDE: f32 = 0.01;
 
@@ -127,7 +129,8 @@ impl Model {
             if other {
                 let start = self.end_on(instance, triangle).height();
                 let rise = t * way.length() + half.dot(way.abs().normalize_or_zero());
-                grounds.extend((start > COARSE * rise).then_some(Ground { start, rise, triangle }));
+                let is_low = start > COARSE * rise && rise > FLUSH * bounds.diagonal();
+                grounds.extend(is_low.then_some(Ground { start, rise, triangle }));
             }
         }
         grounds.into_iter().max_by(|a, b| (a.start / a.rise).total_cmp(&(b.start / b.rise)))

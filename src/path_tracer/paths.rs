@@ -103,7 +103,8 @@ impl<'a> Paths<'a> {
             let mut directions = [Vec3::ZERO; LANES];
             for (lane, path) in chunk.iter().enumerate() {
                 let (u, v) = numbers(stream, bounce, path.sample);
-                let sample = self.lights.and_then(|lights| lights.sample(path.position, [u[2], u[3], v[0]]));
+                let on_surface = path.position - path.skin * path.normal;
+                let sample = self.lights.and_then(|lights| lights.sample(on_surface, [u[2], u[3], v[0]]));
                 if let Some(emitter_sample) = sample {
                     let chance = path.normal.dot(emitter_sample.direction) / PI;
                     if chance > 0.0 {

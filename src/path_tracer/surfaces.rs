@@ -1,7 +1,7 @@
 //! Traced geometry with normals, reflectances and emission of hit points.
 
 use crate::embree::{CommittedScene, Hits, Traversal};
-use crate::math::{edge_distance, off_edges, places_around};
+use crate::math::{edge_distance, off_edges};
 use crate::model::Model;
 use crate::ray::Packet;
 use crate::scene::Profile;
@@ -74,8 +74,11 @@ impl<'a> Surfaces<'a> {
     pub fn start(&self, given: Vec3, normal: Vec3) -> (Vec3, f32) {
         let distance =
             |points: &[Vec3]| edge_distance(points.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max));
-        let places = places_around(given, normal, distance(&[given]));
-        let found = places.into_iter().find_map(|place| Some((place, self.nearest(place, normal)?)));
+        let found = self
+            .model
+            .places_of(given, normal)
+            .into_iter()
+            .find_map(|place| Some((place, self.nearest(place, normal)?)));
         let Some((place, (depth, hit))) = found else {
             let skin = skin([given]);
             return (given + skin * normal, skin);

@@ -17,6 +17,8 @@ const MIN_SHADOW_RAYS: usize = 2 * LANES;
 /// A point at which irradiance is computed.
 #[derive(Clone, Copy)]
 pub(super) struct GatherPoint {
+    pub on_surface: Vec3,
+    /// Where its rays start, above the surface.
     pub at: Vec3,
     pub normal: Vec3,
     /// The end rule of its surface.
@@ -63,7 +65,7 @@ impl FinalGather<'_> {
         for (point, &from) in points.iter().enumerate() {
             let (mut free, mut total, mut shares) = ([0.0; 3], 0.0, Vec::with_capacity(faces.len()));
             for face in faces {
-                let (at, normal) = (from.at.as_dvec3(), from.normal.as_dvec3());
+                let (at, normal) = (from.on_surface.as_dvec3(), from.normal.as_dvec3());
                 let factor = face.factor(at, normal);
                 add(&mut free, factor, face.exitance);
                 total += (factor * mean(face.exitance)) as f32;
@@ -127,7 +129,7 @@ impl FinalGather<'_> {
         first: usize,
     ) -> (VisibilityQuery, [f32; LANES]) {
         let emitter_of = &self.emitters.emitters[emitter];
-        let GatherPoint { at, normal, end, feature_size, seed } = view.from;
+        let GatherPoint { at, normal, end, feature_size, seed, .. } = view.from;
         let [shift_u, shift_v, ..] = numbers(seed ^ emitter as u64, 0);
         let mut packet = Packet::EMPTY;
         let mut weights = [0.0f32; LANES];

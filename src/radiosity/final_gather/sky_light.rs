@@ -101,7 +101,7 @@ impl FinalGather<'_> {
         engine: &VisibilityEngine,
         scratch: &mut Scratch,
     ) -> Rgb {
-        let &GatherPoint { at, normal, end, feature_size, seed } = point;
+        let &GatherPoint { at, normal, end, feature_size, seed, .. } = point;
         let free = sun.irradiance_on(normal.as_dvec3());
         let [shift_u, shift_v, ..] = numbers(seed ^ !number, 0);
         // Sums of the light of rays without blockers, and of what passes.

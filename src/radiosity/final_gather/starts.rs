@@ -3,7 +3,7 @@
 use super::direct_light::GatherPoint;
 use super::gatherer::FinalGather;
 use crate::embree::Hits;
-use crate::math::{edge_distance, off_edges, on_plane, places_around, triangle_normal};
+use crate::math::{edge_distance, off_edges, on_plane, triangle_normal};
 use crate::radiosity::elements::Elements;
 use crate::ray::{EndRule, Packet};
 use crate::scene::magnitude;
@@ -25,11 +25,11 @@ impl FinalGather<'_> {
     /// within rounding. A point that lies higher has the light of its place. A point without one is taken as it is, lifted all the
     /// same: its surface may end beside it. On an edge or in a corner the light is the limit from inside the surface.
     pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
-        let places = places_around(at, normal, edge_distance(magnitude([at])));
-        let found = places.into_iter().find_map(|place| self.surface_near(place, normal));
+        let found =
+            self.model.places_of(at, normal).into_iter().find_map(|place| self.surface_near(place, normal));
         let unknown = || (at, EndRule::new(magnitude([at])), self.feature_size);
         let (on_surface, end, feature_size) = found.unwrap_or_else(unknown);
-        GatherPoint { at: end.lifted(on_surface, normal), normal, end, feature_size, seed }
+        GatherPoint { on_surface, at: end.lifted(on_surface, normal), normal, end, feature_size, seed }
     }
 
     /// The place on the surface nearest to a point along its normal, the end rule there and the feature size of its side.

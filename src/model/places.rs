@@ -1,0 +1,54 @@
+//! Where the surface of a given point is looked for.
+
+use super::Model;
+use crate::embree::Hits;
+use crate::math::sampling::{cosine_direction, numbers};
+use crate::math::{edge_distance, places_around};
+use crate::ray::{EndRule, LANES, Packet};
+use crate::scene::magnitude;
+use glam::Vec3;
+
+/// Pairs of places around a point that lie opposite each other.
+const OPPOSITE: [[usize; 2]; 4] = [[1, 2], [3, 4], [5, 7], [6, 8]];
+
+impl Model {
+    /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where a wall stands on
+    /// the surface at the point, the places from which rays go farthest come first: on the line where a box touches a floor, light is that of
+    /// the floor beside the box, not that of the floor in it.
+    pub(crate) fn places_of(&self, point: Vec3, normal: Vec3) -> [Vec3; 9] {
+        let size = magnitude([point]);
+        let mut places = places_around(point, normal, edge_distance(size));
+        let lifted = places.map(|place| EndRule::new(size).lifted(place, normal));
+        let mut across = Packet::EMPTY;
+        for (lane, [from, to]) in OPPOSITE.into_iter().enumerate() {
+            across.set_between(lane, lifted[from], lifted[to], [0.0, 1.0]);
+        }
+        let mut hits = [Hits::NONE];
+        self.traced().first_hits(self.widest_packets(), &[across], &mut hits);
+        if (0..OPPOSITE.len()).all(|lane| hits[0].triangle[lane] == Hits::NOTHING) {
+            return places;
+        }
+        let open = lifted.map(|place| self.openness(place, normal));
+        let mut order: [usize; 9] = std::array::from_fn(|k| k);
+        order.sort_by(|&a, &b| open[b].total_cmp(&open[a]));
+        // The point itself lies in the wall.
+        order.sort_by_key(|&k| k == 0);
+        places = order.map(|k| places[k]);
+        places
+    }
+
+    /// Mean distance to which cosine-weighted rays go from a point, as a part of the longest in the scene.
+    fn openness(&self, from: Vec3, normal: Vec3) -> f32 {
+        let length = 1.01 * self.bounds().diagonal();
+        let mut packet = Packet::EMPTY;
+        for lane in 0..LANES {
+            let [u, v, ..] = numbers(0, lane as u64);
+            packet.set_between(lane, from, from + length * cosine_direction(normal, u, v), [0.0, 1.0]);
+        }
+        let mut hits = [Hits::NONE];
+        self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
+        let [Hits { triangle, t, .. }] = hits;
+        let far = |lane: usize| if triangle[lane] == Hits::NOTHING { 1.0 } else { t[lane] };
+        (0..LANES).map(far).sum::<f32>() / LANES as f32
+    }
+}
