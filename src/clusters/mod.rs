@@ -130,13 +130,6 @@ pub fn build_unless(
     })
 }
 
-/// Builds a tree over boxes by uniform grids; `order` of the tree holds indices into `boxes`.
-pub fn over_boxes(boxes: &[Aabb]) -> Tree {
-    let all: Vec<u32> = (0..boxes.len() as u32).collect();
-    let draft = grids::cluster(Draft::default(), faces(&all, boxes), &|| false);
-    Tree::arrange(draft.expect("nothing stops it")).fit(boxes)
-}
-
 fn faces(triangles: &[u32], boxes: &[Aabb]) -> Vec<Item> {
     triangles.iter().map(|&t| Item::new(Member::Face(t), boxes[t as usize])).collect()
 }

@@ -16,6 +16,7 @@ use crate::math::sampling::mix;
 use crate::radiosity::deadline::{Deadline, GATHER_SHARE, RAY_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
+use crate::radiosity::options::Options;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{Arrived, SampledShare, emitted_share};
@@ -39,6 +40,8 @@ const MAX_LATE_LEAVES: usize = 100_000;
 /// Part of the rays by which elements exchange light. The others gather that light for one element each. In an office and a living
 /// room a seventh and two sevenths leave the same error of the elements within a tenth of it (`scenes/room.py`).
 const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
+/// Part of the light that is reflected in scenes for which [`RAYS_TIMES_ERROR_SQUARED`] holds: half.
+const USUAL_REFLECTED: f64 = 0.5;
 /// Neighbours that share their rays.
 const NEIGHBOURS: f64 = 16.0;
 /// Rays of an element times the square of the error: one ray deviates by about half of the mean, neighbours share their rays, and direct and
@@ -177,9 +180,16 @@ impl FinalGather<'_> {
         }
     }
 
-    /// The number of rays, at most `rays`, that brings the error of the elements below `error`, relative to the mean.
-    pub fn useful_rays(&self, rays: f64, error: f64) -> f64 {
-        let each = RAYS_TIMES_ERROR_SQUARED / (error * error);
+    /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean. Of elements that are
+    /// not asked for only the light that they reflect remains, at points: where that is a part r of all light, its errors count r /
+    /// [`USUAL_REFLECTED`] as much. The ground under an open sky receives a hundredth of its light from itself.
+    pub fn useful_rays(&self, rays: f64, options: &Options) -> f64 {
+        let LinkedScene { elements, surroundings, .. } = self.linked;
+        let counts = match options.elements {
+            true => 1.0,
+            false => f64::from(elements.clusters[0].reflectance * surroundings.enclosed[0]) / USUAL_REFLECTED,
+        };
+        let each = RAYS_TIMES_ERROR_SQUARED * (counts.min(1.0) / options.error).powi(2);
         rays.min((each * self.linked.leaves().len() as f64).max(LATE_RAYS))
     }
 

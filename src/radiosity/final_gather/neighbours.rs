@@ -1,8 +1,6 @@
 //! Neighbours of an element: the nearest elements of about the same plane and orientation.
 
-use crate::clusters::{Tree, over_boxes};
 use crate::math::Aabb;
-use crate::ranks::Ranks;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -46,32 +44,59 @@ pub struct Search {
     stack: Vec<(f32, u32)>,
 }
 
+/// Places of a node that has no children, at most: few against the 49 neighbours of a search.
+const LEAF_PLACES: usize = 8;
+
+/// A node of a tree over places, which halves them along the longest extent of their centres. Its first child is the next node.
+struct Node {
+    /// Bounds of the centres.
+    bounds: Aabb,
+    /// The second child, counted from this node; 0 for a leaf.
+    second: u32,
+    /// The places of a leaf.
+    range: [u32; 2],
+}
+
+/// The nodes over `members`, the first of which is number `first` of all, and orders them by leaf.
+fn nodes_over(places: &[Place], members: &mut [u32], first: u32) -> Vec<Node> {
+    let centre = |i: u32| places[i as usize].centre;
+    let bounds = Aabb::of(members.iter().map(|&i| centre(i)));
+    if members.len() <= LEAF_PLACES {
+        return vec![Node { bounds, second: 0, range: [first, first + members.len() as u32] }];
+    }
+    let axis = bounds.extent().max_position();
+    let half = members.len() / 2;
+    let order = |a: &u32, b: &u32| centre(*a)[axis].total_cmp(&centre(*b)[axis]).then(a.cmp(b));
+    members.select_nth_unstable_by(half, order);
+    let (low, high) = members.split_at_mut(half);
+    let (low, high) =
+        rayon::join(|| nodes_over(places, low, first), || nodes_over(places, high, first + half as u32));
+    let mut nodes = Vec::with_capacity(1 + low.len() + high.len());
+    nodes.push(Node { bounds, second: 1 + low.len() as u32, range: [0; 2] });
+    nodes.extend(low);
+    nodes.extend(high);
+    nodes
+}
+
 /// Elements by the axis that is nearest to their normals, each group with a tree over their centres.
 pub struct Neighbourhood<'a> {
     places: &'a [Place],
-    groups: Vec<(Vec<u32>, Tree)>,
+    groups: Vec<(Vec<u32>, Vec<Node>)>,
 }
 
 impl<'a> Neighbourhood<'a> {
-    /// Builds the trees, of which each rank has its part. `None` if `late` returned true before all were begun: a tree of a million
-    /// elements takes half a second.
-    pub fn new(
-        places: &'a [Place],
-        ranks: &Ranks,
-        late: impl Fn() -> bool + Sync,
-    ) -> Option<Neighbourhood<'a>> {
+    /// Builds the trees. `None` if `late` returned true before all were begun: a tree of a million elements takes .1 s.
+    pub fn new(places: &'a [Place], late: impl Fn() -> bool + Sync) -> Option<Neighbourhood<'a>> {
         let group = |k: usize| {
             if late() {
-                return (Vec::new(), over_boxes(&[]));
+                return (Vec::new(), Vec::new());
             }
-            let members: Vec<u32> =
+            let mut members: Vec<u32> =
                 (0..places.len() as u32).filter(|&i| axis(places[i as usize].normal) == k).collect();
-            let boxes: Vec<Aabb> = members.iter().map(|&i| Aabb::of([places[i as usize].centre])).collect();
-            let tree = over_boxes(&boxes);
-            (members, tree)
+            let nodes = nodes_over(places, &mut members, 0);
+            (members, nodes)
         };
-        let rows = ranks.rows(6);
-        let groups = rows.gather(rows.numbers().map(group).collect());
+        let groups = (0..6).into_par_iter().map(group).collect();
         (!late()).then_some(Neighbourhood { places, groups })
     }
 
@@ -81,9 +106,9 @@ impl<'a> Neighbourhood<'a> {
         let own = self.places[of as usize];
         found.clear();
         stack.clear();
-        let (members, tree) = &self.groups[axis(own.normal)];
+        let (members, nodes) = &self.groups[axis(own.normal)];
         let limit = (MAX_RADII * own.radius).powi(2);
-        if !tree.clusters.is_empty() {
+        if !nodes.is_empty() {
             stack.push((0.0, 0));
         }
         let farthest = |found: &Vec<(f32, u32)>| if found.len() < count { limit } else { found[count - 1].0 };
@@ -91,10 +116,9 @@ impl<'a> Neighbourhood<'a> {
             if distance > farthest(found) {
                 continue;
             }
-            let cluster = &tree.clusters[at as usize];
-            if cluster.is_leaf() {
-                for &m in &tree.order[cluster.triangle_range()] {
-                    let i = members[m as usize];
+            let node = &nodes[at as usize];
+            if node.second == 0 {
+                for &i in &members[node.range[0] as usize..node.range[1] as usize] {
                     let place = &self.places[i as usize];
                     let offset = place.centre - own.centre;
                     let d2 = offset.length_squared();
@@ -111,11 +135,11 @@ impl<'a> Neighbourhood<'a> {
                 continue;
             }
             let first = stack.len();
-            for child in cluster.child_range() {
-                let bounds = &tree.clusters[child].bounds;
+            for child in [at + 1, at + node.second] {
+                let bounds = &nodes[child as usize].bounds;
                 let d2 = (own.centre.clamp(bounds.min, bounds.max) - own.centre).length_squared();
                 if d2 <= farthest(found) {
-                    stack.push((d2, child as u32));
+                    stack.push((d2, child));
                 }
             }
             // The nearest child is searched first.
@@ -165,8 +189,8 @@ mod tests {
                 Place { centre: Vec3::new(x, y, 0.02 * z), normal: normal.normalize(), radius: 0.02 }
             })
             .collect();
-        let around = Neighbourhood::new(&places, &Ranks::default(), || false).expect("there is time");
-        assert!(Neighbourhood::new(&places, &Ranks::default(), || true).is_none());
+        let around = Neighbourhood::new(&places, || false).expect("there is time");
+        assert!(Neighbourhood::new(&places, || true).is_none());
         let mut search = Search::default();
         let mut many = 0;
         for of in 0..places.len() as u32 {

@@ -9,7 +9,7 @@ use crate::math::sampling::{mix, numbers};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::options::Options;
-use crate::radiosity::rgb::{Rgb, add};
+use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -122,7 +122,8 @@ impl FinalGather<'_> {
                 add(value, 1.0, sun);
             }
             for (value, point) in values.iter_mut().zip(&all) {
-                add(value, 1.0, self.irradiance_of_rays(point, buffers));
+                let known = mean(*value);
+                add(value, 1.0, self.irradiance_of_rays(point, known, buffers));
             }
         }
         values
@@ -188,8 +189,9 @@ impl FinalGather<'_> {
         })
     }
 
-    /// Irradiance from surfaces and the sky, W/m²: one ray in each cell of a hemisphere of equal cosine weight.
-    fn irradiance_of_rays(&self, point: &GatherPoint, buffers: &mut Buffers) -> Rgb {
+    /// Irradiance from surfaces and the sky, W/m²: one ray in each cell of a hemisphere of equal cosine weight. `known` is the light of emitters and
+    /// suns at the point, mean over the channels.
+    fn irradiance_of_rays(&self, point: &GatherPoint, known: f64, buffers: &mut Buffers) -> Rgb {
         let &GatherPoint { at, normal, seed, .. } = point;
         let Buffers { packets, hits, vertices, .. } = buffers;
         let (x, y) = normal.any_orthonormal_pair();
@@ -199,7 +201,7 @@ impl FinalGather<'_> {
         let z = self.length * normal;
         let frame = [x, y, z].map(|axis| axis / self.length);
         let size = self.hemisphere_grid;
-        let mut sky = SkyGrid { size, open: Vec::new() };
+        let mut sky = SkyGrid { size, open: Vec::new(), is_dark: true };
         if self.has_environment() {
             sky.open.resize(size[0] * size[1], false);
         }
@@ -227,12 +229,16 @@ impl FinalGather<'_> {
                 if hits.triangle[lane] == Hits::NOTHING && self.has_environment() {
                     let (across, down) = (block % (size[0] / 4), block / (size[0] / 4));
                     let cell = (4 * down + lane / 4) * size[0] + 4 * across + lane % 4;
-                    sky.open[cell] = true;
+                    (sky.open[cell], sky.is_dark) = (true, false);
                 }
-                if self.direct_only {
+                if self.direct_only && !sky.is_dark {
                     continue;
                 }
                 let Some(met) = self.met(packet, hits, lane) else { continue };
+                sky.is_dark = false;
+                if self.direct_only {
+                    continue;
+                }
                 match self.reflected_or_next(met, self.length * hits.t[lane], 0) {
                     Ok(reflected) => part += reflected,
                     Err(vertex) => vertices.push(vertex),
@@ -246,7 +252,9 @@ impl FinalGather<'_> {
         buffers.scratch.tally.exact_rays += rays;
         let mut light = sum.map(|s| s / rays as f64);
         if self.has_environment() {
-            add(&mut light, 1.0, self.sky_at(sky, frame, point, &mut buffers.scratch.tally).to_array());
+            let other = known + mean(light);
+            let found = self.sky_at(sky, frame, (point, other), &mut buffers.scratch.tally);
+            add(&mut light, 1.0, found.to_array());
         }
         light
     }

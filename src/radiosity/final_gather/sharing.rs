@@ -80,7 +80,7 @@ pub fn share(
     deadline: &Deadline,
 ) -> Vec<SharedLight> {
     deadline.stage("light of elements, neighbours", places.len());
-    let around = Neighbourhood::new(places, ranks, || deadline.late());
+    let around = Neighbourhood::new(places, || deadline.late());
     let level = [0, 1].map(|kind| {
         let of = |(light, area): (&ElementLight, &f64)| area * light.mean(kind);
         light.iter().zip(areas).map(of).sum::<f64>() / areas.iter().sum::<f64>().max(f64::MIN_POSITIVE)

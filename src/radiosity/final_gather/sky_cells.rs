@@ -21,7 +21,7 @@ const ERROR_OF_EDGE: f64 = 0.29;
 /// The same for a difference of radiance: a place at random in the cell errs by √(1/12) of the difference over it. Cells of the undivided grid have
 /// one place in each quarter: half of that for each, and half of that for their mean.
 const ERROR_OF_GRADIENT: [f64; 2] = [0.29 / 4.0, 0.29];
-/// Error of the light of the sky at a point, relative to it, over the error asked for.
+/// Error of the light of the sky at a point, relative to all of its light, over the error asked for.
 const TOLERANCE: f64 = 0.1;
 /// Fewest cells that see the sky: a grid with fewer is made finer as a whole, because a window that is smaller than a cell may be missed.
 const MIN_OPEN: usize = 32;
@@ -34,6 +34,8 @@ pub(super) struct SkyGrid {
     pub size: [usize; 2],
     /// By cell, row after row, whether its ray leaves the scene.
     pub open: Vec<bool>,
+    /// Whether all rays met sides that no light reaches, as from below the ground: nothing is searched for there.
+    pub is_dark: bool,
 }
 
 /// A cell of the grid or of one of its divisions.
@@ -83,12 +85,13 @@ impl Hemisphere {
 type Uneven = (u32, f64);
 
 impl FinalGather<'_> {
-    /// Irradiance of the sky at a point whose grid of rays has found this, W/m². `frame` are the axes of the grid about the normal.
+    /// Irradiance of the sky at a point whose grid of rays has found this, W/m². `frame` are the axes of the grid about the normal, `other` is the
+    /// light of all else there, mean over the channels: in the sun the sky need not be known as well as in a shadow.
     pub(super) fn sky_at(
         &self,
         grid: SkyGrid,
         frame: [Vec3; 3],
-        point: &GatherPoint,
+        (point, other): (&GatherPoint, f64),
         tally: &mut Tally,
     ) -> DVec3 {
         let [columns, rows] = grid.size;
@@ -104,10 +107,10 @@ impl FinalGather<'_> {
             let area = share * 0.25f64.powi(level as i32);
             let cells = &levels[level as usize];
             let open = cells.iter().filter(|cell| cell.light() != DVec3::ZERO).count();
-            let is_whole =
-                cells.len() == grid.open.len() << (2 * level) && open < MIN_OPEN && cells.len() < MAX_WHOLE;
+            let is_undivided = cells.len() == grid.open.len() << (2 * level) && cells.len() < MAX_WHOLE;
+            let is_whole = is_undivided && open < MIN_OPEN && !grid.is_dark;
             let uneven = uneven_cells(&levels, grid.size, area);
-            let tolerance = (TOLERANCE * self.error * mean(sum.to_array())).powi(2);
+            let tolerance = (TOLERANCE * self.error * (other + mean(sum.to_array()))).powi(2);
             let error: f64 = uneven.iter().map(|(_, e)| e).sum();
             let least = tolerance / (2 * uneven.len().max(1)) as f64;
             let mut chosen: Vec<u32> = match is_whole {

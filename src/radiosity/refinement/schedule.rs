@@ -104,6 +104,8 @@ pub struct Refined {
     pub convergence: Convergence,
     /// Tolerated error of links relative to the mean irradiance.
     link_error: f32,
+    /// Whether a local pass follows, for which links are only the first guess.
+    is_coarse: bool,
     /// Seconds that the last sweeps need, for each link and element.
     closing_cost: f64,
 }
@@ -134,12 +136,14 @@ impl Coarse {
     /// Ends without refinement.
     pub fn unrefined(self, options: &Options) -> Refined {
         let link_error = self.tolerated_link_error(options);
+        let is_coarse = self.needs_local_pass(options);
         Refined {
             linked: self.0,
             iterations: Vec::new(),
             ended: Ended::Nothing,
             convergence: Convergence::default(),
             link_error,
+            is_coarse,
             closing_cost: 0.0,
         }
     }
@@ -157,7 +161,8 @@ impl Coarse {
         if refined.linked.mean_irradiance <= 0.0 {
             return refined;
         }
-        let mut steps = Steps::new(refined.link_error, options.step_seconds);
+        let few = refined.is_coarse && !deadline.limited();
+        let mut steps = Steps::new(refined.link_error, few, options.step_seconds);
         loop {
             let (replaced, threshold) = refined.step(&mut steps, progress, deadline);
             let last = refined.iterations.last().expect("a step has been made");
@@ -173,10 +178,10 @@ impl Coarse {
                 Ended::Time
             } else if replaced.full {
                 Ended::Links
-            } else if is_done {
-                Ended::Error
             } else if reached() {
                 Ended::Target
+            } else if is_done {
+                Ended::Error
             } else {
                 continue;
             };
@@ -195,8 +200,9 @@ impl Coarse {
 struct Steps {
     /// Seconds of a step, if they are limited.
     seconds: Option<f64>,
-    /// Threshold of the next step, without such a limit.
+    /// Threshold of the next step, without such a limit, and what it is divided by for the one after.
     next: f64,
+    ratio: f64,
     /// Links of the next step of limited time.
     links: f64,
     /// Expected seconds of its sweeps.
@@ -204,10 +210,14 @@ struct Steps {
 }
 
 impl Steps {
-    fn new(last: f32, seconds: Option<f64>) -> Steps {
-        let steps = (FIRST_THRESHOLD / f64::from(last)).log(THRESHOLD_RATIO).ceil().max(f64::from(MIN_STEPS));
-        let next = f64::from(last) * THRESHOLD_RATIO.powf(steps);
-        Steps { seconds, next, links: FIRST_STEP_LINKS, sweeping: 0.0 }
+    /// Steps down to the threshold `last`: `few` are two, of which the first finds the light that the second refines links by.
+    fn new(last: f32, few: bool, seconds: Option<f64>) -> Steps {
+        let all = FIRST_THRESHOLD / f64::from(last);
+        let ratio = if few { all.max(THRESHOLD_RATIO) } else { THRESHOLD_RATIO };
+        let least = if few { 1.0 } else { f64::from(MIN_STEPS) };
+        let steps = all.log(ratio).ceil().max(least);
+        let next = f64::from(last) * ratio.powf(steps);
+        Steps { seconds, next, ratio, links: FIRST_STEP_LINKS, sweeping: 0.0 }
     }
 
     /// Seconds in which the next step may refine links.
@@ -254,7 +264,7 @@ impl Refined {
         if once {
             steps.learn(replaced.links, room, refining, seconds - refining);
         }
-        steps.next /= THRESHOLD_RATIO;
+        steps.next /= steps.ratio;
         self.iterations.push(Iteration {
             seconds,
             links,
