@@ -90,9 +90,16 @@ pub fn edge_distance(magnitude: f32) -> f32 {
     4e-6 * magnitude
 }
 
-/// A point on a triangle or its edge, moved by `distance` towards the centre of the triangle, at most half of the way: the light at an edge or in
-/// a corner is the limit from inside the face.
+/// A point on a triangle or its edge; one nearer to an edge than `distance` is moved by so much towards the centre of the triangle, at most half of
+/// the way: the light at an edge or in a corner is the limit from inside the face.
 pub fn off_edges([a, b, c]: [Vec3; 3], point: Vec3, distance: f32) -> Vec3 {
+    let is_near = |p: Vec3, q: Vec3| {
+        let edge = q - p;
+        edge.cross(point - p).length() < distance * edge.length()
+    };
+    if ![(a, b), (b, c), (c, a)].into_iter().any(|(p, q)| is_near(p, q)) {
+        return point;
+    }
     let inward = (a + b + c) / 3.0 - point;
     point + inward * (distance / inward.length()).min(0.5)
 }

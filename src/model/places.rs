@@ -13,8 +13,8 @@ const OPPOSITE: [[usize; 2]; 4] = [[1, 2], [3, 4], [5, 7], [6, 8]];
 
 impl Model {
     /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where a wall stands on
-    /// the surface at the point, the places from which rays go farthest come first: on the line where a box touches a floor, light is that of
-    /// the floor beside the box, not that of the floor in it.
+    /// the surface at the point, the places from which most rays pass the wall come first, of equal ones those from which rays go farther: on the
+    /// line where a box touches a floor, light is that of the floor beside the box, not that of the floor in it.
     pub(crate) fn places_of(&self, point: Vec3, normal: Vec3) -> [Vec3; 9] {
         let size = magnitude([point]);
         let mut places = places_around(point, normal, edge_distance(size));
@@ -25,10 +25,10 @@ impl Model {
         }
         let mut hits = [Hits::NONE];
         self.traced().first_hits(self.widest_packets(), &[across], &mut hits);
-        if (0..OPPOSITE.len()).all(|lane| hits[0].triangle[lane] == Hits::NOTHING) {
+        let Some(wall) = (0..OPPOSITE.len()).find_map(|lane| self.part_met(&hits[0], lane)) else {
             return places;
-        }
-        let open = lifted.map(|place| self.openness(place, normal));
+        };
+        let open = lifted.map(|place| self.openness(place, normal, wall));
         let mut order: [usize; 9] = std::array::from_fn(|k| k);
         order.sort_by(|&a, &b| open[b].total_cmp(&open[a]));
         // The point itself lies in the wall.
@@ -37,8 +37,16 @@ impl Model {
         places
     }
 
-    /// Mean distance to which cosine-weighted rays go from a point, as a part of the longest in the scene.
-    fn openness(&self, from: Vec3, normal: Vec3) -> f32 {
+    /// The instance and its edge-connected part that a ray has met.
+    fn part_met(&self, hits: &Hits, lane: usize) -> Option<(u32, u32)> {
+        let (triangle, instance) = (hits.triangle[lane], hits.instance[lane]);
+        let part = || self.mesh_of(instance).triangle_component[triangle as usize];
+        (triangle != Hits::NOTHING).then(|| (instance, part()))
+    }
+
+    /// Number of cosine-weighted rays from a point that do not meet a wall, plus the mean distance to which all go, as a part of the longest in the
+    /// scene.
+    fn openness(&self, from: Vec3, normal: Vec3, wall: (u32, u32)) -> f32 {
         let length = 1.01 * self.bounds().diagonal();
         let mut packet = Packet::EMPTY;
         for lane in 0..LANES {
@@ -47,8 +55,10 @@ impl Model {
         }
         let mut hits = [Hits::NONE];
         self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
-        let [Hits { triangle, t, .. }] = hits;
-        let far = |lane: usize| if triangle[lane] == Hits::NOTHING { 1.0 } else { t[lane] };
-        (0..LANES).map(far).sum::<f32>() / LANES as f32
+        let open = |lane: usize| match self.part_met(&hits[0], lane) {
+            None => 1.0 + 1.0 / LANES as f32,
+            Some(part) => f32::from(u8::from(part != wall)) + hits[0].t[lane] / LANES as f32,
+        };
+        (0..LANES).map(open).sum()
     }
 }

@@ -117,11 +117,13 @@ fn placements(path: &Path, bytes: Vec<u8>, read: impl Fn(&Path) -> Result<Lumina
     let text = String::from_utf8(bytes).map_err(|_| Error::format(path, None, "not a text in UTF-8"))?;
     let line = |at: usize| Some(1 + text[..at].matches('\n').count());
     let file: File = toml::from_str(&text).map_err(|e| {
-        let what = "write [[luminaire]] with file, at and aim";
+        let what =
+            "write [[luminaire]] with file, at and aim; name, c0, flux, dimming and maintenance may be added";
+        let message = e.message().split(", expected one of").next().unwrap_or_default();
         Error::format(
             path,
             e.span().and_then(|s| line(s.start)),
-            format!("{}; {what}", quote(&in_words(e.message()))),
+            format!("{}; {what}", quote(&in_words(message))),
         )
     })?;
     let mut known: HashMap<PathBuf, Arc<Luminaire>> = HashMap::new();

@@ -1,7 +1,8 @@
 //! Lamps and receivers of very different sizes and distances: what a lamp sends arrives, wherever it is.
 
 use super::*;
-use crate::form_factors::analytic::polygon_to_polygon;
+use crate::form_factors::analytic::{point_to_polygon, polygon_to_polygon};
+use crate::path_tracer;
 
 /// A square with this centre, width and normal direction (up or down the z axis).
 fn level(centre: DVec3, width: f64, up: bool) -> [DVec3; 4] {
@@ -68,6 +69,70 @@ fn a_lamp_far_away_lights_the_ground_and_not_its_own_back() {
             assert!((found / want - 1.0).abs() < 0.01, "{distance} {error}: {found} instead of {want}");
             assert!(received(&outcome, 1, false) < 1e-6 * want, "the back of the lamp is lit");
             assert!(received(&outcome, 1, true) < 0.01 * want, "more light than the ground reflects");
+        }
+    }
+}
+
+/// Light at these points by the solver and by the path tracer, W/m².
+fn at_points(scene: &Scene, points: &[Point]) -> [Vec<f64>; 2] {
+    let options = Options { direct_only: true, audit: 0, ..Options::default() };
+    let found = solved(scene, points, &options).irradiance;
+    let settings = path_tracer::Settings { samples: 4096, direct_only: true, seed: 1 };
+    let traced =
+        path_tracer::irradiance(&model_for(scene, &options), points, settings, &()).expect("irradiance");
+    [found.iter().map(|v| v[0]).collect(), traced.values.iter().map(|v| v[0]).collect()]
+}
+
+/// Rays start 4 mm above a floor of 4 km; the light is that of the floor.
+#[test]
+fn points_of_large_floors_have_the_light_of_their_place() {
+    let (floor, lamp) = (4000.0, (DVec3::new(700.0, 400.0, 0.7), 0.6));
+    let scene = lamp_over_floor(floor, lamp, 0.0);
+    let beside = [0.0, 0.5, 1.0, 3.0];
+    let place = |x: f64| DVec3::new(lamp.0.x + x, lamp.0.y + 0.1, 0.0);
+    let points = beside.map(|x| Point { position: place(x), normal: DVec3::Z });
+    let [found, traced] = at_points(&scene, &points);
+    for ((x, found), traced) in beside.into_iter().zip(found).zip(traced) {
+        let factor = point_to_polygon(place(x), DVec3::Z, &level(lamp.0, lamp.1, false));
+        let want = 10.0 * std::f64::consts::PI * factor;
+        assert!((found / want - 1.0).abs() < 2e-3, "{x}: {found} instead of {want}");
+        assert!((traced / want - 1.0).abs() < 0.02, "{x}: {traced} instead of {want}");
+    }
+}
+
+/// Light on the line where a box stands on the floor is that beside the box: in it there is none.
+#[test]
+fn the_foot_of_a_box_has_the_light_beside_it() {
+    let mut soup = Soup::new("foot");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+    let object = soup.object("floor");
+    soup.polygon(object, grey, &level(DVec3::ZERO, 6.0, true));
+    let object = soup.object("box");
+    let (foot, top) = (level(DVec3::ZERO, 1.0, true), level(DVec3::Z, 1.0, true));
+    soup.polygon(object, grey, &top);
+    for k in 0..4 {
+        let next = (k + 1) % 4;
+        soup.polygon(object, grey, &[foot[k], foot[next], top[next], top[k]]);
+    }
+    // A wall close to one side, so that the box is the wider place.
+    let object = soup.object("wall");
+    soup.polygon(
+        object,
+        grey,
+        &[[0.6, -2.0, 0.0], [0.6, 2.0, 0.0], [0.6, 2.0, 2.0], [0.6, -2.0, 2.0]].map(DVec3::from),
+    );
+    let object = soup.object("lamp");
+    soup.polygon(object, light, &level(DVec3::new(0.2, 0.3, 3.0), 1.0, false));
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let feet = [[0.5, 0.1], [-0.5, 0.1], [0.1, 0.5], [0.5, 0.5]].map(|[x, y]| DVec3::new(x, y, 0.0));
+    let beside = feet.map(|foot| foot + 1e-4 * foot);
+    let points = |places: [DVec3; 4]| places.map(|position| Point { position, normal: DVec3::Z });
+    let [on, beside] = [feet, beside].map(|places| at_points(&scene, &points(places)));
+    for k in 0..4 {
+        for engine in 0..2 {
+            let (found, want) = (on[engine][k], beside[engine][k]);
+            assert!(want > 0.01 && (found / want - 1.0).abs() < 0.1, "{k} {engine}: {found} beside {want}");
         }
     }
 }
