@@ -14,6 +14,8 @@ mod refine;
 mod schedule;
 mod sky_links;
 
+#[cfg(test)]
+pub use feature_sizes::MIN_IMPORTANCE;
 pub use importance::apply_importance;
 #[cfg(test)]
 pub use importance::propagate_importance;

@@ -120,12 +120,12 @@ fn the_foot_of_a_box_has_the_light_beside_it() {
     soup.polygon(
         object,
         grey,
-        &[[0.6, -2.0, 0.0], [0.6, 2.0, 0.0], [0.6, 2.0, 2.0], [0.6, -2.0, 2.0]].map(DVec3::from),
+        &[[0.6, -2.0, 0.0], [0.6, 2.0, 0.0], [0.6, 2.0, 0.8], [0.6, -2.0, 0.8]].map(DVec3::from),
     );
     let object = soup.object("lamp");
-    soup.polygon(object, light, &level(DVec3::new(0.2, 0.3, 3.0), 1.0, false));
+    soup.polygon(object, light, &level(DVec3::new(0.2, 0.3, 3.0), 2.0, false));
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
-    let feet = [[0.5, 0.1], [-0.5, 0.1], [0.1, 0.5], [0.5, 0.5]].map(|[x, y]| DVec3::new(x, y, 0.0));
+    let feet = [[0.5, 0.1], [-0.5, 0.1], [0.1, 0.5], [0.1, -0.5]].map(|[x, y]| DVec3::new(x, y, 0.0));
     let beside = feet.map(|foot| foot + 1e-4 * foot);
     let points = |places: [DVec3; 4]| places.map(|position| Point { position, normal: DVec3::Z });
     let [on, beside] = [feet, beside].map(|places| at_points(&scene, &points(places)));

@@ -3,6 +3,7 @@
 use super::visibility::{forest, ground, refined};
 use super::*;
 use crate::radiosity::elements::Shape;
+use crate::radiosity::refinement::MIN_IMPORTANCE;
 
 const SIZE: f32 = 0.05;
 const PAINTED: f32 = 0.02;
@@ -150,7 +151,7 @@ fn importance_of_clusters_is_the_root_mean_square_of_their_parts() {
             let of_part = |c: usize| elements[c].area * f64::from(states[c].importance).powi(2);
             let mean = (element.child_range().map(of_part).sum::<f64>() / element.area).sqrt() as f32;
             // Parts whose importance was raised to the smallest one hide the mean.
-            if element.child_range().all(|c| states[c].importance > 2e-3) {
+            if element.child_range().all(|c| f64::from(states[c].importance) > 1.001 * MIN_IMPORTANCE) {
                 compared += 1;
                 assert!((states[e].importance / mean - 1.0).abs() < 1e-3, "{} {mean}", states[e].importance);
             }

@@ -189,7 +189,8 @@ fn a_yard_has_the_light_of_paths() {
             assert!(created.abs() < 2e-3 * emitted, "{created}");
             let links = outcome.record.links;
             assert!(outcome.record.ended == Ended::Error && links > last.0 && rms < last.1, "{links} {rms}");
-            assert!(bias.abs() < 0.01 && rms < 0.1, "{reflectance} {error}: {bias} {rms}");
+            // Compared at one place of each element.
+            assert!(bias.abs() < 0.01 && rms < 0.12, "{reflectance} {error}: {bias} {rms}");
             last = (links, rms);
         }
     }
