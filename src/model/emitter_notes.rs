@@ -1,11 +1,11 @@
 //! What rays from the emitters tell about a scene: emitters whose front faces away from everything, most often because the corners of their
-//! faces are in the wrong order or a luminaire is aimed wrongly, or whose light ends close to them.
+//! faces are in the wrong order or a luminaire is aimed wrongly, or whose light ends on the outside of a space.
 
 use super::Model;
 use crate::embree::Hits;
 use crate::error::quote;
 use crate::math::sampling::{cosine_direction, mix, numbers, on_triangle};
-use crate::math::{Aabb, triangle_normal};
+use crate::math::triangle_normal;
 use crate::ray::{LANES, Packet};
 use crate::scene::Emitter;
 use glam::Vec3;
@@ -21,29 +21,30 @@ pub(super) const PACKETS: usize = 4;
 const MAX_LOOKED_AT: usize = 4096;
 /// Names that a note lists.
 const MAX_NAMES: usize = 3;
-/// Part of the rays of an emitter that must end within its own diameter for a note of that: an emitter just behind a ceiling sends 98 % of its
-/// light to a tenth of its diameter, one in an open shade of three times its size none.
-const MIN_ENCLOSED_SHARE: f64 = 0.9;
+/// Part of an emitter's rays that must meet surfaces for a note that these are the outside of a space, and the part of those that must meet such a
+/// side: some rays pass beside a ceiling, and some rays from below it leave through windows.
+const MIN_MET_SHARE: f64 = 0.5;
+const MIN_OUTSIDE_SHARE: f64 = 0.8;
 
 /// What to change if the light of luminaires, or else of emissive faces, misses everything.
 const AIM: &str = "check `at` and `aim` of its luminaire in the file of luminaires (of glTF, place and turn of the light's node)";
 const TURN: &str = "set option `two_sided_emission`, or reverse the order of the corners of their faces";
 
 impl Model {
-    /// Notes of emitters that are turned, or enclosed, and of coordinates that are too coarse.
+    /// Notes of emitters that are turned, or outside of a space, and of coordinates that are too coarse.
     pub(crate) fn notes_of_emitters(&self) -> Vec<String> {
         let mut notes = self.notes_of_turned_emitters();
-        notes.extend(self.note_of_enclosed_emitters());
+        notes.extend(self.note_of_outside_emitters());
         notes.extend(self.note_of_coarse_coordinates());
         notes.extend(self.note_of_small_things());
         notes
     }
 
-    /// A note if the light of emitters ends close to them, as that of luminaires just above a ceiling does.
-    fn note_of_enclosed_emitters(&self) -> Option<String> {
-        let enclosed = |emitter| self.enclosure(emitter).map(|found| (emitter, found));
+    /// A note if the light of emitters ends on the outside of a space, as that of luminaires above a ceiling does.
+    fn note_of_outside_emitters(&self) -> Option<String> {
+        let outside = |emitter| self.outside_of_space(emitter).map(|found| (emitter, found));
         let found: Vec<(&Emitter, (u32, f32))> =
-            self.tested_emitters().into_par_iter().filter_map(enclosed).collect();
+            self.tested_emitters().into_par_iter().filter_map(outside).collect();
         let &(first, (triangle, distance)) = found.first()?;
         let scene = self.scene();
         let object =
@@ -51,38 +52,54 @@ impl Model {
         let more =
             if found.len() > 1 { format!(" (and of {} more)", found.len() - 1) } else { String::new() };
         Some(format!(
-            "the light of the emitter `{}`{more} is blocked by `{}`, {distance:.2} {} in front of it: the emitter is probably behind that \
-             surface by mistake, such as a luminaire above a ceiling; move it to the other side",
+            "the light of the emitter `{}`{more} is blocked by `{}`, {distance:.2} {} in front of it, and leaves the scene from there: the \
+             emitter is probably behind that surface by mistake, such as a luminaire above a ceiling; move it to the other side",
             quote(&first.name),
             quote(object),
             scene.unit
         ))
     }
 
-    /// The surface nearest to an emitter among those that almost all of its light ends at, if they are nearer than its diameter, and its distance
-    /// in scene units.
-    fn enclosure(&self, emitter: &Emitter) -> Option<(u32, f32)> {
-        let scene = self.scene();
-        let corners = emitter.triangles.iter().flat_map(|&t| scene.corners(t));
-        let diameter = Aabb::of(corners).diagonal();
-        // An uplight below a ceiling has the room behind it.
-        if self.meets_others(emitter, -1.0) {
+    /// The surface nearest to an emitter, and its distance in scene units, if the surfaces that its light meets see nothing on that side but other
+    /// surfaces on their other side. Under a sky surfaces have light on either side.
+    fn outside_of_space(&self, emitter: &Emitter) -> Option<(u32, f32)> {
+        if self.scene().environment.is_some() || self.meets_others(emitter, -1.0) {
             return None;
         }
         let (packets, hits) = self.rays_of_emitter(emitter, 1.0);
-        let mut near = Vec::new();
-        for (packet, hits) in packets.iter().zip(&hits) {
+        let is_other = |triangle: u32| emitter.triangles.binary_search(&triangle).is_err();
+        let (mut met, mut outside, mut nearest) = (0.0, 0.0, None::<(u32, f32)>);
+        for (k, (packet, hits)) in packets.iter().zip(&hits).enumerate() {
             // The first instance holds the scene's own faces.
-            let own = |lane: usize| hits.triangle[lane] != Hits::NOTHING && hits.instance[lane] == 0;
-            for lane in (0..LANES).filter(|&lane| own(lane)) {
-                let distance = (packet.point(lane, hits.t[lane]) - packet.point(lane, 0.0)).length();
-                let triangle = hits.triangle[lane];
-                let itself = emitter.triangles.binary_search(&triangle).is_ok();
-                near.extend((distance < diameter && !itself).then_some((triangle, distance)));
+            let own = |lane: &usize| hits.triangle[*lane] != Hits::NOTHING && hits.instance[*lane] == 0;
+            for lane in (0..LANES).filter(own).filter(|&lane| is_other(hits.triangle[lane])) {
+                let (triangle, at) = (hits.triangle[lane], packet.point(lane, hits.t[lane]));
+                let way = at - packet.point(lane, 0.0);
+                let normal = triangle_normal_towards(self.scene().corners(triangle), -way);
+                let [here, beyond] = self.sides_meet(at, normal, triangle, (k * LANES + lane) as u64);
+                met += 1.0;
+                outside += f64::from(u8::from(!here.is_some_and(is_other) && beyond.is_some()));
+                if nearest.is_none_or(|(_, distance)| way.length() < distance) {
+                    nearest = Some((triangle, way.length()));
+                }
             }
         }
-        let enough = near.len() as f64 >= MIN_ENCLOSED_SHARE * (PACKETS * LANES) as f64;
-        near.into_iter().filter(|_| enough).min_by(|(t, d), (u, e)| d.total_cmp(e).then(t.cmp(u)))
+        let enough = met >= MIN_MET_SHARE * (PACKETS * LANES) as f64 && outside >= MIN_OUTSIDE_SHARE * met;
+        nearest.filter(|_| enough)
+    }
+
+    /// What one cosine-weighted ray meets from a point of a face, on the side of this normal and on the other.
+    fn sides_meet(&self, at: Vec3, normal: Vec3, triangle: u32, number: u64) -> [Option<u32>; 2] {
+        let length = 1.01 * self.bounds().diagonal();
+        let [u, v, ..] = numbers(mix(u64::from(triangle)), number);
+        let mut packet = Packet::EMPTY;
+        for (lane, side) in [normal, -normal].into_iter().enumerate() {
+            let from = self.end_on(0, triangle).lifted(at, side);
+            packet.set_between(lane, from, from + length * cosine_direction(side, u, v), [0.0, 1.0]);
+        }
+        let mut hits = [Hits::NONE];
+        self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
+        [0, 1].map(|lane| Some(hits[0].triangle[lane]).filter(|&t| t != Hits::NOTHING))
     }
 
     /// Emitters that are looked at: all, or evenly spread ones.
@@ -193,6 +210,12 @@ impl Model {
     }
 }
 
+/// The unit normal of a face on the side that a vector points to.
+fn triangle_normal_towards([a, b, c]: [Vec3; 3], towards: Vec3) -> Vec3 {
+    let normal = triangle_normal(a, b, c);
+    if normal.dot(towards) < 0.0 { -normal } else { normal }
+}
+
 #[cfg(test)]
 mod tests {
     use crate::model::{Detail, Model, testing::model};
@@ -204,8 +227,17 @@ mod tests {
         with_lamps(4.0, lamps, options).notes_of_turned_emitters().pop()
     }
 
+    /// Lamps above or below the ceiling of a cellar, 3 deep and open at its sides.
+    fn with_cellar(lamps: &[(f64, bool)]) -> Model {
+        scene_of(10.0, lamps, &LoadOptions::default(), Some(-3.0))
+    }
+
     /// Lamps above a floor of this width.
     fn with_lamps(width: f64, lamps: &[(f64, bool)], options: &LoadOptions) -> Model {
+        scene_of(width, lamps, options, None)
+    }
+
+    fn scene_of(width: f64, lamps: &[(f64, bool)], options: &LoadOptions, below: Option<f64>) -> Model {
         let mut soup = Soup::new("lamps");
         let square = |x: f64, z: f64, size: f64| {
             [[0.0, 0.0], [size, 0.0], [size, size], [0.0, size]].map(|[u, v]| DVec3::new(x + u, v, z))
@@ -213,6 +245,11 @@ mod tests {
         let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
         let floor = soup.object("floor");
         soup.polygon(floor, grey, &square(0.0, 0.0, width));
+        if let Some(z) = below {
+            let cellar = soup.object("cellar");
+            let down = DVec3::new(-width, -width, 0.0);
+            soup.polygon(cellar, grey, &square(0.0, z, 3.0 * width).map(|corner| corner + down));
+        }
         let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
         for (i, &(z, up)) in lamps.iter().enumerate() {
             let mut corners = square(0.5 + i as f64, z, 0.5);
@@ -226,14 +263,17 @@ mod tests {
         model(&scene, Detail::Rays)
     }
 
-    /// A lamp of 0.5 just above a floor that faces up, and one at a distance.
+    /// A lamp above a floor with a cellar below is outside of the cellar, however near; one above a floor alone is not.
     #[test]
-    fn lamps_just_behind_a_surface_are_named() {
-        let note =
-            |z: f64| with_lamps(10.0, &[(z, false)], &LoadOptions::default()).note_of_enclosed_emitters();
-        assert_eq!(note(1.0), None);
-        let found = note(0.05).expect("a note");
-        assert!(found.contains("emitter `lamp 0` is blocked by `floor`, 0.05"), "{found}");
+    fn lamps_outside_of_a_space_are_named() {
+        let lamps = |z: f64| with_lamps(10.0, &[(z, false)], &LoadOptions::default());
+        assert_eq!(lamps(0.05).note_of_outside_emitters(), None);
+        for z in [0.05, 0.4] {
+            let found = with_cellar(&[(z, false)]).note_of_outside_emitters().expect("a note");
+            assert!(found.contains(&format!("emitter `lamp 0` is blocked by `floor`, {z:.2}")), "{found}");
+        }
+        // An uplight just below the ceiling of the cellar.
+        assert_eq!(with_cellar(&[(-0.05, true)]).note_of_outside_emitters(), None);
     }
 
     #[test]
