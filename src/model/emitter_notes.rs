@@ -244,7 +244,9 @@ mod tests {
         };
         let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
         let floor = soup.object("floor");
-        soup.polygon(floor, grey, &square(0.0, 0.0, width));
+        // Of a cellar the lamps are far from the edges.
+        let edge = if below.is_some() { DVec3::new(-0.5 * width, -0.5 * width, 0.0) } else { DVec3::ZERO };
+        soup.polygon(floor, grey, &square(0.0, 0.0, width).map(|corner| corner + edge));
         if let Some(z) = below {
             let cellar = soup.object("cellar");
             let down = DVec3::new(-width, -width, 0.0);
