@@ -175,7 +175,7 @@ impl FinalGather<'_> {
             first = row.end;
             let result = &mut results[row.leaf as usize];
             result.irradiance = light;
-            result.kept = 1.0 - row.gone as f32 / row.rays as f32;
+            result.kept = row.kept_of_lit();
             result.row_sum = result.kept;
         }
     }

@@ -28,6 +28,8 @@ pub struct RayRow {
     pub squares: f32,
     /// Rays that left the scene.
     pub gone: u32,
+    /// Irradiance from emitters and suns at the starts of these rays, mean over the channels, sum over the rays, W/m².
+    pub gone_lit: f32,
     /// Rays that met leaves without rows: their light is known and counts as direct.
     pub outside: u32,
     /// Rays that met leaves that other surfaces stand across: paths have gone on from there, and their light counts as direct.
@@ -45,6 +47,19 @@ pub struct RayRows {
     pub hurried: usize,
     /// Cost of the rays.
     pub tally: Tally,
+}
+
+impl RayRow {
+    /// The part of the light reflected by the leaf that stays in the scene, where the leaf lies both inside and outside of a room: rays count
+    /// by the light at their starts.
+    pub fn kept_of_lit(&self) -> f32 {
+        let lit = (self.direct - self.sky - self.onwards).element_sum() / 3.0;
+        if lit > 0.0 {
+            (1.0 - self.gone_lit / lit).clamp(0.0, 1.0)
+        } else {
+            1.0 - self.gone as f32 / self.rays as f32
+        }
+    }
 }
 
 impl RayRows {
@@ -102,13 +117,14 @@ impl RayRows {
         let mut results = buffers.results.iter().zip(paths);
         for of in batch {
             let (mut direct, mut squares, mut gone, mut crossed) = (Vec3::ZERO, 0.0, 0, 0);
-            let (mut sun, mut sky, mut onwards) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
+            let (mut sun, mut sky, mut onwards, mut gone_lit) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 0.0);
             for (found, path) in results.by_ref().take(of.count as usize) {
                 let light = found.direct + found.sun + found.sky + path.unwrap_or_default();
                 direct += light;
                 (sun, sky) = (sun + found.sun, sky + found.sky);
                 onwards += path.unwrap_or_default();
                 gone += u32::from(found.gone);
+                gone_lit += if found.gone { (found.direct + found.sun).element_sum() / 3.0 } else { 0.0 };
                 squares += (light.element_sum() / 3.0).powi(2);
                 crossed += u32::from(path.is_some());
                 self.met.push(match path {
@@ -117,9 +133,20 @@ impl RayRows {
                 });
             }
             let (leaf, rays, end, outside) = (of.leaf, of.count, self.met.len(), 0);
-            let light =
-                RayRow { leaf, end, rays, direct, sun, sky, onwards, squares, gone, outside, crossed };
-            self.rows.push(light);
+            self.rows.push(RayRow {
+                leaf,
+                end,
+                rays,
+                direct,
+                sun,
+                sky,
+                onwards,
+                squares,
+                gone,
+                gone_lit,
+                outside,
+                crossed,
+            });
         }
     }
 

@@ -60,6 +60,18 @@ impl LinkedScene {
         }
         found.into_iter().for_each(|e| self.elements.states[e as usize].crossed = true);
     }
+
+    /// The part of the light in a closed scene, lit evenly, that the elements across which other surfaces stand reflect.
+    pub fn share_reflected_by_crossed(&self) -> f64 {
+        let reflected = |leaf: u32| {
+            let element = &self.elements.elements[leaf as usize];
+            let Shape::Surface { side, .. } = element.shape else { return 0.0 };
+            let reflectance = self.elements.sides[side as usize].reflectance;
+            element.area * f64::from(reflectance.iter().copied().fold(0.0, f32::max))
+        };
+        let crossed = self.leaves().into_iter().filter(|&leaf| self.elements.states[leaf as usize].crossed);
+        crossed.map(reflected).sum::<f64>() / self.elements.area
+    }
 }
 
 /// Area of an element, scene units squared.
