@@ -11,7 +11,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// Smallest height at which rays start above a surface, as a part of its distance from an emitter, or of the height of a thing that stands on
-/// it, of which a note tells: irradiance there errs by about that part.
+/// it, of which a note tells: shadows and reflected light there err by up to that part.
 const COARSE: f32 = 0.01;
 /// Part of an emitter's rays that must meet such surfaces.
 const MIN_COARSE_SHARE: f64 = 0.05;
@@ -36,7 +36,7 @@ impl Model {
         let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
         Some(format!(
             "the emitter `{}`{more} is so close to a surface, {} {unit}, that rounding of the surface's coordinates limits the \
-             accuracy: rays start {} {unit} above it, so that light there is wrong by about {:.0} %; divide that surface into \
+             accuracy: rays start {} {unit} above it, so that shadows and reflected light there may be wrong by up to {:.0} %; divide that surface into \
              smaller faces, or move the scene nearer to the origin",
             quote(&worst.name),
             two_digits(distance),

@@ -67,7 +67,10 @@ fn the_page_stands_alone_and_names_what_it_shows() {
     assert!(grid_section(&[], "m").expect("nothing").into_string().is_empty());
     assert_eq!((page.matches("<svg class=\"flow\"").count(), page.matches("<svg ").count()), (1, 3));
     assert!(page.contains("W/m²") && page.contains(&format!("{} W", number(record.ledger.emitted))));
-    assert!(page.contains("Are the error bars right?") && page.contains("escaped from the scene"));
+    assert!(
+        page.contains("Are the error bars right?") && page.contains("for a normal distribution): the bars")
+    );
+    assert!(page.contains("escaped from the scene"));
 }
 
 #[test]

@@ -69,8 +69,8 @@ fn in_words(estimate: Option<f64>) -> String {
 pub fn unlit(unlit: &Unlit) -> Option<String> {
     (unlit.area > USUAL_UNLIT_AREA).then(|| {
         format!(
-            "no light reaches {} of {} sides, {:.0} % of the surface: emitters emit from the front of their faces only, and not \
-             through closed doors",
+            "{} of {} sides, {:.0} % of the surface, receive no light: if they should, look for emitters whose fronts turn away from \
+             them, and for closed doors",
             unlit.sides,
             unlit.of,
             100.0 * unlit.area
@@ -163,6 +163,16 @@ pub fn limit(options: &Options) -> String {
 /// If links alone give the light of luminaires.
 pub const DIFFUSE_LUMINAIRES: &str = "without a local pass (option `local_rays` 0, option `direct_only`) elements see luminaires as diffuse \
      emitters; direct light at points has their distribution";
+
+/// If links alone give the light of elements across which walls stand.
+pub fn walls_across_elements(count: usize) -> Option<String> {
+    (count > 0).then(|| {
+        format!(
+            "walls stand across {count} elements, whose light is a mean over both sides of them: without a local pass (option `local_rays` 0) \
+             some of it reaches rooms that should be dark"
+        )
+    })
+}
 
 /// If the scene has no emitters.
 pub const NO_EMITTERS: &str =

@@ -86,8 +86,11 @@ pub fn solve(
     let (irradiance, points_tally) = stages.points(&gather, points, &plan);
     let (uncertainty, audit, audit_tally) = stages.audit(&gather, &solved, &plan);
     let points_error = stages.points_error((points, &irradiance), &plan);
-    if !local && !idle && solved.linked.elements.has_profiles() {
-        stages.notes.push(notes::DIFFUSE_LUMINAIRES.into());
+    if let Closing::Links(_) = solved.closing {
+        if solved.linked.elements.has_profiles() {
+            stages.notes.push(notes::DIFFUSE_LUMINAIRES.into());
+        }
+        stages.notes.extend(notes::walls_across_elements(solved.linked.count_crossed(&model.exact())));
     }
     if scene.emitters.is_empty() && scene.environment.is_none() {
         stages.notes.push(notes::NO_EMITTERS.into());

@@ -61,6 +61,11 @@ impl LinkedScene {
         found.into_iter().for_each(|e| self.elements.states[e as usize].crossed = true);
     }
 
+    /// The number of leaves of large surfaces across which other surfaces stand.
+    pub fn count_crossed(&self, exact: &Exact) -> usize {
+        crossed(&self.elements, exact, &self.leaves()).len()
+    }
+
     /// The part of the light in a closed scene, lit evenly, that the elements across which other surfaces stand reflect.
     pub fn share_reflected_by_crossed(&self) -> f64 {
         let reflected = |leaf: u32| {

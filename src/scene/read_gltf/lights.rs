@@ -115,7 +115,7 @@ impl Reader<'_> {
             let count = counted(self.lights.len(), "light");
             soup.repairs.messages.push(format!(
                 "{count} of KHR_lights_punctual made into emitters: point and spot lights squares of {PLATE} of the scene's \
-                 diagonal, directional lights suns; their ranges are not used"
+                 diagonal, directional lights suns; the property `range`, beyond which a light has no effect, is not used"
             ));
         }
         Ok(())

@@ -16,6 +16,8 @@ pub struct AtPoints {
     pub minimum: f64,
     pub mean: f64,
     pub maximum: f64,
+    /// Points without any light, as those below furniture.
+    pub dark: usize,
     /// Uniformity U0 of EN 12464: the minimum divided by the mean; `null` in the dark.
     pub uniformity: Option<f64>,
 }
@@ -32,6 +34,7 @@ impl AtPoints {
             minimum,
             mean,
             maximum: values().fold(minimum, f64::max),
+            dark: values().filter(|&light| light == 0.0).count(),
             uniformity: (mean > 0.0).then_some(minimum / mean),
         })
     }
@@ -44,7 +47,7 @@ impl AtPoints {
 
     /// The numbers in words.
     pub fn words(&self) -> String {
-        let AtPoints { count, unit, minimum, mean, maximum, uniformity } = self;
+        let AtPoints { count, unit, minimum, mean, maximum, dark, uniformity } = self;
         let mut line = format!(
             "{} point{}: minimum {}, mean {}, maximum {} {unit}",
             grouped(*count),
@@ -56,6 +59,10 @@ impl AtPoints {
         // Writing to a string cannot fail.
         if let Some(uniformity) = uniformity {
             let _ = write!(line, ", uniformity U0 (minimum / mean) {uniformity:.2}");
+            if *dark > 0 {
+                let of = if *dark == 1 { "point that receives" } else { "points that receive" };
+                let _ = write!(line, " with {} {of} no light (below or inside of things?)", grouped(*dark));
+            }
         }
         line
     }
@@ -69,7 +76,11 @@ mod tests {
     fn uniformity_is_minimum_over_mean() {
         let found = AtPoints::of(&[[1.0, 2.0, 3.0], [6.0; 3]], None).expect("points");
         assert_eq!((found.count, found.minimum, found.mean, found.maximum), (2, 2.0, 4.0, 6.0));
-        assert_eq!(found.uniformity, Some(0.5));
+        assert_eq!((found.uniformity, found.dark), (Some(0.5), 0));
+        let found = AtPoints::of(&[[0.0; 3], [6.0; 3]], None).expect("points");
+        assert!(
+            found.words().ends_with("0.00 with 1 point that receives no light (below or inside of things?)")
+        );
         assert_eq!(AtPoints::of(&[[0.0; 3]], None).expect("a point").uniformity, None);
         assert_eq!(AtPoints::of(&[], None), None);
     }

@@ -150,8 +150,9 @@ pub fn section(grids: &[MeasuredGrid], pictures: &[Picture], unit: &str) -> Resu
 /// The lines of the summary about the points of a file and about grids.
 pub fn lines(points: Option<&AtPoints>, grids: &[MeasuredGrid], record: &Record) -> String {
     let grid = |grid: &MeasuredGrid| {
-        let MeasuredGrid { name, columns, rows, light, .. } = grid;
-        format!("grid `{}` of {columns} x {rows}: {}", quote(name), light.words())
+        let MeasuredGrid { name, height, columns, rows, light, .. } = grid;
+        let above = if *height > 0.0 { format!(", {} above it", number(*height)) } else { String::new() };
+        format!("grid `{}` of {columns} x {rows}{above}: {}", quote(name), light.words())
     };
     let lines: Vec<String> = points.map(AtPoints::words).into_iter().chain(grids.iter().map(grid)).collect();
     let error = record.points_error.map(|error| {
