@@ -157,7 +157,8 @@ impl Around {
 /// a vertex lies half an element away from it. So each vertex is corrected by the mean of what its elements lack: the difference
 /// between an element's irradiance and the mean of its vertices (one step of van Cittert's iteration). Where an element still lacks
 /// more than its uncertainty, as at the edge of a shadow, its own vertices are changed so that it does not; light is not continuous there.
-/// The vertices of elements that another surface stands across have the light of their neighbours, on either side of it.
+/// The vertices of elements that another surface stands across have the light of their neighbours, on either side of it, times what the elements
+/// lack.
 fn at_outlines(
     solution: &RadiosityMesh,
     normals: &[Vec3],
@@ -184,13 +185,13 @@ fn at_outlines(
     let changed = |((at, lacks), e): ((&Vec<[f64; 3]>, &[f64; 3]), &Element)| {
         // What the element lacks beyond its uncertainty is added; an excess scales the vertices, so that none becomes negative.
         let change = |v: f64, c: usize| {
-            if e.crossed {
-                return v;
-            }
             let beyond = lacks[c].abs() - e.error[c].max(VISIBLE_STEP * e.irradiance[c]);
+            let mean = e.irradiance[c] - lacks[c];
             match beyond > 0.0 {
-                true if lacks[c] > 0.0 => v + beyond,
-                true => v * (1.0 - beyond / (e.irradiance[c] - lacks[c])),
+                // What is dark on one side of another surface stays dark.
+                true if e.crossed && mean <= 0.0 => v,
+                true if lacks[c] > 0.0 && !e.crossed => v + beyond,
+                true => v * (1.0 + beyond.copysign(lacks[c]) / mean),
                 false => v,
             }
         };
@@ -204,7 +205,7 @@ fn at_outlines(
 fn lacking(solution: &RadiosityMesh, weights: &[Vec<f64>], at_outlines: &[Vec<[f64; 3]>]) -> Vec<[f64; 3]> {
     let of = |((e, weights), at): ((&Element, &Vec<f64>), &Vec<[f64; 3]>)| {
         let lacks = |c: usize| e.irradiance[c] - weights.iter().zip(at).map(|(w, v)| w * v[c]).sum::<f64>();
-        if e.crossed { [0.0; 3] } else { std::array::from_fn(lacks) }
+        std::array::from_fn(lacks)
     };
     solution.elements.iter().zip(weights).zip(at_outlines).map(of).collect()
 }

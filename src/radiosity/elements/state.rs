@@ -22,6 +22,8 @@ pub struct ElementState {
     /// Whether another surface stands across the element, so that its mean light is right on neither side of it. Such an element exchanges no
     /// light, and paths that meet it go on from there.
     pub crossed: bool,
+    /// Whether the element lies in a gap narrower than itself, along which light decays within its size. It exchanges no light either.
+    pub narrow: bool,
 }
 
 impl ElementState {
@@ -35,7 +37,13 @@ impl ElementState {
         feature_size: 0.0,
         importance: 1.0,
         crossed: false,
+        narrow: false,
     };
+
+    /// Whether the element exchanges no light, and paths that meet it go on from there.
+    pub fn is_apart(&self) -> bool {
+        self.crossed || self.narrow
+    }
 
     /// The state of a quarter of an element with this state: the same light, which varies half as much over half the size.
     pub fn of_part(self) -> ElementState {

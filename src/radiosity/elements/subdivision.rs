@@ -102,3 +102,30 @@ pub(super) fn quarters(c: [Vec3; 4]) -> [[Vec3; 4]; 4] {
         [m[3], centre, m[2], c[3]],
     ]
 }
+
+/// The centres of the four parts that subdivision would make of an element; their mean is its centre.
+pub fn centres_of_quarters(corners: &[Vec3; 4]) -> [Vec3; 4] {
+    let [a, b, c, d] = *corners;
+    if c == d {
+        let middle = (a + b + c) / 3.0;
+        return [middle, 0.5 * (a + middle), 0.5 * (b + middle), 0.5 * (c + middle)];
+    }
+    let at = |u: f32, v: f32| (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * d + u * c);
+    [at(0.25, 0.25), at(0.75, 0.25), at(0.75, 0.75), at(0.25, 0.75)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The mean over the centres of the quarters is exact for linear functions.
+    #[test]
+    fn quarters_have_the_centre_of_the_whole() {
+        let [a, b, c] = [Vec3::ZERO, Vec3::new(2.0, 0.5, 0.0), Vec3::new(0.3, 1.5, 1.0)];
+        for corners in [[a, b, c, c], [a, b, b + c, c]] {
+            let mean = centres_of_quarters(&corners).iter().sum::<Vec3>() / 4.0;
+            let centre = if corners[2] == corners[3] { (a + b + c) / 3.0 } else { 0.5 * (b + c) };
+            assert!((mean - centre).length() < 1e-6, "{mean} {centre}");
+        }
+    }
+}

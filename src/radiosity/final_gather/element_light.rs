@@ -98,7 +98,7 @@ impl FinalGather<'_> {
         let weight = elements[e as usize].area * f64::from(states[e as usize].importance);
         // The deviation is unknown where the first pass had no rays: leaves that there was no time for get the smallest number.
         let deviation = match result.rays {
-            0 if states[e as usize].crossed => USUAL_DEVIATION * mean(result.irradiance),
+            0 if states[e as usize].is_apart() => USUAL_DEVIATION * mean(result.irradiance),
             0 => 0.0,
             rays => f64::from(result.noise) * f64::from(rays).sqrt(),
         };

@@ -66,7 +66,7 @@ pub fn assign_noise(
             + sums[i] * (1.0 - sums[i]).max(0.0) * spread.mean * spread.mean / n;
         let result = &mut results[leaf];
         result.rays = n as u32;
-        result.row_sum = (sums[i] + f64::from(row.outside + row.crossed) / n) as f32;
+        result.row_sum = (sums[i] + f64::from(row.outside + row.continued) / n) as f32;
         result.kept = 1.0 - row.gone as f32 / n as f32;
         // One more ray might meet a surface that no other ray has met, as bright as the scene on average.
         result.noise = variance.sqrt().hypot(level / n) as f32;

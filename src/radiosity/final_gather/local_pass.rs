@@ -98,7 +98,7 @@ impl FinalGather<'_> {
         let seconds_a_ray = (deadline.elapsed() - start) / traced.max(1.0);
         let untraced = all.len() - rows.rows.len();
         // Light that leaves receive outside the exchange, W/m² times scene units squared.
-        let apart = rows.take_out(|leaf| states[leaf as usize].crossed);
+        let apart = rows.take_out(|leaf| states[leaf as usize].is_apart());
         let light = |row: &RayRow| elements[row.leaf as usize].area * mean(emitters_irradiance(row));
         let light_apart: f64 = apart.rows.iter().map(light).sum();
         let beyond = |row: &RayRow| {
@@ -302,7 +302,7 @@ impl FinalGather<'_> {
                     reflectance: elements.sides[side as usize].reflectance,
                     end: row.end,
                     closed: linked.surroundings.closed[side as usize] && row.outside == 0,
-                    apart: row.crossed as usize,
+                    apart: row.continued as usize,
                 },
                 Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
             })

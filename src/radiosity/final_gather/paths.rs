@@ -19,9 +19,10 @@ const FIRST_ROULETTE_BOUNCE: u64 = 3;
 
 impl FinalGather<'_> {
     /// Whether the mean light of an element may stand for the light at a point on it: if the point is seen from further away than
-    /// the element is large (secondary final gathers, Jensen 2001), and no other surface stands across it.
+    /// the element is large (secondary final gathers, Jensen 2001), and it takes part in the exchange.
     fn trusts(&self, met: &PathVertex, distance: f32) -> bool {
-        distance >= self.trust_distance(met.leaf) && !self.linked.elements.states[met.leaf as usize].crossed
+        distance >= self.trust_distance(met.leaf)
+            && !self.linked.elements.states[met.leaf as usize].is_apart()
     }
 
     /// One cosine-weighted ray and one shadow ray from each of `buffers.vertices`, to `buffers.results`. `random` gives four numbers
@@ -232,8 +233,8 @@ impl FinalGather<'_> {
         }
     }
 
-    /// For each of `buffers.results` that met an element across which another surface stands, the light that paths from there find, W/m².
-    pub(super) fn light_beyond_crossed(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<Vec3>> {
+    /// For each of `buffers.results` that met an element outside the exchange, the light that paths from there find, W/m².
+    pub(super) fn light_of_paths_onwards(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<Vec3>> {
         let states = &self.linked.elements.states;
         let results = std::mem::take(&mut buffers.results);
         buffers.vertices.clear();
@@ -241,7 +242,7 @@ impl FinalGather<'_> {
         let paths: Vec<Option<u32>> = results
             .iter()
             .map(|found| {
-                let goes_on = found.met.side != Elements::NONE && states[found.met.leaf as usize].crossed;
+                let goes_on = found.met.side != Elements::NONE && states[found.met.leaf as usize].is_apart();
                 goes_on.then(|| {
                     buffers.vertices.push(self.continued(found.met, Vec3::ONE, path));
                     path += 1;

@@ -20,7 +20,7 @@ pub struct RayRow {
     pub rays: u32,
     /// Sum over the rays of the irradiance from emitters, suns and sky, W/m².
     pub direct: Vec3,
-    /// Of that the light of suns and of the sky, and that of paths which have gone on from crossed leaves.
+    /// Of that the light of suns and of the sky, and that of paths which have gone on from leaves outside the exchange.
     pub sun: Vec3,
     pub sky: Vec3,
     pub onwards: Vec3,
@@ -32,8 +32,8 @@ pub struct RayRow {
     pub gone_lit: f32,
     /// Rays that met leaves without rows: their light is known and counts as direct.
     pub outside: u32,
-    /// Rays that met leaves that other surfaces stand across: paths have gone on from there, and their light counts as direct.
-    pub crossed: u32,
+    /// Rays that met leaves outside the exchange: paths have gone on from there, and their light counts as direct.
+    pub continued: u32,
 }
 
 /// The rays of all leaves.
@@ -113,10 +113,10 @@ impl RayRows {
         gather.trace_leaves(batch, ROW, &cuts, &vec![None; batch.len()], buffers);
         buffers.cuts = cuts;
         let seed = batch.first().map_or(0, |of| mix(!u64::from(of.leaf)));
-        let paths = gather.light_beyond_crossed(seed, buffers);
+        let paths = gather.light_of_paths_onwards(seed, buffers);
         let mut results = buffers.results.iter().zip(paths);
         for of in batch {
-            let (mut direct, mut squares, mut gone, mut crossed) = (Vec3::ZERO, 0.0, 0, 0);
+            let (mut direct, mut squares, mut gone, mut continued) = (Vec3::ZERO, 0.0, 0, 0);
             let (mut sun, mut sky, mut onwards, mut gone_lit) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 0.0);
             for (found, path) in results.by_ref().take(of.count as usize) {
                 let light = found.direct + found.sun + found.sky + path.unwrap_or_default();
@@ -126,7 +126,7 @@ impl RayRows {
                 gone += u32::from(found.gone);
                 gone_lit += if found.gone { (found.direct + found.sun).element_sum() / 3.0 } else { 0.0 };
                 squares += (light.element_sum() / 3.0).powi(2);
-                crossed += u32::from(path.is_some());
+                continued += u32::from(path.is_some());
                 self.met.push(match path {
                     None if found.met.side != Elements::NONE => found.met.leaf,
                     _ => Elements::NONE,
@@ -145,7 +145,7 @@ impl RayRows {
                 gone,
                 gone_lit,
                 outside,
-                crossed,
+                continued,
             });
         }
     }

@@ -6,6 +6,7 @@ use super::run::{Stages, total_area};
 use crate::model::Model;
 use crate::radiosity::audit::{AuditSize, Closing, Solved};
 use crate::radiosity::deadline::Deadline;
+use crate::radiosity::elements::ElementState;
 use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::{LinkedScene, Refined};
@@ -93,6 +94,7 @@ impl Stages<'_> {
             linked.split_all(smallest * total_area(scene), deadline);
             linked.split_near_emitters(scene, deadline);
             linked.split_at_crossings(&self.model.exact(), deadline);
+            linked.mark_gaps(&self.model.exact());
             light_for_paths(self.model, linked, options, deadline);
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all, options);
@@ -135,17 +137,15 @@ impl Stages<'_> {
 /// Largest part of the light that paths may miss: it is missing from the ledger, which is right within 0.005.
 const MAX_MISSING: f64 = 1e-3;
 
-/// Replaces the light along links by that of few rays where surfaces stand across elements: paths go on from there and read the light of what they
-/// meet, and links bring a little light to rooms without any. Each pass adds the light that has met such elements once more.
+/// Replaces the light along links by that of few rays where elements take no part in the exchange: paths go on from there and read the light of
+/// what they meet, and links bring a little light to rooms without any. Each pass adds the light that has met such elements once more.
 fn light_for_paths(model: &Model, linked: &mut LinkedScene, options: &Options, deadline: &Deadline) {
-    let reflected = linked.share_reflected_by_crossed();
-    if reflected <= 0.0 || deadline.late() {
+    if !linked.elements.states.iter().any(ElementState::is_apart) || deadline.late() {
         return;
     }
     let before: Vec<Rgb> = linked.elements.states.iter().map(|state| state.irradiance).collect();
     linked.set_irradiance(before.iter().map(|_| [0.0; 3]));
-    // Without a pass all that these elements reflect would be missing.
-    let mut missing = reflected;
+    let mut passes = 0;
     loop {
         let found = FinalGather::new(model, linked, options).local_pass(Some(LATE_RAYS), LATE_RAYS, deadline);
         linked.tally.add(found.tally);
@@ -153,8 +153,8 @@ fn light_for_paths(model: &Model, linked: &mut LinkedScene, options: &Options, d
             return linked.set_irradiance(before.into_iter());
         }
         linked.set_irradiance(found.results.iter().map(|result| result.irradiance));
-        missing *= reflected;
-        if missing <= MAX_MISSING {
+        passes += 1;
+        if linked.share_reflected_apart().powi(passes + 1) <= MAX_MISSING {
             return;
         }
     }

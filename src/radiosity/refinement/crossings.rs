@@ -1,8 +1,10 @@
-//! Elements across which other surfaces stand, as a thin wall whose foot is in the middle of a floor.
+//! Elements across which other surfaces stand, as a thin wall whose foot is in the middle of a floor, and those that others cover in part, as
+//! the wall behind a cupboard that stands a centimetre before it.
 //!
 //! Light differs on both sides of such a line, so that the mean over the element is right on neither. These elements are split a few times
 //! along the line; what remains of them takes no part in the exchange of light, and paths that meet it go on from there.
 
+use super::gaps::{ALL, covered_quarters};
 use super::linked_scene::LinkedScene;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape, Side};
@@ -65,18 +67,6 @@ impl LinkedScene {
     pub fn count_crossed(&self, exact: &Exact) -> usize {
         crossed(&self.elements, exact, &self.leaves()).len()
     }
-
-    /// The part of the light in a closed scene, lit evenly, that the elements across which other surfaces stand reflect.
-    pub fn share_reflected_by_crossed(&self) -> f64 {
-        let reflected = |leaf: u32| {
-            let element = &self.elements.elements[leaf as usize];
-            let Shape::Surface { side, .. } = element.shape else { return 0.0 };
-            let reflectance = self.elements.sides[side as usize].reflectance;
-            element.area * f64::from(reflectance.iter().copied().fold(0.0, f32::max))
-        };
-        let crossed = self.leaves().into_iter().filter(|&leaf| self.elements.states[leaf as usize].crossed);
-        crossed.map(reflected).sum::<f64>() / self.elements.area
-    }
 }
 
 /// Area of an element, scene units squared.
@@ -84,7 +74,8 @@ fn area(elements: &Elements, e: u32) -> f64 {
     elements.elements[e as usize].area
 }
 
-/// The parts of large surfaces among some leaves across which other surfaces stand: segments along their edges are blocked.
+/// The parts of large surfaces among some leaves across which other surfaces stand (segments along their edges are blocked), or that others cover
+/// in part.
 fn crossed(elements: &Elements, exact: &Exact, leaves: &[u32]) -> Vec<u32> {
     let large = |e: &&u32| {
         let element = &elements.elements[**e as usize];
@@ -100,13 +91,13 @@ fn crossed(elements: &Elements, exact: &Exact, leaves: &[u32]) -> Vec<u32> {
         let mut blocked = [0];
         exact.occluded(std::slice::from_ref(&packet), &mut blocked);
         let [blocked] = blocked;
-        (0..)
-            .zip(parts)
-            .filter(move |(k, _)| blocked >> (4 * k) & 0xf != 0)
-            .map(|(_, &e)| e)
-            .collect::<Vec<_>>()
+        (0..parts.len()).map(move |k| blocked >> (4 * k) & ALL != 0)
     };
-    parts.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect()
+    let crossed = parts.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect::<Vec<bool>>();
+    let covered = covered_quarters(elements, exact, &parts);
+    let in_part = |quarters: u32| quarters != 0 && quarters != ALL;
+    let found = parts.into_iter().zip(crossed.into_iter().zip(covered));
+    found.filter(|(_, (crossed, quarters))| *crossed || in_part(*quarters)).map(|(e, _)| e).collect()
 }
 
 /// Sets lanes from `first` on to segments above the edges of an element, a little within it.

@@ -6,6 +6,7 @@
 
 mod crossings;
 mod feature_sizes;
+mod gaps;
 mod histogram;
 mod importance;
 mod link_measurement;
