@@ -86,12 +86,6 @@ pub fn solve(
     let (irradiance, points_tally) = stages.points(&gather, points, &plan);
     let (uncertainty, audit, audit_tally) = stages.audit(&gather, &solved, &plan);
     let points_error = stages.points_error((points, &irradiance), &plan);
-    if let Closing::Links(_) = solved.closing {
-        if solved.linked.elements.has_profiles() {
-            stages.notes.push(notes::DIFFUSE_LUMINAIRES.into());
-        }
-        stages.notes.extend(notes::walls_across_elements(solved.linked.count_crossed(&model.exact())));
-    }
     if scene.emitters.is_empty() && scene.environment.is_none() {
         stages.notes.push(notes::NO_EMITTERS.into());
     } else if irradiance
@@ -232,6 +226,11 @@ impl Stages<'_> {
             self.notes.extend(notes::bounded(closing.bounded));
             self.notes.extend(notes::unconverged(&closing.convergence, &plan.light));
             steps.convergence = closing.convergence;
+            if solved.linked.elements.has_profiles() {
+                self.notes.push(notes::DIFFUSE_LUMINAIRES.into());
+            }
+            let crossed = solved.linked.count_crossed(&self.model.exact());
+            self.notes.extend(notes::walls_across_elements(crossed));
         }
         self.seconds.solve = start.elapsed().as_secs_f64();
         (solved, steps)
