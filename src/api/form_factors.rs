@@ -43,10 +43,8 @@ impl Default for FormFactorOptions {
 
 impl FormFactorOptions {
     fn settings(&self, facets: usize) -> Result<Settings> {
-        let mut settings = Settings { enforce: self.closure, seed: self.seed, ..Settings::new(facets) };
-        settings.rays = self.rays.unwrap_or(settings.rays);
-        settings.largest_bundle = self.pair_rays.unwrap_or(settings.largest_bundle);
-        settings.bundle = settings.bundle.min(settings.largest_bundle);
+        let settings = Settings { enforce: self.closure, seed: self.seed, ..Settings::new(facets) };
+        let settings = settings.with_rays(self.rays, self.pair_rays);
         for (name, value, min, max) in
             [("rays", settings.rays, 1, 1 << 20), ("pair_rays", settings.largest_bundle, 4, 1 << 22)]
         {

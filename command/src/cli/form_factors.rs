@@ -6,6 +6,7 @@ use super::job_context;
 use super::limits::{self, GIB};
 use super::mpi::MpiArgs;
 use super::progress::Bar;
+use super::values::{Values, one_of};
 use super::writable::check_file;
 use mrvis::internals::form_factors::{
     Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write,
@@ -28,8 +29,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Rows and columns: polygons of the file, objects (and groups), or materials.
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t = By::Face)]
-    by: By,
+    #[arg(long, value_name = "WHAT", value_parser = one_of(ROWS), default_value = "face")]
+    by: Grouping,
     /// Rays per polygon that search for visible polygons; the rays per pair are proportional [default: 2048, more for
     /// few polygons]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
@@ -40,9 +41,9 @@ pub struct Args {
     pair_rays: Option<u32>,
     /// Adjustment of the matrix: `closure` makes rows without escape sum to 1, each entry according to its
     /// uncertainty, and keeps A F symmetric; `none` leaves the estimates unchanged.
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t = Enforce::Closure, num_args = 0..=1,
+    #[arg(long, value_name = "WHAT", value_parser = one_of(ENFORCE), default_value = "closure", num_args = 0..=1,
           default_missing_value = "closure", require_equals = true)]
-    enforce: Enforce,
+    enforce: bool,
     /// Largest accepted mean |row sum + escaped + lost - 1| of closed rows (exit code 1 above).
     #[arg(long, value_name = "R")]
     tolerance: Option<f64>,
@@ -52,18 +53,13 @@ pub struct Args {
     pub common: Common,
 }
 
-#[derive(clap::ValueEnum, Clone, Copy, Debug)]
-enum By {
-    Face,
-    Object,
-    Material,
-}
+const ROWS: Values<Grouping> = &[
+    ("face", "", Grouping::Polygon),
+    ("object", "", Grouping::Object),
+    ("material", "", Grouping::Material),
+];
 
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
-enum Enforce {
-    Closure,
-    None,
-}
+const ENFORCE: Values<bool> = &[("closure", "", true), ("none", "", false)];
 
 impl Args {
     /// The format of the matrix.
@@ -76,15 +72,8 @@ impl Args {
 
     /// What the command takes for so many facets.
     fn settings(&self, facets: usize) -> Settings {
-        let mut settings = Settings {
-            enforce: self.enforce == Enforce::Closure,
-            seed: self.common.seed,
-            ..Settings::new(facets)
-        };
-        settings.rays = self.rays.unwrap_or(settings.rays);
-        settings.largest_bundle = self.pair_rays.unwrap_or(settings.largest_bundle);
-        settings.bundle = settings.bundle.min(settings.largest_bundle);
-        settings
+        let settings = Settings { enforce: self.enforce, seed: self.common.seed, ..Settings::new(facets) };
+        settings.with_rays(self.rays, self.pair_rays)
     }
 
     /// Largest memory of the matrix of so many facets, bytes.
@@ -134,14 +123,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     if !args.mpi.is_first() {
         return Ok(ExitCode::SUCCESS);
     }
-    let by = match args.by {
-        By::Face => Grouping::Polygon,
-        By::Object => Grouping::Object,
-        By::Material => Grouping::Material,
-    };
-    let matrix = faces.grouped(scene, &facets, by, &())?;
+    let matrix = faces.grouped(scene, &facets, args.by, &())?;
     let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
-    let labels = matches!(args.by, By::Face).then(|| facets.labels(scene));
+    let labels = (args.by == Grouping::Polygon).then(|| facets.labels(scene));
     write(&args.out, matrix.rows(), format, labels.as_ref())?;
     drop(spinner);
     let mut json = serde_json::json!({

@@ -29,14 +29,11 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
             None => series.push(Series { name, points: vec![point], marks: Marks::Points }),
         }
     }
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: "time of the queries, seconds".into(),
-        y_label: "error (RMS of the visible fraction)".into(),
-        x_scale: Scale::Log,
-        y_scale: Scale::Log,
+    let plot = Plot::new(
+        ("time of the queries, seconds", Scale::Log),
+        ("error (RMS of the visible fraction)", Scale::Log),
         series,
-    };
+    );
     chart(
         &plot,
         460,
@@ -54,17 +51,14 @@ pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup
         points: rows.iter().map(point).collect(),
         marks,
     };
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: format!("feature size s, {unit}"),
-        y_label: "feature-based error FBEM(s)".into(),
-        x_scale: Scale::Linear,
-        y_scale: Scale::Linear,
-        series: vec![
+    let plot = Plot::new(
+        (format!("feature size s, {unit}"), Scale::Linear),
+        ("feature-based error FBEM(s)", Scale::Linear),
+        vec![
             series("exact, 16 rays", exact, Marks::Joined),
             series("multi-resolution, each image at its own s", mr, Marks::Points),
         ],
-    };
+    );
     chart(
         &plot,
         340,
@@ -84,13 +78,10 @@ pub(super) fn cross_section(images: [&Image; 3], row: usize, unit: &str) -> Resu
             };
             Series { name: name.into(), points: (0..image.width()).map(at).collect(), marks: Marks::Line }
         });
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: format!("place along row {row} of the texels, {unit}"),
-        y_label: "visible fraction".into(),
-        x_scale: Scale::Linear,
-        y_scale: Scale::Linear,
-        series: series.collect(),
-    };
+    let plot = Plot::new(
+        (format!("place along row {row} of the texels, {unit}"), Scale::Linear),
+        ("visible fraction", Scale::Linear),
+        series.collect(),
+    );
     chart(&plot, 240, "Cross-section through the largest difference.")
 }

@@ -81,14 +81,11 @@ fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
         points: vec![point(ends.0, ends.0), point(ends.1, ends.1)],
         marks: Marks::Joined,
     };
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: "claimed standard error of the visible fraction".into(),
-        y_label: "observed error (RMS)".into(),
-        x_scale: Scale::Log,
-        y_scale: Scale::Log,
-        series: std::iter::once(diagonal).chain(shown).collect(),
-    };
+    let plot = Plot::new(
+        ("claimed standard error of the visible fraction", Scale::Log),
+        ("observed error (RMS)", Scale::Log),
+        std::iter::once(diagonal).chain(shown).collect(),
+    );
     chart(
         &plot,
         380,

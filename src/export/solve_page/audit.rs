@@ -32,17 +32,14 @@ pub(super) fn section(record: &Record) -> Result<Markup> {
             .collect(),
         marks,
     };
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: "error, in error bars".into(),
-        y_label: "part of the elements".into(),
-        x_scale: Scale::Linear,
-        y_scale: Scale::Linear,
-        series: vec![
+    let plot = Plot::new(
+        ("error, in error bars", Scale::Linear),
+        ("part of the elements", Scale::Linear),
+        vec![
             series("normal distribution", &NORMAL, Marks::Line),
             series("elements of the audit", &audit.within_quarters, Marks::Points),
         ],
-    };
+    );
     let chart = chart(
         &plot,
         320,

@@ -77,6 +77,13 @@ impl Settings {
             seed: 1,
         }
     }
+
+    /// The same with other numbers of discovery rays and of rays between two facets, where they are given.
+    pub fn with_rays(self, rays: Option<u32>, largest_bundle: Option<u32>) -> Settings {
+        let largest_bundle = largest_bundle.unwrap_or(self.largest_bundle);
+        let bundle = self.bundle.min(largest_bundle);
+        Settings { rays: rays.unwrap_or(self.rays), bundle, largest_bundle, ..self }
+    }
 }
 
 /// Statistics of a computed matrix.
