@@ -134,7 +134,7 @@ pub mod readers {
 /// Form factors between facets.
 pub mod form_factors {
     pub use crate::form_factors::matrix::{
-        Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write,
+        Facets, Format, Grouping, Report, Settings, by_groups, compute, memory_bound, write,
     };
 }
 

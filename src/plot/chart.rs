@@ -55,6 +55,13 @@ pub struct Series {
     pub marks: Marks,
 }
 
+impl Series {
+    /// A series with this name.
+    pub fn new(name: impl Into<String>, points: Vec<PlotPoint>, marks: Marks) -> Series {
+        Series { name: name.into(), points, marks }
+    }
+}
+
 /// How the points of a series are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Marks {

@@ -226,11 +226,7 @@ fn write_pictures(
     let plot = Plot::new(
         ("feature size s", Scale::Linear),
         ("error that features larger than s see", Scale::Linear),
-        vec![Series {
-            name: "FBEM(s)".into(),
-            points: rows.iter().map(point).collect(),
-            marks: Marks::Joined,
-        }],
+        vec![Series::new("FBEM(s)", rows.iter().map(point).collect(), Marks::Joined)],
     );
     write_atomically(&svg, plot.svg(720, 420)?.as_bytes())
 }

@@ -9,11 +9,11 @@ use super::progress::Bar;
 use super::values::{Values, one_of};
 use super::writable::check_file;
 use mrvis::internals::form_factors::{
-    Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write,
+    Facets, Format, Grouping, Report, Settings, by_groups, compute, memory_bound, write,
 };
 use mrvis::internals::plot::number;
 use mrvis::internals::{ModelParts, SceneParts};
-use mrvis::{Error, Result};
+use mrvis::{Error, FormFactors, Result};
 use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 
 /// Form factors between polygons, objects or materials, with visibility.
@@ -123,10 +123,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     if !args.mpi.is_first() {
         return Ok(ExitCode::SUCCESS);
     }
-    let matrix = faces.grouped(scene, &facets, args.by, &())?;
+    let matrix = by_groups(faces, scene, &facets, args.by, &())?;
     let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
     let labels = (args.by == Grouping::Polygon).then(|| facets.labels(scene));
-    write(&args.out, matrix.rows(), format, labels.as_ref())?;
+    write(&args.out, &matrix, format, labels.as_ref())?;
     drop(spinner);
     let mut json = serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),
@@ -134,7 +134,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         "unit": scene.parts().unit,
         "seconds": seconds,
         "memory_bound": bound,
-        "rows": matrix.len(),
+        "rows": matrix.areas.len(),
         "entries": matrix.columns.len(),
         "settings": {
             "rays": settings.rays, "bundle": settings.bundle, "largest_bundle": settings.largest_bundle,
@@ -155,14 +155,14 @@ fn size(bytes: u64) -> String {
     if bytes < GIB { format!("{:.0} MiB", (bytes / mib).ceil()) } else { format!("{:.2} GiB", bytes / GIB) }
 }
 
-fn text(args: &Args, matrix: &Matrix, r: &Report, seconds: f64) -> String {
+fn text(args: &Args, matrix: &FormFactors, r: &Report, seconds: f64) -> String {
     let mut out = String::new();
     // Writing to a string cannot fail.
     let _ = writeln!(
         out,
         "{}: {} rows, {} entries; {} s, {} rays",
         file_name(&args.out),
-        grouped(matrix.len()),
+        grouped(matrix.areas.len()),
         grouped(matrix.columns.len()),
         number(seconds),
         grouped(r.rays as usize)

@@ -123,9 +123,9 @@ fn plot(map: &MapRecord, unit: &str) -> Result<Markup> {
         ("time of queries and interpolation, seconds", Scale::Log),
         ("error (RMS of the visible fraction)", Scale::Log),
         vec![
-            Series { name: "exact".into(), points: exact(false), marks: Marks::Joined },
-            Series { name: "exact, interpolated".into(), points: exact(true), marks: Marks::Points },
-            Series { name: "multi-resolution".into(), points: mr.collect(), marks: Marks::Points },
+            Series::new("exact", exact(false), Marks::Joined),
+            Series::new("exact, interpolated", exact(true), Marks::Points),
+            Series::new("multi-resolution", mr.collect(), Marks::Points),
         ],
     );
     chart(&plot, 340, "Error against time of one map, both axes logarithmic: lower left is better.")

@@ -28,7 +28,7 @@ mod tests;
 mod write;
 
 pub use facets::{Facets, Labels};
-pub use rows::{Grouping, Matrix, Rows};
+pub use rows::{FormFactors, Grouping, by_groups};
 pub use write::{Format, write};
 
 use crate::model::Model;
@@ -155,7 +155,7 @@ pub fn compute(
     facets: &Facets,
     settings: &Settings,
     progress: &dyn Progress,
-) -> Result<(Matrix, Report)> {
+) -> Result<(FormFactors, Report)> {
     model.check_single("the form factor matrix")?;
     if settings.rays == 0 || settings.bundle < 4 || settings.largest_bundle < settings.bundle {
         return Err(Error::Argument(
