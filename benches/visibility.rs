@@ -8,7 +8,7 @@ use mrvis::internals::embree::Traversal;
 use mrvis::internals::ray::{Occluder, Packet};
 use mrvis::internals::scene::generate;
 use mrvis::internals::simd::Isa;
-use mrvis::internals::visibility::{Bundle, Exact, LeafMode, MultiResolution, Steps, Workspace};
+use mrvis::internals::visibility::{Bundle, Exact, LeafMode, MultiResolution, Step, Workspace};
 use mrvis::internals::{multi_resolution, native_width, traced};
 use std::sync::OnceLock;
 
@@ -67,48 +67,39 @@ impl Forest {
 }
 
 /// Measures a step if the machine has the instruction set.
-fn step(bencher: Bencher, isa: Isa, items: impl Fn(&Steps) -> usize, run: impl Fn(&Steps) -> f32) {
-    step_in(forest(), bencher, isa, items, run);
-}
-
-fn step_in(
-    forest: &Forest,
-    bencher: Bencher,
-    isa: Isa,
-    items: impl Fn(&Steps) -> usize,
-    run: impl Fn(&Steps) -> f32,
-) {
+fn measure(forest: &Forest, bencher: Bencher, isa: Isa, step: Step) {
     if !isa.available() {
         return;
     }
     let engine = forest.engine(isa);
     let steps = engine.steps(&forest.packets[..1]);
-    bencher.counter(ItemsCount::new(items(&steps))).bench_local(|| run(black_box(&steps)));
+    let items = ItemsCount::new(steps.items(step));
+    bencher.counter(items).bench_local(|| black_box(&steps).run(black_box(step)));
 }
 
 #[divan::bench(args = ISAS)]
 fn shaft(bencher: Bencher, isa: Isa) {
-    step(bencher, isa, |_| 1, |s| s.make_shaft());
+    measure(forest(), bencher, isa, Step::Shaft);
 }
 
 #[divan::bench(args = ISAS)]
 fn nodes_of_sixteen_children(bencher: Bencher, isa: Isa) {
-    step(bencher, isa, |s| s.nodes(), |s| s.test_nodes(black_box(0.3)));
+    measure(forest(), bencher, isa, Step::Nodes(0.3));
 }
 
 #[divan::bench(args = ISAS)]
 fn blocks_of_sixteen_triangles(bencher: Bencher, isa: Isa) {
-    step(bencher, isa, |s| s.blocks(), |s| s.test_blocks());
+    measure(forest(), bencher, isa, Step::Blocks);
 }
 
 #[divan::bench(args = ISAS)]
 fn instances_entered(bencher: Bencher, isa: Isa) {
-    step_in(placed_forest(), bencher, isa, |s| s.instances(), |s| s.enter_instances());
+    measure(placed_forest(), bencher, isa, Step::Enter);
 }
 
 #[divan::bench(args = ISAS)]
 fn boxes_with_extinction(bencher: Bencher, isa: Isa) {
-    step(bencher, isa, |s| 16 * s.nodes(), |s| s.pass_slabs());
+    measure(forest(), bencher, isa, Step::Slabs);
 }
 
 /// Bundles one by one, each from the root.

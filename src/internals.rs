@@ -73,7 +73,7 @@ pub mod terrain {
 
 /// Files that appear whole or not at all.
 pub mod files {
-    pub use crate::files::{WholeFile, csv_text, input, json_text};
+    pub use crate::files::{WholeFile, csv_text, input, json_text, write_json};
 }
 
 /// Readers of files, for tests with damaged files.
@@ -134,7 +134,7 @@ pub mod readers {
 /// Form factors between facets.
 pub mod form_factors {
     pub use crate::form_factors::matrix::{
-        Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write,
+        Facets, Format, Grouping, Report, Settings, by_groups, compute, memory_bound, write,
     };
 }
 
@@ -243,7 +243,7 @@ pub mod threads {
 
 /// Visibility engines.
 pub mod visibility {
-    pub use crate::visibility::steps::Steps;
+    pub use crate::visibility::steps::Step;
     pub use crate::visibility::{
         Answer, Bundle, Cut, Exact, LeafMode, Mode, MultiResolution, Sums, Workspace, fastest_traversal,
     };

@@ -6,7 +6,7 @@
 mod run;
 
 use mrvis::internals::scene::generate::Spec;
-use run::{Outcome, Scratch};
+use run::{Outcome, Scratch, assert_same_files, job_files};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -76,30 +76,11 @@ fn on_ranks(scratch: &Scratch, count: usize, arguments: &[&str]) -> Outcome {
 
 /// Files below a folder, without those that hold times.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let (mut found, mut waiting) = (BTreeMap::new(), vec![folder.to_owned()]);
-    while let Some(at) = waiting.pop() {
-        for entry in std::fs::read_dir(&at).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            let name = path.file_name().expect("a name").to_string_lossy().into_owned();
-            if path.is_dir() && name != ".mrvis-batch" {
-                waiting.push(path);
-            } else if path.is_file() && !name.starts_with("results.") && !name.ends_with(".json") {
-                found.insert(
-                    path.strip_prefix(folder).expect("below").into(),
-                    std::fs::read(&path).expect("read"),
-                );
-            }
-        }
-    }
-    found
+    job_files(folder, |name, content| (!name.ends_with(".json")).then_some(content))
 }
 
 fn assert_same(found: &Path, want: &Path) {
-    let (found, want) = (files(found), files(want));
-    assert_eq!(found.keys().collect::<Vec<_>>(), want.keys().collect::<Vec<_>>());
-    for (name, bytes) in found {
-        assert!(bytes == want[&name], "{} differs", name.display());
-    }
+    assert_same_files(&files(found), &files(want));
 }
 
 /// Sends a signal to rank 1 of a running command: `KILL` ends it without a word.

@@ -121,6 +121,18 @@ impl<T> Place<T> {
     }
 }
 
+/// Sets an option of the caller; 0 stands for the default.
+pub fn set<T: Default + PartialEq, O: From<T>>(option: &mut O, given: T) {
+    if given != T::default() {
+        *option = given.into();
+    }
+}
+
+/// A number of entries; one that no memory holds if it does not fit.
+pub fn count_of(number: u64) -> usize {
+    usize::try_from(number).unwrap_or(usize::MAX)
+}
+
 /// Refuses members that have no meaning yet.
 pub fn no_reserved(value: u32, name: &str) -> Outcome {
     if value == 0 { Ok(()) } else { wrong(format!("`{name}` {value}: must be 0")) }

@@ -1,9 +1,9 @@
 //! Measurements of a model: exact against multi-resolution visibility, and irradiance by path tracing.
 
-use super::arguments::{Place, c_text, slice, slice_mut, texts};
+use super::arguments::{Place, c_text, count_of, set, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
-use super::guard::{Outcome, guard, quiet};
-use super::handle::{Opaque, give, object, release, retain};
+use super::guard::{Outcome, guard};
+use super::handle::{give, handle, object};
 use super::model::mrv_model;
 use super::overlap::{Span, check_apart};
 use super::record::{read_optional, record};
@@ -13,48 +13,31 @@ use mrvis::internals::ModelParts;
 use mrvis::{BenchOptions, BenchReport};
 use std::ffi::{CString, c_char, c_void};
 
-/// A report of a benchmark.
-#[repr(C)]
-pub struct mrv_bench_report {
-    _opaque: [u8; 0],
-}
-
 /// A report as C text.
 pub struct ReportText {
     json: CString,
     page: CString,
 }
 
-impl Opaque for mrv_bench_report {
-    const NAME: &'static str = "mrv_bench_report";
-    type Value = ReportText;
-}
+handle!(mrv_bench_report(report): ReportText, mrv_bench_report_retain, mrv_bench_report_release);
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_bench_options {
-    pub struct_size: usize,
-    pub points: u64,
-    pub rays: u32,
-    pub reference_rays: u32,
-    pub feature_sizes: *const f64,
-    pub feature_size_count: usize,
-    pub receivers: *const *const c_char,
-    pub receiver_count: usize,
-    pub audit: f64,
-    pub seed: u64,
-    pub threads: u32,
-    pub no_audit: i32,
-    pub progress: mrv_progress,
-    pub user: *mut c_void,
-    pub max_memory: u64,
-}
-record!(
-    mrv_bench_options: 96,
-    struct_size, points, rays, reference_rays, feature_sizes, feature_size_count, receivers,
-    receiver_count, audit, seed, threads, no_audit,
-    progress, user, max_memory
-);
+record!(96: struct mrv_bench_options {
+    struct_size: usize,
+    points: u64,
+    rays: u32,
+    reference_rays: u32,
+    feature_sizes: *const f64,
+    feature_size_count: usize,
+    receivers: *const *const c_char,
+    receiver_count: usize,
+    audit: f64,
+    seed: u64,
+    threads: u32,
+    no_audit: i32,
+    progress: mrv_progress,
+    user: *mut c_void,
+    max_memory: u64,
+});
 
 /// The options of a caller.
 ///
@@ -62,27 +45,15 @@ record!(
 /// The record holds arrays and text as the header says.
 unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
     let mut options = BenchOptions::default();
-    if given.points != 0 {
-        options.points = usize::try_from(given.points).unwrap_or(usize::MAX);
-    }
-    if given.rays != 0 {
-        options.rays = given.rays as usize;
-    }
-    if given.reference_rays != 0 {
-        options.reference_rays = given.reference_rays as usize;
-    }
-    if given.threads != 0 {
-        options.threads = given.threads as usize;
-    }
+    set(&mut options.points, count_of(given.points));
+    set(&mut options.rays, given.rays as usize);
+    set(&mut options.reference_rays, given.reference_rays as usize);
+    set(&mut options.threads, given.threads as usize);
     if given.no_audit != 0 || given.audit != 0.0 {
         options.audit = if given.no_audit != 0 { 0.0 } else { given.audit };
     }
-    if given.max_memory != 0 {
-        options.max_memory = Some(given.max_memory);
-    }
-    if given.seed != 0 {
-        options.seed = given.seed;
-    }
+    set(&mut options.max_memory, given.max_memory);
+    set(&mut options.seed, given.seed);
     // SAFETY: as for this function.
     let (sizes, receivers) = unsafe {
         (
@@ -118,16 +89,6 @@ pub unsafe extern "C" fn mrv_model_bench(
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn mrv_bench_report_retain(report: *const mrv_bench_report) -> mrv_status {
-    guard("mrv_bench_report_retain", |call| retain(call, report, "report"))
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_bench_report_release(report: *const mrv_bench_report) {
-    quiet((), || release(report));
-}
-
-#[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_bench_report_get_text(
     report: *const mrv_bench_report,
     json: *mut *const c_char,
@@ -146,17 +107,14 @@ pub unsafe extern "C" fn mrv_bench_report_get_text(
     })
 }
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_reference_options {
-    pub struct_size: usize,
-    pub seed: u64,
-    pub samples: u32,
-    pub direct_only: i32,
-    pub progress: mrv_progress,
-    pub user: *mut c_void,
-}
-record!(mrv_reference_options: 40, struct_size, seed, samples, direct_only, progress, user);
+record!(40: struct mrv_reference_options {
+    struct_size: usize,
+    seed: u64,
+    samples: u32,
+    direct_only: i32,
+    progress: mrv_progress,
+    user: *mut c_void,
+});
 
 /// Paths for each point by default, as `mrvis oracle` traces.
 const SAMPLES: u32 = 1024;

@@ -1,8 +1,8 @@
 //! Scenes from arrays.
 
 use super::arguments::{Place, no_reserved, slice, text, wrong};
-use super::guard::{Outcome, guard, quiet};
-use super::handle::{Opaque, give, object, release, retain};
+use super::guard::{Outcome, guard};
+use super::handle::{give, handle, object};
 use super::record::{read, record};
 use super::scene::{NamedScene, load_options, mrv_load_options, mrv_scene};
 use super::status::mrv_status;
@@ -11,44 +11,28 @@ use mrvis::{MeshArrays, Positions, SceneBuilder, Strided};
 use std::ffi::c_char;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A scene that is being built.
-#[repr(C)]
-pub struct mrv_scene_builder {
-    _opaque: [u8; 0],
-}
-
-impl Opaque for mrv_scene_builder {
-    const NAME: &'static str = "mrv_scene_builder";
-    type Value = Mutex<SceneBuilder>;
-}
+handle!(mrv_scene_builder(builder): Mutex<SceneBuilder>, mrv_scene_builder_retain, mrv_scene_builder_release);
 
 /// Access to a builder. After a panic the handle is refused already.
 fn open(builder: &Mutex<SceneBuilder>) -> MutexGuard<'_, SceneBuilder> {
     builder.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_mesh {
-    pub struct_size: usize,
-    pub name: *const c_char,
-    pub positions: *const f32,
-    pub positions_f64: *const f64,
-    pub position_stride: usize,
-    pub vertex_count: usize,
-    pub indices: *const u32,
-    pub index_count: usize,
-    pub polygon_sizes: *const u32,
-    pub polygon_count: usize,
-    pub face_materials: *const u32,
-    pub material: u32,
-    pub reserved: u32,
-}
-record!(
-    mrv_mesh: 96,
-    struct_size, name, positions, positions_f64, position_stride, vertex_count, indices, index_count,
-    polygon_sizes, polygon_count, face_materials, material, reserved
-);
+record!(96: struct mrv_mesh {
+    struct_size: usize,
+    name: *const c_char,
+    positions: *const f32,
+    positions_f64: *const f64,
+    position_stride: usize,
+    vertex_count: usize,
+    indices: *const u32,
+    index_count: usize,
+    polygon_sizes: *const u32,
+    polygon_count: usize,
+    face_materials: *const u32,
+    material: u32,
+    reserved: u32,
+});
 
 /// The mesh of a caller.
 ///
@@ -125,16 +109,6 @@ pub unsafe extern "C" fn mrv_scene_builder_create(builder: *mut *mut mrv_scene_b
         unsafe { place.set(give(Mutex::default())) };
         Ok(())
     })
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_scene_builder_retain(builder: *const mrv_scene_builder) -> mrv_status {
-    guard("mrv_scene_builder_retain", |call| retain(call, builder, "builder"))
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_scene_builder_release(builder: *const mrv_scene_builder) {
-    quiet((), || release(builder));
 }
 
 #[unsafe(no_mangle)]

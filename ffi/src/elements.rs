@@ -5,41 +5,37 @@ use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard};
 use super::handle::object;
 use super::overlap::{Span, check_apart};
-use super::record::{read, record};
-use super::solve::mrv_solution;
+use super::record::{Record, read, record};
+use super::solve::{mrv_solution, mrv_solve_options};
 use super::status::mrv_status;
-use super::words::in_c;
+use super::words::{add_record, in_c};
 use mrvis::Element;
 use std::ffi::{c_char, c_void};
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_elements {
-    pub struct_size: usize,
-    pub vertex_capacity: u64,
-    pub element_capacity: u64,
-    pub positions: *mut f64,
-    pub corners: *mut u32,
-    pub irradiance: *mut f32,
-    pub radiosity: *mut f32,
-    pub error: *mut f32,
-    pub reflectance: *mut f32,
-    pub area: *mut f64,
-    pub triangle: *mut u32,
-    pub object: *mut u32,
-    pub material: *mut u32,
-    pub front: *mut u8,
-    pub exitance: *mut f32,
-}
-record!(
-    mrv_elements: 112,
-    struct_size, vertex_capacity, element_capacity, positions, corners, irradiance, radiosity, error,
-    reflectance, area, triangle, object, material, front, exitance
-);
+record!(112: struct mrv_elements {
+    struct_size: usize,
+    vertex_capacity: u64,
+    element_capacity: u64,
+    positions: *mut f64,
+    corners: *mut u32,
+    irradiance: *mut f32,
+    radiosity: *mut f32,
+    error: *mut f32,
+    reflectance: *mut f32,
+    area: *mut f64,
+    triangle: *mut u32,
+    object: *mut u32,
+    material: *mut u32,
+    front: *mut u8,
+    exitance: *mut f32,
+});
 
-/// Refuses an array that is neither NULL nor room for `count` entries, before anything is written.
-fn check<T>(out: *mut T, name: &str, count: usize) -> Outcome {
-    if out.is_null() { Ok(()) } else { check_array(out, count, name) }
+/// Memory of an array of the caller, refused before anything is written if it is neither NULL nor room for `count` entries.
+fn room<T>(out: *mut T, name: &'static str, count: usize) -> Outcome<Span> {
+    if !out.is_null() {
+        check_array(out, count, name)?;
+    }
+    Ok(Span::of(name, out, count))
 }
 
 /// Writes what `of` gives for each item into an array of the caller, unless that is NULL.
@@ -81,37 +77,22 @@ pub unsafe extern "C" fn mrv_solution_get_elements(
         }
         let rgb = |c: [f64; 3]| c.map(|c| c as f32);
         let each = || all.iter();
-        check(to.positions, "elements.positions", 3 * solution.vertices().len())?;
-        check(to.corners, "elements.corners", 4 * all.len())?;
-        for (out, name) in [
-            (to.irradiance, "elements.irradiance"),
-            (to.radiosity, "elements.radiosity"),
-            (to.error, "elements.error"),
-            (to.reflectance, "elements.reflectance"),
-            (to.exitance, "elements.exitance"),
-        ] {
-            check(out, name, 3 * all.len())?;
-        }
-        check(to.area, "elements.area", all.len())?;
-        check(to.triangle, "elements.triangle", all.len())?;
-        check(to.object, "elements.object", all.len())?;
-        check(to.material, "elements.material", all.len())?;
         let (vertices, elements) = (solution.vertices().len(), all.len());
         check_apart(
             &[],
             &[
-                Span::of("elements.positions", to.positions, 3 * vertices),
-                Span::of("elements.corners", to.corners, 4 * elements),
-                Span::of("elements.irradiance", to.irradiance, 3 * elements),
-                Span::of("elements.radiosity", to.radiosity, 3 * elements),
-                Span::of("elements.error", to.error, 3 * elements),
-                Span::of("elements.reflectance", to.reflectance, 3 * elements),
-                Span::of("elements.area", to.area, elements),
-                Span::of("elements.triangle", to.triangle, elements),
-                Span::of("elements.object", to.object, elements),
-                Span::of("elements.material", to.material, elements),
-                Span::of("elements.front", to.front, elements),
-                Span::of("elements.exitance", to.exitance, 3 * elements),
+                room(to.positions, "elements.positions", 3 * vertices)?,
+                room(to.corners, "elements.corners", 4 * elements)?,
+                room(to.irradiance, "elements.irradiance", 3 * elements)?,
+                room(to.radiosity, "elements.radiosity", 3 * elements)?,
+                room(to.error, "elements.error", 3 * elements)?,
+                room(to.reflectance, "elements.reflectance", 3 * elements)?,
+                room(to.area, "elements.area", elements)?,
+                room(to.triangle, "elements.triangle", elements)?,
+                room(to.object, "elements.object", elements)?,
+                room(to.material, "elements.material", elements)?,
+                room(to.front, "elements.front", elements)?,
+                room(to.exitance, "elements.exitance", 3 * elements)?,
             ],
         )?;
         // SAFETY: the caller gives arrays of so many entries. They are aligned like their numbers.
@@ -157,6 +138,7 @@ pub unsafe extern "C" fn mrv_solution_get_warning(
         let solution = object(call, solution, "solution")?;
         let place = Place::of(text, "text")?;
         let all = solution.warnings.get_or_init(|| {
+            add_record("options", mrv_solve_options::MEMBERS);
             solution
                 .solution
                 .report()

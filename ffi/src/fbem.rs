@@ -1,6 +1,6 @@
 //! The feature-based error metric of two images.
 
-use super::arguments::{no_reserved, slice, slice_mut, wrong};
+use super::arguments::{count_of, no_reserved, set, slice, slice_mut, wrong};
 use super::guard::{Outcome, guard};
 use super::overlap::{Span, check_apart};
 use super::record::{read, record};
@@ -16,28 +16,21 @@ pub const MRV_MORPHOLOGY_EUCLID: i32 = 0;
 pub const MRV_MORPHOLOGY_PAPER8: i32 = 1;
 pub const MRV_MORPHOLOGY_PAPER4: i32 = 2;
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_fbem_images {
-    pub struct_size: usize,
-    pub reference: *const f32,
-    pub approximation: *const f32,
-    pub width: u64,
-    pub height: u64,
-    pub texel: f64,
-    pub exponent: f64,
-    pub white: f32,
-    pub threshold: f32,
-    pub features: i32,
-    pub morphology: i32,
-    pub unmasked_filter: i32,
-    pub reserved: u32,
-}
-record!(
-    mrv_fbem_images: 80,
-    struct_size, reference, approximation, width, height, texel, exponent, white, threshold, features,
-    morphology, unmasked_filter, reserved
-);
+record!(80: struct mrv_fbem_images {
+    struct_size: usize,
+    reference: *const f32,
+    approximation: *const f32,
+    width: u64,
+    height: u64,
+    texel: f64,
+    exponent: f64,
+    white: f32,
+    threshold: f32,
+    features: i32,
+    morphology: i32,
+    unmasked_filter: i32,
+    reserved: u32,
+});
 
 /// Bytes that the metric takes for each texel, at most: eight arrays of f64 (differences, weights, box sums and their steps) and two
 /// distance transforms of both kinds of features with their orders, 16 bytes each.
@@ -66,18 +59,12 @@ fn fbem_options(given: &mrv_fbem_images) -> Outcome<FbemOptions> {
     };
     let mut options = FbemOptions::default();
     (options.features.features, options.features.morphology) = (kinds, morphology);
-    if given.white != 0.0 {
-        options.features.white = given.white;
-    }
-    if given.threshold != 0.0 {
-        options.features.threshold = given.threshold;
-    }
+    set(&mut options.features.white, given.white);
+    set(&mut options.features.threshold, given.threshold);
     if given.unmasked_filter != 0 {
         options.filter = Filter::Unmasked;
     }
-    if given.exponent != 0.0 {
-        options.exponent = given.exponent;
-    }
+    set(&mut options.exponent, given.exponent);
     Ok(options)
 }
 
@@ -93,7 +80,7 @@ pub unsafe extern "C" fn mrv_fbem(
         // SAFETY: the caller gives a record.
         let given = unsafe { read(images, "images") }?;
         let options = fbem_options(&given)?;
-        let side = |value: u64| usize::try_from(value).unwrap_or(usize::MAX);
+        let side = |value: u64| count_of(value);
         let (width, height) = (side(given.width), side(given.height));
         let texels = width.saturating_mul(height);
         check_apart(

@@ -1,20 +1,14 @@
 //! Form factors.
 
-use super::arguments::{Place, c_text, text, wrong};
+use super::arguments::{Place, c_text, set, text, wrong};
 use super::call_progress::{mrv_progress, with_progress};
-use super::guard::{Outcome, guard, quiet};
-use super::handle::{Opaque, give, object, release, retain};
+use super::guard::{Outcome, guard};
+use super::handle::{give, handle, object};
 use super::model::mrv_model;
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
 use mrvis::{FormFactorOptions, FormFactors, Grouping};
 use std::ffi::{CString, c_char, c_void};
-
-/// Form factors.
-#[repr(C)]
-pub struct mrv_form_factors {
-    _opaque: [u8; 0],
-}
 
 /// Form factors and the names of rows as C text.
 pub struct NamedFactors {
@@ -22,32 +16,23 @@ pub struct NamedFactors {
     names: Vec<CString>,
 }
 
-impl Opaque for mrv_form_factors {
-    const NAME: &'static str = "mrv_form_factors";
-    type Value = NamedFactors;
-}
+handle!(mrv_form_factors(factors): NamedFactors, mrv_form_factors_retain, mrv_form_factors_release);
 
 pub const MRV_GROUPING_POLYGON: i32 = 0;
 pub const MRV_GROUPING_OBJECT: i32 = 1;
 pub const MRV_GROUPING_MATERIAL: i32 = 2;
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_form_factor_options {
-    pub struct_size: usize,
-    pub grouping: i32,
-    pub no_closure: i32,
-    pub rays: u32,
-    pub pair_rays: u32,
-    pub max_bytes: u64,
-    pub seed: u64,
-    pub progress: mrv_progress,
-    pub user: *mut c_void,
-}
-record!(
-    mrv_form_factor_options: 56,
-    struct_size, grouping, no_closure, rays, pair_rays, max_bytes, seed, progress, user
-);
+record!(56: struct mrv_form_factor_options {
+    struct_size: usize,
+    grouping: i32,
+    no_closure: i32,
+    rays: u32,
+    pair_rays: u32,
+    max_bytes: u64,
+    seed: u64,
+    progress: mrv_progress,
+    user: *mut c_void,
+});
 
 fn form_factor_options(given: &mrv_form_factor_options) -> Outcome<FormFactorOptions> {
     let grouping = match given.grouping {
@@ -62,18 +47,10 @@ fn form_factor_options(given: &mrv_form_factor_options) -> Outcome<FormFactorOpt
     };
     let mut options = FormFactorOptions::default();
     (options.grouping, options.closure) = (grouping, given.no_closure == 0);
-    if given.rays != 0 {
-        options.rays = Some(given.rays);
-    }
-    if given.pair_rays != 0 {
-        options.pair_rays = Some(given.pair_rays);
-    }
-    if given.max_bytes != 0 {
-        options.max_bytes = Some(given.max_bytes);
-    }
-    if given.seed != 0 {
-        options.seed = given.seed;
-    }
+    set(&mut options.rays, given.rays);
+    set(&mut options.pair_rays, given.pair_rays);
+    set(&mut options.max_bytes, given.max_bytes);
+    set(&mut options.seed, given.seed);
     Ok(options)
 }
 
@@ -98,37 +75,20 @@ pub unsafe extern "C" fn mrv_model_form_factors(
     })
 }
 
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_form_factors_retain(factors: *const mrv_form_factors) -> mrv_status {
-    guard("mrv_form_factors_retain", |call| retain(call, factors, "factors"))
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_form_factors_release(factors: *const mrv_form_factors) {
-    quiet((), || release(factors));
-}
-
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_form_factor_arrays {
-    pub struct_size: usize,
-    pub rows: u64,
-    pub entries: u64,
-    pub offsets: *const u64,
-    pub columns: *const u32,
-    pub values: *const f32,
-    pub areas: *const f64,
-    pub escaped: *const f32,
-    pub lost: *const f32,
-    pub rays: u64,
-    pub row_sum_error: f64,
-    pub closed_row_sum_error: f64,
-}
-record!(
-    mrv_form_factor_arrays: 88,
-    struct_size, rows, entries, offsets, columns, values, areas, escaped, lost, rays, row_sum_error,
-    closed_row_sum_error
-);
+record!(88: struct mrv_form_factor_arrays {
+    struct_size: usize,
+    rows: u64,
+    entries: u64,
+    offsets: *const u64,
+    columns: *const u32,
+    values: *const f32,
+    areas: *const f64,
+    escaped: *const f32,
+    lost: *const f32,
+    rays: u64,
+    row_sum_error: f64,
+    closed_row_sum_error: f64,
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_form_factors_get_arrays(

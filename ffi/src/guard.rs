@@ -2,7 +2,7 @@
 
 use super::float_state::FloatState;
 use super::status::{self, MRV_ERROR_INTERNAL, MRV_OK, mrv_status};
-use super::words::error_in_c;
+use super::words::{Records, error_in_c, exchange_records};
 use mrvis::Error;
 use smallvec::SmallVec;
 use std::any::Any;
@@ -58,6 +58,8 @@ impl Call {
 pub fn guard(name: &str, body: impl FnOnce(&Call) -> Outcome) -> mrv_status {
     let caller = FloatState::DEFAULT.enter();
     let call = Call { caller, used: RefCell::default() };
+    // A callback of another call may have made this one.
+    let records_before = exchange_records(Records::new());
     let (status, message) = match catch_unwind(AssertUnwindSafe(|| body(&call))) {
         Ok(Ok(())) => (MRV_OK, None),
         Ok(Err(Failure::Error(error))) => (status::of(error.category()), Some(error_in_c(name, &error))),
@@ -67,6 +69,7 @@ pub fn guard(name: &str, body: impl FnOnce(&Call) -> Outcome) -> mrv_status {
             (MRV_ERROR_INTERNAL, Some(format!("a defect of mrvis, please report it: {}", words_of(&*panic))))
         }
     };
+    exchange_records(records_before);
     if let Some(what) = message {
         status::keep_message(&format!("{name}: {what}"));
     }

@@ -21,6 +21,33 @@ pub trait Opaque: 'static {
     type Value: Send + Sync + 'static;
 }
 
+/// Defines an opaque type, what stands behind it, and the two functions that count its references.
+macro_rules! handle {
+    ($name:ident($argument:ident): $value:ty, $retain:ident, $release:ident) => {
+        #[repr(C)]
+        pub struct $name {
+            _opaque: [u8; 0],
+        }
+
+        impl super::handle::Opaque for $name {
+            const NAME: &'static str = stringify!($name);
+            type Value = $value;
+        }
+
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $retain($argument: *const $name) -> super::status::mrv_status {
+            let body = |call: &_| super::handle::retain(call, $argument, stringify!($argument));
+            super::guard::guard(stringify!($retain), body)
+        }
+
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $release($argument: *const $name) {
+            super::guard::quiet((), || super::handle::release($argument));
+        }
+    };
+}
+pub(super) use handle;
+
 /// What a handle points to.
 pub struct Object<T> {
     value: T,

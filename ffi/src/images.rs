@@ -1,9 +1,9 @@
 //! Pictures and lightmaps of a solution.
 
-use super::arguments::{Place, c_text, slice_mut, wrong};
+use super::arguments::{Place, c_text, count_of, slice_mut, wrong};
 use super::call_progress::{mrv_progress, with_progress};
-use super::guard::{guard, quiet};
-use super::handle::{Opaque, give, object, release, retain};
+use super::guard::guard;
+use super::handle::{give, handle, object};
 use super::record::{RecordPlace, read, read_optional, record};
 use super::scene::mrv_scene;
 use super::solve::mrv_solution;
@@ -11,16 +11,13 @@ use super::status::mrv_status;
 use mrvis::{Camera, ImageOptions, Lightmap};
 use std::ffi::{CString, c_char, c_void};
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_camera {
-    pub struct_size: usize,
-    pub eye: [f64; 3],
-    pub target: [f64; 3],
-    pub up: [f64; 3],
-    pub angle: f64,
-}
-record!(mrv_camera: 88, struct_size, eye, target, up, angle);
+record!(88: struct mrv_camera {
+    struct_size: usize,
+    eye: [f64; 3],
+    target: [f64; 3],
+    up: [f64; 3],
+    angle: f64,
+});
 
 fn camera_record(camera: Camera) -> mrv_camera {
     let Camera { eye, target, up, angle } = camera;
@@ -64,18 +61,15 @@ pub unsafe extern "C" fn mrv_solution_get_camera(
     })
 }
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_image_options {
-    pub struct_size: usize,
-    pub width: u32,
-    pub height: u32,
-    pub gather: i32,
-    pub look_inside: i32,
-    pub progress: mrv_progress,
-    pub user: *mut c_void,
-}
-record!(mrv_image_options: 40, struct_size, width, height, gather, look_inside, progress, user);
+record!(40: struct mrv_image_options {
+    struct_size: usize,
+    width: u32,
+    height: u32,
+    gather: i32,
+    look_inside: i32,
+    progress: mrv_progress,
+    user: *mut c_void,
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_solution_image(
@@ -102,32 +96,20 @@ pub unsafe extern "C" fn mrv_solution_image(
     })
 }
 
-/// A lightmap.
-#[repr(C)]
-pub struct mrv_lightmap {
-    _opaque: [u8; 0],
-}
-
 /// A lightmap and its note as C text.
 pub struct NotedLightmap {
     map: Lightmap,
     note: Option<CString>,
 }
 
-impl Opaque for mrv_lightmap {
-    const NAME: &'static str = "mrv_lightmap";
-    type Value = NotedLightmap;
-}
+handle!(mrv_lightmap(lightmap): NotedLightmap, mrv_lightmap_retain, mrv_lightmap_release);
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_lightmap_options {
-    pub struct_size: usize,
-    pub texels: u64,
-    pub progress: mrv_progress,
-    pub user: *mut c_void,
-}
-record!(mrv_lightmap_options: 32, struct_size, texels, progress, user);
+record!(32: struct mrv_lightmap_options {
+    struct_size: usize,
+    texels: u64,
+    progress: mrv_progress,
+    user: *mut c_void,
+});
 
 /// Texels by default: an image of 1,024 by 1,024.
 const TEXELS: usize = 1 << 20;
@@ -143,8 +125,7 @@ pub unsafe extern "C" fn mrv_solution_lightmap(
         // SAFETY: the caller gives a record.
         let given = unsafe { read_optional(options, "options") }?;
         let place = Place::of(lightmap, "lightmap")?;
-        let texels =
-            if given.texels == 0 { TEXELS } else { usize::try_from(given.texels).unwrap_or(usize::MAX) };
+        let texels = if given.texels == 0 { TEXELS } else { count_of(given.texels) };
         let draw = |progress| solution.with_progress(progress).lightmap(texels);
         let map = with_progress(call, given.progress, given.user, draw)??;
         let note = map.note.as_deref().map(c_text);
@@ -154,34 +135,18 @@ pub unsafe extern "C" fn mrv_solution_lightmap(
     })
 }
 
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_lightmap_retain(lightmap: *const mrv_lightmap) -> mrv_status {
-    guard("mrv_lightmap_retain", |call| retain(call, lightmap, "lightmap"))
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_lightmap_release(lightmap: *const mrv_lightmap) {
-    quiet((), || release(lightmap));
-}
-
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_lightmap_arrays {
-    pub struct_size: usize,
-    pub width: u64,
-    pub height: u64,
-    pub irradiance: *const f32,
-    pub vertices: u64,
-    pub positions: *const f64,
-    pub triangles: u64,
-    pub corners: *const u32,
-    pub texcoords: *const f32,
-    pub note: *const c_char,
-}
-record!(
-    mrv_lightmap_arrays: 80,
-    struct_size, width, height, irradiance, vertices, positions, triangles, corners, texcoords, note
-);
+record!(80: struct mrv_lightmap_arrays {
+    struct_size: usize,
+    width: u64,
+    height: u64,
+    irradiance: *const f32,
+    vertices: u64,
+    positions: *const f64,
+    triangles: u64,
+    corners: *const u32,
+    texcoords: *const f32,
+    note: *const c_char,
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_lightmap_get_arrays(

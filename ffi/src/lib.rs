@@ -42,7 +42,7 @@ mod words;
 
 /// Name and size of a record, and its members with their offsets.
 #[cfg(test)]
-type Layout = (&'static str, usize, &'static [(&'static str, usize)]);
+type Layout = (&'static str, usize, words::Members);
 
 /// The layout of each record.
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use super::arguments::{Place, no_reserved, optional_text, wrong};
 use super::call_progress::{mrv_progress, with_progress};
-use super::guard::{Outcome, guard, quiet};
-use super::handle::{Opaque, give, object, release, retain};
+use super::guard::{Outcome, guard};
+use super::handle::{give, handle, object};
 use super::record::{RecordPlace, read_optional, record};
 use super::scene::{NamedScene, mrv_scene};
 use super::status::mrv_status;
@@ -12,12 +12,6 @@ use mrvis::internals::ModelParts;
 use mrvis::{Detail, Model, PrepareOptions};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::OnceLock;
-
-/// A model.
-#[repr(C)]
-pub struct mrv_model {
-    _opaque: [u8; 0],
-}
 
 /// A model and the names of its instances as C text.
 pub struct NamedModel {
@@ -31,10 +25,7 @@ impl NamedModel {
     }
 }
 
-impl Opaque for mrv_model {
-    const NAME: &'static str = "mrv_model";
-    type Value = NamedModel;
-}
+handle!(mrv_model(model): NamedModel, mrv_model_retain, mrv_model_release);
 
 pub const MRV_DETAIL_DEFAULT: i32 = 0;
 pub const MRV_DETAIL_RAYS: i32 = 1;
@@ -47,22 +38,16 @@ pub const MRV_BUILDER_KDTREE: i32 = 2;
 pub const MRV_BUILDER_GOLDSMITH_SALMON: i32 = 3;
 pub const MRV_BUILDER_SAH: i32 = 4;
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_prepare_options {
-    pub struct_size: usize,
-    pub detail: i32,
-    pub threads: u32,
-    pub cache: *const c_char,
-    pub progress: mrv_progress,
-    pub user: *mut c_void,
-    pub builder: i32,
-    pub reserved: u32,
-}
-record!(
-    mrv_prepare_options: 40,
-    struct_size, detail, threads, cache, progress, user, builder, reserved
-);
+record!(40: struct mrv_prepare_options {
+    struct_size: usize,
+    detail: i32,
+    threads: u32,
+    cache: *const c_char,
+    progress: mrv_progress,
+    user: *mut c_void,
+    builder: i32,
+    reserved: u32,
+});
 
 /// The options of a caller.
 ///
@@ -120,16 +105,6 @@ pub unsafe extern "C" fn mrv_model_prepare(
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn mrv_model_retain(model: *const mrv_model) -> mrv_status {
-    guard("mrv_model_retain", |call| retain(call, model, "model"))
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_model_release(model: *const mrv_model) {
-    quiet((), || release(model));
-}
-
-#[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_model_get_scene(
     model: *const mrv_model,
     scene: *mut *mut mrv_scene,
@@ -143,26 +118,19 @@ pub unsafe extern "C" fn mrv_model_get_scene(
     })
 }
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_model_info {
-    pub struct_size: usize,
-    pub sources: u64,
-    pub instances: u64,
-    pub revision: u64,
-    pub embree_bytes: u64,
-    pub embree_seconds: f64,
-    pub cluster_seconds: f64,
-    pub optics_seconds: f64,
-    pub cache_seconds: f64,
-    pub detail: i32,
-    pub from_cache: i32,
-}
-record!(
-    mrv_model_info: 80,
-    struct_size, sources, instances, revision, embree_bytes, embree_seconds, cluster_seconds,
-    optics_seconds, cache_seconds, detail, from_cache
-);
+record!(80: struct mrv_model_info {
+    struct_size: usize,
+    sources: u64,
+    instances: u64,
+    revision: u64,
+    embree_bytes: u64,
+    embree_seconds: f64,
+    cluster_seconds: f64,
+    optics_seconds: f64,
+    cache_seconds: f64,
+    detail: i32,
+    from_cache: i32,
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_model_get_info(

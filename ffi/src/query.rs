@@ -1,6 +1,6 @@
 //! Single visibility queries.
 
-use super::arguments::wrong;
+use super::arguments::{count_of, wrong};
 use super::guard::guard;
 use super::handle::object;
 use super::model::mrv_model;
@@ -11,31 +11,25 @@ use super::visibility::{cost_record, engine_of, mrv_cost};
 pub const MRV_TARGET_SOURCE: i32 = 0;
 pub const MRV_TARGET_POINT: i32 = 1;
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_query {
-    pub struct_size: usize,
-    pub position: [f64; 3],
-    pub normal: [f64; 3],
-    pub point: [f64; 3],
-    pub source: u64,
-    pub target: i32,
-    pub feature_size: f32,
-    pub rays: u32,
-    pub seed: u32,
-}
-record!(mrv_query: 104, struct_size, position, normal, point, source, target, feature_size, rays, seed);
+record!(104: struct mrv_query {
+    struct_size: usize,
+    position: [f64; 3],
+    normal: [f64; 3],
+    point: [f64; 3],
+    source: u64,
+    target: i32,
+    feature_size: f32,
+    rays: u32,
+    seed: u32,
+});
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_answer {
-    pub struct_size: usize,
-    pub transmittance: f32,
-    pub lo: f32,
-    pub hi: f32,
-    pub method: i32,
-}
-record!(mrv_answer: 24, struct_size, transmittance, lo, hi, method);
+record!(24: struct mrv_answer {
+    struct_size: usize,
+    transmittance: f32,
+    lo: f32,
+    hi: f32,
+    method: i32,
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_visibility_query(
@@ -54,7 +48,7 @@ pub unsafe extern "C" fn mrv_visibility_query(
         let places = unsafe { (RecordPlace::of(answer, "answer")?, RecordPlace::optional(cost, "cost")?) };
         let mut query = visibility.from_point(given.position, given.normal);
         query = match given.target {
-            MRV_TARGET_SOURCE => query.to_source(usize::try_from(given.source).unwrap_or(usize::MAX)),
+            MRV_TARGET_SOURCE => query.to_source(count_of(given.source)),
             MRV_TARGET_POINT => query.to_point(given.point),
             other => {
                 return wrong(format!("`query.target` {other}: give MRV_TARGET_SOURCE or MRV_TARGET_POINT"));

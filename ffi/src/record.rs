@@ -2,6 +2,7 @@
 
 use super::arguments::{check_pointer, wrong};
 use super::guard::Outcome;
+use super::words::{Members, add_record};
 use mrvis::Error;
 use std::mem::MaybeUninit;
 
@@ -15,20 +16,23 @@ pub unsafe trait Record: Copy {
     const NAME: &'static str;
     /// Its size in the first version that had it: smaller ones are wrong.
     const FIRST_SIZE: usize;
-    /// Name and offset of each member, which tests compare with the header.
-    #[cfg(test)]
-    const MEMBERS: &'static [(&'static str, usize)];
+    /// Its members, which tests compare with the header.
+    const MEMBERS: Members;
 }
 
-/// Implements [`Record`] for a type with these members and this size in its first version.
+/// Defines a record with these members, and its size in its first version.
 macro_rules! record {
-    ($name:ident: $first_size:literal, $($member:ident),+ $(,)?) => {
-        // SAFETY: the types of this room that are listed are `repr(C)` and have such members; `tests` compares them with the header.
+    ($first_size:literal: struct $name:ident { $($member:ident: $kind:ty),+ $(,)? }) => {
+        #[repr(C)]
+        #[derive(Clone, Copy)]
+        pub struct $name {
+            $(pub $member: $kind),+
+        }
+        // SAFETY: the type is `repr(C)`; `tests` compares it with the header, and the records of this room have such members.
         unsafe impl super::record::Record for $name {
             const NAME: &'static str = stringify!($name);
             const FIRST_SIZE: usize = $first_size;
-            #[cfg(test)]
-            const MEMBERS: &'static [(&'static str, usize)] =
+            const MEMBERS: super::words::Members =
                 &[$((stringify!($member), std::mem::offset_of!($name, $member))),+];
         }
         const _: () = assert!(std::mem::offset_of!($name, struct_size) == 0 && $first_size <= size_of::<$name>());
@@ -63,11 +67,19 @@ unsafe fn stated_size<R: Record>(pointer: *const R, name: &str) -> Outcome<usize
     Ok(size)
 }
 
+/// Lets messages of this call name the members of the record. Those of entries of arrays are named by the entries.
+fn note<R: Record>(name: &str) {
+    if !name.ends_with(']') {
+        add_record(name, R::MEMBERS);
+    }
+}
+
 /// The record of the caller; members that its version lacks are 0.
 ///
 /// # Safety
 /// `pointer` is NULL or a record of the size that it states.
 pub unsafe fn read<R: Record>(pointer: *const R, name: &str) -> Outcome<R> {
+    note::<R>(name);
     // SAFETY: as for this function.
     let size = unsafe { stated_size(pointer, name) }?;
     let (from, mut record) = (pointer.cast::<u8>(), zero::<R>());
@@ -90,8 +102,12 @@ pub unsafe fn read<R: Record>(pointer: *const R, name: &str) -> Outcome<R> {
 /// # Safety
 /// As for [`read`].
 pub unsafe fn read_optional<R: Record>(pointer: *const R, name: &str) -> Outcome<R> {
+    if pointer.is_null() {
+        note::<R>(name);
+        return Ok(zero());
+    }
     // SAFETY: as for this function.
-    if pointer.is_null() { Ok(zero()) } else { unsafe { read(pointer, name) } }
+    unsafe { read(pointer, name) }
 }
 
 /// Where a record of results goes.

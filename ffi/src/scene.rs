@@ -1,20 +1,16 @@
 //! Scenes: read, generated, and what they say about themselves.
 
-use super::arguments::{Place, c_text, no_reserved, optional_text, put_text, slice, text, texts, wrong};
-use super::guard::{Outcome, guard, quiet};
-use super::handle::{Opaque, give, object, release, retain};
+use super::arguments::{
+    Place, c_text, count_of, no_reserved, optional_text, put_text, set, slice, text, texts, wrong,
+};
+use super::guard::{Outcome, guard};
+use super::handle::{give, handle, object};
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
 use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, Strength, UpAxis};
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
-
-/// A scene.
-#[repr(C)]
-pub struct mrv_scene {
-    _opaque: [u8; 0],
-}
 
 /// A scene and its names as C text.
 pub struct NamedScene {
@@ -28,34 +24,24 @@ impl NamedScene {
     }
 }
 
-impl Opaque for mrv_scene {
-    const NAME: &'static str = "mrv_scene";
-    type Value = NamedScene;
-}
+handle!(mrv_scene(scene): NamedScene, mrv_scene_retain, mrv_scene_release);
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_load_options {
-    pub struct_size: usize,
-    pub unit: *const c_char,
-    pub emitters: *const *const c_char,
-    pub emitter_watts: *const f64,
-    pub emitter_count: usize,
-    pub two_sided_emission: i32,
-    pub sides: i32,
-    pub threads: u32,
-    pub reserved: u32,
-    pub emitter_units: *const i32,
-    pub luminaires: *const c_char,
-    pub up: i32,
-    pub channels: i32,
-    pub max_memory: u64,
-}
-record!(
-    mrv_load_options: 56,
-    struct_size, unit, emitters, emitter_watts, emitter_count, two_sided_emission, sides, threads,
-    reserved, emitter_units, luminaires, up, channels, max_memory
-);
+record!(56: struct mrv_load_options {
+    struct_size: usize,
+    unit: *const c_char,
+    emitters: *const *const c_char,
+    emitter_watts: *const f64,
+    emitter_count: usize,
+    two_sided_emission: i32,
+    sides: i32,
+    threads: u32,
+    reserved: u32,
+    emitter_units: *const i32,
+    luminaires: *const c_char,
+    up: i32,
+    channels: i32,
+    max_memory: u64,
+});
 
 pub const MRV_UP_AUTOMATIC: i32 = 0;
 pub const MRV_UP_Y: i32 = 1;
@@ -139,9 +125,7 @@ pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOpti
             (MRV_CHANNELS_BLUE, "MRV_CHANNELS_BLUE", Channels::Blue),
         ],
     )?;
-    if given.max_memory != 0 {
-        options.max_memory = Some(given.max_memory);
-    }
+    set(&mut options.max_memory, given.max_memory);
     // SAFETY: as for this function.
     if let Some(placements) = unsafe { optional_text(given.luminaires, "options.luminaires") }? {
         options = options.with_luminaires(placements)?;
@@ -211,19 +195,16 @@ pub unsafe extern "C" fn mrv_scene_generate(name: *const c_char, scene: *mut *mu
     })
 }
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_generate_options {
-    pub struct_size: usize,
-    pub seed: u64,
-    pub count: u64,
-    pub trees: u64,
-    pub leaves: u64,
-    pub light_size: f64,
-    pub trunks: i32,
-    pub reserved: u32,
-}
-record!(mrv_generate_options: 56, struct_size, seed, count, trees, leaves, light_size, trunks, reserved);
+record!(56: struct mrv_generate_options {
+    struct_size: usize,
+    seed: u64,
+    count: u64,
+    trees: u64,
+    leaves: u64,
+    light_size: f64,
+    trunks: i32,
+    reserved: u32,
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_scene_generate_with(
@@ -236,11 +217,9 @@ pub unsafe extern "C" fn mrv_scene_generate_with(
         let (name, given) = unsafe { (text(name, "name")?, read_optional(options, "options")?) };
         no_reserved(given.reserved, "options.reserved")?;
         let place = Place::of(scene, "scene")?;
-        let number = |n: u64| (n != 0).then(|| usize::try_from(n).unwrap_or(usize::MAX));
+        let number = |n: u64| (n != 0).then(|| count_of(n));
         let mut options = GenerateOptions::default();
-        if given.seed != 0 {
-            options.seed = given.seed;
-        }
+        set(&mut options.seed, given.seed);
         options.count = number(given.count);
         options.trees = number(given.trees);
         options.leaves = number(given.leaves);
@@ -269,35 +248,19 @@ pub unsafe extern "C" fn mrv_scene_flatten(
     })
 }
 
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_scene_retain(scene: *const mrv_scene) -> mrv_status {
-    guard("mrv_scene_retain", |call| retain(call, scene, "scene"))
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_scene_release(scene: *const mrv_scene) {
-    quiet((), || release(scene));
-}
-
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_scene_info {
-    pub struct_size: usize,
-    pub triangles: u64,
-    pub visible: u64,
-    pub objects: u64,
-    pub materials: u64,
-    pub emitters: u64,
-    pub repairs: u64,
-    pub cameras: u64,
-    pub low: [f64; 3],
-    pub high: [f64; 3],
-    pub origin: [f64; 3],
-}
-record!(
-    mrv_scene_info: 136,
-    struct_size, triangles, visible, objects, materials, emitters, repairs, cameras, low, high, origin
-);
+record!(136: struct mrv_scene_info {
+    struct_size: usize,
+    triangles: u64,
+    visible: u64,
+    objects: u64,
+    materials: u64,
+    emitters: u64,
+    repairs: u64,
+    cameras: u64,
+    low: [f64; 3],
+    high: [f64; 3],
+    origin: [f64; 3],
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_scene_get_info(

@@ -1,9 +1,9 @@
 //! The light in a model.
 
-use super::arguments::{Place, slice, slice_mut, texts};
+use super::arguments::{Place, count_of, set, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
-use super::guard::{Outcome, guard, quiet};
-use super::handle::{Opaque, give, object, release, retain};
+use super::guard::{Outcome, guard};
+use super::handle::{give, handle, object};
 use super::model::mrv_model;
 use super::overlap::{Span, check_apart};
 use super::record::{RecordPlace, read_optional, record};
@@ -13,12 +13,6 @@ use mrvis::internals::SolutionParts;
 use mrvis::{Solution, SolveOptions, SurfacePoint};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::OnceLock;
-
-/// A solution.
-#[repr(C)]
-pub struct mrv_solution {
-    _opaque: [u8; 0],
-}
 
 /// A solution and what it says as C text, made when it is first needed.
 pub struct NotedSolution {
@@ -35,42 +29,31 @@ impl NotedSolution {
     }
 }
 
-impl Opaque for mrv_solution {
-    const NAME: &'static str = "mrv_solution";
-    type Value = NotedSolution;
-}
+handle!(mrv_solution(solution): NotedSolution, mrv_solution_retain, mrv_solution_release);
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_solve_options {
-    pub struct_size: usize,
-    pub engine: i32,
-    pub direct_only: i32,
-    pub error: f64,
-    pub target_error: f64,
-    pub min_area: f64,
-    pub max_seconds: f64,
-    pub max_links: u64,
-    pub seed: u64,
-    pub feature_size: f64,
-    pub feature_size_names: *const *const c_char,
-    pub feature_sizes: *const f32,
-    pub feature_size_count: usize,
-    pub importance: *const *const c_char,
-    pub importance_count: usize,
-    pub progress: mrv_progress,
-    pub user: *mut c_void,
-    pub audit: u32,
-    pub no_audit: i32,
-    pub light_rays: u32,
-    pub gather_rays: u32,
-}
-record!(
-    mrv_solve_options: 128,
-    struct_size, engine, direct_only, error, target_error, min_area, max_seconds, max_links, seed,
-    feature_size, feature_size_names, feature_sizes, feature_size_count, importance, importance_count,
-    progress, user, audit, no_audit, light_rays, gather_rays
-);
+record!(128: struct mrv_solve_options {
+    struct_size: usize,
+    engine: i32,
+    direct_only: i32,
+    error: f64,
+    target_error: f64,
+    min_area: f64,
+    max_seconds: f64,
+    max_links: u64,
+    seed: u64,
+    feature_size: f64,
+    feature_size_names: *const *const c_char,
+    feature_sizes: *const f32,
+    feature_size_count: usize,
+    importance: *const *const c_char,
+    importance_count: usize,
+    progress: mrv_progress,
+    user: *mut c_void,
+    audit: u32,
+    no_audit: i32,
+    light_rays: u32,
+    gather_rays: u32,
+});
 
 /// The options of a caller.
 ///
@@ -80,33 +63,17 @@ unsafe fn solve_options(given: &mrv_solve_options) -> Outcome<SolveOptions> {
     let mut options = SolveOptions::default();
     options.engine = engine_of(given.engine, "options.engine")?;
     options.direct_only = given.direct_only != 0;
-    if given.error != 0.0 {
-        options.error = given.error;
-    }
-    if given.target_error != 0.0 {
-        options.target_error = Some(given.target_error);
-    }
-    if given.min_area != 0.0 {
-        options.min_area = given.min_area;
-    }
-    if given.max_seconds != 0.0 {
-        options.max_seconds = Some(given.max_seconds);
-    }
-    if given.max_links != 0 {
-        options.max_links = usize::try_from(given.max_links).unwrap_or(usize::MAX);
-    }
-    if given.seed != 0 {
-        options.seed = given.seed;
-    }
+    set(&mut options.error, given.error);
+    set(&mut options.target_error, given.target_error);
+    set(&mut options.min_area, given.min_area);
+    set(&mut options.max_seconds, given.max_seconds);
+    set(&mut options.max_links, count_of(given.max_links));
+    set(&mut options.seed, given.seed);
     if given.no_audit != 0 || given.audit != 0 {
         options.audit = if given.no_audit != 0 { 0 } else { given.audit as usize };
     }
-    if given.light_rays != 0 {
-        options.light_rays = Some(given.light_rays as usize);
-    }
-    if given.gather_rays != 0 {
-        options.gather_rays = Some(given.gather_rays as usize);
-    }
+    set(&mut options.light_rays, given.light_rays as usize);
+    set(&mut options.gather_rays, given.gather_rays as usize);
     if given.feature_size != 0.0 {
         options.feature_size = Some(given.feature_size as f32);
     }
@@ -145,33 +112,16 @@ pub unsafe extern "C" fn mrv_model_solve(
     })
 }
 
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_solution_retain(solution: *const mrv_solution) -> mrv_status {
-    guard("mrv_solution_retain", |call| retain(call, solution, "solution"))
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn mrv_solution_release(solution: *const mrv_solution) {
-    quiet((), || release(solution));
-}
-
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_solution_info {
-    pub struct_size: usize,
-    pub vertices: u64,
-    pub elements: u64,
-    pub mean_irradiance: [f64; 3],
-    pub error_estimate: f64,
-    pub interrupted: i32,
-    pub reserved: u32,
-    pub warnings: u64,
-}
-record!(
-    mrv_solution_info: 64,
-    struct_size, vertices, elements, mean_irradiance, error_estimate, interrupted, reserved,
-    warnings
-);
+record!(64: struct mrv_solution_info {
+    struct_size: usize,
+    vertices: u64,
+    elements: u64,
+    mean_irradiance: [f64; 3],
+    error_estimate: f64,
+    interrupted: i32,
+    reserved: u32,
+    warnings: u64,
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_solution_get_info(

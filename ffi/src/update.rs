@@ -11,19 +11,16 @@ use std::ffi::c_char;
 
 pub const MRV_MATERIAL_KEEP: i32 = -1;
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_instance {
-    pub struct_size: usize,
-    pub name: *const c_char,
-    pub transform: [f64; 12],
-    pub material: i64,
-    pub mesh: u32,
-    pub visible: i32,
-    pub removed: i32,
-    pub reserved: u32,
-}
-record!(mrv_instance: 136, struct_size, name, transform, material, mesh, visible, removed, reserved);
+record!(136: struct mrv_instance {
+    struct_size: usize,
+    name: *const c_char,
+    transform: [f64; 12],
+    material: i64,
+    mesh: u32,
+    visible: i32,
+    removed: i32,
+    reserved: u32,
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_model_get_instance(
@@ -62,19 +59,16 @@ pub const MRV_CHANGE_REMOVE: i32 = 3;
 pub const MRV_CHANGE_SHOW: i32 = 4;
 pub const MRV_CHANGE_HIDE: i32 = 5;
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_instance_change {
-    pub struct_size: usize,
-    pub kind: i32,
-    pub instance: u32,
-    pub transform: [f64; 12],
-    pub name: *const c_char,
-    pub material: i64,
-    pub mesh: u32,
-    pub reserved: u32,
-}
-record!(mrv_instance_change: 136, struct_size, kind, instance, transform, name, material, mesh, reserved);
+record!(136: struct mrv_instance_change {
+    struct_size: usize,
+    kind: i32,
+    instance: u32,
+    transform: [f64; 12],
+    name: *const c_char,
+    material: i64,
+    mesh: u32,
+    reserved: u32,
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_model_update(

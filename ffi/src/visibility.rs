@@ -55,51 +55,38 @@ pub struct mrv_positions {
     pub stride: usize,
 }
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_segments {
-    pub struct_size: usize,
-    pub origins: mrv_positions,
-    pub targets: mrv_positions,
-    pub segment_count: u64,
-    pub offsets: *const u64,
-    pub bundle_count: u64,
-    pub feature_sizes: *const f32,
-    pub emitter_sizes: *const f32,
-    pub feature_size: f32,
-    pub emitter_size: f32,
-    pub relative_to: [f64; 3],
-}
-record!(
-    mrv_segments: 144,
-    struct_size, origins, targets, segment_count, offsets, bundle_count, feature_sizes, emitter_sizes,
-    feature_size, emitter_size, relative_to
-);
+record!(144: struct mrv_segments {
+    struct_size: usize,
+    origins: mrv_positions,
+    targets: mrv_positions,
+    segment_count: u64,
+    offsets: *const u64,
+    bundle_count: u64,
+    feature_sizes: *const f32,
+    emitter_sizes: *const f32,
+    feature_size: f32,
+    emitter_size: f32,
+    relative_to: [f64; 3],
+});
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_answers {
-    pub struct_size: usize,
-    pub transmittance: *mut f32,
-    pub lo: *mut f32,
-    pub hi: *mut f32,
-    pub methods: *mut u8,
-    pub segment_transmittance: *mut f32,
-}
-record!(mrv_answers: 48, struct_size, transmittance, lo, hi, methods, segment_transmittance);
+record!(48: struct mrv_answers {
+    struct_size: usize,
+    transmittance: *mut f32,
+    lo: *mut f32,
+    hi: *mut f32,
+    methods: *mut u8,
+    segment_transmittance: *mut f32,
+});
 
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct mrv_cost {
-    pub struct_size: usize,
-    pub segments: u64,
-    pub nodes: u64,
-    pub exact_rays: u64,
-    pub handed_over: u64,
-    pub aggregated: u64,
-    pub certified: u64,
-}
-record!(mrv_cost: 56, struct_size, segments, nodes, exact_rays, handed_over, aggregated, certified);
+record!(56: struct mrv_cost {
+    struct_size: usize,
+    segments: u64,
+    nodes: u64,
+    exact_rays: u64,
+    handed_over: u64,
+    aggregated: u64,
+    certified: u64,
+});
 
 /// What answers took, for the caller.
 pub fn cost_record(cost: Cost) -> mrv_cost {

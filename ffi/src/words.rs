@@ -4,170 +4,41 @@
 //! reads the members of the records that it gave: `` `segments.origins` ``, `` `options.max_links` ``.
 
 use mrvis::Error;
+use std::cell::RefCell;
 
-/// A record: its name and its members, those of [`super::record::Record`]. A test compares them; the files of records use this one.
-pub type Members = (&'static str, &'static [&'static str]);
+/// Names and offsets of the members of a record.
+pub type Members = &'static [(&'static str, usize)];
 
-const LOAD: Members = (
-    "mrv_load_options",
-    &[
-        "struct_size",
-        "unit",
-        "emitters",
-        "emitter_watts",
-        "emitter_count",
-        "two_sided_emission",
-        "sides",
-        "threads",
-        "reserved",
-        "emitter_units",
-        "luminaires",
-        "up",
-        "channels",
-        "max_memory",
-    ],
-);
-const GENERATE_OPTIONS: Members = (
-    "mrv_generate_options",
-    &["struct_size", "seed", "count", "trees", "leaves", "light_size", "trunks", "reserved"],
-);
-const MESH: Members = (
-    "mrv_mesh",
-    &[
-        "struct_size",
-        "name",
-        "positions",
-        "positions_f64",
-        "position_stride",
-        "vertex_count",
-        "indices",
-        "index_count",
-        "polygon_sizes",
-        "polygon_count",
-        "face_materials",
-        "material",
-        "reserved",
-    ],
-);
-const PREPARE_OPTIONS: Members = (
-    "mrv_prepare_options",
-    &["struct_size", "detail", "threads", "cache", "progress", "user", "builder", "reserved"],
-);
-const SEGMENTS: Members = (
-    "mrv_segments",
-    &[
-        "struct_size",
-        "origins",
-        "targets",
-        "segment_count",
-        "offsets",
-        "bundle_count",
-        "feature_sizes",
-        "emitter_sizes",
-        "feature_size",
-        "emitter_size",
-        "relative_to",
-    ],
-);
-const ANSWERS: Members =
-    ("mrv_answers", &["struct_size", "transmittance", "lo", "hi", "methods", "segment_transmittance"]);
-const QUERY: Members = (
-    "mrv_query",
-    &["struct_size", "position", "normal", "point", "source", "target", "feature_size", "rays", "seed"],
-);
-const SOLVE_OPTIONS: Members = (
-    "mrv_solve_options",
-    &[
-        "struct_size",
-        "engine",
-        "direct_only",
-        "error",
-        "target_error",
-        "min_area",
-        "max_seconds",
-        "max_links",
-        "seed",
-        "feature_size",
-        "feature_size_names",
-        "feature_sizes",
-        "feature_size_count",
-        "importance",
-        "importance_count",
-        "progress",
-        "user",
-        "audit",
-        "no_audit",
-        "light_rays",
-        "gather_rays",
-    ],
-);
-const FORM_FACTOR_OPTIONS: Members = (
-    "mrv_form_factor_options",
-    &["struct_size", "grouping", "no_closure", "rays", "pair_rays", "max_bytes", "seed", "progress", "user"],
-);
-const BENCH_OPTIONS: Members = (
-    "mrv_bench_options",
-    &[
-        "struct_size",
-        "points",
-        "rays",
-        "reference_rays",
-        "feature_sizes",
-        "feature_size_count",
-        "receivers",
-        "receiver_count",
-        "audit",
-        "seed",
-        "threads",
-        "no_audit",
-        "progress",
-        "user",
-        "max_memory",
-    ],
-);
-const REFERENCE_OPTIONS: Members =
-    ("mrv_reference_options", &["struct_size", "seed", "samples", "direct_only", "progress", "user"]);
-const IMAGE_OPTIONS: Members =
-    ("mrv_image_options", &["struct_size", "width", "height", "gather", "look_inside", "progress", "user"]);
-const LIGHTMAP_OPTIONS: Members = ("mrv_lightmap_options", &["struct_size", "texels", "progress", "user"]);
-const FBEM_IMAGES: Members = (
-    "mrv_fbem_images",
-    &[
-        "struct_size",
-        "reference",
-        "approximation",
-        "width",
-        "height",
-        "texel",
-        "exponent",
-        "white",
-        "threshold",
-        "features",
-        "morphology",
-        "unmasked_filter",
-        "reserved",
-    ],
-);
+/// Records: the argument that each is, and its members.
+pub type Records = Vec<(String, Members)>;
 
-/// Functions, their arguments that are records, and the members of these.
-pub const RECORDS: &[(&str, &str, Members)] = &[
-    ("mrv_scene_load", "options", LOAD),
-    ("mrv_scene_from_memory", "options", LOAD),
-    ("mrv_scene_generate_with", "options", GENERATE_OPTIONS),
-    ("mrv_scene_builder_finish", "options", LOAD),
-    ("mrv_scene_builder_add_object", "mesh", MESH),
-    ("mrv_scene_builder_add_shared_mesh", "mesh", MESH),
-    ("mrv_model_prepare", "options", PREPARE_OPTIONS),
-    ("mrv_visibility_answer", "segments", SEGMENTS),
-    ("mrv_visibility_answer", "answers", ANSWERS),
-    ("mrv_visibility_query", "query", QUERY),
-    ("mrv_model_solve", "options", SOLVE_OPTIONS),
-    ("mrv_model_form_factors", "options", FORM_FACTOR_OPTIONS),
-    ("mrv_model_bench", "options", BENCH_OPTIONS),
-    ("mrv_model_reference", "options", REFERENCE_OPTIONS),
-    ("mrv_solution_image", "options", IMAGE_OPTIONS),
-    ("mrv_solution_lightmap", "options", LIGHTMAP_OPTIONS),
-    ("mrv_fbem", "images", FBEM_IMAGES),
+thread_local! {
+    /// Records that the running call has read.
+    static RECORDS: RefCell<Records> = RefCell::default();
+}
+
+/// The running call reads a record.
+pub fn add_record(argument: &str, members: Members) {
+    // At the end of a thread nothing is kept.
+    let _ = RECORDS.try_with(|records| records.borrow_mut().push((argument.into(), members)));
+}
+
+/// Takes the records of the running call, and begins with these.
+pub fn exchange_records(records: Records) -> Records {
+    RECORDS.try_with(|all| all.replace(records)).unwrap_or_default()
+}
+
+/// Options of `mrv_load_options`, which messages about scenes name in all calls.
+const LOAD_OPTIONS: [&str; 9] = [
+    "unit",
+    "emitters",
+    "two_sided_emission",
+    "sides",
+    "threads",
+    "luminaires",
+    "up",
+    "channels",
+    "max_memory",
 ];
 
 /// Words that have another name in C: function (empty: all), word of the crate, word of the header. Words without backticks begin a
@@ -244,7 +115,7 @@ pub fn error_in_c(name: &str, error: &Error) -> String {
     let text = error.to_string();
     match error {
         // What these quote is the file's, but for options.
-        Error::Format { .. } | Error::Io { .. } => arguments_in_c(name, &text, |_| false),
+        Error::Format { .. } | Error::Io { .. } => arguments_in_c(&text, |_| false),
         _ => in_c(name, &text),
     }
 }
@@ -258,20 +129,24 @@ pub fn in_c(name: &str, text: &str) -> String {
     // A leading `max_links 0`.
     let leading = text.split_once(' ').and_then(|(word, rest)| {
         let value = rest.split([' ', ':']).next().unwrap_or_default();
-        let argument = argument_of(name, word).filter(|_| value.parse::<f64>().is_ok())?;
+        let argument = argument_of(word).filter(|_| value.parse::<f64>().is_ok())?;
         Some(format!("`{argument}.{word}` {rest}"))
     });
-    arguments_in_c(name, &leading.unwrap_or(text), is_argument)
+    arguments_in_c(&leading.unwrap_or(text), is_argument)
 }
 
-/// The argument of the C function `name` that is a record with the member `word`.
-fn argument_of(name: &str, word: &str) -> Option<&'static str> {
-    let mut records = RECORDS.iter().filter(|(function, ..)| *function == name);
-    records.find(|(.., members)| members.1.contains(&word)).map(|(_, argument, _)| *argument)
+/// The record with the member `word` among those of the running call.
+fn argument_of(word: &str) -> Option<String> {
+    let found = RECORDS.try_with(|records| {
+        let records = records.borrow();
+        let is_it = |(_, members): &&(String, Members)| members.iter().any(|(member, _)| *member == word);
+        records.iter().find(is_it).map(|(argument, _)| argument.clone())
+    });
+    found.ok().flatten()
 }
 
 /// The text with the records of members that it names in backticks, where `is_argument` says by the text before that these are arguments.
-fn arguments_in_c(name: &str, text: &str, is_argument: impl Fn(&str) -> bool) -> String {
+fn arguments_in_c(text: &str, is_argument: impl Fn(&str) -> bool) -> String {
     let mut out = String::new();
     for (i, part) in text.split('`').enumerate() {
         if i % 2 == 0 {
@@ -282,9 +157,9 @@ fn arguments_in_c(name: &str, text: &str, is_argument: impl Fn(&str) -> bool) ->
         if is_option {
             out.truncate(out.len() - "option ".len());
         }
-        match argument_of(name, part).filter(|_| is_option || is_argument(&out)) {
+        match argument_of(part).filter(|_| is_option || is_argument(&out)) {
             Some(argument) => out += &format!("`{argument}.{part}`"),
-            None if is_option && LOAD.1.contains(&part) => {
+            None if is_option && LOAD_OPTIONS.contains(&part) => {
                 out += &format!("`mrv_load_options.{part}`");
             }
             None if is_option => out += &format!("option `{part}`"),
@@ -308,11 +183,20 @@ fn points_as_arrays(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{error_in_c, in_c};
+    use super::{Members, Records, error_in_c, exchange_records, in_c};
     use mrvis::Error;
+
+    /// Records that have these members.
+    fn reading(argument: &str, members: Members) {
+        exchange_records(Records::from([(argument.into(), members)]));
+    }
+
+    const LOAD: Members =
+        &[("unit", 0), ("emitters", 0), ("threads", 0), ("luminaires", 0), ("max_memory", 0)];
 
     #[test]
     fn names_of_the_user_stay() {
+        reading("options", LOAD);
         for text in [
             "no object, group or material is called `sofa`; did you mean `luminaires`?",
             "no object, group or material is called `sofa`; there are `threads`, `luminaires`",
@@ -336,6 +220,10 @@ mod tests {
 
     #[test]
     fn names_are_those_of_the_header() {
+        let segments: Members = &[("origins", 0), ("targets", 0), ("offsets", 0)];
+        let options: Members =
+            &[("max_links", 0), ("error", 0), ("points", 0), ("max_bytes", 0), ("rays", 0)];
+        let mesh: Members = &[("positions", 0), ("indices", 0)];
         for (function, text, want) in [
             ("mrv_visibility_answer", "`bundles`: the last 3", "`segments.offsets`: the last 3"),
             (
@@ -372,6 +260,12 @@ mod tests {
             ("mrv_scene_load", "no emitter `sofa`", "no emitter `sofa`"),
             ("mrv_scene_load", "an odd ` `threads`", "an odd ` `threads`"),
         ] {
+            match function {
+                "mrv_visibility_answer" => reading("segments", segments),
+                "mrv_scene_builder_add_object" => reading("mesh", mesh),
+                "mrv_scene_load" => reading("options", LOAD),
+                _ => reading("options", options),
+            }
             assert_eq!(in_c(function, text), want);
         }
     }

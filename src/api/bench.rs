@@ -31,42 +31,29 @@ pub struct BenchOptions {
     pub(super) rounds: usize,
 }
 
-impl Default for BenchOptions {
-    fn default() -> BenchOptions {
-        let Options { points, rays, feature_sizes, receivers, reference_rays, .. } = Options::default();
-        let Options { threads, audit, max_memory, seed, rounds, .. } = Options::default();
-        BenchOptions {
-            points,
-            rays,
-            feature_sizes,
-            receivers,
-            reference_rays,
-            threads,
-            audit,
-            max_memory,
-            seed,
-            rounds,
+/// Options of this or of the inner kind from those of the other: the fields that both have.
+macro_rules! with_fields_of {
+    ($given:expr, $kind:ident $(, $rest:expr)?) => {{
+        let given = $given;
+        $kind {
+            points: given.points,
+            rays: given.rays,
+            feature_sizes: given.feature_sizes,
+            receivers: given.receivers,
+            reference_rays: given.reference_rays,
+            threads: given.threads,
+            audit: given.audit,
+            max_memory: given.max_memory,
+            seed: given.seed,
+            rounds: given.rounds,
+            $(..$rest)?
         }
-    }
+    }};
 }
 
-impl BenchOptions {
-    fn options(&self) -> Options {
-        let BenchOptions { points, rays, feature_sizes, receivers, reference_rays, .. } = self.clone();
-        let &BenchOptions { threads, audit, max_memory, seed, rounds, .. } = self;
-        Options {
-            points,
-            rays,
-            feature_sizes,
-            receivers,
-            reference_rays,
-            threads,
-            audit,
-            max_memory,
-            seed,
-            rounds,
-            ..Options::default()
-        }
+impl Default for BenchOptions {
+    fn default() -> BenchOptions {
+        with_fields_of!(Options::default(), BenchOptions)
     }
 }
 
@@ -125,7 +112,8 @@ impl Model {
                 "the benchmark needs optics: prepare the model with `Detail::Optics`".into(),
             ));
         }
-        let options = Options { clusters: self.optics_options(), ..options.options() };
+        let more = Options { clusters: self.optics_options(), ..Options::default() };
+        let options = with_fields_of!(options.clone(), Options, more);
         self.on_threads(|| {
             let (record, images) = bench::run(self, &options, self.progress())?;
             let page = page::render(&record, &images, "")?;

@@ -1,7 +1,7 @@
 //! Form factors of a model, with occlusion.
 
 use crate::form_factors::matrix::{
-    Facets, Format, Grouping, Matrix, Report, Rows, Settings, compute, memory_bound, write,
+    Facets, FormFactors, Format, Grouping, Settings, by_groups, compute, memory_bound, write,
 };
 use crate::model::Model;
 use crate::{Error, Result, memory};
@@ -43,10 +43,8 @@ impl Default for FormFactorOptions {
 
 impl FormFactorOptions {
     fn settings(&self, facets: usize) -> Result<Settings> {
-        let mut settings = Settings { enforce: self.closure, seed: self.seed, ..Settings::new(facets) };
-        settings.rays = self.rays.unwrap_or(settings.rays);
-        settings.largest_bundle = self.pair_rays.unwrap_or(settings.largest_bundle);
-        settings.bundle = settings.bundle.min(settings.largest_bundle);
+        let settings = Settings { enforce: self.closure, seed: self.seed, ..Settings::new(facets) };
+        let settings = settings.with_rays(self.rays, self.pair_rays);
         for (name, value, min, max) in
             [("rays", settings.rays, 1, 1 << 20), ("pair_rays", settings.largest_bundle, 4, 1 << 22)]
         {
@@ -64,34 +62,6 @@ impl FormFactorOptions {
     }
 }
 
-/// Form factors F(from → to): the fraction of what the front of one polygon (object, material) sends out that arrives at the front of
-/// another, with what stands between them. A sparse matrix by rows (CSR), each with a polygon's, object's or material's values;
-/// A(from) F(from → to) is symmetric.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct FormFactors {
-    /// Where the entries of each row begin in `columns` and `factors`, and the end of the last: one more than rows.
-    pub offsets: Vec<u64>,
-    /// Columns of the entries, ascending in each row. Pairs that do not see each other have no entry.
-    pub columns: Vec<u32>,
-    /// The form factor of each entry, in `[0, 1]`.
-    pub factors: Vec<f32>,
-    /// Names of the rows: those of objects or materials, which need not be unique; none for polygons.
-    pub names: Vec<String>,
-    /// Area of each row, scene units squared; 0 for objects and materials without faces.
-    pub areas: Vec<f64>,
-    /// Fraction of what each row sends out that leaves the scene, in `[0, 1]`.
-    pub escaped: Vec<f32>,
-    /// Fraction of what each row sends out that falls on back sides, in `[0, 1]`.
-    pub lost: Vec<f32>,
-    /// Rays traced.
-    pub rays: u64,
-    /// Mean over the polygons of |row sum + escaped + lost − 1| before closure: what sampling and discovery missed.
-    pub row_sum_error: f64,
-    /// The same over the rows from which nothing escapes, after closure; 0 without such rows.
-    pub closed_row_sum_error: f64,
-}
-
 impl Model {
     /// Form factors between all polygons, objects or materials, by exact rays on the threads of the model. Needs
     /// [`Detail::Rays`](crate::Detail::Rays).
@@ -104,45 +74,13 @@ impl Model {
             let (scene, progress) = (self.scene(), self.progress());
             let facets = Facets::new_unless(scene, progress)?;
             let settings = options.settings(facets.count())?;
-            let (matrix, report) = compute(self, &facets, &settings, progress)?;
-            let matrix = matrix.grouped(scene, &facets, options.grouping, progress)?;
-            let Matrix { offsets, columns, factors, names, areas, escaped, lost } = matrix;
-            let Report { rays, row_sum_error, closed_row_sum_error, .. } = report;
-            Ok(FormFactors {
-                offsets,
-                columns,
-                factors,
-                names,
-                areas,
-                escaped,
-                lost,
-                rays,
-                row_sum_error,
-                closed_row_sum_error,
-            })
+            let (factors, _) = compute(self, &facets, &settings, progress)?;
+            by_groups(factors, scene, &facets, options.grouping, progress)
         })?
     }
 }
 
 impl FormFactors {
-    /// Columns of a row, ascending, and the form factor of each, in `[0, 1]`. Pairs that do not see each other have no entry.
-    ///
-    /// # Panics
-    /// If there is no such row.
-    pub fn row(&self, from: usize) -> (&[u32], &[f32]) {
-        let span = self.offsets[from] as usize..self.offsets[from + 1] as usize;
-        (&self.columns[span.clone()], &self.factors[span])
-    }
-
-    /// One form factor; 0 if there is no entry.
-    ///
-    /// # Panics
-    /// If there is no such row.
-    pub fn factor(&self, from: usize, to: usize) -> f32 {
-        let (columns, factors) = self.row(from);
-        columns.binary_search(&(to as u32)).map_or(0.0, |at| factors[at])
-    }
-
     /// Writes the matrix, completely or not at all; the extension says the format: `npz` (as `scipy.sparse.load_npz` reads it), `csv`
     /// (from, to, factor) or `mtx` (Matrix Market).
     ///
@@ -151,8 +89,6 @@ impl FormFactors {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         let format = Format::of(path).map_err(|error| Error::Argument(format!("`path` {error}")))?;
-        let FormFactors { offsets, columns, factors, names, areas, escaped, lost, .. } = self;
-        let rows = Rows { offsets, columns, factors, names, areas, escaped, lost };
-        write(path, rows, format, None)
+        write(path, self, format, None)
     }
 }

@@ -17,11 +17,11 @@ mod solve;
 mod tests;
 mod visibility;
 
-pub use crate::form_factors::matrix::Grouping;
+pub use crate::form_factors::matrix::{FormFactors, Grouping};
 pub use crate::radiosity::mesh::Element;
 #[cfg(feature = "reports")]
 pub use bench::{BenchOptions, BenchReport, BenchRow};
-pub use form_factors::{FormFactorOptions, FormFactors};
+pub use form_factors::FormFactorOptions;
 pub use mesh_arrays::{MeshArrays, Positions};
 pub use query::Query;
 #[cfg(feature = "reports")]

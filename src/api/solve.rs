@@ -56,40 +56,13 @@ pub struct SolveOptions {
     pub seed: u64,
 }
 
-impl Default for SolveOptions {
-    fn default() -> SolveOptions {
-        let Options { error, feature_size, feature_sizes, importance, min_area, .. } = Options::default();
-        let Options { direct_only, max_seconds, max_links, target_error, .. } = Options::default();
-        let Options { audit, light_rays, gather_rays, seed, .. } = Options::default();
-        SolveOptions {
-            error,
-            engine: Engine::Automatic,
-            feature_size,
-            feature_sizes,
-            importance,
-            min_area,
-            direct_only,
-            max_seconds,
-            max_links,
-            target_error,
-            audit,
-            light_rays,
-            gather_rays,
-            seed,
-        }
-    }
-}
-
-impl SolveOptions {
-    fn options(&self) -> Options {
-        let given = self.clone();
-        Options {
+/// Options of this or of the inner kind from those of the other: the fields that both have, besides the engine.
+macro_rules! with_fields_of {
+    ($given:expr, $kind:ident, $engine:ident: $value:expr $(, $rest:expr)?) => {{
+        let given = $given;
+        $kind {
             error: given.error,
-            visibility: match given.engine {
-                Engine::MultiResolution => radiosity::Visibility::Mr,
-                Engine::Average => radiosity::Visibility::Average,
-                Engine::Exact | Engine::Automatic => radiosity::Visibility::Exact,
-            },
+            $engine: $value,
             feature_size: given.feature_size,
             feature_sizes: given.feature_sizes,
             importance: given.importance,
@@ -102,8 +75,25 @@ impl SolveOptions {
             light_rays: given.light_rays,
             gather_rays: given.gather_rays,
             seed: given.seed,
-            ..Options::default()
+            $(..$rest)?
         }
+    }};
+}
+
+impl Default for SolveOptions {
+    fn default() -> SolveOptions {
+        with_fields_of!(Options::default(), SolveOptions, engine: Engine::Automatic)
+    }
+}
+
+impl SolveOptions {
+    fn options(&self) -> Options {
+        let visibility = match self.engine {
+            Engine::MultiResolution => radiosity::Visibility::Mr,
+            Engine::Average => radiosity::Visibility::Average,
+            Engine::Exact | Engine::Automatic => radiosity::Visibility::Exact,
+        };
+        with_fields_of!(self.clone(), Options, visibility: visibility, Options::default())
     }
 }
 

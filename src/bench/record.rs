@@ -21,10 +21,10 @@ pub use sky::SkySources;
 pub use spent::Spent;
 pub use trust::{CalibrationBin, IntervalAudit};
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Results of one run.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Record {
     /// Version of mrvis.
     pub mrvis: String,
@@ -37,48 +37,40 @@ pub struct Record {
     /// The scene's unit of length, such as `m`.
     pub unit: String,
     /// Seed of every random choice.
-    #[serde(default)]
     pub seed: u64,
     /// Summary of the scene.
     pub scene: SceneSummary,
     /// Counts of repairs of the scene, by name.
-    #[serde(default)]
     pub scene_repairs: serde_json::Value,
     /// Notes, one sentence each.
-    #[serde(default)]
     pub warnings: Vec<String>,
     /// Settings of cluster optics.
-    #[serde(default)]
     pub clusters: Clusters,
     /// Times and memory of the preparation, which is not part of the timed sections.
     pub build: Build,
     /// The queries that both engines answer.
     pub workload: Workload,
     /// What the run itself took.
-    #[serde(default)]
     pub spent: Spent,
     /// Exact visibility, by number of rays.
     pub exact: Vec<ExactRow>,
     /// Exact visibility with certificates. Speed-ups refer to the fastest rows of `exact` and `certified` together.
-    #[serde(default)]
     pub certified: Vec<ExactRow>,
     /// MR visibility, by number of segments and feature size; one row if nothing is averaged at the default sizes.
     pub mr: Vec<MrRow>,
     /// Rows by what lies around the receiver points; classes of fewer than 50 points are left out.
-    #[serde(default)]
     pub classes: Vec<ClassRecord>,
     /// If no row averages anything: one sentence that says so.
-    #[serde(default)]
     pub nothing_averaged: Option<String>,
     /// Errors of shadow images.
     pub receivers: Vec<ReceiverErrors>,
     /// Maps of the receivers: images of whole surfaces, with set-up and interpolation.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub maps: Vec<MapRecord>,
 }
 
 /// Settings of cluster optics.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Clusters {
     /// Extinction: `measured` or `analytic`.
     pub extinction: String,
@@ -87,14 +79,13 @@ pub struct Clusters {
 }
 
 /// Times and memory of the preparation.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Build {
     /// Reading and repairing the scene, seconds.
     pub load_s: f64,
     /// Building Embree's tree, seconds.
     pub embree_s: f64,
     /// Algorithm that built the clusters.
-    #[serde(default)]
     pub builder: String,
     /// Building the cluster hierarchy, seconds.
     pub hierarchy_s: f64,
@@ -102,31 +93,25 @@ pub struct Build {
     pub characterise_s: f64,
     /// Origin of the clusters: read from a cache file (`hit`; their times are then 0), made and cached (`made`), or
     /// made only (`off`).
-    #[serde(default)]
     pub cache: String,
     /// Finding, reading and writing the cache file, seconds.
-    #[serde(default)]
     pub cache_s: f64,
     /// Note about the cache file: damaged, not writable.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub cache_note: Option<String>,
     /// Estimating the cost of exact rays on a sample and choosing Embree's ray call for bundles that are handed over,
     /// seconds.
-    #[serde(default)]
     pub budget_s: f64,
     /// Preparation of exact visibility: Embree's tree and the choice of its ray calls, seconds.
-    #[serde(default)]
     pub exact_setup_s: f64,
     /// Preparation of MR besides Embree's tree: clusters, optics, cache, budget and the decisions of all rows,
     /// seconds.
-    #[serde(default)]
     pub mr_setup_s: f64,
     /// Memory of hierarchy and optics, bytes.
     pub hierarchy_bytes: u64,
     /// Memory of Embree's scene, bytes.
     pub embree_bytes: u64,
     /// Memory by part, bytes per triangle of the scene.
-    #[serde(default)]
     pub bytes_per_triangle: BytesPerTriangle,
 }
 
@@ -138,7 +123,7 @@ impl Build {
 }
 
 /// Memory during queries, bytes per triangle of the scene.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct BytesPerTriangle {
     /// Vertices, triangles and their attributes.
     pub scene: f64,
@@ -171,7 +156,7 @@ impl BytesPerTriangle {
 }
 
 /// The queries that both engines answer.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Workload {
     /// Receiver points.
     pub points: usize,
@@ -184,15 +169,14 @@ pub struct Workload {
     /// RMS noise of the reference, estimated from its two halves.
     pub reference_rms: f64,
     /// Number of runs of each row; the minimum time of each section counts.
-    #[serde(default)]
     pub rounds: usize,
     /// The sky and the suns among the emitters; absent without.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub sky: Option<SkySources>,
 }
 
 /// Exact visibility with one number of rays.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ExactRow {
     /// Rays from a point to an emitter.
     pub rays: usize,
@@ -202,10 +186,8 @@ pub struct ExactRow {
     /// certificates.
     pub mode: String,
     /// Whether Embree's flag for coherent rays was set.
-    #[serde(default)]
     pub coherent: bool,
     /// Time to choose the ray call on a sample, seconds; not part of `seconds`.
-    #[serde(default)]
     pub setup_s: f64,
     /// Root mean square error.
     pub rms: f64,
@@ -214,7 +196,7 @@ pub struct ExactRow {
 }
 
 /// MR visibility with one feature size and number of segments.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct MrRow {
     /// Feature size; a length on the receiver.
     pub feature_size: f64,
@@ -222,7 +204,6 @@ pub struct MrRow {
     pub rays: usize,
     /// What answers: `bundle` (walks), `cut` (the distance cut), `certified` (exact rays with certificates) or `embree` (exact rays,
     /// because they are expected to be faster).
-    #[serde(default)]
     pub route: String,
     /// Time of the queries, seconds.
     pub seconds: f64,
@@ -233,22 +214,18 @@ pub struct MrRow {
     /// Part of the stated 95 % intervals, in [0, 1], that the reference confirms, as in [`IntervalAudit::coverage`].
     pub interval_coverage: f64,
     /// Audit of the stated intervals; `null` without an audit.
-    #[serde(default)]
     pub audit: Option<IntervalAudit>,
     /// Part of the segments, in [0, 1], that met at least one averaged cluster.
     pub aggregated_fraction: f64,
     /// Part of the segments, in [0, 1], in bundles with a certificate: nothing lies between point and emitter, or one
     /// triangle covers the emitter.
-    #[serde(default)]
     pub certified_fraction: f64,
     /// Segments of bundles for which triangles were tested, by this engine or by Embree.
     pub exact_rays: u64,
     /// Part of the segments, in [0, 1], handed to Embree in whole bundles. At 1 the row takes the answers of the
     /// exact row with as many rays, and the smaller time of that row and the one with certificates.
-    #[serde(default)]
     pub handed_over: f64,
     /// Time to decide on a sample whether MR is faster, seconds; not part of `seconds`.
-    #[serde(default)]
     pub decide_s: f64,
     /// Mean number of visited clusters per segment.
     pub nodes_per_segment: f64,
@@ -258,20 +235,17 @@ pub struct MrRow {
     /// [`interpolate_log_log`]. `null` if undefined, for example without any error.
     pub speedup_at_same_rms: Option<f64>,
     /// What `speedup_at_same_rms` refers to: `exact`, or `certified` if certificates make exact rays faster at this error.
-    #[serde(default)]
     pub compared_with: String,
     /// `speedup_at_same_rms` over exact rays without certificates.
-    #[serde(default)]
     pub speedup_over_plain_exact: Option<f64>,
     /// The same with the feature-based error of the shadow images at this feature size instead of `rms`.
     pub speedup_at_same_fbem: Option<f64>,
     /// Whether `speedup_at_same_rms` is extrapolated beyond the last exact row, with error ∝ rays^(−1/2).
-    #[serde(default)]
     pub extrapolated: bool,
 }
 
 /// Errors of the shadow images of one receiver, as visible fraction in [0, 1].
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ReceiverErrors {
     /// Object, group or material.
     pub name: String,
@@ -282,7 +256,6 @@ pub struct ReceiverErrors {
     /// Side of a texel; length.
     pub texel: f64,
     /// Sides of the surface that the image is a window of; length.
-    #[serde(default)]
     pub surface: [f64; 2],
     /// RMS error of the exact image with 16 rays per texel.
     pub l2: f64,
@@ -291,7 +264,7 @@ pub struct ReceiverErrors {
 }
 
 /// Errors of one receiver's images at one feature size.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ReceiverFbem {
     /// Feature size; length.
     pub feature_size: f64,
@@ -300,16 +273,12 @@ pub struct ReceiverFbem {
     /// Feature-based error of the MR image for this feature size.
     pub mr: f64,
     /// RMS error of the exact image with 16 rays (equal at all sizes).
-    #[serde(default)]
     pub l2_exact16: f64,
     /// RMS error of the MR image.
-    #[serde(default)]
     pub l2_mr: f64,
     /// Number of connected shadows and lit regions of the reference larger than the feature size, at two levels.
-    #[serde(default)]
     pub features: usize,
     /// Number of these that the MR image lacks; see [`missing_features`](crate::metrics::missing_features).
-    #[serde(default)]
     pub missing_features: usize,
 }
 

@@ -18,6 +18,15 @@ pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
     Ok(serde_json::to_string_pretty(value)? + "\n")
 }
 
+/// Writes a JSON file.
+///
+/// # Errors
+/// It cannot be written.
+#[cfg(feature = "internals")]
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
+    WholeFile::write(path, json_text(value).map_err(|e| Error::format(path, None, e.to_string()))?)
+}
+
 /// A text for a cell of CSV. Spreadsheets compute texts that begin with these characters as formulas: an apostrophe keeps them texts.
 pub fn csv_text(text: &str) -> Cow<'_, str> {
     match text.starts_with(['=', '+', '-', '@', '\t', '\r']) {

@@ -1,10 +1,10 @@
 //! Summary of a scene in the records of commands.
 
 use super::Model;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Summary of a scene.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SceneSummary {
     /// Path of the file as given.
     pub path: String,
@@ -23,19 +23,17 @@ pub struct SceneSummary {
     /// Levels of the deepest hierarchy.
     pub levels: usize,
     /// The upward axis, `y` or `z`.
-    #[serde(default)]
     pub up: String,
     /// Where it is from: `given`, `that of glTF`, or `guessed from` something.
-    #[serde(default)]
     pub up_from: String,
     /// What lights the scene from infinitely far: axes and north, the sky, the sun; one line each.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sky: Vec<String>,
     /// Number of visible instances of shared meshes; absent in scenes without instances.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub instances: Option<usize>,
     /// Number of visible triangles, counted once per instance; absent in scenes without instances.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub visible_triangles: Option<u64>,
 }
 

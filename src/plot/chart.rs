@@ -37,6 +37,13 @@ pub struct Plot {
     pub series: Vec<Series>,
 }
 
+impl Plot {
+    /// Series over axes with these labels (name and unit) and scales.
+    pub fn new(x: (impl Into<String>, Scale), y: (impl Into<String>, Scale), series: Vec<Series>) -> Plot {
+        Plot { x_label: x.0.into(), y_label: y.0.into(), x_scale: x.1, y_scale: y.1, y_reach: 0.0, series }
+    }
+}
+
 /// A series of points.
 #[derive(Clone, Debug, Default)]
 pub struct Series {
@@ -46,6 +53,13 @@ pub struct Series {
     pub points: Vec<PlotPoint>,
     /// How the points are drawn.
     pub marks: Marks,
+}
+
+impl Series {
+    /// A series with this name.
+    pub fn new(name: impl Into<String>, points: Vec<PlotPoint>, marks: Marks) -> Series {
+        Series { name: name.into(), points, marks }
+    }
 }
 
 /// How the points of a series are drawn.

@@ -69,39 +69,7 @@ impl Scene {
 
     /// A copy without shared meshes and placements.
     fn own(&self) -> Scene {
-        // Avoids cloning the names of the placements.
-        Scene {
-            path: self.path.clone(),
-            unit: self.unit.clone(),
-            two_sided_emission: self.two_sided_emission,
-            up: self.up,
-            origin: self.origin,
-            positions: self.positions.clone(),
-            triangles: self.triangles.clone(),
-            triangle_object: self.triangle_object.clone(),
-            triangle_material: self.triangle_material.clone(),
-            triangle_polygon: self.triangle_polygon.clone(),
-            triangle_reflectance: self.triangle_reflectance.clone(),
-            triangle_sides: self.triangle_sides.clone(),
-            triangle_component: self.triangle_component.clone(),
-            closed_parts: self.closed_parts,
-            sheet_parts: self.sheet_parts,
-            objects: self.objects.clone(),
-            materials: self.materials.clone(),
-            emitters: self.emitters.clone(),
-            environment: self.environment.clone(),
-            suns: self.suns.clone(),
-            triangle_emitter: self.triangle_emitter.clone(),
-            triangle_texcoords: self.triangle_texcoords.clone(),
-            cameras: self.cameras.clone(),
-            bounds: self.bounds,
-            files: self.files.clone(),
-            unread_files: self.unread_files.clone(),
-            repairs: self.repairs.clone(),
-            shared: Vec::new(),
-            placements: Vec::new(),
-            instances: Vec::new(),
-        }
+        Scene { shared: Vec::new(), placements: Vec::new(), instances: Vec::new(), ..self.clone() }
     }
 
     /// Checks the limits, and that placements refer to existing meshes and materials.

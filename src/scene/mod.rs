@@ -247,6 +247,7 @@ pub struct Scene {
     /// has none.
     pub(crate) triangle_texcoords: Vec<[[f32; 2]; 3]>,
     /// Perspective cameras of the file.
+    #[cfg_attr(not(feature = "reports"), allow(dead_code))]
     pub(crate) cameras: Vec<StoredCamera>,
     /// Bounding box of all vertices of faces.
     pub(crate) bounds: Aabb,

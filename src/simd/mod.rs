@@ -71,6 +71,19 @@ pub trait Simd: Copy {
     fn keep(self, m: Self::M, v: Self::F) -> Self::F;
 }
 
+/// Defines operations of an instruction set, each by an expression.
+macro_rules! operations {
+    ($($name:ident($($argument:ident: $kind:ty),+) -> $result:ty = $value:expr;)+) => {
+        $(
+            #[inline(always)]
+            fn $name(self, $($argument: $kind),+) -> $result {
+                $value
+            }
+        )+
+    };
+}
+use operations;
+
 /// exp(-x) for x >= 0 with an error below 1e-5: (1 + y + y²/2 + y³/6 + y⁴/24)^-64 with y = x/64. Bit-identical on every
 /// instruction set. x above 80 counts as 80.
 #[inline(always)]

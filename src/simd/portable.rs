@@ -1,6 +1,6 @@
 //! [`Simd`] with arrays; the compiler vectorises the loops for the target.
 
-use super::{LANES, Simd};
+use super::{LANES, Simd, operations};
 
 #[derive(Clone, Copy)]
 pub(super) struct Portable;
@@ -40,96 +40,8 @@ impl Simd for Portable {
     #[inline(always)]
     fn prefetch<T>(self, _: &T) {}
     #[inline(always)]
-    fn splat(self, v: f32) -> Self::F {
-        [v; LANES]
-    }
-    #[inline(always)]
-    fn load(self, v: &[f32; LANES]) -> Self::F {
-        *v
-    }
-    #[inline(always)]
     fn store(self, v: Self::F, to: &mut [f32; LANES]) {
         *to = v;
-    }
-    #[inline(always)]
-    fn load_half(self, v: &[u16; LANES]) -> Self::F {
-        v.map(|h| f32::from_bits(u32::from(h) << 16))
-    }
-    #[inline(always)]
-    fn load_whole(self, v: &[u16; LANES]) -> Self::F {
-        v.map(f32::from)
-    }
-    #[inline(always)]
-    fn add(self, a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub(self, a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn mul(self, a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn div(self, a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| a / b)
-    }
-    #[inline(always)]
-    fn fma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F {
-        fused(&a, &b, &c)
-    }
-    #[inline(always)]
-    fn min(self, a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    fn max(self, a: Self::F, b: Self::F) -> Self::F {
-        map(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    fn abs(self, a: Self::F) -> Self::F {
-        a.map(f32::abs)
-    }
-    #[inline(always)]
-    fn le(self, a: Self::F, b: Self::F) -> u32 {
-        at_most(&a, &b)
-    }
-    #[inline(always)]
-    fn lt(self, a: Self::F, b: Self::F) -> u32 {
-        below(&a, &b)
-    }
-    #[inline(always)]
-    fn and(self, a: u32, b: u32) -> u32 {
-        a & b
-    }
-    #[inline(always)]
-    fn or(self, a: u32, b: u32) -> u32 {
-        a | b
-    }
-    #[inline(always)]
-    fn and_not(self, a: u32, b: u32) -> u32 {
-        a & !b
-    }
-    #[inline(always)]
-    fn bits(self, m: u32) -> u32 {
-        m
-    }
-    #[inline(always)]
-    fn mask(self, bits: u32) -> u32 {
-        bits
-    }
-    #[inline(always)]
-    fn select(self, m: u32, a: Self::F, b: Self::F) -> Self::F {
-        selected(m, &a, &b)
-    }
-    #[inline(always)]
-    fn least(self, v: Self::F) -> f32 {
-        v.into_iter().fold(v[0], |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    fn greatest(self, v: Self::F) -> f32 {
-        v.into_iter().fold(v[0], |a, b| if a > b { a } else { b })
     }
     #[inline(always)]
     fn sum(self, mut v: Self::F) -> f32 {
@@ -139,20 +51,35 @@ impl Simd for Portable {
         v[0]
     }
     #[inline(always)]
-    fn sum_twos(self, v: Self::F) -> Self::F {
-        std::array::from_fn(|i| v[i] + v[i ^ 1])
-    }
-    #[inline(always)]
     fn sum_fours(self, v: Self::F) -> Self::F {
         let twos = self.sum_twos(v);
         std::array::from_fn(|i| twos[i] + twos[i ^ 2])
     }
-    #[inline(always)]
-    fn root(self, v: Self::F) -> Self::F {
-        v.map(f32::sqrt)
-    }
-    #[inline(always)]
-    fn keep(self, m: u32, v: Self::F) -> Self::F {
-        selected(m, &v, &[0.0; LANES])
+    operations! {
+        splat(v: f32) -> Self::F = [v; LANES];
+        load(v: &[f32; LANES]) -> Self::F = *v;
+        load_half(v: &[u16; LANES]) -> Self::F = v.map(|h| f32::from_bits(u32::from(h) << 16));
+        load_whole(v: &[u16; LANES]) -> Self::F = v.map(f32::from);
+        add(a: Self::F, b: Self::F) -> Self::F = map(a, b, |a, b| a + b);
+        sub(a: Self::F, b: Self::F) -> Self::F = map(a, b, |a, b| a - b);
+        mul(a: Self::F, b: Self::F) -> Self::F = map(a, b, |a, b| a * b);
+        div(a: Self::F, b: Self::F) -> Self::F = map(a, b, |a, b| a / b);
+        fma(a: Self::F, b: Self::F, c: Self::F) -> Self::F = fused(&a, &b, &c);
+        min(a: Self::F, b: Self::F) -> Self::F = map(a, b, |a, b| if a < b { a } else { b });
+        max(a: Self::F, b: Self::F) -> Self::F = map(a, b, |a, b| if a > b { a } else { b });
+        abs(a: Self::F) -> Self::F = a.map(f32::abs);
+        le(a: Self::F, b: Self::F) -> u32 = at_most(&a, &b);
+        lt(a: Self::F, b: Self::F) -> u32 = below(&a, &b);
+        and(a: u32, b: u32) -> u32 = a & b;
+        or(a: u32, b: u32) -> u32 = a | b;
+        and_not(a: u32, b: u32) -> u32 = a & !b;
+        bits(m: u32) -> u32 = m;
+        mask(bits: u32) -> u32 = bits;
+        select(m: u32, a: Self::F, b: Self::F) -> Self::F = selected(m, &a, &b);
+        least(v: Self::F) -> f32 = v.into_iter().fold(v[0], |a, b| if a < b { a } else { b });
+        greatest(v: Self::F) -> f32 = v.into_iter().fold(v[0], |a, b| if a > b { a } else { b });
+        sum_twos(v: Self::F) -> Self::F = std::array::from_fn(|i| v[i] + v[i ^ 1]);
+        root(v: Self::F) -> Self::F = v.map(f32::sqrt);
+        keep(m: u32, v: Self::F) -> Self::F = selected(m, &v, &[0.0; LANES]);
     }
 }

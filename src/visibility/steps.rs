@@ -35,52 +35,43 @@ impl<'a> Steps<'a> {
         Steps { tree, frames, magnitude, isa, packets }
     }
 
-    /// Number of nodes that [`Steps::test_nodes`] and [`Steps::pass_slabs`] process.
-    pub fn nodes(&self) -> usize {
+    fn nodes(&self) -> usize {
         self.tree.nodes.len().min(MAX_STEP_NODES)
     }
 
-    /// Number of blocks of up to sixteen triangles that [`Steps::test_blocks`] processes.
-    pub fn blocks(&self) -> usize {
+    fn blocks(&self) -> usize {
         self.tree.blocks.len().min(MAX_STEP_NODES)
     }
 
-    /// Constructs the shaft of the bundle.
-    pub fn make_shaft(&self) -> f32 {
-        dispatch(self.isa, Run(self, Step::Shaft))
+    /// Number of shafts, nodes, blocks, instances or boxes that a step processes.
+    pub fn items(&self, step: Step) -> usize {
+        match step {
+            Step::Shaft => 1,
+            Step::Nodes(_) => self.nodes(),
+            Step::Blocks => self.blocks(),
+            Step::Enter => self.frames.len(),
+            Step::Slabs => 16 * self.nodes(),
+        }
     }
 
-    /// Tests the children of the nodes against the shaft and for aggregation at feature size `s`.
-    pub fn test_nodes(&self, s: f32) -> f32 {
-        dispatch(self.isa, Run(self, Step::Nodes(s)))
-    }
-
-    /// Tests the blocks' triangles against all segments.
-    pub fn test_blocks(&self) -> f32 {
-        dispatch(self.isa, Run(self, Step::Blocks))
-    }
-
-    /// Number of instances that [`Steps::enter_instances`] enters.
-    pub fn instances(&self) -> usize {
-        self.frames.len()
-    }
-
-    /// Transforms the segments into the frames of the instances and constructs the shafts there.
-    pub fn enter_instances(&self) -> f32 {
-        dispatch(self.isa, Run(self, Step::Enter))
-    }
-
-    /// Traces the segments through all children of the nodes as boxes with extinction.
-    pub fn pass_slabs(&self) -> f32 {
-        dispatch(self.isa, Run(self, Step::Slabs))
+    /// Runs a step.
+    pub fn run(&self, step: Step) -> f32 {
+        dispatch(self.isa, Run(self, step))
     }
 }
 
-enum Step {
+/// A step of a walk.
+#[derive(Clone, Copy, Debug)]
+pub enum Step {
+    /// Constructs the shaft of the bundle.
     Shaft,
+    /// Tests the children of the nodes against the shaft and for aggregation at this feature size.
     Nodes(f32),
+    /// Tests the triangles of the blocks, up to sixteen each, against all segments.
     Blocks,
+    /// Transforms the segments into the frames of the instances and constructs the shafts there.
     Enter,
+    /// Traces the segments through all children of the nodes as boxes with extinction.
     Slabs,
 }
 

@@ -7,7 +7,7 @@ mod parts;
 mod results;
 
 use crate::determinism::strip;
-use crate::run::{Outcome, Scratch};
+use crate::run::{Outcome, Scratch, assert_same_files, job_files};
 use mrvis::internals::scene::generate::Spec;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -62,25 +62,16 @@ fn batch(scratch: &Scratch, more: &[&str]) -> Outcome {
 
 /// All files of finished jobs by their names, without times.
 fn results(out: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let (mut found, mut waiting) = (BTreeMap::new(), vec![out.to_owned()]);
-    while let Some(folder) = waiting.pop() {
-        for entry in std::fs::read_dir(&folder).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            let own = path.file_name().expect("a name").to_string_lossy().into_owned();
-            if path.is_dir() && own != ".mrvis-batch" {
-                waiting.push(path);
-            } else if path.is_file() && !own.starts_with("results.") {
-                let mut bytes = std::fs::read(&path).expect("read");
-                if own.ends_with(".json") {
-                    let mut value: Value = serde_json::from_slice(&bytes).expect("JSON");
-                    strip(&mut value);
-                    bytes = value.to_string().into();
-                }
-                found.insert(path.strip_prefix(out).expect("below").to_owned(), bytes);
+    job_files(out, |name, content| {
+        Some(match name.ends_with(".json") {
+            true => {
+                let mut value: Value = serde_json::from_slice(&content).expect("JSON");
+                strip(&mut value);
+                value.to_string().into()
             }
-        }
-    }
-    found
+            false => content,
+        })
+    })
 }
 
 /// Lines of the journal.
@@ -93,13 +84,6 @@ fn journal(out: &Path) -> Vec<Value> {
 fn started(scratch: &Scratch, arguments: &[&str]) -> Child {
     let mut command = scratch.command(arguments);
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the command runs")
-}
-
-fn assert_same(found: &BTreeMap<PathBuf, Vec<u8>>, want: &BTreeMap<PathBuf, Vec<u8>>) {
-    assert_eq!(found.keys().collect::<Vec<_>>(), want.keys().collect::<Vec<_>>());
-    for (name, bytes) in found {
-        assert!(bytes == &want[name], "{} differs", name.display());
-    }
 }
 
 /// However jobs are packed, their files are those of the single commands.
@@ -123,7 +107,7 @@ fn outputs_are_those_of_single_commands() {
     }
     let single = results(&scratch.path("single"));
     for out in ["a", "b", "c"] {
-        assert_same(&results(&scratch.path(out)), &single);
+        assert_same_files(&results(&scratch.path(out)), &single);
     }
     let table = std::fs::read_to_string(scratch.path("a/results.csv")).expect("a table");
     assert_eq!(table.lines().count(), 1 + COUNT);
@@ -209,7 +193,7 @@ fn nothing_is_lost_when_the_batch_is_killed() {
         let out = format!("killed-{round}");
         let ran = batch(&scratch, &["--out", &out]);
         assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-        assert_same(&results(&scratch.path(&out)), &want);
+        assert_same_files(&results(&scratch.path(&out)), &want);
         // No job whose line was written has run again.
         let mut names: Vec<String> =
             journal(&scratch.path(&out)).iter().map(|l| l["job"].to_string()).collect();
@@ -321,7 +305,7 @@ fn a_full_disk_stops_the_batch_until_there_is_room() {
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     assert!(ran.stdout.contains(&format!("{done} were done before")), "{}", ran.stdout);
     assert_eq!(run("unlimited", "p").code, Some(0));
-    assert_same(&results(&scratch.path("o")), &results(&scratch.path("p")));
+    assert_same_files(&results(&scratch.path("o")), &results(&scratch.path("p")));
 }
 
 /// Nothing starts, and nothing is overwritten, when something is wrong.

@@ -1,6 +1,7 @@
 //! Runs the executable in a temporary folder.
 
 use mrvis::internals::scene;
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -84,5 +85,35 @@ impl Scratch {
     pub fn json(&self, name: impl AsRef<Path>) -> serde_json::Value {
         let text = std::fs::read_to_string(self.0.path().join(name)).expect("a JSON file");
         serde_json::from_str(&text).expect("JSON")
+    }
+}
+
+/// The files of finished jobs below a folder by their names: of each what `counted` makes of its content, if it counts.
+pub fn job_files(
+    folder: &Path,
+    counted: impl Fn(&str, Vec<u8>) -> Option<Vec<u8>>,
+) -> BTreeMap<PathBuf, Vec<u8>> {
+    let (mut found, mut waiting) = (BTreeMap::new(), vec![folder.to_owned()]);
+    while let Some(at) = waiting.pop() {
+        for entry in std::fs::read_dir(&at).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+            if path.is_dir() && name != ".mrvis-batch" {
+                waiting.push(path);
+            } else if path.is_file() && !name.starts_with("results.") {
+                let content = counted(&name, std::fs::read(&path).expect("read"));
+                found.extend(
+                    content.map(|content| (path.strip_prefix(folder).expect("below").into(), content)),
+                );
+            }
+        }
+    }
+    found
+}
+
+pub fn assert_same_files(found: &BTreeMap<PathBuf, Vec<u8>>, want: &BTreeMap<PathBuf, Vec<u8>>) {
+    assert_eq!(found.keys().collect::<Vec<_>>(), want.keys().collect::<Vec<_>>());
+    for (name, bytes) in found {
+        assert!(bytes == &want[name], "{} differs", name.display());
     }
 }

@@ -3,7 +3,7 @@
 use crate::run::Scratch;
 use glam::{DVec3, dvec3};
 use mrvis::Model;
-use mrvis::internals::form_factors::{Facets, Grouping, Matrix, Settings, compute};
+use mrvis::internals::form_factors::{Facets, Grouping, Settings, by_groups, compute};
 use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::{self, Link, Options};
 use mrvis::internals::scene::generate::Spec;
@@ -103,11 +103,11 @@ fn solutions_of_published_obstructed_pairs() {
     assert!(outcome.irradiance.iter().all(|e| *e == [0.0; 3]));
 }
 
-fn factors(scene: &Scene) -> Matrix {
+fn factors(scene: &Scene) -> mrvis::FormFactors {
     let facets = Facets::new(scene);
     let settings = Settings::new(facets.count());
     let (matrix, _) = compute(&model(scene), &facets, &settings, &()).expect("a matrix");
-    matrix.grouped(scene, &facets, Grouping::Object, &()).expect("groups")
+    by_groups(matrix, scene, &facets, Grouping::Object, &()).expect("groups")
 }
 
 /// A regular polygon at height `z` with the area of a disc; `up`: faces upwards.
@@ -126,7 +126,7 @@ fn disc(radius: f64, z: f64, up: bool) -> Vec<DVec3> {
 #[test]
 fn unobstructed_factors_of_the_published_suite() {
     let check = |id: &str, scene: &Scene, want: f64| {
-        let found = factors(scene).get(0, 1);
+        let found = f64::from(factors(scene).factor(0, 1));
         assert!((found / want - 1.0).abs() < 1e-3, "{id}: {found} instead of {want}");
     };
     let text = include_str!("../validation/viewfactors_unobstructed.csv");
@@ -174,7 +174,7 @@ fn curved_surfaces_are_sums_of_their_facets() {
         let (size, want) = unobstructed(id);
         let mut builder = Builder::new();
         builder.object("inner", BLACK, &wall(size[0], true)).object("outer", BLACK, &wall(size[1], false));
-        let found = factors(&builder.scene()).get(0, 1);
+        let found = f64::from(factors(&builder.scene()).factor(0, 1));
         assert!((found / want - 1.0).abs() < 2e-3, "{id}: {found} instead of {want}");
     }
 }

@@ -1,6 +1,6 @@
 //! Arguments shared by several subcommands.
 
-use super::scene_values::{ChannelArg, UpArg};
+use super::values::{CHANNELS, UP, one_of};
 use super::writable::{check_file, check_folder};
 use super::{
     flags::with_flags,
@@ -10,11 +10,11 @@ use super::{
 use indicatif::{ProgressBar, ProgressStyle};
 use mrvis::internals::cache::CacheLocation;
 use mrvis::internals::error::is_obeyed;
-use mrvis::internals::files::{WholeFile, json_text};
+use mrvis::internals::files::{json_text, write_json};
 use mrvis::internals::scene::{Move, Photometry, parse_emitter, read_placements, unit_in_metres};
 use mrvis::internals::threads::{MAX_THREADS, Threads};
 use mrvis::internals::{LoadParts, SceneParts};
-use mrvis::{Error, LoadOptions, Result, Scene};
+use mrvis::{Channels, Error, LoadOptions, Result, Scene, UpAxis};
 use std::{
     collections::HashSet,
     io::Write as _,
@@ -128,8 +128,10 @@ impl Common {
     /// The file cannot be written.
     pub fn write_json(&self, value: &impl serde::Serialize) -> Result<()> {
         let Some(path) = &self.json else { return Ok(()) };
-        let text = json_text(value).map_err(|e| Error::format(path, None, e.to_string()))?;
-        if self.json_is_piped() { super::print(&text) } else { WholeFile::write(path, text) }
+        if !self.json_is_piped() {
+            return write_json(path, value);
+        }
+        super::print(&json_text(value).map_err(|e| Error::format(path, None, e.to_string()))?)
     }
 }
 
@@ -166,11 +168,12 @@ pub struct SceneArgs {
     pub luminaires: Option<PathBuf>,
     /// Also give lux, lumens and cd/m²: rgb by luminance weights and 179 lm/W (default), or one channel that is in
     /// lumens already (red, green, blue).
-    #[arg(long, value_name = "CHANNELS", num_args = 0..=1, require_equals = true, default_missing_value = "rgb")]
-    pub photometric: Option<ChannelArg>,
+    #[arg(long, value_name = "CHANNELS", value_parser = one_of(CHANNELS), num_args = 0..=1, require_equals = true,
+          default_missing_value = "rgb")]
+    pub photometric: Option<Channels>,
     /// Upward axis of the scene's coordinates [default: y in glTF; elsewhere from the light and the extents]
-    #[arg(long, value_enum, value_name = "y|z")]
-    pub up: Option<UpArg>,
+    #[arg(long, value_parser = one_of(UP), value_name = "y|z")]
+    pub up: Option<UpAxis>,
     /// Emissive faces emit from both sides instead of the front only.
     #[arg(long)]
     pub two_sided_emission: bool,
@@ -199,7 +202,7 @@ const SKY: &str = "Sky and sun";
 impl SceneArgs {
     /// How luminous quantities are reported, if they are asked for.
     pub fn photometry(&self) -> Option<Photometry> {
-        self.photometric.map(|channels| Photometry::from(mrvis::Channels::from(channels)))
+        self.photometric.map(Photometry::from)
     }
 
     /// Refuses luminous quantities, for commands that compute no light.
@@ -230,8 +233,8 @@ impl SceneArgs {
         options.emitters = emitters;
         options.two_sided_emission = self.two_sided_emission;
         options.threads = common.threads.map_or(0, usize::from);
-        options.channels = self.photometric.map(Into::into).unwrap_or_default();
-        options.up = self.up.map(Into::into);
+        options.channels = self.photometric.unwrap_or_default();
+        options.up = self.up;
         options.sides = self.sides;
         options.max_memory = limits::bytes(common.max_memory);
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));

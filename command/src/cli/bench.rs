@@ -4,20 +4,17 @@ mod pictures;
 mod table;
 
 use super::args::{CacheArgs, Common, SceneArgs, command_line};
-use super::cluster_args::ClusterArgs;
 use super::inputs::{Inputs, Output};
 use super::limits;
 use super::progress::Bar;
+use super::values::{ClusterArgs, Values, one_of};
 use super::writable::check_folder;
-use mrvis::Model;
-use mrvis::Progress;
-use mrvis::Result;
-use mrvis::Scene;
 use mrvis::internals::bench::{self, Options, page};
 use mrvis::internals::image_io::write_atomically;
 use mrvis::internals::optics::{self, Extinction};
 use mrvis::internals::threads::Threads;
 use mrvis::internals::{ModelParts, SceneParts};
+use mrvis::{Model, Progress, Result, Scene};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -60,8 +57,8 @@ pub struct Args {
     #[arg(long, value_name = "TOL", default_value_t = 0.05)]
     pub tolerance: f32,
     /// Extinction of clusters
-    #[arg(long, value_enum, default_value_t)]
-    pub extinction: ExtinctionLaw,
+    #[arg(long, value_parser = one_of(EXTINCTION), default_value = "measured")]
+    pub extinction: Extinction,
     #[command(flatten)]
     pub clusters: ClusterArgs,
     /// Folder for images and report.html (created if missing)
@@ -73,24 +70,10 @@ pub struct Args {
     pub common: Common,
 }
 
-/// Extinction of clusters; see [`Extinction`].
-#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
-pub enum ExtinctionLaw {
-    /// measured on silhouettes from several directions
-    #[default]
-    Measured,
-    /// from surface and volume, as in the paper
-    Analytic,
-}
-
-impl From<ExtinctionLaw> for Extinction {
-    fn from(law: ExtinctionLaw) -> Extinction {
-        match law {
-            ExtinctionLaw::Measured => Extinction::Measured,
-            ExtinctionLaw::Analytic => Extinction::Analytic,
-        }
-    }
-}
+const EXTINCTION: Values<Extinction> = &[
+    ("measured", "measured on silhouettes from several directions", Extinction::Measured),
+    ("analytic", "from surface and volume, as in the paper", Extinction::Analytic),
+];
 
 /// Runs the command.
 ///
@@ -116,11 +99,11 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
         seed: common.seed,
         audit: args.audit.unwrap_or(Options::default().audit),
         clusters: optics::Options {
-            extinction: args.extinction.into(),
+            extinction: args.extinction,
             tolerance: args.tolerance,
             ..optics::Options::default()
         },
-        builder: args.clusters.builder(),
+        builder: args.clusters.builder,
         cache: args.cache.place()?,
         max_memory: limits::bytes(common.max_memory),
     };

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::inputs::{Inputs, Output};
-use clap::ValueEnum;
+use super::values::{Values, name_of, one_of};
 use serde_json::json;
 
 use mrvis::internals::image_io::{
@@ -32,11 +32,11 @@ pub struct Args {
     #[arg(long, value_name = "T", default_value_t = 1.0)]
     pub texel: f64,
     /// Measure of feature sizes
-    #[arg(long, value_enum, default_value_t = Mode::Euclid)]
-    pub mode: Mode,
+    #[arg(long, value_parser = one_of(MODES), default_value = "euclid")]
+    pub mode: Morphology,
     /// Regions that are features
-    #[arg(long, value_enum, default_value_t = Kind::Both)]
-    pub features: Kind,
+    #[arg(long, value_parser = one_of(KINDS), default_value = "both")]
+    pub features: Features,
     /// Exclude features from the averages outside of them
     #[arg(long)]
     pub unmasked_filter: bool,
@@ -50,8 +50,8 @@ pub struct Args {
     #[arg(long, default_value_t = DEFAULT_THRESHOLD)]
     pub threshold: f32,
     /// Channel of the pixels that is compared
-    #[arg(long, value_enum, default_value_t = Component::Luminance)]
-    pub channel: Component,
+    #[arg(long, value_parser = one_of(COMPONENTS), default_value = "luminance")]
+    pub channel: Channel,
     /// Folder for feature masks, difference image and spectrum (created if missing)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -66,35 +66,23 @@ pub struct Args {
     pub quiet: bool,
 }
 
-/// `--mode`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Mode {
-    /// Largest disc inside the feature (independent of direction)
-    Euclid,
-    /// Erosions with 8 neighbours, as in the paper's program
-    Paper8,
-    /// Erosions with 4 neighbours, as in the paper's definition
-    Paper4,
-}
+const MODES: Values<Morphology> = &[
+    ("euclid", "Largest disc inside the feature (independent of direction)", Morphology::Euclid),
+    ("paper8", "Erosions with 8 neighbours, as in the paper's program", Morphology::Paper8),
+    ("paper4", "Erosions with 4 neighbours, as in the paper's definition", Morphology::Paper4),
+];
 
-/// `--features`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Kind {
-    /// Shadows and lit regions
-    Both,
-    /// Shadows only, as in the paper
-    Shadow,
-}
+const KINDS: Values<Features> = &[
+    ("both", "Shadows and lit regions", Features::Both),
+    ("shadow", "Shadows only, as in the paper", Features::Shadow),
+];
 
-/// `--channel`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[allow(missing_docs)]
-pub enum Component {
-    Luminance,
-    Red,
-    Green,
-    Blue,
-}
+const COMPONENTS: Values<Channel> = &[
+    ("luminance", "", Channel::Luminance),
+    ("red", "", Channel::Red),
+    ("green", "", Channel::Green),
+    ("blue", "", Channel::Blue),
+];
 
 /// Runs the command. Exit code 0, or 1 when a tolerance was given and missed.
 ///
@@ -104,18 +92,12 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     if args.tolerance.is_some_and(|t| t.is_nan() || t < 0.0) {
         return Err(Error::Argument("--tolerance must be a number of at least 0".into()));
     }
-    let channel = match args.channel {
-        Component::Luminance => Channel::Luminance,
-        Component::Red => Channel::Red,
-        Component::Green => Channel::Green,
-        Component::Blue => Channel::Blue,
-    };
     let inputs = Inputs::of([args.reference.as_path(), &args.approximation]);
     let json = args.json.iter().filter(|path| *path != Path::new("-"));
     let json = || json.clone().map(|path| Output::new("--json", path));
     inputs.check(json())?;
-    let reference = read_image(&args.reference, channel, args.texel)?;
-    let approximation = read_image(&args.approximation, channel, args.texel)?;
+    let reference = read_image(&args.reference, args.channel, args.texel)?;
+    let approximation = read_image(&args.approximation, args.channel, args.texel)?;
     let white = args.white.unwrap_or_else(|| reference.data().iter().copied().fold(1.0, f32::max));
     let features = feature_options(args, white);
     let filter = if args.unmasked_filter { Filter::Unmasked } else { Filter::Whole };
@@ -154,21 +136,15 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 
 /// What counts as a feature.
 fn feature_options(args: &Args, white: f32) -> FeatureOptions {
-    let morphology = match args.mode {
-        Mode::Euclid => Morphology::Euclid,
-        Mode::Paper8 => Morphology::Paper8,
-        Mode::Paper4 => Morphology::Paper4,
-    };
-    let features = if args.features == Kind::Both { Features::Both } else { Features::Shadow };
     let mut options = FeatureOptions::default();
-    (options.features, options.morphology) = (features, morphology);
+    (options.features, options.morphology) = (args.features, args.mode);
     (options.white, options.threshold) = (white, args.threshold);
     options
 }
 
 /// The results as text.
 fn table(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) -> String {
-    let mode = args.mode.to_possible_value().map_or(String::new(), |v| v.get_name().to_string());
+    let mode = name_of(MODES, args.mode);
     let mut text = format!(
         "{} x {} texels of {}, unoccluded value {}, sizes by {mode}\n\n",
         image.width(),
@@ -188,7 +164,6 @@ fn table(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) -
 
 /// The results as JSON.
 fn report(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) -> serde_json::Value {
-    let name = |v: Option<clap::builder::PossibleValue>| v.map(|v| v.get_name().to_string());
     let row = |row: &Fbem| {
         json!({
             "feature_size": row.size,
@@ -204,9 +179,9 @@ fn report(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) 
         "width": image.width(),
         "height": image.height(),
         "texel": args.texel,
-        "mode": name(args.mode.to_possible_value()),
-        "features": name(args.features.to_possible_value()),
-        "channel": name(args.channel.to_possible_value()),
+        "mode": name_of(MODES, args.mode),
+        "features": name_of(KINDS, args.features),
+        "channel": name_of(COMPONENTS, args.channel),
         "filter": if args.unmasked_filter { "unmasked" } else { "whole" },
         "p": args.p,
         "white": white,
@@ -248,18 +223,11 @@ fn write_pictures(
     let signed = Image::new(reference.width(), reference.height(), reference.texel(), values)?;
     write_exr(&difference_exr, &signed)?;
     let point = |row: &Fbem| PlotPoint { x: row.size, y: row.value, label: String::new() };
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: "feature size s".into(),
-        y_label: "error that features larger than s see".into(),
-        x_scale: Scale::Linear,
-        y_scale: Scale::Linear,
-        series: vec![Series {
-            name: "FBEM(s)".into(),
-            points: rows.iter().map(point).collect(),
-            marks: Marks::Joined,
-        }],
-    };
+    let plot = Plot::new(
+        ("feature size s", Scale::Linear),
+        ("error that features larger than s see", Scale::Linear),
+        vec![Series::new("FBEM(s)", rows.iter().map(point).collect(), Marks::Joined)],
+    );
     write_atomically(&svg, plot.svg(720, 420)?.as_bytes())
 }
 

@@ -6,13 +6,14 @@ use super::job_context;
 use super::limits::{self, GIB};
 use super::mpi::MpiArgs;
 use super::progress::Bar;
+use super::values::{Values, one_of};
 use super::writable::check_file;
 use mrvis::internals::form_factors::{
-    Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write,
+    Facets, Format, Grouping, Report, Settings, by_groups, compute, memory_bound, write,
 };
 use mrvis::internals::plot::number;
 use mrvis::internals::{ModelParts, SceneParts};
-use mrvis::{Error, Result};
+use mrvis::{Error, FormFactors, Result};
 use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 
 /// Form factors between polygons, objects or materials, with visibility.
@@ -28,8 +29,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Rows and columns: polygons of the file, objects (and groups), or materials.
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t = By::Face)]
-    by: By,
+    #[arg(long, value_name = "WHAT", value_parser = one_of(ROWS), default_value = "face")]
+    by: Grouping,
     /// Rays per polygon that search for visible polygons; the rays per pair are proportional [default: 2048, more for
     /// few polygons]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
@@ -40,9 +41,9 @@ pub struct Args {
     pair_rays: Option<u32>,
     /// Adjustment of the matrix: `closure` makes rows without escape sum to 1, each entry according to its
     /// uncertainty, and keeps A F symmetric; `none` leaves the estimates unchanged.
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t = Enforce::Closure, num_args = 0..=1,
+    #[arg(long, value_name = "WHAT", value_parser = one_of(ENFORCE), default_value = "closure", num_args = 0..=1,
           default_missing_value = "closure", require_equals = true)]
-    enforce: Enforce,
+    enforce: bool,
     /// Largest accepted mean |row sum + escaped + lost - 1| of closed rows (exit code 1 above).
     #[arg(long, value_name = "R")]
     tolerance: Option<f64>,
@@ -52,18 +53,13 @@ pub struct Args {
     pub common: Common,
 }
 
-#[derive(clap::ValueEnum, Clone, Copy, Debug)]
-enum By {
-    Face,
-    Object,
-    Material,
-}
+const ROWS: Values<Grouping> = &[
+    ("face", "", Grouping::Polygon),
+    ("object", "", Grouping::Object),
+    ("material", "", Grouping::Material),
+];
 
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
-enum Enforce {
-    Closure,
-    None,
-}
+const ENFORCE: Values<bool> = &[("closure", "", true), ("none", "", false)];
 
 impl Args {
     /// The format of the matrix.
@@ -76,15 +72,8 @@ impl Args {
 
     /// What the command takes for so many facets.
     fn settings(&self, facets: usize) -> Settings {
-        let mut settings = Settings {
-            enforce: self.enforce == Enforce::Closure,
-            seed: self.common.seed,
-            ..Settings::new(facets)
-        };
-        settings.rays = self.rays.unwrap_or(settings.rays);
-        settings.largest_bundle = self.pair_rays.unwrap_or(settings.largest_bundle);
-        settings.bundle = settings.bundle.min(settings.largest_bundle);
-        settings
+        let settings = Settings { enforce: self.enforce, seed: self.common.seed, ..Settings::new(facets) };
+        settings.with_rays(self.rays, self.pair_rays)
     }
 
     /// Largest memory of the matrix of so many facets, bytes.
@@ -134,15 +123,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     if !args.mpi.is_first() {
         return Ok(ExitCode::SUCCESS);
     }
-    let by = match args.by {
-        By::Face => Grouping::Polygon,
-        By::Object => Grouping::Object,
-        By::Material => Grouping::Material,
-    };
-    let matrix = faces.grouped(scene, &facets, by, &())?;
+    let matrix = by_groups(faces, scene, &facets, args.by, &())?;
     let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
-    let labels = matches!(args.by, By::Face).then(|| facets.labels(scene));
-    write(&args.out, matrix.rows(), format, labels.as_ref())?;
+    let labels = (args.by == Grouping::Polygon).then(|| facets.labels(scene));
+    write(&args.out, &matrix, format, labels.as_ref())?;
     drop(spinner);
     let mut json = serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),
@@ -150,7 +134,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         "unit": scene.parts().unit,
         "seconds": seconds,
         "memory_bound": bound,
-        "rows": matrix.len(),
+        "rows": matrix.areas.len(),
         "entries": matrix.columns.len(),
         "settings": {
             "rays": settings.rays, "bundle": settings.bundle, "largest_bundle": settings.largest_bundle,
@@ -171,14 +155,14 @@ fn size(bytes: u64) -> String {
     if bytes < GIB { format!("{:.0} MiB", (bytes / mib).ceil()) } else { format!("{:.2} GiB", bytes / GIB) }
 }
 
-fn text(args: &Args, matrix: &Matrix, r: &Report, seconds: f64) -> String {
+fn text(args: &Args, matrix: &FormFactors, r: &Report, seconds: f64) -> String {
     let mut out = String::new();
     // Writing to a string cannot fail.
     let _ = writeln!(
         out,
         "{}: {} rows, {} entries; {} s, {} rays",
         file_name(&args.out),
-        grouped(matrix.len()),
+        grouped(matrix.areas.len()),
         grouped(matrix.columns.len()),
         number(seconds),
         grouped(r.rays as usize)

@@ -3,7 +3,7 @@
 mod materials;
 
 use super::args::{Common, SceneArgs, grouped};
-use super::{cluster_args::ClusterArgs, flags::with_flags, inputs::Inputs};
+use super::{flags::with_flags, inputs::Inputs, values::ClusterArgs};
 use materials::{list_materials, reflectances};
 use mrvis::Builder;
 use mrvis::internals::clusters;
@@ -39,7 +39,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     args.common.check_outputs(&Inputs::of(scene.parts().files.iter().map(PathBuf::as_path)), [])?;
     let counts = {
         let _spinner = args.common.spinner("clustering");
-        ClusterCounts::of(&scene, args.clusters.builder())
+        ClusterCounts::of(&scene, args.clusters.builder)
     };
     let photometry = args.scene.photometry();
     let mut json = summary_json(&scene, counts, seconds);

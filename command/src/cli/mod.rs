@@ -6,7 +6,6 @@
 mod args;
 mod batch;
 mod bench;
-mod cluster_args;
 mod compare;
 mod fbem;
 mod flags;
@@ -26,11 +25,11 @@ mod outputs;
 mod progress;
 mod report;
 mod reproduce;
-mod scene_values;
 mod shared_scenes;
 mod sky_args;
 mod solve;
 mod terrain;
+mod values;
 mod writable;
 
 use clap::{

@@ -6,7 +6,7 @@ use super::progress::Bar;
 use super::writable::check_folder;
 use crate::reproduce::{Context, Item, chosen, page, run as make};
 use mrvis::Result;
-use mrvis::internals::files::WholeFile;
+use mrvis::internals::files::{WholeFile, write_json};
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -43,9 +43,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     bar.finish();
     let path = args.out.join(PAGE);
     WholeFile::write(&path, page(&report, &command_line())?)?;
-    let record = mrvis::internals::files::json_text(&report)
-        .map_err(|e| mrvis::Error::format(args.out.join(RECORD), None, e.to_string()))?;
-    WholeFile::write(&args.out.join(RECORD), record)?;
+    write_json(&args.out.join(RECORD), &report)?;
     common.write_json(&report)?;
     let mut text = String::new();
     for item in &report.items {

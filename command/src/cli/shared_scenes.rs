@@ -169,19 +169,35 @@ mod tests {
         path
     }
 
+    /// Shared scenes of one file, which counts how often it is read.
+    struct Shared {
+        _folder: tempfile::TempDir,
+        path: PathBuf,
+        shared: SharedScenes,
+        reads: Cell<usize>,
+    }
+
+    impl Shared {
+        fn new() -> Shared {
+            let folder = tempfile::tempdir().expect("a folder");
+            let (path, shared) = (cornell(folder.path()), SharedScenes::new(Arc::default()));
+            Shared { _folder: folder, path, shared, reads: Cell::new(0) }
+        }
+
+        fn scene(&self, key: &str) -> (Arc<Scene>, InUse) {
+            let read = || {
+                self.reads.set(self.reads.get() + 1);
+                Scene::load_with(&self.path, &Default::default())
+            };
+            self.shared.scene(key.into(), read).expect("a scene")
+        }
+    }
+
     #[test]
     fn scenes_are_read_again_when_a_file_changes() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = cornell(folder.path());
-        let shared = SharedScenes::new(Arc::default());
-        let reads = Cell::new(0);
-        let scene = || {
-            let read = || {
-                reads.set(reads.get() + 1);
-                Scene::load_with(&path, &Default::default())
-            };
-            shared.scene("cornell".into(), read).expect("a scene")
-        };
+        let all = Shared::new();
+        let (path, reads) = (&all.path, &all.reads);
+        let scene = || all.scene("cornell");
         let (first, _) = scene();
         assert!(Arc::ptr_eq(&first, &scene().0));
         // The materials are in a file of their own.
@@ -191,23 +207,21 @@ mod tests {
         assert!(!Arc::ptr_eq(&first, &scene().0));
         assert_eq!(reads.get(), 2);
         // So is a file that appears, and one that vanishes.
-        std::fs::rename(&materials, folder.path().join("aside")).expect("renamed");
+        std::fs::rename(&materials, path.with_extension("aside")).expect("renamed");
         let (without, _) = scene();
         assert!(Arc::ptr_eq(&without, &scene().0));
-        std::fs::rename(folder.path().join("aside"), &materials).expect("renamed");
+        std::fs::rename(path.with_extension("aside"), &materials).expect("renamed");
         assert!(!Arc::ptr_eq(&without, &scene().0));
         assert_eq!(reads.get(), 4);
-        let missing = shared.scene("x".into(), || Scene::load_with(Path::new("x.obj"), &Default::default()));
+        let missing =
+            all.shared.scene("x".into(), || Scene::load_with(Path::new("x.obj"), &Default::default()));
         assert!(missing.is_err());
     }
 
     #[test]
     fn models_share_what_is_prepared() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = cornell(folder.path());
-        let shared = SharedScenes::new(Arc::default());
-        let (scene, _used) =
-            shared.scene("a".into(), || Scene::load_with(&path, &Default::default())).expect("a scene");
+        let all = Shared::new();
+        let (shared, (scene, _used)) = (&all.shared, all.scene("a"));
         let model = |detail| {
             let mut options = PrepareOptions::default();
             options.detail = detail;
@@ -228,17 +242,9 @@ mod tests {
 
     #[test]
     fn idle_scenes_are_dropped_the_longest_unused_first() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = cornell(folder.path());
-        let shared = SharedScenes::new(Arc::default());
-        let reads = Cell::new(0);
-        let scene = |key: &str| {
-            let read = || {
-                reads.set(reads.get() + 1);
-                Scene::load_with(&path, &Default::default())
-            };
-            shared.scene(key.into(), read).expect("a scene")
-        };
+        let all = Shared::new();
+        let (shared, reads) = (&all.shared, &all.reads);
+        let scene = |key: &str| all.scene(key);
         let used = scene("used");
         let size = used.0.bytes() as u64;
         ["old", "new"].into_iter().for_each(|key| drop(scene(key)));

@@ -9,27 +9,27 @@ mod views;
 mod watch;
 
 use super::args::{CacheArgs, Common, SceneArgs, command_line};
-use super::cluster_args::ClusterArgs;
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output};
 use super::mpi::MpiArgs;
 use super::outputs::{Outputs, Written};
 use super::progress::Bar;
+use super::values::{ClusterArgs, ENGINES, Values, one_of};
 use super::writable::check_folder;
 use at_points::AtPoints;
 use grids::{GridArg, Grids, section};
 use luminous::{Luminous, Reported};
 use mrvis::Progress;
+use mrvis::Result;
 use mrvis::internals::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
 use mrvis::internals::export::{solve_page, surfaces};
-use mrvis::internals::files::{WholeFile, json_text};
+use mrvis::internals::files::{WholeFile, write_json};
 use mrvis::internals::image_io::{Picture, write_png};
 use mrvis::internals::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::internals::radiosity::{
     self, Inside, Options, Oracle, Outcome, PointLight, RowSums, Solution, Visibility,
 };
 use mrvis::internals::{ModelParts, SceneParts};
-use mrvis::{Error, Result};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -65,17 +65,17 @@ pub struct Args {
     #[arg(long, value_name = "PART", default_value_t = Options::default().min_area, allow_negative_numbers = true)]
     min_area: f64,
     /// Criterion of refinement.
-    #[arg(long, value_enum, default_value = "error")]
-    oracle: Criterion,
+    #[arg(long, value_parser = one_of(ORACLES), default_value = "error")]
+    oracle: Oracle,
     /// Normalisation of the form factors of elements in closed scenes to row sums of 1.
-    #[arg(long, value_enum, default_value = "balanced")]
-    rows: Normalisation,
+    #[arg(long, value_parser = one_of(ROW_SUMS), default_value = "balanced")]
+    rows: RowSums,
     /// Engine for visibility.
-    #[arg(long, value_enum, default_value = "exact")]
-    visibility: Engine,
+    #[arg(long, value_parser = one_of(ENGINES), default_value = "exact")]
+    visibility: Visibility,
     /// Solve again with this engine and report times of both and the difference at the points; needs --points or --grid.
-    #[arg(long, value_enum, value_name = "ENGINE", requires = "measured")]
-    compare: Option<Engine>,
+    #[arg(long, value_parser = one_of(ENGINES), value_name = "ENGINE", requires = "measured")]
+    compare: Option<Visibility>,
     /// Feature size in scene units: smaller shadows may be averaged [default: each receiver's diameter]. With
     /// --importance or --importance-camera it is up to 7 times larger on surfaces that matter only by the light they
     /// reflect.
@@ -85,8 +85,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml")]
     feature_sizes: Option<PathBuf>,
     /// Light inside the clusters at the ends of links.
-    #[arg(long, value_enum, default_value = "visible")]
-    inside: Clusters,
+    #[arg(long, value_parser = one_of(INSIDE), default_value = "visible")]
+    inside: Inside,
     /// Object, group or material whose light matters; repeatable [default: all].
     #[arg(long, value_name = "NAME")]
     importance: Vec<String>,
@@ -132,51 +132,25 @@ pub struct Args {
     pub common: Common,
 }
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Clusters {
-    /// Surfaces without orientation or mutual occlusion.
-    Isotropic,
-    /// Oriented surfaces without mutual occlusion.
-    Oriented,
-    /// Oriented surfaces that occlude each other.
-    Visible,
-}
+const INSIDE: Values<Inside> = &[
+    ("isotropic", "Surfaces without orientation or mutual occlusion", Inside::Isotropic),
+    ("oriented", "Oriented surfaces without mutual occlusion", Inside::Oriented),
+    ("visible", "Oriented surfaces that occlude each other", Inside::Visible),
+];
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Criterion {
-    /// Error of the transported light.
-    Error,
-    /// Transported light (BF refinement of Hanrahan et al. 1991).
-    Bf,
-}
+const ORACLES: Values<Oracle> = &[
+    ("error", "Error of the transported light", Oracle::Error),
+    ("bf", "Transported light (BF refinement of Hanrahan et al. 1991)", Oracle::Bf),
+];
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Normalisation {
-    /// None.
-    Sampled,
-    /// Scale the light that each element gathers and sends by one factor: exactly reciprocal.
-    Balanced,
-}
-
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Engine {
-    /// Embree rays.
-    Exact,
-    /// Multi-resolution: clusters with small features are averaged.
-    Mr,
-    /// Extinction only.
-    Average,
-}
-
-impl From<Engine> for Visibility {
-    fn from(engine: Engine) -> Visibility {
-        match engine {
-            Engine::Exact => Visibility::Exact,
-            Engine::Mr => Visibility::Mr,
-            Engine::Average => Visibility::Average,
-        }
-    }
-}
+const ROW_SUMS: Values<RowSums> = &[
+    ("sampled", "None", RowSums::Sampled),
+    (
+        "balanced",
+        "Scale the light that each element gathers and sends by one factor: exactly reciprocal",
+        RowSums::Balanced,
+    ),
+];
 
 impl Args {
     /// Whether pictures are drawn by a camera that the options do not state.
@@ -195,22 +169,12 @@ fn options(args: &Args) -> Result<Options> {
     Ok(Options {
         error: args.error,
         min_area: args.min_area,
-        oracle: match args.oracle {
-            Criterion::Error => Oracle::Error,
-            Criterion::Bf => Oracle::Bf,
-        },
-        row_sums: match args.rows {
-            Normalisation::Sampled => RowSums::Sampled,
-            Normalisation::Balanced => RowSums::Balanced,
-        },
-        visibility: args.visibility.into(),
+        oracle: args.oracle,
+        row_sums: args.rows,
+        visibility: args.visibility,
         feature_size: args.feature_size,
         feature_sizes: args.feature_sizes.as_deref().map(sizes::read).transpose()?.unwrap_or_default(),
-        inside: match args.inside {
-            Clusters::Isotropic => Inside::Isotropic,
-            Clusters::Oriented => Inside::Oriented,
-            Clusters::Visible => Inside::Visible,
-        },
+        inside: args.inside,
         importance: args.importance.clone(),
         views: Vec::new(),
         audit: args.audit,
@@ -226,7 +190,7 @@ fn options(args: &Args) -> Result<Options> {
         points_in_space: 0,
         target_error: args.target_error,
         max_links: args.max_links,
-        builder: args.clusters.builder(),
+        builder: args.clusters.builder,
         cache: args.cache.place()?,
         seed: args.common.seed,
     })
@@ -284,8 +248,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     options.seconds_spent = start.elapsed().as_secs_f64();
     let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch)?;
     let other = args.compare.filter(|_| !outcome.record.interrupted);
-    let versus =
-        other.map(|other| side_by_side(&model, &points, &outcome, other.into(), &watch)).transpose()?;
+    let versus = other.map(|other| side_by_side(&model, &points, &outcome, other, &watch)).transpose()?;
     watch.bar.finish();
     if !args.mpi.is_first() {
         return Ok(ExitCode::SUCCESS);
@@ -319,11 +282,7 @@ fn write(
     let (measured, pictures): (_, Vec<Picture>) = grids.measured(of_grids, photometry).into_iter().unzip();
     let sharing = args.mpi.sharing();
     let mut record = Reported { compared, photometric, at_points, grids: measured, surfaces, sharing };
-    let save = |record: &Reported| {
-        let path = out.join("solution.json");
-        let text = json_text(record).map_err(|e| Error::format(&path, None, e.to_string()))?;
-        WholeFile::write(&path, text)
-    };
+    let save = |record: &Reported| write_json(&out.join("solution.json"), record);
     save(&record)?;
     if args.has_points() {
         let file = Irradiance { points: points.to_vec(), values: irradiance, standard_errors: Vec::new() };

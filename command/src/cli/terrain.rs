@@ -2,6 +2,7 @@
 
 use super::args::{Common, grouped, warn};
 use super::inputs::{Inputs, Output};
+use super::values::{Values, name_of, one_of};
 use super::writable::check_folder;
 use mrvis::internals::sky::{DVec3, Environment};
 use mrvis::internals::terrain::{
@@ -31,13 +32,13 @@ pub struct Args {
     #[arg(
         long = "output",
         value_name = "WHAT",
-        value_enum,
+        value_parser = one_of(QUANTITIES),
         value_delimiter = ',',
         default_value = "sky-view-factor"
     )]
     outputs: Vec<Quantity>,
     /// Kinds of files, separated by commas.
-    #[arg(long, value_name = "KIND", value_enum, value_delimiter = ',', default_value = "tif")]
+    #[arg(long, value_name = "KIND", value_parser = one_of(FORMATS), value_delimiter = ',', default_value = "tif")]
     format: Vec<Format>,
     /// Directions in which the horizon is found, 4 to 1024.
     #[arg(long, value_name = "N", default_value_t = 32)]
@@ -71,46 +72,47 @@ pub struct Args {
     pub common: Common,
 }
 
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Quantity {
-    /// Irradiance of the sloping sample under a uniform sky as part of that of a level plane without horizon.
     SkyViewFactor,
-    /// Elevation of the horizon, degrees: a band for each azimuth.
     Horizon,
-    /// Part of the sun's disc that is seen, 0 to 1.
     Sunlit,
-    /// Irradiance of sky and sun, W/m2; with --day Wh/m2.
     Irradiance,
 }
 
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+const QUANTITIES: Values<Quantity> = &[
+    (
+        "sky-view-factor",
+        "Irradiance of the sloping sample under a uniform sky as part of that of a level plane without horizon",
+        Quantity::SkyViewFactor,
+    ),
+    ("horizon", "Elevation of the horizon, degrees: a band for each azimuth", Quantity::Horizon),
+    ("sunlit", "Part of the sun's disc that is seen, 0 to 1", Quantity::Sunlit),
+    ("irradiance", "Irradiance of sky and sun, W/m2; with --day Wh/m2", Quantity::Irradiance),
+];
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
-    /// GeoTIFF, georeferenced as the input.
     Tif,
-    /// NumPy arrays.
     Npz,
-    /// A picture with a colour scale.
     Png,
 }
 
+/// Formats by their extensions.
+const FORMATS: Values<Format> = &[
+    ("tif", "GeoTIFF, georeferenced as the input", Format::Tif),
+    ("npz", "NumPy arrays", Format::Npz),
+    ("png", "A picture with a colour scale", Format::Png),
+];
+
 impl Quantity {
     fn name(self) -> &'static str {
-        match self {
-            Quantity::SkyViewFactor => "sky-view-factor",
-            Quantity::Horizon => "horizon",
-            Quantity::Sunlit => "sunlit",
-            Quantity::Irradiance => "irradiance",
-        }
+        name_of(QUANTITIES, self)
     }
-}
 
-impl Format {
-    fn extension(self) -> &'static str {
-        match self {
-            Format::Tif => "tif",
-            Format::Npz => "npz",
-            Format::Png => "png",
-        }
+    /// The file of this quantity in a format.
+    fn file(self, format: Format) -> String {
+        format!("{}.{}", self.name(), name_of(FORMATS, format))
     }
 }
 
@@ -121,10 +123,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     let _folder = check_folder(&args.out)?;
     common.check_json()?;
-    let names = args
-        .outputs
-        .iter()
-        .flat_map(|q| args.format.iter().map(|format| format!("{}.{}", q.name(), format.extension())));
+    let names = args.outputs.iter().flat_map(|q| args.format.iter().map(|format| q.file(*format)));
     common.check_outputs(&Inputs::of([args.grid.as_path()]), Output::within("--out", &args.out, names))?;
     let options = ReadOptions {
         cell: args.cell.as_deref().map(cell).transpose()?,
@@ -259,7 +258,7 @@ fn light_at(args: &Args, grid: &Grid, sweep: &SweepOptions, time: Option<&str>) 
 fn write(args: &Args, quantity: Quantity, grid: &Grid, bands: &Bands) -> Result<()> {
     let layers: Vec<Layer> = bands.iter().map(|(name, values)| Layer { name, values }).collect();
     for format in &args.format {
-        let path = args.out.join(format!("{}.{}", quantity.name(), format.extension()));
+        let path = args.out.join(quantity.file(*format));
         match format {
             Format::Tif => write_geotiff(&path, grid, &layers)?,
             Format::Npz => write_npz(&path, grid, &layers)?,

@@ -247,12 +247,12 @@ fn show(item: &mut Item, name: &str, made: &Series9, (reference, exact): (&[Imag
 fn bars(errors: &[[[f64; 2]; 4]]) -> Vec<Chart> {
     let y_reach = errors.iter().flatten().flatten().fold(0.0f64, |largest, e| largest.max(*e));
     let chart = |(row, s): (&[[f64; 2]; 4], f64)| {
-        let series = ["L2".into(), format!("FBEM({s})")].into_iter().enumerate().map(|(m, name)| Series {
-            name,
-            points: (0..4)
-                .map(|k| PlotPoint { x: (k + 1) as f64, y: row[k][m], label: String::new() })
-                .collect(),
-            marks: Marks::Bars,
+        let series = ["L2".into(), format!("FBEM({s})")].into_iter().enumerate().map(|(m, name)| {
+            Series::new(
+                name,
+                (0..4).map(|k| PlotPoint { x: (k + 1) as f64, y: row[k][m], label: String::new() }).collect(),
+                Marks::Bars,
+            )
         });
         let plot = Plot {
             x_label: "group".into(),

@@ -150,11 +150,11 @@ fn plot(measured: &Measured) -> Plot {
         x_scale: Scale::Log,
         y_label: "RMS error, % of the mean irradiance".into(),
         y_scale: Scale::Log,
-        series: vec![Series {
-            name: "refined by error bounds".into(),
-            points: measured.ends.iter().filter(|end| end.error().is_finite()).map(point).collect(),
-            marks: Marks::Joined,
-        }],
+        series: vec![Series::new(
+            "refined by error bounds",
+            measured.ends.iter().filter(|end| end.error().is_finite()).map(point).collect(),
+            Marks::Joined,
+        )],
         ..Plot::default()
     }
 }

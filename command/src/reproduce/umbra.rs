@@ -101,16 +101,8 @@ pub fn figure_5(context: &Context) -> Result<Item> {
             panels.push(Panel::visible(&image, format!("d1 = {d1} m, umbra {} m", fixed(found[0], 2))));
         }
         item.row(format!("Case {case}: e = {e} m, b = {b} m ({VISIBLE})"), panels);
-        plot.series.push(Series {
-            name: format!("{case}, formula"),
-            points: predicted,
-            marks: Marks::Joined,
-        });
-        plot.series.push(Series {
-            name: format!("{case}, measured"),
-            points: measured,
-            marks: Marks::Points,
-        });
+        plot.series.push(Series::new(format!("{case}, formula"), predicted, Marks::Joined));
+        plot.series.push(Series::new(format!("{case}, measured"), measured, Marks::Points));
     }
     item.chart(plot, "Umbra against the position of the blocker.");
     item.tables.push(table);

@@ -57,13 +57,24 @@ impl Side {
                     self.functions.insert(sig.ident.to_string(), signature(&sig.inputs, &sig.output));
                 }
                 syn::Item::Struct(record) if record.ident.to_string().starts_with("mrv_") => {
-                    let members = record
-                        .fields
-                        .iter()
-                        .map(|field| (field.ident.as_ref().expect("a name").to_string(), shown(&field.ty)));
-                    let members: Vec<_> = members.filter(|(name, _)| !name.starts_with('_')).collect();
-                    if !members.is_empty() {
-                        self.records.insert(record.ident.to_string(), members);
+                    self.add_record(record)
+                }
+                syn::Item::Macro(item) if item.mac.path.is_ident("record") => {
+                    // Behind the size of the first version and a colon.
+                    let tokens = item.mac.tokens.clone().into_iter().skip(2).collect();
+                    let record: syn::ItemStruct = syn::parse2(tokens).expect("a record");
+                    // Those of tests have other names.
+                    if record.ident.to_string().starts_with("mrv_") {
+                        self.add_record(&record);
+                    }
+                }
+                syn::Item::Macro(item) if item.mac.path.is_ident("handle") => {
+                    let text = shown(&item.mac.tokens);
+                    let name = text.split('(').next().expect("a name");
+                    let mut functions = text.rsplit(',');
+                    for output in ["()", "mrv_status"] {
+                        let function = functions.next().expect("a function");
+                        self.functions.insert(function.into(), format!("(*const{name}) -> {output}"));
                     }
                 }
                 syn::Item::Const(constant) if constant.ident.to_string().starts_with("MRV_") => {
@@ -76,6 +87,16 @@ impl Side {
                 }
                 _ => {}
             }
+        }
+    }
+
+    fn add_record(&mut self, record: &syn::ItemStruct) {
+        let member =
+            |field: &syn::Field| (field.ident.as_ref().expect("a name").to_string(), shown(&field.ty));
+        let mut members: Vec<_> = record.fields.iter().map(member).collect();
+        members.retain(|(name, _)| !name.starts_with('_'));
+        if !members.is_empty() {
+            self.records.insert(record.ident.to_string(), members);
         }
     }
 
@@ -193,7 +214,8 @@ fn versions_agree() {
 fn every_function_is_guarded() {
     for entry in fs::read_dir(project("src")).expect("a room") {
         let path = entry.expect("an entry").path();
-        if path.is_dir() || path.file_name().is_some_and(|name| name == "guard.rs") {
+        // `handle!` writes functions with their guards.
+        if path.is_dir() || path.file_name().is_some_and(|name| name == "guard.rs" || name == "handle.rs") {
             continue;
         }
         let text = fs::read_to_string(&path).expect("a file");

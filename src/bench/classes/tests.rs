@@ -2,7 +2,7 @@
 
 use super::surroundings::Surroundings;
 use crate::bench::Options;
-use crate::bench::record::{ReceiverClass, Record};
+use crate::bench::record::ReceiverClass;
 use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
 use crate::model::{Detail, testing};
 use crate::scene::Scene;
@@ -104,6 +104,4 @@ fn a_forest_has_rows_by_class() {
         assert!(["bundle", "cut", "certified", "embree"].contains(&row.route.as_str()), "{row:?}");
         assert!(row.seconds > 0.0 && (row.route != "embree" || row.handed_over == 1.0), "{row:?}");
     }
-    let json = serde_json::to_value(&record).expect("JSON");
-    assert_eq!(serde_json::from_value::<Record>(json).expect("a record"), record);
 }

@@ -119,17 +119,14 @@ fn plot(map: &MapRecord, unit: &str) -> Result<Markup> {
         let label = format!("s = {}", length(row.feature_size, unit));
         PlotPoint { x: row.seconds, y: row.rms, label }
     });
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: "time of queries and interpolation, seconds".into(),
-        y_label: "error (RMS of the visible fraction)".into(),
-        x_scale: Scale::Log,
-        y_scale: Scale::Log,
-        series: vec![
-            Series { name: "exact".into(), points: exact(false), marks: Marks::Joined },
-            Series { name: "exact, interpolated".into(), points: exact(true), marks: Marks::Points },
-            Series { name: "multi-resolution".into(), points: mr.collect(), marks: Marks::Points },
+    let plot = Plot::new(
+        ("time of queries and interpolation, seconds", Scale::Log),
+        ("error (RMS of the visible fraction)", Scale::Log),
+        vec![
+            Series::new("exact", exact(false), Marks::Joined),
+            Series::new("exact, interpolated", exact(true), Marks::Points),
+            Series::new("multi-resolution", mr.collect(), Marks::Points),
         ],
-    };
+    );
     chart(&plot, 340, "Error against time of one map, both axes logarithmic: lower left is better.")
 }

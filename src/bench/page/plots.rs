@@ -14,11 +14,10 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     let points = |rows: &[ExactRow]| -> Vec<PlotPoint> {
         rows.iter().map(|row| PlotPoint { x: row.seconds, y: row.rms, label: rays(row.rays) }).collect()
     };
-    let mut series =
-        vec![Series { name: "exact".into(), points: points(&record.exact), marks: Marks::Joined }];
+    let mut series = vec![Series::new("exact", points(&record.exact), Marks::Joined)];
     if !record.certified.is_empty() {
         let points = points(&record.certified);
-        series.push(Series { name: "exact with certificates".into(), points, marks: Marks::Joined });
+        series.push(Series::new("exact with certificates", points, Marks::Joined));
     }
     for row in record.shown_rows() {
         let name = format!("multi-res., {} segments", row.rays);
@@ -26,17 +25,14 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
         let point = PlotPoint { x: row.seconds, y: row.rms, label };
         match series.iter_mut().find(|s| s.name == name) {
             Some(series) => series.points.push(point),
-            None => series.push(Series { name, points: vec![point], marks: Marks::Points }),
+            None => series.push(Series::new(name, vec![point], Marks::Points)),
         }
     }
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: "time of the queries, seconds".into(),
-        y_label: "error (RMS of the visible fraction)".into(),
-        x_scale: Scale::Log,
-        y_scale: Scale::Log,
+    let plot = Plot::new(
+        ("time of the queries, seconds", Scale::Log),
+        ("error (RMS of the visible fraction)", Scale::Log),
         series,
-    };
+    );
     chart(
         &plot,
         460,
@@ -49,22 +45,16 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
 /// Spectrum (FBEM over feature size) of the exact image of 16 rays, and FBEM of each MR image at its own size.
 pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup> {
     let point = |row: &Fbem| PlotPoint { x: row.size, y: row.value, label: String::new() };
-    let series = |name: &str, rows: &[Fbem], marks| Series {
-        name: name.into(),
-        points: rows.iter().map(point).collect(),
-        marks,
-    };
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: format!("feature size s, {unit}"),
-        y_label: "feature-based error FBEM(s)".into(),
-        x_scale: Scale::Linear,
-        y_scale: Scale::Linear,
-        series: vec![
+    let series =
+        |name: &str, rows: &[Fbem], marks| Series::new(name, rows.iter().map(point).collect(), marks);
+    let plot = Plot::new(
+        (format!("feature size s, {unit}"), Scale::Linear),
+        ("feature-based error FBEM(s)", Scale::Linear),
+        vec![
             series("exact, 16 rays", exact, Marks::Joined),
             series("multi-resolution, each image at its own s", mr, Marks::Points),
         ],
-    };
+    );
     chart(
         &plot,
         340,
@@ -82,15 +72,12 @@ pub(super) fn cross_section(images: [&Image; 3], row: usize, unit: &str) -> Resu
                 y: f64::from(image.at(x, row)),
                 label: String::new(),
             };
-            Series { name: name.into(), points: (0..image.width()).map(at).collect(), marks: Marks::Line }
+            Series::new(name, (0..image.width()).map(at).collect(), Marks::Line)
         });
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: format!("place along row {row} of the texels, {unit}"),
-        y_label: "visible fraction".into(),
-        x_scale: Scale::Linear,
-        y_scale: Scale::Linear,
-        series: series.collect(),
-    };
+    let plot = Plot::new(
+        (format!("place along row {row} of the texels, {unit}"), Scale::Linear),
+        ("visible fraction", Scale::Linear),
+        series.collect(),
+    );
     chart(&plot, 240, "Cross-section through the largest difference.")
 }

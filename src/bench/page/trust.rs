@@ -68,27 +68,23 @@ fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
     let shown: Vec<Series> = rows
         .iter()
         .take(MAX_SIZES)
-        .map(|(row, audit)| Series {
-            name: format!("s = {}", length(row.feature_size, unit)),
-            points: audit.bins.iter().map(|bin| point(bin.claimed, bin.observed)).collect(),
-            marks: Marks::Points,
+        .map(|(row, audit)| {
+            Series::new(
+                format!("s = {}", length(row.feature_size, unit)),
+                audit.bins.iter().map(|bin| point(bin.claimed, bin.observed)).collect(),
+                Marks::Points,
+            )
         })
         .collect();
     let claims = shown.iter().flat_map(|s| &s.points).map(|p| p.x).filter(|x| *x > 0.0);
     let ends = claims.fold((f64::MAX, 0.0), |(a, b): (f64, f64), x| (a.min(x), b.max(x)));
-    let diagonal = Series {
-        name: "claimed = observed".into(),
-        points: vec![point(ends.0, ends.0), point(ends.1, ends.1)],
-        marks: Marks::Joined,
-    };
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: "claimed standard error of the visible fraction".into(),
-        y_label: "observed error (RMS)".into(),
-        x_scale: Scale::Log,
-        y_scale: Scale::Log,
-        series: std::iter::once(diagonal).chain(shown).collect(),
-    };
+    let diagonal =
+        Series::new("claimed = observed", vec![point(ends.0, ends.0), point(ends.1, ends.1)], Marks::Joined);
+    let plot = Plot::new(
+        ("claimed standard error of the visible fraction", Scale::Log),
+        ("observed error (RMS)", Scale::Log),
+        std::iter::once(diagonal).chain(shown).collect(),
+    );
     chart(
         &plot,
         380,

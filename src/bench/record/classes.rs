@@ -1,10 +1,10 @@
 //! Rows by class of receiver.
 
 use super::{ExactRow, MrRow, best_of};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// What lies around a receiver point; the rule is in docs/report.md, Receiver classes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ReceiverClass {
     /// Nothing small lies near.
@@ -35,7 +35,7 @@ impl ReceiverClass {
 }
 
 /// Rows over the receiver points of one class.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ClassRecord {
     /// The class.
     pub class: ReceiverClass,

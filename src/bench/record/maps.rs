@@ -1,9 +1,9 @@
 //! Maps: shadow images of whole surfaces, with time, set-up and interpolation of both engines.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// A map of one receiver. `rms` and `bias` are errors of the fraction of the unoccluded light at each texel, in [0, 1].
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct MapRecord {
     /// Object, group or material.
     pub receiver: String,
@@ -24,7 +24,7 @@ pub struct MapRecord {
 }
 
 /// A map by exact rays.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct MapExactRow {
     /// Rays from a point to an emitter.
     pub rays: usize,
@@ -43,7 +43,7 @@ pub struct MapExactRow {
 }
 
 /// A map by MR. Each ratio refers to the fastest exact row of the same map with that error, interpolated or not.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct MapMrRow {
     /// Feature size; length.
     pub feature_size: f64,

@@ -1,9 +1,9 @@
 //! The sky and the suns among the emitters of a benchmark.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Sources of light at infinity.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SkySources {
     /// Patches of the sky, and of the ground below the horizon if that is not black.
     pub patches: usize,

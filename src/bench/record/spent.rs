@@ -1,9 +1,9 @@
 //! Where the time of a run goes.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// What a run itself takes by part, seconds: most of it are references, and several runs of each row.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Spent {
     /// Choice of points, receivers and ray calls.
     pub choice_s: f64,

@@ -36,13 +36,6 @@ fn every_key_of_the_contract_is_written() {
     keys(&json["classes"][0]["mr"][0], "feature_size rays seconds rms bias speedup_at_same_rms route");
     keys(&json["receivers"][0], "name width height texel l2 fbem");
     keys(&json["receivers"][0]["fbem"][0], "feature_size exact16 mr");
-    assert_eq!(serde_json::from_value::<Record>(json.clone()).unwrap(), record);
-    // Records of earlier versions can be read.
-    let mut earlier = json;
-    earlier.as_object_mut().unwrap().remove("classes");
-    earlier["mr"][0].as_object_mut().unwrap().remove("route");
-    let earlier: Record = serde_json::from_value(earlier).unwrap();
-    assert!(earlier.classes.is_empty() && earlier.mr[0].route.is_empty());
     let names: Vec<_> = ReceiverClass::ALL.map(|class| serde_json::to_value(class).unwrap()).into();
     assert_eq!(names, ReceiverClass::ALL.map(|class| serde_json::Value::from(class.name())));
 }

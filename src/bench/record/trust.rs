@@ -1,12 +1,12 @@
 //! Claimed and observed errors.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Comparison of the stated intervals of a row with independent exact rays on a random part of the bundles.
 ///
 /// A 95 % interval claims a standard error of its width / (2 · 1.96). The noise of the audit's rays is subtracted
 /// from the observed error.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct IntervalAudit {
     /// Requested part of the bundles, in `(0, 1]`.
     pub fraction: f64,
@@ -35,7 +35,7 @@ pub struct IntervalAudit {
 }
 
 /// Bundles with similar claimed errors.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct CalibrationBin {
     /// Number of bundles.
     pub count: usize,

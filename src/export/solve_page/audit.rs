@@ -23,26 +23,25 @@ fn verdict(elements: usize, within_one: f64) -> &'static str {
 /// Plot and words; empty without an audit.
 pub(super) fn section(record: &Record) -> Result<Markup> {
     let Some(audit) = record.audit.as_ref().filter(|audit| audit.elements > 0) else { return Ok(html! {}) };
-    let series = |name: &str, parts: &[f64; 12], marks| Series {
-        name: name.into(),
-        points: parts
-            .iter()
-            .enumerate()
-            .map(|(k, &y)| PlotPoint { x: 0.25 * (k + 1) as f64, y, label: String::new() })
-            .collect(),
-        marks,
+    let series = |name: &str, parts: &[f64; 12], marks| {
+        Series::new(
+            name,
+            parts
+                .iter()
+                .enumerate()
+                .map(|(k, &y)| PlotPoint { x: 0.25 * (k + 1) as f64, y, label: String::new() })
+                .collect(),
+            marks,
+        )
     };
-    let plot = Plot {
-        y_reach: 0.0,
-        x_label: "error, in error bars".into(),
-        y_label: "part of the elements".into(),
-        x_scale: Scale::Linear,
-        y_scale: Scale::Linear,
-        series: vec![
+    let plot = Plot::new(
+        ("error, in error bars", Scale::Linear),
+        ("part of the elements", Scale::Linear),
+        vec![
             series("normal distribution", &NORMAL, Marks::Line),
             series("elements of the audit", &audit.within_quarters, Marks::Points),
         ],
-    };
+    );
     let chart = chart(
         &plot,
         320,

@@ -28,7 +28,7 @@ mod tests;
 mod write;
 
 pub use facets::{Facets, Labels};
-pub use rows::{Grouping, Matrix, Rows};
+pub use rows::{FormFactors, Grouping, by_groups};
 pub use write::{Format, write};
 
 use crate::model::Model;
@@ -76,6 +76,13 @@ impl Settings {
             enforce: true,
             seed: 1,
         }
+    }
+
+    /// The same with other numbers of discovery rays and of rays between two facets, where they are given.
+    pub fn with_rays(self, rays: Option<u32>, largest_bundle: Option<u32>) -> Settings {
+        let largest_bundle = largest_bundle.unwrap_or(self.largest_bundle);
+        let bundle = self.bundle.min(largest_bundle);
+        Settings { rays: rays.unwrap_or(self.rays), bundle, largest_bundle, ..self }
     }
 }
 
@@ -148,7 +155,7 @@ pub fn compute(
     facets: &Facets,
     settings: &Settings,
     progress: &dyn Progress,
-) -> Result<(Matrix, Report)> {
+) -> Result<(FormFactors, Report)> {
     model.check_single("the form factor matrix")?;
     if settings.rays == 0 || settings.bundle < 4 || settings.largest_bundle < settings.bundle {
         return Err(Error::Argument(

@@ -9,140 +9,123 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use std::collections::BTreeMap;
 
-/// A sparse matrix of form factors in compressed rows.
+/// Form factors F(from → to): the fraction of what the front of one polygon (object, material) sends out that arrives at the front of
+/// another, with what stands between them. A sparse matrix by rows (CSR), each with a polygon's, object's or material's values;
+/// A(from) F(from → to) is symmetric.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Matrix {
-    /// Start of each row in `columns` and `factors`, and the end of the last; rows + 1 entries.
+#[non_exhaustive]
+pub struct FormFactors {
+    /// Where the entries of each row begin in `columns` and `factors`, and the end of the last: one more than rows.
     pub offsets: Vec<u64>,
-    /// Columns of the entries, ascending in each row.
+    /// Columns of the entries, ascending in each row. Pairs that do not see each other have no entry.
     pub columns: Vec<u32>,
-    /// Form factors `F(row → column)`, unitless.
+    /// The form factor of each entry, in `[0, 1]`.
     pub factors: Vec<f32>,
-    /// Area of each row's facet or group, scene units squared.
-    pub areas: Vec<f64>,
-    /// Fraction of each row's flux that escapes from the scene.
-    pub escaped: Vec<f32>,
-    /// Fraction of each row's flux that falls on back sides.
-    pub lost: Vec<f32>,
-    /// Names of the rows; empty for facets.
+    /// Names of the rows: those of objects or materials, which need not be unique; none for polygons.
     pub names: Vec<String>,
+    /// Area of each row, scene units squared; 0 for objects and materials without faces.
+    pub areas: Vec<f64>,
+    /// Fraction of what each row sends out that leaves the scene, in `[0, 1]`.
+    pub escaped: Vec<f32>,
+    /// Fraction of what each row sends out that falls on back sides, in `[0, 1]`.
+    pub lost: Vec<f32>,
+    /// Rays traced.
+    pub rays: u64,
+    /// Mean over the polygons of |row sum + escaped + lost − 1| before closure: what sampling and discovery missed.
+    pub row_sum_error: f64,
+    /// The same over the rows from which nothing escapes, after closure; 0 without such rows.
+    pub closed_row_sum_error: f64,
 }
 
-/// What a [`Matrix`] holds, borrowed.
-#[derive(Clone, Copy)]
-pub struct Rows<'a> {
-    pub offsets: &'a [u64],
-    pub columns: &'a [u32],
-    pub factors: &'a [f32],
-    pub areas: &'a [f64],
-    pub escaped: &'a [f32],
-    pub lost: &'a [f32],
-    pub names: &'a [String],
-}
+impl FormFactors {
+    /// Columns of a row, ascending, and the form factor of each, in `[0, 1]`. Pairs that do not see each other have no entry.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn row(&self, from: usize) -> (&[u32], &[f32]) {
+        let span = self.offsets[from] as usize..self.offsets[from + 1] as usize;
+        (&self.columns[span.clone()], &self.factors[span])
+    }
 
-impl<'a> Rows<'a> {
+    /// One form factor; 0 if there is no entry.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn factor(&self, from: usize, to: usize) -> f32 {
+        let (columns, factors) = self.row(from);
+        columns.binary_search(&(to as u32)).map_or(0.0, |at| factors[at])
+    }
+
     /// Number of rows.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.areas.len()
     }
 
     /// Column and form factor of the entries of a row.
-    pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + use<'a> {
-        let span = self.offsets[i] as usize..self.offsets[i + 1] as usize;
-        let columns = self.columns[span.clone()].iter().map(|&c| c as usize);
-        columns.zip(self.factors[span].iter().map(|&f| f64::from(f)))
-    }
-}
-
-impl Matrix {
-    /// What it holds.
-    pub fn rows(&self) -> Rows<'_> {
-        let Matrix { offsets, columns, factors, areas, escaped, lost, names } = self;
-        Rows { offsets, columns, factors, areas, escaped, lost, names }
-    }
-
-    /// Number of rows.
-    pub fn len(&self) -> usize {
-        self.areas.len()
-    }
-
-    /// Whether there are no rows.
-    #[cfg(any(test, feature = "internals"))]
-    pub fn is_empty(&self) -> bool {
-        self.areas.is_empty()
-    }
-
-    /// Column and form factor of the entries of a row.
-    pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-        self.rows().row(i)
+    pub(crate) fn entries(&self, i: usize) -> impl Iterator<Item = (usize, f64)> {
+        let (columns, factors) = self.row(i);
+        columns.iter().zip(factors).map(|(&column, &factor)| (column as usize, f64::from(factor)))
     }
 
     /// Sum of the form factors of a row.
-    pub fn row_sum(&self, i: usize) -> f64 {
-        self.row(i).map(|(_, f)| f).sum()
+    pub(crate) fn row_sum(&self, i: usize) -> f64 {
+        self.entries(i).map(|(_, f)| f).sum()
     }
+}
 
-    /// One entry; 0 if not stored.
-    #[cfg(any(test, feature = "internals"))]
-    pub fn get(&self, i: usize, j: usize) -> f64 {
-        self.row(i).find(|&(c, _)| c == j).map_or(0.0, |(_, f)| f)
-    }
-
-    /// The matrix of groups: `F(G→H) = Σ_{i in G} A_i Σ_{j in H} F_ij / A_G`.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`] if `progress` stops it.
-    pub fn grouped(
-        self,
-        scene: &Scene,
-        facets: &Facets,
-        by: Grouping,
-        progress: &dyn Progress,
-    ) -> Result<Matrix> {
-        let (of, names): (&[u32], Vec<String>) = match by {
-            Grouping::Polygon => return Ok(self),
-            Grouping::Object => {
-                (&scene.triangle_object, scene.objects.iter().map(|o| o.name.clone()).collect())
-            }
-            Grouping::Material => {
-                (&scene.triangle_material, scene.materials.iter().map(|m| m.name.clone()).collect())
-            }
-        };
-        let group = |facet: usize| of[facets.triangle(facet)] as usize;
-        let n = names.len();
-        let (mut areas, mut shares) = (vec![0.0; n], vec![[0.0; 2]; n]);
-        let mut sums: Vec<BTreeMap<u32, f64>> = vec![BTreeMap::new(); n];
-        for i in 0..self.len() {
-            go_on(progress)?;
-            let (g, area) = (group(i), self.areas[i]);
-            areas[g] += area;
-            shares[g][0] += area * f64::from(self.escaped[i]);
-            shares[g][1] += area * f64::from(self.lost[i]);
-            for (j, f) in self.row(i) {
-                *sums[g].entry(group(j) as u32).or_default() += area * f;
-            }
+/// The matrix of groups: `F(G→H) = Σ_{i in G} A_i Σ_{j in H} F_ij / A_G`.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`] if `progress` stops it.
+pub fn by_groups(
+    faces: FormFactors,
+    scene: &Scene,
+    facets: &Facets,
+    by: Grouping,
+    progress: &dyn Progress,
+) -> Result<FormFactors> {
+    let (of, names): (&[u32], Vec<String>) = match by {
+        Grouping::Polygon => return Ok(faces),
+        Grouping::Object => (&scene.triangle_object, scene.objects.iter().map(|o| o.name.clone()).collect()),
+        Grouping::Material => {
+            (&scene.triangle_material, scene.materials.iter().map(|m| m.name.clone()).collect())
         }
-        let share = |k: usize| -> Vec<f32> {
-            shares.iter().zip(&areas).map(|(s, a)| if *a > 0.0 { (s[k] / a) as f32 } else { 0.0 }).collect()
-        };
-        let mut out = Matrix {
-            offsets: vec![0],
-            columns: Vec::new(),
-            factors: Vec::new(),
-            escaped: share(0),
-            lost: share(1),
-            areas: areas.clone(),
-            names,
-        };
-        for (sums, area) in sums.into_iter().zip(areas) {
-            for (h, sum) in sums {
-                out.columns.push(h);
-                out.factors.push((sum / area) as f32);
-            }
-            out.offsets.push(out.columns.len() as u64);
+    };
+    let group = |facet: usize| of[facets.triangle(facet)] as usize;
+    let n = names.len();
+    let (mut areas, mut shares) = (vec![0.0; n], vec![[0.0; 2]; n]);
+    let mut sums: Vec<BTreeMap<u32, f64>> = vec![BTreeMap::new(); n];
+    for i in 0..faces.len() {
+        go_on(progress)?;
+        let (g, area) = (group(i), faces.areas[i]);
+        areas[g] += area;
+        shares[g][0] += area * f64::from(faces.escaped[i]);
+        shares[g][1] += area * f64::from(faces.lost[i]);
+        for (j, f) in faces.entries(i) {
+            *sums[g].entry(group(j) as u32).or_default() += area * f;
         }
-        Ok(out)
     }
+    let share = |k: usize| -> Vec<f32> {
+        shares.iter().zip(&areas).map(|(s, a)| if *a > 0.0 { (s[k] / a) as f32 } else { 0.0 }).collect()
+    };
+    let mut out = FormFactors {
+        offsets: vec![0],
+        columns: Vec::new(),
+        factors: Vec::new(),
+        escaped: share(0),
+        lost: share(1),
+        areas: areas.clone(),
+        names,
+        ..faces
+    };
+    for (sums, area) in sums.into_iter().zip(areas) {
+        for (h, sum) in sums {
+            out.columns.push(h);
+            out.factors.push((sum / area) as f32);
+        }
+        out.offsets.push(out.columns.len() as u64);
+    }
+    Ok(out)
 }
 
 /// Rows and columns of a matrix of form factors.
@@ -168,7 +151,7 @@ pub fn assemble(
     shares: Vec<[f32; 2]>,
     settings: &Settings,
     progress: &dyn Progress,
-) -> Result<(Matrix, Report)> {
+) -> Result<(FormFactors, Report)> {
     let n = facets.count();
     let rays = n as u64 * u64::from(settings.rays) + upper.iter().map(|r| r.rays).sum::<u64>();
     let (mut variance, mut sums) = (vec![0f64; n], vec![0f64; n]);
@@ -211,7 +194,7 @@ pub fn assemble(
     });
     drop(upper);
     go_on(progress)?;
-    let matrix = Matrix {
+    let mut matrix = FormFactors {
         offsets,
         columns,
         factors,
@@ -219,13 +202,17 @@ pub fn assemble(
         lost: shares.iter().map(|s| s[1]).collect(),
         names: Vec::new(),
         areas,
+        rays,
+        row_sum_error: 0.0,
+        closed_row_sum_error: 0.0,
     };
-    let report = report(&matrix, &off, &closed, &variance, rays, steps);
+    let report = report(&matrix, &off, &closed, &variance, steps);
+    (matrix.row_sum_error, matrix.closed_row_sum_error) = (report.row_sum_error, report.closed_row_sum_error);
     go_on(progress)?;
     Ok((matrix, report))
 }
 
-fn report(m: &Matrix, off: &[f64], closed: &[bool], variance: &[f64], rays: u64, steps: usize) -> Report {
+fn report(m: &FormFactors, off: &[f64], closed: &[bool], variance: &[f64], steps: usize) -> Report {
     let n = m.len().max(1) as f64;
     let sums: Vec<f64> = (0..m.len()).map(|i| m.row_sum(i)).collect();
     let total: f64 = m.areas.iter().sum();
@@ -235,7 +222,7 @@ fn report(m: &Matrix, off: &[f64], closed: &[bool], variance: &[f64], rays: u64,
     let (mut difference, mut exchange) = (0.0, 0.0);
     let mut transposed = vec![0u64; m.len()];
     for i in 0..m.len() {
-        for (j, f) in m.row(i) {
+        for (j, f) in m.entries(i) {
             // The pattern is symmetric: entries (j, i) appear in ascending order of i.
             let at = m.offsets[j] + transposed[j];
             transposed[j] += 1;
@@ -263,7 +250,7 @@ fn report(m: &Matrix, off: &[f64], closed: &[bool], variance: &[f64], rays: u64,
     Report {
         facets: m.len(),
         entries: m.columns.len(),
-        rays,
+        rays: m.rays,
         row_sum_error: off.iter().map(|o| o.abs()).sum::<f64>() / n,
         worst_row_sum_error: off.iter().fold(0.0, |w, o| o.abs().max(w)),
         row_sums: sums.iter().fold([f64::INFINITY, 0.0], |[lo, hi], &s| [lo.min(s), hi.max(s)]),

@@ -20,7 +20,13 @@ fn quads(list: &[(DVec3, DVec3, DVec3)]) -> Scene {
     resolve(soup, &LoadOptions::default()).expect("a scene")
 }
 
-fn run(scene: &Scene, change: impl FnOnce(&mut Settings)) -> (Matrix, Report) {
+impl FormFactors {
+    fn get(&self, from: usize, to: usize) -> f64 {
+        f64::from(self.factor(from, to))
+    }
+}
+
+fn run(scene: &Scene, change: impl FnOnce(&mut Settings)) -> (FormFactors, Report) {
     let facets = Facets::new(scene);
     let mut settings = Settings::new(facets.count());
     change(&mut settings);
@@ -109,9 +115,9 @@ fn a_town_under_the_sky_is_closed() {
     assert!(report.closed_row_sum_error < 1e-6 && report.reciprocity_residual < 1e-6, "{report:?}");
     let worst = (0..closed.len()).map(|i| (closed.row_sum(i) - 1.0).abs()).fold(0.0, f64::max);
     assert!(worst < 3e-3, "{worst}: only stray rays are missing");
-    assert!((0..closed.len()).all(|i| closed.row(i).all(|(j, f)| j != i && f > 0.0 && f < 1.0)));
+    assert!((0..closed.len()).all(|i| closed.entries(i).all(|(j, f)| j != i && f > 0.0 && f < 1.0)));
     // Compared with many more rays, the adjusted matrix is at least as accurate as the unadjusted one.
-    let distance = |m: &Matrix| -> f64 {
+    let distance = |m: &FormFactors| -> f64 {
         (0..m.len()).map(|i| (0..m.len()).map(|j| (m.get(i, j) - truth.get(i, j)).powi(2)).sum::<f64>()).sum()
     };
     assert!(distance(&closed) <= 1.05 * distance(&raw));
@@ -177,7 +183,7 @@ fn single_factors_agree_with_counting() {
     let rows: Vec<usize> = (0..tried.len()).step_by(tried.len() / 7).collect();
     let counts: Vec<_> = rows.iter().map(|&i| counted(&scene, i as u32, rays)).collect();
     // Sum of squared differences minus the variance of counting (binomial).
-    let excess = |m: &Matrix| -> f64 {
+    let excess = |m: &FormFactors| -> f64 {
         let of_row = |(&i, counts): (&usize, &Vec<f64>)| -> f64 {
             let excess = |(j, n): (usize, &f64)| (m.get(i, j) - n).powi(2) - n * (1.0 - n) / rays as f64;
             counts.iter().enumerate().map(excess).sum()
@@ -207,7 +213,7 @@ fn groups_are_sums_of_their_facets() {
     let facets = Facets::new(&scene);
     let (m, _) = run(&scene, |_| ());
     for by in [Grouping::Object, Grouping::Material] {
-        let g = m.clone().grouped(&scene, &facets, by, &()).unwrap();
+        let g = by_groups(m.clone(), &scene, &facets, by, &()).unwrap();
         let total: f64 = (0..m.len()).map(|i| m.areas[i] * m.row_sum(i)).sum();
         let summed: f64 = (0..g.len()).map(|i| g.areas[i] * g.row_sum(i)).sum();
         near(summed, total, 1e-6, "exchange in all");
@@ -254,12 +260,12 @@ fn settings_out_of_range_and_memory() {
 fn files_hold_the_matrix() {
     let scene = town(100);
     let facets = Facets::new(&scene);
-    let m = run(&scene, |_| ()).0.grouped(&scene, &facets, Grouping::Material, &()).unwrap();
+    let m = by_groups(run(&scene, |_| ()).0, &scene, &facets, Grouping::Material, &()).unwrap();
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = |name: &str| folder.path().join(name);
     for (name, format) in [("f.npz", Format::Npz), ("f.csv", Format::Csv), ("f.mtx", Format::Mtx)] {
         assert_eq!(Format::of(&path(name)).expect("known"), format);
-        write(&path(name), m.rows(), format, None).expect("written");
+        write(&path(name), &m, format, None).expect("written");
     }
     let text = |name: &str| std::fs::read_to_string(path(name)).expect("text");
     let rows: Vec<String> = text("f.csv").lines().map(str::to_owned).collect();
@@ -298,7 +304,7 @@ fn files_name_the_objects_of_facets() {
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = |name: &str| folder.path().join(name);
     for (name, format) in [("f.npz", Format::Npz), ("f.csv", Format::Csv), ("f.mtx", Format::Mtx)] {
-        write(&path(name), m.rows(), format, Some(&labels)).expect("written");
+        write(&path(name), &m, format, Some(&labels)).expect("written");
     }
     let text = |name: &str| std::fs::read_to_string(path(name)).expect("text");
     let rows: Vec<String> = text("f.csv").lines().map(str::to_owned).collect();

@@ -1,6 +1,6 @@
 //! Matrices in files.
 
-use super::{Labels, Rows};
+use super::{FormFactors, Labels};
 use crate::error::is_obeyed;
 use crate::files::npz::NpzWriter;
 use crate::files::{WholeFile, csv_text};
@@ -48,7 +48,7 @@ impl Labels {
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be written.
-pub fn write(path: &Path, matrix: Rows, format: Format, labels: Option<&Labels>) -> Result<()> {
+pub fn write(path: &Path, matrix: &FormFactors, format: Format, labels: Option<&Labels>) -> Result<()> {
     let mut file = WholeFile::create(path)?;
     let written = match format {
         Format::Npz => npz(&mut file, matrix, labels),
@@ -59,14 +59,14 @@ pub fn write(path: &Path, matrix: Rows, format: Format, labels: Option<&Labels>)
     file.commit()
 }
 
-fn csv(out: &mut impl Write, m: Rows, labels: Option<&Labels>) -> std::io::Result<()> {
+fn csv(out: &mut impl Write, m: &FormFactors, labels: Option<&Labels>) -> std::io::Result<()> {
     let mut out = csv::Writer::from_writer(out);
     let of_facets = labels.map(|_| ["from_object", "to_object"]).into_iter().flatten();
     out.write_record(["from", "to", "factor"].into_iter().chain(of_facets))?;
     let name = |i: usize| m.names.get(i).map_or_else(|| i.to_string(), |name| csv_text(name).into_owned());
     for i in 0..m.len() {
         let from = name(i);
-        for (j, f) in m.row(i) {
+        for (j, f) in m.entries(i) {
             let (to, factor) = (name(j), (f as f32).to_string());
             let objects = labels.map(|l| [l.object(i), l.object(j)].map(csv_text));
             let objects = objects.iter().flatten().map(AsRef::as_ref);
@@ -76,7 +76,7 @@ fn csv(out: &mut impl Write, m: Rows, labels: Option<&Labels>) -> std::io::Resul
     out.flush()
 }
 
-fn mtx(out: &mut impl Write, m: Rows, labels: Option<&Labels>) -> std::io::Result<()> {
+fn mtx(out: &mut impl Write, m: &FormFactors, labels: Option<&Labels>) -> std::io::Result<()> {
     writeln!(out, "%%MatrixMarket matrix coordinate real general")?;
     // A line break in a name would end the comment.
     let printable = |name: &str| -> String { name.chars().filter(|c| !is_obeyed(*c)).collect() };
@@ -86,24 +86,24 @@ fn mtx(out: &mut impl Write, m: Rows, labels: Option<&Labels>) -> std::io::Resul
     }
     writeln!(out, "{} {} {}", m.len(), m.len(), m.columns.len())?;
     for i in 0..m.len() {
-        for (j, f) in m.row(i) {
+        for (j, f) in m.entries(i) {
             writeln!(out, "{} {} {}", i + 1, j + 1, f as f32)?;
         }
     }
     Ok(())
 }
 
-fn npz(out: &mut impl Write, m: Rows, labels: Option<&Labels>) -> std::io::Result<()> {
+fn npz(out: &mut impl Write, m: &FormFactors, labels: Option<&Labels>) -> std::io::Result<()> {
     let mut archive = NpzWriter::new(out);
     let n = m.len();
-    archive.array("data", "<f4", &[m.factors.len()], bytemuck::cast_slice(m.factors))?;
-    archive.array("indices", "<i4", &[m.columns.len()], bytemuck::cast_slice(m.columns))?;
-    archive.array("indptr", "<i8", &[n + 1], bytemuck::cast_slice(m.offsets))?;
+    archive.array("data", "<f4", &[m.factors.len()], bytemuck::cast_slice(&m.factors))?;
+    archive.array("indices", "<i4", &[m.columns.len()], bytemuck::cast_slice(&m.columns))?;
+    archive.array("indptr", "<i8", &[n + 1], bytemuck::cast_slice(&m.offsets))?;
     archive.array("shape", "<i8", &[2], bytemuck::cast_slice(&[n as u64; 2]))?;
     archive.array("format", "|S3", &[], b"csr")?;
-    archive.array("area", "<f8", &[n], bytemuck::cast_slice(m.areas))?;
-    archive.array("escaped", "<f4", &[n], bytemuck::cast_slice(m.escaped))?;
-    archive.array("lost", "<f4", &[n], bytemuck::cast_slice(m.lost))?;
+    archive.array("area", "<f8", &[n], bytemuck::cast_slice(&m.areas))?;
+    archive.array("escaped", "<f4", &[n], bytemuck::cast_slice(&m.escaped))?;
+    archive.array("lost", "<f4", &[n], bytemuck::cast_slice(&m.lost))?;
     let mut texts = |name: &str, list: &[String]| {
         let longest = list.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(1);
         // NumPy strings are UTF-32, padded with zeros.
@@ -114,7 +114,7 @@ fn npz(out: &mut impl Write, m: Rows, labels: Option<&Labels>) -> std::io::Resul
         archive.array(name, &format!("<U{longest}"), &[list.len()], bytemuck::cast_slice(&text))
     };
     if !m.names.is_empty() {
-        texts("names", m.names)?;
+        texts("names", &m.names)?;
     }
     if let Some(labels) = labels {
         texts("object_names", &labels.object_names)?;

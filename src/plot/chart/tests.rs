@@ -12,8 +12,7 @@ fn any_input_gives_an_svg() {
     let inputs = [vec![], odd, vec![point(1.0, 1.0)], vec![point(1e-300, 1e300), point(1e300, 1e-300)]];
     for points in inputs {
         for scale in [Scale::Linear, Scale::Log] {
-            let series =
-                vec![Series { name: "a < b & c".into(), points: points.clone(), marks: Marks::Joined }];
+            let series = vec![Series::new("a < b & c", points.clone(), Marks::Joined)];
             let plot = Plot { series, x_scale: scale, y_scale: scale, ..Default::default() };
             let svg = plot.svg(0, 0).unwrap();
             assert!(svg.starts_with("<svg ") && svg.contains("a &lt; b &amp; c") && !svg.contains("NaN"));
@@ -53,7 +52,7 @@ fn names_stay_inside() {
     let plot = Plot {
         x_label: "time of the queries of a very long scene ".repeat(3),
         series: ["exact", "exact with certificates", "multi-res., 16 segments", &"long ".repeat(40)]
-            .map(|name| Series { name: name.into(), points: vec![point(1.0, 2.0)], marks: Marks::Joined })
+            .map(|name| Series::new(name, vec![point(1.0, 2.0)], Marks::Joined))
             .into(),
         ..Default::default()
     };

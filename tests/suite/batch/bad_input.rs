@@ -1,6 +1,6 @@
 //! What changes or is wrong outside the job file: clear, early, and nothing is overwritten.
 
-use super::{COUNT, JOBS, assert_same, batch, journal, prepared, results, started};
+use super::{COUNT, JOBS, assert_same_files, batch, journal, prepared, results, started};
 use crate::run::{Outcome, Scratch};
 use mrvis::internals::scene::generate::Spec;
 use serde_json::Value;
@@ -112,5 +112,5 @@ fn a_full_file_system_stops_the_batch_until_it_grows() {
     let after = done("kept");
     assert_eq!((after.len(), &after[..before.len()]), (COUNT, &before[..]));
     assert_eq!(batch(&scratch, &["--out", "undisturbed"]).code, Some(0));
-    assert_same(&results(&scratch.path("kept")), &results(&scratch.path("undisturbed")));
+    assert_same_files(&results(&scratch.path("kept")), &results(&scratch.path("undisturbed")));
 }

@@ -140,7 +140,7 @@ fn an_output_without_a_place_fails_its_job_only() {
     std::fs::remove_file(scratch.path("o/compared")).expect("removed");
     assert_eq!(ran(&scratch, "o").len(), 2);
     assert_eq!(batch(&scratch, &["--out", "p"]).code, Some(0));
-    super::assert_same(&results(&scratch.path("o")), &results(&scratch.path("p")));
+    super::assert_same_files(&results(&scratch.path("o")), &results(&scratch.path("p")));
     // The batch was killed between the line of a finished job and that of its failure.
     unpublish(&scratch.path("p"), &["compared/coarse", "compared/fine"]);
     std::fs::remove_dir(scratch.path("p/compared")).expect("removed");
@@ -183,14 +183,14 @@ fn a_merge_after_a_crash_has_all_jobs() {
     let merge = |folders: &[&str], out: &str| scratch.mrvis(&[&["merge"], folders, &["--out", out]].concat());
     let merged = merge(&["first", "second"], "all");
     assert_eq!(merged.code, Some(0), "{}", merged.stderr);
-    super::assert_same(&results(&scratch.path("all")), &want);
+    super::assert_same_files(&results(&scratch.path("all")), &want);
     // The merge was ended after a line.
     let own = jobs("all");
     assert_eq!(own.len(), 3);
     unpublish(&scratch.path("all"), &own);
     let merged = merge(&["all"], "all");
     assert_eq!(merged.code, Some(0), "{}", merged.stderr);
-    super::assert_same(&results(&scratch.path("all")), &want);
+    super::assert_same_files(&results(&scratch.path("all")), &want);
     // Outputs that are nowhere in the folder are copied again, or the merge says so.
     std::fs::remove_dir_all(scratch.path("all/solve-0.3-mr")).expect("removed");
     let refused = merge(&["all"], "all");
@@ -204,7 +204,7 @@ fn a_merge_after_a_crash_has_all_jobs() {
     assert_eq!(table.lines().count(), COUNT);
     let merged = merge(&["first", "second"], "all");
     assert!(merged.stdout.contains("12 jobs done, 0 failed"), "{}{}", merged.stdout, merged.stderr);
-    super::assert_same(&results(&scratch.path("all")), &want);
+    super::assert_same_files(&results(&scratch.path("all")), &want);
 }
 
 /// Parts of two splits would run the same jobs at the same time.

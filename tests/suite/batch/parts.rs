@@ -1,6 +1,6 @@
 //! Parts of a batch by several processes: in one folder, in several, with GNU parallel and with Slurm.
 
-use super::{assert_same, batch, prepared, results, started};
+use super::{assert_same_files, batch, prepared, results, started};
 use crate::install::project;
 use crate::run::{Outcome, Scratch};
 use std::process::Command;
@@ -29,7 +29,7 @@ fn parts_make_the_whole() {
     let merged = scratch.mrvis(&["merge", "first", "second", "third", "--out", "all"]);
     assert!(merged.stdout.contains("12 jobs done, 0 failed"), "{}{}", merged.stdout, merged.stderr);
     for out in ["one", "all"] {
-        assert_same(&results(&scratch.path(out)), &whole);
+        assert_same_files(&results(&scratch.path(out)), &whole);
         let table = std::fs::read_to_string(scratch.path(out).join("results.csv")).expect("a table");
         assert_eq!(table.lines().count(), 13);
         // A batch of all jobs finds them done.

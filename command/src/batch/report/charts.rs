@@ -102,23 +102,18 @@ fn plot(rows: &[&Row], (column, name): (&str, &str), colour: &str, label: Option
     let short = colour.trim_start_matches("option.");
     let mut series: Vec<Series> = groups(rows, colour)
         .into_iter()
-        .map(|(values, rows)| Series {
-            name: format!("{short} {values}"),
-            points: rows.iter().map(point).collect(),
-            marks: Marks::Points,
+        .map(|(values, rows)| {
+            Series::new(format!("{short} {values}"), rows.iter().map(point).collect(), Marks::Points)
         })
         .collect();
     let all: Vec<[f64; 2]> = rows.iter().map(point).map(|p| [p.x, p.y]).collect();
     let front = front(&all).into_iter().map(|[x, y]| PlotPoint { x, y, label: String::new() });
-    series.push(Series { name: "Pareto front".into(), points: front.collect(), marks: Marks::Joined });
-    Plot {
-        y_reach: 0.0,
-        x_label: "time of the job, s".into(),
-        y_label: name.into(),
-        x_scale: scale(all.iter().map(|p| p[0])),
-        y_scale: scale(all.iter().map(|p| p[1])),
+    series.push(Series::new("Pareto front", front.collect(), Marks::Joined));
+    Plot::new(
+        ("time of the job, s", scale(all.iter().map(|p| p[0]))),
+        (name, scale(all.iter().map(|p| p[1]))),
         series,
-    }
+    )
 }
 
 /// A logarithmic scale if it has at least two powers of ten to be labelled: below that a linear one has more marks.

@@ -36,6 +36,7 @@ const MAX_FAULTS: usize = 10;
 const MAX_GRIDS: usize = 200;
 
 /// What the page shows.
+#[derive(Default)]
 pub struct Report<'a> {
     /// Name of the output folder.
     pub name: &'a str,

@@ -90,16 +90,7 @@ fn charts_of_differences_name_the_noise_of_the_reference() {
         }))
     };
     let rows = [job(0.1, 0.2), job(0.05, 0.1)];
-    let report = Report {
-        name: "out",
-        rows: &rows,
-        jobs_in_all: 2,
-        faults: &[],
-        grids: &[],
-        pictures: &[],
-        unreadable: &[],
-        pictures_in_all: 0,
-    };
+    let report = Report { name: "out", rows: &rows, jobs_in_all: 2, ..Report::default() };
     let page = report_page(&report).expect("a page");
     assert!(page.contains("Each difference includes the noise of the reference, 0.0125."), "{page}");
 }
@@ -112,31 +103,13 @@ fn the_page_says_how_many_charts_it_leaves_out() {
         let fixed = json!({ "job": format!("j{k}"), "scene": "a.obj", "status": "done", "job_seconds": k, "error_estimate": 0.1 / k });
         row(fixed).into_iter().chain(options).collect::<Row>()
     });
-    let report = Report {
-        name: "out",
-        rows: &jobs,
-        jobs_in_all: 2,
-        faults: &[],
-        grids: &[],
-        pictures: &[],
-        unreadable: &[],
-        pictures_in_all: 0,
-    };
+    let report = Report { name: "out", rows: &jobs, jobs_in_all: 2, ..Report::default() };
     assert!(report_page(&report).expect("a page").contains("40 of 56 charts"));
 }
 
 #[test]
 fn a_batch_without_jobs_has_a_page() {
-    let report = Report {
-        name: "out",
-        rows: &[],
-        jobs_in_all: 0,
-        faults: &[],
-        grids: &[],
-        pictures: &[],
-        unreadable: &[],
-        pictures_in_all: 0,
-    };
+    let report = Report { name: "out", ..Report::default() };
     assert!(report_page(&report).expect("a page").contains("0</strong> of <strong>0"));
 }
 

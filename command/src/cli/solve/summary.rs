@@ -1,11 +1,12 @@
 //! The record of a solution as text.
 
 use super::super::args::grouped;
+use super::super::values::{ENGINES, name_of};
 use super::grids;
 use super::luminous::Reported;
 use mrvis::internals::bench::side_by_side::{ComparedRecord, Versus};
 use mrvis::internals::plot::number;
-use mrvis::internals::radiosity::{Record, Visibility};
+use mrvis::internals::radiosity::Record;
 use std::fmt::Write as _;
 
 /// The record as text.
@@ -106,11 +107,7 @@ fn energy(text: &mut String, r: &Record, photometric: &Option<super::luminous::L
 
 /// Times and results of both engines.
 fn side_by_side(r: &Record, v: &Versus) -> String {
-    let name = |visibility| match visibility {
-        Visibility::Exact => "exact",
-        Visibility::Mr => "mr",
-        Visibility::Average => "average",
-    };
+    let name = |visibility| name_of(ENGINES, visibility);
     let mut text = format!(
         "{:<9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>12}\n",
         "", "clusters s", "solved s", "points s", "all s", "links", "exact rays"

@@ -44,24 +44,28 @@ const SMALL_SOLUTION: usize = 100_000;
 impl Watch {
     /// Progress of the files of a solution of so many elements, and of its pictures of so many pixels. It stops if they are large.
     pub fn for_files(&self, pixels: usize, elements: usize) -> impl Progress {
-        struct Files<'a> {
-            watch: &'a Watch,
-            large: bool,
-        }
-        impl Progress for Files<'_> {
-            fn stage(&self, name: &str, steps: u64) {
-                self.watch.stage(name, steps);
-            }
+        let large = pixels > SMALL_PICTURE || elements > SMALL_SOLUTION;
+        Stopping { watch: self, stopped: move || large && self.stopped() }
+    }
+}
 
-            fn advance(&self, steps: u64) {
-                self.watch.advance(steps);
-            }
+/// The same progress with an end of its own.
+struct Stopping<'a, S> {
+    watch: &'a Watch,
+    stopped: S,
+}
 
-            fn stopped(&self) -> bool {
-                self.large && self.watch.stopped()
-            }
-        }
-        Files { watch: self, large: pixels > SMALL_PICTURE || elements > SMALL_SOLUTION }
+impl<S: Fn() -> bool + Send + Sync> Progress for Stopping<'_, S> {
+    fn stage(&self, name: &str, steps: u64) {
+        self.watch.stage(name, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.watch.advance(steps);
+    }
+
+    fn stopped(&self) -> bool {
+        (self.stopped)()
     }
 }
 
@@ -70,7 +74,9 @@ pub fn prepare(scene: Arc<Scene>, options: &Options, watch: &Watch) -> Result<Mo
     // What exact visibility needs is always prepared.
     let limit = options.max_seconds.filter(|_| options.visibility != Visibility::Exact);
     let left = limit.map_or(f64::INFINITY, |limit| limit - options.seconds_spent);
-    let until = Until { watch, start: Instant::now(), seconds: left };
+    // Measuring clusters is worth it only if there is time for more.
+    let start = Instant::now();
+    let until = Stopping { watch, stopped: || watch.stopped() || start.elapsed().as_secs_f64() >= left };
     // A job with a limit of time does not wait for another one that prepares the same scene.
     let prepared = match options.max_seconds {
         Some(_) => Model::prepare_watched(scene, &options.prepare(), &until),
@@ -83,25 +89,4 @@ pub fn prepare(scene: Arc<Scene>, options: &Options, watch: &Watch) -> Result<Mo
         )),
         (error, _) => error,
     })
-}
-
-/// Stops the preparation when the time of the solve is over: measuring clusters is worth it only if there is time for more.
-struct Until<'a> {
-    watch: &'a Watch,
-    start: Instant,
-    seconds: f64,
-}
-
-impl Progress for Until<'_> {
-    fn stage(&self, name: &str, steps: u64) {
-        self.watch.stage(name, steps);
-    }
-
-    fn advance(&self, steps: u64) {
-        self.watch.advance(steps);
-    }
-
-    fn stopped(&self) -> bool {
-        self.watch.stopped() || self.start.elapsed().as_secs_f64() >= self.seconds
-    }
 }

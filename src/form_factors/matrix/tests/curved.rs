@@ -16,12 +16,12 @@ fn solids(list: &[Vec<Vec<DVec3>>]) -> Scene {
 }
 
 /// Form factors between the objects of a scene, without adjustment, by an eighth of the rays.
-fn between(scene: &Scene) -> Matrix {
+fn between(scene: &Scene) -> FormFactors {
     let fewer = |s: &mut Settings| {
         (s.enforce, s.rays) = (false, s.rays / 4);
         (s.bundle, s.largest_bundle) = ((s.bundle / 8).max(64), (s.largest_bundle / 8).max(256));
     };
-    run(scene, fewer).0.grouped(scene, &Facets::new(scene), Grouping::Object, &()).unwrap()
+    by_groups(run(scene, fewer).0, scene, &Facets::new(scene), Grouping::Object, &()).unwrap()
 }
 
 /// An octahedron subdivided `halved` times with its corners on a sphere; reversed if `inward`.
