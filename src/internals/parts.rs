@@ -10,8 +10,8 @@ use crate::progress::Progress;
 use crate::ranks::Ranks;
 use crate::ray::EndRule;
 use crate::scene::{
-    Emitter, LoadOptions, Material, MeasuringGrid, Move, Object, Placement, Placements, Repairs, Scene,
-    StoredCamera, UpAxis, UpFrom,
+    AddedFiles, Emitter, LoadOptions, Material, MeasuringGrid, Move, Object, Placement, Placements, Repairs,
+    Scene, StoredCamera, UpAxis, UpFrom,
 };
 use crate::sky::Environment;
 use crate::terrain::ReadOptions;
@@ -59,6 +59,7 @@ pub trait SceneParts {
     fn parts(&self) -> Parts<'_>;
     fn bytes(&self) -> usize;
     fn corners(&self, triangle: u32) -> [Vec3; 3];
+    fn lowered(&self, position: DVec3, normal: DVec3) -> (DVec3, DVec3);
     fn measuring_grid(&self, name: &str, spacing: f64, height: f64) -> Result<MeasuringGrid>;
     fn power(&self, emitter: &Emitter) -> [f64; 3];
     fn size(&self) -> f32;
@@ -109,6 +110,10 @@ impl SceneParts for Scene {
 
     fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.corners(triangle)
+    }
+
+    fn lowered(&self, position: DVec3, normal: DVec3) -> (DVec3, DVec3) {
+        self.lowered(position, normal)
     }
 
     fn measuring_grid(&self, name: &str, spacing: f64, height: f64) -> Result<MeasuringGrid> {
@@ -292,6 +297,7 @@ pub trait LoadParts {
     fn with_placements(self, luminaires: Placements) -> Self;
     fn with_moves(self, moves: Vec<Move>) -> Self;
     fn with_grid(self, grid: ReadOptions) -> Self;
+    fn with_added(self, added: AddedFiles, curvature: Option<f64>) -> Self;
 }
 
 impl LoadParts for LoadOptions {
@@ -307,6 +313,11 @@ impl LoadParts for LoadOptions {
 
     fn with_grid(mut self, grid: ReadOptions) -> LoadOptions {
         self.grid = grid;
+        self
+    }
+
+    fn with_added(mut self, added: AddedFiles, curvature: Option<f64>) -> LoadOptions {
+        (self.added, self.curvature) = (added, curvature);
         self
     }
 }

@@ -90,6 +90,7 @@ impl Scene {
             materials: self.materials.clone(),
             emitters: self.emitters.clone(),
             environment: self.environment.clone(),
+            curved: self.curved,
             suns: self.suns.clone(),
             triangle_emitter: self.triangle_emitter.clone(),
             triangle_texcoords: self.triangle_texcoords.clone(),

@@ -1,6 +1,8 @@
 //! Values of options about a scene, as the command line names them.
 
-use mrvis::{Channels, UpAxis};
+use mrvis::internals::SceneParts;
+use mrvis::internals::points::Point;
+use mrvis::{Channels, Error, Result, Scene, UpAxis};
 
 /// A value of `--up`.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -41,5 +43,22 @@ impl From<ChannelArg> for Channels {
             ChannelArg::Green => Channels::Green,
             ChannelArg::Blue => Channels::Blue,
         }
+    }
+}
+
+/// Lowers points of the map to a scene on the curved earth.
+pub fn lower(scene: &Scene, points: &mut [Point]) {
+    for point in points {
+        (point.position, point.normal) = scene.lowered(point.position, point.normal);
+    }
+}
+
+/// `DX` or `DX,DY`.
+pub fn cell(text: &str) -> Result<[f64; 2]> {
+    let parsed: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match parsed.as_deref() {
+        Some([both]) => Ok([*both; 2]),
+        Some([dx, dy]) => Ok([*dx, *dy]),
+        _ => Err(Error::Argument(format!("--cell {text}: give one distance in m, or two: DX,DY"))),
     }
 }

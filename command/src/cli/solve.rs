@@ -15,6 +15,7 @@ use super::inputs::{Inputs, Output};
 use super::mpi::MpiArgs;
 use super::outputs::{Outputs, Written};
 use super::progress::Bar;
+use super::scene_values::lower;
 use super::writable::check_folder;
 use at_points::AtPoints;
 use grids::{GridArg, Grids, section};
@@ -258,6 +259,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let mut points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
     let scene = scene.load_flat(&args.common)?;
+    lower(&scene, &mut points);
     let grids = Grids::of(&args.grids, &scene)?;
     points.extend(grids.points());
     // Grids without a height are on their surfaces.
