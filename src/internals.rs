@@ -226,8 +226,8 @@ pub mod ray {
 pub mod scene {
     pub use crate::scene::{
         Emitter, LoadOptions, MeasuringGrid, Move, Object, Photometry, Scene, Soup, SoupMaterial,
-        StoredCamera, generate, mtl_path, parse_emitter, read_placements, resolve, unit_in_metres,
-        write_gltf, write_obj,
+        StoredCamera, generate, mtl_path, parse_emitter, read_added, read_placements, resolve,
+        unit_in_metres, write_gltf, write_obj,
     };
 }
 

@@ -10,8 +10,8 @@ use crate::progress::Progress;
 use crate::ranks::Ranks;
 use crate::ray::EndRule;
 use crate::scene::{
-    Emitter, LoadOptions, Material, MeasuringGrid, Move, Object, Placement, Placements, Repairs, Scene,
-    StoredCamera, UpAxis, UpFrom,
+    AddedFiles, Emitter, LoadOptions, Material, MeasuringGrid, Move, Object, Placement, Placements, Repairs,
+    Scene, StoredCamera, UpAxis, UpFrom,
 };
 use crate::sky::Environment;
 use crate::terrain::ReadOptions;
@@ -101,6 +101,7 @@ macro_rules! methods {
 methods! { SceneParts for Scene:
     fn bytes(&self) -> usize;
     fn corners(&self, triangle: u32) -> [Vec3; 3];
+    fn lowered(&self, position: DVec3, normal: DVec3) -> (DVec3, DVec3);
     fn measuring_grid(&self, name: &str, spacing: f64, height: f64) -> Result<MeasuringGrid>;
     fn power(&self, emitter: &Emitter) -> [f64; 3];
     fn size(&self) -> f32;
@@ -169,6 +170,9 @@ methods! { LoadParts for LoadOptions:
     }
     fn with_grid(self, grid: ReadOptions) -> LoadOptions {
         LoadOptions { grid, ..self }
+    }
+    fn with_added(self, added: AddedFiles, curvature: Option<f64>) -> LoadOptions {
+        LoadOptions { added, curvature, ..self }
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod again;
 mod crossings;
+mod daylight;
 mod generated;
 mod hurried;
 mod limits;

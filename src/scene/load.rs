@@ -66,6 +66,10 @@ impl Scene {
 fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let mut sources = Sources::new(options.max_memory);
     let stem = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let is_grid = read_grid::EXTENSIONS.contains(&stem.as_str());
+    // Height fields have the upward axis z.
+    let upright = LoadOptions { up: options.up.or(Some(UpAxis::Z)), ..options.clone() };
+    let options = if is_grid || options.added.has_grid { &upright } else { options };
     let mut scene = if is_standard_input(path) {
         let stream = sources.open(path)?;
         read_stream(path, stream, &mut sources, options)?
@@ -76,14 +80,15 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
                 resolve(read_obj::read(path, file, &mut sources)?, options)?
             }
             "gltf" | "glb" | "ply" => {
+                if stem != "ply" {
+                    check_gltf(path, options)?;
+                }
                 let bytes = sources.bytes(path)?;
                 read_bytes(path, &stem, &bytes, &mut sources, options)?
             }
-            grid if read_grid::EXTENSIONS.contains(&grid) => {
-                let upright = LoadOptions { up: options.up.or(Some(UpAxis::Z)), ..options.clone() };
-                let mut scene = resolve(read_grid::read(path, &options.grid)?, &upright)?;
-                scene.files = vec![path.to_owned()];
-                return Ok(scene);
+            _ if is_grid => {
+                sources.read.insert(path.to_owned());
+                resolve(read_grid::read(path, &options.grid)?, options)?
             }
             _ => {
                 let what = "unknown kind of scene; the extension must be .obj, .gltf, .glb, .ply, or for a height field .asc, .tif, .png, \
@@ -95,8 +100,20 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
         }
     };
     (scene.files, scene.unread_files) = sources.lists();
-    scene.files.extend(options.luminaires.files.iter().cloned());
+    scene.files.extend(options.luminaires.files.iter().chain(&options.added.files).cloned());
     Ok(scene)
+}
+
+/// Refuses what glTF files have no place for.
+fn check_gltf(path: &Path, options: &LoadOptions) -> Result<()> {
+    let what = match () {
+        () if options.curvature.is_some() => "the earth does not curve below glTF files: convert it to .obj",
+        () if options.added.has_grid => {
+            "height fields have the upward axis z, glTF files y: convert it to .obj, or give the height field as the scene"
+        }
+        () => return Ok(()),
+    };
+    Err(Error::format(path, None, what))
 }
 
 /// Reads a scene without an extension, of which `path` is the name. OBJ is checked while it is read, so that what is no scene is not

@@ -1,5 +1,6 @@
 //! What a file does not state.
 
+use super::added::AddedFiles;
 use super::read_luminaire::Luminaire;
 use super::{Channels, Photometry, Strength, UpAxis, moves::Move};
 use crate::terrain::ReadOptions;
@@ -43,6 +44,10 @@ pub struct LoadOptions {
     pub(crate) luminaires: Placements,
     /// What the file of a height field does not state.
     pub(crate) grid: ReadOptions,
+    /// Further files of the scene.
+    pub(crate) added: AddedFiles,
+    /// Radius of the earth, as a part of its mean radius, along which height fields curve; `None`: a flat earth.
+    pub(crate) curvature: Option<f64>,
 }
 
 /// The luminaires of a placement file.
@@ -83,6 +88,8 @@ impl Default for LoadOptions {
             sides: None,
             threads: 0,
             grid: ReadOptions::default(),
+            added: AddedFiles::default(),
+            curvature: None,
             max_memory: None,
         }
     }

@@ -2,6 +2,7 @@
 //!
 //! File formats, defaults, units and repairs are handled here; later rooms do not check again.
 
+mod added;
 mod bent;
 mod box_grid;
 mod compact;
@@ -55,6 +56,8 @@ mod write_gltf;
 #[cfg(any(test, feature = "internals"))]
 mod write_obj;
 
+#[cfg(any(test, feature = "internals"))]
+pub use added::{AddedFiles, read_added};
 pub use emitter_sampler::EmitterSampler;
 pub use flatten::InstanceTriangles;
 pub use front::GenerateOptions;
@@ -239,6 +242,8 @@ pub struct Scene {
     pub(crate) emitters: Vec<Emitter>,
     /// Sky and suns.
     pub(crate) environment: Option<Arc<Environment>>,
+    /// How the earth curves away below the scene; none for a flat one.
+    pub(crate) curved: Option<added::Curved>,
     /// Suns of the file.
     pub(crate) suns: Vec<Sun>,
     /// Index into `emitters`; `u32::MAX` for faces that do not emit.
@@ -287,6 +292,12 @@ impl Scene {
             self.environment = Some(Arc::new(environment));
         }
         Ok(())
+    }
+
+    /// Position and normal of a point of the map where it lies on a curved earth: lowered and turned as the surfaces of the scene are.
+    #[cfg(any(test, feature = "internals"))]
+    pub(crate) fn lowered(&self, position: DVec3, normal: DVec3) -> (DVec3, DVec3) {
+        self.curved.map_or((position, normal), |curved| curved.place(position, normal))
     }
 
     /// The upward direction.

@@ -7,6 +7,7 @@
 use super::{
     Emitter, LoadOptions, MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT, Material, Repairs, Scene, Soup,
     SoupMaterial,
+    added::{self, Curved},
     compact::{compact, used_objects, used_parts},
     connect::{self, Edges, Parts, Sets},
     emitters::{self, Faces},
@@ -29,6 +30,7 @@ use glam::{DVec3, Vec3};
 /// # Errors
 /// See [`Scene::load`].
 pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
+    added::add(&mut soup, &options.added);
     moves::move_objects(&mut soup, &options.moves, options.up)?;
     resolve_moved(soup, options)
 }
@@ -39,7 +41,10 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
 /// As [`resolve`].
 pub(super) fn resolve_moved(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
     luminaires::add_placed(&mut soup, options);
+    let axes = (options.up, power::unit_in_metres(&options.unit).unwrap_or(1.0));
+    let curved = options.curvature.map(|factor| Curved::lower(&mut soup, factor, axes)).transpose()?;
     let mut scene = resolve_as(soup, options, Role::Whole)?;
+    scene.curved = curved;
     scene.light_by_suns()?;
     Ok(scene)
 }
@@ -66,7 +71,6 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let mut materials = check_materials(&soup, role, &mut repairs)?;
     let origin = origin(&soup)?;
     let (number, positions) = weld(&seen_from(origin, &std::mem::take(&mut soup.positions)));
-
     let kept = Kept::of(&soup, &number, &positions, &mut repairs);
     let (mut faces, broken) = triangulate(&soup, &kept, &positions, &mut repairs);
     // A broken polygon leaves a hole, so its edges do not count. A polygon without area leaves none, so they count.
@@ -131,6 +135,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         materials,
         emitters,
         environment: None,
+        curved: None,
         suns: soup.suns,
         triangle_emitter,
         triangle_texcoords: faces.texcoords,

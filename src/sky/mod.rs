@@ -5,7 +5,8 @@
 //!
 //! * `frame`: up, north and east; `position`: the sun by place and time.
 //! * `gradation` is the form of the models, `cie`, `perez` and `clear` their coefficients, `map` pictures; `radiance` scales them to a level.
-//! * `cosine`: patches on a receiver, clipped at its horizon; `patches`: their hierarchy; `cells`: samples.
+//! * `cosine`: patches on a receiver, clipped at its horizon; `patches`: their hierarchy; `planes`: a table of irradiance;
+//!   `cells`: samples.
 //! * `options`, `parse` and `build`: descriptions.
 
 mod build;
@@ -21,6 +22,7 @@ mod options;
 mod parse;
 mod patches;
 mod perez;
+mod planes;
 mod position;
 mod radiance;
 mod sun;

@@ -258,31 +258,41 @@ impl Patches {
 
     /// Irradiance of a plane with a unit normal in scene coordinates, W/m², by the mean radiance of the finest patches.
     pub fn irradiance(&self, normal: DVec3) -> [f64; 3] {
+        self.irradiance_to(0.0, normal)
+    }
+
+    /// The same with an error of each patch on the plane's horizon of at most a part `detail` of the irradiance of a horizontal plane.
+    pub fn irradiance_to(&self, detail: f64, normal: DVec3) -> [f64; 3] {
+        let of = |c: usize| self.roots().map(|k| self.patch(k).flow[c].dot(self.frame.up).abs()).sum::<f64>();
+        let tolerance = [0, 1, 2].map(|c| detail * of(c));
         let mut sum = [0.0; 3];
-        self.roots().for_each(|k| self.add_irradiance(k, normal, &mut sum));
+        self.roots().for_each(|k| self.add_irradiance(k, normal, tolerance, &mut sum));
         sum
     }
 
     /// The part of [`Patches::irradiance`] by one patch.
     pub fn irradiance_of(&self, k: u32, normal: DVec3) -> [f64; 3] {
         let mut sum = [0.0; 3];
-        self.add_irradiance(k, normal, &mut sum);
+        self.add_irradiance(k, normal, [0.0; 3], &mut sum);
         sum
     }
 
-    fn add_irradiance(&self, k: u32, normal: DVec3, sum: &mut [f64; 3]) {
+    fn add_irradiance(&self, k: u32, normal: DVec3, tolerance: [f64; 3], sum: &mut [f64; 3]) {
         let (patch, children) = (self.patch(k), self.children(k));
         let above = patch.axis.dot(normal).clamp(-1.0, 1.0).asin();
         if above <= -patch.half_angle {
             return;
         }
+        // Cosines are at most those of the height of a patch that the horizon cuts.
+        let largest = patch.solid_angle * (2.0 * patch.half_angle).min(1.0);
+        let is_even = |c: usize| largest * (patch.max[c] - patch.min[c]) <= tolerance[c];
         if above >= patch.half_angle {
             (0..3).for_each(|c| sum[c] += patch.flow[c].dot(normal).max(0.0));
-        } else if children.is_empty() || patch.min == patch.max {
+        } else if children.is_empty() || (0..3).all(is_even) {
             let projected = self.projected(k, normal);
             (0..3).for_each(|c| sum[c] += projected * patch.mean[c]);
         } else {
-            children.for_each(|child| self.add_irradiance(child, normal, sum));
+            children.for_each(|child| self.add_irradiance(child, normal, tolerance, sum));
         }
     }
 }

@@ -124,6 +124,39 @@ fn height_fields_are_scenes() {
     assert!((value - 885.36).abs() < 3.0, "{value}");
 }
 
+/// A wall that hides the sun from a point of the slope, and a second height field to the east.
+#[test]
+fn scenes_of_height_fields_and_objects_have_several_files() {
+    let scratch = slope();
+    let east = std::fs::read_to_string(scratch.path("slope.asc")).expect("a file");
+    scratch.write("east.asc", east.replace("xllcorner 1000", "xllcorner 1120"));
+    scratch.write(
+        "wall.obj",
+        "o wall\nv 1030 2050 50\nv 1080 2050 50\nv 1080 2050 80\nv 1030 2050 80\nf 1 2 3 4\n",
+    );
+    let row = |x: u32| format!("{x},2055,60,0,-0.7071068,0.7071068\n");
+    scratch.write("points.csv", format!("x,y,z,nx,ny,nz\n{}{}{}", row(1055), row(1100), row(1175)));
+    let solve =
+        ["solve", "slope.asc", "--out", "s", "--points", "points.csv", "--output", "none", "--audit", "0"];
+    let light = ["--sky", "uniform:100", "--sun", "180,45:800", "--add", "east.asc", "--add", "wall.obj"];
+    for curved in [&[][..], &["--curvature=1.1667"]] {
+        let solved = scratch.mrvis(&[&solve[..], &light, curved].concat());
+        assert_eq!(solved.code, Some(0), "{}", solved.stderr);
+        let text = std::fs::read_to_string(scratch.path("s/irradiance.csv")).expect("a file");
+        let value =
+            |line: &str| line.split(',').nth(6).and_then(|v| v.parse::<f64>().ok()).expect("a number");
+        let found: Vec<f64> = text.lines().skip(1).map(value).collect();
+        assert!(found[0] < 90.0 && found[1..].iter().all(|e| (e - 885.0).abs() < 15.0), "{found:?}");
+    }
+    for (option, words) in
+        [(["--add", "tree.glb"], "cannot be added"), (["--curvature=0.1", "--quiet"], "curvature")]
+    {
+        let refused = scratch.mrvis(&[&["info", "slope.asc"][..], &option].concat());
+        assert_eq!(refused.code, Some(2), "{}", refused.stdout);
+        assert!(refused.stderr.contains(words) && refused.stderr.lines().count() == 1, "{}", refused.stderr);
+    }
+}
+
 /// A square in the plane y = 0 that faces up, and a directional light that shines straight down.
 const YARD: &str = r#"{"asset":{"version":"2.0"},"extensionsUsed":["KHR_lights_punctual"],
 "extensions":{"KHR_lights_punctual":{"lights":[{"type":"directional","intensity":1000}]}},

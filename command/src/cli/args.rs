@@ -1,6 +1,6 @@
 //! Arguments shared by several subcommands.
 
-use super::values::{CHANNELS, UP, one_of};
+use super::values::{CHANNELS, UP, cell, one_of};
 use super::writable::{check_file, check_folder};
 use super::{
     flags::with_flags,
@@ -11,7 +11,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use mrvis::internals::cache::CacheLocation;
 use mrvis::internals::error::is_obeyed;
 use mrvis::internals::files::{json_text, write_json};
-use mrvis::internals::scene::{Move, Photometry, parse_emitter, read_placements, unit_in_metres};
+use mrvis::internals::scene::{Move, Photometry, parse_emitter, read_added, read_placements, unit_in_metres};
+use mrvis::internals::terrain::ReadOptions;
 use mrvis::internals::threads::{MAX_THREADS, Threads};
 use mrvis::internals::{LoadParts, SceneParts};
 use mrvis::{Channels, Error, LoadOptions, Result, Scene, UpAxis};
@@ -153,7 +154,7 @@ impl Drop for Spinner {
 /// A scene, and properties that its file does not state.
 #[derive(clap::Args, Clone, Debug)]
 pub struct SceneArgs {
-    /// The scene: .obj, .gltf, .glb or .ply.
+    /// The scene: .obj, .gltf, .glb or .ply, or a height field .asc, .tif, .png, .npy or .npz.
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// Let the object, group or material NAME emit W watts (repeatable); with a unit watts, lumens or luminance:
@@ -180,6 +181,19 @@ pub struct SceneArgs {
     /// Treat all faces as faces of closed solids (1) or as sheets (2) instead of detecting it.
     #[arg(long, value_name = "1|2", value_parser = clap::value_parser!(u8).range(1..=2))]
     pub sides: Option<u8>,
+    /// Add the surfaces of another file (repeatable): .obj, .ply or a height field, in the coordinates of the scene.
+    #[arg(long, value_name = "FILE", help_heading = TERRAIN)]
+    pub add: Vec<PathBuf>,
+    /// The earth curves away from the middle of the scene, with N times its radius; 7/6 = 1.1667 allows for refraction. Points of
+    /// --points are lowered, too.
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1", help_heading = TERRAIN)]
+    pub curvature: Option<f64>,
+    /// Distance of the samples of height fields, or of columns and rows, m, instead of that of the file.
+    #[arg(long, value_name = "DX[,DY]", help_heading = TERRAIN)]
+    pub cell: Option<String>,
+    /// Metres of one unit of height of height fields (of one step of grey in a PNG), instead of the unit of the file.
+    #[arg(long, value_name = "M", help_heading = TERRAIN)]
+    pub height_scale: Option<f64>,
     /// Light the scene by a sky: uniform[:E], overcast[:E], cie:N[,E] (types 1 to 16), clear:TURBIDITY, perez:DNI,DHI,
     /// an equirectangular map .exr or .hdr, or sky.toml for all of it; E is the diffuse horizontal irradiance, W/m2.
     #[arg(long, value_name = "SKY", help_heading = SKY)]
@@ -198,6 +212,8 @@ pub struct SceneArgs {
 
 /// Heading of the options of sky and sun.
 const SKY: &str = "Sky and sun";
+/// Heading of the options of height fields.
+const TERRAIN: &str = "Terrain";
 
 impl SceneArgs {
     /// How luminous quantities are reported, if they are asked for.
@@ -228,7 +244,12 @@ impl SceneArgs {
         let emitters = self.emitters.iter().map(|e| parse_emitter(e)).collect::<Result<Vec<_>>>()?;
         let moves = self.moves.iter().map(|m| Move::parse(m)).collect::<Result<Vec<_>>>()?;
         let luminaires = self.luminaires.as_deref().map(read_placements).transpose()?.unwrap_or_default();
+        let cell = self.cell.as_deref().map(cell).transpose()?;
+        let grid = ReadOptions { cell, height_scale: self.height_scale, ..ReadOptions::default() };
+        let max_memory = limits::bytes(common.max_memory);
+        let added = read_added(&self.add, &grid, max_memory)?;
         let mut options = LoadOptions::default().with_moves(moves).with_placements(luminaires);
+        options = options.with_grid(grid).with_added(added, self.curvature);
         options.unit = common.unit.clone();
         options.emitters = emitters;
         options.two_sided_emission = self.two_sided_emission;
@@ -236,7 +257,7 @@ impl SceneArgs {
         options.channels = self.photometric.unwrap_or_default();
         options.up = self.up;
         options.sides = self.sides;
-        options.max_memory = limits::bytes(common.max_memory);
+        options.max_memory = max_memory;
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
         let mut scene = Scene::load_with(&self.scene, &options)?;
         self.add_sky(&mut scene)?;

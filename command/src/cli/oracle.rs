@@ -5,6 +5,7 @@ use super::inputs::{Inputs, Output};
 use super::job_context;
 use super::mpi::MpiArgs;
 use super::progress::Bar;
+use super::values::lower;
 use super::writable::check_file;
 use mrvis::Result;
 use mrvis::internals::path_tracer::{Settings, irradiance};
@@ -40,8 +41,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     args.mpi.on_first(|| check_file(&args.out))?;
     common.check_json()?;
-    let points = read_points(&args.points)?;
+    let mut points = read_points(&args.points)?;
     let scene = args.scene.load(common)?;
+    lower(&scene, &mut points);
     let read = scene.parts().files.iter().chain([&args.points]);
     let inputs = Inputs::of(read.map(PathBuf::as_path));
     common.check_outputs(&inputs, [Output::new("--out", &args.out)])?;

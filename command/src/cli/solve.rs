@@ -14,7 +14,7 @@ use super::inputs::{Inputs, Output};
 use super::mpi::MpiArgs;
 use super::outputs::{Outputs, Written};
 use super::progress::Bar;
-use super::values::{ClusterArgs, ENGINES, Values, one_of};
+use super::values::{ClusterArgs, ENGINES, Values, lower, one_of};
 use super::writable::check_folder;
 use at_points::AtPoints;
 use grids::{GridArg, Grids, section};
@@ -222,6 +222,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let mut points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
     let scene = scene.load_flat(&args.common)?;
+    lower(&scene, &mut points);
     let grids = Grids::of(&args.grids, &scene)?;
     points.extend(grids.points());
     // Grids without a height are on their surfaces.

@@ -2,7 +2,7 @@
 
 use super::args::{Common, grouped, warn};
 use super::inputs::{Inputs, Output};
-use super::values::{Values, name_of, one_of};
+use super::values::{Values, cell, name_of, one_of};
 use super::writable::check_folder;
 use mrvis::internals::sky::{DVec3, Environment};
 use mrvis::internals::terrain::{
@@ -164,16 +164,6 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         "holes": grid.holes(), "azimuths": args.azimuths, "quantities": records, "notes": loaded.notes,
     }))?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// `DX` or `DX,DY`.
-fn cell(text: &str) -> Result<[f64; 2]> {
-    let parsed: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
-    match parsed.as_deref() {
-        Some([both]) => Ok([*both; 2]),
-        Some([dx, dy]) => Ok([*dx, *dy]),
-        _ => Err(Error::Argument(format!("--cell {text}: give one distance in m, or two: DX,DY"))),
-    }
 }
 
 fn compute(args: &Args, quantity: Quantity, grid: &Grid, sweep: &SweepOptions) -> Result<Bands> {

@@ -1,9 +1,10 @@
 //! Options with a few values: how the command line names each, its help, and what it stands for.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use mrvis::internals::BuilderParts;
+use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::Visibility;
-use mrvis::{Builder, Channels, UpAxis};
+use mrvis::internals::{BuilderParts, SceneParts};
+use mrvis::{Builder, Channels, Error, Result, Scene, UpAxis};
 
 /// Names, help and meanings of values.
 pub type Values<T> = &'static [(&'static str, &'static str, T)];
@@ -55,3 +56,20 @@ const BUILDERS: Values<Builder> = &[
     ("goldsmith-salmon", "boxes by insertion", Builder::GoldsmithSalmon),
     ("sah", "divisions by the surface area heuristic", Builder::Sah),
 ];
+
+/// Lowers points of the map to a scene on the curved earth.
+pub fn lower(scene: &Scene, points: &mut [Point]) {
+    for point in points {
+        (point.position, point.normal) = scene.lowered(point.position, point.normal);
+    }
+}
+
+/// `DX` or `DX,DY`.
+pub fn cell(text: &str) -> Result<[f64; 2]> {
+    let parsed: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match parsed.as_deref() {
+        Some([both]) => Ok([*both; 2]),
+        Some([dx, dy]) => Ok([*dx, *dy]),
+        _ => Err(Error::Argument(format!("--cell {text}: give one distance in m, or two: DX,DY"))),
+    }
+}

@@ -184,6 +184,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         repairs: _,
         files: _,
         unread_files: _,
+        curved: _,
         // Each shared mesh has a cache file of its own.
         shared: _,
         placements: _,

@@ -8,7 +8,7 @@
 use super::element_rays::{LeafRays, batches};
 use super::element_samples::{DIRECT, ElementLight, REFLECTED};
 use super::gatherer::{Buffers, FinalGather};
-use super::local_pass::LocalPass;
+use super::local_pass::{LocalPass, NEEDED_SHARE};
 use super::neighbours::Place;
 use super::sharing::{SharedLight, share};
 use crate::radiosity::deadline::Deadline;
@@ -193,7 +193,8 @@ impl FinalGather<'_> {
         let of_whole: Vec<ElementLight> = whole.iter().map(|&i| light[i]).collect();
         let areas: Vec<f64> = whole.iter().map(|&i| areas[i]).collect();
         let sides: Vec<u32> = whole.iter().map(|&i| self.side_of(leaves[i])).collect();
-        let shared = share(&places, (&sides, &areas), &of_whole, &self.ranks, deadline);
+        let needed = NEEDED_SHARE * self.error;
+        let shared = share(&places, (&sides, &areas), &of_whole, needed, &self.ranks, deadline);
         let own = alone.iter().map(|&i| {
             let noise = f64::from(local.results[leaves[i] as usize].noise);
             let own = SharedLight::alone(&light[i]);
@@ -238,7 +239,7 @@ impl FinalGather<'_> {
         Vec3::from_array(std::array::from_fn(factor))
     }
 
-    fn side_of(&self, leaf: u32) -> u32 {
+    pub(super) fn side_of(&self, leaf: u32) -> u32 {
         match self.linked.elements.elements[leaf as usize].shape {
             Shape::Surface { side, .. } => side,
             Shape::Cluster(_) => unreachable!("leaves are surfaces"),

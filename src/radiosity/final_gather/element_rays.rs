@@ -117,6 +117,9 @@ impl FinalGather<'_> {
         let emitters = |vertex: &PathVertex| (&cuts[leaf(vertex)], free[leaf(vertex)].is_some());
         let parts = self.visible_parts(emitters, &random, buffers);
         self.add_suns(&|i| random[i], buffers);
+        if self.has_environment() {
+            self.compare_with_open_sky(batch, count as usize, buffers);
+        }
         let Buffers { vertices, results, .. } = buffers;
         for ((vertex, result), part) in vertices.iter().zip(results).zip(&parts) {
             if free[leaf(vertex)].is_none() {
@@ -250,10 +253,10 @@ impl FinalGather<'_> {
                 continue;
             }
             match self.reflected_or_next(found.met, found.distance, near.len() as u32) {
-                Ok(value) => add_to(vertex.path, value),
+                Ok(value) => add_to(vertex.path, found.sky + value),
                 Err(next) => {
                     near.push(next);
-                    halves.push(vertex.path);
+                    halves.push((vertex.path, found.sky));
                 }
             }
         }
@@ -261,8 +264,8 @@ impl FinalGather<'_> {
         let mut followed: Vec<Rgb> = vec![[0.0; 3]; halves.len()];
         let seed = batch.first().map_or(0, |of| mix(u64::from(of.leaf)));
         self.follow(self.linked.settings.seed ^ seed, false, &mut followed, buffers);
-        for (half, value) in halves.into_iter().zip(followed) {
-            add_to(half, Vec3::from(value.map(|v| v as f32)));
+        for ((half, sky), value) in halves.into_iter().zip(followed) {
+            add_to(half, sky + Vec3::from(value.map(|v| v as f32)));
         }
         for (light, sums) in light.iter_mut().zip(sums.chunks_exact(2)) {
             let half = light.rays as f32;

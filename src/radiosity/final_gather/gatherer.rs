@@ -38,6 +38,8 @@ pub struct FinalGather<'a> {
     pub(super) direct_only: bool,
     /// [`Options::error`].
     pub(super) error: f64,
+    /// [`Options::elements`].
+    pub(super) elements: bool,
     /// Columns and rows of the grid that the directions of a set lie in.
     pub(super) hemisphere_grid: [usize; 2],
     /// Whether there is time to make a distance cut: nothing limits the time of the solve.
@@ -85,7 +87,8 @@ pub struct RayResult {
     pub direct: Vec3,
     /// Irradiance of the suns by a ray of its own to each, W/m².
     pub sun: Vec3,
-    /// Irradiance of the sky that the ray stands for if it left the scene, W/m².
+    /// Irradiance of the sky that the ray stands for if it left the scene, W/m²; of rays of elements in the open compared with the sky without
+    /// blockers, so that it may be negative.
     pub sky: Vec3,
     /// Where the ray ended.
     pub met: PathVertex,
@@ -156,6 +159,7 @@ impl<'a> FinalGather<'a> {
             environment,
             direct_only: options.direct_only,
             error: options.error,
+            elements: options.elements,
             hemisphere_grid: grid_of(gathered).map(|blocks| 4 * blocks),
             has_time: options.max_seconds.is_none(),
             of_elements: OnceLock::new(),

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// Rows of one parallel task.
 const CHUNK: usize = 64;
 /// Weight, in rays, of the spread of neighbouring leaves when it is mixed with that of a leaf: the relative error of a
-/// variance from 8 rays alone is √(2/8) = 50 %. Affects error bars only.
+/// variance from 8 rays alone is √(2/8) = 50 %. Affects error bars and the number of rays.
 const NEIGHBOUR_RAYS: f64 = 8.0;
 
 /// What the local pass has found about one element.
@@ -68,8 +68,9 @@ pub fn assign_noise(
         result.rays = n as u32;
         result.row_sum = (sums[i] + f64::from(row.outside + row.continued) / n) as f32;
         result.kept = 1.0 - row.gone as f32 / n as f32;
-        // One more ray might meet a surface that no other ray has met, as bright as the scene on average.
-        result.noise = variance.sqrt().hypot(level / n) as f32;
+        // One more ray might meet a surface that no other ray has met, here or nearby, as bright as the scene on average.
+        let known = n + NEIGHBOUR_RAYS.min(around[0].freedom);
+        result.noise = variance.sqrt().hypot(level / known) as f32;
     }
 }
 

@@ -16,7 +16,6 @@ use crate::math::sampling::mix;
 use crate::radiosity::deadline::{Deadline, GATHER_SHARE, RAY_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
-use crate::radiosity::options::Options;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{Arrived, SampledShare, emitted_share};
@@ -24,8 +23,8 @@ use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
 };
 
-/// Smallest number of rays of an element, so that no element stays without exchange. 2 or 8 instead change irradiance
-/// by less than 0.05 % (`constants.py solve`).
+/// Smallest number of rays of an element, so that no element stays without exchange, and the deviation of its rays is known. 2 or 8 instead
+/// change irradiance by less than 0.05 % (`constants.py solve`).
 const MIN_ROW_RAYS: f64 = 4.0;
 /// Largest number of rays of an element: 1/√4,096 = 1.6 % of the spread of one ray remain as noise.
 const MAX_ROW_RAYS: f64 = 4096.0;
@@ -49,7 +48,7 @@ const NEIGHBOURS: f64 = 16.0;
 const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / NEIGHBOURS;
 /// Part of the error of elements that may be noise of their rays, where these are known to deviate little: a fifth of the square, as most of the rest
 /// is light that differs over an element.
-const NEEDED_SHARE: f64 = 0.45;
+pub(super) const NEEDED_SHARE: f64 = 0.45;
 /// Approximate number of leaves whose rays are timed for an estimate: limits it to 32,000 rays, 1 % of the rays at the
 /// default error. Used with a time limit only.
 const TIMED_LEAVES: usize = 2000;
@@ -181,16 +180,23 @@ impl FinalGather<'_> {
     }
 
     /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean. Of elements that are
-    /// not asked for only the light that they reflect remains, at points: where that is a part r of all light, its errors count r /
-    /// [`USUAL_REFLECTED`] as much. The ground under an open sky receives a hundredth of its light from itself.
-    pub fn useful_rays(&self, rays: f64, options: &Options) -> f64 {
+    /// not asked for only the light that they reflect remains, at points.
+    pub fn useful_rays(&self, rays: f64) -> f64 {
+        rays.min(self.rays_for(if self.elements { 1.0 } else { self.reflected_part() }))
+    }
+
+    /// The number of rays that brings the error of the elements below the error asked for if `part` of it counts.
+    fn rays_for(&self, part: f64) -> f64 {
+        let each = RAYS_TIMES_ERROR_SQUARED * (part / self.error).powi(2);
+        (each * self.linked.leaves().len() as f64).max(LATE_RAYS)
+    }
+
+    /// The part to which errors of reflected light count: where that is a part r of all light, r / [`USUAL_REFLECTED`]. The ground under an open sky
+    /// receives a hundredth of its light from itself.
+    fn reflected_part(&self) -> f64 {
         let LinkedScene { elements, surroundings, .. } = self.linked;
-        let counts = match options.elements {
-            true => 1.0,
-            false => f64::from(elements.clusters[0].reflectance * surroundings.enclosed[0]) / USUAL_REFLECTED,
-        };
-        let each = RAYS_TIMES_ERROR_SQUARED * (counts.min(1.0) / options.error).powi(2);
-        rays.min((each * self.linked.leaves().len() as f64).max(LATE_RAYS))
+        let reflected = f64::from(elements.clusters[0].reflectance * surroundings.enclosed[0]);
+        (reflected / USUAL_REFLECTED).min(1.0)
     }
 
     /// The number of rays of elements that brings their noise to [`NEEDED_SHARE`] of the error asked for, by the deviations that the exchange has
@@ -236,8 +242,16 @@ impl FinalGather<'_> {
         let area = |e: u32| elements.elements[e as usize].area;
         let counted = |e: u32| area(e) * f64::from(states[e as usize].importance);
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
+        // Deviations count only where elements gather light by them.
+        let least =
+            if self.elements { MIN_ROW_RAYS } else { (MIN_ROW_RAYS * self.reflected_part()).max(1.0) };
+        // Rays to the sky join no elements, and elements in the open need few to know the deviation of others.
+        let stay = |leaf: u32| match self.has_environment() {
+            true => 1.0 - f64::from(self.linked.surroundings.escaped[self.side_of(leaf) as usize]),
+            false => 1.0,
+        };
         let count = |leaf: u32, rays: f64| {
-            (MIN_ROW_RAYS + rays * counted(leaf) / all_counted).min(MAX_ROW_RAYS) as u32
+            (least + rays * stay(leaf) * counted(leaf) / all_counted).min(MAX_ROW_RAYS) as u32
         };
         let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
         let planned: Vec<LeafRays> =

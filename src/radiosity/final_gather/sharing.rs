@@ -71,11 +71,13 @@ struct Comparison {
 }
 
 /// The irradiance of all elements from the rays of their neighbourhood; after the deadline from their own rays. `sides` and `areas`: the side of
-/// a surface that each element lies on, and its area. All elements together receive as much as by their own rays.
+/// a surface that each element lies on, and its area. Elements whose own rays leave less noise than the part `needed` of their light, and of all
+/// light on the mean, keep theirs. All elements together receive as much as by their own rays.
 pub fn share(
     places: &[Place],
     (sides, areas): (&[u32], &[f64]),
     light: &[ElementLight],
+    needed: f64,
     ranks: &Ranks,
     deadline: &Deadline,
 ) -> Vec<SharedLight> {
@@ -85,11 +87,18 @@ pub fn share(
         let of = |(light, area): (&ElementLight, &f64)| area * light.mean(kind);
         light.iter().zip(areas).map(of).sum::<f64>() / areas.iter().sum::<f64>().max(f64::MIN_POSITIVE)
     });
+    let is_noisy = |i: usize| {
+        let own = [0, 1].map(|kind| light[i].mean(kind));
+        let needed = needed * (own[0] + own[1]).min(level[0] + level[1]);
+        SharedLight::alone(&light[i]).error >= needed * needed
+    };
     let rows = ranks.rows(places.len());
     let made = rows.numbers().with_min_len(256).map_init(Search::default, |search, i| {
         let own = [(0.0, i as u32)];
         let found = match &around {
-            Some(around) if !deadline.late() => around.nearest(i as u32, WINDOWS[WINDOWS.len() - 1], search),
+            Some(around) if is_noisy(i) && !deadline.late() => {
+                around.nearest(i as u32, WINDOWS[WINDOWS.len() - 1], search)
+            }
             _ => &own,
         };
         let (fits, compared) = fit(places, light, i, found);
@@ -307,7 +316,7 @@ mod tests {
 
     fn shared_on_one_side(places: &[Place], light: &[ElementLight]) -> Vec<SharedLight> {
         let sides = (&[0; 1600][..], &[1.0; 1600][..]);
-        share(places, sides, light, &Ranks::default(), &Deadline::start(&(), None))
+        share(places, sides, light, 0.0, &Ranks::default(), &Deadline::start(&(), None))
     }
 
     #[test]

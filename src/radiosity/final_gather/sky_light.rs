@@ -1,14 +1,19 @@
 //! Light from infinitely far: rays that leave the scene meet the sky, and points send rays to the suns.
 
 use super::direct_light::GatherPoint;
-use super::gatherer::{Buffers, FinalGather};
+use super::element_rays::LeafRays;
+use super::gatherer::{Buffers, FinalGather, RayResult};
 use crate::math::sampling::numbers;
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::Rgb;
 use crate::ray::{LANES, Packet};
 use crate::sky::Sun;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
+
+/// Part of the rays of an element that leave the scene up to which they are not compared with the open sky: there, blocked rays take away more
+/// noise than the comparison.
+const MIN_OPEN_PART: f32 = 0.5;
 
 /// Smallest number of rays from a point to a sun: one packet, evenly spread over the disc. A point where all agree lies outside the penumbra but
 /// for strips of a sixteenth of its width.
@@ -30,6 +35,47 @@ impl FinalGather<'_> {
         let Some(environment) = self.environment else { return Vec3::ZERO };
         let direction = direction.as_dvec3().normalize_or_zero();
         Vec3::from(environment.radiance(direction).map(|l| (PI * l) as f32))
+    }
+
+    /// Replaces the light of the sky along rays of a batch of leaves, `streams` times the number of each, by values with the same mean and less noise where
+    /// most rays leave the scene: a ray says by how much the sky behind it is brighter than the mean over the hemisphere, which is known. With the
+    /// light of the sky F in the direction of a ray, blocked or not, its mean E over all directions, and the part v of the rays that leave the scene,
+    /// v (E − F) is added. Of the two halves of the rays of a leaf each has v from the other, so that it is independent of its own rays.
+    pub(super) fn compare_with_open_sky(&self, batch: &[LeafRays], streams: usize, buffers: &mut Buffers) {
+        let Buffers { packets, vertices, results, .. } = buffers;
+        let Some(environment) = self.environment else { return };
+        let mut first = 0;
+        for of in batch {
+            let rays = streams * of.count as usize;
+            let (range, middle) = (first..first + rays, first + rays / 2);
+            first = range.end;
+            let normal = self.linked.elements.sides[vertices[range.start].side as usize].normal.as_dvec3();
+            let halves = [range.start..middle, middle..range.end];
+            let open = halves.clone().map(|half| self.open_part(&results[half], normal));
+            if open == [0.0; 2] {
+                continue;
+            }
+            let mean = environment.tabulated_sky_irradiance(normal);
+            let mean = Vec3::from(mean.map(|e| e as f32));
+            for (half, part) in halves.into_iter().zip([open[1], open[0]]) {
+                for i in half.filter(|_| part > 0.0) {
+                    let (packet, lane) = (&packets[i / LANES], i % LANES);
+                    let ray = || self.sky_of_ray(packet.point(lane, 1.0) - packet.point(lane, 0.0));
+                    let free = if results[i].gone { results[i].sky } else { ray() };
+                    results[i].sky += part * (mean - free);
+                }
+            }
+        }
+    }
+
+    /// The part of some rays of a leaf that leave the scene; 0 where comparison with the open sky adds noise: where it is below [`MIN_OPEN_PART`], or a
+    /// sun is hidden, and with it the brightest sky.
+    fn open_part(&self, results: &[RayResult], normal: DVec3) -> f32 {
+        let count = results.len().max(1) as f32;
+        let gone = results.iter().filter(|of| of.gone).count() as f32 / count;
+        let seen = results.iter().map(|of| of.sun.element_sum()).sum::<f32>() / count;
+        let free: f64 = self.suns().iter().flat_map(|sun| sun.irradiance_on(normal)).sum();
+        if gone <= MIN_OPEN_PART || f64::from(seen) < 0.5 * free { 0.0 } else { gone }
     }
 
     /// A direction towards a sun, and the irradiance that a ray there stands for at a surface with this normal, W/m²; none if the disc is below the

@@ -97,7 +97,7 @@ impl Stages<'_> {
             linked.mark_gaps(&self.model.exact());
             light_for_paths(self.model, linked, options, deadline);
             let gather = FinalGather::new(self.model, linked, options);
-            let useful = gather.useful_rays(all, options);
+            let useful = gather.useful_rays(all);
             let rays = rays.map(|rays| rays.min(useful));
             let found = gather.local_pass(rays, useful, deadline);
             let note = notes::fewer_local_rays(rays.map(|_| found.traced_part), useful, deadline);

@@ -162,6 +162,15 @@ impl Coarse {
             return refined;
         }
         let few = refined.is_coarse && !deadline.limited();
+        // Under a sky most light comes from it, not from other elements, and rays replace it all.
+        let is_guess = few
+            && refined.linked.environment.is_some()
+            && options.step_seconds.is_none()
+            && options.target_error.is_none()
+            && refined.linked.feature_sizes.important.is_empty();
+        if is_guess {
+            refined.link_error = refined.link_error.max(FIRST_THRESHOLD as f32);
+        }
         let mut steps = Steps::new(refined.link_error, few, options.step_seconds);
         loop {
             let (replaced, threshold) = refined.step(&mut steps, progress, deadline);
@@ -210,11 +219,16 @@ struct Steps {
 }
 
 impl Steps {
-    /// Steps down to the threshold `last`: `few` are two, of which the first finds the light that the second refines links by.
+    /// Steps down to the threshold `last`: `few` are two, of which the first finds the light that the second refines links by, or only one where
+    /// that is the first threshold.
     fn new(last: f32, few: bool, seconds: Option<f64>) -> Steps {
         let all = FIRST_THRESHOLD / f64::from(last);
         let ratio = if few { all.max(THRESHOLD_RATIO) } else { THRESHOLD_RATIO };
-        let least = if few { 1.0 } else { f64::from(MIN_STEPS) };
+        let least = match few {
+            true if all <= 1.0 => 0.0,
+            true => 1.0,
+            false => f64::from(MIN_STEPS),
+        };
         let steps = all.log(ratio).ceil().max(least);
         let next = f64::from(last) * ratio.powf(steps);
         Steps { seconds, next, ratio, links: FIRST_STEP_LINKS, sweeping: 0.0 }

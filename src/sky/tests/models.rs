@@ -256,6 +256,25 @@ fn tilted_planes_below_gradations_agree_with_quadrature() {
     }
 }
 
+/// The table is exact where the plane's horizon cuts nothing, and near to exact elsewhere.
+#[test]
+fn tabulated_planes_are_those_of_the_patches() {
+    for (text, sun) in
+        [("uniform:200", "none"), ("clear:3", "135,40"), ("cie:15,100", "90,20"), ("overcast:100", "none")]
+    {
+        let sky = environment(text, sun);
+        let level = sky.sky_irradiance(DVec3::Z)[0];
+        let (mut squares, mut worst) = (0.0, 0.0f64);
+        for normal in directions(400) {
+            let error = (sky.tabulated_sky_irradiance(normal)[0] - sky.sky_irradiance(normal)[0]) / level;
+            squares += error * error / 400.0;
+            worst = worst.max(error.abs());
+        }
+        assert!(worst < 1e-3 && squares.sqrt() < 5e-4, "{text}: {worst:.1e} {:.1e}", squares.sqrt());
+        assert_near(sky.tabulated_sky_irradiance(DVec3::Z)[0] / level, 1.0, 1e-4);
+    }
+}
+
 #[test]
 fn other_units_scale_everything() {
     let mut options = SkyOptions::parse("perez:600,150").and_then(|o| o.with_sun("100,35")).expect("options");

@@ -1,0 +1,152 @@
+//! Rooms that the sky lights through an opening: published values (CIE 171:2006).
+
+use super::*;
+use crate::scene::UpAxis;
+use crate::sky::SkyOptions;
+
+const PUBLISHED: &str = include_str!("../../../tests/validation/daylight.csv");
+/// Width, depth and height of the room, m.
+const ROOM: [f64; 3] = [4.0, 4.0, 3.0];
+/// Relative deviation from a published value that its rounding does not explain.
+const ALLOWED: f64 = 5e-3;
+
+/// The values of one opening under one sky.
+struct Case {
+    in_roof: bool,
+    opening: [f64; 2],
+    sky: u32,
+    points: Vec<Point>,
+    /// By point, the printed text and the value of an integration, percent.
+    values: Vec<(&'static str, f64)>,
+}
+
+fn cases() -> Vec<Case> {
+    let lines = PUBLISHED.lines().filter(|line| !line.starts_with('#')).skip(1);
+    lines
+        .map(|line| {
+            let mut fields = line.split(',');
+            let mut next = || fields.next().expect("a field");
+            let in_roof = next() == "5.9";
+            let (x, y) = next().split_once('x').expect("two sides");
+            let opening = [x, y].map(|side| side.parse().expect("a side"));
+            let sky = next().parse().expect("a type");
+            let (mut points, mut values) = (Vec::new(), Vec::new());
+            for (k, (printed, ours)) in fields.enumerate().filter_map(|(k, f)| Some((k, f.split_once(' ')?)))
+            {
+                let along = 0.25 + 0.5 * (k as f64 - 6.0);
+                let back = |distance: f64| if in_roof { distance } else { ROOM[1] - distance };
+                let facing = if in_roof { DVec3::Y } else { DVec3::NEG_Y };
+                let (position, normal) = match k {
+                    0..6 => (DVec3::new(2.0, back(0.0), 2.75 - 0.5 * k as f64), facing),
+                    _ => (DVec3::new(2.0, back(along), 0.0), DVec3::Z),
+                };
+                points.push(Point { position, normal });
+                values.push((printed, ours.parse().expect("a number")));
+            }
+            Case { in_roof, opening, sky, points, values }
+        })
+        .collect()
+}
+
+impl Case {
+    /// The room below its sky, whose horizontal irradiance is 100.
+    fn scene(&self) -> Scene {
+        let mut soup = Soup::new("room");
+        let (black, room) = (soup.material(SoupMaterial::diffuse("black", [0.0; 3])), soup.object("room"));
+        let [w, d, h] = ROOM;
+        let mut quad = |corner: DVec3, u: DVec3, v: DVec3| {
+            if u.length() * v.length() > 0.0 {
+                soup.polygon(room, black, &[corner, corner + u, corner + u + v, corner + v]);
+            }
+        };
+        quad(DVec3::ZERO, w * DVec3::X, d * DVec3::Y);
+        quad(d * DVec3::Y, w * DVec3::X, h * DVec3::Z);
+        quad(DVec3::ZERO, d * DVec3::Y, h * DVec3::Z);
+        quad(w * DVec3::X, d * DVec3::Y, h * DVec3::Z);
+        // The opening with a frame around it, and what is opposite to the roof's or beside the wall's.
+        let (low, up, size, whole) = match self.in_roof {
+            true => (h * DVec3::Z, DVec3::Y, d, h * DVec3::Z),
+            false => (DVec3::ZERO, DVec3::Z, h, d * DVec3::Y),
+        };
+        let [a, b] = self.opening;
+        let [left, below] = [0.5 * (w - a), 0.5 * (size - b)];
+        let at = |x: f64, y: f64| low + x * DVec3::X + y * up;
+        quad(at(0.0, 0.0), w * DVec3::X, below * up);
+        quad(at(0.0, below + b), w * DVec3::X, (size - below - b) * up);
+        quad(at(0.0, below), left * DVec3::X, b * up);
+        quad(at(left + a, below), left * DVec3::X, b * up);
+        let closed = if self.in_roof { DVec3::ZERO } else { h * DVec3::Z };
+        quad(closed, w * DVec3::X, whole);
+        let up = LoadOptions { up: Some(UpAxis::Z), ..LoadOptions::default() };
+        let mut scene = resolve(soup, &up).expect("a scene");
+        let sun = if self.in_roof { "0,60:0" } else { "180,60:0" };
+        let sky = SkyOptions::parse(&format!("cie:{},100", self.sky)).and_then(|sky| sky.with_sun(sun));
+        let mut sky = sky.expect("a sky");
+        sky.ground = (!self.in_roof).then_some(crate::sky::Amount::Grey(0.3));
+        scene.set_sky(&sky).expect("a sky of the scene");
+        scene
+    }
+
+    /// Deviations of values, percent of the horizontal irradiance, from the integration, relative to it; and the points at which a value is
+    /// neither the printed one, but for its rounding and [`ALLOWED`], nor the integration's.
+    fn compare(&self, found: &[f64]) -> (Vec<f64>, Vec<String>) {
+        let (mut deviations, mut off) = (Vec::new(), Vec::new());
+        for (k, (&found, &(printed, ours))) in found.iter().zip(&self.values).enumerate() {
+            let value: f64 = printed.parse().expect("a number");
+            let digits = printed.split_once('.').map_or(0, |(_, digits)| digits.len());
+            let rounding = 0.5 * 0.1f64.powi(digits as i32);
+            deviations.push(found / ours - 1.0);
+            if (found - value).abs() > rounding + ALLOWED * value && (found - ours).abs() > ALLOWED * ours {
+                let Case { in_roof, opening, sky, .. } = self;
+                off.push(format!("{in_roof} {opening:?} {sky} {k}: {found:.4}, {printed} printed, {ours}"));
+            }
+        }
+        (deviations, off)
+    }
+}
+
+fn rms(deviations: &[f64]) -> f64 {
+    (deviations.iter().map(|d| d * d).sum::<f64>() / deviations.len() as f64).sqrt()
+}
+
+/// Compares the light at the points of cases with the published values.
+fn at_points(cases: &[Case], error: f64) -> (Vec<f64>, Vec<String>) {
+    let (mut deviations, mut off) = (Vec::new(), Vec::new());
+    for case in cases {
+        let options = Options { error, audit: 0, elements: false, ..Options::default() };
+        let found: Vec<f64> =
+            solved(&case.scene(), &case.points, &options).irradiance.into_iter().map(mean).collect();
+        let (own, wrong) = case.compare(&found);
+        deviations.extend(own);
+        off.extend(wrong);
+    }
+    (deviations, off)
+}
+
+/// A few of the rows: each opening under skies whose brightest part it sees or does not see.
+fn some() -> Vec<Case> {
+    cases()
+        .into_iter()
+        .enumerate()
+        .filter(|(k, _)| [4, 11, 12, 19].contains(k))
+        .map(|(_, case)| case)
+        .collect()
+}
+
+#[test]
+fn rooms_have_the_daylight_that_is_published() {
+    let (deviations, off) = at_points(&some(), 0.01);
+    assert!(off.is_empty() && rms(&deviations) < 2.5e-3, "{off:#?} {:.5}", rms(&deviations));
+}
+
+#[test]
+#[ignore = "long: all rows"]
+fn all_rooms_have_the_daylight_that_is_published() {
+    let cases = cases();
+    let (deviations, off) = at_points(&cases, 0.01);
+    assert!(
+        deviations.len() == 308 && off.is_empty() && rms(&deviations) < 2e-3,
+        "{off:#?} {:.5}",
+        rms(&deviations)
+    );
+}

@@ -1,0 +1,200 @@
+//! Scenes of several files, and the curvature of the earth.
+
+use super::soup::{Soup, SoupMaterial};
+use super::{UpAxis, read_grid, read_obj, read_ply, sources::Sources};
+use crate::terrain::{EARTH_RADIUS, ReadOptions};
+use crate::{Error, Result};
+use glam::DVec3;
+use std::collections::HashSet;
+use std::io::BufReader;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Files whose polygons are added to those of a scene.
+#[derive(Clone, Debug, Default)]
+pub struct AddedFiles {
+    soups: Vec<Arc<Soup>>,
+    /// All files that were read.
+    pub(super) files: Vec<PathBuf>,
+    /// Whether one of them is a height field.
+    pub(super) has_grid: bool,
+}
+
+/// Reads files to add: OBJ, PLY and height fields, in the coordinates of the scene.
+///
+/// # Errors
+/// A file is of another kind, or as [`Scene::load`](super::Scene::load).
+#[cfg_attr(not(feature = "internals"), allow(dead_code))]
+pub fn read_added(paths: &[PathBuf], grid: &ReadOptions, max_memory: Option<u64>) -> Result<AddedFiles> {
+    let mut added = AddedFiles::default();
+    for path in paths {
+        let mut sources = Sources::new(max_memory);
+        let kind = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        let is_grid = read_grid::EXTENSIONS.contains(&kind.as_str());
+        let soup = match kind.as_str() {
+            "obj" => {
+                let file = BufReader::with_capacity(1 << 20, sources.open(path)?);
+                read_obj::read(path, file, &mut sources)?
+            }
+            "ply" => read_ply::read(path, &sources.bytes(path)?[..])?,
+            _ if is_grid => read_grid::read(path, grid)?,
+            _ => {
+                let what = "cannot be added to a scene: .obj, .ply and height fields can (.asc, .tif, .png, .npy, .npz)";
+                return Err(Error::format(path, None, what));
+            }
+        };
+        let (mut files, _) = sources.lists();
+        if is_grid {
+            files.push(path.clone());
+        }
+        added.files.extend(files);
+        added.soups.push(Arc::new(soup));
+        added.has_grid |= is_grid;
+    }
+    Ok(added)
+}
+
+/// Appends the polygons of the files of the options.
+pub(super) fn add(soup: &mut Soup, added: &AddedFiles) {
+    for of in &added.soups {
+        append(soup, of);
+    }
+}
+
+fn append(soup: &mut Soup, of: &Soup) {
+    let mut objects: HashSet<String> = soup.objects.iter().cloned().collect();
+    let mut materials: HashSet<String> = soup.materials.iter().map(|m| m.name.clone()).collect();
+    let counts = [soup.positions.len(), soup.corners.len(), soup.objects.len(), soup.materials.len()];
+    let [position, corner, object, material] = counts.map(|n| n as u32);
+    let all_texcoords = !soup.corner_texcoords.is_empty() || !of.corner_texcoords.is_empty();
+    if all_texcoords {
+        fill_texcoords(soup);
+        let mut own = of.clone();
+        fill_texcoords(&mut own);
+        let first = soup.texcoords.len() as u32;
+        soup.corner_texcoords.extend(own.corner_texcoords.iter().map(|k| first + k));
+        soup.texcoords.extend(own.texcoords);
+    }
+    soup.positions.extend(&of.positions);
+    soup.corners.extend(of.corners.iter().map(|k| position + k));
+    soup.ends.extend(of.ends.iter().map(|k| corner + k));
+    soup.polygon_object.extend(of.polygon_object.iter().map(|k| object + k));
+    soup.polygon_material.extend(of.polygon_material.iter().map(|k| material + k));
+    soup.objects.extend(of.objects.iter().map(|name| free(name, &mut objects)));
+    let named = |m: &SoupMaterial| SoupMaterial { name: free(&m.name, &mut materials), ..m.clone() };
+    soup.materials.extend(of.materials.iter().map(named));
+    soup.cameras.extend(of.cameras.iter().cloned());
+    soup.suns.extend(of.suns.iter().cloned());
+    soup.repairs.add_counts(&of.repairs);
+    soup.repairs.messages.extend(of.repairs.messages.iter().cloned());
+}
+
+/// Gives all corners a texture coordinate if there are none.
+fn fill_texcoords(soup: &mut Soup) {
+    if soup.corner_texcoords.is_empty() {
+        soup.texcoords = vec![[0.0; 2]];
+        soup.corner_texcoords = vec![0; soup.corners.len()];
+    }
+}
+
+/// The name, with a number if it is taken.
+fn free(name: &str, taken: &mut HashSet<String>) -> String {
+    let numbered = (2..).map(|k| format!("{name} {k}"));
+    let free = std::iter::once(name.to_owned()).chain(numbered).find(|name| !taken.contains(name));
+    let free = free.unwrap_or_default();
+    taken.insert(free.clone());
+    free
+}
+
+/// How the earth curves away below a scene that was measured on a map: at the horizontal distance d from the middle, heights are d²/2R less.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Curved {
+    up: UpAxis,
+    middle: DVec3,
+    /// Scene units.
+    radius: f64,
+}
+
+impl Curved {
+    /// Lowers the vertices of a soup, in scene units of so many `metres`, by `factor` times the radius of the earth.
+    ///
+    /// # Errors
+    /// The factor is out of range, or it is not known which axis is upward.
+    pub fn lower(soup: &mut Soup, factor: f64, (up, metres): (Option<UpAxis>, f64)) -> Result<Curved> {
+        // Refraction makes the radius seem up to some times as large, and never smaller than half.
+        if !(0.5..=1e3).contains(&factor) {
+            return Err(Error::Argument(format!(
+                "`curvature` {factor}: must lie in 0.5..1000 radii of the earth"
+            )));
+        }
+        let Some(up) = up else {
+            let what = "`curvature` needs the upward axis: set `up`, unless the scene is a height field";
+            return Err(Error::Argument(what.into()));
+        };
+        let (low, high) = soup
+            .positions
+            .iter()
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
+        let radius = factor * EARTH_RADIUS / metres;
+        let curved = Curved { up, middle: 0.5 * (low + high), radius };
+        soup.positions.iter_mut().for_each(|p| *p = curved.place(*p, DVec3::ZERO).0);
+        Ok(curved)
+    }
+
+    /// Where a point of the map lies, and its turned normal.
+    pub fn place(&self, position: DVec3, normal: DVec3) -> (DVec3, DVec3) {
+        let up = self.up.vector().as_dvec3();
+        let across = (position - self.middle).reject_from_normalized(up);
+        let lowered = position - across.length_squared() / (2.0 * self.radius) * up;
+        let turned = normal + normal.dot(up) / self.radius * across;
+        (lowered, turned.try_normalize().unwrap_or(normal))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(half: f64) -> Soup {
+        let mut soup = Soup::new("square");
+        let (material, object) =
+            (soup.material(SoupMaterial::diffuse("grey", [0.5; 3])), soup.object("square"));
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        soup.polygon(object, material, &corners.map(|[x, y]| DVec3::new(half * x, half * y, 7.0)));
+        soup
+    }
+
+    #[test]
+    fn the_earth_curves_away_from_the_middle() {
+        let mut soup = square(50.0);
+        let curved = Curved::lower(&mut soup, 7.0 / 6.0, (Some(UpAxis::Z), 1e3)).expect("a curved earth");
+        // √2 · 50 km from the middle: 5000 km² / 2R.
+        let want = 7.0 - 5000.0 / (2.0 * 6371.0088 * 7.0 / 6.0);
+        assert!(
+            soup.positions.iter().all(|p| (p.z - want).abs() < 1e-9 && p.x.abs() == 50.0),
+            "{:?}",
+            soup.positions
+        );
+        let (place, normal) = curved.place(DVec3::new(30.0, 0.0, 7.0), DVec3::Z);
+        assert!((place.z - (7.0 - 450.0 / curved.radius)).abs() < 1e-9, "{place}");
+        assert!((normal.x - 30.0 / curved.radius).abs() < 1e-6 && normal.is_normalized(), "{normal}");
+        assert_eq!(curved.place(DVec3::new(0.0, 0.0, 7.0), DVec3::Z), (DVec3::new(0.0, 0.0, 7.0), DVec3::Z));
+        let unknown = Curved::lower(&mut soup, 1.0, (None, 1.0));
+        assert!(unknown.is_err_and(|e| e.to_string().contains("set `up`")));
+    }
+
+    #[test]
+    fn files_are_appended_under_names_of_their_own() {
+        let mut soup = square(1.0);
+        let textured = Soup { texcoords: vec![[0.25; 2]], corner_texcoords: vec![0; 4], ..square(2.0) };
+        let soups = vec![Arc::new(textured), Arc::new(square(3.0))];
+        add(&mut soup, &AddedFiles { soups, ..AddedFiles::default() });
+        assert_eq!(soup.objects, ["square", "square 2", "square 3"]);
+        assert_eq!(soup.polygon_object, [0, 1, 2]);
+        assert_eq!(soup.polygon_material, [0, 1, 2]);
+        assert_eq!(soup.corners, (0..12).collect::<Vec<u32>>());
+        assert_eq!(soup.ends, [4, 8, 12]);
+        let first: Vec<f32> = soup.corner_texcoords.iter().map(|&k| soup.texcoords[k as usize][0]).collect();
+        assert_eq!(first, [[0.0; 4], [0.25; 4], [0.0; 4]].concat());
+    }
+}
