@@ -6,9 +6,14 @@ use glam::Vec3;
 impl Elements {
     /// Whether an element has children or [`Elements::split`] can make them.
     pub fn can_open(&self, element: u32) -> bool {
+        !self.elements[element as usize].is_leaf() || self.can_split(element, self.min_area)
+    }
+
+    /// Whether [`Elements::split`] can make children of an element, and they have at least this area.
+    pub fn can_split(&self, element: u32, min_area: f64) -> bool {
         let e = &self.elements[element as usize];
         // The range of ids must hold four children of one id each.
-        !e.is_leaf() || (!e.is_cluster() && 0.25 * e.area >= self.min_area && e.ids[1] - e.ids[0] >= 5)
+        e.is_leaf() && !e.is_cluster() && 0.25 * e.area >= min_area && e.ids[1] - e.ids[0] >= 5
     }
 
     /// Approximate number of elements after all surfaces are split down to [`Elements::min_area`].

@@ -26,6 +26,9 @@ use crate::radiosity::transport::{
 /// Smallest number of rays of an element, so that no element stays without exchange, and the deviation of its rays is known. 2 or 8 instead
 /// change irradiance by less than 0.05 % (`constants.py solve`).
 const MIN_ROW_RAYS: f64 = 4.0;
+/// Smallest number of rays of an element where little light is reflected and only points are asked for. With one, row sums cannot be balanced: a
+/// garden creates 2.5 % of the emitted power, with two 0.14 %.
+const FEWEST_ROW_RAYS: f64 = 2.0;
 /// Largest number of rays of an element: 1/√4,096 = 1.6 % of the spread of one ray remain as noise.
 const MAX_ROW_RAYS: f64 = 4096.0;
 /// Expected relative error of the direct light that all elements receive together, by their own rays.
@@ -121,15 +124,28 @@ impl FinalGather<'_> {
         }
         // Of an iteration that the deadline ends at once the start remains. Otherwise it is the direct light: links bring a little light
         // to rooms without any.
-        let along_links = || rows.rows.iter().map(|row| states[row.leaf as usize].irradiance).collect();
-        let start = deadline.late().then(along_links);
+        let corrections = corrections_of_sent(&rows, &matrix);
+        let along_links = |(row, more): (&RayRow, &Rgb)| {
+            let own = states[row.leaf as usize].irradiance;
+            std::array::from_fn(|k| own[k] + more[k])
+        };
+        let start = deadline.late().then(|| rows.rows.iter().zip(&corrections).map(along_links).collect());
+        direct.iter_mut().zip(&corrections).for_each(|(direct, more)| add(direct, 1.0, *more));
         let (irradiance, convergence) =
             solve(&RayTransport { matrix: &matrix, direct }, start, Method::Krylov, deadline);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
-        for (row, irradiance) in rows.rows.iter().zip(irradiance) {
-            results[row.leaf as usize].irradiance = irradiance;
+        for ((row, irradiance), more) in rows.rows.iter().zip(irradiance).zip(&corrections) {
+            results[row.leaf as usize].irradiance = std::array::from_fn(|k| irradiance[k] - more[k]);
         }
         assign_noise(&self.linked.elements, &rows, &matrix, &mut results);
+        if !self.elements {
+            // The ledger multiplies row sums by the light of the same rays.
+            for (row, more) in rows.rows.iter().zip(&corrections) {
+                let result = &mut results[row.leaf as usize];
+                let own = mean(result.irradiance);
+                result.row_sum *= if own > 0.0 { ((own + mean(*more)) / own) as f32 } else { 1.0 };
+            }
+        }
         if all.len() > rows.rows.len() {
             estimate_untraced(&self.linked.elements, &all, &mut results);
         }
@@ -191,12 +207,16 @@ impl FinalGather<'_> {
         (each * self.linked.leaves().len() as f64).max(LATE_RAYS)
     }
 
-    /// The part to which errors of reflected light count: where that is a part r of all light, r / [`USUAL_REFLECTED`]. The ground under an open sky
-    /// receives a hundredth of its light from itself.
+    /// The part to which errors of reflected light count at points: where that is a part r of their light, r / [`USUAL_REFLECTED`].
     fn reflected_part(&self) -> f64 {
-        let LinkedScene { elements, surroundings, .. } = self.linked;
-        let reflected = f64::from(elements.clusters[0].reflectance * surroundings.enclosed[0]);
+        let reflected = self.linked.reflected_at_points.unwrap_or_else(|| self.reflected_everywhere());
         (reflected / USUAL_REFLECTED).min(1.0)
+    }
+
+    /// The part of all light that surfaces reflect. The ground under an open sky receives a hundredth of its light from itself.
+    fn reflected_everywhere(&self) -> f64 {
+        let LinkedScene { elements, surroundings, .. } = self.linked;
+        f64::from(elements.clusters[0].reflectance * surroundings.enclosed[0])
     }
 
     /// The number of rays of elements that brings their noise to [`NEEDED_SHARE`] of the error asked for, by the deviations that the exchange has
@@ -243,8 +263,8 @@ impl FinalGather<'_> {
         let counted = |e: u32| area(e) * f64::from(states[e as usize].importance);
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
         // Deviations count only where elements gather light by them.
-        let least =
-            if self.elements { MIN_ROW_RAYS } else { (MIN_ROW_RAYS * self.reflected_part()).max(1.0) };
+        let counts = (self.reflected_everywhere() / USUAL_REFLECTED).min(1.0);
+        let least = if self.elements { MIN_ROW_RAYS } else { (MIN_ROW_RAYS * counts).max(FEWEST_ROW_RAYS) };
         // Rays to the sky join no elements, and elements in the open need few to know the deviation of others.
         let stay = |leaf: u32| match self.has_environment() {
             true => 1.0 - f64::from(self.linked.surroundings.escaped[self.side_of(leaf) as usize]),
@@ -328,6 +348,15 @@ impl FinalGather<'_> {
 /// Direct irradiance of the rows, W/m².
 fn direct_light(rows: &RayRows) -> Field {
     (0..rows.rows.len()).map(|i| direct_irradiance(&rows.rows[i])).collect()
+}
+
+/// What rows send more than they receive, W/m²: see [`TransportMatrix::bias_of_product`].
+fn corrections_of_sent(rows: &RayRows, matrix: &TransportMatrix) -> Field {
+    let of = |(i, row): (usize, &RayRow)| {
+        let each = matrix.bias_of_product(i, row.rays) / f64::from(row.rays);
+        row.sky.to_array().map(|light| each * f64::from(light))
+    };
+    rows.rows.iter().enumerate().map(of).collect()
 }
 
 /// Direct irradiance of a row, W/m².

@@ -81,7 +81,7 @@ pub fn solve(
             coarse.refine(options, &estimate, progress, &plan.refinement)
         }
     };
-    let (solved, steps) = stages.final_light(refined, (idle, local), &plan, start);
+    let (solved, steps) = stages.final_light(refined, points, (idle, local), &plan, start);
     let gather = FinalGather::new(model, &solved.linked, options);
     let (irradiance, points_tally) = stages.points(&gather, points, &plan);
     let (uncertainty, audit, audit_tally) = stages.audit(&gather, &solved, &plan);
@@ -202,7 +202,8 @@ impl Stages<'_> {
     /// The final light: none, by a local pass or along links. `start` is when refinement began.
     fn final_light(
         &mut self,
-        refined: Refined,
+        mut refined: Refined,
+        points: &[Point],
         (idle, local): (bool, bool),
         plan: &DeadlinePlan,
         start: Instant,
@@ -218,6 +219,12 @@ impl Stages<'_> {
         }
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
+            // Points that may be asked for later can be anywhere, and what the caller names important is.
+            let linked = &mut refined.linked;
+            if !self.options.more_points && linked.feature_sizes.important.is_empty() && !self.deadline.late()
+            {
+                linked.look_from(&relative(self.scene, points), &self.model.exact());
+            }
             self.progress.stage("local pass", 0);
             return (self.light_by_rays(refined, &plan.light), steps);
         }

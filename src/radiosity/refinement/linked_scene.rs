@@ -71,6 +71,8 @@ pub struct LinkedScene {
     pub sky_links: Vec<SkyLink>,
     /// Irradiance of a horizontal plane by the sky and the suns, W/m².
     pub(super) beyond: f64,
+    /// Part of the light at points that surfaces reflect, if these have as much light as the points; none if importance does not follow points.
+    pub reflected_at_points: Option<f64>,
     /// The processes that share the measurement of links.
     pub ranks: Ranks,
     /// Visibility queries so far.
@@ -119,6 +121,7 @@ impl LinkedScene {
             environment: None,
             sky_links: Vec::new(),
             beyond: 0.0,
+            reflected_at_points: None,
             ranks: Ranks::default(),
             tally: Tally::default(),
             last_field: None,
@@ -195,6 +198,8 @@ impl LinkedScene {
     /// Splitting ends on an interruption.
     pub fn split_all(&mut self, min_area: f64, deadline: &Deadline) {
         self.elements.min_area = min_area;
+        // Named surfaces have importance for links: that of others is no less than it should be.
+        let by_points = self.reflected_at_points.is_some();
         deadline.stage("splitting surfaces", self.elements.expected_after_split());
         let mut e = 0;
         while e < self.elements.len() {
@@ -204,7 +209,8 @@ impl LinkedScene {
                     break;
                 }
             }
-            if self.elements.elements[e].is_leaf() && self.elements.can_open(e as u32) {
+            let importance = if by_points { f64::from(self.elements.states[e].importance) } else { 1.0 };
+            if self.elements.can_split(e as u32, min_area / importance) {
                 self.split(e as u32);
             }
             e += 1;

@@ -11,6 +11,7 @@ mod histogram;
 mod importance;
 mod link_measurement;
 mod linked_scene;
+mod points_view;
 mod refine;
 mod schedule;
 mod sky_links;

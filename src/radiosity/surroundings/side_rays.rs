@@ -7,13 +7,13 @@ use crate::visibility::Exact;
 use glam::Vec3;
 
 /// A point on a surface with the unit normal and the end rule of the surface.
-pub(super) type SurfacePoint = (Vec3, Vec3, EndRule);
+pub type SurfacePoint = (Vec3, Vec3, EndRule);
 
 /// Stands for the side that a ray meets which leaves the scene.
-pub(super) const ESCAPED: u32 = u32::MAX - 1;
+pub const ESCAPED: u32 = u32::MAX - 1;
 
 /// What a ray met.
-pub(super) struct Met {
+pub struct Met {
     /// The side, [`ESCAPED`], or [`Elements::NONE`] for a side without an element.
     pub side: u32,
     /// The face, or [`Hits::NOTHING`].
@@ -25,7 +25,7 @@ pub(super) struct Met {
 }
 
 /// Traces rays that start on surfaces.
-pub(super) struct SideRays<'a> {
+pub struct SideRays<'a> {
     pub elements: &'a Elements,
     pub exact: &'a Exact,
     /// Length of rays, more than the diagonal of the scene; scene units.

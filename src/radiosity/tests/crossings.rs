@@ -152,3 +152,32 @@ fn rooms_without_lamps_are_dark() {
         assert!(created.abs() < 5e-3 * emitted, "{created} of {emitted}");
     }
 }
+
+/// Two bright boxes a hand apart, a little before a wall: the light in the gap between them falls off over less than an element.
+#[test]
+fn gaps_between_boxes_have_the_light_of_paths() {
+    let mut soup = Soup::new("hall");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.6; 3]));
+    let white = soup.material(SoupMaterial::diffuse("white", [0.9; 3]));
+    let light = soup.material(SoupMaterial::light("light", [15.0; 3]));
+    let hall = soup.object("hall");
+    inward(&mut soup, hall, grey, DVec3::ZERO, DVec3::new(6.0, 4.0, 3.0));
+    for (name, left) in [("left", 2.0), ("right", 3.136)] {
+        // Mirrored, the faces are wound outward.
+        let thing = soup.object(name);
+        inward(&mut soup, thing, white, DVec3::new(left + 1.0, 3.69, 0.0), DVec3::new(left, 3.99, 2.0));
+    }
+    let lamp = soup.object("lamp");
+    let below = |x: f64, y: f64| DVec3::new(x, y, 2.99);
+    soup.polygon(lamp, light, &[below(2.7, 1.2), below(2.7, 1.8), below(3.3, 1.8), below(3.3, 1.2)]);
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let height = |k: u32| 0.2 + 0.1 * f64::from(k);
+    let points: Vec<Point> =
+        (0..16).map(|k| Point { position: DVec3::new(3.0, 3.94, height(k)), normal: DVec3::X }).collect();
+    let options = Options { audit: 0, elements: false, ..Options::default() };
+    let found = mean_at(&solved(&scene, &points, &options).irradiance);
+    let settings = path_tracer::Settings { samples: 16_384, direct_only: false, seed: 3 };
+    let truth = path_tracer::irradiance(&model_for(&scene, &options), &points, settings, &());
+    let truth = mean_at(&truth.expect("a reference").values);
+    assert!((found / truth - 1.0).abs() < 0.05, "{found} instead of {truth}");
+}

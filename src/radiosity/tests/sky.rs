@@ -204,3 +204,36 @@ fn small_openings_are_found_from_all_points() {
         (found.iter().sum(), points.iter().map(|p| 1000.0 * factor(p.position)).sum());
     assert!(found.iter().all(|e| *e > 0.0) && (all / want - 1.0).abs() < 0.06, "{all} {want}");
 }
+
+/// A room that sees the sky and much bright ground through a small window: its elements have a hundredth of the light outside, and are
+/// traced for the points in it.
+#[test]
+fn a_room_beside_open_ground_has_the_daylight_of_paths() {
+    let (x, y, z) = (5.0 * DVec3::X, 4.0 * DVec3::Y, 2.8 * DVec3::Z);
+    let quad = |corner: DVec3, u: DVec3, v: DVec3| vec![corner, corner + u, corner + u + v, corner + v];
+    let in_wall = |low: [f64; 2], high: [f64; 2]| {
+        let at = |y: f64, z: f64| DVec3::new(0.0, y, z);
+        vec![at(low[0], low[1]), at(high[0], low[1]), at(high[0], high[1]), at(low[0], high[1])]
+    };
+    let faces = [
+        quad(DVec3::ZERO, x, y),
+        quad(z, y, x),
+        quad(DVec3::ZERO, z, x),
+        quad(y, x, z),
+        quad(x, z, y),
+        in_wall([0.0, 0.0], [1.5, 2.8]),
+        in_wall([2.4, 0.0], [4.0, 2.8]),
+        in_wall([1.5, 0.0], [2.4, 1.0]),
+        in_wall([1.5, 1.9], [2.4, 2.8]),
+        rectangle([-30.0, -28.0], [0.0, 32.0], |_, _| -0.5),
+    ];
+    let scene = outdoors(0.5, &faces, "uniform:100", "none");
+    let on_floor = |k: u32| DVec3::new(1.0 + f64::from(k % 4), 0.7 + 0.6 * f64::from(k / 4), 0.0);
+    let points: Vec<Point> = (0..20)
+        .flat_map(|k| [at(on_floor(k), DVec3::Z), at(on_floor(k) + 2.8 * DVec3::Z, DVec3::NEG_Z)])
+        .collect();
+    let truth = truth(&scene, &points, 8192);
+    let options = Options { error: 0.02, audit: 0, elements: false, ..Options::default() };
+    let (rms, bias) = off(&solved(&scene, &points, &options).irradiance, &truth);
+    assert!(rms < 0.2 && bias.abs() < 0.03, "{rms} {bias}");
+}

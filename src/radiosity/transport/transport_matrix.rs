@@ -36,6 +36,8 @@ pub struct TransportMatrix {
     rests: Vec<f32>,
     /// The row sums that are expected.
     expected: Vec<f64>,
+    /// By row, the part of the expected sum that its own rays decide.
+    own_part: Vec<f32>,
     /// The processes that share products with the matrix.
     ranks: Ranks,
 }
@@ -75,9 +77,10 @@ impl TransportMatrix {
             factors: vec![1.0; n],
             rests: vec![1.0; n],
             expected: Vec::new(),
+            own_part: Vec::new(),
             ranks: ranks.clone(),
         };
-        matrix.expected = (0..n)
+        let expected: Vec<(f64, f32)> = (0..n)
             .into_par_iter()
             .with_min_len(CHUNK)
             .map(|i| {
@@ -86,6 +89,7 @@ impl TransportMatrix {
                 matrix.expected_row_sum(i, &rows[i], own.len(), kept)
             })
             .collect();
+        (matrix.expected, matrix.own_part) = expected.into_iter().unzip();
         if row_sums == RowSums::Balanced {
             let sums = matrix.sums();
             let sums = balance(&mut matrix, sums, &RAY_ROWS, deadline);
@@ -113,23 +117,33 @@ impl TransportMatrix {
 
     /// The expected row sum of i: the part of its own rays that stayed in the scene and the sum of its weights, each weighted by
     /// the variance of the other, relative to the row sum: `(1 - p)/n` of n rays with the part p, and the mean weight. Variances in
-    /// proportion to either estimate would prefer the smaller one: row sums were 0.5 to 1.3 % too small.
-    fn expected_row_sum(&self, i: usize, row: &MatrixRow, rays: usize, met: usize) -> f64 {
+    /// proportion to either estimate would prefer the smaller one: row sums were 0.5 to 1.3 % too small. Also returns the part that its own
+    /// rays decide.
+    fn expected_row_sum(&self, i: usize, row: &MatrixRow, rays: usize, met: usize) -> (f64, f32) {
         if row.closed && met + row.apart == rays && (met > 0 || rays == 0) {
-            return if rays > 0 { met as f64 / rays as f64 } else { 1.0 };
+            return (if rays > 0 { met as f64 / rays as f64 } else { 1.0 }, 1.0);
         }
         let (mut sum, mut squares) = (0.0, 0.0);
         for w in self.weights(i).map(|(_, w)| f64::from(w) / self.area[i]) {
             (sum, squares) = (sum + w, squares + w * w);
         }
         if rays == 0 {
-            return sum.min(1.0);
+            return (sum.min(1.0), 0.0);
         }
+        // Each of its own rays that stayed has a weight of 1 / rays on the mean if all densities are equal, and half of it in the sum.
         let (rays, met) = (rays as f64, met as f64);
         // Half a ray more of either kind (Jeffreys): none of a few rays does not mean probability 0.
         let part = (met + 0.5) / (rays + 1.0);
         let (of_part, of_sum) = ((1.0 - part) / rays, if sum > 0.0 { squares / sum } else { 0.0 });
-        (met / rays * of_sum + sum * of_part) / (of_sum + of_part)
+        let own = (of_sum + 0.5 * of_part) / (of_sum + of_part);
+        ((met / rays * of_sum + sum * of_part) / (of_sum + of_part), own as f32)
+    }
+
+    /// The factor by which the light of the sky that rays of row i have brought counts more where it is sent on. Of N rays, one that leaves brings light and lowers the row sum, so that the product of both is too small by the part s / N on the
+    /// average, where the row's own rays decide the part s of its sum.
+    pub fn bias_of_product(&self, i: usize, rays: u32) -> f64 {
+        let part = f64::from(self.own_part[i]) / f64::from(rays.max(2));
+        part / (1.0 - part)
     }
 
     /// Number of entries: two for each ray that met a row.
@@ -295,5 +309,36 @@ mod tests {
         );
         let mean = matrix.rows().iter().sum::<f64>() / f64::from(n);
         assert!((mean / kept - 1.0).abs() < 3e-3, "{mean} instead of {kept}");
+    }
+
+    /// Rows of few rays, of which one in ten leaves the scene and brings light: what they send is right on average only if the light of rows whose
+    /// rays happen to leave counts more.
+    #[test]
+    fn light_of_rays_that_leave_is_sent_in_full() {
+        let (n, rays) = (4000u32, 5);
+        let (mut met, mut brought) = (Vec::new(), Vec::new());
+        let rows: Vec<MatrixRow> = (0..n)
+            .map(|i| {
+                let mut gone = 0.0;
+                for k in 0..rays {
+                    let [stays, which, ..] = numbers(u64::from(i), k);
+                    gone += if stays < 0.1 { 1.0 } else { 0.0 };
+                    met.push(if stays < 0.1 { u32::MAX } else { (which * n as f32) as u32 });
+                }
+                brought.push(gone / rays as f64);
+                MatrixRow { area: 1.0, reflectance: [1.0; 3], end: met.len(), closed: false, apart: 0 }
+            })
+            .collect();
+        let deadline = Deadline::start(&(), None);
+        let matrix = TransportMatrix::new(&rows, &met, RowSums::Balanced, &Ranks::default(), &deadline);
+        let received = |light: &dyn Fn(usize) -> f64| {
+            let sent: Field = (0..n as usize).map(|i| [light(i); 3]).collect();
+            matrix.reflected(&sent).into_iter().map(|e| e[0]).sum::<f64>()
+        };
+        let all: f64 = brought.iter().sum();
+        let [plain, full] = [0.0, 1.0].map(|part| {
+            received(&|i| brought[i] * (1.0 + part * matrix.bias_of_product(i, rays as u32))) / (0.9 * all)
+        });
+        assert!(plain < 0.9 && (full - 1.0).abs() < 0.02, "{plain} {full}");
     }
 }
