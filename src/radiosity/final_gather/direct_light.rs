@@ -87,8 +87,8 @@ impl FinalGather<'_> {
         views
     }
 
-    /// The visible part of an emitter's irradiance: few rays, and more where they disagree, until the standard error is what all
-    /// rays would leave in the worst case, 1 / (2 √n). Averaged visibility varies less and needs fewer rays.
+    /// The visible part of an emitter's irradiance: few rays, and more where they disagree ([`EmitterView::is_uncertain`]). Averaged visibility
+    /// varies less and needs fewer rays.
     pub(super) fn measure_visibility(
         &self,
         views: &mut [EmitterView],
@@ -108,7 +108,7 @@ impl FinalGather<'_> {
                 // Without a ray above the horizon nothing is known.
                 let open = views[k].count == 0.0;
                 let few = first + LANES < MIN_SHADOW_RAYS;
-                open || few || views[k].variance() > views[k].count * tolerance * tolerance
+                open || few || views[k].is_uncertain(tolerance)
             });
             if left.is_empty() {
                 return;
@@ -116,7 +116,7 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Largest standard error of a visible part.
+    /// Largest standard error of a visible part: what all rays would leave in the worst case, 1 / (2 √n).
     pub(super) fn visibility_tolerance(&self) -> f64 {
         0.5 / (self.light_rays as f64).sqrt()
     }
@@ -189,6 +189,13 @@ impl EmitterView {
             self.squares += f64::from(weights[lane] * through[lane] * through[lane]);
         }
         self.count += packet.len() as f64;
+    }
+
+    /// Whether the standard error of the visible part exceeds the tolerance. Where less than half is visible the variance may be as large a part of it as
+    /// with half: rays of which few happen to reach a lamp behind a small hole would end too early, and the light there be too small on the
+    /// average.
+    fn is_uncertain(&self, tolerance: f64) -> bool {
+        self.variance() > self.count * tolerance * tolerance * (2.0 * self.visible()).min(1.0)
     }
 
     /// Variance of the transmittance of one ray.
