@@ -13,6 +13,9 @@ use rayon::prelude::*;
 /// Smallest height at which rays start above a surface, as a part of its distance from an emitter, or of the height of a thing that stands on
 /// it, of which a note tells: shadows and reflected light there err by up to that part.
 const COARSE: f32 = 0.01;
+/// Distance to which the reader moves overlapping faces of one plane off each other, as a multiple of the height at which rays start: 9e-6 of the
+/// largest coordinate against 2e-6, and their rounding.
+const MOVED: f32 = 6.0;
 /// Part of an emitter's rays that must meet such surfaces.
 const MIN_COARSE_SHARE: f64 = 0.05;
 
@@ -49,12 +52,15 @@ impl Model {
     /// units. None if few rays of the emitter meet coarse surfaces.
     fn coarsest_surface(&self, emitter: &Emitter) -> Option<(f32, f32)> {
         let (packets, hits) = self.rays_of_emitter(emitter, 1.0);
+        // Faces of one plane that the reader has moved off each other have a note of their own.
+        let moved = self.scene().repairs.overlapping_objects > 0;
         let mut coarse = Vec::new();
         for (packet, hits) in packets.iter().zip(&hits) {
             for lane in (0..LANES).filter(|&lane| hits.triangle[lane] != Hits::NOTHING) {
                 let distance = (packet.point(lane, hits.t[lane]) - packet.point(lane, 0.0)).length();
                 let height = self.end_on(hits.instance[lane], hits.triangle[lane]).height();
-                coarse.extend((height > COARSE * distance).then_some((height, distance)));
+                let is_moved = moved && distance < MOVED * height;
+                coarse.extend((height > COARSE * distance && !is_moved).then_some((height, distance)));
             }
         }
         let enough = coarse.len() as f64 >= MIN_COARSE_SHARE * (PACKETS * LANES) as f64;

@@ -65,8 +65,8 @@ pub(super) fn find(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut 
     }
     repairs.messages.push(format!(
         "faces in the same plane cover each other ({}): the face of the smaller connected surface is treated as the upper one (of equal \
-         surfaces the one later in the file), and the face below it receives no light where it is covered; if that is not intended, move \
-         one of them or delete it",
+         surfaces the one later in the file), and the face below it receives no light where it is covered, nor does light that it emits there \
+         reach anything else; if that is not intended, move one of them or delete it",
         list.join(", ")
     ));
     found

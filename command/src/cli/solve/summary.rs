@@ -91,7 +91,9 @@ fn energy(text: &mut String, r: &Record, photometric: &Option<super::luminous::L
         }
         let [red, green, blue] = r.mean_irradiance.map(number);
         let estimate = match r.error_estimate {
-            Some(estimate) => format!("; estimated error {} %{}", number(100.0 * estimate), upper(r)),
+            Some(estimate) => {
+                format!("; estimated error of elements {} % of that{}", number(100.0 * estimate), upper(r))
+            }
             None => "; error unknown".into(),
         };
         let estimate = if r.options.elements { estimate } else { String::new() };
