@@ -139,12 +139,7 @@ impl FinalGather<'_> {
         }
         assign_noise(&self.linked.elements, &rows, &matrix, &mut results);
         if !self.elements {
-            // The ledger multiplies row sums by the light of the same rays.
-            for (row, more) in rows.rows.iter().zip(&corrections) {
-                let result = &mut results[row.leaf as usize];
-                let own = mean(result.irradiance);
-                result.row_sum *= if own > 0.0 { ((own + mean(*more)) / own) as f32 } else { 1.0 };
-            }
+            count_sent_in_full(&rows, &corrections, &mut results);
         }
         if all.len() > rows.rows.len() {
             estimate_untraced(&self.linked.elements, &all, &mut results);
@@ -357,6 +352,15 @@ fn corrections_of_sent(rows: &RayRows, matrix: &TransportMatrix) -> Field {
         row.sky.to_array().map(|light| each * f64::from(light))
     };
     rows.rows.iter().enumerate().map(of).collect()
+}
+
+/// Lets the ledger, which multiplies row sums by the light of the same rays, count what rows send in full.
+fn count_sent_in_full(rows: &RayRows, corrections: &Field, results: &mut [LocalResult]) {
+    for (row, more) in rows.rows.iter().zip(corrections) {
+        let result = &mut results[row.leaf as usize];
+        let own = mean(result.irradiance);
+        result.row_sum *= if own > 0.0 { ((own + mean(*more)) / own) as f32 } else { 1.0 };
+    }
 }
 
 /// Direct irradiance of a row, W/m².
