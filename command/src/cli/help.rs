@@ -17,13 +17,16 @@ const GROUPS: [(&str, &[&str]); 3] = [
 ];
 
 /// Options of `solve` that only `mrvis help solve` lists.
-const ADVANCED: [&str; 25] = [
+const ADVANCED: [&str; 29] = [
     "audit",
     "builder",
     "cache",
+    "cell",
     "compare",
+    "curvature",
     "feature_sizes",
     "gather_rays",
+    "height_scale",
     "importance",
     "importance_camera",
     "inside",
@@ -41,12 +44,13 @@ const ADVANCED: [&str; 25] = [
     "seed",
     "sides",
     "step_seconds",
+    "target_error",
     "time",
     "two_sided_emission",
 ];
 
 /// The same of `bench`.
-const ADVANCED_BENCH: [&str; 5] = ["builder", "extinction", "place", "sides", "time"];
+const ADVANCED_BENCH: [&str; 7] = ["builder", "cell", "extinction", "height_scale", "place", "sides", "time"];
 
 /// The command line, with options in groups and a short help of one sentence an option.
 pub fn command() -> Command {
