@@ -67,19 +67,21 @@ unsafe fn stated_size<R: Record>(pointer: *const R, name: &str) -> Outcome<usize
     Ok(size)
 }
 
-/// Lets messages of this call name the members of the record. Those of entries of arrays are named by the entries.
-fn note<R: Record>(name: &str) {
-    if !name.ends_with(']') {
-        add_record(name, R::MEMBERS);
-    }
-}
-
-/// The record of the caller; members that its version lacks are 0.
+/// The record of the caller; members that its version lacks are 0. Messages of this call can name its members.
 ///
 /// # Safety
 /// `pointer` is NULL or a record of the size that it states.
-pub unsafe fn read<R: Record>(pointer: *const R, name: &str) -> Outcome<R> {
-    note::<R>(name);
+pub unsafe fn read<R: Record>(pointer: *const R, name: &'static str) -> Outcome<R> {
+    add_record(name, R::MEMBERS);
+    // SAFETY: as for this function.
+    unsafe { read_entry(pointer, name) }
+}
+
+/// The same for an entry of an array, whose members messages name by the entry.
+///
+/// # Safety
+/// As for [`read`].
+pub unsafe fn read_entry<R: Record>(pointer: *const R, name: &str) -> Outcome<R> {
     // SAFETY: as for this function.
     let size = unsafe { stated_size(pointer, name) }?;
     let (from, mut record) = (pointer.cast::<u8>(), zero::<R>());
@@ -101,9 +103,9 @@ pub unsafe fn read<R: Record>(pointer: *const R, name: &str) -> Outcome<R> {
 ///
 /// # Safety
 /// As for [`read`].
-pub unsafe fn read_optional<R: Record>(pointer: *const R, name: &str) -> Outcome<R> {
+pub unsafe fn read_optional<R: Record>(pointer: *const R, name: &'static str) -> Outcome<R> {
     if pointer.is_null() {
-        note::<R>(name);
+        add_record(name, R::MEMBERS);
         return Ok(zero());
     }
     // SAFETY: as for this function.

@@ -4,7 +4,7 @@ use super::arguments::{Place, c_text, check_pointer, no_reserved, optional_text,
 use super::guard::{Outcome, guard};
 use super::handle::{give, object};
 use super::model::{NamedModel, mrv_model};
-use super::record::{RecordPlace, read, record};
+use super::record::{RecordPlace, read_entry, record};
 use super::status::mrv_status;
 use mrvis::{Instance, InstanceChange};
 use std::ffi::c_char;
@@ -106,9 +106,9 @@ unsafe fn changes_of(changes: *const mrv_instance_change, count: usize) -> Outco
     let mut all = Vec::new();
     for i in 0..count {
         let name = format!("changes[{i}]");
-        // SAFETY: as for this function; the address is that of a record, which `read` checks.
-        let given = unsafe { read(changes.cast::<u8>().wrapping_add(i.wrapping_mul(stride)).cast(), &name) }?;
-        let given: mrv_instance_change = given;
+        let entry = changes.cast::<u8>().wrapping_add(i.wrapping_mul(stride)).cast::<mrv_instance_change>();
+        // SAFETY: as for this function; the address is that of a record, which `read_entry` checks.
+        let given = unsafe { read_entry(entry, &name) }?;
         if given.struct_size != stride {
             return wrong(format!(
                 "`{name}.struct_size` {}: must be {stride}, as the first",

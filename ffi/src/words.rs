@@ -4,13 +4,14 @@
 //! reads the members of the records that it gave: `` `segments.origins` ``, `` `options.max_links` ``.
 
 use mrvis::Error;
+use smallvec::SmallVec;
 use std::cell::RefCell;
 
 /// Names and offsets of the members of a record.
 pub type Members = &'static [(&'static str, usize)];
 
-/// Records: the argument that each is, and its members.
-pub type Records = Vec<(String, Members)>;
+/// Records: the argument that each is, and its members. No call reads more than two, so that noting them takes no memory.
+pub type Records = SmallVec<[(&'static str, Members); 2]>;
 
 thread_local! {
     /// Records that the running call has read.
@@ -18,9 +19,9 @@ thread_local! {
 }
 
 /// The running call reads a record.
-pub fn add_record(argument: &str, members: Members) {
+pub fn add_record(argument: &'static str, members: Members) {
     // At the end of a thread nothing is kept.
-    let _ = RECORDS.try_with(|records| records.borrow_mut().push((argument.into(), members)));
+    let _ = RECORDS.try_with(|records| records.borrow_mut().push((argument, members)));
 }
 
 /// Takes the records of the running call, and begins with these.
@@ -136,11 +137,11 @@ pub fn in_c(name: &str, text: &str) -> String {
 }
 
 /// The record with the member `word` among those of the running call.
-fn argument_of(word: &str) -> Option<String> {
+fn argument_of(word: &str) -> Option<&'static str> {
     let found = RECORDS.try_with(|records| {
         let records = records.borrow();
-        let is_it = |(_, members): &&(String, Members)| members.iter().any(|(member, _)| *member == word);
-        records.iter().find(is_it).map(|(argument, _)| argument.clone())
+        let is_it = |(_, members): &&(&str, Members)| members.iter().any(|(member, _)| *member == word);
+        records.iter().find(is_it).map(|(argument, _)| *argument)
     });
     found.ok().flatten()
 }
@@ -187,8 +188,8 @@ mod tests {
     use mrvis::Error;
 
     /// Records that have these members.
-    fn reading(argument: &str, members: Members) {
-        exchange_records(Records::from([(argument.into(), members)]));
+    fn reading(argument: &'static str, members: Members) {
+        exchange_records(Records::from_iter([(argument, members)]));
     }
 
     const LOAD: Members =
