@@ -256,13 +256,19 @@ fn tilted_planes_below_gradations_agree_with_quadrature() {
     }
 }
 
-/// The table is exact where the plane's horizon cuts nothing, and near to exact elsewhere.
+/// The table is exact where the plane's horizon cuts nothing, and near to exact elsewhere; hardest where the sky is bright around a low sun.
 #[test]
 fn tabulated_planes_are_those_of_the_patches() {
-    for (text, sun) in
-        [("uniform:200", "none"), ("clear:3", "135,40"), ("cie:15,100", "90,20"), ("overcast:100", "none")]
-    {
-        let sky = environment(text, sun);
+    for (text, sun, ground) in [
+        ("uniform:200", "none", 0.0),
+        ("clear:3", "135,40", 0.5),
+        ("cie:15,100", "90,20", 0.0),
+        ("cie:15,100", "300,5", 0.2),
+        ("overcast:100", "none", 0.0),
+    ] {
+        let mut options = SkyOptions::parse(text).and_then(|o| o.with_sun(sun)).expect("options");
+        options.ground = Some(Amount::Grey(ground));
+        let sky = options.environment(DVec3::Z).expect("a sky");
         let level = sky.sky_irradiance(DVec3::Z)[0];
         let (mut squares, mut worst) = (0.0, 0.0f64);
         for normal in directions(400) {
