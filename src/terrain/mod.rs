@@ -42,8 +42,9 @@ pub use quantities::{Sun, horizon, sky_view_factor, sunlit};
 pub use read::{Loaded, ReadOptions, read};
 #[cfg(any(test, feature = "internals"))]
 pub use sky::{Light, irradiance};
+pub use sweep::EARTH_RADIUS;
 #[cfg(any(test, feature = "internals"))]
-pub use sweep::{EARTH_RADIUS, SweepOptions};
+pub use sweep::SweepOptions;
 #[cfg(any(test, feature = "internals"))]
 pub use write::{Layer, write_geotiff, write_npz, write_png};
 #[cfg(test)]
