@@ -30,7 +30,7 @@ pub struct Outputs {
     /// several solutions can be compared.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z,DEG|scene", value_parser = camera, allow_hyphen_values = true)]
     camera: Option<CameraArg>,
-    /// Gather the light of every pixel by rays, without interpolation: slower and sharper.
+    /// Gather the light of every pixel by rays: slower and sharper than interpolation.
     #[arg(long)]
     gather: bool,
     /// Show rooms from outside: surfaces are transparent from sides that no light can reach, as the outside of a closed
