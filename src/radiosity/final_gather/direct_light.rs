@@ -191,44 +191,13 @@ impl EmitterView {
         self.count += packet.len() as f64;
     }
 
-    /// Whether the standard error of the visible part exceeds the tolerance. Where less than half is visible the variance may be as large a part of it as
-    /// with half: rays of which few happen to reach a lamp behind a small hole would end too early, and the light there be too small on the
-    /// average.
+    /// Whether the standard error of the visible part exceeds the tolerance.
     fn is_uncertain(&self, tolerance: f64) -> bool {
-        self.variance() > self.count * tolerance * tolerance * (2.0 * self.visible()).min(1.0)
+        self.variance() > self.count * tolerance * tolerance
     }
 
     /// Variance of the transmittance of one ray.
     fn variance(&self) -> f64 {
         if self.sum > 0.0 { (self.squares / self.sum - (self.seen / self.sum).powi(2)).max(0.0) } else { 0.0 }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// One ray of 32 that reaches a lamp behind a small hole says little; none, or half of 256, says enough.
-    #[test]
-    fn rays_go_on_where_little_of_a_lamp_is_visible() {
-        let (at, normal, end) = (Vec3::ZERO, Vec3::Z, EndRule::new(1.0));
-        let from = GatherPoint { on_surface: at, at, normal, end, feature_size: 1.0, seed: 0 };
-        let is_uncertain = |seen: f64, count: f64| {
-            let view = EmitterView {
-                point: 0,
-                from,
-                free: [1.0; 3],
-                shares: vec![1.0],
-                sum: count,
-                seen,
-                squares: seen,
-                count,
-            };
-            view.is_uncertain(0.5 / 250f64.sqrt())
-        };
-        assert_eq!(
-            [(0.0, 32.0), (1.0, 32.0), (128.0, 256.0)].map(|(s, n)| is_uncertain(s, n)),
-            [false, true, false]
-        );
     }
 }
