@@ -16,7 +16,8 @@ const PATHS: usize = 1 << 14;
 const BOUNCES: usize = 3;
 /// Smallest number of ends in a cluster or on a side by which its own importance is known; others have that of what holds them.
 const MIN_ENDS: u32 = 16;
-/// Largest importance by points relative to the mean: elements are at most √16 times smaller than without it.
+/// Largest importance by points relative to the mean. With the part that is the same everywhere it is 8.5 at most: elements are at most √8.5 = 2.9 times
+/// smaller than without it.
 const MAX_IMPORTANCE: f64 = 16.0;
 /// Part of importance that is the same everywhere: light comes to what points see from elsewhere, and the balance of all energy needs a right exchange
 /// in rooms that no point sees. Rays of those are halved at most.
