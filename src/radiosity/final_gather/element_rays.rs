@@ -26,10 +26,8 @@ pub struct LeafRays {
     pub count: u32,
 }
 
-/// Independent streams of random numbers of an element: two for the halves of its light, one for its row of the exchange.
+/// Independent streams of random numbers of an element for the halves of its light. Those of its row of the exchange follow.
 pub const HALVES: Range<u64> = 0..2;
-/// See [`HALVES`].
-pub const ROW: Range<u64> = 2..3;
 
 /// Rays of one parallel task: so many that packets are full, and so few that all threads have work to the end.
 const BATCH: usize = 1024;
@@ -88,6 +86,12 @@ impl FinalGather<'_> {
         }
         self.add_reflected(batch, &mut light, buffers);
         light
+    }
+
+    /// The streams of the rows of the exchange: two under a sky, as the light that leaving rays bring and the part of rays that leave are correlated,
+    /// and their covariance is known only from independent halves; one otherwise.
+    pub(super) fn row_streams(&self) -> Range<u64> {
+        HALVES.end..HALVES.end + if self.has_environment() { 2 } else { 1 }
     }
 
     /// The groups of emitting faces for each leaf of a batch, in a list that belongs back into `buffers.cuts`.

@@ -22,6 +22,7 @@ use crate::radiosity::surroundings::{Arrived, SampledShare, emitted_share};
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
 };
+use std::array::from_fn;
 
 /// Smallest number of rays of an element, so that no element stays without exchange, and the deviation of its rays is known. 2 or 8 instead
 /// change irradiance by less than 0.05 % (`constants.py solve`).
@@ -124,22 +125,20 @@ impl FinalGather<'_> {
         }
         // Of an iteration that the deadline ends at once the start remains. Otherwise it is the direct light: links bring a little light
         // to rooms without any.
-        let corrections = corrections_of_sent(&rows, &matrix);
-        let along_links = |(row, more): (&RayRow, &Rgb)| {
-            let own = states[row.leaf as usize].irradiance;
-            std::array::from_fn(|k| own[k] + more[k])
-        };
-        let start = deadline.late().then(|| rows.rows.iter().zip(&corrections).map(along_links).collect());
-        direct.iter_mut().zip(&corrections).for_each(|(direct, more)| add(direct, 1.0, *more));
-        let (irradiance, convergence) =
-            solve(&RayTransport { matrix: &matrix, direct }, start, Method::Krylov, deadline);
+        let along_links = |row: &RayRow| states[row.leaf as usize].irradiance;
+        let start = deadline.late().then(|| rows.rows.iter().map(along_links).collect());
+        let (more, returned) = corrections_of_sent(&rows, &matrix);
+        let sent_directly =
+            direct.iter().zip(more).map(|(own, more)| from_fn(|k| own[k] + more[k])).collect();
+        let transport = RayTransport { matrix: &matrix, direct: sent_directly, returned };
+        let (sent, convergence) = solve(&transport, start, Method::Krylov, deadline);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
-        for ((row, irradiance), more) in rows.rows.iter().zip(irradiance).zip(&corrections) {
-            results[row.leaf as usize].irradiance = std::array::from_fn(|k| irradiance[k] - more[k]);
+        for ((row, direct), reflected) in rows.rows.iter().zip(&direct).zip(matrix.reflected(&sent)) {
+            results[row.leaf as usize].irradiance = from_fn(|k| direct[k] + reflected[k]);
         }
         assign_noise(&self.linked.elements, &rows, &matrix, &mut results);
         if !self.elements {
-            count_sent_in_full(&rows, &corrections, &mut results);
+            count_sent(&rows, &sent, &mut results);
         }
         if all.len() > rows.rows.len() {
             estimate_untraced(&self.linked.elements, &all, &mut results);
@@ -180,7 +179,7 @@ impl FinalGather<'_> {
                 let Shape::Surface { side, .. } = elements[met as usize].shape else { continue };
                 let (side, irradiance) = (&sides[side as usize], results[met as usize].irradiance);
                 let reflected = |k: usize| f64::from(side.reflectance[k]) * irradiance[k];
-                add(&mut light, 1.0 / f64::from(row.rays), std::array::from_fn(reflected));
+                add(&mut light, 1.0 / f64::from(row.rays), from_fn(reflected));
             }
             first = row.end;
             let result = &mut results[row.leaf as usize];
@@ -265,8 +264,10 @@ impl FinalGather<'_> {
             true => 1.0 - f64::from(self.linked.surroundings.escaped[self.side_of(leaf) as usize]),
             false => 1.0,
         };
+        let streams = self.row_streams().count() as f64;
         let count = |leaf: u32, rays: f64| {
-            (least + rays * stay(leaf) * counted(leaf) / all_counted).min(MAX_ROW_RAYS) as u32
+            let rays = least + rays * stay(leaf) * counted(leaf) / all_counted;
+            (rays.min(MAX_ROW_RAYS) / streams).max(1.0) as u32
         };
         let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
         let planned: Vec<LeafRays> =
@@ -331,6 +332,7 @@ impl FinalGather<'_> {
                     reflectance: elements.sides[side as usize].reflectance,
                     end: row.end,
                     closed: linked.surroundings.closed[side as usize] && row.outside == 0,
+                    escapes: f64::from(linked.surroundings.escaped[side as usize]),
                     apart: row.continued as usize,
                 },
                 Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
@@ -345,21 +347,26 @@ fn direct_light(rows: &RayRows) -> Field {
     (0..rows.rows.len()).map(|i| direct_irradiance(&rows.rows[i])).collect()
 }
 
-/// What rows send more than they receive, W/m²: see [`TransportMatrix::bias_of_product`].
-fn corrections_of_sent(rows: &RayRows, matrix: &TransportMatrix) -> Field {
+/// How much direct light rows send more than they receive, W/m², and the part of reflected light that they send on. What a row sends is the product of
+/// its light and its row sum. If by chance many of its few rays leave the scene, it has much light of the sky, little reflected light and a small row
+/// sum: the product is on average too small for the one and too large for the other by the covariance of both factors. With the part of its rays that
+/// stay p, of variance v, and the row sum S, of which the own rays decide the part s, these are covariances with s p: reflected light R is R p / S.
+fn corrections_of_sent(rows: &RayRows, matrix: &TransportMatrix) -> (Field, Vec<f64>) {
     let of = |(i, row): (usize, &RayRow)| {
-        let each = matrix.bias_of_product(i, row.rays) / f64::from(row.rays);
-        row.sky.to_array().map(|light| each * f64::from(light))
+        let (part, sum) = matrix.own_part(i);
+        let each = if part > 0.0 { part / sum } else { 0.0 };
+        let returned = if each > 0.0 { 1.0 - each * f64::from(row.variance) / sum } else { 1.0 };
+        (row.covariance.to_array().map(|of| -each * f64::from(of)), returned)
     };
-    rows.rows.iter().enumerate().map(of).collect()
+    rows.rows.iter().enumerate().map(of).unzip()
 }
 
-/// Lets the ledger, which multiplies row sums by the light of the same rays, count what rows send in full.
-fn count_sent_in_full(rows: &RayRows, corrections: &Field, results: &mut [LocalResult]) {
-    for (row, more) in rows.rows.iter().zip(corrections) {
+/// Lets the ledger, which multiplies row sums by the light of the same rays, count what rows send.
+fn count_sent(rows: &RayRows, sent: &Field, results: &mut [LocalResult]) {
+    for (row, sent) in rows.rows.iter().zip(sent) {
         let result = &mut results[row.leaf as usize];
         let own = mean(result.irradiance);
-        result.row_sum *= if own > 0.0 { ((own + mean(*more)) / own) as f32 } else { 1.0 };
+        result.row_sum *= if own > 0.0 { (mean(*sent) / own) as f32 } else { 1.0 };
     }
 }
 

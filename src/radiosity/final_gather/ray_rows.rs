@@ -1,6 +1,6 @@
 //! Rows of rays: what the rays of each leaf have met.
 
-use super::element_rays::{LeafRays, ROW, batches};
+use super::element_rays::{LeafRays, batches};
 use super::gatherer::{Buffers, FinalGather};
 use crate::math::sampling::mix;
 use crate::radiosity::elements::Elements;
@@ -26,6 +26,10 @@ pub struct RayRow {
     pub onwards: Vec3,
     /// Sum over the rays of the square of its mean over the channels.
     pub squares: f32,
+    /// Variance of the part of the rays that met other rows, and covariance of it and their mean light, W/m²: (a − b)² / 4 and (a − b) (c − d) / 4 of the
+    /// parts a, b and the light c, d of two independent halves; 0 where all rays are of one stream.
+    pub variance: f32,
+    pub covariance: Vec3,
     /// Rays that left the scene.
     pub gone: u32,
     /// Irradiance from emitters and suns at the starts of these rays, mean over the channels, sum over the rays, W/m².
@@ -110,7 +114,9 @@ impl RayRows {
 
     fn trace_batch(&mut self, gather: &FinalGather, batch: &[LeafRays], buffers: &mut Buffers) {
         let cuts = gather.cuts_of(batch, buffers);
-        gather.trace_leaves(batch, ROW, &cuts, &vec![None; batch.len()], buffers);
+        let streams = gather.row_streams();
+        let halves = streams.clone().count() as u32;
+        gather.trace_leaves(batch, streams, &cuts, &vec![None; batch.len()], buffers);
         buffers.cuts = cuts;
         let seed = batch.first().map_or(0, |of| mix(!u64::from(of.leaf)));
         let paths = gather.light_of_paths_onwards(seed, buffers);
@@ -118,7 +124,9 @@ impl RayRows {
         for of in batch {
             let (mut direct, mut squares, mut gone, mut continued) = (Vec3::ZERO, 0.0, 0, 0);
             let (mut sun, mut sky, mut onwards, mut gone_lit) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 0.0);
-            for (found, path) in results.by_ref().take(of.count as usize) {
+            // By half, the light of its rays and their number that met other rows.
+            let mut sums = [(Vec3::ZERO, 0); 2];
+            for (k, (found, path)) in results.by_ref().take((halves * of.count) as usize).enumerate() {
                 let light = found.direct + found.sun + found.sky + path.unwrap_or_default();
                 direct += light;
                 (sun, sky) = (sun + found.sun, sky + found.sky);
@@ -127,12 +135,21 @@ impl RayRows {
                 gone_lit += if found.gone { (found.direct + found.sun).element_sum() / 3.0 } else { 0.0 };
                 squares += (light.element_sum() / 3.0).powi(2);
                 continued += u32::from(path.is_some());
-                self.met.push(match path {
+                let met = match path {
                     None if found.met.side != Elements::NONE => found.met.leaf,
                     _ => Elements::NONE,
-                });
+                };
+                self.met.push(met);
+                let sum = &mut sums[k / of.count as usize];
+                *sum = (sum.0 + light, sum.1 + u32::from(met != Elements::NONE));
             }
-            let (leaf, rays, end, outside) = (of.leaf, of.count, self.met.len(), 0);
+            let [(c, a), (d, b)] =
+                sums.map(|(light, met)| (light / of.count as f32, met as f32 / of.count as f32));
+            let (variance, covariance) = match halves {
+                2 => (0.25 * (a - b).powi(2), 0.25 * (a - b) * (c - d)),
+                _ => (0.0, Vec3::ZERO),
+            };
+            let (leaf, rays, end, outside) = (of.leaf, halves * of.count, self.met.len(), 0);
             self.rows.push(RayRow {
                 leaf,
                 end,
@@ -142,6 +159,8 @@ impl RayRows {
                 sky,
                 onwards,
                 squares,
+                variance,
+                covariance,
                 gone,
                 gone_lit,
                 outside,

@@ -219,10 +219,10 @@ impl Stages<'_> {
         }
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
-            // Points that may be asked for later can be anywhere, and what the caller names important is.
+            // Elements that are asked for count alike, points that may be asked for later can be anywhere, and what the caller names important is.
             let linked = &mut refined.linked;
-            if !self.options.more_points && linked.feature_sizes.important.is_empty() && !self.deadline.late()
-            {
+            let alike = self.options.elements || self.options.more_points;
+            if !alike && linked.feature_sizes.important.is_empty() && !self.deadline.late() {
                 linked.look_from(&relative(self.scene, points), &self.model.exact());
             }
             self.progress.stage("local pass", 0);

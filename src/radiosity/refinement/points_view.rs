@@ -14,13 +14,13 @@ use rayon::prelude::*;
 const PATHS: usize = 1 << 14;
 /// Rays of a path: later ones count (reflectance)³ at most.
 const BOUNCES: usize = 3;
-/// Smallest number of ends in a cluster or on a side by which its own importance is known; others have that of what holds them.
+/// Smallest number of ends in a cluster or on a side by which its own importance is known; others share what remains of that of what holds them.
 const MIN_ENDS: u32 = 16;
 /// Largest importance by points relative to the mean. With the part that is the same everywhere it is 8.5 at most: elements are at most √8.5 = 2.9 times
 /// smaller than without it.
 const MAX_IMPORTANCE: f64 = 16.0;
 /// Part of importance that is the same everywhere: light comes to what points see from elsewhere, and the balance of all energy needs a right exchange
-/// in rooms that no point sees. Rays of those are halved at most.
+/// in rooms that no point sees. As its mean by area is at most 1, rays of those are halved at most.
 const EVERYWHERE: f64 = 0.5;
 /// Points of one parallel task.
 const CHUNK: usize = 16;
@@ -35,9 +35,9 @@ struct PathEnd {
 
 impl LinkedScene {
     /// Sets importance by what points (relative to the origin of the scene; position, unit normal) see, at once and by reflection: light reaches a
-    /// point along the same paths that start from it. Its mean by area is about 1.
+    /// point along the same paths that start from it.
     pub fn look_from(&mut self, points: &[(Vec3, Vec3)], exact: &Exact) {
-        let ends = self.paths_from(points, exact);
+        let (paths, ends) = self.paths_from(points, exact);
         let Elements { elements, sides, .. } = &self.elements;
         let mut sums = vec![(0.0, 0u32); elements.len()];
         for end in &ends {
@@ -52,29 +52,29 @@ impl LinkedScene {
         if mean <= 0.0 {
             return;
         }
-        let paths = paths_of_point(points.len()) * points.len().min(PATHS);
         let first: f64 = ends.iter().filter(|end| end.first).map(|end| end.share).sum();
         self.reflected_at_points = Some(first / paths as f64);
-        let mut importance = vec![1.0; elements.len()];
-        for e in 0..elements.len() {
-            let (sum, count) = sums[e];
-            importance[e] = match count >= MIN_ENDS && elements[e].area > 0.0 {
-                true => (sum / elements[e].area / mean).min(MAX_IMPORTANCE),
-                false => importance[elements[e].parent as usize],
-            };
-        }
-        for (state, importance) in self.elements.states.iter_mut().zip(importance) {
+        let parents: Vec<u32> = elements[..].iter().map(|element| element.parent).collect();
+        let parts: Vec<(f64, f64, u32)> = sums
+            .iter()
+            .zip(&elements[..])
+            .map(|(&(sum, count), element)| (sum / mean, element.area, count))
+            .collect();
+        for (state, importance) in self.elements.states.iter_mut().zip(densities(&parents, &parts)) {
+            let importance = importance.min(MAX_IMPORTANCE);
             state.importance = (EVERYWHERE + (1.0 - EVERYWHERE) * importance) as f32;
         }
     }
 
-    /// The ends of paths from points.
-    fn paths_from(&self, points: &[(Vec3, Vec3)], exact: &Exact) -> Vec<PathEnd> {
+    /// The number of paths from points, and their ends.
+    fn paths_from(&self, points: &[(Vec3, Vec3)], exact: &Exact) -> (usize, Vec<PathEnd>) {
         let Elements { sides, .. } = &self.elements;
         let tracer = SideRays { elements: &self.elements, exact, length: self.surroundings.length };
-        let each = paths_of_point(points.len());
-        let step = points.len().div_ceil(PATHS).max(1);
-        let chosen: Vec<(usize, &(Vec3, Vec3))> = points.iter().enumerate().step_by(step).collect();
+        let each = PATHS.div_ceil(points.len().max(1));
+        // Of many points some are drawn: every n-th may be a column of a grid.
+        let drawn = |i: usize| mix(!self.settings.seed ^ i as u64) % (points.len() as u64) < PATHS as u64;
+        let chosen: Vec<(usize, &(Vec3, Vec3))> =
+            points.iter().enumerate().filter(|of| drawn(of.0)).collect();
         let of_chunk = |chunk: &[(usize, &(Vec3, Vec3))]| {
             let (mut packets, mut ends) = (Vec::new(), Vec::new());
             let start = |&(i, &(at, normal)): &(usize, &(Vec3, Vec3))| {
@@ -102,11 +102,55 @@ impl LinkedScene {
             ends
         };
         let made: Vec<Vec<PathEnd>> = chosen.par_chunks(CHUNK).map(of_chunk).collect();
-        made.into_iter().flatten().collect()
+        (each * chosen.len(), made.into_iter().flatten().collect())
     }
 }
 
-/// Paths from each of so many points.
-fn paths_of_point(points: usize) -> usize {
-    PATHS.div_ceil(points.max(1))
+/// Density of a quantity in each element: its part over its area where it is known by [`MIN_ENDS`], and otherwise what the siblings that are known leave
+/// of their parent's. `parents` come before their children and the first is its own; `parts` have the quantity, the area and the number of ends.
+/// No quantity is counted twice: the sum over the leaves of density times area is at most that of the root.
+fn densities(parents: &[u32], parts: &[(f64, f64, u32)]) -> Vec<f64> {
+    let is_known = |e: usize| e == 0 || (parts[e].2 >= MIN_ENDS && parts[e].1 > 0.0);
+    let mut rest: Vec<(f64, f64)> = parts.iter().map(|&(part, area, _)| (part, area)).collect();
+    for e in (1..parts.len()).filter(|&e| is_known(e)) {
+        let rest = &mut rest[parents[e] as usize];
+        *rest = (rest.0 - parts[e].0, rest.1 - parts[e].1);
+    }
+    let mut densities = vec![0.0; parts.len()];
+    for e in 0..parts.len() {
+        let parent = parents[e] as usize;
+        densities[e] = match (is_known(e), is_known(parent)) {
+            (true, _) => parts[e].0 / parts[e].1,
+            (false, true) if rest[parent].1 > 0.0 => rest[parent].0.max(0.0) / rest[parent].1,
+            _ => densities[parent],
+        };
+    }
+    densities
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn importance_of_parts_adds_up_to_that_of_the_whole() {
+        // A root with three parts, of which two are known; the third and its halves have what is left. One known part has few ends in its own halves.
+        let parents = [0, 0, 0, 0, 1, 1, 3, 3];
+        let part = |part: f64, area: f64, count: u32| (part, area, count);
+        let parts = [
+            part(10.0, 10.0, 100),
+            part(6.0, 2.0, 60),
+            part(3.0, 3.0, 30),
+            part(1.0, 5.0, 10),
+            part(5.0, 1.0, 50),
+            part(1.0, 1.0, 10),
+            part(1.0, 2.0, 10),
+            part(0.0, 3.0, 0),
+        ];
+        let found = densities(&parents, &parts);
+        assert_eq!(found, [1.0, 3.0, 1.0, 0.2, 5.0, 1.0, 0.2, 0.2]);
+        let leaves = [2, 4, 5, 6, 7];
+        let sum: f64 = leaves.iter().map(|&e| found[e] * parts[e].1).sum();
+        assert!((sum - 10.0).abs() < 1e-12, "{sum}");
+    }
 }

@@ -181,3 +181,40 @@ fn gaps_between_boxes_have_the_light_of_paths() {
     let truth = mean_at(&truth.expect("a reference").values);
     assert!((found / truth - 1.0).abs() < 0.05, "{found} instead of {truth}");
 }
+
+/// A lamp behind a plate whose hole shows a hundredth of it: at most points, the first shadow rays all end on the plate.
+#[test]
+fn small_holes_before_a_lamp_let_all_their_light_through() {
+    const HOLE: f64 = 0.05;
+    let mut soup = Soup::new("plate");
+    let black = soup.material(SoupMaterial::diffuse("black", [0.0; 3]));
+    let light = soup.material(SoupMaterial::light("light", [100.0; 3]));
+    let lamp = soup.object("lamp");
+    soup.polygon(
+        lamp,
+        light,
+        &[[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]].map(|[x, y]| DVec3::new(x, y, 2.0)),
+    );
+    let plate = soup.object("plate");
+    let (edge, hole) = (3.0, HOLE);
+    for [low, high] in [
+        [[-edge, hole], [edge, edge]],
+        [[-edge, -edge], [edge, -hole]],
+        [[-edge, -hole], [-hole, hole]],
+        [[hole, -hole], [edge, hole]],
+    ] {
+        let corners = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
+        soup.polygon(plate, black, &corners.map(|[x, y]| DVec3::new(x, y, 1.0)));
+    }
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let place =
+        |k: u32| DVec3::new(f64::from(k % 20), f64::from(k / 20), 0.0) * 0.04 - DVec3::new(0.38, 0.38, 0.0);
+    let points: Vec<Point> = (0..400).map(|k| Point { position: place(k), normal: DVec3::Z }).collect();
+    let options = Options { audit: 0, direct_only: true, elements: false, ..Options::default() };
+    let found = mean_at(&solved(&scene, &points, &options).irradiance);
+    // The part of the lamp that a point p sees through the hole has its centre at -p and twice the hole's size.
+    let of =
+        |p: &Point| 4.0 * (4.0 * HOLE).powi(2) / (4.0 * p.position.truncate().length_squared() + 4.0).powi(2);
+    let want = 100.0 * points.iter().map(of).sum::<f64>() / points.len() as f64;
+    assert!((found / want - 1.0).abs() < 0.03, "{found} instead of {want}");
+}

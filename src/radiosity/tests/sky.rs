@@ -237,3 +237,32 @@ fn a_room_beside_open_ground_has_the_daylight_of_paths() {
     let (rms, bias) = off(&solved(&scene, &points, &options).irradiance, &truth);
     assert!(rms < 0.2 && bias.abs() < 0.03, "{rms} {bias}");
 }
+
+/// A corner and a yard of bright walls under the open sky: elements of few rays, many of which leave the scene, send all their light, and what they
+/// return is neither more nor less than they receive.
+#[test]
+fn open_corners_and_yards_have_the_daylight_of_paths() {
+    let (x, y, z) = (10.0 * DVec3::X, 10.0 * DVec3::Y, 10.0 * DVec3::Z);
+    let quad = |corner: DVec3, u: DVec3, v: DVec3| vec![corner, corner + u, corner + u + v, corner + v];
+    let yard = [
+        quad(DVec3::ZERO, x, y),
+        quad(y, x, z),
+        quad(DVec3::ZERO, z, x),
+        quad(DVec3::ZERO, y, z),
+        quad(x, z, y),
+    ];
+    let points: Vec<Point> = (0..49)
+        .map(|k| at(DVec3::new(2.0 + f64::from(k % 7), 2.0 + f64::from(k / 7), 0.0), DVec3::Z))
+        .collect();
+    for faces in [&yard[..2], &yard] {
+        let scene = outdoors(0.8, faces, "uniform:100", "none");
+        let truth = truth(&scene, &points, 4096);
+        let (mut rms, mut bias) = (0.0, 0.0);
+        for seed in 1..5 {
+            let options = Options { seed, audit: 0, elements: false, ..Options::default() };
+            let found = off(&solved(&scene, &points, &options).irradiance, &truth);
+            (rms, bias) = (rms + 0.25 * found.0, bias + 0.25 * found.1);
+        }
+        assert!(rms < 0.025 && bias.abs() < 0.006, "{} walls: {rms} {bias}", faces.len() - 1);
+    }
+}

@@ -165,6 +165,7 @@ mod tests {
                 reflectance: [reflectance; 3],
                 end: i * rays as usize,
                 closed: true,
+                escapes: 0.0,
                 apart: 0,
             })
             .collect();
@@ -175,7 +176,7 @@ mod tests {
     fn a_furnace_has_the_same_light_everywhere() {
         let matrix = &rooms(200, 64, 0.95);
         let found = |direct: f64| {
-            let transport = RayTransport { matrix, direct: vec![[direct; 3]; 200] };
+            let transport = RayTransport { matrix, direct: vec![[direct; 3]; 200], returned: Vec::new() };
             krylov(&transport, Some(vec![[0.0; 3]; 200]), &Deadline::start(&(), None))
         };
         let (light, convergence) = found(1.0);
@@ -190,7 +191,7 @@ mod tests {
     fn both_methods_find_the_same_light() {
         let matrix = &rooms(200, 64, 0.5);
         let direct = (0..200).map(|i| [f64::from(u8::from(i < 10)); 3]).collect();
-        let transport = RayTransport { matrix, direct };
+        let transport = RayTransport { matrix, direct, returned: Vec::new() };
         let swept = Method::Sweeps { tolerance: 1e-9, max_sweeps: 200 };
         let [a, b] =
             [swept, Method::Krylov].map(|m| solve(&transport, None, m, &Deadline::start(&(), None)).0);
@@ -201,7 +202,7 @@ mod tests {
     #[test]
     fn what_does_not_converge_says_so() {
         let direct: Field = (0..200).map(|i| [f64::from(u8::from(i < 10)), 0.0, f64::NAN]).collect();
-        let transport = RayTransport { matrix: &rooms(200, 64, 1.5), direct };
+        let transport = RayTransport { matrix: &rooms(200, 64, 1.5), direct, returned: Vec::new() };
         let (found, convergence) = krylov(&transport, Some(vec![[0.0; 3]; 200]), &Deadline::start(&(), None));
         assert!(!convergence.converged && found.iter().flatten().all(|e| e.is_finite()), "{convergence:?}");
     }
@@ -213,7 +214,7 @@ mod tests {
         let (n, rays) = (200usize, 64usize);
         let system = rooms(n as u32, rays as u32, 0.97);
         let direct: Field = (0..n).map(|i| [f64::from(u8::from(i < 10)); 3]).collect();
-        let transport = RayTransport { matrix: &system, direct: direct.clone() };
+        let transport = RayTransport { matrix: &system, direct: direct.clone(), returned: Vec::new() };
         let (found, convergence) = krylov(&transport, Some(vec![[0.0; 3]; n]), &Deadline::start(&(), None));
         let krylov = convergence.sweeps * system.entries();
         // By column: the rows that receive from j.
