@@ -89,7 +89,7 @@ impl ElementSamples {
 impl FinalGather<'_> {
     /// The rays that a leaf should have, up to a factor.
     ///
-    /// The sum of squared errors by area is smallest with rays in proportion to √area times the deviation of one ray (Neyman 1934).
+    /// The sum of squared errors, by area and weight, is smallest with rays in proportion to √area times the weighted deviation of one ray (Neyman 1934).
     /// The rays of the local pass estimate the deviation: an estimate from the same rays as the light would correlate with it, and
     /// elements that happen to look dark would stay dark.
     fn wanted_rays(&self, local: &LocalPass, e: u32) -> f64 {
@@ -100,7 +100,7 @@ impl FinalGather<'_> {
         let deviation = match result.rays {
             0 if states[e as usize].is_apart() => USUAL_DEVIATION * mean(result.irradiance),
             0 => 0.0,
-            rays => f64::from(result.noise) * f64::from(rays).sqrt(),
+            rays => f64::from(result.weight * result.noise) * f64::from(rays).sqrt(),
         };
         weight.sqrt() * deviation
     }

@@ -2,7 +2,7 @@
 
 use super::ray_rows::{RayRow, RayRows};
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::rgb::Rgb;
+use crate::radiosity::rgb::{Rgb, mean};
 use crate::radiosity::transport::TransportMatrix;
 use rayon::prelude::*;
 
@@ -11,6 +11,10 @@ const CHUNK: usize = 64;
 /// Weight, in rays, of the spread of neighbouring leaves when it is mixed with that of a leaf: the relative error of a
 /// variance from 8 rays alone is √(2/8) = 50 %. Affects error bars and the number of rays.
 const NEIGHBOUR_RAYS: f64 = 8.0;
+/// Light of a side, relative to the mean, below which errors count relative to it and no longer to the mean: sides of furniture in a lit room are above.
+const DIM: f64 = 0.25;
+/// Largest weight of an error: that of a room with a sixty-fourth of the mean light. Sides that hardly any light reaches would take all rays otherwise.
+const MAX_WEIGHT: f64 = 16.0;
 
 /// What the local pass has found about one element.
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,6 +29,8 @@ pub struct LocalResult {
     pub row_sum: f32,
     /// Part of the rays that did not leave the scene.
     pub kept: f32,
+    /// How much an error of the leaf counts: more than 1 in places that are much darker than the scene on average, and 0 for clusters.
+    pub weight: f32,
 }
 
 /// Assigns row sums, the part of rays that stayed in the scene, and standard errors to all leaves with rows.
@@ -71,6 +77,35 @@ pub fn assign_noise(
         // One more ray might meet a surface that no other ray has met, here or nearby, as bright as the scene on average.
         let known = n + NEIGHBOUR_RAYS.min(around[0].freedom);
         result.noise = variance.sqrt().hypot(level / known) as f32;
+    }
+}
+
+/// Lets errors count more on sides that have less than [`DIM`] of the mean light: pictures of a room that the sky lights through a window show its
+/// own light, a hundredth of that of the ground outside. All leaves of such a side have one deviation: few of their rays meet the window.
+pub fn weigh_errors(elements: &Elements, leaves: &[u32], results: &mut [LocalResult]) {
+    let side_of = |leaf: u32| match elements.elements[leaf as usize].shape {
+        Shape::Surface { side, .. } => side as usize,
+        Shape::Cluster(_) => unreachable!("leaves are surfaces"),
+    };
+    let area = |leaf: u32| elements.elements[leaf as usize].area;
+    // Area of each side, and its sums of light and of the variance of one ray.
+    let mut sides = vec![[0.0; 3]; elements.sides.len()];
+    for &leaf in leaves {
+        let (area, result) = (area(leaf), &results[leaf as usize]);
+        let variance = f64::from(result.noise).powi(2) * f64::from(result.rays);
+        let of = [area, area * mean(result.irradiance), area * variance];
+        sides[side_of(leaf)].iter_mut().zip(of).for_each(|(sum, of)| *sum += of);
+    }
+    let [all, light] = [0, 1].map(|k| sides.iter().map(|side| side[k]).sum::<f64>());
+    for &leaf in leaves {
+        let [area, own, variance] = sides[side_of(leaf)];
+        let dim = DIM * (light / all) / (own / area);
+        let result = &mut results[leaf as usize];
+        // A side without light has no error that could be told from that.
+        result.weight = if own > 0.0 { dim.clamp(1.0, MAX_WEIGHT) as f32 } else { 1.0 };
+        if result.weight > 1.0 && result.rays > 0 {
+            result.noise = (variance / area / f64::from(result.rays)).sqrt() as f32;
+        }
     }
 }
 

@@ -9,7 +9,7 @@
 
 use super::element_rays::LeafRays;
 use super::gatherer::FinalGather;
-use super::local_noise::{LocalResult, assign_noise};
+use super::local_noise::{LocalResult, assign_noise, weigh_errors};
 use super::ray_rows::{RayRow, RayRows};
 use super::untraced::estimate_untraced;
 use crate::math::sampling::mix;
@@ -144,6 +144,7 @@ impl FinalGather<'_> {
             estimate_untraced(&self.linked.elements, &all, &mut results);
         }
         self.light_apart(&apart, &mut results);
+        weigh_errors(&self.linked.elements, &all, &mut results);
         let needed = self.needed_rays(&all, &results);
         let element_rays = rays.map(|rays| match deadline.limited() {
             true => ((1.0 - EXCHANGE_SHARE) * useful).min(GATHER_SHARE * deadline.left() / seconds_a_ray),
@@ -214,14 +215,15 @@ impl FinalGather<'_> {
     }
 
     /// The number of rays of elements that brings their noise to [`NEEDED_SHARE`] of the error asked for, by the deviations that the exchange has
-    /// found: shared as [`FinalGather::sample_elements`] does, in proportion to √area times the deviation σ of one ray, N rays leave the error
+    /// found: shared as [`FinalGather::sample_elements`] does, in proportion to √area times the deviation σ of one ray and its weight, N rays leave the error
     /// Σ √A σ / √(N · Σ A) of all elements together.
     fn needed_rays(&self, leaves: &[u32], results: &[LocalResult]) -> f64 {
         let elements = &self.linked.elements.elements;
         let (mut deviations, mut area, mut light) = (0.0, 0.0, 0.0);
         for &leaf in leaves {
             let (own, result) = (elements[leaf as usize].area, &results[leaf as usize]);
-            deviations += own.sqrt() * f64::from(result.noise) * f64::from(result.rays).sqrt();
+            deviations +=
+                own.sqrt() * f64::from(result.weight * result.noise) * f64::from(result.rays).sqrt();
             area += own;
             light += own * mean(result.irradiance);
         }
@@ -323,6 +325,7 @@ impl FinalGather<'_> {
     fn transport_matrix(&self, rows: &RayRows, deadline: &Deadline) -> TransportMatrix {
         let linked = self.linked;
         let elements = &linked.elements;
+        let escapes = self.escapes_of_sides(rows);
         let matrix_rows: Vec<MatrixRow> = rows
             .rows
             .iter()
@@ -332,13 +335,27 @@ impl FinalGather<'_> {
                     reflectance: elements.sides[side as usize].reflectance,
                     end: row.end,
                     closed: linked.surroundings.closed[side as usize] && row.outside == 0,
-                    escapes: f64::from(linked.surroundings.escaped[side as usize]),
+                    escapes: escapes[side as usize],
                     apart: row.continued as usize,
                 },
                 Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
             })
             .collect();
         TransportMatrix::new(&matrix_rows, &rows.met, linked.settings.row_sums, &self.ranks, deadline)
+    }
+
+    /// By side, the part of the light of its rows that meets no other row, with half a ray more of either kind (Jeffreys): none of a few rays does not
+    /// mean probability 0.
+    fn escapes_of_sides(&self, rows: &RayRows) -> Vec<f64> {
+        let mut sides = vec![(0.5, 1.0); self.linked.elements.sides.len()];
+        let mut first = 0;
+        for row in &rows.rows {
+            let gone = rows.met[first..row.end].iter().filter(|&&met| met == Elements::NONE).count();
+            let of = &mut sides[self.side_of(row.leaf) as usize];
+            *of = (of.0 + gone as f64, of.1 + f64::from(row.rays));
+            first = row.end;
+        }
+        sides.into_iter().map(|(gone, rays)| gone / rays).collect()
     }
 }
 

@@ -1,11 +1,10 @@
 //! Irradiance at points: direct light by shadow rays, reflected light by a hemisphere of rays.
 
-use super::direct_light::{CHUNK, GatherPoint};
+use super::direct_light::CHUNK;
 use super::gatherer::{Buffers, FinalGather};
-use super::sky_cells::SkyGrid;
 use super::smooth_light::SmoothLight;
 use crate::embree::Hits;
-use crate::math::sampling::{mix, numbers};
+use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::options::Options;
@@ -187,75 +186,5 @@ impl FinalGather<'_> {
                 self.scene.unit
             )
         })
-    }
-
-    /// Irradiance from surfaces and the sky, W/m²: one ray in each cell of a hemisphere of equal cosine weight. `known` is the light of emitters and
-    /// suns at the point, mean over the channels.
-    fn irradiance_of_rays(&self, point: &GatherPoint, known: f64, buffers: &mut Buffers) -> Rgb {
-        let &GatherPoint { at, normal, seed, .. } = point;
-        let Buffers { packets, hits, vertices, .. } = buffers;
-        let (x, y) = normal.any_orthonormal_pair();
-        let [turn, ..] = numbers(seed, 1);
-        let (sin, cos) = (std::f32::consts::TAU * turn).sin_cos();
-        let (x, y) = (self.length * (cos * x + sin * y), self.length * (cos * y - sin * x));
-        let z = self.length * normal;
-        let frame = [x, y, z].map(|axis| axis / self.length);
-        let size = self.hemisphere_grid;
-        let mut sky = SkyGrid { size, open: Vec::new(), is_dark: true };
-        if self.has_environment() {
-            sky.open.resize(size[0] * size[1], false);
-        }
-        let directions = &self.hemispheres[(seed % self.hemispheres.len() as u64) as usize];
-        packets.resize(directions.len() / LANES, Packet::EMPTY);
-        for (packet, directions) in packets.iter_mut().zip(directions.chunks_exact(LANES)) {
-            for (lane, d) in directions.iter().enumerate() {
-                let to = d.x * x + d.y * y + d.z * z;
-                for axis in 0..3 {
-                    packet.origin[axis][lane] = at[axis];
-                    packet.direction[axis][lane] = to[axis];
-                }
-            }
-            (packet.near, packet.far, packet.active) = ([0.0; LANES], [1.0; LANES], 0xffff);
-        }
-        hits.clear();
-        hits.resize(packets.len(), Hits::NONE);
-        self.traced.first_hits(self.traversal, packets, hits);
-        let mut sum = [0.0; 3];
-        vertices.clear();
-        for (block, (packet, hits)) in packets.iter().zip(hits.iter()).enumerate() {
-            // Sixteen terms in single precision, then a sum in double precision.
-            let mut part = Vec3::ZERO;
-            for lane in 0..LANES {
-                if hits.triangle[lane] == Hits::NOTHING && self.has_environment() {
-                    let (across, down) = (block % (size[0] / 4), block / (size[0] / 4));
-                    let cell = (4 * down + lane / 4) * size[0] + 4 * across + lane % 4;
-                    (sky.open[cell], sky.is_dark) = (true, false);
-                }
-                if self.direct_only && !sky.is_dark {
-                    continue;
-                }
-                let Some(met) = self.met(packet, hits, lane) else { continue };
-                sky.is_dark = false;
-                if self.direct_only {
-                    continue;
-                }
-                match self.reflected_or_next(met, self.length * hits.t[lane], 0) {
-                    Ok(reflected) => part += reflected,
-                    Err(vertex) => vertices.push(vertex),
-                }
-            }
-            add(&mut sum, 1.0, part.to_array().map(f64::from));
-        }
-        self.follow(seed, false, std::slice::from_mut(&mut sum), buffers);
-        let rays = directions.len() as u64;
-        buffers.scratch.tally.segments += rays;
-        buffers.scratch.tally.exact_rays += rays;
-        let mut light = sum.map(|s| s / rays as f64);
-        if self.has_environment() {
-            let other = known + mean(light);
-            let found = self.sky_at(sky, frame, (point, other), &mut buffers.scratch.tally);
-            add(&mut light, 1.0, found.to_array());
-        }
-        light
     }
 }

@@ -65,7 +65,7 @@ impl Traced {
                 noise: mean(links) as f32,
                 row_sum: 1.0,
                 kept: 1.0,
-                rays: 0,
+                ..LocalResult::default()
             };
         }
         // Where links bring no light at all, the mean of the rays stands for it.
@@ -84,7 +84,7 @@ impl Traced {
             noise: variance.sqrt() as f32,
             row_sum: sent(self.row_sum),
             kept: sent(self.kept),
-            rays: 0,
+            ..LocalResult::default()
         }
     }
 }

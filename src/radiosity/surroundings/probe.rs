@@ -14,7 +14,7 @@ pub struct Surroundings {
     pub enclosed: Vec<f32>,
     /// By side: whether none of its rays left the scene.
     pub closed: Vec<bool>,
-    /// By side: part of its rays that leave the scene, more than 0 and less than 1.
+    /// By side: part of its rays that left the scene, in `[0, 1]`.
     pub escaped: Vec<f32>,
     /// Length of rays, more than the scene's diagonal; scene units.
     pub length: f32,
@@ -101,10 +101,9 @@ pub fn probe(
             own && (rays.len() as u32 >= MIN_CLOSED_RAYS || (escaped == 0 && all >= MIN_CLOSED_RAYS))
         })
         .collect();
-    // Half a ray more of either kind (Jeffreys): none of a few rays does not mean probability 0.
     let escaped = |rays: &&Vec<ProbeRay>| {
         let gone = rays.iter().filter(|ray| ray.met == ESCAPED).count();
-        (gone as f32 + 0.5) / (rays.len() as f32 + 1.0)
+        gone as f32 / rays.len().max(1) as f32
     };
     let escaped = found.iter().map(escaped).collect();
     let enclosed = enclosed

@@ -149,7 +149,7 @@ fn a_missed_target_is_recorded() {
 #[test]
 fn targets_are_kept_by_more_rays() {
     let coarse = Options { error: 0.1, ..Options::default() };
-    let target = 0.015;
+    let target = 0.01;
     let solve = |target_error| {
         let record = solved(&clutter(), &[], &Options { target_error, ..coarse.clone() }).record;
         (record.error_estimate.expect("an audit"), record)

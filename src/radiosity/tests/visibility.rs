@@ -110,7 +110,8 @@ fn light_of_dense_points_is_interpolated_and_leaks_through_no_wall() {
     let truth = direct(&points[..JUDGED], Visibility::Exact, 0.002);
     let (exact, mr) = (direct(&points, Visibility::Exact, 0.02), direct(&points, Visibility::Mr, 0.02));
     let segments = [&exact, &mr].map(|found| found.record.bundles.segments);
-    assert!(3 * segments[1] < segments[0], "{segments:?}");
+    // Behind the wall both trace all rays.
+    assert!(5 * segments[1] < 2 * segments[0], "{segments:?}");
     let [by_rays, smooth] = [&exact, &mr].map(|found| mean_square(found, &truth, free));
     assert!(smooth < by_rays + 0.25 / 250.0, "{smooth} {by_rays}");
     let dark = (0..points.len()).filter(|&i| place(i).x > 2.0);

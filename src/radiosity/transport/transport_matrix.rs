@@ -52,7 +52,7 @@ pub struct MatrixRow {
     pub end: usize,
     /// Whether other rays have shown that no light from the row leaves the scene.
     pub closed: bool,
-    /// Part of the light from the row that leaves the scene, by other rays.
+    /// Part of the light from the row's side that meets no other row: its own rays alone would decide how far they are trusted.
     pub escapes: f64,
     /// Of its rays, those that met elements which take no part in the exchange.
     pub apart: usize,
@@ -164,6 +164,7 @@ impl TransportMatrix {
     }
 
     /// The weight of a ray that joins two rows.
+    #[inline]
     fn weight(&self, i: usize, j: u32) -> f32 {
         1.0 / (self.density[i] + self.density[j as usize])
     }

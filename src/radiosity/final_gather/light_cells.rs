@@ -1,0 +1,393 @@
+//! Light of surfaces and sky at a point: a grid of rays, one for each cell of a hemisphere of equal cosine weight, and finer cells where neighbours
+//! differ, as at the edges of a window, of a bright part of the sky or of a sunlit wall.
+
+use super::direct_light::GatherPoint;
+use super::gatherer::{Buffers, FinalGather, PathVertex};
+use crate::embree::Hits;
+use crate::math::sampling::{cosine_direction, mix, numbers};
+use crate::radiosity::rgb::{Rgb, mean};
+use crate::ray::{LANES, Packet};
+use glam::{DVec3, Vec3};
+
+/// Largest number of halvings of a cell: of 1,024 cells, edges are then known to a 64th of a cell.
+const MAX_LEVEL: u32 = 6;
+/// Rays of a point at which cells are not divided any more: leaves are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and
+/// roofs need some hundreds, of a point that sees little of the sky twice as many as of leaves.
+const MAX_RAYS: usize = 1 << 13;
+/// Part of a cell that is known to be open or blocked only by its ray, as a standard deviation: an edge that is anywhere in two cells is found by
+/// their two rays to √(1/12) = .29 of a cell.
+const ERROR_OF_EDGE: f64 = 0.29;
+/// The same for a difference of radiance: a place at random in the cell errs by √(1/12) of the difference over it. Cells of the undivided grid have
+/// one place in each quarter: half of that for each, and half of that for their mean.
+const ERROR_OF_GRADIENT: [f64; 2] = [0.29 / 4.0, 0.29];
+/// Error of the light of the sky at a point, relative to all of its light, over the error asked for.
+const TOLERANCE: f64 = 0.1;
+/// The square of that over the square of the same for the light of surfaces, which is itself known to about the error asked for.
+const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;
+/// Rays that look for edges of surfaces, over those of the undivided grid: enough for the rim of a sunlit place, as half as many cells are divided at each
+/// level as rays were traced at the level before. Where all cells differ, as in a room full of things, they halve the error.
+const MORE_FOR_SURFACES: usize = 4;
+/// Fewest cells that see the sky: a grid with fewer is made finer as a whole, because a window that is smaller than a cell may be missed.
+const MIN_OPEN: usize = 32;
+/// Cells of a grid that is not made finer as a whole any more. An opening that is seen as a thousandth of the light of an open sky has four cells then,
+/// and its edges have finer ones.
+const MAX_WHOLE: usize = 1 << 12;
+
+/// A cell of the grid or of one of its divisions.
+#[derive(Clone, Copy)]
+struct Cell {
+    /// Column and row among the cells of its level.
+    place: [u32; 2],
+    /// Whether its ray leaves the scene.
+    is_open: bool,
+    /// Irradiance by it over its area, if all of it is as its ray has found, W/m².
+    light: Vec3,
+    /// The same by the mean light of the element that its ray has met, or of the surfaces around it where only one of four quarters was looked up,
+    /// W/m²: without the noise of paths.
+    surfaces: Vec3,
+    /// Mean over the channels of the light that comes if all of it is open, W/m².
+    sky: f32,
+    /// Index of the first of its quarters in the next level; [`WHOLE`] if it is not divided.
+    quarters: u32,
+}
+
+/// Index of the quarters of a cell that is not divided.
+const WHOLE: u32 = u32::MAX;
+
+/// What one ray of a cell has found.
+#[derive(Clone, Copy)]
+enum Seen {
+    /// The ray leaves the scene.
+    Sky,
+    /// A side that no light reaches.
+    Dark,
+    /// A surface: its radiosity, and that of its element, W/m².
+    Surface(Vec3, Vec3),
+}
+
+/// A grid on the hemisphere about the normal of a point: axes, and columns and rows of the undivided grid on the square that is mapped to the hemisphere
+/// (Shirley and Chiu 1997).
+#[derive(Clone, Copy)]
+struct Hemisphere {
+    frame: [Vec3; 3],
+    size: [usize; 2],
+}
+
+impl Hemisphere {
+    /// The direction at a place of the grid's square, given in cells of a level.
+    fn direction(&self, level: u32, [u, v]: [f32; 2]) -> Vec3 {
+        let [x, y, z] = self.frame;
+        let scale = (1u32 << level) as f32;
+        let d =
+            cosine_direction(Vec3::Z, u / (scale * self.size[0] as f32), v / (scale * self.size[1] as f32));
+        d.x * x + d.y * y + d.z * z
+    }
+}
+
+/// A cell that may be divided, by its index in its level.
+struct Uneven {
+    cell: u32,
+    /// Squares of the expected errors of the light of sky and surfaces, (W/m²)², that of surfaces times [`WEIGHT_OF_SURFACES`].
+    errors: [f64; 2],
+    /// Mean light of the surfaces around it, W/m².
+    around: Vec3,
+}
+
+impl Uneven {
+    fn error(&self) -> f64 {
+        self.errors[0] + self.errors[1]
+    }
+}
+
+impl FinalGather<'_> {
+    /// Irradiance at a point by surfaces and the sky, W/m². `known` is the light of emitters and suns, mean over the channels: in the sun the sky
+    /// need not be known as well as in a shadow.
+    pub(super) fn irradiance_of_rays(&self, point: &GatherPoint, known: f64, buffers: &mut Buffers) -> Rgb {
+        let hemisphere = self.hemisphere_of(point);
+        let [columns, rows] = hemisphere.size;
+        let whole: Vec<[u32; 2]> =
+            (0..rows as u32).flat_map(|j| (0..columns as u32).map(move |i| [i, j])).collect();
+        let seen = self.trace_whole(&hemisphere, point, buffers);
+        // Where all rays met sides that no light reaches, as from below the ground, nothing is searched for.
+        let is_dark = seen.iter().all(|seen| matches!(seen, Seen::Dark)) || !self.has_environment();
+        let mut levels = vec![self.cells(&hemisphere, 0, (&whole, &[]), &seen, point)];
+        let share = 1.0 / whole.len() as f64;
+        let mut sum = light_of(&levels[0]) * share;
+        // Errors of cells that are left as they are.
+        let (mut left, mut traced, mut for_surfaces) = (0.0, 0, 0);
+        for level in 0..MAX_LEVEL {
+            let area = share * 0.25f64.powi(level as i32);
+            let cells = &levels[level as usize];
+            let open = cells.iter().filter(|cell| cell.is_open && cell.sky > 0.0).count();
+            let is_undivided = cells.len() == whole.len() << (2 * level) && cells.len() < MAX_WHOLE;
+            let is_whole = is_undivided && open < MIN_OPEN && !is_dark;
+            let uneven = uneven_cells(&levels, hemisphere.size, area);
+            let tolerance = (TOLERANCE * self.error * (known + mean(sum.to_array()))).powi(2);
+            let error: f64 = uneven.iter().map(Uneven::error).sum();
+            if !is_whole && left + error <= tolerance {
+                break;
+            }
+            let least = tolerance / (2 * uneven.len().max(1)) as f64;
+            // With the light of surfaces around it where theirs matters little, as at the edges of leaves before the sky: one quarter of four stands
+            // for all then.
+            let known = |of: &Uneven| (of.cell, (of.errors[1] <= least).then_some(of.around));
+            let mut chosen: Vec<(u32, Option<Vec3>)> = match is_whole {
+                true => {
+                    let even = |(k, of): (u32, &Cell)| (k, (!of.is_open).then_some(of.surfaces));
+                    let mut all: Vec<_> = (0..).zip(cells).map(even).collect();
+                    uneven.iter().map(known).for_each(|of| all[of.0 as usize] = of);
+                    all
+                }
+                false => {
+                    let mut chosen: Vec<&Uneven> = uneven.iter().filter(|of| of.error() > least).collect();
+                    chosen.retain(|of| {
+                        let by_surfaces = of.errors[1] > of.errors[0];
+                        for_surfaces += if by_surfaces { 4 } else { 0 };
+                        !by_surfaces || for_surfaces <= MORE_FOR_SURFACES * whole.len()
+                    });
+                    chosen.into_iter().map(known).collect()
+                }
+            };
+            chosen.truncate((MAX_RAYS - traced) / 4);
+            if chosen.is_empty() {
+                break;
+            }
+            left += uneven.iter().map(Uneven::error).filter(|e| !is_whole && *e <= least).sum::<f64>();
+            chosen.sort_unstable_by_key(|(cell, _)| *cell);
+            traced += 4 * chosen.len();
+            let cells = &mut levels[level as usize];
+            for (k, &(cell, _)) in chosen.iter().enumerate() {
+                let cell = &mut cells[cell as usize];
+                cell.quarters = 4 * k as u32;
+                sum -= cell.light.as_dvec3() * area;
+            }
+            let chosen: Vec<([u32; 2], Option<Vec3>)> =
+                chosen.iter().map(|&(k, surfaces)| (cells[k as usize].place, surfaces)).collect();
+            let quarters = self.quarters(&chosen, level + 1, &hemisphere, point, buffers);
+            sum += light_of(&quarters) * (0.25 * area);
+            levels.push(quarters);
+        }
+        let tally = &mut buffers.scratch.tally;
+        let rays = (whole.len() + traced) as u64;
+        (tally.segments, tally.exact_rays) = (tally.segments + rays, tally.exact_rays + rays);
+        // What is added and taken away again leaves a rounding error.
+        sum.max(DVec3::ZERO).to_array()
+    }
+
+    /// The grid of a point, turned by a random angle about its normal.
+    fn hemisphere_of(&self, point: &GatherPoint) -> Hemisphere {
+        let (x, y) = point.normal.any_orthonormal_pair();
+        let [turn, ..] = numbers(point.seed, 1);
+        let (sin, cos) = (std::f32::consts::TAU * turn).sin_cos();
+        Hemisphere { frame: [cos * x + sin * y, cos * y - sin * x, point.normal], size: self.hemisphere_grid }
+    }
+
+    /// What the rays of the undivided grid have found, row after row. Their directions are stored in blocks of 4 by 4 cells.
+    fn trace_whole(&self, hemisphere: &Hemisphere, point: &GatherPoint, buffers: &mut Buffers) -> Vec<Seen> {
+        let [x, y, z] = hemisphere.frame.map(|axis| self.length * axis);
+        let directions = &self.hemispheres[(point.seed % self.hemispheres.len() as u64) as usize];
+        let packets = &mut buffers.packets;
+        packets.resize(directions.len() / LANES, Packet::EMPTY);
+        for (packet, directions) in packets.iter_mut().zip(directions.chunks_exact(LANES)) {
+            for (lane, d) in directions.iter().enumerate() {
+                let to = d.x * x + d.y * y + d.z * z;
+                for axis in 0..3 {
+                    packet.origin[axis][lane] = point.at[axis];
+                    packet.direction[axis][lane] = to[axis];
+                }
+            }
+            (packet.near, packet.far, packet.active) = ([0.0; LANES], [1.0; LANES], 0xffff);
+        }
+        let blocks = self.seen(&vec![None; directions.len()], point.seed, buffers);
+        let mut seen = blocks.clone();
+        let columns = hemisphere.size[0];
+        for (k, found) in blocks.into_iter().enumerate() {
+            let (block, lane) = (k / LANES, k % LANES);
+            let (across, down) = (block % (columns / 4), block / (columns / 4));
+            seen[(4 * down + lane / 4) * columns + 4 * across + lane % 4] = found;
+        }
+        seen
+    }
+
+    /// What the first rays of `buffers.packets` find, one for each of `surfaces`. Where the light of surfaces is known about, one ray in four counts four
+    /// times.
+    fn seen(&self, surfaces: &[Option<Vec3>], seed: u64, buffers: &mut Buffers) -> Vec<Seen> {
+        let Buffers { packets, hits, vertices, .. } = buffers;
+        hits.clear();
+        hits.resize(packets.len(), Hits::NONE);
+        self.traced.first_hits(self.traversal, packets, hits);
+        vertices.clear();
+        // Rays that end too near go on as paths.
+        let mut near = Vec::new();
+        let mut seen: Vec<Seen> = (0..surfaces.len())
+            .map(|k| {
+                let (packet, hits, lane) = (&packets[k / LANES], &hits[k / LANES], k % LANES);
+                if hits.triangle[lane] == Hits::NOTHING {
+                    return Seen::Sky;
+                }
+                let weight = if surfaces[k].is_some() { 4.0 } else { 1.0 };
+                if surfaces[k].is_some() && k % 4 != (mix(seed ^ k as u64 / 4) % 4) as usize {
+                    return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
+                }
+                let Some(met) = self.met(packet, hits, lane) else { return Seen::Dark };
+                if self.direct_only {
+                    return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
+                }
+                let of_element = Vec3::from(self.reflected[met.leaf as usize]);
+                let light = self.reflected_or_next(met, self.length * hits.t[lane], near.len() as u32);
+                let light = light.unwrap_or_else(|vertex| {
+                    near.push(k);
+                    vertices.push(PathVertex { share: weight * vertex.share, ..vertex });
+                    Vec3::ZERO
+                });
+                Seen::Surface(weight * light, of_element)
+            })
+            .collect();
+        let mut sums = vec![[0.0; 3]; near.len()];
+        self.follow(seed, false, &mut sums, buffers);
+        for (k, sum) in near.into_iter().zip(sums) {
+            if let Seen::Surface(light, _) = &mut seen[k] {
+                *light = Vec3::from(sum.map(|s| s as f32));
+            }
+        }
+        seen
+    }
+
+    /// The quarters of cells, given by their places and the light of surfaces in them if it is known, by one ray each.
+    fn quarters(
+        &self,
+        cells: &[([u32; 2], Option<Vec3>)],
+        level: u32,
+        hemisphere: &Hemisphere,
+        point: &GatherPoint,
+        buffers: &mut Buffers,
+    ) -> Vec<Cell> {
+        let surfaces: Vec<Option<Vec3>> = cells.iter().flat_map(|(_, known)| [*known; 4]).collect();
+        let parts: Vec<[u32; 2]> = cells
+            .iter()
+            .flat_map(|([i, j], _)| [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[a, b]| [2 * i + a, 2 * j + b]))
+            .collect();
+        let seed = mix(point.seed ^ u64::from(level) << 32);
+        let packets = &mut buffers.packets;
+        packets.clear();
+        packets.resize(parts.len().div_ceil(LANES), Packet::EMPTY);
+        for (k, [i, j]) in parts.iter().enumerate() {
+            let [u, v, ..] = numbers(seed, k as u64);
+            let direction = hemisphere.direction(level, [*i as f32 + u, *j as f32 + v]);
+            let to = point.at + self.length * direction;
+            packets[k / LANES].set_between(k % LANES, point.at, to, [0.0, 1.0]);
+        }
+        let seen = self.seen(&surfaces, seed, buffers);
+        self.cells(hemisphere, level, (&parts, &surfaces), &seen, point)
+    }
+
+    /// Cells at these places of a level, with the radiance of the sky at a place in each, in the undivided grid in each of their quarters.
+    fn cells(
+        &self,
+        hemisphere: &Hemisphere,
+        level: u32,
+        (places, surfaces): (&[[u32; 2]], &[Option<Vec3>]),
+        seen: &[Seen],
+        point: &GatherPoint,
+    ) -> Vec<Cell> {
+        let seed = mix(!point.seed ^ u64::from(level) << 32);
+        let sky_in = |place: [u32; 2]| {
+            if !self.has_environment() {
+                return Vec3::ZERO;
+            }
+            let [u, v, p, q] = numbers(seed, u64::from(place[0]) << 32 | u64::from(place[1]));
+            let sky_at = |[u, v]: [f32; 2]| {
+                self.sky_of_ray(hemisphere.direction(level, [place[0] as f32 + u, place[1] as f32 + v]))
+            };
+            // Places that mirror each other in pairs, so that what is linear over the cell has no error.
+            match level {
+                0 => {
+                    let ([u, v], [p, q]) = ([0.5 * u, 0.5 * v], [0.5 * p, 0.5 * q]);
+                    let mirrored = [[u, v], [1.0 - u, 1.0 - v], [p, 1.0 - q], [1.0 - p, q]];
+                    0.25 * mirrored.into_iter().map(sky_at).sum::<Vec3>()
+                }
+                _ => sky_at([u, v]),
+            }
+        };
+        let cell = |(k, (&place, seen)): (usize, (&[u32; 2], &Seen))| {
+            let sky = sky_in(place);
+            let (light, of_element) = match *seen {
+                Seen::Sky => (sky, sky),
+                Seen::Dark => (Vec3::ZERO, Vec3::ZERO),
+                Seen::Surface(light, of_element) => (light, of_element),
+            };
+            let is_open = matches!(seen, Seen::Sky);
+            let surfaces = surfaces.get(k).copied().flatten().unwrap_or(of_element);
+            Cell { place, is_open, light, surfaces, sky: sky.element_sum() / 3.0, quarters: WHOLE }
+        };
+        places.iter().zip(seen).enumerate().map(cell).collect()
+    }
+}
+
+/// Sum of the light of cells.
+fn light_of(cells: &[Cell]) -> DVec3 {
+    cells.iter().map(|cell| cell.light.as_dvec3()).sum()
+}
+
+/// The cells of the finest level whose neighbours differ from each other, the largest errors first. The ray of
+/// a cell does not say whether it is divided: of cells that are open in part, those whose ray happens to be blocked would be left so. Where a
+/// neighbour is not divided as often, its larger cell counts.
+fn uneven_cells(levels: &[Vec<Cell>], [columns, rows]: [usize; 2], area: f64) -> Vec<Uneven> {
+    let finest = levels.len() - 1;
+    let size = [columns << finest, rows << finest];
+    // The cell of the finest level at a place, or the smallest that is not divided there.
+    let of = |[i, j]: [usize; 2]| {
+        let mut cell = &levels[0][(j >> finest) * columns + (i >> finest)];
+        for (depth, cells) in levels.iter().enumerate().skip(1) {
+            if cell.quarters == WHOLE {
+                break;
+            }
+            let half = |at: usize| (at >> (finest - depth)) & 1;
+            cell = &cells[cell.quarters as usize + half(i) + 2 * half(j)];
+        }
+        cell
+    };
+    // Of the whole grid two rings: the ends of narrow strips of sky are thinner than a cell.
+    let reach = if finest == 0 { 2 } else { 1 };
+    let range =
+        |at: u32, size: usize| (at as usize).saturating_sub(reach)..(at as usize + reach + 1).min(size);
+    let mut found: Vec<Uneven> = Vec::new();
+    for (k, cell) in levels[finest].iter().enumerate() {
+        let [i, j] = cell.place;
+        let nothing = [f32::INFINITY, f32::NEG_INFINITY];
+        // Ranges of the light of the sky, blocked or not, and of surfaces.
+        let ([mut sky, mut surfaces], mut open) = ([nothing; 2], false);
+        let (mut around, mut blocked) = (Vec3::ZERO, 0u16);
+        let widen = |range: &mut [f32; 2], by: f32| *range = [range[0].min(by), range[1].max(by)];
+        for row in range(j, size[1]) {
+            for column in range(i, size[0]) {
+                if [column, row] != [i as usize, j as usize] {
+                    let near = of([column, row]);
+                    widen(&mut sky, near.sky);
+                    match near.is_open {
+                        true => open = true,
+                        false => {
+                            widen(&mut surfaces, near.surfaces.element_sum() / 3.0);
+                            (around, blocked) = (around + near.surfaces, blocked + 1);
+                        }
+                    }
+                }
+            }
+        }
+        let edge = if open && blocked > 0 { ERROR_OF_EDGE * f64::from(sky[1]) } else { 0.0 };
+        let between = if blocked > 0 { ERROR_OF_EDGE * f64::from(surfaces[1] - surfaces[0]) } else { 0.0 };
+        // An edge is in one of the cells across it, and so is the difference between the nearest on either side.
+        let across = (2 * reach + 1) as f64;
+        let of_cell = if open { ERROR_OF_GRADIENT[usize::from(finest > 0)] / across } else { 0.0 };
+        let gradient = of_cell * f64::from(sky[1] - sky[0]);
+        let errors =
+            [edge * edge / across + gradient * gradient, WEIGHT_OF_SURFACES * between * between / across];
+        let around = around / f32::from(blocked.max(1));
+        let of = Uneven { cell: k as u32, errors: errors.map(|e| area * area * e), around };
+        if of.error() > 0.0 {
+            found.push(of);
+        }
+    }
+    found.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));
+    found
+}
