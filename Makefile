@@ -26,7 +26,7 @@ export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
 .PHONY: help demo test test-room test-long setup-tests build scenes install install-files dist python python-test sky-reference fuzz kills batch-speed clean distclean
-.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-install need-hosts need-python need-mpi
+.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-install need-hosts need-python need-libclang need-mpi
 .DEFAULT_GOAL := help
 
 help:
@@ -61,7 +61,7 @@ need-cargo:
 	  echo "mrvis: cargo is $$have, Rust $(RUST_VERSION) or later is required: run rustup update stable" >&2; exit 1; }
 
 need-packages:
-	@.ci/debian-packages g++=g++ gcc=cc binutils=strip python3=python3 $(if $(LIBCLANG_PATH),,libclang-dev)
+	@.ci/debian-packages g++=g++ gcc=cc binutils=strip python3=python3
 
 need-embree: need-packages
 	@.ci/get-embree
@@ -86,8 +86,12 @@ need-install:
 need-hosts: need-install
 	@.ci/debian-packages cmake=cmake pkg-config=pkg-config clang=clang valgrind=valgrind dpkg-dev=dpkg-shlibdeps libtbb-dev
 
+# What bindgen loads, which reads the C header for its test and the headers of MPI. What is installed is built without.
+need-libclang: need-packages
+	@$(if $(LIBCLANG_PATH),:,.ci/debian-packages libclang-dev)
+
 # What the feature `mpi` needs: the headers and the launcher of Open MPI. Only its tests, as the default build has no MPI.
-need-mpi: need-packages
+need-mpi: need-libclang
 	@.ci/debian-packages openmpi-bin=mpirun libopenmpi-dev=mpicc
 
 need-lint: need-cargo
@@ -124,7 +128,7 @@ test-room: setup-tests
 test-long: setup-tests
 	@.ci/stages --long
 
-setup-tests: setup need-lint need-browser need-hosts need-python need-mpi
+setup-tests: setup need-lint need-browser need-hosts need-python need-libclang need-mpi
 
 # --- the Python package: its own virtual environment; nothing else needs Python packages ------------------------------
 

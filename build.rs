@@ -1,4 +1,4 @@
-//! Finds Embree 4, generates bindings from its installed headers and compiles the C shim. Also computes a hash of the
+//! Finds Embree 4 and compiles the C shim, which checks `src/embree/sys.rs` against the installed headers. Also computes a hash of the
 //! source code that measures clusters; cache files of other code are not used.
 //!
 //! Search order for Embree 4:
@@ -13,7 +13,6 @@ use std::path::{Path, PathBuf};
 
 fn main() {
     println!("cargo:rerun-if-env-changed=EMBREE_DIR");
-    println!("cargo:rerun-if-changed=src/embree/wrapper.h");
     println!("cargo:rerun-if-changed=src/embree/shim.h");
     println!("cargo:rerun-if-changed=src/embree/shim.c");
     println!("cargo:rerun-if-changed=build.rs");
@@ -30,30 +29,6 @@ fn main() {
     println!("cargo:rustc-link-arg=-Wl,-rpath,{}", embree.lib.display());
     // The build scripts of `command` and `ffi` read it: arguments of linking hold for the package alone that gives them.
     println!("cargo:lib={}", embree.lib.display());
-
-    let include = format!("-I{}", embree.include.display());
-    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    bindgen::Builder::default()
-        .header("src/embree/wrapper.h")
-        .clang_arg(&include)
-        .allowlist_function("rtc(New|Release)(Device|Scene|Geometry)")
-        .allowlist_function("rtcRetain(Device|Scene)")
-        .allowlist_function(
-            "rtc(Get|Set)Device(Error|Property|ErrorFunction|MemoryMonitorFunction|ErrorMessage)",
-        )
-        .allowlist_function("rtcSetScene(Flags|BuildQuality)")
-        .allowlist_function("rtc(CommitScene|CommitGeometry|AttachGeometry|AttachGeometryByID)")
-        .allowlist_function("rtcSet(SceneProgressMonitorFunction|NewGeometryBuffer|GeometryMask|GeometryInstancedScene|GeometryTransform)")
-        .allowlist_function("mrvis_.*")
-        .allowlist_var("RTC_(VERSION|VERSION_MAJOR|VERSION_STRING|INVALID_GEOMETRY_ID)")
-        // A newer library may return unknown codes. Constants keep this defined; Rust enums would not.
-        .default_enum_style(bindgen::EnumVariation::NewType { is_bitfield: false, is_global: false })
-        .bitfield_enum("RTCSceneFlags")
-        .layout_tests(true)
-        .generate()
-        .expect("bindgen could not read the Embree headers; it needs libclang (Debian: libclang-dev)")
-        .write_to_file(out.join("embree.rs"))
-        .expect("OUT_DIR is writable");
 
     cc::Build::new()
         .file("src/embree/shim.c")

@@ -214,7 +214,7 @@ pub mod ranks {
 
 /// Bit images.
 pub mod raster {
-    pub use crate::raster::{BitImage, Edt, Morphology, Opener, Outside, expand, fill_triangle};
+    pub use crate::raster::{BitImage, Opener, expand, fill_triangle};
 }
 
 /// Segments.

@@ -1,5 +1,8 @@
 //! Progress of long computations, and cancellation.
 
+#[cfg(test)]
+pub mod testing;
+
 use std::fmt;
 #[cfg(any(test, feature = "reports"))]
 use std::io::{Error, Result, Seek, SeekFrom, Write};

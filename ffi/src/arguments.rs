@@ -106,20 +106,46 @@ pub struct Place<T>(*mut T);
 
 impl<T> Place<T> {
     /// The place of the argument `name`.
-    pub fn of(pointer: *mut T, name: &str) -> Outcome<Place<T>> {
+    ///
+    /// # Safety
+    /// The pointer has room for a `T` as long as the place lives.
+    pub unsafe fn of(pointer: *mut T, name: &str) -> Outcome<Place<T>> {
         check_pointer(pointer, name)?;
         Ok(Place(pointer))
     }
 
-    /// Writes the result.
+    /// The same for an argument that may be NULL: nothing is written then.
     ///
     /// # Safety
-    /// The pointer that was given has room for a `T`.
-    pub unsafe fn set(self, value: T) {
-        // SAFETY: neither NULL nor misaligned; the rest is the caller's promise.
-        unsafe { self.0.write(value) };
+    /// As for [`Place::of`].
+    pub unsafe fn optional(pointer: *mut T, name: &str) -> Outcome<Place<T>> {
+        // SAFETY: as for this function.
+        if pointer.is_null() { Ok(Place(pointer)) } else { unsafe { Place::of(pointer, name) } }
+    }
+
+    /// Writes the result, which cannot fail: the end of most calls.
+    pub fn set(self, value: T) -> Outcome {
+        if !self.0.is_null() {
+            // SAFETY: not misaligned; the rest is the promise that was given with the pointer.
+            unsafe { self.0.write(value) };
+        }
+        Ok(())
     }
 }
+
+/// The value that a number of the caller stands for, by the constants of the header.
+macro_rules! one_of {
+    ($argument:expr, $number:expr, $($($constant:ident)|+ => $value:expr),+ $(,)?) => {
+        match $number {
+            $($($constant)|+ => $value,)+
+            other => {
+                let names = [$($(stringify!($constant)),+),+].join(", ");
+                return super::arguments::wrong(format!("`{}` {other}: give one of {names}", $argument));
+            }
+        }
+    };
+}
+pub(super) use one_of;
 
 /// Sets an option of the caller; 0 stands for the default.
 pub fn set<T: Default + PartialEq, O: From<T>>(option: &mut O, given: T) {

@@ -78,13 +78,12 @@ pub unsafe extern "C" fn mrv_model_bench(
         let given = unsafe { read_optional(options, "options") }?;
         // SAFETY: as above.
         let options = unsafe { bench_options(&given) }?;
-        let place = Place::of(report, "report")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(report, "report") }?;
         let run = |progress| model.model.with_progress(progress).bench(&options);
         let found: BenchReport = with_progress(call, given.progress, given.user, run)??;
         let (json, page) = (c_text(&found.json), c_text(&found.page));
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(give(ReportText { json, page })) };
-        Ok(())
+        place.set(give(ReportText { json, page }))
     })
 }
 
@@ -96,14 +95,10 @@ pub unsafe extern "C" fn mrv_bench_report_get_text(
 ) -> mrv_status {
     guard("mrv_bench_report_get_text", |call| {
         let report = object(call, report, "report")?;
-        let json = (!json.is_null()).then(|| Place::of(json, "json")).transpose()?;
-        let html = (!html.is_null()).then(|| Place::of(html, "html")).transpose()?;
         // SAFETY: the caller gives places.
-        unsafe {
-            json.into_iter().for_each(|place| place.set(report.json.as_ptr()));
-            html.into_iter().for_each(|place| place.set(report.page.as_ptr()));
-        }
-        Ok(())
+        let (json, html) = unsafe { (Place::optional(json, "json")?, Place::optional(html, "html")?) };
+        json.set(report.json.as_ptr())?;
+        html.set(report.page.as_ptr())
     })
 }
 

@@ -104,10 +104,9 @@ unsafe fn strided<'a, T: Copy>(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_scene_builder_create(builder: *mut *mut mrv_scene_builder) -> mrv_status {
     guard("mrv_scene_builder_create", |_| {
-        let place = Place::of(builder, "builder")?;
         // SAFETY: the caller gives a place.
-        unsafe { place.set(give(Mutex::default())) };
-        Ok(())
+        let place = unsafe { Place::of(builder, "builder") }?;
+        place.set(give(Mutex::default()))
     })
 }
 
@@ -130,13 +129,9 @@ pub unsafe extern "C" fn mrv_scene_builder_add_material(
         let name = unsafe { text(name, "name") }?;
         let (reflectance, emission) =
             (rgb(reflectance, "reflectance", 0.5)?, rgb(emission, "emission", 0.0)?);
-        let place = if index.is_null() { None } else { Some(Place::of(index, "index")?) };
-        let number = open(&builder).add_material(name, reflectance, emission)?;
-        if let Some(place) = place {
-            // SAFETY: the caller gives a place.
-            unsafe { place.set(number) };
-        }
-        Ok(())
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::optional(index, "index") }?;
+        place.set(open(&builder).add_material(name, reflectance, emission)?)
     })
 }
 
@@ -163,11 +158,9 @@ pub unsafe extern "C" fn mrv_scene_builder_add_shared_mesh(
         let builder = object(call, builder, "builder")?;
         // SAFETY: the caller gives a record with arrays and text.
         let mesh = unsafe { mesh_of(&read(mesh, "mesh")?) }?;
-        let place = Place::of(index, "index")?;
-        let number = open(&builder).add_shared_mesh(&mesh)?;
         // SAFETY: the caller gives a place.
-        unsafe { place.set(number) };
-        Ok(())
+        let place = unsafe { Place::of(index, "index") }?;
+        place.set(open(&builder).add_shared_mesh(&mesh)?)
     })
 }
 
@@ -197,11 +190,10 @@ pub unsafe extern "C" fn mrv_scene_builder_finish(
         let builder = object(call, builder, "builder")?;
         // SAFETY: the caller gives a record.
         let options = unsafe { load_options(options) }?;
-        let place = Place::of(scene, "scene")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(scene, "scene") }?;
         let all = std::mem::take(&mut *open(&builder));
         let scene = all.finish(&options)?;
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
-        Ok(())
+        place.set(give(NamedScene::new(Arc::new(scene))))
     })
 }

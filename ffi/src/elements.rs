@@ -120,11 +120,10 @@ pub unsafe extern "C" fn mrv_solution_get_json(
 ) -> mrv_status {
     guard("mrv_solution_get_json", |call| {
         let solution = object(call, solution, "solution")?;
-        let place = Place::of(json, "json")?;
-        let text = solution.json.get_or_init(|| c_text(&solution.solution.json()));
         // SAFETY: the caller gives a place.
-        unsafe { place.set(text.as_ptr()) };
-        Ok(())
+        let place = unsafe { Place::of(json, "json") }?;
+        let text = solution.json.get_or_init(|| c_text(&solution.solution.json()));
+        place.set(text.as_ptr())
     })
 }
 
@@ -136,7 +135,8 @@ pub unsafe extern "C" fn mrv_solution_get_warning(
 ) -> mrv_status {
     guard("mrv_solution_get_warning", |call| {
         let solution = object(call, solution, "solution")?;
-        let place = Place::of(text, "text")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(text, "text") }?;
         let all = solution.warnings.get_or_init(|| {
             add_record("options", mrv_solve_options::MEMBERS);
             solution
@@ -150,9 +150,7 @@ pub unsafe extern "C" fn mrv_solution_get_warning(
         let Some(text) = usize::try_from(index).ok().and_then(|i| all.get(i)) else {
             return wrong(format!("`index` {index}: the solution has {} warnings", all.len()));
         };
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(text.as_ptr()) };
-        Ok(())
+        place.set(text.as_ptr())
     })
 }
 
@@ -179,13 +177,12 @@ pub unsafe extern "C" fn mrv_solution_get_page(
 ) -> mrv_status {
     guard("mrv_solution_get_page", |call| {
         let solution = object(call, solution, "solution")?;
-        let place = Place::of(html, "html")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(html, "html") }?;
         if solution.page.get().is_none() {
             // Another thread may have set it meanwhile; either page serves.
             let _ = solution.page.set(c_text(&solution.solution.page()?));
         }
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(solution.page.get().map_or(c"".as_ptr(), |page| page.as_ptr())) };
-        Ok(())
+        place.set(solution.page.get().map_or(c"".as_ptr(), |page| page.as_ptr()))
     })
 }

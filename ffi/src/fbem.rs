@@ -1,6 +1,6 @@
 //! The feature-based error metric of two images.
 
-use super::arguments::{count_of, no_reserved, set, slice, slice_mut, wrong};
+use super::arguments::{count_of, no_reserved, one_of, set, slice, slice_mut};
 use super::guard::{Outcome, guard};
 use super::overlap::{Span, check_apart};
 use super::record::{read, record};
@@ -38,25 +38,19 @@ const BYTES_PER_TEXEL: u64 = 8 * 8 + 4 * 16;
 
 fn fbem_options(given: &mrv_fbem_images) -> Outcome<FbemOptions> {
     no_reserved(given.reserved, "images.reserved")?;
-    let kinds = match given.features {
+    let kinds = one_of!(
+        "images.features",
+        given.features,
         MRV_FEATURES_BOTH => Features::Both,
         MRV_FEATURES_SHADOW => Features::Shadow,
-        other => {
-            return wrong(format!(
-                "`images.features` {other}: give MRV_FEATURES_BOTH or MRV_FEATURES_SHADOW"
-            ));
-        }
-    };
-    let morphology = match given.morphology {
+    );
+    let morphology = one_of!(
+        "images.morphology",
+        given.morphology,
         MRV_MORPHOLOGY_EUCLID => Morphology::Euclid,
         MRV_MORPHOLOGY_PAPER8 => Morphology::Paper8,
         MRV_MORPHOLOGY_PAPER4 => Morphology::Paper4,
-        other => {
-            return wrong(format!(
-                "`images.morphology` {other}: give one of MRV_MORPHOLOGY_EUCLID to MRV_MORPHOLOGY_PAPER4"
-            ));
-        }
-    };
+    );
     let mut options = FbemOptions::default();
     (options.features.features, options.features.morphology) = (kinds, morphology);
     set(&mut options.features.white, given.white);

@@ -1,6 +1,6 @@
 //! Form factors.
 
-use super::arguments::{Place, c_text, set, text, wrong};
+use super::arguments::{Place, c_text, one_of, set, text, wrong};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard};
 use super::handle::{give, handle, object};
@@ -35,16 +35,13 @@ record!(56: struct mrv_form_factor_options {
 });
 
 fn form_factor_options(given: &mrv_form_factor_options) -> Outcome<FormFactorOptions> {
-    let grouping = match given.grouping {
+    let grouping = one_of!(
+        "options.grouping",
+        given.grouping,
         MRV_GROUPING_POLYGON => Grouping::Polygon,
         MRV_GROUPING_OBJECT => Grouping::Object,
         MRV_GROUPING_MATERIAL => Grouping::Material,
-        other => {
-            return wrong(format!(
-                "`options.grouping` {other}: give one of MRV_GROUPING_POLYGON to MRV_GROUPING_MATERIAL"
-            ));
-        }
-    };
+    );
     let mut options = FormFactorOptions::default();
     (options.grouping, options.closure) = (grouping, given.no_closure == 0);
     set(&mut options.rays, given.rays);
@@ -65,13 +62,12 @@ pub unsafe extern "C" fn mrv_model_form_factors(
         // SAFETY: the caller gives a record.
         let given = unsafe { read_optional(options, "options") }?;
         let options = form_factor_options(&given)?;
-        let place = Place::of(factors, "factors")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(factors, "factors") }?;
         let compute = |progress| model.model.with_progress(progress).form_factors(&options);
         let factors = with_progress(call, given.progress, given.user, compute)??;
         let names = factors.names.iter().map(|name| c_text(name)).collect();
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(give(NamedFactors { factors, names })) };
-        Ok(())
+        place.set(give(NamedFactors { factors, names }))
     })
 }
 
@@ -114,9 +110,7 @@ pub unsafe extern "C" fn mrv_form_factors_get_arrays(
             row_sum_error: factors.row_sum_error,
             closed_row_sum_error: factors.closed_row_sum_error,
         };
-        // SAFETY: as above.
-        unsafe { place.set(arrays) };
-        Ok(())
+        place.set(arrays)
     })
 }
 
@@ -130,16 +124,14 @@ pub unsafe extern "C" fn mrv_form_factors_get_row(
 ) -> mrv_status {
     guard("mrv_form_factors_get_row", |call| {
         let factors = &object(call, factors, "factors")?.factors;
-        let places =
-            (Place::of(columns, "columns")?, Place::of(values, "values")?, Place::of(count, "count")?);
-        let (columns, values) = factors.row(index(row, factors.areas.len())?);
         // SAFETY: the caller gives places.
-        unsafe {
-            places.0.set(columns.as_ptr());
-            places.1.set(values.as_ptr());
-            places.2.set(columns.len());
-        }
-        Ok(())
+        let places = unsafe {
+            (Place::of(columns, "columns")?, Place::of(values, "values")?, Place::of(count, "count")?)
+        };
+        let (columns, values) = factors.row(index(row, factors.areas.len())?);
+        places.0.set(columns.as_ptr())?;
+        places.1.set(values.as_ptr())?;
+        places.2.set(columns.len())
     })
 }
 
@@ -151,12 +143,11 @@ pub unsafe extern "C" fn mrv_form_factors_get_name(
 ) -> mrv_status {
     guard("mrv_form_factors_get_name", |call| {
         let factors = object(call, factors, "factors")?;
-        let place = Place::of(name, "name")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(name, "name") }?;
         let row = index(row, factors.factors.areas.len())?;
         let name = factors.names.get(row).map_or(c"".as_ptr(), |name| name.as_ptr());
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(name) };
-        Ok(())
+        place.set(name)
     })
 }
 

@@ -39,9 +39,7 @@ pub unsafe extern "C" fn mrv_scene_get_camera(
         let Some((_, camera)) = usize::try_from(index).ok().and_then(|i| cameras.nth(i)) else {
             return wrong(format!("`index` {index}: the scene has {count} cameras"));
         };
-        // SAFETY: as above.
-        unsafe { place.set(camera_record(camera)) };
-        Ok(())
+        place.set(camera_record(camera))
     })
 }
 
@@ -55,9 +53,7 @@ pub unsafe extern "C" fn mrv_solution_get_camera(
         // SAFETY: the caller gives a record.
         let place = unsafe { RecordPlace::of(camera, "camera") }?;
         let camera = solution.automatic_camera()?;
-        // SAFETY: as above.
-        unsafe { place.set(camera_record(camera)) };
-        Ok(())
+        place.set(camera_record(camera))
     })
 }
 
@@ -124,14 +120,13 @@ pub unsafe extern "C" fn mrv_solution_lightmap(
         let solution = &object(call, solution, "solution")?.solution;
         // SAFETY: the caller gives a record.
         let given = unsafe { read_optional(options, "options") }?;
-        let place = Place::of(lightmap, "lightmap")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(lightmap, "lightmap") }?;
         let texels = if given.texels == 0 { TEXELS } else { count_of(given.texels) };
         let draw = |progress| solution.with_progress(progress).lightmap(texels);
         let map = with_progress(call, given.progress, given.user, draw)??;
         let note = map.note.as_deref().map(c_text);
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(give(NotedLightmap { map, note })) };
-        Ok(())
+        place.set(give(NotedLightmap { map, note }))
     })
 }
 
@@ -170,8 +165,6 @@ pub unsafe extern "C" fn mrv_lightmap_get_arrays(
             texcoords: map.texcoords.as_ptr().cast(),
             note: lightmap.note.as_ref().map_or(std::ptr::null(), |note| note.as_ptr()),
         };
-        // SAFETY: as above.
-        unsafe { place.set(arrays) };
-        Ok(())
+        place.set(arrays)
     })
 }

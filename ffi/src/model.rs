@@ -1,6 +1,6 @@
 //! Models: scenes prepared for queries.
 
-use super::arguments::{Place, no_reserved, optional_text, wrong};
+use super::arguments::{Place, no_reserved, one_of, optional_text};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard};
 use super::handle::{give, handle, object};
@@ -54,27 +54,21 @@ record!(40: struct mrv_prepare_options {
 /// # Safety
 /// The record holds text as the header says.
 unsafe fn prepare_options(given: &mrv_prepare_options) -> Outcome<PrepareOptions> {
-    let detail = match given.detail {
+    let detail = one_of!(
+        "options.detail",
+        given.detail,
         MRV_DETAIL_DEFAULT | MRV_DETAIL_OPTICS => Detail::Optics,
         MRV_DETAIL_RAYS => Detail::Rays,
         MRV_DETAIL_CLUSTERS => Detail::Clusters,
-        other => {
-            return wrong(format!(
-                "`options.detail` {other}: give 0 or one of MRV_DETAIL_RAYS to MRV_DETAIL_OPTICS"
-            ));
-        }
-    };
-    let builder = match given.builder {
+    );
+    let builder = one_of!(
+        "options.builder",
+        given.builder,
         MRV_BUILDER_DEFAULT | MRV_BUILDER_GRIDS => Builder::Grids,
         MRV_BUILDER_KDTREE => Builder::KdTree,
         MRV_BUILDER_GOLDSMITH_SALMON => Builder::GoldsmithSalmon,
         MRV_BUILDER_SAH => Builder::Sah,
-        other => {
-            return wrong(format!(
-                "`options.builder` {other}: give 0 or one of MRV_BUILDER_GRIDS to MRV_BUILDER_SAH"
-            ));
-        }
-    };
+    );
     no_reserved(given.reserved, "options.reserved")?;
     let mut options = PrepareOptions::default();
     (options.detail, options.builder, options.threads) = (detail, builder, given.threads as usize);
@@ -95,12 +89,11 @@ pub unsafe extern "C" fn mrv_model_prepare(
         let given = unsafe { read_optional(options, "options") }?;
         // SAFETY: as above.
         let options = unsafe { prepare_options(&given) }?;
-        let place = Place::of(model, "model")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(model, "model") }?;
         let prepare = |progress| Model::prepare(scene.scene.clone(), &options.with_progress(progress));
         let model = with_progress(call, given.progress, given.user, prepare)??;
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(give(NamedModel::new(model))) };
-        Ok(())
+        place.set(give(NamedModel::new(model)))
     })
 }
 
@@ -111,10 +104,9 @@ pub unsafe extern "C" fn mrv_model_get_scene(
 ) -> mrv_status {
     guard("mrv_model_get_scene", |call| {
         let model = object(call, model, "model")?;
-        let place = Place::of(scene, "scene")?;
         // SAFETY: the caller gives a place.
-        unsafe { place.set(give(NamedScene::new(model.model.shared_scene()))) };
-        Ok(())
+        let place = unsafe { Place::of(scene, "scene") }?;
+        place.set(give(NamedScene::new(model.model.shared_scene())))
     })
 }
 
@@ -159,8 +151,6 @@ pub unsafe extern "C" fn mrv_model_get_info(
             },
             from_cache: i32::from(report.from_cache),
         };
-        // SAFETY: as above.
-        unsafe { place.set(info) };
-        Ok(())
+        place.set(info)
     })
 }

@@ -1,6 +1,6 @@
 //! Single visibility queries.
 
-use super::arguments::{count_of, wrong};
+use super::arguments::{count_of, one_of};
 use super::guard::guard;
 use super::handle::object;
 use super::model::mrv_model;
@@ -47,13 +47,12 @@ pub unsafe extern "C" fn mrv_visibility_query(
         // SAFETY: as above.
         let places = unsafe { (RecordPlace::of(answer, "answer")?, RecordPlace::optional(cost, "cost")?) };
         let mut query = visibility.from_point(given.position, given.normal);
-        query = match given.target {
+        query = one_of!(
+            "query.target",
+            given.target,
             MRV_TARGET_SOURCE => query.to_source(count_of(given.source)),
             MRV_TARGET_POINT => query.to_point(given.point),
-            other => {
-                return wrong(format!("`query.target` {other}: give MRV_TARGET_SOURCE or MRV_TARGET_POINT"));
-            }
-        };
+        );
         if given.feature_size != 0.0 {
             query = query.feature_size(given.feature_size);
         }
@@ -71,13 +70,7 @@ pub unsafe extern "C" fn mrv_visibility_query(
             hi: found.hi,
             method: i32::from(found.method as u8),
         };
-        // SAFETY: as above.
-        unsafe {
-            places.0.set(answer);
-            if let Some(place) = places.1 {
-                place.set(cost_record(found.cost));
-            }
-        }
-        Ok(())
+        places.0.set(answer)?;
+        places.1.set(cost_record(found.cost))
     })
 }

@@ -122,32 +122,36 @@ impl<R: Record> RecordPlace<R> {
     /// The place of the argument `name`.
     ///
     /// # Safety
-    /// As for [`read`].
+    /// As for [`read`], as long as the place lives.
     pub unsafe fn of(pointer: *mut R, name: &str) -> Outcome<RecordPlace<R>> {
         // SAFETY: as for this function.
         Ok(RecordPlace { pointer, size: unsafe { stated_size(pointer, name) }? })
     }
 
-    /// The same for an argument that may be NULL.
+    /// The same for an argument that may be NULL: nothing is written then.
     ///
     /// # Safety
     /// As for [`read`].
-    pub unsafe fn optional(pointer: *mut R, name: &str) -> Outcome<Option<RecordPlace<R>>> {
+    pub unsafe fn optional(pointer: *mut R, name: &str) -> Outcome<RecordPlace<R>> {
+        if pointer.is_null() {
+            return Ok(RecordPlace { pointer, size: 0 });
+        }
         // SAFETY: as for this function.
-        if pointer.is_null() { Ok(None) } else { unsafe { RecordPlace::of(pointer, name) }.map(Some) }
+        unsafe { RecordPlace::of(pointer, name) }
     }
 
-    /// Writes all members but the size; those that this version does not know become 0.
-    ///
-    /// # Safety
-    /// The record that was given has the size that it states.
-    pub unsafe fn set(self, value: R) {
+    /// Writes all members but the size; those that this version does not know become 0. Cannot fail: the end of most calls.
+    pub fn set(self, value: R) -> Outcome {
+        if self.pointer.is_null() {
+            return Ok(());
+        }
         let (to, own, head) = (self.pointer.cast::<u8>(), size_of::<R>(), size_of::<usize>());
         let known = self.size.min(own);
-        // SAFETY: both have so many bytes, and the first member stays.
+        // SAFETY: both have so many bytes by the promise that was given with the pointer, and the first member stays.
         unsafe {
             (&raw const value).cast::<u8>().add(head).copy_to_nonoverlapping(to.add(head), known - head);
             to.add(known).write_bytes(0, self.size - known);
         }
+        Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! Scenes: read, generated, and what they say about themselves.
 
 use super::arguments::{
-    Place, c_text, count_of, no_reserved, optional_text, put_text, set, slice, text, texts, wrong,
+    Place, c_text, count_of, no_reserved, one_of, optional_text, put_text, set, slice, text, texts, wrong,
 };
 use super::guard::{Outcome, guard};
 use super::handle::{give, handle, object};
@@ -56,29 +56,15 @@ pub const MRV_POWER_WATTS: i32 = 0;
 pub const MRV_POWER_LUMENS: i32 = 1;
 pub const MRV_POWER_LUMINANCE: i32 = 2;
 
-/// An option that is one of a few numbers.
-fn one_of<T: Copy>(name: &str, number: i32, all: &[(i32, &str, T)]) -> Outcome<T> {
-    match all.iter().find(|(known, ..)| *known == number) {
-        Some((.., value)) => Ok(*value),
-        None => {
-            let names: Vec<&str> = all.iter().map(|(_, name, _)| *name).collect();
-            wrong(format!("`{name}` {number}: give one of {}", names.join(", ")))
-        }
-    }
-}
-
 /// What an emitter sends out, in this unit.
 fn strength_of(value: f64, unit: i32) -> Outcome<Strength> {
-    let in_unit: fn(f64) -> Strength = one_of(
+    Ok(one_of!(
         "options.emitter_units",
         unit,
-        &[
-            (MRV_POWER_WATTS, "MRV_POWER_WATTS", Strength::Watts as fn(f64) -> Strength),
-            (MRV_POWER_LUMENS, "MRV_POWER_LUMENS", Strength::Lumens),
-            (MRV_POWER_LUMINANCE, "MRV_POWER_LUMINANCE", Strength::Luminance),
-        ],
-    )?;
-    Ok(in_unit(value))
+        MRV_POWER_WATTS => Strength::Watts(value),
+        MRV_POWER_LUMENS => Strength::Lumens(value),
+        MRV_POWER_LUMINANCE => Strength::Luminance(value),
+    ))
 }
 
 /// The options of a caller.
@@ -107,24 +93,21 @@ pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOpti
         let unit = units.get(i).copied().unwrap_or(MRV_POWER_WATTS);
         options.emitters.push((name.into(), strength_of(strength, unit)?));
     }
-    let up = [
-        (MRV_UP_AUTOMATIC, "MRV_UP_AUTOMATIC", None),
-        (MRV_UP_Y, "MRV_UP_Y", Some(UpAxis::Y)),
-        (MRV_UP_Z, "MRV_UP_Z", Some(UpAxis::Z)),
-    ];
-    if let Some(up) = one_of("options.up", given.up, &up)? {
-        options.up = Some(up);
-    }
-    options.channels = one_of(
+    options.up = one_of!(
+        "options.up",
+        given.up,
+        MRV_UP_AUTOMATIC => None,
+        MRV_UP_Y => Some(UpAxis::Y),
+        MRV_UP_Z => Some(UpAxis::Z),
+    );
+    options.channels = one_of!(
         "options.channels",
         given.channels,
-        &[
-            (MRV_CHANNELS_RGB, "MRV_CHANNELS_RGB", Channels::Rgb),
-            (MRV_CHANNELS_RED, "MRV_CHANNELS_RED", Channels::Red),
-            (MRV_CHANNELS_GREEN, "MRV_CHANNELS_GREEN", Channels::Green),
-            (MRV_CHANNELS_BLUE, "MRV_CHANNELS_BLUE", Channels::Blue),
-        ],
-    )?;
+        MRV_CHANNELS_RGB => Channels::Rgb,
+        MRV_CHANNELS_RED => Channels::Red,
+        MRV_CHANNELS_GREEN => Channels::Green,
+        MRV_CHANNELS_BLUE => Channels::Blue,
+    );
     set(&mut options.max_memory, given.max_memory);
     // SAFETY: as for this function.
     if let Some(placements) = unsafe { optional_text(given.luminaires, "options.luminaires") }? {
@@ -147,11 +130,10 @@ pub unsafe extern "C" fn mrv_scene_load(
     guard("mrv_scene_load", |_| {
         // SAFETY: the caller gives text, a record and a place, as the header says.
         let (path, options) = unsafe { (text(path, "path")?, load_options(options)?) };
-        let place = Place::of(scene, "scene")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(scene, "scene") }?;
         let scene = Scene::load_with(path, &options)?;
-        // SAFETY: as above.
-        unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
-        Ok(())
+        place.set(give(NamedScene::new(Arc::new(scene))))
     })
 }
 
@@ -174,11 +156,10 @@ pub unsafe extern "C" fn mrv_scene_from_memory(
                 load_options(options)?,
             )
         };
-        let place = Place::of(scene, "scene")?;
-        let scene = Scene::from_memory(data, format, folder.map(Path::new), &options)?;
         // SAFETY: the caller gives a place.
-        unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
-        Ok(())
+        let place = unsafe { Place::of(scene, "scene") }?;
+        let scene = Scene::from_memory(data, format, folder.map(Path::new), &options)?;
+        place.set(give(NamedScene::new(Arc::new(scene))))
     })
 }
 
@@ -187,11 +168,10 @@ pub unsafe extern "C" fn mrv_scene_generate(name: *const c_char, scene: *mut *mu
     guard("mrv_scene_generate", |_| {
         // SAFETY: the caller gives text and a place.
         let name = unsafe { text(name, "name") }?;
-        let place = Place::of(scene, "scene")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(scene, "scene") }?;
         let scene = Scene::generate(name)?;
-        // SAFETY: as above.
-        unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
-        Ok(())
+        place.set(give(NamedScene::new(Arc::new(scene))))
     })
 }
 
@@ -216,7 +196,8 @@ pub unsafe extern "C" fn mrv_scene_generate_with(
         // SAFETY: the caller gives text and a record.
         let (name, given) = unsafe { (text(name, "name")?, read_optional(options, "options")?) };
         no_reserved(given.reserved, "options.reserved")?;
-        let place = Place::of(scene, "scene")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(scene, "scene") }?;
         let number = |n: u64| (n != 0).then(|| count_of(n));
         let mut options = GenerateOptions::default();
         set(&mut options.seed, given.seed);
@@ -226,9 +207,7 @@ pub unsafe extern "C" fn mrv_scene_generate_with(
         options.light_size = (given.light_size != 0.0).then_some(given.light_size);
         options.trunks = given.trunks != 0;
         let scene = Scene::generate_with(name, &options)?;
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
-        Ok(())
+        place.set(give(NamedScene::new(Arc::new(scene))))
     })
 }
 
@@ -240,11 +219,10 @@ pub unsafe extern "C" fn mrv_scene_flatten(
 ) -> mrv_status {
     guard("mrv_scene_flatten", |call| {
         let scene = object(call, scene, "scene")?;
-        let place = Place::of(flat, "flat")?;
-        let made = scene.scene.flattened(if max_triangles == 0 { u64::MAX } else { max_triangles })?;
         // SAFETY: the caller gives a place.
-        unsafe { place.set(give(NamedScene::new(Arc::new(made)))) };
-        Ok(())
+        let place = unsafe { Place::of(flat, "flat") }?;
+        let made = scene.scene.flattened(if max_triangles == 0 { u64::MAX } else { max_triangles })?;
+        place.set(give(NamedScene::new(Arc::new(made))))
     })
 }
 
@@ -285,9 +263,7 @@ pub unsafe extern "C" fn mrv_scene_get_info(
             high,
             origin: scene.origin(),
         };
-        // SAFETY: as above.
-        unsafe { place.set(info) };
-        Ok(())
+        place.set(info)
     })
 }
 
@@ -306,7 +282,8 @@ pub unsafe extern "C" fn mrv_scene_get_name(
 ) -> mrv_status {
     guard("mrv_scene_get_name", |call| {
         let scene = object(call, scene, "scene")?;
-        let place = Place::of(name, "name")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(name, "name") }?;
         let all = scene.names.get_or_init(|| {
             let scene = &scene.scene;
             [
@@ -317,20 +294,19 @@ pub unsafe extern "C" fn mrv_scene_get_name(
                 scene.cameras().map(|(name, _)| c_text(name)).collect(),
             ]
         });
-        let list = match kind {
+        let list = one_of!(
+            "kind",
+            kind,
             MRV_NAME_OBJECT => &all[0],
             MRV_NAME_MATERIAL => &all[1],
             MRV_NAME_EMITTER => &all[2],
             MRV_NAME_REPAIR => &all[3],
             MRV_NAME_CAMERA => &all[4],
-            _ => return wrong(format!("`kind` {kind}: give one of MRV_NAME_OBJECT to MRV_NAME_CAMERA")),
-        };
+        );
         let Some(text) = usize::try_from(index).ok().and_then(|i| list.get(i)) else {
             return wrong(format!("`index` {index}: the scene has {} names of this kind", list.len()));
         };
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(text.as_ptr()) };
-        Ok(())
+        place.set(text.as_ptr())
     })
 }
 

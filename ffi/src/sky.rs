@@ -29,11 +29,10 @@ pub unsafe extern "C" fn mrv_scene_with_sky(
                 optional_text(time, "time")?,
             ]
         };
-        let into = Place::of(lit, "lit")?;
+        // SAFETY: the caller gives a place.
+        let into = unsafe { Place::of(lit, "lit") }?;
         let mut made = Scene::clone(&scene.scene);
         made.set_sky(&SkyOptions::of_texts(sky, sun, place, time)?)?;
-        // SAFETY: the caller gives a place.
-        unsafe { into.set(give(NamedScene::new(Arc::new(made)))) };
-        Ok(())
+        into.set(give(NamedScene::new(Arc::new(made))))
     })
 }

@@ -103,12 +103,11 @@ pub unsafe extern "C" fn mrv_model_solve(
         let given = unsafe { read_optional(options, "options") }?;
         // SAFETY: as above.
         let options = unsafe { solve_options(&given) }?;
-        let place = Place::of(solution, "solution")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(solution, "solution") }?;
         let solve = |progress| model.model.with_progress(progress).solve(&options);
         let solution = with_progress(call, given.progress, given.user, solve)??;
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(give(NotedSolution::new(solution))) };
-        Ok(())
+        place.set(give(NotedSolution::new(solution)))
     })
 }
 
@@ -143,9 +142,7 @@ pub unsafe extern "C" fn mrv_solution_get_info(
             reserved: 0,
             warnings: report.warnings.len() as u64,
         };
-        // SAFETY: as above.
-        unsafe { place.set(info) };
-        Ok(())
+        place.set(info)
     })
 }
 

@@ -72,11 +72,7 @@ fn results_fit_records_of_other_versions() {
     let value = Second { struct_size: 0, a: 1, b: 2 };
     let write = |all: &mut [u64]| {
         // SAFETY: the record has the size that it states.
-        run(|| unsafe {
-            RecordPlace::of(all.as_mut_ptr().cast::<Second>(), "r")?.set(value);
-            Ok(())
-        })
-        .0
+        run(|| unsafe { RecordPlace::of(all.as_mut_ptr().cast::<Second>(), "r")?.set(value) }).0
     };
     assert_eq!((write(&mut all), all), (MRV_OK, [16, 1, 7]));
     let mut newer = [32u64, 7, 7, 7, 7];

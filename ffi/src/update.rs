@@ -47,9 +47,7 @@ pub unsafe extern "C" fn mrv_model_get_instance(
             removed: i32::from(found.removed),
             reserved: 0,
         };
-        // SAFETY: as above.
-        unsafe { place.set(instance) };
-        Ok(())
+        place.set(instance)
     })
 }
 
@@ -79,13 +77,12 @@ pub unsafe extern "C" fn mrv_model_update(
 ) -> mrv_status {
     guard("mrv_model_update", |call| {
         let model = object(call, model, "model")?;
-        let place = Place::of(updated, "updated")?;
+        // SAFETY: the caller gives a place.
+        let place = unsafe { Place::of(updated, "updated") }?;
         // SAFETY: the caller gives so many records.
         let changes = unsafe { changes_of(changes, count) }?;
         let updated = model.model.update(&changes)?;
-        // SAFETY: the caller gives a place.
-        unsafe { place.set(give(NamedModel::new(updated))) };
-        Ok(())
+        place.set(give(NamedModel::new(updated)))
     })
 }
 

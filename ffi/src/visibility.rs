@@ -1,6 +1,6 @@
 //! Visibility in batches.
 
-use super::arguments::{check_pointer, slice, slice_mut, wrong};
+use super::arguments::{check_pointer, one_of, slice, slice_mut, wrong};
 use super::guard::{Outcome, guard};
 use super::handle::object;
 use super::model::mrv_model;
@@ -33,17 +33,14 @@ pub const MRV_SAME_POSITION: usize = usize::MAX;
 
 /// The engine with this number.
 pub fn engine_of(number: i32, name: &str) -> Outcome<Engine> {
-    Ok(match number {
+    Ok(one_of!(
+        name,
+        number,
         MRV_ENGINE_AUTOMATIC => Engine::Automatic,
         MRV_ENGINE_EXACT => Engine::Exact,
         MRV_ENGINE_MULTI_RESOLUTION => Engine::MultiResolution,
         MRV_ENGINE_AVERAGE => Engine::Average,
-        _ => {
-            return wrong(format!(
-                "`{name}` {number}: give one of MRV_ENGINE_AUTOMATIC to MRV_ENGINE_AVERAGE"
-            ));
-        }
-    })
+    ))
 }
 
 #[repr(C)]
@@ -170,11 +167,7 @@ pub unsafe extern "C" fn mrv_visibility_answer(
         let mut answers = unsafe { answers_of(&wanted, bundles, count) }?;
         check_batch_apart(&given, &wanted, bundles, count)?;
         let cost = model.model.visibility().with_engine(engine).answer_into(&segments, &mut answers)?;
-        if let Some(place) = place {
-            // SAFETY: as above.
-            unsafe { place.set(cost_record(cost)) };
-        }
-        Ok(())
+        place.set(cost_record(cost))
     })
 }
 

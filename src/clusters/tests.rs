@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::scene::generate::{self, KINDS, Spec};
-use crate::scene::testing::{Pieces, cloud, in_cube, rotation, unit};
+use crate::scene::testing::{Pieces, cloud, in_cube, on_threads, rotation, unit};
 use glam::{DMat3, DVec3, Vec3};
 use proptest::prelude::*;
 use rand_pcg::Pcg64Mcg;
@@ -121,10 +121,7 @@ fn result_does_not_depend_on_threads() {
     for scene in [generate::build(&spec).expect("forest"), jumble(5, 3000, 1.0, false, 7)] {
         for builder in Builder::ALL {
             let options = Options { builder, ..Options::default() };
-            let with = |threads| {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-                format!("{:?}", pool.install(|| build(&scene, &options)))
-            };
+            let with = |threads| format!("{:?}", on_threads(threads, || build(&scene, &options)));
             let name = (scene.path.display(), builder.name());
             assert!(with(1) == with(2), "{name:?}: differs with the number of threads");
         }

@@ -1,6 +1,6 @@
 //! The Embree device: version check, configuration, errors.
 
-use super::bindings as sys;
+use super::sys;
 use crate::error::{Error, Result};
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::sync::atomic::{AtomicIsize, Ordering};
@@ -57,8 +57,8 @@ impl Device {
             sys::rtcSetDeviceErrorFunction(raw, Some(on_error), user);
             sys::rtcSetDeviceMemoryMonitorFunction(raw, Some(on_memory), user);
         }
-        let (found, wanted) =
-            (device.property(sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION), sys::RTC_VERSION as isize);
+        let found = device.property(sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION);
+        let wanted = sys::mrvis_headers_version() as isize;
         if found / 10_000 != wanted / 10_000 || found < wanted {
             return Err(Error::Unsupported(format!(
                 "Embree: the library is version {} but mrvis was compiled for {}; rebuild mrvis against the installed \

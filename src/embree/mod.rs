@@ -4,19 +4,17 @@
 //! [`CommittedScene`], so that no scene can change while it is traced. Embree allocates the buffers, with its padding.
 //! Input is slices of positions and triangles; materials and light are not known here.
 
-#[allow(unsafe_code, missing_docs, dead_code, non_camel_case_types, non_upper_case_globals, non_snake_case)]
-#[allow(clippy::all, clippy::undocumented_unsafe_blocks)]
-mod bindings {
-    include!(concat!(env!("OUT_DIR"), "/embree.rs"));
-}
 #[allow(unsafe_code)]
 mod device;
 #[allow(unsafe_code)]
 mod scene;
+#[allow(unsafe_code, non_snake_case)]
+mod sys;
 #[cfg(test)]
 mod tests;
 
 pub use device::Device;
 #[cfg(any(test, feature = "reports"))]
 pub use scene::Options;
-pub use scene::{CommittedScene, Hits, SceneBuilder, Traversal};
+pub use scene::{CommittedScene, SceneBuilder, Traversal};
+pub use sys::Hits;

@@ -1,9 +1,9 @@
 //! Scene construction, commit, and ray queries.
 
-use super::bindings as sys;
 use super::device::Device;
+use super::sys::{self, Hits};
 use crate::error::{Error, Result};
-use crate::ray::{LANES, Occluder, Packet};
+use crate::ray::{Occluder, Packet};
 use glam::{Affine3A, Vec3};
 use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -83,10 +83,10 @@ impl SceneBuilder {
         use sys::RTCSceneFlags as F;
         let mut flags = F::RTC_SCENE_FLAG_NONE;
         if options.robust {
-            flags |= F::RTC_SCENE_FLAG_ROBUST;
+            flags.0 |= F::RTC_SCENE_FLAG_ROBUST.0;
         }
         if options.compact {
-            flags |= F::RTC_SCENE_FLAG_COMPACT;
+            flags.0 |= F::RTC_SCENE_FLAG_COMPACT.0;
         }
         // SAFETY: the device is live; a null scene is caught by `check` and before use.
         let raw = unsafe { sys::rtcNewScene(device.inner.raw) };
@@ -251,14 +251,6 @@ extern "C" fn on_progress(user: *mut c_void, _part: f64) -> bool {
     catch_unwind(AssertUnwindSafe(|| !stopped())).unwrap_or(false)
 }
 
-const _: () = {
-    assert!(size_of::<Packet>() == size_of::<sys::mrvis_packet>());
-    assert!(std::mem::offset_of!(Packet, direction) == std::mem::offset_of!(sys::mrvis_packet, direction));
-    assert!(std::mem::offset_of!(Packet, near) == std::mem::offset_of!(sys::mrvis_packet, near_t));
-    assert!(std::mem::offset_of!(Packet, far) == std::mem::offset_of!(sys::mrvis_packet, far_t));
-    assert!(std::mem::offset_of!(Packet, active) == std::mem::offset_of!(sys::mrvis_packet, active));
-};
-
 impl CommittedScene {
     /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`, tested against geometries selected by `mask`.
     ///
@@ -266,12 +258,12 @@ impl CommittedScene {
     /// If the slices differ in length.
     pub fn occluded_by(&self, traversal: Traversal, mask: u32, packets: &[Packet], blocked: &mut [u32]) {
         assert_eq!(packets.len(), blocked.len());
-        // SAFETY: the scene is committed and live; `Packet` has the layout of `mrvis_packet` (asserted above)
-        // and its alignment; both slices hold `packets.len()` items.
+        // SAFETY: the scene is committed and live; `Packet` has the layout and alignment of `mrvis_packet`
+        // (asserted in `sys`); both slices hold `packets.len()` items.
         unsafe {
             sys::mrvis_occluded(
                 self.handle.raw,
-                packets.as_ptr().cast(),
+                packets.as_ptr(),
                 packets.len(),
                 traversal.width as i32,
                 i32::from(traversal.coherent),
@@ -280,48 +272,24 @@ impl CommittedScene {
             );
         }
     }
-}
 
-/// First hits of the segments of a packet. Field order and layout equal those of `mrvis_hits` in `src/embree/shim.h`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C)]
-pub struct Hits {
-    /// Triangle index within its geometry per lane; [`Hits::NOTHING`] without a hit.
-    pub triangle: [u32; LANES],
-    /// Index of the instance per lane, see [`SceneBuilder::add_instance`]; 0 in scenes without instances; undefined
-    /// without a hit.
-    pub instance: [u32; LANES],
-    /// Parameter of the hit per lane; undefined without a hit.
-    pub t: [f32; LANES],
-}
-
-impl Hits {
-    /// Triangle index that means "no hit".
-    pub const NOTHING: u32 = u32::MAX;
-    /// No hit in any lane.
-    pub const NONE: Hits = Hits { triangle: [Self::NOTHING; LANES], instance: [0; LANES], t: [0.0; LANES] };
-}
-
-const _: () = assert!(size_of::<Hits>() == size_of::<sys::mrvis_hits>());
-
-impl CommittedScene {
     /// Finds the first triangle that each segment hits. All geometries are visible.
     ///
     /// # Panics
     /// If the slices differ in length.
     pub fn first_hits(&self, traversal: Traversal, packets: &[Packet], hits: &mut [Hits]) {
         assert_eq!(packets.len(), hits.len());
-        // SAFETY: the scene is committed and live; `Packet` and `Hits` have the layouts of the C structs (asserted
-        // above) and their alignment; both slices hold `packets.len()` items.
+        // SAFETY: the scene is committed and live; `Packet` and `Hits` have the layouts and alignments of the C
+        // structs (asserted in `sys`); both slices hold `packets.len()` items.
         unsafe {
             sys::mrvis_first_hits(
                 self.handle.raw,
-                packets.as_ptr().cast(),
+                packets.as_ptr(),
                 packets.len(),
                 traversal.width as i32,
                 i32::from(traversal.coherent),
                 u32::MAX,
-                hits.as_mut_ptr().cast(),
+                hits.as_mut_ptr(),
             );
         }
     }

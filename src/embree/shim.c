@@ -6,10 +6,75 @@
 
 _Static_assert(RTC_VERSION_MAJOR == 4, "mrvis needs Embree 4 headers");
 _Static_assert(RTC_VERSION >= 40300, "mrvis needs Embree 4.3 headers or newer");
+
+/* Rust does not read Embree's headers: it has what is stated here in src/embree/sys.rs. A unit test compares the names and values. */
+#define UNKNOWN " differs between the installed headers of Embree and src/embree/sys.rs: mrvis does not know this version of Embree"
+#define CONSTANT(name, value) _Static_assert(name == (value), #name UNKNOWN)
+#define FUNCTION(name, result, ...)                                                                         \
+    _Static_assert(_Generic(&name, result(*)(__VA_ARGS__) : 1, default : 0), #name UNKNOWN)
+
+CONSTANT(RTC_ERROR_OUT_OF_MEMORY, 4);
+CONSTANT(RTC_ERROR_UNSUPPORTED_CPU, 5);
+CONSTANT(RTC_ERROR_CANCELLED, 6);
+CONSTANT(RTC_DEVICE_PROPERTY_VERSION, 0);
+CONSTANT(RTC_DEVICE_PROPERTY_NATIVE_RAY4_SUPPORTED, 32);
+CONSTANT(RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED, 33);
+CONSTANT(RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED, 34);
+CONSTANT(RTC_SCENE_FLAG_NONE, 0);
+CONSTANT(RTC_SCENE_FLAG_COMPACT, 2);
+CONSTANT(RTC_SCENE_FLAG_ROBUST, 4);
+CONSTANT(RTC_BUILD_QUALITY_MEDIUM, 1);
+CONSTANT(RTC_GEOMETRY_TYPE_TRIANGLE, 0);
+CONSTANT(RTC_GEOMETRY_TYPE_INSTANCE, 121);
+CONSTANT(RTC_BUFFER_TYPE_INDEX, 0);
+CONSTANT(RTC_BUFFER_TYPE_VERTEX, 1);
+CONSTANT(RTC_FORMAT_UINT3, 0x5003);
+CONSTANT(RTC_FORMAT_FLOAT3, 0x9003);
+CONSTANT(RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, 0x9234);
+
+/* `unsigned` is what compilers take for Embree's enumerations, and what Rust passes. */
+FUNCTION(rtcNewDevice, RTCDevice, const char *);
+FUNCTION(rtcReleaseDevice, void, RTCDevice);
+FUNCTION(rtcGetDeviceError, unsigned, RTCDevice);
+FUNCTION(rtcGetDeviceProperty, ssize_t, RTCDevice, unsigned);
+FUNCTION(rtcSetDeviceErrorFunction, void, RTCDevice, void (*)(void *, unsigned, const char *), void *);
+FUNCTION(rtcSetDeviceMemoryMonitorFunction, void, RTCDevice, bool (*)(void *, ssize_t, bool), void *);
+FUNCTION(rtcNewScene, RTCScene, RTCDevice);
+FUNCTION(rtcReleaseScene, void, RTCScene);
+FUNCTION(rtcSetSceneFlags, void, RTCScene, unsigned);
+FUNCTION(rtcSetSceneBuildQuality, void, RTCScene, unsigned);
+FUNCTION(rtcSetSceneProgressMonitorFunction, void, RTCScene, bool (*)(void *, double), void *);
+FUNCTION(rtcCommitScene, void, RTCScene);
+FUNCTION(rtcAttachGeometry, unsigned, RTCScene, RTCGeometry);
+FUNCTION(rtcAttachGeometryByID, void, RTCScene, RTCGeometry, unsigned);
+FUNCTION(rtcNewGeometry, RTCGeometry, RTCDevice, unsigned);
+FUNCTION(rtcReleaseGeometry, void, RTCGeometry);
+FUNCTION(rtcCommitGeometry, void, RTCGeometry);
+FUNCTION(rtcSetGeometryMask, void, RTCGeometry, unsigned);
+FUNCTION(rtcSetNewGeometryBuffer, void *, RTCGeometry, unsigned, unsigned, unsigned, size_t, size_t);
+FUNCTION(rtcSetGeometryInstancedScene, void, RTCGeometry, RTCScene);
+FUNCTION(rtcSetGeometryTransform, void, RTCGeometry, unsigned, unsigned, const void *);
+
+_Static_assert(sizeof(ssize_t) == sizeof(void *) && sizeof(size_t) == sizeof(void *) && sizeof(unsigned) == 4,
+               "types of C that are not those of Rust");
+_Static_assert(RTC_INVALID_GEOMETRY_ID == 0xffffffff, "RTC_INVALID_GEOMETRY_ID" UNKNOWN); /* Hits::NOTHING */
 _Static_assert(sizeof(struct RTCRay) == 48, "RTCRay layout");
 _Static_assert(sizeof(struct RTCRay16) == 12 * 64, "RTCRay16 layout");
 _Static_assert(offsetof(struct RTCRay16, tfar) == 8 * 64, "RTCRay16 layout");
-_Static_assert(offsetof(mrvis_packet, active) == 8 * 64, "mrvis_packet layout");
+
+/* The same numbers as in src/embree/sys.rs. */
+_Static_assert(sizeof(mrvis_packet) == 576 && _Alignof(mrvis_packet) == 64, "mrvis_packet layout");
+_Static_assert(offsetof(mrvis_packet, origin) == 0, "mrvis_packet layout");
+_Static_assert(offsetof(mrvis_packet, direction) == 192, "mrvis_packet layout");
+_Static_assert(offsetof(mrvis_packet, near_t) == 384, "mrvis_packet layout");
+_Static_assert(offsetof(mrvis_packet, far_t) == 448, "mrvis_packet layout");
+_Static_assert(offsetof(mrvis_packet, active) == 512, "mrvis_packet layout");
+_Static_assert(sizeof(mrvis_hits) == 192 && _Alignof(mrvis_hits) == 4, "mrvis_hits layout");
+_Static_assert(offsetof(mrvis_hits, triangle) == 0, "mrvis_hits layout");
+_Static_assert(offsetof(mrvis_hits, instance) == 64, "mrvis_hits layout");
+_Static_assert(offsetof(mrvis_hits, t) == 128, "mrvis_hits layout");
+
+int mrvis_headers_version(void) { return RTC_VERSION; }
 
 /* Traces lanes [first, first + W) of a packet as Embree packets and adds the blocked lanes to `result`. */
 #define TRACE_WIDE(W, ALIGN)                                                                                \

@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* 16 segments in lanes; mirrors `ray::Packet` field by field (Rust asserts size and offsets).
+/* 16 segments in lanes; mirrors `ray::Packet` field by field (both sides assert size and offsets).
  * The point of lane i at parameter t is origin + t * direction; hits count at near <= t <= far. */
 typedef struct {
     _Alignas(64) float origin[3][16];
@@ -18,6 +18,9 @@ typedef struct {
     uint32_t backwards; /* this and the next are of no use to Embree */
     float slack[2][2];
 } mrvis_packet;
+
+/* RTC_VERSION of the headers that the shim was compiled with. */
+int mrvis_headers_version(void);
 
 /* Traces `count` packets for any hit. Bit i of occluded[k] is set if lane i of packets[k] is active and blocked.
  * `width` is 1, 4, 8 or 16 rays per call; `coherent` selects Embree's traversal for coherent rays; `mask` selects

@@ -234,3 +234,27 @@ fn first_hits_are_the_nearest() {
         }
     }
 }
+
+/// `shim.c` compares with Embree's headers what it states itself; this compares it with what Rust states.
+#[test]
+fn the_shim_checks_every_constant_and_function() {
+    let name_of =
+        |text: &str| text.split(|c: char| !c.is_alphanumeric() && c != '_').next().map(str::to_owned);
+    let (mut constants, mut functions) = (Vec::new(), Vec::new());
+    for line in include_str!("sys.rs").lines().map(str::trim) {
+        if let Some((name, value)) = line.split_once(" = ").filter(|_| line.starts_with("RTC_")) {
+            constants.push((name.to_owned(), value.trim_end_matches(',').to_owned()));
+        }
+        functions.extend(line.strip_prefix("pub fn rtc").and_then(name_of));
+    }
+    let (mut checked_constants, mut checked_functions) = (Vec::new(), Vec::new());
+    for line in include_str!("shim.c").lines() {
+        if let Some((name, value)) = line.strip_prefix("CONSTANT(").and_then(|l| l.split_once(", ")) {
+            checked_constants.push((name.to_owned(), value.trim_end_matches(");").to_owned()));
+        }
+        checked_functions.extend(line.strip_prefix("FUNCTION(rtc").and_then(name_of));
+    }
+    assert!(constants.len() > 15 && functions.len() > 15, "both are found");
+    assert_eq!(constants, checked_constants);
+    assert_eq!(functions, checked_functions);
+}

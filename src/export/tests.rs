@@ -1,6 +1,8 @@
 use super::*;
 use crate::model::Model;
+use crate::progress::testing::stop_when;
 use crate::radiosity::mesh::{Element, PlacedElement, RadiosityMesh};
+use crate::scene::testing::Pieces;
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DVec3, Vec3, dvec3};
 use std::collections::HashMap;
@@ -32,12 +34,9 @@ fn grey(corners: [u32; 4], irradiance: f64, area: f64, triangle: u32) -> Element
 /// The unit square at z = 0, facing up, with one quarter split again; `light` is the irradiance at an element's
 /// centre.
 fn square(light: impl Fn(Vec3) -> f64) -> (Scene, RadiosityMesh) {
-    let mut soup = Soup::new("test");
-    soup.object("square");
-    soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-    let corner = [DVec3::ZERO, DVec3::X, dvec3(1.0, 1.0, 0.0), DVec3::Y];
-    soup.polygon(0, 0, &corner);
-    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mut pieces = Pieces::empty();
+    pieces.grey("square", 0.5).rectangle(DVec3::ZERO, DVec3::X, DVec3::Y);
+    let scene = pieces.scene();
     let mut solution = RadiosityMesh::default();
     let mut places: HashMap<[u32; 3], u32> = HashMap::new();
     let mut add = |low: [f32; 2], side: f32| {
@@ -49,22 +48,9 @@ fn square(light: impl Fn(Vec3) -> f64) -> (Scene, RadiosityMesh) {
             })
         });
         let e = light(at(0.5, 0.5));
-        solution.elements.push(Element {
-            corners,
-            radiosity: [0.5 * e; 3],
-            irradiance: [e; 3],
-            error: [0.01; 3],
-            albedo: [0.5; 3],
-            exitance: [0.0; 3],
-            area: f64::from(side * side),
-            level: if side < 0.5 { 2 } else { 1 },
-            links: 7,
-            triangle: 0,
-            object: 0,
-            material: 0,
-            front: true,
-            crossed: false,
-        });
+        let (error, level, links) = ([0.01; 3], if side < 0.5 { 2 } else { 1 }, 7);
+        let plain = grey(corners, e, f64::from(side * side), 0);
+        solution.elements.push(Element { error, level, links, ..plain });
     };
     for (x, y) in [(0.5, 0.0), (0.0, 0.5), (0.5, 0.5)] {
         add([x, y], 0.5);
@@ -132,28 +118,16 @@ fn lightmaps_hold_the_light_where_they_say() {
     assert_eq!(Scene::load(&model).expect("an OBJ file").triangles.len(), scene.triangles.len());
 }
 
-/// Stops at the given look, and counts looks.
-struct AtLook {
-    looks: std::sync::atomic::AtomicUsize,
-    stop: usize,
-}
-
-impl crate::progress::Progress for AtLook {
-    fn stopped(&self) -> bool {
-        self.looks.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= self.stop
-    }
-}
-
 #[test]
 fn a_lightmap_stops_when_the_caller_asks_for_it() {
     let (scene, solution) = square(|p| f64::from(p.x));
     let mesh = Mesh::new(&solution);
-    let stop_at = |stop: usize| {
-        let progress = AtLook { looks: 0.into(), stop };
+    let stop_at = |stop: u64| {
+        let progress = stop_when(|c| c.asked > stop);
         let map = lightmap(&mesh, &solution, &scene, 4096, &progress);
-        (map.map(|_| ()), progress.looks.into_inner())
+        (map.map(|_| ()), progress.counts().asked)
     };
-    let (whole, looks) = stop_at(usize::MAX);
+    let (whole, looks) = stop_at(u64::MAX);
     // Margins are filled row by row: 64 rows and margins, twice.
     assert!(whole.is_ok() && looks >= 128, "{looks} looks");
     for stop in [0, 1, looks / 2, looks - 1] {
@@ -166,20 +140,18 @@ fn a_lightmap_stops_when_the_caller_asks_for_it() {
 /// image, and no triangle is black.
 #[test]
 fn lightmaps_of_crumbs_leave_room_for_walls() {
-    let mut soup = Soup::new("test");
-    soup.object("all");
-    soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let mut pieces = Pieces::new();
     let mut solution = RadiosityMesh::default();
     for k in 0..1001u32 {
         let (at, side) = if k == 0 { (0.0, 1.0) } else { (2.0 + 0.01 * f64::from(k), 1e-3) };
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
             .map(|[x, y]| dvec3(at + side * x, side * y, 0.01 * f64::from(k)));
-        soup.polygon(0, 0, &corners);
+        pieces.polygon(&corners);
         let first = solution.vertices.len() as u32;
         solution.vertices.extend(corners.map(|p| p.as_vec3()));
         solution.elements.push(grey([first, first + 1, first + 2, first + 3], 1.0, side * side, 2 * k));
     }
-    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let scene = pieces.scene();
     let mesh = Mesh::new(&solution);
     let map = lightmap(&mesh, &solution, &scene, 1000, &()).expect("a lightmap");
     assert!(map.texel < 0.04 && map.width * map.height < 60_000, "{} {}", map.texel, map.width);

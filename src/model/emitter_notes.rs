@@ -219,8 +219,8 @@ fn triangle_normal_towards([a, b, c]: [Vec3; 3], towards: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use crate::model::{Detail, Model, testing::model};
-    use crate::scene::{LoadOptions, Soup, SoupMaterial, resolve};
-    use glam::DVec3;
+    use crate::scene::LoadOptions;
+    use crate::scene::testing::{Pieces, facing_down, facing_up};
 
     /// The note about lamps (height, whether it faces up) above a floor.
     fn note(lamps: &[(f64, bool)], options: &LoadOptions) -> Option<String> {
@@ -238,30 +238,20 @@ mod tests {
     }
 
     fn scene_of(width: f64, lamps: &[(f64, bool)], options: &LoadOptions, below: Option<f64>) -> Model {
-        let mut soup = Soup::new("lamps");
-        let square = |x: f64, z: f64, size: f64| {
-            [[0.0, 0.0], [size, 0.0], [size, size], [0.0, size]].map(|[u, v]| DVec3::new(x + u, v, z))
-        };
-        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-        let floor = soup.object("floor");
+        let mut pieces = Pieces::empty();
         // Of a cellar the lamps are far from the edges.
-        let edge = if below.is_some() { DVec3::new(-0.5 * width, -0.5 * width, 0.0) } else { DVec3::ZERO };
-        soup.polygon(floor, grey, &square(0.0, 0.0, width).map(|corner| corner + edge));
+        let floor = if below.is_some() { [-0.5 * width, 0.5 * width] } else { [0.0, width] };
+        pieces.grey("floor", 0.5).polygon(&facing_up(floor, floor, 0.0));
         if let Some(z) = below {
-            let cellar = soup.object("cellar");
-            let down = DVec3::new(-width, -width, 0.0);
-            soup.polygon(cellar, grey, &square(0.0, z, 3.0 * width).map(|corner| corner + down));
+            let cellar = [-width, 2.0 * width];
+            pieces.grey("cellar", 0.5).polygon(&facing_up(cellar, cellar, z));
         }
-        let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
         for (i, &(z, up)) in lamps.iter().enumerate() {
-            let mut corners = square(0.5 + i as f64, z, 0.5);
-            if !up {
-                corners.reverse();
-            }
-            let lamp = soup.object(format!("lamp {i}"));
-            soup.polygon(lamp, light, &corners);
+            let faces = if up { facing_up } else { facing_down };
+            let x = 0.5 + i as f64;
+            pieces.glowing(&format!("lamp {i}"), 10.0).polygon(&faces([x, x + 0.5], [0.0, 0.5], z));
         }
-        let scene = resolve(soup, options).expect("a scene");
+        let scene = pieces.scene_with(options);
         model(&scene, Detail::Rays)
     }
 

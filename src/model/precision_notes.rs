@@ -161,36 +161,16 @@ struct Ground {
 #[cfg(test)]
 mod tests {
     use crate::model::{Detail, Model, testing::model};
-    use crate::scene::{LoadOptions, Soup, SoupMaterial, resolve};
+    use crate::scene::testing::{Pieces, facing_down, facing_up};
     use glam::DVec3;
 
     /// A lamp above a floor of this width, and a step of this height on the floor.
     fn scene(width: f64, lamp: f64, step: f64) -> Model {
-        let mut soup = Soup::new("ground");
-        let square = |size: f64, z: f64| {
-            [[0.0, 0.0], [size, 0.0], [size, size], [0.0, size]].map(|[u, v]| DVec3::new(u, v, z))
-        };
-        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-        let floor = soup.object("floor");
-        soup.polygon(floor, grey, &square(width, 0.0));
-        let riser = soup.object("step");
-        let [a, b, ..] = square(0.5, 0.0).map(|p| p + 0.2);
-        soup.polygon(
-            riser,
-            grey,
-            &[
-                a - DVec3::Z * 0.2,
-                b - DVec3::Z * 0.2,
-                b + DVec3::Z * (step - 0.2),
-                a + DVec3::Z * (step - 0.2),
-            ],
-        );
-        let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
-        let mut corners = square(0.5, lamp);
-        corners.reverse();
-        let lamp = soup.object("lamp");
-        soup.polygon(lamp, light, &corners);
-        let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        let mut pieces = Pieces::empty();
+        pieces.grey("floor", 0.5).polygon(&facing_up([0.0, width], [0.0, width], 0.0));
+        pieces.grey("step", 0.5).rectangle(DVec3::new(0.2, 0.2, 0.0), 0.5 * DVec3::X, step * DVec3::Z);
+        pieces.glowing("lamp", 10.0).polygon(&facing_down([0.0, 0.5], [0.0, 0.5], lamp));
+        let scene = pieces.scene();
         model(&scene, Detail::Rays)
     }
 

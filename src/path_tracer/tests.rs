@@ -1,6 +1,7 @@
 use super::*;
 use crate::form_factors::analytic::{parallel_rectangles, point_to_polygon};
 use crate::model::{Detail, testing::model};
+use crate::scene::testing::on_threads;
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
@@ -206,10 +207,7 @@ fn published_obstructed_pairs() {
 fn the_same_bits_on_any_number_of_threads() {
     let scene = room(DVec3::ONE, [0.7, 0.5, 0.3], [1.0; 3]);
     let points = grid(5, 0.0, DVec3::Z);
-    let on = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| run(&scene, &points, 600, false))
-    };
+    let on = |threads| on_threads(threads, || run(&scene, &points, 600, false));
     assert_eq!(on(1), on(3));
 }
 

@@ -20,8 +20,9 @@ use super::rgb::{Rgb, mean};
 use super::*;
 use crate::model::Model;
 use crate::points::Point;
-use crate::progress::Progress;
+use crate::progress::{Progress, testing::stop_when};
 use crate::scene::generate::{Spec, build};
+use crate::scene::testing::{Pieces, facing_down, facing_up, inward, on_threads};
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::DVec3;
 
@@ -32,41 +33,25 @@ fn furnace(reflectance: f32) -> Scene {
 
 /// The same with edges of another length.
 fn furnace_of(reflectance: f32, edge: f64) -> Scene {
-    let mut soup = Soup::new("furnace");
     let wall = SoupMaterial {
         reflectance: [reflectance; 3],
         ..SoupMaterial::light("wall", [std::f32::consts::FRAC_1_PI; 3])
     };
-    let (object, material) = (soup.object("walls"), soup.material(wall));
-    inward(&mut soup, object, material, DVec3::ZERO, DVec3::splat(edge));
-    resolve(soup, &LoadOptions::default()).expect("a scene")
-}
-
-/// The faces of a box, wound inward.
-fn inward(soup: &mut Soup, object: u32, material: u32, low: DVec3, high: DVec3) {
-    let at = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
-    for f in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
-        soup.polygon(object, material, &f.map(at));
-    }
+    let mut pieces = Pieces::empty();
+    pieces.made_of("walls", wall).room(DVec3::ZERO, DVec3::splat(edge));
+    pieces.scene()
 }
 
 /// A closed grey room with a box in it and a lamp below the ceiling.
 fn room(lit: bool) -> Scene {
-    let mut soup = Soup::new("room");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.6, 0.5, 0.4]));
-    let (walls, thing) = (soup.object("walls"), soup.object("box"));
-    inward(&mut soup, walls, grey, DVec3::ZERO, DVec3::new(3.0, 4.0, 2.5));
-    let (low, high) = (DVec3::new(1.0, 1.0, 0.2), DVec3::new(1.6, 1.8, 1.0));
-    // Mirrored, the same faces are wound outward.
-    let mirrored = |p: DVec3| DVec3::new(low.x + high.x - p.x, p.y, p.z);
-    inward(&mut soup, thing, grey, mirrored(low), mirrored(high));
+    let mut pieces = Pieces::empty();
+    let grey = || SoupMaterial::diffuse("grey", [0.6, 0.5, 0.4]);
+    pieces.made_of("walls", grey()).room(DVec3::ZERO, DVec3::new(3.0, 4.0, 2.5));
+    pieces.made_of("box", grey()).room(DVec3::new(1.6, 1.0, 0.2), DVec3::new(1.0, 1.8, 1.0));
     if lit {
-        let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
-        let lamp = soup.object("lamp");
-        let corner = |x: f64, y: f64| DVec3::new(x, y, 2.4);
-        soup.polygon(lamp, light, &[corner(1.0, 1.0), corner(1.0, 2.0), corner(2.0, 2.0), corner(2.0, 1.0)]);
+        pieces.glowing("lamp", 10.0).polygon(&facing_down([1.0, 2.0], [1.0, 2.0], 2.4));
     }
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    pieces.scene()
 }
 
 /// Points on the floor of a scene.
@@ -126,9 +111,8 @@ fn threads_do_not_matter() {
     let cluttered = build(&Spec::new("desk-room")).expect("a scene");
     for scene in [room(true), cluttered] {
         let with = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             let options = Options { error: 0.2, audit: 20, ..Options::default() };
-            pool.install(|| solved(&scene, &floor(200), &options))
+            on_threads(threads, || solved(&scene, &floor(200), &options))
         };
         let (one, two) = (with(1), with(3));
         assert_eq!(one.irradiance, two.irradiance);
@@ -152,14 +136,8 @@ fn without_light_everything_is_black() {
 
 #[test]
 fn what_was_reached_when_stopped_is_consistent() {
-    struct Stop;
-    impl Progress for Stop {
-        fn stopped(&self) -> bool {
-            true
-        }
-    }
-    let outcome = run(&model_for(&room(true), &Options::default()), &floor(5), &Options::default(), &Stop)
-        .expect("a solution");
+    let (model, stop) = (model_for(&room(true), &Options::default()), stop_when(|_| true));
+    let outcome = run(&model, &floor(5), &Options::default(), &stop).expect("a solution");
     assert!(outcome.record.interrupted && outcome.record.iterations.len() == 1);
     let Ledger { emitted, created, .. } = outcome.record.ledger;
     assert!(created.abs() < 2e-3 * emitted, "{created}");
@@ -280,6 +258,13 @@ fn options_out_of_range_are_refused() {
     }
 }
 
+/// Irradiance at points by paths.
+fn traced(scene: &Scene, points: &[Point], samples: u32, seed: u64) -> Vec<Rgb> {
+    let settings = crate::path_tracer::Settings { samples, direct_only: false, seed };
+    let model = model_for(scene, &Options::default());
+    crate::path_tracer::irradiance(&model, points, settings, &()).expect("irradiance").values
+}
+
 /// The model that a solve with these options needs.
 fn model_for(scene: &Scene, options: &Options) -> Model {
     Model::prepare(scene.clone(), &options.prepare()).expect("a model")
@@ -299,10 +284,7 @@ fn light_on_edges_is_the_limit_from_inside() {
         (on(1.0, 4.0, 2.5, -DVec3::Y), on(1.0, 4.0, 2.499, -DVec3::Y)),
     ];
     let points: Vec<Point> = pairs.iter().flat_map(|&(edge, inside)| [edge, inside]).collect();
-    let settings = crate::path_tracer::Settings { samples: 4096, direct_only: false, seed: 1 };
-    let model = model_for(&scene, &Options::default());
-    let traced = crate::path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
-    for light in [solved(&scene, &points, &quick()).irradiance, traced] {
+    for light in [solved(&scene, &points, &quick()).irradiance, traced(&scene, &points, 4096, 1)] {
         for (k, pair) in light.chunks_exact(2).enumerate() {
             assert!((pair[0][0] / pair[1][0] - 1.0).abs() < 0.04, "{:?}: {pair:?}", points[2 * k]);
         }

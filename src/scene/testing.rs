@@ -34,31 +34,66 @@ pub fn rotation(random: &mut Pcg64Mcg) -> DMat3 {
 #[derive(Clone)]
 pub struct Pieces {
     soup: Soup,
+    material: u32,
     light: Option<u32>,
 }
 
 impl Pieces {
-    /// An empty scene.
+    /// A grey object without faces.
     pub fn new() -> Pieces {
-        let mut soup = Soup::new("test");
-        soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-        soup.object("things");
-        Pieces { soup, light: None }
+        let mut pieces = Pieces::empty();
+        pieces.grey("things", 0.5);
+        pieces
+    }
+
+    /// A scene without objects.
+    pub fn empty() -> Pieces {
+        Pieces { soup: Soup::new("test"), material: 0, light: None }
     }
 
     fn here(&self) -> u32 {
         self.soup.objects.len() as u32 - 1
     }
 
-    /// Starts an object.
+    /// Starts an object of the same material.
     pub fn object(&mut self, name: &str) -> &mut Pieces {
         self.soup.object(name);
         self
     }
 
+    /// Starts a grey object.
+    pub fn grey(&mut self, name: &str, reflectance: f32) -> &mut Pieces {
+        self.made_of(name, SoupMaterial::diffuse("grey", [reflectance; 3]))
+    }
+
+    /// Starts a black object that emits this radiance.
+    pub fn glowing(&mut self, name: &str, radiance: f32) -> &mut Pieces {
+        self.made_of(name, SoupMaterial::light("light", [radiance; 3]))
+    }
+
+    /// Starts an object. Objects of equal reflectance and emission share a material.
+    pub fn made_of(&mut self, name: &str, material: SoupMaterial) -> &mut Pieces {
+        let look = |m: &SoupMaterial| (m.reflectance, m.emission);
+        let known = self.soup.materials.iter().position(|m| look(m) == look(&material));
+        self.material = known.map_or_else(|| self.soup.material(material), |known| known as u32);
+        self.object(name)
+    }
+
     /// Adds a polygon.
     pub fn polygon(&mut self, corners: &[DVec3]) -> &mut Pieces {
-        self.soup.polygon(self.here(), 0, corners);
+        self.soup.polygon(self.here(), self.material, corners);
+        self
+    }
+
+    /// Adds a parallelogram with this corner and edges `u` and `v` that faces along `u × v`.
+    pub fn rectangle(&mut self, corner: DVec3, u: DVec3, v: DVec3) -> &mut Pieces {
+        self.polygon(&[corner, corner + u, corner + u + v, corner + v])
+    }
+
+    /// Adds the faces of a box, wound inward; outward if `low` and `high` are exchanged along one axis.
+    pub fn room(&mut self, low: DVec3, high: DVec3) -> &mut Pieces {
+        let here = self.here();
+        inward(&mut self.soup, here, self.material, low, high);
         self
     }
 
@@ -78,7 +113,7 @@ impl Pieces {
         }
         let here = self.here();
         for face in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
-            self.soup.indexed_polygon(here, 0, face.map(|k| first + k));
+            self.soup.indexed_polygon(here, self.material, face.map(|k| first + k));
         }
         self
     }
@@ -107,8 +142,37 @@ impl Pieces {
 
     /// Resolves the scene.
     pub fn scene(self) -> Scene {
-        resolve(self.soup, &LoadOptions::default()).expect("a scene")
+        self.scene_with(&LoadOptions::default())
     }
+
+    /// Resolves the scene with these options.
+    pub fn scene_with(self, options: &LoadOptions) -> Scene {
+        resolve(self.soup, options).expect("a scene")
+    }
+}
+
+/// The faces of a box, wound inward; outward if `low` and `high` are exchanged along one axis.
+pub fn inward(soup: &mut Soup, object: u32, material: u32, low: DVec3, high: DVec3) {
+    let at = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
+    for f in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
+        soup.polygon(object, material, &f.map(at));
+    }
+}
+
+/// A level rectangle that faces up.
+pub fn facing_up([x0, x1]: [f64; 2], [y0, y1]: [f64; 2], z: f64) -> [DVec3; 4] {
+    [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| DVec3::new(x, y, z))
+}
+
+/// The same, facing down.
+pub fn facing_down([x0, x1]: [f64; 2], [y0, y1]: [f64; 2], z: f64) -> [DVec3; 4] {
+    [[x0, y0], [x0, y1], [x1, y1], [x1, y0]].map(|[x, y]| DVec3::new(x, y, z))
+}
+
+/// Runs work on so many threads.
+pub fn on_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    pool.install(work)
 }
 
 /// Closed cubes, or squares if `sheets`, of edge `edge`, at random positions in the box from 0 to `size` with random

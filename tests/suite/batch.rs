@@ -91,9 +91,9 @@ fn started(scratch: &Scratch, arguments: &[&str]) -> Child {
 fn outputs_are_those_of_single_commands() {
     let scratch = prepared();
     for (out, threads, at_once) in [("a", "1", "1"), ("b", "2", "2"), ("c", "4", "3")] {
-        let ran = batch(&scratch, &["--out", out, "--threads", threads, "--jobs-at-once", at_once]);
-        assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
-        assert!(ran.stdout.contains("12 jobs done, 0 were done before"), "{}", ran.stdout);
+        batch(&scratch, &["--out", out, "--threads", threads, "--jobs-at-once", at_once])
+            .exits(0)
+            .prints("12 jobs done, 0 were done before");
     }
     let lines = journal(&scratch.path("a"));
     assert_eq!(lines.len(), COUNT);
@@ -109,12 +109,12 @@ fn outputs_are_those_of_single_commands() {
     for out in ["a", "b", "c"] {
         assert_same_files(&results(&scratch.path(out)), &single);
     }
-    let table = std::fs::read_to_string(scratch.path("a/results.csv")).expect("a table");
+    let table = scratch.text("a/results.csv");
     assert_eq!(table.lines().count(), 1 + COUNT);
     assert!(table.starts_with("job,command,scene,inputs,tags,option.audit,"), "{table}");
     assert!(table.contains(",option.visibility,status,job_seconds,"), "{table}");
     // One job prepared the scene for all solves.
-    let rows = std::fs::read_to_string(scratch.path("a/results.jsonl")).expect("a table");
+    let rows = scratch.text("a/results.jsonl");
     let rows = rows.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
     let times: Vec<f64> = rows.filter_map(|row| row["seconds.embree"].as_f64()).collect();
     assert_eq!(times.len(), 9);
@@ -125,11 +125,10 @@ fn outputs_are_those_of_single_commands() {
 #[test]
 fn only_what_changed_is_repeated() {
     let scratch = prepared();
-    assert_eq!(batch(&scratch, &["--out", "o"]).code, Some(0));
+    batch(&scratch, &["--out", "o"]).exits(0);
     let repeated = |want: usize| {
         let before = journal(&scratch.path("o")).len();
-        let ran = batch(&scratch, &["--out", "o"]);
-        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        let ran = batch(&scratch, &["--out", "o"]).exits(0);
         assert_eq!(journal(&scratch.path("o")).len() - before, want, "{}", ran.stderr);
     };
     repeated(0);
@@ -141,7 +140,7 @@ fn only_what_changed_is_repeated() {
     std::fs::remove_file(scratch.path("o/solve-0.3-mr/irradiance.csv")).expect("removed");
     repeated(1);
     // The materials are in a file that only the scene names.
-    let materials = std::fs::read_to_string(scratch.path("cornell.mtl")).expect("materials");
+    let materials = scratch.text("cornell.mtl");
     scratch.write("cornell.mtl", materials.replace("Kd ", "Kd 0"));
     repeated(COUNT);
 }
@@ -153,7 +152,7 @@ fn nothing_is_lost_when_the_batch_is_killed() {
     let kills: u64 = std::env::var("MRVIS_KILLS").map_or(6, |n| n.parse().expect("MRVIS_KILLS is a number"));
     let scratch = prepared();
     let start = Instant::now();
-    assert_eq!(batch(&scratch, &["--out", "undisturbed"]).code, Some(0));
+    batch(&scratch, &["--out", "undisturbed"]).exits(0);
     let longest = start.elapsed().as_secs_f64();
     let want = results(&scratch.path("undisturbed"));
     let (mut rounds, mut cut) = (0, 0);
@@ -191,8 +190,7 @@ fn nothing_is_lost_when_the_batch_is_killed() {
     assert!(cut as u64 > kills / 3, "only {cut} of {kills} calls were killed before their end");
     for round in 0..=rounds {
         let out = format!("killed-{round}");
-        let ran = batch(&scratch, &["--out", &out]);
-        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        batch(&scratch, &["--out", &out]).exits(0);
         assert_same_files(&results(&scratch.path(&out)), &want);
         // No job whose line was written has run again.
         let mut names: Vec<String> =
@@ -220,20 +218,13 @@ fn an_interrupted_batch_goes_on() {
     let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(sent.expect("kill").success());
     let sent = Instant::now();
-    let ended = Outcome::of(child.wait_with_output().expect("its end"));
-    assert_eq!(ended.code, Some(130), "{}", ended.stderr);
-    assert!(ended.stderr.contains("the same command goes on"), "{}", ended.stderr);
+    Outcome::of(child.wait_with_output().expect("its end")).exits(130).warns("the same command goes on");
     // A second on an idle machine; tests share a loaded one.
     assert!(sent.elapsed() < Duration::from_secs(20));
     let done = journal(&scratch.path("o")).len();
     assert!((1..=COUNT).contains(&done));
     scratch.write("jobs.toml", JOBS.replace("'*.obj'", "'cornell.obj'"));
-    let ran = batch(&scratch, &["--out", "o"]);
-    assert!(
-        ran.stdout.contains(&format!("{} jobs done, {done} were done before", COUNT - done)),
-        "{}",
-        ran.stdout
-    );
+    batch(&scratch, &["--out", "o"]).prints(&format!("{} jobs done, {done} were done before", COUNT - done));
 }
 
 /// A job that fails, takes too long or too much memory does not touch the others; what needs it is skipped.
@@ -254,8 +245,7 @@ fn failures_are_kept_to_one_job() {
          [[job]]\nname = 'large'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { error = 0.001 }\nlimits = { memory = '300M', seconds = 100 }\n\
          [[job]]\nname = 'within'\ncommand = 'info'\nscene = 'cornell.obj'\nlimits = { memory = '4G', seconds = 100 }\n",
     );
-    let ran = batch(&scratch, &["--out", "o", "--log", "log.jsonl"]);
-    assert_eq!(ran.code, Some(2), "{}", ran.stdout);
+    let ran = batch(&scratch, &["--out", "o", "--log", "log.jsonl"]).exits(2);
     for part in [
         "failed bad: ",
         "failed late: the time limit of 0.5 s",
@@ -265,15 +255,15 @@ fn failures_are_kept_to_one_job() {
     ] {
         assert!(ran.stderr.contains(part), "{} lacks {part}", ran.stderr);
     }
-    assert!(ran.stdout.contains("2 jobs done, 0 were done before, 3 failed, 2 skipped"), "{}", ran.stdout);
+    ran.prints("2 jobs done, 0 were done before, 3 failed, 2 skipped");
     assert!(scratch.path("o/within/info.json").exists() && !scratch.path("o/late").exists());
-    let log = std::fs::read_to_string(scratch.path("log.jsonl")).expect("a log");
+    let log = scratch.text("log.jsonl");
     let events: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
     assert_eq!(events.iter().filter(|e| e["event"] == "retried").count(), 2);
     assert_eq!(events.iter().filter(|e| e["event"] == "failed").count(), 3);
     let line = journal(&scratch.path("o")).into_iter().find(|line| line["job"] == "within").expect("a line");
     assert!(line["peak_bytes"].as_u64().expect("a peak") > 1 << 20);
-    let table = std::fs::read_to_string(scratch.path("o/results.jsonl")).expect("a table");
+    let table = scratch.text("o/results.jsonl");
     // Those of all jobs, the skipped ones among them.
     assert_eq!(table.lines().count(), 7);
     assert!(
@@ -294,17 +284,13 @@ fn a_full_disk_stops_the_batch_until_there_is_room() {
         shell.args(["-c", &script, env!("CARGO_BIN_EXE_mrvis")]).current_dir(scratch.path("."));
         Outcome::of(shell.output().expect("a shell"))
     };
-    let full = run("16", "o");
-    assert_eq!(full.code, Some(2), "{}{}", full.stdout, full.stderr);
-    assert!(full.stderr.contains("make room and run the same command again"), "{}", full.stderr);
+    run("16", "o").exits(2).warns("make room and run the same command again");
     let lines = journal(&scratch.path("o"));
     let done = lines.iter().filter(|line| line["status"] == "done").count();
     assert!(done < COUNT);
     assert_eq!(lines.len(), done, "jobs without room count as not run");
-    let ran = run("unlimited", "o");
-    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-    assert!(ran.stdout.contains(&format!("{done} were done before")), "{}", ran.stdout);
-    assert_eq!(run("unlimited", "p").code, Some(0));
+    run("unlimited", "o").exits(0).prints(&format!("{done} were done before"));
+    run("unlimited", "p").exits(0);
     assert_same_files(&results(&scratch.path("o")), &results(&scratch.path("p")));
 }
 
@@ -313,8 +299,7 @@ fn a_full_disk_stops_the_batch_until_there_is_room() {
 fn nothing_starts_if_something_is_wrong() {
     let scratch = prepared();
     let refused = |more: &[&str], want: &str| {
-        let ran = batch(&scratch, more);
-        assert_eq!(ran.code, Some(2), "{}", ran.stdout);
+        let ran = batch(&scratch, more).exits(2);
         assert!(ran.stderr.contains(want) && ran.stderr.lines().count() == 1, "{} lacks {want}", ran.stderr);
         assert!(journal(&scratch.path("o")).is_empty());
     };

@@ -172,10 +172,8 @@ fn missed_tolerances_are_exit_code_1() {
     for (name, value) in [("black.png", 0u8), ("white.png", 255)] {
         image::GrayImage::from_pixel(32, 32, image::Luma([value])).save(scratch.path(name)).expect("written");
     }
-    let same = scratch.mrvis(&["fbem", "black.png", "black.png", "--tolerance", "0"]);
-    assert_eq!(same.code, Some(0), "{}", same.stderr);
-    let other = scratch.mrvis(&["fbem", "white.png", "black.png", "--tolerance", "0.5"]);
-    assert_eq!(other.code, Some(1), "{}", other.stderr);
+    scratch.mrvis(&["fbem", "black.png", "black.png", "--tolerance", "0"]).exits(0);
+    scratch.mrvis(&["fbem", "white.png", "black.png", "--tolerance", "0.5"]).exits(1);
     // With `--json -` the JSON is the only text on standard output.
     let piped = scratch.mrvis(&["fbem", "white.png", "black.png", "--json", "-"]);
     let json: serde_json::Value = serde_json::from_str(&piped.stdout).expect("JSON");
@@ -194,8 +192,7 @@ fn bench_writes_what_it_promises() {
     let mut arguments =
         vec!["bench", "scene.obj", "--json", "r.json", "--out", "report", "--feature-size", "0.1"];
     arguments.extend(QUICK);
-    let outcome = scratch.mrvis(&arguments);
-    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    scratch.mrvis(&arguments).exits(0);
     let json = scratch.json("r.json");
     let keys: &[(&str, &[&str])] = &[
         ("", &["mrvis", "embree", "threads", "isa", "unit"]),
@@ -254,7 +251,7 @@ fn bench_writes_what_it_promises() {
     let rays: Vec<u64> =
         json["exact"].as_array().expect("rows").iter().map(|r| r["rays"].as_u64().expect("rays")).collect();
     assert_eq!(rays, [1, 4, 16, 64, 256]);
-    let page = std::fs::read_to_string(scratch.path("report/report.html")).expect("a report page");
+    let page = scratch.text("report/report.html");
     for sign in ["src=\"http", "href=\"http", "url(http", "@import"] {
         assert!(!page.contains(sign), "the page needs a network: {sign}");
     }
@@ -306,8 +303,7 @@ fn holds(json: &serde_json::Value, keys: &[(&str, &[&str])]) {
 fn emitters_can_be_added() {
     let scratch = scratch();
     let call = ["bench", "dark.obj", "--emitter", "lamp=100", "--json", "r.json", "--quiet"];
-    let outcome = scratch.mrvis(&[&call[..], &QUICK].concat());
-    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    scratch.mrvis(&[&call[..], &QUICK].concat()).exits(0);
     assert_eq!(scratch.json("r.json")["scene"]["emitters"], 1);
 }
 
@@ -315,8 +311,7 @@ fn emitters_can_be_added() {
 #[test]
 fn generated_scenes_can_be_read_back() {
     let scratch = scratch();
-    let made = scratch.mrvis(&["generate", "louvres", "--out", "made.obj", "--seed", "1"]);
-    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    scratch.mrvis(&["generate", "louvres", "--out", "made.obj", "--seed", "1"]).exits(0);
     let spec = Spec::new("louvres");
     let library = std::fs::read(scratch.path(&scratch.generate(&spec))).expect("written");
     let made = std::fs::read(scratch.path("made.obj")).expect("written");
@@ -330,20 +325,16 @@ fn forests_of_instances_are_counted() {
     let scratch = scratch();
     let call = ["generate", "forest", "--instances", "--species", "2", "--trees", "40", "--leaves", "50"];
     for name in ["made.gltf", "made.glb"] {
-        let made = scratch.mrvis(&[&call[..], &["--out", name, "--json", "made.json"]].concat());
-        assert_eq!(made.code, Some(0), "{}", made.stderr);
+        scratch.mrvis(&[&call[..], &["--out", name, "--json", "made.json"]].concat()).exits(0);
         let facts = scratch.json("made.json");
         assert_eq!((&facts["instances"], &facts["species"]), (&40.into(), &2.into()));
         assert_eq!((&facts["polygons"], &facts["visible_polygons"]), (&102.into(), &2002.into()));
-        let told = scratch.mrvis(&["info", name, "--json", "info.json"]);
-        assert_eq!(told.code, Some(0), "{}", told.stderr);
-        assert!(told.stdout.contains("instances") && told.stdout.contains("4,004"), "{}", told.stdout);
+        scratch.mrvis(&["info", name, "--json", "info.json"]).exits(0).prints("instances").prints("4,004");
         let scene = &scratch.json("info.json")["scene"];
         assert_eq!((&scene["instances"], &scene["shared_meshes"]), (&40.into(), &2.into()));
         assert_eq!((&scene["stored_triangles"], &scene["visible_triangles"]), (&204.into(), &4004.into()));
     }
-    let told = scratch.mrvis(&["info", "scene.obj", "--json", "info.json"]);
-    assert_eq!(told.code, Some(0), "{}", told.stderr);
+    let told = scratch.mrvis(&["info", "scene.obj", "--json", "info.json"]).exits(0);
     assert!(
         scratch.json("info.json")["scene"].get("instances").is_none() && !told.stdout.contains("instances")
     );

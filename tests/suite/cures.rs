@@ -1,6 +1,6 @@
 //! Errors and warnings name the cure that helps.
 
-use crate::hostile::{IES, LIBRARY, LIGHTS, QUICK, SCENE, done, refused, scratch};
+use crate::hostile::{IES, LIBRARY, LIGHTS, QUICK, SCENE, refused, scratch};
 use crate::run::Scratch;
 
 /// A floor, lit by a luminaire with these lines of its file.
@@ -17,11 +17,11 @@ fn lit(lights: &str) -> Scratch {
 fn a_luminaire_that_misses_everything_is_to_be_aimed() {
     let scratch = lit(&LIGHTS.replace("[1, 1, 1.5]", "[1, 1, 3]").replace("[0, 0, -1]", "[0, 0, 1]"));
     let options = ["scene.obj", "--luminaires", "lights.toml"];
-    let solved = scratch.mrvis(&[&["solve", "--out", "o", "--output", "none"][..], &options].concat());
-    done(&solved);
-    let traced =
-        scratch.mrvis(&[&["reference", "--points", "points.csv", "--samples", "8"][..], &options].concat());
-    done(&traced);
+    let solved =
+        scratch.mrvis(&[&["solve", "--out", "o", "--output", "none"][..], &options].concat()).exits(0);
+    let traced = scratch
+        .mrvis(&[&["reference", "--points", "points.csv", "--samples", "8"][..], &options].concat())
+        .exits(0);
     let bench = scratch.mrvis(&[&["bench"][..], &options, &QUICK].concat());
     refused(&bench, "no surface faces an emitter");
     for said in [solved.stdout, traced.stderr, bench.stderr] {

@@ -80,8 +80,7 @@ fn bench_reports_the_same_figures_on_any_number_of_threads() {
                 "off",
             ];
             let call = ["bench", &scene, "--threads", threads, "--json", &file];
-            let outcome = scratch.mrvis(&[&call[..], &options].concat());
-            assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+            scratch.mrvis(&[&call[..], &options].concat()).exits(0);
             let mut json = scratch.json(&file);
             strip(&mut json);
             json
@@ -105,8 +104,7 @@ fn bench_reports_the_same_figures_with_a_cache() {
         let options =
             ["--points", "60", "--rays", "1", "--reference-rays", "8", "--map", "0", "--rounds", "1"];
         let options = [&options[..], &["--feature-size", "0.2", "--quiet", "--json", "r.json"]].concat();
-        let outcome = scratch.mrvis(&[&["bench", &scene][..], &options[..], cache].concat());
-        assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+        scratch.mrvis(&[&["bench", &scene][..], &options[..], cache].concat()).exits(0);
         let mut json = scratch.json("r.json");
         assert_eq!(json["build"]["cache"], want);
         let noted = json["build"].get("cache_note").is_some();

@@ -116,8 +116,7 @@ fn an_interrupted_picture_is_left_out() {
         wait(0.01);
     }
     wait(0.5);
-    let outcome = interrupted(child);
-    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    let outcome = interrupted(child).exits(0);
     assert!(outcome.stdout.contains("no picture `view`") && !scratch.path("o/view.png").exists());
 }
 
@@ -130,7 +129,7 @@ fn an_aborted_call_has_the_code_of_errors() {
     wait(1.0);
     let sent = Command::new("kill").args(["-ABRT", &child.id().to_string()]).status();
     assert!(sent.expect("kill").success());
-    assert_eq!(ended(child).code, Some(2));
+    ended(child).exits(2);
 }
 
 /// Of a large solution an interruption leaves out the files that take long, and says which; the elements are written.
@@ -149,9 +148,7 @@ fn an_interrupted_large_solution_is_written_as_elements() {
         assert!(early || outcome.code == Some(0), "{:?} {}", outcome.code, outcome.stderr);
         (!early).then_some(outcome)
     });
-    let outcome = outcome.expect("light after 48 s");
-    assert!(outcome.stdout.contains("no `solution.glb`"), "{}", outcome.stdout);
-    assert!(outcome.stdout.contains("no pictures"), "{}", outcome.stdout);
+    outcome.expect("light after 48 s").prints("no `solution.glb`").prints("no pictures");
     assert!(scratch.path("o/solution.vtu").exists() && !scratch.path("o/solution.glb").exists());
     assert!(!scratch.path("o/view.png").exists());
 }

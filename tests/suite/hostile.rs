@@ -34,10 +34,6 @@ pub fn scratch() -> Scratch {
     scratch
 }
 
-pub fn done(outcome: &Outcome) {
-    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
-}
-
 /// An error of one line that holds `word`.
 pub fn refused(outcome: &Outcome, word: &str) {
     let one_line = outcome.stderr.trim_end().lines().count() == 1;
@@ -66,9 +62,7 @@ fn pipes_and_devices_are_not_read() {
         refused(&scratch.mrvis_within(60.0, &["info", "library.obj"]), "pipe or a device");
         scratch.write("texture.mtl", format!("{LIBRARY}map_Kd {target}\n"));
         scratch.write("texture.obj", SCENE.replace("scene.mtl", "texture.mtl"));
-        let textured = scratch.mrvis_within(60.0, &["info", "texture.obj"]);
-        done(&textured);
-        assert!(textured.stdout.contains("pipe or a device"), "{}", textured.stdout);
+        scratch.mrvis_within(60.0, &["info", "texture.obj"]).exits(0).prints("pipe or a device");
         let buffer = r#"{"asset":{"version":"2.0"},"buffers":[{"byteLength":4,"uri":"TARGET"}]}"#;
         scratch.write("buffer.gltf", buffer.replace("TARGET", target));
         refused(&scratch.mrvis_within(60.0, &["info", "buffer.gltf"]), "pipe or a device");
@@ -87,15 +81,14 @@ fn pipes_and_devices_are_not_read() {
 #[test]
 fn scenes_and_points_come_from_standard_input() {
     let scratch = scratch();
-    let piped = scratch.mrvis_with_input(SCENE, &["info", "-", "--json", "r.json"]);
-    done(&piped);
+    scratch.mrvis_with_input(SCENE, &["info", "-", "--json", "r.json"]).exits(0);
     assert_eq!(scratch.json("r.json")["scene"]["triangles"], 3);
     assert_eq!(
         scratch.json("r.json")["scene"]["emitters"],
         1,
         "the library is found from the current folder"
     );
-    done(&scratch.mrvis_with_input(POINTS, &["reference", "scene.obj", "--points", "-", "--samples", "4"]));
+    scratch.mrvis_with_input(POINTS, &["reference", "scene.obj", "--points", "-", "--samples", "4"]).exits(0);
 }
 
 /// Sizes are compared with the limit before anything is read.
@@ -121,18 +114,22 @@ fn files_from_elsewhere_are_listed() {
     other.write("far.mtl", LIBRARY);
     let far = other.path("far.mtl").display().to_string();
     scratch.write("far.obj", SCENE.replace("scene.mtl", &far));
-    let told = scratch.mrvis(&["info", "far.obj", "--json", "far.json"]);
-    done(&told);
-    assert!(told.stdout.contains("outside the folder") && told.stdout.contains("far.mtl"), "{}", told.stdout);
+    scratch
+        .mrvis(&["info", "far.obj", "--json", "far.json"])
+        .exits(0)
+        .prints("outside the folder")
+        .prints("far.mtl");
     let scene = &scratch.json("far.json")["scene"];
     assert_eq!(scene["files"].as_array().map(Vec::len), Some(2));
     assert_eq!(scene["files_outside"].as_array().map(Vec::len), Some(1));
     other.write("lamp.ies", IES);
     other.write("lights.toml", LIGHTS);
     let lights = other.path("lights.toml").display().to_string();
-    let told = scratch.mrvis(&["info", "scene.obj", "--luminaires", &lights, "--json", "far.json"]);
-    done(&told);
-    assert!(told.stdout.contains("lights.toml") && told.stdout.contains("lamp.ies"), "{}", told.stdout);
+    scratch
+        .mrvis(&["info", "scene.obj", "--luminaires", &lights, "--json", "far.json"])
+        .exits(0)
+        .prints("lights.toml")
+        .prints("lamp.ies");
     assert_eq!(scratch.json("far.json")["scene"]["files_outside"].as_array().map(Vec::len), Some(2));
     let near = scratch.mrvis(&["info", "scene.obj"]);
     assert!(!near.stdout.contains("outside"), "{}", near.stdout);
@@ -161,10 +158,9 @@ fn messages_quote_little_of_a_file() {
         "esc.gltf",
         esc.replace("NAME", &format!("\\u001b[31m\\u001b]0;t\\u0007{}", "m".repeat(5000))),
     );
-    let told = scratch.mrvis(&["info", "esc.gltf"]);
-    done(&told);
+    let told = scratch.mrvis(&["info", "esc.gltf"]).exits(0);
     assert!(short(&told.stdout) && !told.stdout.contains('\u{7}'), "{}", told.stdout);
-    assert!(told.stdout.contains("[31m]0;tmmm"), "{}", told.stdout);
+    told.prints("[31m]0;tmmm");
     // Of a long path the end is shown.
     scratch.write("far.obj", SCENE.replace("scene.mtl", &format!("{}/end.mtl", "d/".repeat(300))));
     let told = scratch.mrvis(&["info", "far.obj"]);
@@ -185,8 +181,7 @@ fn names_cannot_deceive() {
     let turned = "\u{202e}gnp.exe\u{2066}";
     scratch
         .write("turned.obj", SCENE.replace("o floor", &format!("o {turned}")).replace("o lamp", "o =cmd|x"));
-    let told = scratch.mrvis(&["info", "turned.obj", "--all"]);
-    done(&told);
+    let told = scratch.mrvis(&["info", "turned.obj", "--all"]).exits(0);
     assert!(
         told.stdout.contains("gnp.exe") && !told.stdout.contains(['\u{202e}', '\u{2066}']),
         "{}",
@@ -204,11 +199,11 @@ fn names_cannot_deceive() {
         "--local-rays",
         "0",
     ];
-    done(&scratch.mrvis(&[&call[..], &["--audit", "0"]].concat()));
-    let page = std::fs::read_to_string(scratch.path("o/solution.html")).expect("a page");
+    scratch.mrvis(&[&call[..], &["--audit", "0"]].concat()).exits(0);
+    let page = scratch.text("o/solution.html");
     assert!(!page.contains(['\u{202e}', '\u{2066}']));
-    done(&scratch.mrvis(&["form-factors", "turned.obj", "--by", "object", "--out", "f.csv"]));
-    let table = std::fs::read_to_string(scratch.path("f.csv")).expect("a table");
+    scratch.mrvis(&["form-factors", "turned.obj", "--by", "object", "--out", "f.csv"]).exits(0);
+    let table = scratch.text("f.csv");
     assert!(table.contains("'=cmd|x") && !table.contains(",=cmd") && !table.contains("\n=cmd"), "{table}");
 }
 
@@ -216,7 +211,7 @@ fn names_cannot_deceive() {
 #[test]
 fn caches_are_in_the_folder_of_the_user() {
     let scratch = scratch();
-    done(&scratch.mrvis(&[&["bench", "scene.obj", "--json", "r.json"][..], &QUICK].concat()));
+    scratch.mrvis(&[&["bench", "scene.obj", "--json", "r.json"][..], &QUICK].concat()).exits(0);
     assert_eq!(scratch.json("r.json")["build"]["cache"], "made");
     let files = |folder: &str| -> usize {
         let entries = std::fs::read_dir(scratch.path(folder)).expect("a folder").flatten();
@@ -226,7 +221,7 @@ fn caches_are_in_the_folder_of_the_user() {
     // A copy of the scene elsewhere has the same clusters.
     std::fs::create_dir(scratch.path("copy")).expect("a folder");
     scratch.write("copy/other.obj", SCENE.replace("scene.mtl", "../scene.mtl"));
-    done(&scratch.mrvis(&[&["bench", "copy/other.obj", "--json", "r.json"][..], &QUICK].concat()));
+    scratch.mrvis(&[&["bench", "copy/other.obj", "--json", "r.json"][..], &QUICK].concat()).exits(0);
     assert_eq!(scratch.json("r.json")["build"]["cache"], "hit");
 }
 
@@ -270,7 +265,7 @@ fn cameras_have_pictures_of_their_own() {
         ),
     );
     let call = ["solve", "cameras.gltf", "--out", "o", "--output", "image", "--image-size", "16x16"];
-    done(&scratch.mrvis(&[&call[..], &["--emitter", "t=1"]].concat()));
+    scratch.mrvis(&[&call[..], &["--emitter", "t=1"]].concat()).exits(0);
     let pictures = std::fs::read_dir(scratch.path("o")).expect("the folder").flatten();
     let pictures = pictures.filter(|e| e.path().extension().is_some_and(|e| e == "png")).count();
     assert_eq!(pictures, 3);
@@ -281,12 +276,14 @@ fn cameras_have_pictures_of_their_own() {
 fn turned_emitters_are_noted() {
     let scratch = scratch();
     scratch.write("turned.obj", SCENE.replace("f 5 6 7", "f 5 7 6"));
-    let solved = scratch.mrvis(&["solve", "turned.obj", "--out", "o", "--output", "none"]);
-    done(&solved);
-    assert!(solved.stdout.contains("--two-sided-emission"), "{}", solved.stdout);
-    let traced = scratch.mrvis(&["reference", "turned.obj", "--points", "points.csv", "--samples", "8"]);
-    done(&traced);
-    assert!(traced.stderr.contains("--two-sided-emission"), "{}", traced.stderr);
+    scratch
+        .mrvis(&["solve", "turned.obj", "--out", "o", "--output", "none"])
+        .exits(0)
+        .prints("--two-sided-emission");
+    scratch
+        .mrvis(&["reference", "turned.obj", "--points", "points.csv", "--samples", "8"])
+        .exits(0)
+        .warns("--two-sided-emission");
     let solved = scratch.mrvis(&["solve", "scene.obj", "--out", "o", "--output", "none"]);
     assert!(!solved.stdout.contains("--two-sided-emission"), "{}", solved.stdout);
 }
@@ -318,7 +315,7 @@ fn limits_of_memory_end_in_errors() {
 #[cfg(target_os = "linux")]
 fn refused_memory_is_an_error() {
     let scratch = Scratch::new();
-    done(&scratch.mrvis(&["generate", "forest", "--trees", "30", "--out", "f.obj"]));
+    scratch.mrvis(&["generate", "forest", "--trees", "30", "--out", "f.obj"]).exits(0);
     for kilobytes in [350_000, 450_000, 560_000] {
         let script = format!(
             "ulimit -v {kilobytes}; exec \"$0\" solve f.obj --out o --output none --threads 2 --quiet"
@@ -337,8 +334,7 @@ fn mistakes_of_typing_are_understood() {
     refused(&scratch.mrvis(&["bench", "scene.obj", "--recevier", "floor"]), "did you mean --receiver?");
     refused(&scratch.mrvis(&["bench", "scene.obj", "--receiver", "flor"]), "did you mean `floor`?");
     for call in [["--quiet", "info", "scene.obj"], ["info", "scene.obj", "--quiet"]] {
-        let quiet = scratch.mrvis(&call);
-        done(&quiet);
+        let quiet = scratch.mrvis(&call).exits(0);
         assert!(quiet.stdout.is_empty() && quiet.stderr.is_empty());
     }
 }
@@ -346,14 +342,12 @@ fn mistakes_of_typing_are_understood() {
 #[test]
 fn what_is_installed_beside_the_command() {
     let scratch = scratch();
-    let version = scratch.mrvis(&["--version"]);
-    assert!(version.stdout.contains("(Embree 4."), "{}", version.stdout);
+    scratch.mrvis(&["--version"]).prints("(Embree 4.");
     for shell in ["bash", "zsh", "fish"] {
-        let script = scratch.mrvis(&["completions", shell]);
-        done(&script);
+        let script = scratch.mrvis(&["completions", shell]).exits(0);
         assert!(script.stdout.contains("feature-size"), "{shell}");
     }
-    done(&scratch.mrvis(&["man", "--out", "man"]));
+    scratch.mrvis(&["man", "--out", "man"]).exits(0);
     for page in ["mrvis.1", "mrvis-solve.1", "mrvis-bench.1", "mrvis-form-factors.1"] {
         let text = std::fs::read_to_string(scratch.path("man").join(page)).expect(page);
         assert!(text.contains(".TH"), "{page}");
@@ -372,11 +366,10 @@ fn what_is_installed_beside_the_command() {
 #[test]
 fn generated_scenes_have_no_warnings() {
     let scratch = scratch();
-    done(&scratch.mrvis(&["generate", "cornell", "--out", "cornell.obj"]));
+    scratch.mrvis(&["generate", "cornell", "--out", "cornell.obj"]).exits(0);
     let call =
         ["solve", "cornell.obj", "--unit", "mm", "--out", "o", "--output", "none", "--max-seconds", "2"];
-    let solved = scratch.mrvis(&call);
-    done(&solved);
+    scratch.mrvis(&call).exits(0);
     let warnings = &scratch.json("o/solution.json")["warnings"];
     let texts: Vec<&str> = warnings.as_array().expect("a list").iter().filter_map(|w| w.as_str()).collect();
     let of_the_scene = texts.iter().filter(|w| !w.contains("max-seconds")).count();

@@ -1,6 +1,6 @@
 //! Commands around the solver: reference, compare, form-factors, outputs of solve.
 
-use crate::run::{Outcome, Scratch};
+use crate::run::Scratch;
 use mrvis::internals::scene::generate::Spec;
 
 /// A closed box; all faces emit radiosity 1 and reflect 0.5, so that irradiance is 1/(1 − 0.5) = 2.
@@ -24,13 +24,9 @@ fn scratch() -> Scratch {
     scratch
 }
 
-fn done(outcome: &Outcome) {
-    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
-}
-
 /// The values of an irradiance file, beginning with `Er`.
 fn values(scratch: &Scratch, name: &str) -> Vec<Vec<f64>> {
-    let text = std::fs::read_to_string(scratch.path(name)).expect("a file");
+    let text = scratch.text(name);
     text.lines()
         .skip(1)
         .map(|l| l.split(',').skip(6).map(|x| x.parse().expect("a number")).collect())
@@ -42,33 +38,36 @@ fn a_reference_says_how_sure_it_is() {
     let scratch = scratch();
     let arguments =
         ["reference", "box.obj", "--points", "points.csv", "--samples", "512", "--json", "r.json"];
-    done(&scratch.mrvis(&[&arguments[..], &["--out", "a.csv"]].concat()));
+    scratch.mrvis(&[&arguments[..], &["--out", "a.csv"]].concat()).exits(0);
     for row in values(&scratch, "a.csv") {
         let [e, _, _, se, ..] = row[..] else { panic!("{} columns", row.len()) };
         assert!((e - 2.0).abs() < 6.0 * se + 1e-3 && se < 0.05, "{e} ± {se}");
     }
     assert_eq!(scratch.json("r.json")["samples"], 512);
     // Equal on any number of threads, different with another seed.
-    done(&scratch.mrvis(&[&arguments[..], &["--out", "b.csv", "--threads", "3"]].concat()));
-    done(&scratch.mrvis(&[&arguments[..], &["--out", "c.csv", "--seed", "2"]].concat()));
-    let text = |name: &str| std::fs::read_to_string(scratch.path(name)).expect("a file");
+    scratch.mrvis(&[&arguments[..], &["--out", "b.csv", "--threads", "3"]].concat()).exits(0);
+    scratch.mrvis(&[&arguments[..], &["--out", "c.csv", "--seed", "2"]].concat()).exits(0);
+    let text = |name: &str| scratch.text(name);
     assert_eq!(text("a.csv"), text("b.csv"));
     assert_ne!(text("a.csv"), text("c.csv"));
     // `compare` reports the difference, and the tolerance decides the exit code.
-    let compared = scratch.mrvis(&["compare", "a.csv", "c.csv", "--tolerance", "0.2", "--json", "d.json"]);
-    done(&compared);
-    assert!(compared.stdout.contains("RMS") && compared.stdout.contains("bias"), "{}", compared.stdout);
+    scratch
+        .mrvis(&["compare", "a.csv", "c.csv", "--tolerance", "0.2", "--json", "d.json"])
+        .exits(0)
+        .prints("RMS")
+        .prints("bias");
     assert!(scratch.json("d.json")["rms"].as_f64().is_some_and(|r| r > 0.0 && r < 0.2));
-    assert_eq!(scratch.mrvis(&["compare", "a.csv", "c.csv", "--tolerance", "1e-9"]).code, Some(1));
-    done(&scratch.mrvis(&["compare", "a.csv", "b.csv", "--tolerance", "0"]));
+    scratch.mrvis(&["compare", "a.csv", "c.csv", "--tolerance", "1e-9"]).exits(1);
+    scratch.mrvis(&["compare", "a.csv", "b.csv", "--tolerance", "0"]).exits(0);
 }
 
 #[test]
 fn scenes_without_light_are_zero_with_a_warning() {
     let scratch = scratch();
-    let outcome = scratch.mrvis(&["reference", "dark.obj", "--points", "points.csv", "--out", "a.csv"]);
-    done(&outcome);
-    assert!(outcome.stderr.contains("no light"), "{}", outcome.stderr);
+    scratch
+        .mrvis(&["reference", "dark.obj", "--points", "points.csv", "--out", "a.csv"])
+        .exits(0)
+        .warns("no light");
     assert!(values(&scratch, "a.csv").iter().flatten().all(|&v| v == 0.0));
 }
 
@@ -118,8 +117,7 @@ fn reflectances_of_one_are_clamped_by_name() {
         &[&["solve", "box.obj", "--out", "s", "--output", "none"][..], &ROUGH].concat()[..],
         &["reference", "box.obj", "--points", "points.csv", "--samples", "4", "--out", "a.csv"],
     ] {
-        let outcome = scratch.mrvis(arguments);
-        done(&outcome);
+        let outcome = scratch.mrvis(arguments).exits(0);
         let said = outcome.stdout + &outcome.stderr;
         assert!(said.contains("clamped") && said.contains("`glow`"), "{said}");
     }
@@ -128,17 +126,10 @@ fn reflectances_of_one_are_clamped_by_name() {
 #[test]
 fn form_factors_of_a_box_are_the_closed_forms() {
     let scratch = scratch();
-    done(&scratch.mrvis(&[
-        "form-factors",
-        "box.obj",
-        "--out",
-        "f.csv",
-        "--json",
-        "f.json",
-        "--tolerance",
-        "1e-3",
-    ]));
-    let text = std::fs::read_to_string(scratch.path("f.csv")).expect("a file");
+    scratch
+        .mrvis(&["form-factors", "box.obj", "--out", "f.csv", "--json", "f.json", "--tolerance", "1e-3"])
+        .exits(0);
+    let text = scratch.text("f.csv");
     let entry = |from: &str, to: &str| -> f64 {
         let start = format!("{from},{to},");
         let line = text.lines().find_map(|l| l.strip_prefix(&start)).expect("an entry");
@@ -152,7 +143,7 @@ fn form_factors_of_a_box_are_the_closed_forms() {
     assert!(report["reciprocity_residual"].as_f64().is_some_and(|r| r < 1e-6));
     let town = scratch.generate(&Spec { count: Some(120), ..Spec::new("urban-block") });
     for out in ["g.npz", "g.mtx"] {
-        done(&scratch.mrvis(&["form-factors", &town, "--by", "material", "--out", out, "--quiet"]));
+        scratch.mrvis(&["form-factors", &town, "--by", "material", "--out", out, "--quiet"]).exits(0);
         assert!(scratch.path(out).exists());
     }
 }
@@ -163,9 +154,7 @@ fn errors_are_those_of_what_is_asked_for() {
     let scratch = scratch();
     let at_points = ["solve", "box.obj", "--out", "s", "--error", "0.2", "--points", "points.csv"];
     for more in [&[][..], &["--direct-only"]] {
-        let outcome = scratch.mrvis(&[&at_points[..], more].concat());
-        done(&outcome);
-        assert!(outcome.stdout.contains("2 points: minimum"), "{}", outcome.stdout);
+        scratch.mrvis(&[&at_points[..], more].concat()).exits(0).prints("2 points: minimum");
         let record = scratch.json("s/solution.json");
         assert!(record["error_estimate_source"] == "points" && record["audit"].is_null(), "{record}");
         assert_eq!(record["error_estimate"], record["points_error"]["rms"]);
@@ -173,16 +162,13 @@ fn errors_are_those_of_what_is_asked_for() {
         assert_eq!(record["ledger"]["absorbed"].is_null(), !more.is_empty());
     }
     let solve = [&at_points[..], &["--output", "vtu"]].concat();
-    let all = scratch.mrvis(&solve);
-    done(&all);
-    assert!(all.stdout.contains("estimated error"), "{}", all.stdout);
+    scratch.mrvis(&solve).exits(0).prints("estimated error");
     let record = scratch.json("s/solution.json");
     assert_eq!(record["error_estimate_source"], "audit");
     let [estimate, upper] = ["error_estimate", "error_estimate_upper"].map(|key| record[key].as_f64());
     assert!(estimate.is_some() && estimate <= upper, "{estimate:?} {upper:?}");
     // The interval of an audit that is too small for an estimate is not that of the estimate.
-    let few = scratch.mrvis(&[&solve[..], &["--audit", "20"]].concat());
-    done(&few);
+    scratch.mrvis(&[&solve[..], &["--audit", "20"]].concat()).exits(0);
     assert!(scratch.json("s/solution.json")["error_estimate_upper"].is_null());
 }
 
@@ -192,7 +178,7 @@ fn a_solution_is_shown() {
     let all = "ply,glb,vtu,lightmap,image";
     let size = ["--image-size", "64x48"];
     let solve = ["solve", "box.obj", "--out", "s", "--output", all, "--quiet"];
-    done(&scratch.mrvis(&[&solve[..], &size, &["--audit", "0", "--local-rays", "300000"]].concat()));
+    scratch.mrvis(&[&solve[..], &size, &["--audit", "0", "--local-rays", "300000"]].concat()).exits(0);
     let begins = |name: &str, with: &[u8]| {
         let file = std::fs::read(scratch.path("s").join(name)).expect(name);
         assert!(file.starts_with(with), "{name}");
@@ -211,8 +197,7 @@ fn a_solution_is_shown() {
     let seen: Vec<f32> = image.data().iter().copied().filter(|&v| v > 0.0).collect();
     assert!(seen.len() > 64 * 48 / 10, "{} pixels", seen.len());
     assert!(seen.iter().filter(|&&v| (v / want - 1.0).abs() < 0.02).count() > seen.len() * 8 / 10);
-    let refused = scratch.mrvis(&["solve", "box.obj", "--out", "s", "--camera", "0,0,0,0,0,0,40"]);
-    assert!(refused.code == Some(2) && refused.stderr.contains("camera"), "{}", refused.stderr);
+    scratch.mrvis(&["solve", "box.obj", "--out", "s", "--camera", "0,0,0,0,0,0,40"]).exits(2).warns("camera");
 }
 
 /// A closed room with a lamp in one half and an opaque wall whose foot is not on a line of subdivision: from the other half nothing is seen, and
@@ -228,7 +213,7 @@ fn walls_are_black_from_their_dark_side() {
     let solve =
         ["solve", "room.obj", "--out", "s", "--output", "image", "--image-size", "128x96", "--error", "0.1"];
     let seen = |camera: &str| {
-        done(&scratch.mrvis(&[&solve[..], &["--audit", "0", "--quiet", "--camera", camera]].concat()));
+        scratch.mrvis(&[&solve[..], &["--audit", "0", "--quiet", "--camera", camera]].concat()).exits(0);
         let path = scratch.path("s").join("view.exr");
         mrvis::internals::image_io::read_image(&path, Default::default(), 1.0).expect("an image")
     };
@@ -242,8 +227,8 @@ fn walls_are_black_from_their_dark_side() {
 fn a_scene_and_a_camera_are_required() {
     let scratch = scratch();
     // Without a scene or without a camera the command fails.
-    assert_eq!(scratch.mrvis(&["solve"]).code, Some(2));
-    assert_eq!(scratch.mrvis(&["solve", "box.obj", "--out", "o", "--importance-camera"]).code, Some(2));
+    scratch.mrvis(&["solve"]).exits(2);
+    scratch.mrvis(&["solve", "box.obj", "--out", "o", "--importance-camera"]).exits(2);
 }
 
 #[test]
@@ -265,15 +250,13 @@ fn a_missed_target_is_told_by_the_exit_code() {
         ];
         scratch.mrvis(&[&["solve", &scene, "--unit", "mm", "--out", "s"][..], &options].concat())
     };
-    let missed = solve("1e-6", "2000");
-    assert_eq!(missed.code, Some(1), "{}", missed.stderr);
-    assert!(missed.stdout.contains("--target-error 0.000001 was missed"), "{}", missed.stdout);
-    assert!(missed.stdout.contains("--max-links 2000 ended refinement"), "{}", missed.stdout);
+    let missed = solve("1e-6", "2000").exits(1);
+    missed.prints("--target-error 0.000001 was missed").prints("--max-links 2000 ended refinement");
     let record = scratch.json("s/solution.json");
     assert!(record["target_met"] == false && record["ended"] == "links", "{record}");
     // Watts, although lengths are in millimetres.
     assert!(missed.stdout.contains(" W, absorbed ") && record["ledger"]["unit"] == "W", "{}", missed.stdout);
-    done(&solve("0.9", "1000000"));
+    solve("0.9", "1000000").exits(0);
 }
 
 #[test]
@@ -281,17 +264,16 @@ fn engines_are_compared_at_points() {
     let scratch = scratch();
     let solve =
         ["solve", "box.obj", "--out", "s", "--points", "points.csv", "--compare", "mr", "--json", "v.json"];
-    let outcome = scratch.mrvis(&[&solve[..], &["--cache", "off", "--output", "none"], &ROUGH].concat());
-    done(&outcome);
+    let outcome =
+        scratch.mrvis(&[&solve[..], &["--cache", "off", "--output", "none"], &ROUGH].concat()).exits(0);
     let json = scratch.json("v.json");
     let versus = &json["versus"];
     assert!(versus["visibility"] == "mr" && versus["difference"]["points"] == 2, "{versus}");
     assert!(versus["speedup"].as_f64().is_some_and(|s| s > 0.0));
     assert!(versus["difference"]["rms"].as_f64().is_some_and(|rms| rms < 0.01), "{versus}");
-    assert!(outcome.stdout.contains("times as long as exact"), "{}", outcome.stdout);
+    outcome.prints("times as long as exact");
     // `--compare` needs points.
-    let refused = scratch.mrvis(&["solve", "box.obj", "--out", "s", "--compare", "mr"]);
-    assert!(refused.code == Some(2) && refused.stderr.contains("--points"), "{}", refused.stderr);
+    scratch.mrvis(&["solve", "box.obj", "--out", "s", "--compare", "mr"]).exits(2).warns("--points");
 }
 
 /// Without time for gathering, pixels show the light of elements, with a note.
@@ -300,10 +282,10 @@ fn pictures_are_whole_when_time_is_short() {
     let scratch = scratch();
     let arguments = ["solve", "box.obj", "--output", "image", "--image-size", "1000x800"];
     let solve = |more: &[&str]| scratch.mrvis(&[&arguments[..], &ROUGH, more].concat());
-    done(&solve(&["--out", "plain"]));
-    let hurried = solve(&["--out", "hurried", "--gather", "--error", "0.001", "--max-seconds", "0.2"]);
-    done(&hurried);
-    assert!(hurried.stdout.contains("pixels is that of elements"), "{}", hurried.stdout);
+    solve(&["--out", "plain"]).exits(0);
+    solve(&["--out", "hurried", "--gather", "--error", "0.001", "--max-seconds", "0.2"])
+        .exits(0)
+        .prints("pixels is that of elements");
     let record = scratch.json("hurried/solution.json");
     assert!(record["warnings"].to_string().contains("--max-seconds 0.2: light at"), "{}", record["warnings"]);
     let names = |folder: &str| {
@@ -331,22 +313,22 @@ fn photometric_outputs() {
         .write("lights.toml", "[[luminaire]]\nfile = \"lamp.ies\"\nat = [0.5, 0.5, 0.9]\naim = [0, 0, -1]\n");
     scratch.write("bad.toml", "[[luminaire]]\nfile = \"lamp.ies\"\nat = [0.5]\naim = [0, 0, -1]\n");
     let lit = ["dark.obj", "--luminaires", "lights.toml", "--photometric"];
-    done(&scratch.mrvis(&[&["info"], &lit[..], &["--json", "i.json"]].concat()));
+    scratch.mrvis(&[&["info"], &lit[..], &["--json", "i.json"]].concat()).exits(0);
     // ∫ I 2π sin γ dγ of the linear table, by parts: 2π (90 − 30 sin 45° / (π/4) − 60 (1 − sin 45°) / (π/4)).
     let (half, step) = (0.5f64.sqrt(), std::f64::consts::FRAC_PI_4);
     let flux = 2.0 * std::f64::consts::PI * (90.0 - (30.0 * half + 60.0 * (1.0 - half)) / step);
     let found = scratch.json("i.json")["emitters"][0]["flux_lm"].as_f64().expect("a flux");
     assert!((found / flux - 1.0).abs() < 1e-5, "{found} instead of {flux} lm");
     let solve = ["--points", "points.csv", "--out", "p", "--json", "s.json"];
-    done(
-        &scratch.mrvis(&[&["solve"], &lit[..], &solve, &["--audit", "0", "--local-rays", "300000"]].concat()),
-    );
-    done(
-        &scratch.mrvis(
+    scratch
+        .mrvis(&[&["solve"], &lit[..], &solve, &["--audit", "0", "--local-rays", "300000"]].concat())
+        .exits(0);
+    scratch
+        .mrvis(
             &[&["reference"], &lit[..], &["--points", "points.csv", "--samples", "256", "--out", "r.csv"]]
                 .concat(),
-        ),
-    );
+        )
+        .exits(0);
     for row in values(&scratch, "p/irradiance.csv").iter().chain(&values(&scratch, "r.csv")) {
         let lux = 179.0 * (0.2126 * row[0] + 0.7152 * row[1] + 0.0722 * row[2]);
         assert!((row[row.len() - 1] - lux).abs() < 1e-9 * lux, "{row:?}");
@@ -358,7 +340,6 @@ fn photometric_outputs() {
     assert_eq!(ledger["unit"], "lm");
     let emitted = ledger["emitted"].as_f64().expect("a power");
     assert!((emitted / flux - 1.0).abs() < 1e-5, "{emitted} of {flux} lm are emitted");
-    done(&scratch.mrvis(&["compare", "p/irradiance.csv", "r.csv", "--tolerance", "0.2"]));
-    let bad = scratch.mrvis(&["info", "dark.obj", "--luminaires", "bad.toml"]);
-    assert!(bad.code == Some(2) && bad.stderr.contains("bad.toml:3: "), "{}", bad.stderr);
+    scratch.mrvis(&["compare", "p/irradiance.csv", "r.csv", "--tolerance", "0.2"]).exits(0);
+    scratch.mrvis(&["info", "dark.obj", "--luminaires", "bad.toml"]).exits(2).warns("bad.toml:3: ");
 }

@@ -1,6 +1,6 @@
 //! What lighting engineers ask of `solve` and `info`: grids, surfaces, luminaires, upward axis, pictures.
 
-use crate::run::{Outcome, Scratch};
+use crate::run::Scratch;
 
 /// A floor of 4 x 2 m, a lamp of 1 x 1 m that faces it 2 m above its middle, and a bowl beside them.
 const HALL: &str = "mtllib hall.mtl\nusemtl grey\no floor\nv 0 0 0\nv 4 0 0\nv 4 2 0\nv 0 2 0\nf 1 2 3 4\n\
@@ -15,13 +15,9 @@ fn hall() -> Scratch {
     scratch
 }
 
-fn done(outcome: &Outcome) {
-    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
-}
-
 /// Lines of a CSV file without its header.
 fn rows(scratch: &Scratch, name: &str) -> Vec<Vec<f64>> {
-    let text = std::fs::read_to_string(scratch.path(name)).expect("a file");
+    let text = scratch.text(name);
     text.lines().skip(1).map(|l| l.split(',').map(|x| x.parse().expect("a number")).collect()).collect()
 }
 
@@ -30,13 +26,14 @@ fn a_grid_of_points_needs_no_file() {
     let scratch = hall();
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n1,1,0,0,0,1\n");
     let solve = ["solve", "hall.obj", "--out", "s", "--direct-only", "--photometric", "--points"];
-    let solved =
-        scratch.mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "bowl:0.5:0.8"]].concat());
-    assert!(solved.code == Some(2) && solved.stderr.contains("--grid: grid on `bowl`"), "{}", solved.stderr);
-    assert!(solved.stderr.contains("--points"), "{}", solved.stderr);
+    scratch
+        .mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "bowl:0.5:0.8"]].concat())
+        .exits(2)
+        .warns("--grid: grid on `bowl`")
+        .warns("--points");
     let solved = scratch
-        .mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "floor:0.5:0.8"]].concat());
-    done(&solved);
+        .mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "floor:0.5:0.8"]].concat())
+        .exits(0);
     // Points of a grid above its surface are meant to be there; the point of the file is on the floor.
     assert!(!solved.stdout.contains("from every surface"), "{}", solved.stdout);
     // The point of the file comes first, then both grids from their lower left corners.
@@ -78,7 +75,7 @@ fn the_light_of_each_surface_is_stated() {
     let scratch = hall();
     let solve =
         ["solve", "hall.obj", "--out", "s", "--photometric", "--output", "page", "--image-size", "32x24"];
-    done(&scratch.mrvis(&[&solve[..], &["--audit", "0", "--error", "0.2"]].concat()));
+    scratch.mrvis(&[&solve[..], &["--audit", "0", "--error", "0.2"]].concat()).exits(0);
     let surfaces = &scratch.json("s/solution.json")["surfaces"];
     let floor = &surfaces[0];
     assert!(floor["name"] == "floor" && floor["side"] == "front" && floor["unit"] == "lx", "{surfaces}");
@@ -87,20 +84,19 @@ fn the_light_of_each_surface_is_stated() {
     assert!((area - 8.0).abs() < 1e-4 && 0.0 < minimum && minimum < mean && mean < maximum, "{floor}");
     let is_dark_back = |s: &serde_json::Value| s["side"] == "back" && s["maximum"] == 0.0;
     assert!(!surfaces.as_array().expect("a list").iter().any(is_dark_back), "{surfaces}");
-    let page = std::fs::read_to_string(scratch.path("s/solution.html")).expect("a page");
+    let page = scratch.text("s/solution.html");
     for words in ["Light by surface", ">floor</td>", "mean lx", "area m²"] {
         assert!(page.contains(words), "{words}");
     }
     // Points alone need no elements, whose light would be none.
-    done(&scratch.mrvis(&["solve", "hall.obj", "--out", "p", "--grid", "floor:1", "--audit", "0"]));
+    scratch.mrvis(&["solve", "hall.obj", "--out", "p", "--grid", "floor:1", "--audit", "0"]).exits(0);
     assert!(scratch.json("p/solution.json")["surfaces"].is_null());
 }
 
 #[test]
 fn reflectances_of_materials_are_listed() {
     let scratch = hall();
-    let info = scratch.mrvis(&["info", "hall.obj", "--json", "i.json"]);
-    assert!(info.stdout.contains("0.400  0.400 0.500 0.300  grey"), "{}", info.stdout);
+    scratch.mrvis(&["info", "hall.obj", "--json", "i.json"]).prints("0.400  0.400 0.500 0.300  grey");
     let grey = &scratch.json("i.json")["materials"][0];
     let mean = grey["mean_reflectance"].as_f64().expect("a number");
     assert!(grey["name"] == "grey" && (mean - 0.4).abs() < 1e-6, "{grey}");
@@ -114,8 +110,7 @@ fn luminaires_are_dimmed_and_age() {
     scratch
         .write("lum.toml", format!("{lamp}{}dimming = 0.5\nmaintenance = 0.8\n", lamp.replace("[2,", "[3,")));
     let info = ["info", "hall.obj", "--luminaires", "lum.toml", "--photometric", "--json", "i.json"];
-    let info = scratch.mrvis(&info);
-    done(&info);
+    let info = scratch.mrvis(&info).exits(0);
     let words = "dimming 0.5 and maintenance factor 0.8 included";
     assert_eq!(info.stdout.matches(words).count(), 1, "{}", info.stdout);
     let emitters = &scratch.json("i.json")["emitters"];
@@ -132,22 +127,20 @@ fn the_upward_axis_says_where_it_is_from() {
     let scratch = hall();
     let up = |more: &[&str]| {
         let solve = ["solve", "hall.obj", "--out", "s", "--grid", "floor:2", "--direct-only", "--quiet"];
-        done(&scratch.mrvis(&[&solve[..], more].concat()));
+        scratch.mrvis(&[&solve[..], more].concat()).exits(0);
         let record = scratch.json("s/solution.json");
         format!("{} {}", record["scene"]["up"], record["scene"]["up_from"]).replace('"', "")
     };
     assert_eq!(up(&[]), "z guessed from the direction of most light");
     assert_eq!(up(&["--up", "y"]), "y given");
     assert_eq!(up(&["--emitter", "lamp=0"]), "z guessed from the extents");
-    let info = scratch.mrvis(&["info", "hall.obj", "--emitter", "lamp=0", "--json", "i.json"]);
-    assert!(info.stdout.contains("up          z (guessed from the extents)"), "{}", info.stdout);
+    scratch
+        .mrvis(&["info", "hall.obj", "--emitter", "lamp=0", "--json", "i.json"])
+        .prints("up          z (guessed from the extents)");
     assert_eq!(scratch.json("i.json")["scene"]["up_from"], "guessed from the extents");
-    let solved = scratch.mrvis(&["solve", "hall.obj", "--out", "s", "--grid", "floor:2", "--direct-only"]);
-    assert!(
-        solved.stdout.contains("z up (guessed from the direction of most light; --up"),
-        "{}",
-        solved.stdout
-    );
+    scratch
+        .mrvis(&["solve", "hall.obj", "--out", "s", "--grid", "floor:2", "--direct-only"])
+        .prints("z up (guessed from the direction of most light; --up");
 }
 
 #[test]
@@ -175,7 +168,7 @@ fn edges_of_bright_faces_are_smooth() {
     let scratch = hall();
     let solve =
         ["solve", "hall.obj", "--out", "s", "--output", "image", "--image-size", "160x120", "--audit", "0"];
-    done(&scratch.mrvis(&[&solve[..], &["--error", "0.2", "--camera", "0,-5,1.2,2,1,1,50"]].concat()));
+    scratch.mrvis(&[&solve[..], &["--error", "0.2", "--camera", "0,-5,1.2,2,1,1,50"]].concat()).exits(0);
     let picture = image::open(scratch.path("s/view.png")).expect("a picture").to_luma8();
     // The lamp is above the middle, before nothing.
     let lamp: Vec<u8> = picture.enumerate_pixels().filter(|(_, y, _)| *y < 60).map(|(.., p)| p[0]).collect();
@@ -190,11 +183,10 @@ fn a_camera_that_sees_nothing_says_so() {
     let solve =
         ["solve", "hall.obj", "--out", "s", "--output", "image", "--image-size", "16x12", "--audit", "0"];
     let solve = |camera| scratch.mrvis(&[&solve[..], &["--error", "0.2", "--camera", camera]].concat());
-    let away = solve("2,-5,1,2,-9,1,50");
-    done(&away);
+    let away = solve("2,-5,1,2,-9,1,50").exits(0);
     let words = "view.png at 2, -5, 1 sees no lit surface (closed rooms are black from outside; --look-inside shows what is in \
                  them): the scene reaches from 0, 0, 0 to 7, 2, 2; give --camera";
-    assert!(away.stdout.contains(words), "{}", away.stdout);
+    away.prints(words);
     assert!(scratch.json("s/solution.json")["warnings"].to_string().contains(words));
     assert!(!solve("2,-5,1,2,1,1,50").stdout.contains("sees no lit surface"));
 }

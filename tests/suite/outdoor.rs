@@ -22,15 +22,12 @@ fn sky_and_sun_light_points_and_are_named_in_outputs() {
     let sky = ["--up", "z", "--sky", "uniform:100", "--sun", "180,30:800"];
     let solve =
         ["solve", "ground.obj", "--points", "points.csv", "--out", "s", "--audit", "0", "--error", "0.1"];
-    let solved = scratch.mrvis(&[&solve[..], &sky].concat());
-    assert_eq!(solved.code, Some(0), "{}", solved.stderr);
-    assert!(
-        solved.stdout.contains("sun at azimuth 180.0000, elevation 30.0000 degrees"),
-        "{}",
-        solved.stdout
-    );
+    scratch
+        .mrvis(&[&solve[..], &sky].concat())
+        .exits(0)
+        .prints("sun at azimuth 180.0000, elevation 30.0000 degrees");
     let light = |name: &str| -> Vec<f64> {
-        let text = std::fs::read_to_string(scratch.path(name)).expect("a file");
+        let text = scratch.text(name);
         text.lines()
             .skip(1)
             .map(|l| l.split(',').nth(6).expect("a value").parse().expect("a number"))
@@ -45,7 +42,7 @@ fn sky_and_sun_light_points_and_are_named_in_outputs() {
     assert!(record["scene"]["sky"].to_string().contains("north +y"), "{}", record["scene"]["sky"]);
     let reference =
         ["reference", "ground.obj", "--points", "points.csv", "--out", "r.csv", "--samples", "256"];
-    assert_eq!(scratch.mrvis(&[&reference[..], &sky].concat()).code, Some(0));
+    scratch.mrvis(&[&reference[..], &sky].concat()).exits(0);
     assert!(light("r.csv").iter().all(|e| (e - 500.0).abs() < 5.0), "{:?}", light("r.csv"));
 }
 
@@ -91,8 +88,7 @@ fn terrain_computes_maps_of_height_fields() {
     let terrain = ["terrain", "slope.asc", "--out", "t", "--json", "t.json", "--format", "tif,npz,png"];
     let light =
         ["--output", "sky-view-factor,sunlit,irradiance", "--sky", "uniform:100", "--sun", "180,45:800"];
-    let made = scratch.mrvis(&[&terrain[..], &light].concat());
-    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    scratch.mrvis(&[&terrain[..], &light].concat()).exits(0);
     let record = scratch.json("t.json");
     let mean = |k: usize| record["quantities"][k]["mean"].as_f64().expect("a number");
     let free = 0.5 * (1.0 + std::f64::consts::FRAC_1_SQRT_2);
@@ -102,11 +98,13 @@ fn terrain_computes_maps_of_height_fields() {
     for name in ["sky-view-factor.tif", "sunlit.npz", "irradiance.png"] {
         assert!(scratch.path(&format!("t/{name}")).metadata().is_ok_and(|file| file.len() > 60), "{name}");
     }
-    let dark = scratch.mrvis(&["terrain", "slope.asc", "--out", "t", "--output", "irradiance"]);
-    assert!(dark.code == Some(2) && dark.stderr.contains("give --sky"), "{}", dark.stderr);
+    scratch
+        .mrvis(&["terrain", "slope.asc", "--out", "t", "--output", "irradiance"])
+        .exits(2)
+        .warns("give --sky");
     scratch.write("bad.asc", "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize -5\n1 2\n3 4\n");
-    let bad = scratch.mrvis(&["terrain", "bad.asc", "--out", "b"]);
-    assert!(bad.code == Some(2) && bad.stderr.contains("bad.asc"), "{}", bad.stderr);
+    let bad = scratch.mrvis(&["terrain", "bad.asc", "--out", "b"]).exits(2);
+    bad.warns("bad.asc");
     assert!(bad.stderr.lines().count() == 1 && !scratch.path("b").exists(), "{}", bad.stderr);
 }
 
@@ -116,9 +114,8 @@ fn height_fields_are_scenes() {
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n1055,2055,60,0,-0.7071068,0.7071068\n");
     let solve =
         ["solve", "slope.asc", "--out", "s", "--points", "points.csv", "--audit", "0", "--error", "0.1"];
-    let solved = scratch.mrvis(&[&solve[..], &["--sky", "uniform:100", "--sun", "180,45:800"]].concat());
-    assert_eq!(solved.code, Some(0), "{}", solved.stderr);
-    let text = std::fs::read_to_string(scratch.path("s/irradiance.csv")).expect("a file");
+    scratch.mrvis(&[&solve[..], &["--sky", "uniform:100", "--sun", "180,45:800"]].concat()).exits(0);
+    let text = scratch.text("s/irradiance.csv");
     let value: f64 =
         text.lines().nth(1).and_then(|l| l.split(',').nth(6)).expect("a value").parse().expect("a number");
     assert!((value - 885.36).abs() < 3.0, "{value}");
@@ -128,7 +125,7 @@ fn height_fields_are_scenes() {
 #[test]
 fn scenes_of_height_fields_and_objects_have_several_files() {
     let scratch = slope();
-    let east = std::fs::read_to_string(scratch.path("slope.asc")).expect("a file");
+    let east = scratch.text("slope.asc");
     scratch.write("east.asc", east.replace("xllcorner 1000", "xllcorner 1120"));
     scratch.write(
         "wall.obj",
@@ -140,9 +137,8 @@ fn scenes_of_height_fields_and_objects_have_several_files() {
         ["solve", "slope.asc", "--out", "s", "--points", "points.csv", "--output", "none", "--audit", "0"];
     let light = ["--sky", "uniform:100", "--sun", "180,45:800", "--add", "east.asc", "--add", "wall.obj"];
     for curved in [&[][..], &["--curvature=1.1667"]] {
-        let solved = scratch.mrvis(&[&solve[..], &light, curved].concat());
-        assert_eq!(solved.code, Some(0), "{}", solved.stderr);
-        let text = std::fs::read_to_string(scratch.path("s/irradiance.csv")).expect("a file");
+        scratch.mrvis(&[&solve[..], &light, curved].concat()).exits(0);
+        let text = scratch.text("s/irradiance.csv");
         let value =
             |line: &str| line.split(',').nth(6).and_then(|v| v.parse::<f64>().ok()).expect("a number");
         let found: Vec<f64> = text.lines().skip(1).map(value).collect();
@@ -151,8 +147,7 @@ fn scenes_of_height_fields_and_objects_have_several_files() {
     for (option, words) in
         [(["--add", "tree.glb"], "cannot be added"), (["--curvature=0.1", "--quiet"], "curvature")]
     {
-        let refused = scratch.mrvis(&[&["info", "slope.asc"][..], &option].concat());
-        assert_eq!(refused.code, Some(2), "{}", refused.stdout);
+        let refused = scratch.mrvis(&[&["info", "slope.asc"][..], &option].concat()).exits(2);
         assert!(refused.stderr.contains(words) && refused.stderr.lines().count() == 1, "{}", refused.stderr);
     }
 }
@@ -175,9 +170,8 @@ fn suns_of_gltf_files_shine_beside_a_sky() {
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n0.3,0,0.4,0,1,0\n");
     let light = |sky: &[&str]| -> f64 {
         let solve = ["solve", "yard.gltf", "--out", "s", "--points", "points.csv", "--audit", "0"];
-        let solved = scratch.mrvis(&[&solve[..], sky].concat());
-        assert_eq!(solved.code, Some(0), "{}", solved.stderr);
-        let text = std::fs::read_to_string(scratch.path("s/irradiance.csv")).expect("a file");
+        scratch.mrvis(&[&solve[..], sky].concat()).exits(0);
+        let text = scratch.text("s/irradiance.csv");
         text.lines().nth(1).and_then(|l| l.split(',').nth(6)).expect("a value").parse().expect("a number")
     };
     let sun = light(&[]);
@@ -189,13 +183,10 @@ fn suns_of_gltf_files_shine_beside_a_sky() {
 #[test]
 fn generated_terrain_is_read_again() {
     let scratch = Scratch::new();
-    let made = scratch.mrvis(&["generate", "terrain", "--count", "30", "--out", "hills.tif"]);
-    assert_eq!(made.code, Some(0), "{}", made.stderr);
-    let seen = scratch.mrvis(&["terrain", "hills.tif", "--out", "t", "--json", "t.json"]);
-    assert_eq!(seen.code, Some(0), "{}", seen.stderr);
+    scratch.mrvis(&["generate", "terrain", "--count", "30", "--out", "hills.tif"]).exits(0);
+    scratch.mrvis(&["terrain", "hills.tif", "--out", "t", "--json", "t.json"]).exits(0);
     let factor = &scratch.json("t.json")["quantities"][0];
     let value = |name: &str| factor[name].as_f64().expect("a number");
     assert!(value("min") > 0.2 && value("min") < value("mean") && value("max") <= 1.0, "{factor}");
-    let refused = scratch.mrvis(&["generate", "terrain", "--out", "hills.obj"]);
-    assert!(refused.code == Some(2) && refused.stderr.contains("must end in .tif"), "{}", refused.stderr);
+    scratch.mrvis(&["generate", "terrain", "--out", "hills.obj"]).exits(2).warns("must end in .tif");
 }

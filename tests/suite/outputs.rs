@@ -1,6 +1,6 @@
 //! Outputs replace neither inputs nor each other.
 
-use crate::hostile::{IES, LIBRARY, LIGHTS, POINTS, QUICK, SCENE, done, refused, scratch};
+use crate::hostile::{IES, LIBRARY, LIGHTS, POINTS, QUICK, SCENE, refused, scratch};
 
 /// An output never replaces a file that the command reads.
 #[test]
@@ -36,23 +36,16 @@ fn inputs_are_not_replaced() {
     for call in calls {
         refused(&scratch.mrvis(call), "would be replaced");
     }
-    assert_eq!(std::fs::read_to_string(scratch.path("points.csv")).expect("points"), POINTS);
+    assert_eq!(scratch.text("points.csv"), POINTS);
     for (name, text) in
         [("scene.obj", SCENE), ("lightmap.obj", SCENE), ("lamp.ies", IES), ("lights.toml", LIGHTS)]
     {
-        assert_eq!(std::fs::read_to_string(scratch.path(name)).expect("an input"), text);
+        assert_eq!(scratch.text(name), text);
     }
     // Other outputs of the same folder are no danger.
-    done(&scratch.mrvis(&[
-        "solve",
-        "lightmap.obj",
-        "--out",
-        ".",
-        "--output",
-        "none",
-        "--points",
-        "points.csv",
-    ]));
+    scratch
+        .mrvis(&["solve", "lightmap.obj", "--out", ".", "--output", "none", "--points", "points.csv"])
+        .exits(0);
 }
 
 /// Inputs with names like those of outputs are no reason to refuse.
@@ -63,7 +56,7 @@ fn files_that_are_not_written_are_no_reason_to_refuse() {
         scratch.write(name, SCENE);
         let image = ["--output", "image,lightmap", "--image-size", "16x12", "--lightmap-texels", "256"];
         let rough = ["--audit", "0", "--local-rays", "0"];
-        done(&scratch.mrvis(&[&["solve", name, "--out", "."][..], &image, &rough].concat()));
+        scratch.mrvis(&[&["solve", name, "--out", "."][..], &image, &rough].concat()).exits(0);
     }
     // A texture of one red pixel.
     scratch.write("wood.png", {
@@ -76,10 +69,9 @@ fn files_that_are_not_written_are_no_reason_to_refuse() {
     scratch.write("scene.mtl", LIBRARY.replace("Kd 0.5 0.5 0.5", "map_Kd wood.png"));
     let textured = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4";
     scratch.write("scene.obj", SCENE.replace("f 1 2 3 4", textured));
-    let info = scratch.mrvis(&["info", "scene.obj", "--json", "r.json"]);
-    done(&info);
+    scratch.mrvis(&["info", "scene.obj", "--json", "r.json"]).exits(0);
     assert_eq!(scratch.json("r.json")["scene"]["files"].as_array().map(Vec::len), Some(3));
-    done(&scratch.mrvis(&[&["bench", "scene.obj", "--out", "."][..], &QUICK].concat()));
+    scratch.mrvis(&[&["bench", "scene.obj", "--out", "."][..], &QUICK].concat()).exits(0);
     // The picture of a receiver is written.
     std::fs::copy(scratch.path("wood.png"), scratch.path("floor-reference.png")).expect("copied");
     scratch.write("scene.mtl", LIBRARY.replace("Kd 0.5 0.5 0.5", "map_Kd floor-reference.png"));
@@ -138,8 +130,8 @@ fn the_page_of_a_benchmark_repeats_its_command_line() {
         "2",
     ];
     let call = [&["bench", "scene.obj", "--out", "o o"][..], &more, &QUICK].concat();
-    done(&scratch.mrvis(&call));
-    let page = std::fs::read_to_string(scratch.path("o o/report.html")).expect("a page");
+    scratch.mrvis(&call).exits(0);
+    let page = scratch.text("o o/report.html");
     let command = format!("mrvis {}", call.join(" ").replace("o o", "&#39;o o&#39;"));
     assert!(page.contains(&command) || page.contains(&command.replace("&#39;", "'")), "{command}");
 }
@@ -161,17 +153,9 @@ fn commands_without_light_have_no_photometric_option() {
 fn there_is_no_progress_in_a_pipe() {
     let scratch = scratch();
     // Several seconds: progress is shown after one second.
-    let told = scratch.mrvis(&[
-        "reference",
-        "scene.obj",
-        "--points",
-        "points.csv",
-        "--samples",
-        "500000",
-        "--out",
-        "r.csv",
-    ]);
-    done(&told);
+    let told = scratch
+        .mrvis(&["reference", "scene.obj", "--points", "points.csv", "--samples", "500000", "--out", "r.csv"])
+        .exits(0);
     let control = |text: &str| text.chars().any(|c| c.is_control() && c != '\n');
     assert!(!control(&told.stderr) && !control(&told.stdout), "{:?} {:?}", told.stderr, told.stdout);
 }

@@ -120,7 +120,7 @@ fn check_pages(views: &[(u32, &str)]) {
     folder.write("jobs.toml", jobs);
     folder.write("broken.obj", "f 1 2 3\n");
     folder.mrvis(&["batch", "jobs.toml", "--out", "batch", "--quiet"]);
-    assert_eq!(folder.mrvis(&["report", "batch", "--quiet"]).code, Some(0));
+    folder.mrvis(&["report", "batch", "--quiet"]).exits(0);
     let pages = [
         ("batch with long names", read(&folder, "batch/report.html")),
         ("bench with long names", read(&folder, "all/report.html")),

@@ -9,9 +9,7 @@ use serde_json::Value;
 fn items_are_made_with_a_page_and_numbers() {
     let scratch = Scratch::new();
     let call = ["reproduce", "--only", "fig3", "--only", "fig5", "--out", "paper", "--json", "all.json"];
-    let made = scratch.mrvis(&call);
-    assert_eq!(made.code, Some(0), "{}{}", made.stdout, made.stderr);
-    assert!(made.stdout.contains("2 of 2 verdicts hold"), "{}", made.stdout);
+    scratch.mrvis(&call).exits(0).prints("2 of 2 verdicts hold");
     let record = scratch.json("paper/reproduce.json");
     assert_eq!(record, scratch.json("all.json"));
     let items = record["items"].as_array().expect("items");
@@ -30,14 +28,13 @@ fn items_are_made_with_a_page_and_numbers() {
     assert!(table["rows"].as_array().is_some_and(|rows| rows.iter().all(|row| row[1].is_f64())));
     let points = &items[1]["charts"][0]["charts"][0]["series"][0]["points"];
     assert!(points.as_array().is_some_and(|points| points.len() > 2 && points[0][1].is_f64()));
-    let page = std::fs::read_to_string(scratch.path("paper/paper.html")).expect("a page");
+    let page = scratch.text("paper/paper.html");
     for text in ["2 of 2", "Figure 3", "Figure 5", "--only fig3 --only fig5"] {
         assert!(page.contains(text), "{text}");
     }
     assert!(!page.contains("src=\"http") && !page.contains("Figure 9"));
     // A second run replaces the files of the first.
-    let again = scratch.mrvis(&["reproduce", "--only", "fig3", "--out", "paper", "--quiet"]);
-    assert_eq!(again.code, Some(0), "{}", again.stderr);
+    scratch.mrvis(&["reproduce", "--only", "fig3", "--out", "paper", "--quiet"]).exits(0);
     assert_eq!(scratch.json("paper/reproduce.json")["items"].as_array().map(Vec::len), Some(1));
 }
 
@@ -64,7 +61,7 @@ fn what_cannot_be_made_is_refused() {
             refused.stderr
         );
     }
-    assert_eq!(std::fs::read_to_string(scratch.path("reproduce.json")).expect("the input"), "an input");
+    assert_eq!(scratch.text("reproduce.json"), "an input");
     assert!(!scratch.path("paper").exists());
 }
 

@@ -20,6 +20,27 @@ impl Outcome {
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         Outcome { code: output.status.code(), stdout: text(&output.stdout), stderr: text(&output.stderr) }
     }
+
+    /// Asserts this exit code.
+    #[track_caller]
+    pub fn exits(self, code: i32) -> Outcome {
+        assert_eq!(self.code, Some(code), "{}{}", self.stdout, self.stderr);
+        self
+    }
+
+    /// Asserts that standard output contains these words.
+    #[track_caller]
+    pub fn prints(&self, words: &str) -> &Outcome {
+        assert!(self.stdout.contains(words), "{words:?} is not in: {}{}", self.stdout, self.stderr);
+        self
+    }
+
+    /// Asserts that standard error contains these words.
+    #[track_caller]
+    pub fn warns(&self, words: &str) -> &Outcome {
+        assert!(self.stderr.contains(words), "{words:?} is not in: {}{}", self.stderr, self.stdout);
+        self
+    }
 }
 
 /// A temporary folder for calls of the command.
@@ -81,10 +102,16 @@ impl Scratch {
         Outcome::of(child.wait_with_output().expect("its output"))
     }
 
+    /// The content of a text file.
+    #[track_caller]
+    pub fn text(&self, name: impl AsRef<Path>) -> String {
+        std::fs::read_to_string(self.0.path().join(name)).expect("a text file")
+    }
+
     /// The contents of a JSON file.
+    #[track_caller]
     pub fn json(&self, name: impl AsRef<Path>) -> serde_json::Value {
-        let text = std::fs::read_to_string(self.0.path().join(name)).expect("a JSON file");
-        serde_json::from_str(&text).expect("JSON")
+        serde_json::from_str(&self.text(name)).expect("JSON")
     }
 }
 

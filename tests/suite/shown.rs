@@ -196,7 +196,7 @@ fn pane(scratch: &Scratch, d: &str) {
 #[test]
 fn glass_blocks_from_one_half_on_in_every_command() {
     let irradiance = |scratch: &Scratch, name: &str| -> f64 {
-        let text = std::fs::read_to_string(scratch.path(name)).expect("a file");
+        let text = scratch.text(name);
         text.lines().nth(1).and_then(|l| l.split(',').nth(6)).and_then(|e| e.parse().ok()).expect("a number")
     };
     let mut clear = None;
@@ -223,7 +223,7 @@ fn glass_blocks_from_one_half_on_in_every_command() {
             assert_eq!(triangles, Some(if blocks { 6 } else { 4 }), "{d}");
         }
         let (solved, traced) = (irradiance(&scratch, "s/irradiance.csv"), irradiance(&scratch, "r.csv"));
-        let factors = std::fs::read_to_string(scratch.path("f.csv")).expect("a file");
+        let factors = scratch.text("f.csv");
         let factor = |from: &str, to: &str| -> f64 {
             let start = format!("{from},{to},");
             factors.lines().find_map(|l| l.strip_prefix(&start)).map_or(0.0, |f| f.parse().expect("a number"))

@@ -27,15 +27,10 @@ fn bench_names_patches_and_sun_in_all_outputs() {
     scratch.write("meadow.obj", MEADOW);
     let bench =
         ["bench", "meadow.obj", "--up", "z", "--sky", "uniform:1000", "--json", "b.json", "--out", "b"];
-    let with_sun = scratch.mrvis(&[&bench[..], &["--sun", "140,40:500"], &QUICK[..10]].concat());
-    assert_eq!(with_sun.code, Some(0), "{}", with_sun.stderr);
+    let with_sun = scratch.mrvis(&[&bench[..], &["--sun", "140,40:500"], &QUICK[..10]].concat()).exits(0);
     let words = "64 patches of the sky up to";
-    assert!(
-        with_sun.stdout.contains(words) && with_sun.stdout.contains("and the sun."),
-        "{}",
-        with_sun.stdout
-    );
-    let page = std::fs::read_to_string(scratch.path("b/report.html")).expect("a page");
+    with_sun.prints(words).prints("and the sun.");
+    let page = scratch.text("b/report.html");
     assert!(page.contains(words) && page.contains("patches per point"));
     let record = scratch.json("b.json");
     let sky = &record["workload"]["sky"];
@@ -43,9 +38,10 @@ fn bench_names_patches_and_sun_in_all_outputs() {
     assert!(sky["shown"] == "lamps" && sky["largest_angle"].as_f64().is_some_and(|a| a > 20.0 && a < 32.0));
     // The box stands in the sun: its shadow is in the image of the meadow.
     assert_eq!(record["receivers"][0]["name"], "meadow", "{}", record["receivers"]);
-    let without = scratch.mrvis(&[&bench[..], &QUICK[..10]].concat());
-    assert_eq!(without.code, Some(0), "{}", without.stderr);
-    assert!(without.stdout.contains("the patch with the largest irradiance"), "{}", without.stdout);
+    scratch
+        .mrvis(&[&bench[..], &QUICK[..10]].concat())
+        .exits(0)
+        .prints("the patch with the largest irradiance");
     assert_eq!(scratch.json("b.json")["workload"]["sky"]["shown"], "patch");
 }
 
@@ -53,8 +49,7 @@ fn bench_names_patches_and_sun_in_all_outputs() {
 fn bench_without_light_says_what_to_add() {
     let scratch = Scratch::new();
     scratch.write("meadow.obj", MEADOW);
-    let dark = scratch.mrvis(&[&["bench", "meadow.obj"][..], &QUICK].concat());
-    assert!(dark.code == Some(2) && dark.stderr.contains("--sky"), "{}", dark.stderr);
+    scratch.mrvis(&[&["bench", "meadow.obj"][..], &QUICK].concat()).exits(2).warns("--sky");
     let below = scratch.mrvis(&[&["bench", "meadow.obj", "--sun", "140,-10:500"][..], &QUICK].concat());
     assert!(below.code == Some(2) && below.stderr.lines().count() == 1, "{}", below.stderr);
 }

@@ -21,8 +21,7 @@ fn scene(scratch: &Scratch, up: &str) {
 
 fn solve(scratch: &Scratch, up: &str, output: &[&str]) {
     let call = ["solve", "s.obj", "--up", up, "--out", "o", "--audit", "0", "--max-seconds", "5"];
-    let outcome = scratch.mrvis(&[&call[..], output].concat());
-    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    scratch.mrvis(&[&call[..], output].concat()).exits(0);
 }
 
 /// glTF is y-up: the node of the GLB turns the scene so that its lamp is 3 above its floor.

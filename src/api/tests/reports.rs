@@ -1,20 +1,12 @@
 //! Benchmarks and references from the front door.
 
 use crate::model::{Detail, Model, PrepareOptions};
+use crate::progress::testing::stop_when;
 use crate::scene::Scene;
 use crate::scene::generate::{Spec, build};
-use crate::{Answers, BenchOptions, Error, FormFactorOptions, Grouping, Progress, Segments, SolveOptions};
+use crate::{Answers, BenchOptions, Error, FormFactorOptions, Grouping, Segments, SolveOptions};
 use crate::{Strided, SurfacePoint};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-
-struct Never;
-
-impl Progress for Never {
-    fn stopped(&self) -> bool {
-        true
-    }
-}
 
 fn model(scene: Scene, detail: Detail) -> Model {
     Model::prepare(scene, &PrepareOptions { detail, ..PrepareOptions::default() }).unwrap()
@@ -50,7 +42,7 @@ fn benchmarks_have_a_record_and_a_page() {
     says(model_of(Detail::Clusters).bench(&options), "prepare the model with `Detail::Optics`");
     says(optics.bench(&BenchOptions { points: 0, ..options.clone() }), "points 0");
     says(optics.bench(&BenchOptions { receivers: vec!["nobody".into()], ..options.clone() }), "nobody");
-    assert!(matches!(optics.with_progress(Never).bench(&options), Err(Error::Cancelled(_))));
+    assert!(matches!(optics.with_progress(stop_when(|_| true)).bench(&options), Err(Error::Cancelled(_))));
 }
 
 #[test]
@@ -68,7 +60,10 @@ fn references_agree_with_solutions() {
     assert!(model.reference(&[floor], 1, 1).unwrap_err().to_string().contains("`samples` 1"));
     let nowhere = SurfacePoint { normal: [0.0; 3], ..floor };
     assert!(model.reference(&[floor, nowhere], 8, 1).unwrap_err().to_string().contains("`points`[1]"));
-    assert!(matches!(model.with_progress(Never).reference(&[floor], 8, 1), Err(Error::Cancelled(_))));
+    assert!(matches!(
+        model.with_progress(stop_when(|_| true)).reference(&[floor], 8, 1),
+        Err(Error::Cancelled(_))
+    ));
 }
 
 #[test]
@@ -86,44 +81,30 @@ fn whole_matrices_of_form_factors_are_their_rows() {
     assert!(values.len() == columns.len() && !values.is_empty());
 }
 
-/// Stops after so many steps.
-struct After(u64, AtomicU64);
-
-impl Progress for After {
-    fn advance(&self, steps: u64) {
-        self.1.fetch_add(steps, Relaxed);
-    }
-
-    fn stopped(&self) -> bool {
-        self.1.load(Relaxed) >= self.0
-    }
-}
-
-fn steps_until(most: u64) -> Arc<After> {
-    Arc::new(After(most, AtomicU64::new(0)))
-}
-
 #[test]
 fn form_factors_and_batches_stop_in_their_middle() {
     let model = model(Scene::generate("cornell").unwrap(), Detail::Rays);
-    let (few, steps) = (FormFactorOptions { rays: Some(16), ..FormFactorOptions::default() }, steps_until(3));
+    let (few, steps) = (
+        FormFactorOptions { rays: Some(16), ..FormFactorOptions::default() },
+        Arc::new(stop_when(|c| c.steps >= 3)),
+    );
     assert!(matches!(model.with_progress(steps.clone()).form_factors(&few), Err(Error::Cancelled(_))));
     // Those that were at work on other threads end.
-    assert!((3..30).contains(&steps.1.load(Relaxed)));
+    assert!((3..30).contains(&steps.counts().steps));
 
     let (ends, offsets) = ([100.0f32, 100.0, 100.0, 400.0, 400.0, 400.0], Vec::from_iter(0..=100_000));
     let [from, to] = [&ends[..3], &ends[3..]].map(|p| Strided::repeated(p.try_into().unwrap(), 100_000));
     let (segments, mut clear) = (Segments::new(from, to, &offsets), vec![-1.0; 100_000]);
-    let steps = steps_until(1);
+    let steps = Arc::new(stop_when(|c| c.steps >= 1));
     let found =
         model.with_progress(steps.clone()).visibility().answer_into(&segments, &mut Answers::new(&mut clear));
     assert!(matches!(found, Err(Error::Cancelled(_))));
-    assert!(clear.contains(&-1.0) && steps.1.load(Relaxed) < 100_000);
-    let steps = steps_until(u64::MAX);
+    assert!(clear.contains(&-1.0) && steps.counts().steps < 100_000);
+    let steps = Arc::new(stop_when(|_| false));
     model
         .with_progress(steps.clone())
         .visibility()
         .answer_into(&segments, &mut Answers::new(&mut clear))
         .unwrap();
-    assert!(!clear.contains(&-1.0) && steps.1.load(Relaxed) == 100_000);
+    assert!(!clear.contains(&-1.0) && steps.counts().steps == 100_000);
 }

@@ -1,8 +1,9 @@
 //! What shows a solution agrees with its elements.
 
 use crate::model::{Detail, Model, PrepareOptions};
+use crate::progress::testing::stop_when;
 use crate::scene::{LoadOptions, Scene};
-use crate::{Camera, Error, ImageOptions, MeshArrays, Progress, SceneBuilder, Solution, SolveOptions};
+use crate::{Camera, Error, ImageOptions, MeshArrays, SceneBuilder, Solution, SolveOptions};
 
 /// Light in a box of 2 m with a lamp in its ceiling.
 fn solved() -> Solution {
@@ -22,15 +23,6 @@ fn solved() -> Solution {
     let options = PrepareOptions { detail: Detail::Clusters, ..PrepareOptions::default() };
     let model = Model::prepare(scene, &options).unwrap();
     model.solve(&SolveOptions { error: 0.1, ..SolveOptions::default() }).unwrap()
-}
-
-/// Stops at once.
-struct Never;
-
-impl Progress for Never {
-    fn stopped(&self) -> bool {
-        true
-    }
 }
 
 const DOWN: Camera =
@@ -78,7 +70,7 @@ fn pictures_show_the_light_of_the_points_that_they_see() {
         assert!((centre / want - 1.0).abs() < tolerance, "{centre} instead of {want}");
     }
     let before = radiance.clone();
-    let stopped = light.with_progress(Never).image(&DOWN, &options, &mut radiance);
+    let stopped = light.with_progress(stop_when(|_| true)).image(&DOWN, &options, &mut radiance);
     assert!(matches!(stopped, Err(Error::Cancelled(_))) && radiance == before);
     for (camera, buffer, part) in [
         (Camera { angle: 180.0, ..DOWN }, 189, "`camera.angle` 180"),

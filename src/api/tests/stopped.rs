@@ -2,6 +2,7 @@
 
 use crate::model::testing::{model, prepared_in};
 use crate::model::{Detail, Model};
+use crate::progress::testing::stop_when;
 use crate::scene::Scene;
 use crate::{
     Answers, Engine, Error, FormFactorOptions, GenerateOptions, Grouping, Progress, Segments, SolveOptions,
@@ -9,26 +10,6 @@ use crate::{
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-
-/// Stops when so many steps are done.
-struct After {
-    steps: u64,
-    done: AtomicU64,
-}
-
-impl Progress for After {
-    fn advance(&self, steps: u64) {
-        self.done.fetch_add(steps, Ordering::Relaxed);
-    }
-
-    fn stopped(&self) -> bool {
-        self.done.load(Ordering::Relaxed) >= self.steps
-    }
-}
-
-fn after(steps: u64) -> After {
-    After { steps, done: AtomicU64::new(0) }
-}
 
 /// Stops when it is asked for the time `at`, counted from 1.
 #[derive(Default)]
@@ -68,16 +49,16 @@ fn cornell(detail: Detail) -> Model {
 fn form_factors_stop_at_any_step() {
     let model = cornell(Detail::Rays);
     let options = FormFactorOptions { rays: Some(256), ..FormFactorOptions::default() };
-    let all = Arc::new(after(u64::MAX));
+    let all = Arc::new(stop_when(|_| false));
     let facets =
         model.with_progress(all.clone()).form_factors(&options).expect("form factors").areas.len() as u64;
-    assert_eq!(all.done.load(Ordering::Relaxed), 2 * facets);
+    assert_eq!(all.counts().steps, 2 * facets);
     for steps in [0, 1, facets, facets + 1, 2 * facets] {
-        let progress = Arc::new(after(steps));
+        let progress = Arc::new(stop_when(move |c| c.steps >= steps));
         let result = model.with_progress(progress.clone()).form_factors(&options);
         assert!(matches!(result, Err(Error::Cancelled(_))), "{steps} of {}", 2 * facets);
         // Each thread ends what it has begun.
-        let done = progress.done.load(Ordering::Relaxed);
+        let done = progress.counts().steps;
         assert!(done < steps + 64.max(rayon::current_num_threads() as u64), "{done} after {steps}");
     }
 }

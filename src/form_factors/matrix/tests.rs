@@ -6,18 +6,16 @@ use crate::model::{Detail, testing::model};
 use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::scene::generate::{Spec, build};
-use crate::scene::{LoadOptions, Soup, SoupMaterial, resolve};
+use crate::scene::testing::{Pieces, on_threads};
 use glam::{DVec3, dvec3};
 use std::io::Read;
 
 fn quads(list: &[(DVec3, DVec3, DVec3)]) -> Scene {
-    let mut soup = Soup::new("test");
-    soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let mut pieces = Pieces::empty();
     for (i, &(corner, u, v)) in list.iter().enumerate() {
-        let object = soup.object(format!("quad {i}"));
-        soup.polygon(object, 0, &[corner, corner + u, corner + u + v, corner + v]);
+        pieces.grey(&format!("quad {i}"), 0.5).rectangle(corner, u, v);
     }
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    pieces.scene()
 }
 
 impl FormFactors {
@@ -227,10 +225,7 @@ fn groups_are_sums_of_their_facets() {
 #[test]
 fn the_same_bits_on_any_number_of_threads() {
     let scene = town(60);
-    let on = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| run(&scene, |_| ()).0)
-    };
+    let on = |threads| on_threads(threads, || run(&scene, |_| ()).0);
     assert_eq!(on(1), on(3));
 }
 

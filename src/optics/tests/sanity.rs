@@ -73,8 +73,7 @@ fn result_does_not_depend_on_threads() {
     let scene = cloud(13, 2000, 0.05, DVec3::ONE, true).scene();
     let tree = clusters::build(&scene, &Default::default()).micro;
     let with = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        format!("{:?}", pool.install(|| measure(&scene, &tree, &options())))
+        format!("{:?}", crate::scene::testing::on_threads(threads, || measure(&scene, &tree, &options())))
     };
     assert!(with(1) == with(2));
 }

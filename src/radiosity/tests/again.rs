@@ -12,22 +12,12 @@ const SEEDS: u64 = 300;
 
 /// A floor, a lamp above it, and a table's top in between.
 fn table() -> Scene {
-    let mut soup = Soup::new("table");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.2; 3]));
-    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
-    let mut level = |name: &str, material: u32, z: f64, half: f64, up: bool| {
-        let object = soup.object(name);
-        let mut corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
-            .map(|(x, y)| DVec3::new(half * x + 0.07, half * y + 0.03, z));
-        if !up {
-            corners.reverse();
-        }
-        soup.polygon(object, material, &corners);
-    };
-    level("floor", grey, 0.0, 2.0, true);
-    level("top", grey, 0.8, 0.5, true);
-    level("lamp", light, 2.0, 0.4, false);
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    let around = |half: f64| ([0.07 - half, 0.07 + half], [0.03 - half, 0.03 + half]);
+    let ([floor, top, lamp], mut pieces) = ([2.0, 0.5, 0.4].map(around), Pieces::empty());
+    pieces.grey("floor", 0.2).polygon(&facing_up(floor.0, floor.1, 0.0));
+    pieces.grey("top", 0.2).polygon(&facing_up(top.0, top.1, 0.8));
+    pieces.glowing("lamp", 10.0).polygon(&facing_down(lamp.0, lamp.1, 2.0));
+    pieces.scene()
 }
 
 /// Mean irradiance of the floor under the table, |x|, |y| < 1, by links that are measured again or not, for each seed.

@@ -1,24 +1,16 @@
 //! Thin walls that stand in the middle of elements.
 
 use super::*;
-use crate::path_tracer;
 
 /// A closed hall of 6 by 4 by 3 with a lamp below its ceiling at one end, and a thin wall across it that leaves a door of this width. No line
 /// of subdivision lies below the wall.
 fn hall_with_wall(door: f64) -> Scene {
     const WALL: f64 = 3.037;
-    let mut soup = Soup::new("hall");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.6; 3]));
-    let light = soup.material(SoupMaterial::light("light", [50.0; 3]));
-    let hall = soup.object("hall");
-    inward(&mut soup, hall, grey, DVec3::ZERO, DVec3::new(6.0, 4.0, 3.0));
-    let wall = soup.object("wall");
-    let at = |y: f64, z: f64| DVec3::new(WALL, y, z);
-    soup.polygon(wall, grey, &[at(0.0, 0.0), at(4.0 - door, 0.0), at(4.0 - door, 3.0), at(0.0, 3.0)]);
-    let lamp = soup.object("lamp");
-    let below = |x: f64, y: f64| DVec3::new(x, y, 2.95);
-    soup.polygon(lamp, light, &[below(1.0, 1.5), below(1.0, 2.5), below(2.0, 2.5), below(2.0, 1.5)]);
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    let mut pieces = Pieces::empty();
+    pieces.grey("hall", 0.6).room(DVec3::ZERO, DVec3::new(6.0, 4.0, 3.0));
+    pieces.grey("wall", 0.6).rectangle(WALL * DVec3::X, (4.0 - door) * DVec3::Y, 3.0 * DVec3::Z);
+    pieces.glowing("lamp", 50.0).polygon(&facing_down([1.0, 2.0], [1.5, 2.5], 2.95));
+    pieces.scene()
 }
 
 /// Points on the floor at this distance behind the wall.
@@ -56,14 +48,11 @@ fn no_light_passes_below_a_wall() {
 fn the_floor_behind_a_wall_with_a_door_is_not_brightened() {
     let scene = hall_with_wall(0.8);
     let options = Options { audit: 0, ..Options::default() };
-    let model = model_for(&scene, &options);
     let distances = [0.005, 0.05];
     let light = solved(&scene, &distances.map(behind).concat(), &options).irradiance;
     for (distance, light) in distances.into_iter().zip(light.chunks(11)) {
         let (points, found) = (behind(distance), mean_at(light));
-        let settings = path_tracer::Settings { samples: 4096, direct_only: false, seed: 1 };
-        let truth = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance");
-        let want = mean_at(&truth.values);
+        let want = mean_at(&traced(&scene, &points, 4096, 1));
         // The points of the reference have a standard error of 1 % in their mean.
         assert!((found / want - 1.0).abs() < 0.06, "{distance}: {found} instead of {want}");
     }
@@ -72,20 +61,11 @@ fn the_floor_behind_a_wall_with_a_door_is_not_brightened() {
 /// Elements are split where direct light differs over them: along the edge of a shadow that no contact line marks.
 #[test]
 fn elements_are_smaller_at_edges_of_shadows() {
-    let mut soup = Soup::new("plate over a floor");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
-    let level = |z: f64, [x0, x1]: [f64; 2], [y0, y1]: [f64; 2]| {
-        [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| DVec3::new(x, y, z))
-    };
-    let floor = soup.object("floor");
-    soup.polygon(floor, grey, &level(0.0, [0.0, 4.0], [0.0, 4.0]));
-    let plate = soup.object("plate");
-    soup.polygon(plate, grey, &level(0.5, [1.6, 2.4], [1.6, 2.4]));
-    let lamp = soup.object("lamp");
-    let [a, b, c, d] = level(2.0, [1.99, 2.01], [1.99, 2.01]);
-    soup.polygon(lamp, light, &[d, c, b, a]);
-    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mut pieces = Pieces::empty();
+    pieces.grey("floor", 0.5).polygon(&facing_up([0.0, 4.0], [0.0, 4.0], 0.0));
+    pieces.grey("plate", 0.5).polygon(&facing_up([1.6, 2.4], [1.6, 2.4], 0.5));
+    pieces.glowing("lamp", 10.0).polygon(&facing_down([1.99, 2.01], [1.99, 2.01], 2.0));
+    let scene = pieces.scene();
     let mesh = solved(&scene, &[], &Options { audit: 0, ..Options::default() }).mesh;
     // The shadow of the plate, .5 above the floor and 1.5 below the lamp, ends 2 / 1.5 times as far from the middle.
     let half = 0.4 * 2.0 / 1.5;
@@ -109,27 +89,17 @@ fn elements_are_smaller_at_edges_of_shadows() {
 /// A closed hall that thin walls divide into so many square rooms along each side, with a lamp in every other room.
 fn rooms(count: usize) -> Scene {
     const SIDE: f64 = 4.3;
-    let mut soup = Soup::new("rooms");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.7; 3]));
-    let light = soup.material(SoupMaterial::light("light", [50.0; 3]));
-    let hall = soup.object("hall");
-    let end = SIDE * count as f64;
-    inward(&mut soup, hall, grey, DVec3::ZERO, DVec3::new(end, end, 2.7));
-    for k in 1..count {
-        let (wall, at) = (soup.object("wall"), SIDE * k as f64);
-        for [p, q] in [[[at, 0.0], [at, end]], [[0.0, at], [end, at]]] {
-            let corner = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
-            soup.polygon(wall, grey, &[corner(p, 0.0), corner(q, 0.0), corner(q, 2.7), corner(p, 2.7)]);
-        }
+    let (mut pieces, end) = (Pieces::empty(), SIDE * count as f64);
+    pieces.grey("hall", 0.7).room(DVec3::ZERO, DVec3::new(end, end, 2.7));
+    for at in (1..count).map(|k| SIDE * k as f64) {
+        pieces.grey("wall", 0.7).rectangle(at * DVec3::X, end * DVec3::Y, 2.7 * DVec3::Z);
+        pieces.rectangle(at * DVec3::Y, end * DVec3::X, 2.7 * DVec3::Z);
     }
     for k in (0..count * count).filter(|k| (k / count + k % count).is_multiple_of(2)) {
-        let lamp = soup.object("lamp");
-        let at = |x: f64, y: f64| {
-            DVec3::new(SIDE * ((k / count) as f64 + 0.5) + x, SIDE * ((k % count) as f64 + 0.5) + y, 2.6)
-        };
-        soup.polygon(lamp, light, &[at(-0.3, -0.3), at(-0.3, 0.3), at(0.3, 0.3), at(0.3, -0.3)]);
+        let [x, y] = [k / count, k % count].map(|place| SIDE * (place as f64 + 0.5));
+        pieces.glowing("lamp", 50.0).polygon(&facing_down([x - 0.3, x + 0.3], [y - 0.3, y + 0.3], 2.6));
     }
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    pieces.scene()
 }
 
 /// However many walls stand on the elements of one floor.
@@ -156,29 +126,20 @@ fn rooms_without_lamps_are_dark() {
 /// Two bright boxes a hand apart, a little before a wall: the light in the gap between them falls off over less than an element.
 #[test]
 fn gaps_between_boxes_have_the_light_of_paths() {
-    let mut soup = Soup::new("hall");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.6; 3]));
-    let white = soup.material(SoupMaterial::diffuse("white", [0.9; 3]));
-    let light = soup.material(SoupMaterial::light("light", [15.0; 3]));
-    let hall = soup.object("hall");
-    inward(&mut soup, hall, grey, DVec3::ZERO, DVec3::new(6.0, 4.0, 3.0));
+    let mut pieces = Pieces::empty();
+    pieces.grey("hall", 0.6).room(DVec3::ZERO, DVec3::new(6.0, 4.0, 3.0));
     for (name, left) in [("left", 2.0), ("right", 3.136)] {
         // Mirrored, the faces are wound outward.
-        let thing = soup.object(name);
-        inward(&mut soup, thing, white, DVec3::new(left + 1.0, 3.69, 0.0), DVec3::new(left, 3.99, 2.0));
+        pieces.grey(name, 0.9).room(DVec3::new(left + 1.0, 3.69, 0.0), DVec3::new(left, 3.99, 2.0));
     }
-    let lamp = soup.object("lamp");
-    let below = |x: f64, y: f64| DVec3::new(x, y, 2.99);
-    soup.polygon(lamp, light, &[below(2.7, 1.2), below(2.7, 1.8), below(3.3, 1.8), below(3.3, 1.2)]);
-    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    pieces.glowing("lamp", 15.0).polygon(&facing_down([2.7, 3.3], [1.2, 1.8], 2.99));
+    let scene = pieces.scene();
     let height = |k: u32| 0.2 + 0.1 * f64::from(k);
     let points: Vec<Point> =
         (0..16).map(|k| Point { position: DVec3::new(3.0, 3.94, height(k)), normal: DVec3::X }).collect();
     let options = Options { audit: 0, elements: false, ..Options::default() };
     let found = mean_at(&solved(&scene, &points, &options).irradiance);
-    let settings = path_tracer::Settings { samples: 16_384, direct_only: false, seed: 3 };
-    let truth = path_tracer::irradiance(&model_for(&scene, &options), &points, settings, &());
-    let truth = mean_at(&truth.expect("a reference").values);
+    let truth = mean_at(&traced(&scene, &points, 16_384, 3));
     assert!((found / truth - 1.0).abs() < 0.05, "{found} instead of {truth}");
 }
 

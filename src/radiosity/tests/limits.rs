@@ -1,34 +1,13 @@
 //! Time limits, interruption, missed targets, and light that would grow without end.
 
 use super::*;
+use crate::progress::testing::stop_when;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::refinement::Ended;
 use crate::scene::generate::{Spec, build};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
-
-/// Interrupts when so many stages have begun.
-struct After(AtomicUsize, usize);
-
-impl Progress for After {
-    fn stage(&self, _: &str, _: u64) {
-        self.0.fetch_add(1, Ordering::Relaxed);
-    }
-
-    fn stopped(&self) -> bool {
-        self.0.load(Ordering::Relaxed) >= self.1
-    }
-}
-
-/// Interrupts at the check of this number.
-struct AfterChecks(AtomicUsize, usize);
-
-impl Progress for AfterChecks {
-    fn stopped(&self) -> bool {
-        self.0.fetch_add(1, Ordering::Relaxed) + 1 >= self.1
-    }
-}
 
 fn clutter() -> Scene {
     build(&Spec::new("desk-room")).expect("a scene")
@@ -48,12 +27,7 @@ pub fn on_surfaces(scene: &Scene, count: usize) -> Vec<Point> {
 
 /// Irradiance at points by brute force.
 pub fn truth(scene: &Scene, points: &[Point], samples: u32) -> Vec<f64> {
-    let settings = crate::path_tracer::Settings { samples, direct_only: false, seed: 3 };
-    let values =
-        crate::path_tracer::irradiance(&model_for(scene, &Options::default()), points, settings, &())
-            .expect("a reference")
-            .values;
-    values.into_iter().map(mean).collect()
+    traced(scene, points, samples, 3).into_iter().map(mean).collect()
 }
 
 /// Root mean square difference and difference of the means, relative to the mean.
@@ -76,7 +50,7 @@ fn interrupted_clutter_is_lit_as_paths_say() {
     let want = truth(&scene, &points, 1024);
     let all = solved(&scene, &[], &Options { error: 0.1, audit: 0, ..Options::default() });
     for stages in [1, 3, 5] {
-        let stop = After(AtomicUsize::new(0), stages);
+        let stop = stop_when(|c| c.stages >= stages);
         let outcome = run(&model_for(&scene, &Options::default()), &points, &Options::default(), &stop)
             .expect("a solution");
         let Record { interrupted, ended, local_convergence, mean_irradiance, ledger, .. } = &outcome.record;
@@ -259,10 +233,9 @@ fn light_at_more_points_keeps_to_the_time() {
     // By this clock the timed sample of 64 points takes a millisecond, so that 12,000 points would take 188 ms on one thread and
     // 94 ms on two.
     solution.options.max_seconds = Some(0.02);
-    let two_threads = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("a pool");
     let mut limited = |seconds: f64, points: usize| {
         solution.deadline = Deadline::start(&(), Some(seconds)).with_clock(counting_clock);
-        two_threads.install(|| solution.irradiance_within(&floor(points), 1.0, &()))
+        on_threads(2, || solution.irradiance_within(&floor(points), 1.0, &()))
     };
     let some = limited(0.02, 12_000);
     let note = some.note.expect("a note");
@@ -277,6 +250,6 @@ fn light_at_more_points_keeps_to_the_time() {
     }
     // Interrupted in the middle of it, at the third check.
     solution.deadline = Deadline::start(&(), None);
-    let none = solution.irradiance_within(&floor(100_000), 1.0, &AfterChecks(AtomicUsize::new(0), 3));
+    let none = solution.irradiance_within(&floor(100_000), 1.0, &stop_when(|c| c.asked >= 3));
     assert!(none.irradiance.is_none() && none.note.expect("a note").starts_with("interrupted"));
 }

@@ -16,15 +16,11 @@ fn level(centre: DVec3, width: f64, up: bool) -> [DVec3; 4] {
 
 /// A grey floor about the origin and a square lamp above it that faces down.
 fn lamp_over_floor(floor: f64, lamp: (DVec3, f64), reflectance: f32) -> Scene {
-    let mut soup = Soup::new("ratio");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
     let light = SoupMaterial { reflectance: [reflectance; 3], ..SoupMaterial::light("light", [10.0; 3]) };
-    let light = soup.material(light);
-    let object = soup.object("floor");
-    soup.polygon(object, grey, &level(DVec3::ZERO, floor, true));
-    let object = soup.object("lamp");
-    soup.polygon(object, light, &level(lamp.0, lamp.1, false));
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    let mut pieces = Pieces::empty();
+    pieces.grey("floor", 0.5).polygon(&level(DVec3::ZERO, floor, true));
+    pieces.made_of("lamp", light).polygon(&level(lamp.0, lamp.1, false));
+    pieces.scene()
 }
 
 /// Power that elements of an object receive on one side, W.
@@ -103,28 +99,18 @@ fn points_of_large_floors_have_the_light_of_their_place() {
 /// Light on the line where a box stands on the floor is that beside the box: in it there is none.
 #[test]
 fn the_foot_of_a_box_has_the_light_beside_it() {
-    let mut soup = Soup::new("foot");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
-    let object = soup.object("floor");
-    soup.polygon(object, grey, &level(DVec3::ZERO, 6.0, true));
-    let object = soup.object("box");
+    let mut pieces = Pieces::empty();
+    pieces.grey("floor", 0.5).polygon(&level(DVec3::ZERO, 6.0, true));
     let (foot, top) = (level(DVec3::ZERO, 1.0, true), level(DVec3::Z, 1.0, true));
-    soup.polygon(object, grey, &top);
+    pieces.grey("box", 0.5).polygon(&top);
     for k in 0..4 {
         let next = (k + 1) % 4;
-        soup.polygon(object, grey, &[foot[k], foot[next], top[next], top[k]]);
+        pieces.polygon(&[foot[k], foot[next], top[next], top[k]]);
     }
     // A wall close to one side, so that the box is the wider place.
-    let object = soup.object("wall");
-    soup.polygon(
-        object,
-        grey,
-        &[[0.6, -2.0, 0.0], [0.6, 2.0, 0.0], [0.6, 2.0, 0.8], [0.6, -2.0, 0.8]].map(DVec3::from),
-    );
-    let object = soup.object("lamp");
-    soup.polygon(object, light, &level(DVec3::new(0.2, 0.3, 3.0), 2.0, false));
-    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    pieces.grey("wall", 0.5).rectangle(DVec3::new(0.6, -2.0, 0.0), 4.0 * DVec3::Y, 0.8 * DVec3::Z);
+    pieces.glowing("lamp", 10.0).polygon(&level(DVec3::new(0.2, 0.3, 3.0), 2.0, false));
+    let scene = pieces.scene();
     let feet = [[0.5, 0.1], [-0.5, 0.1], [0.1, 0.5], [0.1, -0.5]].map(|[x, y]| DVec3::new(x, y, 0.0));
     let beside = feet.map(|foot| foot + 1e-4 * foot);
     let points = |places: [DVec3; 4]| places.map(|position| Point { position, normal: DVec3::Z });

@@ -1,41 +1,26 @@
 //! Sheets on floors: no energy is created, and what lies under a sheet is dark.
 
 use super::*;
-use crate::path_tracer;
 
 /// A room with a rug at a height above the floor, of the same material, and a lamp. The front of the rug is above or below; the room
 /// has a ceiling and is then closed, or none.
 fn room_with_rug(height: f64, turned: bool, is_closed: bool) -> Scene {
-    let mut soup = Soup::new("rug");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-    let light = soup.material(SoupMaterial::light("light", [100.0; 3]));
-    let mut add = |name: &str, material: u32, corners: [DVec3; 4]| {
-        let object = soup.object(name);
-        soup.polygon(object, material, &corners);
-    };
-    let level = |x: f64, y: f64, z: f64, u: f64, v: f64| {
-        [(-u, -v), (u, -v), (u, v), (-u, v)].map(|(a, b)| DVec3::new(x + a, y + b, z))
-    };
-    add("floor", grey, level(0.0, 0.0, 0.0, 2.0, 2.0));
-    let mut rug = level(0.1, -0.2, height, 1.0, 0.7);
-    if turned {
-        rug.reverse();
-    }
-    add("rug", grey, rug);
-    let mut lamp = level(0.0, 0.0, if is_closed { 1.9 } else { 2.5 }, 0.2, 0.2);
-    lamp.reverse();
-    add("lamp", light, lamp);
+    let mut pieces = Pieces::empty();
+    let (room, rug, lamp) = ([-2.0, 2.0], ([-0.9, 1.1], [-0.9, 0.5]), [-0.2, 0.2]);
+    pieces.grey("floor", 0.5).polygon(&facing_up(room, room, 0.0));
+    let faces = if turned { facing_down } else { facing_up };
+    pieces.grey("rug", 0.5).polygon(&faces(rug.0, rug.1, height));
+    let ceiling = if is_closed { 1.9 } else { 2.5 };
+    pieces.glowing("lamp", 100.0).polygon(&facing_down(lamp, lamp, ceiling));
     if is_closed {
-        let mut ceiling = level(0.0, 0.0, 2.0, 2.0, 2.0);
-        ceiling.reverse();
-        add("ceiling", grey, ceiling);
+        pieces.grey("ceiling", 0.5).polygon(&facing_down(room, room, 2.0));
     }
-    let corners = [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)];
+    let corners = facing_up(room, room, 2.0);
     for k in 0..4 {
-        let at = |k: usize, z: f64| DVec3::new(corners[k % 4].0, corners[k % 4].1, z);
-        add("wall", grey, [at(k, 2.0), at(k + 1, 2.0), at(k + 1, 0.0), at(k, 0.0)]);
+        let (from, to) = (corners[k], corners[(k + 1) % 4]);
+        pieces.grey("wall", 0.5).rectangle(from, to - from, -2.0 * DVec3::Z);
     }
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    pieces.scene()
 }
 
 fn at(x: f64, y: f64, z: f64) -> Point {
@@ -85,9 +70,7 @@ fn points_lie_on_the_nearest_sheet() {
             points.push(at(0.2, 0.1, 0.0));
         }
         let found = solved(&scene, &points, &quick()).irradiance;
-        let settings = path_tracer::Settings { samples: 4096, direct_only: false, seed: 1 };
-        let model = model_for(&scene, &Options::default());
-        let truth = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
+        let truth = traced(&scene, &points, 4096, 1);
         for (k, (found, truth)) in found.iter().zip(&truth).enumerate() {
             if k == 3 {
                 // Elements at the rug's edge are lit in part: 0.027 of 2.8 W/m² for a rug 1 mm above the floor.
@@ -111,23 +94,15 @@ fn a_distant_lamp_does_not_shine_through_plates() {
 }
 
 fn check_plate(gap: f64, height: f64) {
-    let mut soup = Soup::new("plate");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.0; 3]));
-    let light = soup.material(SoupMaterial::light("light", [1e5; 3]));
-    for (name, material, z, half) in [("floor", grey, 0.0, 5.0), ("plate", grey, gap, 1.0)] {
-        let object = soup.object(name);
-        let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
-        soup.polygon(object, material, &corners.map(|(x, y)| DVec3::new(half * x, half * y, z)));
+    let mut pieces = Pieces::empty();
+    for (name, z, half) in [("floor", 0.0, 5.0), ("plate", gap, 1.0)] {
+        pieces.grey(name, 0.0).polygon(&facing_up([-half, half], [-half, half], z));
     }
-    let lamp = soup.object("lamp");
-    let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)];
-    soup.polygon(lamp, light, &corners.map(|(x, y)| DVec3::new(x, y, height)));
-    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    pieces.glowing("lamp", 1e5).polygon(&facing_down([-1.0, 1.0], [-1.0, 1.0], height));
+    let scene = pieces.scene();
     let points = [at(0.0, 0.0, 0.0), at(0.5, 0.5, 0.0), at(3.0, 3.0, 0.0)];
     let found = solved(&scene, &points, &Options { error: 0.3, ..quick() }).irradiance;
-    let settings = path_tracer::Settings { samples: 256, direct_only: false, seed: 1 };
-    let model = model_for(&scene, &Options::default());
-    let truth = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
+    let truth = traced(&scene, &points, 256, 1);
     for values in [found, truth] {
         assert_eq!((values[0], values[1]), ([0.0; 3], [0.0; 3]), "{gap} m below the lamp at {height} m");
         // M A / (π d²), M = π L.
@@ -137,35 +112,23 @@ fn check_plate(gap: f64, height: f64) {
 
 /// A room in two halves, each with a lamp. The wall between them is white on the left and black on the right: two faces with a gap.
 fn room_in_halves(gap: f64, white_first: bool) -> Scene {
-    let mut soup = Soup::new("halves");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.6; 3]));
-    let white = soup.material(SoupMaterial::diffuse("white", [0.9; 3]));
-    let black = soup.material(SoupMaterial::diffuse("black", [0.02; 3]));
-    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
-    let walls = soup.object("walls");
-    inward(&mut soup, walls, grey, DVec3::ZERO, DVec3::new(4.0, 3.0, 2.5));
+    let mut pieces = Pieces::empty();
+    pieces.grey("walls", 0.6).room(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.5));
     for x in [0.5, 2.7] {
-        let lamp = soup.object("lamp");
-        let at = |u: f64, v: f64| DVec3::new(x + u, 1.0 + v, 2.4);
-        soup.polygon(lamp, light, &[at(0.0, 0.0), at(0.0, 1.0), at(1.0, 1.0), at(1.0, 0.0)]);
+        pieces.glowing("lamp", 10.0).polygon(&facing_down([x, x + 1.0], [1.0, 2.0], 2.4));
     }
-    let mut side = |name: &str, material: u32, x: f64, to_the_left: bool| {
-        let object = soup.object(name);
-        let mut corners = [(0.0, 0.0), (3.0, 0.0), (3.0, 2.5), (0.0, 2.5)].map(|(y, z)| DVec3::new(x, y, z));
-        if to_the_left {
-            corners.reverse();
-        }
-        soup.polygon(object, material, &corners);
+    let (y, z) = (3.0 * DVec3::Y, 2.5 * DVec3::Z);
+    let left = |pieces: &mut Pieces| {
+        pieces.grey("left", 0.9).rectangle((2.2 - 0.5 * gap) * DVec3::X + z, y, -z);
     };
-    let white_side = |side: &mut dyn FnMut(&str, u32, f64, bool)| side("left", white, 2.2 - 0.5 * gap, true);
     if white_first {
-        white_side(&mut side);
+        left(&mut pieces);
     }
-    side("right", black, 2.2 + 0.5 * gap, false);
+    pieces.grey("right", 0.02).rectangle((2.2 + 0.5 * gap) * DVec3::X, y, z);
     if !white_first {
-        white_side(&mut side);
+        left(&mut pieces);
     }
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    pieces.scene()
 }
 
 /// Faces in one place that are turned away from each other are those of a wall with a gap of a millimetre, by the solver and by paths.
@@ -174,10 +137,7 @@ fn faces_back_to_back_are_two_sides_of_a_wall() {
     let points = [at(1.0, 1.5, 0.0), at(1.9, 1.2, 0.0), at(2.5, 1.2, 0.0), at(3.2, 1.5, 0.0)];
     let light = |gap: f64, white_first: bool| {
         let scene = room_in_halves(gap, white_first);
-        let settings = path_tracer::Settings { samples: 2048, direct_only: false, seed: 1 };
-        let model = model_for(&scene, &Options::default());
-        let traced = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
-        [solved(&scene, &points, &quick()).irradiance, traced]
+        [solved(&scene, &points, &quick()).irradiance, traced(&scene, &points, 2048, 1)]
     };
     let wanted = light(1e-3, true);
     for white_first in [false, true] {

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::math::sampling::{numbers, point_on};
-use crate::path_tracer;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::refinement::Ended;
 use crate::sky::{Environment, Frame, Level, Shape, Sky, SkyOptions, Sun};
@@ -32,25 +31,20 @@ fn sun(direction: DVec3) -> Environment {
 
 /// Quads of one material, each with a corner and two edges, front side by the right hand rule.
 fn quads(reflectance: f32, quads: &[[DVec3; 3]]) -> Scene {
-    let mut soup = Soup::new("quads");
-    let material = soup.material(SoupMaterial::diffuse("grey", [reflectance; 3]));
-    for (k, [corner, u, v]) in quads.iter().enumerate() {
-        let object = soup.object(format!("quad {k}"));
-        soup.polygon(object, material, &[*corner, *corner + u, *corner + u + v, *corner + v]);
+    let mut pieces = Pieces::empty();
+    for (k, &[corner, u, v]) in quads.iter().enumerate() {
+        pieces.grey(&format!("quad {k}"), reflectance).rectangle(corner, u, v);
     }
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    pieces.scene()
 }
 
 /// A box on a square.
 fn yard(reflectance: f32) -> Scene {
-    let mut soup = Soup::new("yard");
-    let material = soup.material(SoupMaterial::diffuse("grey", [reflectance; 3]));
-    let (ground, thing) = (soup.object("ground"), soup.object("box"));
-    let corner = |x: f64, y: f64| DVec3::new(x, y, 0.0);
-    soup.polygon(ground, material, &[corner(-3., -3.), corner(3., -3.), corner(3., 3.), corner(-3., 3.)]);
+    let mut pieces = Pieces::empty();
+    pieces.grey("ground", reflectance).polygon(&facing_up([-3.0, 3.0], [-3.0, 3.0], 0.0));
     // Mirrored, the faces are wound outward.
-    inward(&mut soup, thing, material, DVec3::new(1.0, -0.5, 0.0), DVec3::new(-0.5, 1.0, 1.5));
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    pieces.grey("box", reflectance).room(DVec3::new(1.0, -0.5, 0.0), DVec3::new(-0.5, 1.0, 1.5));
+    pieces.scene()
 }
 
 fn lit(mut scene: Scene, environment: Environment) -> Scene {
@@ -166,10 +160,7 @@ fn against_paths(scene: &Scene, outcome: &Outcome) -> [f64; 2] {
             next += 1.0;
         }
     }
-    let settings = path_tracer::Settings { samples: 512, direct_only: false, seed: 3 };
-    let model = model_for(scene, &Options::default());
-    let traced = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
-    let want: Vec<f64> = traced.iter().map(|v| mean(*v)).collect();
+    let want = limits::truth(scene, &points, 512);
     let (a, b): (f64, f64) = (found.iter().sum(), want.iter().sum());
     let squares: f64 = found.iter().zip(&want).map(|(a, b)| (a - b) * (a - b)).sum();
     [a / b - 1.0, (squares * want.len() as f64).sqrt() / b]
@@ -276,9 +267,6 @@ fn refinement_ends_at_limits_and_does_not_depend_on_threads() {
     let hurried = Options { step_seconds: Some(0.01), max_seconds: Some(0.5), ..links(0.002) };
     let [bias, rms] = against_paths(&scene, &solved(&scene, &[], &hurried));
     assert!(bias.abs() < 0.05 && rms < 0.5, "{bias} {rms}");
-    let with = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| solved(&scene, &[], &links(0.05)))
-    };
+    let with = |threads| on_threads(threads, || solved(&scene, &[], &links(0.05)));
     assert_eq!(with(1).mesh.elements, with(3).mesh.elements);
 }

@@ -2,30 +2,28 @@
 
 use super::*;
 
-/// A closed room 3 by 4 by 2.5 with a lamp under its ceiling.
-fn hall(soup: &mut Soup) -> (u32, u32) {
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-    let walls = soup.object("walls");
-    inward(soup, walls, grey, DVec3::ZERO, DVec3::new(3.0, 4.0, 2.5));
-    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
-    let lamp = soup.object("lamp");
-    let corner = |x: f64, y: f64| DVec3::new(x, y, 2.4);
-    soup.polygon(lamp, light, &[corner(1.0, 1.0), corner(1.0, 2.0), corner(2.0, 2.0), corner(2.0, 1.0)]);
-    (grey, walls)
+/// A closed room 3 by 4 by 2.5 with a lamp under its ceiling, and rooms without a lamp.
+fn hall(dark: &[[DVec3; 2]]) -> Pieces {
+    let mut pieces = Pieces::empty();
+    pieces.grey("walls", 0.5).room(DVec3::ZERO, DVec3::new(3.0, 4.0, 2.5));
+    for &[low, high] in dark {
+        pieces.room(low, high);
+    }
+    pieces.glowing("lamp", 10.0).polygon(&facing_down([1.0, 2.0], [1.0, 2.0], 2.4));
+    pieces
 }
 
 #[test]
 fn boxes_without_a_bottom_are_dark_inside() {
-    let mut soup = Soup::new("box on a floor");
-    let (grey, _) = hall(&mut soup);
-    let thing = soup.object("box");
+    let mut pieces = hall(&[]);
+    pieces.grey("box", 0.5);
     let (low, high) = (DVec3::new(1.03, 2.02, 0.0), DVec3::new(2.01, 3.04, 1.0));
     let at = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
     // Wound outward; no bottom.
     for f in [[4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
-        soup.polygon(thing, grey, &f.map(at));
+        pieces.polygon(&f.map(at));
     }
-    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let scene = pieces.scene();
     let outcome = solved(&scene, &[], &Options { audit: 0, ..Options::default() });
     let (lit, dark) = outcome.mesh.elements.split_at(outcome.mesh.lit());
     assert!(!lit.iter().any(|e| e.object == 2 && !e.front), "no light gets there");
@@ -40,14 +38,9 @@ fn boxes_without_a_bottom_are_dark_inside() {
 
 #[test]
 fn rooms_with_a_weak_lamp_of_their_own_are_not_dark() {
-    let mut soup = Soup::new("two rooms");
-    let (grey, walls) = hall(&mut soup);
-    inward(&mut soup, walls, grey, DVec3::new(5.0, 0.0, 0.0), DVec3::new(8.0, 4.0, 2.5));
-    let glow = soup.material(SoupMaterial::light("glow", [1e-6; 3]));
-    let lamp = soup.object("night light");
-    let corner = |x: f64, y: f64| DVec3::new(x, y, 2.4);
-    soup.polygon(lamp, glow, &[corner(6.0, 1.0), corner(6.0, 1.1), corner(6.1, 1.1), corner(6.1, 1.0)]);
-    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mut pieces = hall(&[[DVec3::new(5.0, 0.0, 0.0), DVec3::new(8.0, 4.0, 2.5)]]);
+    pieces.glowing("night light", 1e-6).polygon(&facing_down([6.0, 6.1], [1.0, 1.1], 2.4));
+    let scene = pieces.scene();
     let point = Point { position: DVec3::new(6.5, 2.0, 0.0), normal: DVec3::Z };
     let outcome = solved(&scene, &[point], &quick());
     let e = outcome.irradiance[0][0];
@@ -59,10 +52,7 @@ fn rooms_with_a_weak_lamp_of_their_own_are_not_dark() {
 /// Nobody expects most of a scene to be dark.
 #[test]
 fn a_large_room_without_a_lamp_is_told_of() {
-    let mut soup = Soup::new("two rooms");
-    let (grey, walls) = hall(&mut soup);
-    inward(&mut soup, walls, grey, DVec3::new(5.0, 0.0, 0.0), DVec3::new(15.0, 8.0, 5.0));
-    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let scene = hall(&[[DVec3::new(5.0, 0.0, 0.0), DVec3::new(15.0, 8.0, 5.0)]]).scene();
     let Record { unlit, warnings, .. } =
         solved(&scene, &[], &Options { audit: 0, ..Options::default() }).record;
     // Its walls, 340 square metres, and what it could see of the other room from outside, beside 59 and the lamp's two sides.
@@ -73,12 +63,9 @@ fn a_large_room_without_a_lamp_is_told_of() {
 /// A plate from wall to wall: the walls' elements reach past it, the light does not.
 #[test]
 fn a_plate_from_wall_to_wall_keeps_the_energy() {
-    let mut soup = Soup::new("plate");
-    let (grey, _) = hall(&mut soup);
-    let plate = soup.object("plate");
-    let corner = |x: f64, y: f64| DVec3::new(x, y, 1.07);
-    soup.polygon(plate, grey, &[corner(0.0, 0.0), corner(3.0, 0.0), corner(3.0, 4.0), corner(0.0, 4.0)]);
-    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mut pieces = hall(&[]);
+    pieces.grey("plate", 0.5).polygon(&facing_up([0.0, 3.0], [0.0, 4.0], 1.07));
+    let scene = pieces.scene();
     let at = |z: f64, up: f64| Point { position: DVec3::new(1.3, 1.7, z), normal: DVec3::Z * up };
     let outcome = solved(&scene, &[at(0.0, 1.0), at(1.07, 1.0)], &Options { audit: 0, ..Options::default() });
     assert!(outcome.irradiance[0][0] < 0.01 * outcome.irradiance[1][0], "{:?}", outcome.irradiance);
@@ -92,18 +79,11 @@ fn a_plate_from_wall_to_wall_keeps_the_energy() {
 fn a_sheet_with_a_door_keeps_rooms_apart() {
     // What gets through a slit is little, and known the less.
     for (door, rough, off) in [(0.05, 0.7, 0.35), (1.0, 0.25, 0.1)] {
-        let mut soup = Soup::new("two rooms");
-        let grey = soup.material(SoupMaterial::diffuse("grey", [0.8; 3]));
-        let walls = soup.object("walls");
-        inward(&mut soup, walls, grey, DVec3::ZERO, DVec3::new(6.0, 3.0, 2.5));
-        let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
-        let lamp = soup.object("lamp");
-        let corner = |x: f64, y: f64| DVec3::new(x, y, 2.4);
-        soup.polygon(lamp, light, &[corner(1.0, 1.0), corner(1.0, 2.0), corner(2.0, 2.0), corner(2.0, 1.0)]);
-        let sheet = soup.object("sheet");
-        let at = |y: f64, z: f64| DVec3::new(3.0, y, z);
-        soup.polygon(sheet, grey, &[at(0.0, 0.0), at(3.0 - door, 0.0), at(3.0 - door, 2.5), at(0.0, 2.5)]);
-        let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        let mut pieces = Pieces::empty();
+        pieces.grey("walls", 0.8).room(DVec3::ZERO, DVec3::new(6.0, 3.0, 2.5));
+        pieces.glowing("lamp", 10.0).polygon(&facing_down([1.0, 2.0], [1.0, 2.0], 2.4));
+        pieces.grey("sheet", 0.8).rectangle(3.0 * DVec3::X, (3.0 - door) * DVec3::Y, 2.5 * DVec3::Z);
+        let scene = pieces.scene();
         let points: Vec<Point> = (0..60)
             .map(|k| DVec3::new(3.2 + (k % 10) as f64 * 0.28, 0.2 + (k / 10) as f64 * 0.5, 0.0))
             .map(|position| Point { position, normal: DVec3::Z })
@@ -120,17 +100,11 @@ fn a_sheet_with_a_door_keeps_rooms_apart() {
 #[test]
 fn open_floors_are_lit_by_the_closed_form() {
     for middle in [0.0, 0.7] {
-        let mut soup = Soup::new("floor");
-        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-        let floor = soup.object("floor");
-        let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
-        soup.polygon(floor, grey, &[at(-5.0, -5.0), at(5.0, -5.0), at(5.0, 5.0), at(-5.0, 5.0)]);
-        let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
-        let lamp = soup.object("lamp");
-        let corner = |x: f64, y: f64| DVec3::new(middle + x, y, 3.0);
-        let corners = [corner(-0.5, -0.5), corner(-0.5, 0.5), corner(0.5, 0.5), corner(0.5, -0.5)];
-        soup.polygon(lamp, light, &corners);
-        let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        let corners = facing_down([middle - 0.5, middle + 0.5], [-0.5, 0.5], 3.0);
+        let mut pieces = Pieces::empty();
+        pieces.grey("floor", 0.5).polygon(&facing_up([-5.0, 5.0], [-5.0, 5.0], 0.0));
+        pieces.glowing("lamp", 10.0).polygon(&corners);
+        let scene = pieces.scene();
         let outcome = solved(&scene, &[], &Options { audit: 0, ..Options::default() });
         let solution = &outcome.mesh;
         let (mut squares, mut sum, mut area) = (0.0, 0.0, 0.0);

@@ -14,7 +14,6 @@ use crate::radiosity::refinement::{
 };
 use crate::radiosity::surroundings::probe;
 use crate::scene::generate::{Spec, build};
-use crate::scene::testing::Pieces;
 use glam::Vec3;
 
 /// A few trees under a sky.
@@ -309,23 +308,12 @@ fn small_shadows_are_not_refined() {
 #[test]
 fn clusters_do_not_shine_alike_to_all_sides() {
     // A lamp above a block: its top is bright, and what lies below gets next to nothing from it.
-    let mut soup = Soup::new("block");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [0.8; 3]));
-    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
-    let (block, lamp) = (soup.object("block"), soup.object("lamp"));
-    let low = DVec3::new(-0.5, -0.5, 0.0);
-    let mirrored = |p: DVec3| DVec3::new(-p.x, p.y, p.z);
-    inward(&mut soup, block, grey, mirrored(low), mirrored(DVec3::new(0.5, 0.5, 0.5)));
-    let corner = |x: f64, y: f64| DVec3::new(x, y, 3.0);
-    soup.polygon(lamp, light, &[corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)]);
-    let screens = soup.object("screens");
-    let quad = |z: f64, up: bool| {
-        let c = |x: f64, y: f64| DVec3::new(4.0 * x, 4.0 * y, z);
-        let corners = [c(-1.0, -1.0), c(1.0, -1.0), c(1.0, 1.0), c(-1.0, 1.0)];
-        if up { corners } else { [corners[3], corners[2], corners[1], corners[0]] }
-    };
-    soup.polygon(screens, grey, &quad(-3.0, true));
-    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mut pieces = Pieces::empty();
+    // Mirrored, the faces are wound outward.
+    pieces.grey("block", 0.8).room(DVec3::new(0.5, -0.5, 0.0), DVec3::new(-0.5, 0.5, 0.5));
+    pieces.glowing("lamp", 10.0).polygon(&facing_down([-1.0, 1.0], [-1.0, 1.0], 3.0));
+    pieces.grey("screens", 0.8).polygon(&facing_up([-4.0, 4.0], [-4.0, 4.0], -3.0));
+    let scene = pieces.scene();
     refined(&scene, &with(Visibility::Exact), |linked| {
         let irradiance = |normal: Vec3| {
             let sides = linked.elements.sides.iter();

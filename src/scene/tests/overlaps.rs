@@ -1,18 +1,17 @@
 //! Overlapping faces in one plane.
 
+use crate::scene::testing::Pieces;
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DMat3, DVec3};
 
 /// Rectangles by centre and half edges, each a grey object, transformed together.
 fn sheets(turn: DMat3, at: DVec3, list: &[(&str, DVec3, DVec3, DVec3)]) -> Scene {
-    let mut soup = Soup::new("sheets");
+    let mut pieces = Pieces::empty();
     for (k, &(name, middle, u, v)) in list.iter().enumerate() {
-        let grey = soup.material(SoupMaterial::diffuse(name, [0.1 * (k + 1) as f32; 3]));
-        let object = soup.object(name);
         let corners = [middle - u - v, middle + u - v, middle + u + v, middle - u + v];
-        soup.polygon(object, grey, &corners.map(|p| turn * p + at));
+        pieces.grey(name, 0.1 * (k + 1) as f32).polygon(&corners.map(|p| turn * p + at));
     }
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    pieces.scene()
 }
 
 fn said(scene: &Scene) -> Option<&String> {
@@ -65,15 +64,12 @@ fn sheets_that_face_each_other_are_stacked() {
 #[test]
 fn lamps_stay_in_front_of_their_ceiling() {
     for up in [false, true] {
-        let mut soup = Soup::new("ceiling");
-        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-        let light = soup.material(SoupMaterial::light("light", [1.0; 3]));
         let rectangle = |u: DVec3, v: DVec3| [-u - v, u - v, u + v, v - u].map(|p| p + 3.0 * DVec3::Z);
-        let (ceiling, lamp) = (soup.object("ceiling"), soup.object("lamp"));
         let front = if up { rectangle(3.0 * X, 2.0 * Y) } else { rectangle(2.0 * Y, 3.0 * X) };
-        soup.polygon(ceiling, grey, &front);
-        soup.polygon(lamp, light, &rectangle(0.5 * Y, 0.5 * X));
-        let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        let mut pieces = Pieces::empty();
+        pieces.grey("ceiling", 0.5).polygon(&front);
+        pieces.glowing("lamp", 1.0).polygon(&rectangle(0.5 * Y, 0.5 * X));
+        let scene = pieces.scene();
         let heights = |emits: bool| -> Vec<f32> {
             let own = (0..scene.triangles.len() as u32)
                 .filter(|&t| (scene.triangle_emitter[t as usize] != u32::MAX) == emits);
@@ -87,23 +83,15 @@ fn lamps_stay_in_front_of_their_ceiling() {
 
 #[test]
 fn boxes_on_each_other_and_meshes_are_fine() {
-    let mut soup = Soup::new("boxes");
+    let mut pieces = Pieces::empty();
     for (k, low) in [0.0, 1.0].into_iter().enumerate() {
-        let grey = soup.material(SoupMaterial::diffuse("grey", [0.3 + 0.1 * k as f32; 3]));
-        let object = soup.object(format!("box {k}"));
-        let first = soup.positions.len() as u32;
-        for c in 0..8 {
-            let at = |bit: usize| (c >> bit & 1) as f64;
-            soup.positions.push(DVec3::new(at(0), at(1), low + at(2)));
-        }
-        for f in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
-            soup.indexed_polygon(object, grey, f.map(|v| first + v));
-        }
+        pieces.grey(&format!("box {k}"), 0.3 + 0.1 * k as f32);
+        pieces.cuboid(DVec3::new(0.0, 0.0, low), DVec3::new(1.0, 1.0, low + 1.0));
     }
-    assert!(said(&resolve(soup.clone(), &LoadOptions::default()).expect("a scene")).is_none());
+    assert!(said(&pieces.clone().scene()).is_none());
     // The same as sheets.
     let sheets = LoadOptions { sides: Some(2), ..LoadOptions::default() };
-    assert!(said(&resolve(soup, &sheets).expect("a scene")).is_none());
+    assert!(said(&pieces.scene_with(&sheets)).is_none());
 }
 
 /// Needles as long as their floor share all cells, but not every pair is tested; each needle covered by its neighbour

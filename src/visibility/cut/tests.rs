@@ -153,10 +153,7 @@ fn the_cut_averages_nothing_that_casts_an_umbra() {
 #[test]
 fn threads_and_instruction_sets_change_no_bit() {
     let scene = yard();
-    let build = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| Cut::build(&scene))
-    };
+    let build = |threads| crate::scene::testing::on_threads(threads, || Cut::build(&scene));
     let all: Vec<Cut> = [1, 2, 3].into_iter().map(build).collect();
     let answers = |cut: &Cut, isa: Isa| -> Vec<[u32; LANES]> {
         let cut = Cut { isa, ..cut.clone() };

@@ -8,8 +8,7 @@ use std::path::PathBuf;
 fn finished() -> Scratch {
     let scratch = prepared();
     scratch.write("jobs.toml", "[[job]]\nname = '{unit}'\ncommand = 'info'\nscene = 'cornell.obj'\n[job.sweep]\nunit = ['m', 'cm', 'mm']\n");
-    let ran = batch(&scratch, &["--out", "o", "--threads", "1"]);
-    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    batch(&scratch, &["--out", "o", "--threads", "1"]).exits(0);
     scratch
 }
 
@@ -30,25 +29,19 @@ fn an_altered_result_is_repeated() {
     std::fs::write(&path, altered).expect("written");
     let what = format!("{name} was changed since the batch made it");
 
-    let merged = scratch.mrvis(&["merge", "o"]);
-    assert_eq!(merged.code, Some(2), "{}", merged.stdout);
+    let merged = scratch.mrvis(&["merge", "o"]).exits(2);
     for part in ["o/cm", &what, "run the batch again, which repeats the job, then merge again"] {
-        assert!(merged.stderr.contains(part), "{}", merged.stderr);
+        merged.warns(part);
     }
-    let copied = scratch.mrvis(&["merge", "o", "--out", "all"]);
-    assert!(copied.code == Some(2) && copied.stderr.contains(&what), "{}", copied.stderr);
-    let reported = scratch.mrvis(&["report", "o"]);
-    assert_eq!(reported.code, Some(1), "{}", reported.stderr);
-    assert!(reported.stdout.contains(&format!("2 of 3 jobs; cm: {what}")), "{}", reported.stdout);
-    let planned = batch(&scratch, &["--out", "o", "--dry-run"]);
-    assert!(planned.stdout.contains(&format!("cm [to do again: {what}")), "{}", planned.stdout);
+    scratch.mrvis(&["merge", "o", "--out", "all"]).exits(2).warns(&what);
+    scratch.mrvis(&["report", "o"]).exits(1).prints(&format!("2 of 3 jobs; cm: {what}"));
+    batch(&scratch, &["--out", "o", "--dry-run"]).prints(&format!("cm [to do again: {what}"));
 
-    let again = batch(&scratch, &["--out", "o"]);
-    assert!(again.stderr.contains(&format!("cm runs again: {what}")), "{}", again.stderr);
-    assert!(again.stdout.contains("1 jobs done, 2 were done before"), "{}", again.stdout);
+    batch(&scratch, &["--out", "o"])
+        .warns(&format!("cm runs again: {what}"))
+        .prints("1 jobs done, 2 were done before");
     for command in ["merge", "report"] {
-        let ended = scratch.mrvis(&[command, "o"]);
-        assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+        scratch.mrvis(&[command, "o"]).exits(0);
     }
 }
 
@@ -69,21 +62,20 @@ fn a_short_or_damaged_journal_says_how_many_jobs_it_has() {
             let ended = scratch.mrvis(command);
             assert_eq!(ended.code, Some(1), "{command:?}: {}{}", ended.stdout, ended.stderr);
             assert!(ended.stdout.starts_with(&format!("{known} of 3 jobs")), "{}", ended.stdout);
-            assert!(ended.stdout.contains(why), "{}", ended.stdout);
+            ended.prints(why);
         }
-        let page = std::fs::read_to_string(scratch.path("o/report.html")).expect("a page");
+        let page = scratch.text("o/report.html");
         assert!(page.contains(&format!("<strong>{known}</strong> of <strong>3</strong>")), "{page}");
         std::fs::remove_dir_all(scratch.path("all")).expect("removed");
     }
     // Nothing says who made the folders whose lines are lost.
     std::fs::write(&path, lines[0]).expect("written");
-    let refused = batch(&scratch, &["--out", "o"]);
-    assert_eq!(refused.code, Some(2), "{}", refused.stdout);
-    assert!(refused.stderr.contains("o/cm: exists and was not made by this batch"), "{}", refused.stderr);
-    assert!(refused.stderr.contains("as do 1 more: mm; remove them"), "{}", refused.stderr);
+    batch(&scratch, &["--out", "o"])
+        .exits(2)
+        .warns("o/cm: exists and was not made by this batch")
+        .warns("as do 1 more: mm; remove them");
     for folder in ["o/cm", "o/mm"] {
         std::fs::remove_dir_all(scratch.path(folder)).expect("removed");
     }
-    let again = batch(&scratch, &["--out", "o"]);
-    assert!(again.stdout.contains("2 jobs done, 1 were done before"), "{}{}", again.stdout, again.stderr);
+    batch(&scratch, &["--out", "o"]).prints("2 jobs done, 1 were done before");
 }

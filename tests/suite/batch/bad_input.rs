@@ -24,8 +24,7 @@ fn with_change(change: impl FnOnce(&Scratch)) -> (Scratch, Outcome) {
         std::thread::sleep(Duration::from_millis(2));
     }
     change(&scratch);
-    let ended = Outcome::of(child.wait_with_output().expect("its end"));
-    assert_eq!(ended.code, Some(2), "{}{}", ended.stdout, ended.stderr);
+    let ended = Outcome::of(child.wait_with_output().expect("its end")).exits(2);
     assert!(scratch.path("o/first/solution.json").exists() && !scratch.path("o/second").exists());
     (scratch, ended)
 }
@@ -33,33 +32,31 @@ fn with_change(change: impl FnOnce(&Scratch)) -> (Scratch, Outcome) {
 #[test]
 fn a_scene_that_changes_meanwhile_fails_its_job() {
     let (scratch, ended) = with_change(|scratch| {
-        let text = std::fs::read_to_string(scratch.path("cornell.obj")).expect("read");
+        let text = scratch.text("cornell.obj");
         scratch.write("cornell.obj", text + "# changed\n");
     });
     let want = "cornell.obj: was changed while the batch ran; run the batch again";
-    assert!(ended.stderr.contains(want), "{}", ended.stderr);
+    ended.warns(want);
     // The cure that the message names.
-    assert_eq!(batch(&scratch, &["--out", "o"]).code, Some(0));
+    batch(&scratch, &["--out", "o"]).exits(0);
 }
 
 #[test]
 fn a_scene_that_vanishes_meanwhile_fails_its_job() {
     let (scratch, ended) =
         with_change(|scratch| std::fs::remove_file(scratch.path("cornell.obj")).expect("removed"));
-    assert!(ended.stderr.contains("failed second: cornell.obj: No such file"), "{}", ended.stderr);
-    let refused = batch(&scratch, &["--out", "o"]);
-    assert!(refused.stderr.contains("the scene `cornell.obj` cannot be read"), "{}", refused.stderr);
+    ended.warns("failed second: cornell.obj: No such file");
+    batch(&scratch, &["--out", "o"]).warns("the scene `cornell.obj` cannot be read");
 }
 
 #[test]
 fn folders_without_rights_and_foreign_journals_are_refused() {
     let scratch = prepared();
     // Nobody may write there, not even root.
-    let refused = batch(&scratch, &["--out", "/proc/mrvis"]);
-    assert_eq!(refused.code, Some(2));
+    let refused = batch(&scratch, &["--out", "/proc/mrvis"]).exits(2);
     assert!(refused.stderr.starts_with("mrvis: /proc/mrvis"), "{}", refused.stderr);
 
-    assert_eq!(batch(&scratch, &["--out", "o", "--only", "reference"]).code, Some(0));
+    batch(&scratch, &["--out", "o", "--only", "reference"]).exits(0);
     let path = scratch.path("o/.mrvis-batch/journal.jsonl");
     let line = std::fs::read_to_string(&path).expect("a journal");
     for (text, want) in [
@@ -70,9 +67,7 @@ fn folders_without_rights_and_foreign_journals_are_refused() {
         (line.replace("{\"version\"", "{\"ver"), "journal.jsonl:1: is"),
     ] {
         std::fs::write(&path, &text).expect("written");
-        let refused = batch(&scratch, &["--out", "o"]);
-        assert_eq!(refused.code, Some(2), "{}", refused.stdout);
-        assert!(refused.stderr.contains(want), "{}", refused.stderr);
+        batch(&scratch, &["--out", "o"]).exits(2).warns(want);
         assert_eq!(std::fs::read_to_string(&path).expect("a journal"), text, "nothing is overwritten");
     }
 }
@@ -97,7 +92,7 @@ fn a_full_file_system_stops_the_batch_until_it_grows() {
         eprintln!("skipped: this system does not allow a tmpfs of the test's own");
         return;
     }
-    let text = |name: &str| std::fs::read_to_string(scratch.path(name)).expect("a file");
+    let text = |name: &str| scratch.text(name);
     let done = |out: &str| -> Vec<Value> {
         journal(&scratch.path(out)).into_iter().filter(|line| line["status"] == "done").collect()
     };
@@ -111,6 +106,6 @@ fn a_full_file_system_stops_the_batch_until_it_grows() {
     assert!(text("second").contains(&format!("{} were done before", before.len())), "{}", text("second"));
     let after = done("kept");
     assert_eq!((after.len(), &after[..before.len()]), (COUNT, &before[..]));
-    assert_eq!(batch(&scratch, &["--out", "undisturbed"]).code, Some(0));
+    batch(&scratch, &["--out", "undisturbed"]).exits(0);
     assert_same_files(&results(&scratch.path("kept")), &results(&scratch.path("undisturbed")));
 }

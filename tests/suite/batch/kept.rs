@@ -10,8 +10,7 @@ const TRIANGLE: &str = "mtllib m.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1
 /// Runs the batch, which must succeed; returns the jobs that ran.
 fn ran(scratch: &Scratch, out: &str) -> Vec<String> {
     let before = journal(&scratch.path(out)).len();
-    let ended = batch(scratch, &["--out", out]);
-    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    batch(scratch, &["--out", out]).exits(0);
     let lines = journal(&scratch.path(out)).into_iter().skip(before);
     lines.map(|line| line["job"].as_str().expect("a name").to_owned()).collect()
 }
@@ -64,8 +63,9 @@ fn a_moved_folder_is_done() {
     scratch.write("here/m.mtl", "newmtl red\nKd 0.5 0.1 0.1\n");
     scratch.write("here/jobs.toml", "[[job]]\ncommand = 'info'\nscene = 'a.obj'\n");
     let done = |folder: &str, want: &str| {
-        let ran = scratch.mrvis(&["batch", &format!("{folder}/jobs.toml"), "--out", &format!("{folder}/o")]);
-        assert!(ran.stdout.contains(want), "{}{}", ran.stdout, ran.stderr);
+        scratch
+            .mrvis(&["batch", &format!("{folder}/jobs.toml"), "--out", &format!("{folder}/o")])
+            .prints(want);
     };
     done("here", "1 jobs done, 0 were done before");
     std::fs::rename(scratch.path("here"), scratch.path("there")).expect("moved");
@@ -97,26 +97,19 @@ fn results_of_other_options_do_not_stay() {
     jobs(2);
     std::fs::remove_dir_all(scratch.path("o/.mrvis-batch/work")).expect("removed");
     scratch.write("o/.mrvis-batch/work", "in the way");
-    let ended = batch(&scratch, &["--out", "o"]);
-    assert_eq!(ended.code, Some(2), "{}", ended.stdout);
-    assert!(
-        ended.stderr.contains("failed first: ") && ended.stderr.contains("skipped second"),
-        "{}",
-        ended.stderr
-    );
+    batch(&scratch, &["--out", "o"]).exits(2).warns("failed first: ").warns("skipped second");
     for job in ["first", "second"] {
         assert!(!scratch.path("o").join(job).exists(), "{job}");
     }
     assert!(scratch.path("o/third/info.json").exists());
-    let table = std::fs::read_to_string(scratch.path("o/results.jsonl")).expect("a table");
+    let table = scratch.text("o/results.jsonl");
     let rows = table.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
     let status: Vec<String> = rows.map(|row| row["status"].as_str().expect("a status").to_owned()).collect();
     assert_eq!(status, ["failed", "skipped", "done"]);
     std::fs::remove_file(scratch.path("o/.mrvis-batch/work")).expect("removed");
     // A folder that appears in the place of a job without outputs is the user's own.
     std::fs::create_dir(scratch.path("o/first")).expect("made");
-    let refused = batch(&scratch, &["--out", "o"]);
-    assert!(refused.stderr.contains("o/first: exists and was not made by this batch"), "{}", refused.stderr);
+    batch(&scratch, &["--out", "o"]).warns("o/first: exists and was not made by this batch");
     std::fs::remove_dir(scratch.path("o/first")).expect("removed");
     assert_eq!(ran(&scratch, "o"), ["first", "second"]);
 }
@@ -128,31 +121,19 @@ fn an_output_without_a_place_fails_its_job_only() {
     std::fs::create_dir(scratch.path("o")).expect("made");
     // The folder of `compared/coarse` cannot be made.
     scratch.write("o/compared", "in the way");
-    let ended = batch(&scratch, &["--out", "o"]);
-    assert_eq!(ended.code, Some(2), "{}", ended.stdout);
-    assert!(
-        ended.stdout.contains("10 jobs done, 0 were done before, 2 failed"),
-        "{}{}",
-        ended.stdout,
-        ended.stderr
-    );
-    assert!(ended.stderr.contains("failed compared/coarse: "), "{}", ended.stderr);
+    batch(&scratch, &["--out", "o"])
+        .exits(2)
+        .prints("10 jobs done, 0 were done before, 2 failed")
+        .warns("failed compared/coarse: ");
     std::fs::remove_file(scratch.path("o/compared")).expect("removed");
     assert_eq!(ran(&scratch, "o").len(), 2);
-    assert_eq!(batch(&scratch, &["--out", "p"]).code, Some(0));
+    batch(&scratch, &["--out", "p"]).exits(0);
     super::assert_same_files(&results(&scratch.path("o")), &results(&scratch.path("p")));
     // The batch was killed between the line of a finished job and that of its failure.
     unpublish(&scratch.path("p"), &["compared/coarse", "compared/fine"]);
     std::fs::remove_dir(scratch.path("p/compared")).expect("removed");
     scratch.write("p/compared", "in the way");
-    let ended = batch(&scratch, &["--out", "p"]);
-    assert_eq!(ended.code, Some(2), "{}", ended.stdout);
-    assert!(
-        ended.stdout.contains("0 jobs done, 10 were done before, 2 failed"),
-        "{}{}",
-        ended.stdout,
-        ended.stderr
-    );
+    batch(&scratch, &["--out", "p"]).exits(2).prints("0 jobs done, 10 were done before, 2 failed");
 }
 
 /// Moves the folders of finished jobs back into the work folder, as a crash between the journal and the renaming leaves them.
@@ -168,10 +149,10 @@ fn unpublish(out: &Path, jobs: &[&str]) {
 #[test]
 fn a_merge_after_a_crash_has_all_jobs() {
     let scratch = prepared();
-    assert_eq!(batch(&scratch, &["--out", "whole"]).code, Some(0));
+    batch(&scratch, &["--out", "whole"]).exits(0);
     let want = results(&scratch.path("whole"));
     for (part, out) in [("1/2", "first"), ("2/2", "second")] {
-        assert_eq!(batch(&scratch, &["--out", out, "--shard", part]).code, Some(0));
+        batch(&scratch, &["--out", out, "--shard", part]).exits(0);
     }
     let jobs = |out: &str| {
         let folders = ["solve-0.3-mr", "solve-0.3-exact", "solve-0.3-average"];
@@ -181,29 +162,20 @@ fn a_merge_after_a_crash_has_all_jobs() {
         unpublish(&scratch.path(out), &jobs(out));
     }
     let merge = |folders: &[&str], out: &str| scratch.mrvis(&[&["merge"], folders, &["--out", out]].concat());
-    let merged = merge(&["first", "second"], "all");
-    assert_eq!(merged.code, Some(0), "{}", merged.stderr);
+    merge(&["first", "second"], "all").exits(0);
     super::assert_same_files(&results(&scratch.path("all")), &want);
     // The merge was ended after a line.
     let own = jobs("all");
     assert_eq!(own.len(), 3);
     unpublish(&scratch.path("all"), &own);
-    let merged = merge(&["all"], "all");
-    assert_eq!(merged.code, Some(0), "{}", merged.stderr);
+    merge(&["all"], "all").exits(0);
     super::assert_same_files(&results(&scratch.path("all")), &want);
     // Outputs that are nowhere in the folder are copied again, or the merge says so.
     std::fs::remove_dir_all(scratch.path("all/solve-0.3-mr")).expect("removed");
-    let refused = merge(&["all"], "all");
-    assert_eq!(refused.code, Some(2), "{}", refused.stdout);
-    assert!(
-        refused.stderr.contains("solve-0.3-mr: its folder is missing: run the batch again"),
-        "{}",
-        refused.stderr
-    );
-    let table = std::fs::read_to_string(scratch.path("all/results.csv")).expect("a table");
+    merge(&["all"], "all").exits(2).warns("solve-0.3-mr: its folder is missing: run the batch again");
+    let table = scratch.text("all/results.csv");
     assert_eq!(table.lines().count(), COUNT);
-    let merged = merge(&["first", "second"], "all");
-    assert!(merged.stdout.contains("12 jobs done, 0 failed"), "{}{}", merged.stdout, merged.stderr);
+    merge(&["first", "second"], "all").prints("12 jobs done, 0 failed");
     super::assert_same_files(&results(&scratch.path("all")), &want);
 }
 
@@ -233,12 +205,7 @@ fn parts_of_two_splits_do_not_run_together() {
     let refused = batch(&scratch, &["--out", "o", "--shard", "2/3"]);
     child.kill().expect("ended");
     child.wait().expect("ended");
-    assert_eq!(refused.code, Some(2), "{}", refused.stdout);
-    assert!(
-        refused.stderr.contains("parts of another split are running in this folder"),
-        "{}",
-        refused.stderr
-    );
+    refused.exits(2).warns("parts of another split are running in this folder");
 }
 
 /// The process that `parent` has started and that has worked for half a second: by then it handles interruptions.
@@ -274,9 +241,7 @@ fn an_interrupted_process_of_a_job_has_failed() {
     };
     let told = std::process::Command::new("kill").args(["-INT", &job]).status().expect("kill runs");
     assert!(told.success());
-    let ended = Outcome::of(batch.wait_with_output().expect("ended"));
-    assert_eq!(ended.code, Some(2), "{}{}", ended.stdout, ended.stderr);
-    assert!(ended.stderr.contains("was interrupted"), "{}", ended.stderr);
+    Outcome::of(batch.wait_with_output().expect("ended")).exits(2).warns("was interrupted");
     assert_eq!(journal(&scratch.path("o"))[0]["status"], "failed");
 }
 
@@ -302,8 +267,7 @@ fn missed_tolerances_are_reported_again() {
          options = { unit = 'mm', error = 0.4, target-error = 1e-5, max-seconds = 0.1, output = ['none'], cache = 'off' }\n",
     );
     for _ in 0..2 {
-        let ended = batch(&scratch, &["--out", "o"]);
-        assert_eq!(ended.code, Some(1), "{}{}", ended.stdout, ended.stderr);
+        batch(&scratch, &["--out", "o"]).exits(1);
     }
     assert_eq!(journal(&scratch.path("o")).len(), 1);
 }
@@ -316,7 +280,7 @@ fn the_log_replaces_no_input() {
     for log in ["cornell.obj", "jobs.toml", "o/results.csv"] {
         let refused = batch(&scratch, &["--out", "o", "--log", log]);
         assert_eq!(refused.code, Some(2), "{log}: {}", refused.stdout);
-        assert!(refused.stderr.contains("--log"), "{}", refused.stderr);
+        refused.warns("--log");
     }
     assert_eq!(std::fs::read(scratch.path("cornell.obj")).expect("the scene"), before);
 }
@@ -333,8 +297,7 @@ fn scenes_of_one_name_are_told_apart() {
         format!("[[job]]\nname = '{name}'\ncommand = 'info'\nscene = ['a/room[1].obj', 'b/room[[]1].obj']\n")
     };
     scratch.write("jobs.toml", job("{scene}"));
-    let refused = batch(&scratch, &["--out", "o"]);
-    assert!(refused.stderr.contains("`a/room[1].obj` and `b/room[1].obj`"), "{}", refused.stderr);
+    batch(&scratch, &["--out", "o"]).warns("`a/room[1].obj` and `b/room[1].obj`");
     scratch.write("jobs.toml", job("{folder}-{scene}"));
     // They run side by side.
     let mut jobs = ran(&scratch, "o");

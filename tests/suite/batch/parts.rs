@@ -9,7 +9,7 @@ use std::process::Command;
 #[test]
 fn parts_make_the_whole() {
     let scratch = prepared();
-    assert_eq!(batch(&scratch, &["--out", "whole"]).code, Some(0));
+    batch(&scratch, &["--out", "whole"]).exits(0);
     let whole = results(&scratch.path("whole"));
     for folders in [["one", "one", "one"], ["first", "second", "third"]] {
         let children: Vec<_> = ["1/3", "2/3", "3/3"]
@@ -20,33 +20,25 @@ fn parts_make_the_whole() {
             })
             .collect();
         for child in children {
-            let ended = Outcome::of(child.wait_with_output().expect("its end"));
-            assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+            Outcome::of(child.wait_with_output().expect("its end")).exits(0);
         }
     }
-    let merged = scratch.mrvis(&["merge", "one"]);
-    assert_eq!(merged.code, Some(0), "{}", merged.stderr);
-    let merged = scratch.mrvis(&["merge", "first", "second", "third", "--out", "all"]);
-    assert!(merged.stdout.contains("12 jobs done, 0 failed"), "{}{}", merged.stdout, merged.stderr);
+    scratch.mrvis(&["merge", "one"]).exits(0);
+    scratch.mrvis(&["merge", "first", "second", "third", "--out", "all"]).prints("12 jobs done, 0 failed");
     for out in ["one", "all"] {
         assert_same_files(&results(&scratch.path(out)), &whole);
-        let table = std::fs::read_to_string(scratch.path(out).join("results.csv")).expect("a table");
+        let table = scratch.text(scratch.path(out).join("results.csv"));
         assert_eq!(table.lines().count(), 13);
         // A batch of all jobs finds them done.
-        let again = batch(&scratch, &["--out", out]);
-        assert!(
-            again.stdout.contains("0 jobs done, 12 were done before"),
-            "{}{}",
-            again.stdout,
-            again.stderr
-        );
+        batch(&scratch, &["--out", out]).prints("0 jobs done, 12 were done before");
     }
     let record = ["first", "second", "third"].map(|out| scratch.path(out).join("solve-0.4-mr/solution.json"));
     let record = record.into_iter().find(|path| path.exists()).expect("one part has the job");
     std::fs::write(record, "{}").expect("changed");
-    let refused = scratch.mrvis(&["merge", "first", "second", "third", "--out", "other"]);
-    assert_eq!(refused.code, Some(2), "{}", refused.stdout);
-    assert!(refused.stderr.contains("solve-0.4-mr: solution.json was changed since"), "{}", refused.stderr);
+    scratch
+        .mrvis(&["merge", "first", "second", "third", "--out", "other"])
+        .exits(2)
+        .warns("solve-0.4-mr: solution.json was changed since");
 }
 
 /// Parts without a job are parts nevertheless.
@@ -55,13 +47,11 @@ fn more_parts_than_jobs_make_the_whole() {
     let scratch = prepared();
     scratch.write("jobs.toml", "[[job]]\nname = 'one'\ncommand = 'info'\nscene = 'cornell.obj'\n");
     for (part, out) in [("1/2", "first"), ("2/2", "second")] {
-        assert_eq!(batch(&scratch, &["--out", out, "--shard", part]).code, Some(0));
+        batch(&scratch, &["--out", out, "--shard", part]).exits(0);
     }
-    let merged = scratch.mrvis(&["merge", "first", "second", "--out", "all"]);
-    assert!(merged.stdout.contains("1 jobs done, 0 failed"), "{}{}", merged.stdout, merged.stderr);
+    scratch.mrvis(&["merge", "first", "second", "--out", "all"]).prints("1 jobs done, 0 failed");
     std::fs::create_dir(scratch.path("empty")).expect("made");
-    let refused = scratch.mrvis(&["merge", "first", "empty", "--out", "all"]);
-    assert!(refused.stderr.contains("empty: is no output folder"), "{}", refused.stderr);
+    scratch.mrvis(&["merge", "first", "empty", "--out", "all"]).warns("empty: is no output folder");
 }
 
 /// Runs a script of the project; `None` if it says that it cannot run here.
@@ -74,8 +64,7 @@ fn script(scratch: &Scratch, name: &str, arguments: &[&str]) -> Option<Outcome> 
         eprintln!("{name}: {}", ran.stderr.trim());
         return None;
     }
-    assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
-    Some(ran)
+    Some(ran.exits(0))
 }
 
 #[test]
@@ -86,8 +75,7 @@ fn gnu_parallel_runs_the_parts() {
     }
     let scratch = prepared();
     script(&scratch, "examples/slurm/parallel.sh", &["jobs.toml", "o", "2"]);
-    let again = batch(&scratch, &["--out", "o"]);
-    assert!(again.stdout.contains("0 jobs done, 12 were done before"), "{}{}", again.stdout, again.stderr);
+    batch(&scratch, &["--out", "o"]).prints("0 jobs done, 12 were done before");
 }
 
 /// A job array of a real Slurm on this machine.
@@ -96,12 +84,6 @@ fn slurm_runs_the_parts() {
     let scratch = prepared();
     let arguments = [env!("CARGO_BIN_EXE_mrvis"), "jobs.toml", "o", "3"];
     if script(&scratch, "tests/slurm/run-array", &arguments).is_some() {
-        let again = batch(&scratch, &["--out", "o"]);
-        assert!(
-            again.stdout.contains("0 jobs done, 12 were done before"),
-            "{}{}",
-            again.stdout,
-            again.stderr
-        );
+        batch(&scratch, &["--out", "o"]).prints("0 jobs done, 12 were done before");
     }
 }

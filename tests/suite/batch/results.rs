@@ -5,7 +5,7 @@ use crate::run::Scratch;
 use serde_json::Value;
 
 fn text(scratch: &Scratch, name: &str) -> String {
-    std::fs::read_to_string(scratch.path(name)).expect("a file")
+    scratch.text(name)
 }
 
 /// Every example runs, and its page has what it promises.
@@ -42,7 +42,7 @@ fn check_examples(only: &[&str]) {
         }
         let made = scratch.mrvis(&["report", &name]);
         assert_eq!(made.code, Some(0), "{name}: {}", made.stderr);
-        assert!(made.stdout.contains("report.html"), "{}", made.stdout);
+        made.prints("report.html");
     }
     assert!(names.len() >= 3, "{names:?}");
 
@@ -61,9 +61,7 @@ fn check_examples(only: &[&str]) {
         assert!(row["seconds.solve"].is_number() && row["output_blake3"].is_string(), "{row}");
     }
 
-    let refused = scratch.mrvis(&["report", "."]);
-    assert_eq!(refused.code, Some(2));
-    assert!(refused.stderr.contains("has no journal"), "{}", refused.stderr);
+    scratch.mrvis(&["report", "."]).exits(2).warns("has no journal");
 }
 
 /// The example of the documentation, beside the scenes that it names.
@@ -77,19 +75,15 @@ fn the_example_of_the_page_runs() {
     scratch.write("points.csv", include_str!("../../../examples/batch/points.csv"));
     std::fs::create_dir(scratch.path("rooms")).expect("made");
     for scene in ["hall", "rooms/a", "rooms/b"] {
-        let made = scratch.mrvis(&["generate", "cornell", "--out", &format!("{scene}.obj")]);
-        assert_eq!(made.code, Some(0), "{}", made.stderr);
+        scratch.mrvis(&["generate", "cornell", "--out", &format!("{scene}.obj")]).exits(0);
     }
-    let listed = scratch.mrvis(&["batch", "jobs.toml", "--out", "results", "--dry-run"]);
-    assert!(listed.stdout.contains("29 of 29 jobs, 29 to do"), "{}{}", listed.stdout, listed.stderr);
+    scratch.mrvis(&["batch", "jobs.toml", "--out", "results", "--dry-run"]).prints("29 of 29 jobs, 29 to do");
     // All commands of the example, with one of the scenes, in the time that few rays take.
     let few = example
         .replace("\"rooms/*.obj\", ", "")
         .replace("\"160x120\"", "\"160x120\", audit = 0, local-rays = 20000");
     scratch.write("jobs.toml", few);
-    let ran = scratch.mrvis(&["batch", "jobs.toml", "--out", "results"]);
-    assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
-    assert!(ran.stdout.contains("13 jobs done"), "{}", ran.stdout);
+    scratch.mrvis(&["batch", "jobs.toml", "--out", "results"]).exits(0).prints("13 jobs done");
 }
 
 /// Jobs that the file does not have any more are in no table and not on the page.
@@ -102,8 +96,7 @@ fn jobs_of_a_former_file_are_not_shown() {
         scratch.write("jobs.toml", format!("{job}{samples}\n"));
     };
     let run = |arguments: &[&str]| {
-        let ran = scratch.mrvis(arguments);
-        assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+        scratch.mrvis(arguments).exits(0);
     };
     let shown = |file: &str| {
         let text = text(&scratch, file);
@@ -152,8 +145,7 @@ fn jobs_of_a_scene_have_one_camera() {
         + &job("data", "error = 0.4, output = 'vtu'");
     let cameras = |defaults: &str| {
         scratch.write("jobs.toml", format!("{defaults}{jobs}"));
-        let ran = scratch.mrvis(&["batch", "jobs.toml", "--out", "o", "--dry-run"]);
-        assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+        let ran = scratch.mrvis(&["batch", "jobs.toml", "--out", "o", "--dry-run"]).exits(0);
         let lines = ran.stdout.lines().filter(|line| line.contains("mrvis solve"));
         let camera = |line: &str| {
             line.split(" --camera=").nth(1).map(|rest| rest.split(' ').next().map(str::to_owned))
@@ -165,9 +157,8 @@ fn jobs_of_a_scene_have_one_camera() {
     let defaults = format!("[defaults]\noptions = {{ camera = '{all}' }}\n");
     assert_eq!(cameras(&defaults), [all, all, own, all]);
     assert_eq!(cameras(""), ["scene", "scene", own, ""]);
-    let ran = scratch.mrvis(&["batch", "jobs.toml", "--out", "o"]);
-    assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
-    assert_eq!(scratch.mrvis(&["report", "o"]).code, Some(0));
+    scratch.mrvis(&["batch", "jobs.toml", "--out", "o"]).exits(0);
+    scratch.mrvis(&["report", "o"]).exits(0);
     let page = text(&scratch, "o/report.html");
     for part in ["Grids of points", "uniformity U0", "dim: light on a grid of points, grid-floor.png"] {
         assert!(page.contains(part), "the page lacks {part}");
@@ -184,11 +175,9 @@ fn the_page_names_pictures_that_are_gone() {
         "[[job]]\nname = '{seed}'\ncommand = 'solve'\nscene = 'cornell.obj'\n\
          options = { error = 0.4, audit = 0, output = 'image', image-size = '32x32', cache = 'off' }\n[job.sweep]\nseed = [1, 2]\n",
     );
-    let ran = scratch.mrvis(&["batch", "jobs.toml", "--out", "o"]);
-    assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+    scratch.mrvis(&["batch", "jobs.toml", "--out", "o"]).exits(0);
     std::fs::remove_file(scratch.path("o/1/view.png")).expect("removed");
-    let made = scratch.mrvis(&["report", "o"]);
-    assert_eq!(made.code, Some(1), "{}", made.stderr);
+    scratch.mrvis(&["report", "o"]).exits(1);
     let page = text(&scratch, "o/report.html");
     assert!(
         page.contains("1: view.png is missing: run the batch again") && page.contains("data:image/png"),

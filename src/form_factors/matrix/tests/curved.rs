@@ -6,13 +6,12 @@ use std::f64::consts::TAU;
 
 /// A scene of objects, each a list of polygons.
 fn solids(list: &[Vec<Vec<DVec3>>]) -> Scene {
-    let mut soup = Soup::new("test");
-    soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let mut pieces = Pieces::empty();
     for (i, polygons) in list.iter().enumerate() {
-        let object = soup.object(format!("solid {i}"));
-        polygons.iter().for_each(|p| soup.polygon(object, 0, p));
+        pieces.grey(&format!("solid {i}"), 0.5);
+        polygons.iter().for_each(|p| _ = pieces.polygon(p));
     }
-    resolve(soup, &LoadOptions::default()).expect("a scene")
+    pieces.scene()
 }
 
 /// Form factors between the objects of a scene, without adjustment, by an eighth of the rays.
