@@ -59,7 +59,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
         "tif" | "tiff" => geotiff::read(path, bytes()?, options),
         "png" => picture::read(path, bytes()?, options),
         "npy" => from_numpy(path, numpy::read_npy(path, &bytes()?)?),
-        "npz" => from_numpy(path, numpy::read_npz(path, bytes()?)?),
+        "npz" => from_numpy(path, numpy::read_npz(path, &bytes()?)?),
         _ => Err(Error::format(
             path,
             None,
