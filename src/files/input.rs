@@ -61,7 +61,7 @@ impl Input {
         options.read(true);
         // A pipe that took the place of the file does not block.
         #[cfg(unix)]
-        std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NONBLOCK);
+        super::without_waiting(&mut options);
         let file = options.open(path).map_err(at)?;
         let about = file.metadata().map_err(at)?;
         check_kind(path, &about)?;

@@ -85,10 +85,18 @@ const PREFIX: &str = ".mrvis-";
 #[cfg(target_os = "linux")]
 fn unnamed(folder: &Path) -> io::Result<File> {
     use std::os::unix::fs::OpenOptionsExt;
-    let file = File::options().write(true).custom_flags(libc::O_TMPFILE).mode(0o666).open(folder)?;
+    let unnamed = rustix::fs::OFlags::TMPFILE.bits() as i32;
+    let file = File::options().write(true).custom_flags(unnamed).mode(0o666).open(folder)?;
     // Its name is given by this link, which needs a mounted `/proc`.
     std::fs::symlink_metadata(descriptor(&file))?;
     Ok(file)
+}
+
+/// Makes opening a pipe not wait for its other end.
+#[cfg(unix)]
+fn without_waiting(options: &mut std::fs::OpenOptions) {
+    use std::os::unix::fs::OpenOptionsExt;
+    options.custom_flags(rustix::fs::OFlags::NONBLOCK.bits() as i32);
 }
 
 /// The link to an open file of this process.
@@ -141,7 +149,7 @@ impl WholeFile {
                 options.write(true);
                 // A pipe without a reader would block.
                 #[cfg(unix)]
-                std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NONBLOCK);
+                without_waiting(&mut options);
                 drop(options.open(target).map_err(at)?);
                 Sink::Device(File::options().write(true).open(target).map_err(at)?)
             }

@@ -1,30 +1,34 @@
 //! NumPy archives that are written.
 
+use rawzip::ZipArchiveWriter;
+use rawzip::time::UtcDateTime;
 use std::io::{self, Write};
-use zip::write::{SimpleFileOptions, StreamWriter};
-use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// An archive of arrays, not compressed, without dates.
-pub struct NpzWriter<W: Write>(ZipWriter<StreamWriter<W>>);
+/// An archive of arrays, not compressed. All have the date of [`NO_DATE`].
+pub struct NpzWriter<W: Write>(ZipArchiveWriter<W>);
+
+/// The first date that archives can state.
+const NO_DATE: UtcDateTime = UtcDateTime::from_components(1980, 1, 1, 0, 0, 0, 0).expect("a date");
 
 impl<W: Write> NpzWriter<W> {
     pub fn new(out: W) -> NpzWriter<W> {
-        NpzWriter(ZipWriter::new_stream(out))
+        NpzWriter(ZipArchiveWriter::new(out))
     }
 
     /// Adds an array; `kind` such as `<f4`. `<` is little endian, as are all machines that Embree supports.
     pub fn array(&mut self, name: &str, kind: &str, shape: &[usize], bytes: &[u8]) -> io::Result<()> {
-        let options = SimpleFileOptions::default()
-            .compression_method(CompressionMethod::Stored)
-            .last_modified_time(DateTime::default())
-            .large_file(true);
-        self.0.start_file(format!("{name}.npy"), options)?;
-        self.0.write_all(&header(kind, shape))?;
-        self.0.write_all(bytes)
+        let file = self.0.new_file(format!("{name}.npy")).last_modified(NO_DATE).unix_permissions(0o644);
+        let (mut entry, sums) = file.start().map_err(io::Error::other)?;
+        let mut out = sums.wrap(&mut entry);
+        out.write_all(&header(kind, shape))?;
+        out.write_all(bytes)?;
+        let (_, sums) = out.finish().map_err(io::Error::other)?;
+        entry.finish(sums).map_err(io::Error::other)?;
+        Ok(())
     }
 
     pub fn finish(self) -> io::Result<()> {
-        self.0.finish()?.flush()
+        self.0.finish().map_err(io::Error::other)?.flush()
     }
 }
 

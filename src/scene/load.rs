@@ -24,7 +24,7 @@ impl Scene {
     }
 
     /// Loads a scene; the extension of `path` selects the format: `obj`, `gltf`, `glb` or `ply`, or of a height field `asc`
-    /// (ESRI ASCII grid), `tif` (GeoTIFF), `png`, `npy` or `npz`.
+    /// (ESRI ASCII grid), `tif` (GeoTIFF, with the feature `geotiff` of the crate), `png`, `npy` or `npz`.
     ///
     /// Nodes of a glTF file that place the same mesh share it, unless the mesh emits or a
     /// node's transform is more than 1 % off a similarity. A glTF file may have at most 2,097,152 nodes.

@@ -1,13 +1,7 @@
 //! Where a grid is on the earth, in the terms of GeoTIFF (OGC 19-008r4).
 
-/// Key: kind of coordinate system.
-pub(super) const MODEL_TYPE: u16 = 1024;
 /// Key: whether tie points are of corners of pixels (1) or of samples (2).
 const RASTER_TYPE: u16 = 1025;
-/// Keys: units of geographic angles, of projected lengths and of heights.
-pub(super) const ANGLES: u16 = 2054;
-pub(super) const LENGTHS: u16 = 3076;
-pub(super) const HEIGHTS: u16 = 4099;
 
 /// Position, scale and coordinate system of a grid. Outputs get them unchanged.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -55,26 +49,4 @@ impl Georeference {
         let [i, j, _, x, y, _] = self.tie_point;
         [x + (column as f64 + half - i) * self.scale[0], y - (row as f64 + half - j) * self.scale[1]]
     }
-}
-
-/// Metres in a unit of length by its EPSG code; `None` if it is not known.
-pub(super) fn metres_of_unit(code: u16) -> Option<f64> {
-    match code {
-        9001 => Some(1.0),
-        9002 => Some(0.3048),
-        // Survey foot of the United States: 1200/3937 m.
-        9003 => Some(1200.0 / 3937.0),
-        9036 => Some(1000.0),
-        _ => None,
-    }
-}
-
-/// Lengths in m of one degree of longitude and of latitude at a latitude in degrees, on the ellipsoid WGS 84.
-pub(super) fn metres_of_degree(latitude: f64) -> [f64; 2] {
-    // Semi-major axis in m and square of the eccentricity.
-    let (a, e2) = (6_378_137.0, 6.694_379_990_14e-3);
-    let (sin, cos) = latitude.to_radians().sin_cos();
-    let w = 1.0 - e2 * sin * sin;
-    let degree = 1f64.to_radians();
-    [degree * a * cos / w.sqrt(), degree * a * (1.0 - e2) / w.powf(1.5)]
 }

@@ -1,7 +1,6 @@
 //! NumPy arrays that are read: `.npy` files of version 1 to 3, and `.npz` archives of them.
 
 use crate::{Error, Result, error::quote};
-use std::io::{Cursor, Read};
 use std::path::Path;
 
 /// Largest number of bytes of a header. NumPy's own limit (`max_header_size` of `numpy.load`) is 10,000.
@@ -102,30 +101,23 @@ fn decoder(kind: &str) -> Option<(usize, Decode)> {
 ///
 /// # Errors
 /// [`Error::Format`] with `path`.
-pub fn read_npz(path: &Path, bytes: Vec<u8>) -> Result<Array> {
-    let possible = bytes.len() as u64;
-    let broken =
-        |e: zip::result::ZipError| Error::format(path, None, format!("cannot be read as an archive: {e}"));
-    let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(broken)?;
+pub fn read_npz(path: &Path, bytes: &[u8]) -> Result<Array> {
+    let broken = |e: rawzip::Error| Error::format(path, None, format!("cannot be read as an archive: {e}"));
+    let archive = rawzip::ZipArchive::from_slice(bytes).map_err(broken)?;
     let mut found: Vec<(String, Array)> = Vec::new();
-    for i in 0..archive.len() {
-        let mut file = match archive.by_index(i) {
-            Ok(file) => file,
-            Err(zip::result::ZipError::UnsupportedArchive(_)) => {
-                let what = "is compressed: save it by numpy.savez instead of numpy.savez_compressed";
-                return Err(Error::format(path, None, what));
-            }
-            Err(e) => return Err(broken(e)),
-        };
-        let name = file.name().map_err(broken)?.trim_end_matches(".npy").to_owned();
-        let mut content = Vec::new();
-        // Members are stored without compression: none is larger than the archive.
-        file.by_ref()
-            .take(possible)
-            .read_to_end(&mut content)
+    let mut entries = archive.entries();
+    while let Some(entry) = entries.next_entry().map_err(broken)? {
+        if entry.compression_method() != rawzip::CompressionMethod::STORE {
+            let what = "is compressed: save it by numpy.savez instead of numpy.savez_compressed";
+            return Err(Error::format(path, None, what));
+        }
+        let name = String::from_utf8_lossy(entry.file_path().as_bytes()).trim_end_matches(".npy").to_owned();
+        let file = archive.get_entry(entry.wayfinder()).map_err(broken)?;
+        let content = file.data();
+        std::io::copy(&mut file.verifying_reader(content), &mut std::io::sink())
             .map_err(|e| Error::format(path, None, format!("`{}` cannot be read: {e}", quote(&name))))?;
         // Arrays of text and others that are no numbers are passed over.
-        if let Some(array) = read_npy(path, &content).ok().filter(|a| a.shape.len() == 2) {
+        if let Some(array) = read_npy(path, content).ok().filter(|a| a.shape.len() == 2) {
             found.push((name, array));
         }
     }

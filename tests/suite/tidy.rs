@@ -367,3 +367,18 @@ fn only_the_command_talks_and_listens() {
     }
     assert!(wrong.is_empty(), "prints or reads the environment:\n{}", wrong.join("\n"));
 }
+
+/// Crates that a program compiles which uses the library without features, the library included.
+const MAX_CRATES: usize = 90;
+
+#[test]
+fn the_library_needs_few_crates() {
+    let mut tree = std::process::Command::new("cargo");
+    tree.args(["tree", "--locked", "--package=mrvis", "--edges=normal,build", "--prefix=none"]);
+    let output = tree.current_dir(project("")).output().expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).expect("text");
+    let crates: BTreeSet<Vec<&str>> = text.lines().map(|l| l.split(' ').take(2).collect()).collect();
+    assert!(crates.len() > 50, "crates are found");
+    assert!(crates.len() <= MAX_CRATES, "{} crates, at most {MAX_CRATES}: {crates:?}", crates.len());
+}

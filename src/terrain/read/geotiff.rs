@@ -1,9 +1,7 @@
 //! Heights from GeoTIFF files.
 
 use super::{Raw, ReadOptions, check_size};
-use crate::terrain::georeference::{
-    ANGLES, Georeference, HEIGHTS, LENGTHS, MODEL_TYPE, metres_of_degree, metres_of_unit,
-};
+use crate::terrain::Georeference;
 use crate::{Error, Result, error::quote};
 use std::io::Cursor;
 use std::path::Path;
@@ -11,6 +9,12 @@ use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
+/// Key: kind of coordinate system.
+const MODEL_TYPE: u16 = 1024;
+/// Keys: units of geographic angles, of projected lengths and of heights.
+const ANGLES: u16 = 2054;
+const LENGTHS: u16 = 3076;
+const HEIGHTS: u16 = 4099;
 /// Values of one byte of a file at most. LZW's longest string of 4,094 values takes 9 bits or more; Deflate's rate is below.
 const MAX_VALUES_OF_BYTE: usize = 4094;
 /// Largest tag, bytes: offsets and lengths of a strip for each row or of as many tiles, 8 bytes each.
@@ -217,4 +221,26 @@ fn degrees(raw: &mut Raw, georeference: &Georeference) -> Result<[f64; 2], Strin
         100.0 * stretch
     ));
     Ok(cell)
+}
+
+/// Metres in a unit of length by its EPSG code; `None` if it is not known.
+fn metres_of_unit(code: u16) -> Option<f64> {
+    match code {
+        9001 => Some(1.0),
+        9002 => Some(0.3048),
+        // Survey foot of the United States: 1200/3937 m.
+        9003 => Some(1200.0 / 3937.0),
+        9036 => Some(1000.0),
+        _ => None,
+    }
+}
+
+/// Lengths in m of one degree of longitude and of latitude at a latitude in degrees, on the ellipsoid WGS 84.
+fn metres_of_degree(latitude: f64) -> [f64; 2] {
+    // Semi-major axis in m and square of the eccentricity.
+    let (a, e2) = (6_378_137.0, 6.694_379_990_14e-3);
+    let (sin, cos) = latitude.to_radians().sin_cos();
+    let w = 1.0 - e2 * sin * sin;
+    let degree = 1f64.to_radians();
+    [degree * a * cos / w.sqrt(), degree * a * (1.0 - e2) / w.powf(1.5)]
 }

@@ -1,6 +1,7 @@
 //! Grids from files: ESRI ASCII grid, GeoTIFF, PNG with 8 or 16 bits, NumPy arrays.
 
 mod ascii;
+#[cfg(feature = "geotiff")]
 mod geotiff;
 mod picture;
 
@@ -56,10 +57,15 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     let bytes = || input::read(path, memory::usable().unwrap_or(u64::MAX >> 1));
     let raw = input::guarded(path, || match extension.as_str() {
         "asc" => ascii::read(path, &bytes()?, options),
+        #[cfg(feature = "geotiff")]
         "tif" | "tiff" => geotiff::read(path, bytes()?, options),
+        #[cfg(not(feature = "geotiff"))]
+        "tif" | "tiff" => {
+            Err(Error::format(path, None, "GeoTIFF is read if the crate mrvis has its feature `geotiff`"))
+        }
         "png" => picture::read(path, bytes()?, options),
         "npy" => from_numpy(path, numpy::read_npy(path, &bytes()?)?),
-        "npz" => from_numpy(path, numpy::read_npz(path, bytes()?)?),
+        "npz" => from_numpy(path, numpy::read_npz(path, &bytes()?)?),
         _ => Err(Error::format(
             path,
             None,
