@@ -226,7 +226,7 @@ impl FinalGather<'_> {
                     return Seen::Sky;
                 }
                 let weight = if surfaces[k].is_some() { 4.0 } else { 1.0 };
-                if surfaces[k].is_some() && k % 4 != (mix(seed ^ k as u64 / 4) % 4) as usize {
+                if surfaces[k].is_some() && k % 4 != (mix(seed ^ (k as u64 / 4)) % 4) as usize {
                     return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
                 }
                 let Some(met) = self.met(packet, hits, lane) else { return Seen::Dark };
