@@ -273,7 +273,7 @@ fn open_corners_and_yards_have_the_daylight_of_paths() {
     ];
     for (k, (faces, sky, sun)) in cases.into_iter().enumerate() {
         let scene = outdoors(0.8, faces, sky, sun);
-        let (samples, bounds) = if k < 2 { (4096, [0.025, 0.006]) } else { (32_768, [0.045, 0.015]) };
+        let (samples, bounds) = if k < 2 { (4096, [0.025, 0.006]) } else { (16_384, [0.045, 0.015]) };
         let truth = truth(&scene, &points, samples);
         let (mut rms, mut bias) = (0.0, 0.0);
         for seed in 1..5 {
