@@ -13,9 +13,11 @@ pub(super) const CHUNK: usize = 64;
 /// Smallest number of shadow rays of a point and an emitter: two packets, whose difference shows whether more rays are
 /// needed. 16 or 64 rays instead change irradiance by less than 0.08 % (`constants.py solve`).
 const MIN_SHADOW_RAYS: usize = 2 * LANES;
-/// Visible part of an emitter up to which a point without other light traces all its rays: that of four of [`MIN_SHADOW_RAYS`]. Of 32 rays to a lamp behind
-/// a hole that shows a hundredth of it, three of four times none passes, and ends there would lose a sixth of its light.
+/// Visible part of an emitter below which a point with little other light traces more rays: that of four of [`MIN_SHADOW_RAYS`]. Of 32 rays to a lamp behind
+/// a hole that shows a hundredth of it none passes three times of four, and points that stopped there would lose a sixth of its light.
 const DIM: f64 = 4.0 / MIN_SHADOW_RAYS as f64;
+/// Rays after which an emitter counts as hidden if none has passed. Those of a hole that shows a hundredth of it all miss the hole once in thirteen times.
+const HIDDEN_RAYS: usize = 256;
 
 /// A point at which irradiance is computed.
 #[derive(Clone, Copy)]
@@ -42,15 +44,32 @@ impl FinalGather<'_> {
         scratch: &mut Scratch,
     ) -> Vec<Rgb> {
         let mut values = vec![[0.0; 3]; points.len()];
+        let mut dim = Vec::new();
+        let tolerance = self.visibility_tolerance();
         for (emitter, engine) in engines.iter().enumerate() {
-            let mut views = self.emitter_views(points, emitter);
-            views.iter_mut().for_each(|view| view.known = mean(values[view.point]));
+            let views = self.emitter_views(points, emitter);
             for set in 0..sets {
                 let mut views: Vec<EmitterView> = views.iter().map(|view| view.with_set(set)).collect();
-                self.measure_visibility(&mut views, emitter, engine, scratch);
+                self.measure_visibility(&mut views, (emitter, engine), scratch, |view| {
+                    view.is_uncertain(tolerance)
+                });
                 for view in views {
                     add(&mut values[view.point], view.visible() / sets as f64, view.free);
+                    if view.visible() < DIM {
+                        dim.push((emitter, view));
+                    }
                 }
+            }
+        }
+        // The little light that has passed may be all light of the point.
+        dim.retain(|(_, view)| mean(values[view.point]) < mean(view.free));
+        for same in dim.chunk_by(|a, b| a.0 == b.0) {
+            let emitter = same[0].0;
+            let mut views: Vec<EmitterView> = same.iter().map(|(_, view)| view.clone()).collect();
+            let goes_on = |view: &EmitterView| view.seen > 0.0 || view.traced < HIDDEN_RAYS;
+            self.measure_visibility(&mut views, (emitter, &engines[emitter]), scratch, goes_on);
+            for ((_, before), view) in same.iter().zip(views) {
+                add(&mut values[view.point], (view.visible() - before.visible()) / sets as f64, view.free);
             }
         }
         values
@@ -80,44 +99,43 @@ impl FinalGather<'_> {
                     point,
                     from,
                     free,
-                    known: 0.0,
                     shares,
                     sum: 0.0,
                     seen: 0.0,
                     squares: 0.0,
                     count: 0.0,
+                    traced: 0,
                 });
             }
         }
         views
     }
 
-    /// The visible part of an emitter's irradiance: few rays, and more where they disagree ([`EmitterView::is_uncertain`]). Averaged visibility
-    /// varies less and needs fewer rays.
+    /// The visible part of an emitter's irradiance: few rays, and more while `goes_on`, as where they disagree ([`EmitterView::is_uncertain`]). Averaged
+    /// visibility varies less and needs fewer rays.
     pub(super) fn measure_visibility(
         &self,
         views: &mut [EmitterView],
-        emitter: usize,
-        engine: &VisibilityEngine,
+        (emitter, engine): (usize, &VisibilityEngine),
         scratch: &mut Scratch,
+        goes_on: impl Fn(&EmitterView) -> bool,
     ) {
-        let tolerance = self.visibility_tolerance();
-        let mut left: Vec<usize> = (0..views.len()).collect();
-        for first in (0..self.light_rays).step_by(LANES) {
+        // Without a ray above the horizon nothing is known.
+        let is_left = |view: &EmitterView| {
+            let few = view.count == 0.0 || view.traced < MIN_SHADOW_RAYS;
+            view.traced < self.light_rays && (few || goes_on(view))
+        };
+        let mut left: Vec<usize> = (0..views.len()).filter(|&k| is_left(&views[k])).collect();
+        while !left.is_empty() {
             let (queries, weights): (Vec<VisibilityQuery>, Vec<[f32; LANES]>) =
-                left.iter().map(|&k| self.shadow_rays(&views[k], emitter, first)).unzip();
+                left.iter().map(|&k| self.shadow_rays(&views[k], emitter, views[k].traced)).unzip();
             engine.answer_all(&queries, scratch, |k, through| {
                 views[left[k]].add(&queries[k].packet, &weights[k], through);
             });
             left.retain(|&k| {
-                // Without a ray above the horizon nothing is known.
-                let open = views[k].count == 0.0;
-                let few = first + LANES < MIN_SHADOW_RAYS;
-                open || few || views[k].is_uncertain(tolerance)
+                views[k].traced += LANES;
+                is_left(&views[k])
             });
-            if left.is_empty() {
-                return;
-            }
         }
     }
 
@@ -165,16 +183,15 @@ pub(super) struct EmitterView {
     pub(super) from: GatherPoint,
     /// Unoccluded irradiance, W/m².
     free: Rgb,
-    /// Irradiance of other emitters that is known, mean over the channels, W/m².
-    known: f64,
     /// Running sums of the parts of the faces.
     shares: Vec<f32>,
     /// Sums of weights, of weights times transmittances, and of weights times their squares.
     sum: f64,
     seen: f64,
     squares: f64,
-    /// Number of rays.
+    /// Number of rays above the horizon, and of all.
     count: f64,
+    traced: usize,
 }
 
 impl EmitterView {
@@ -198,10 +215,9 @@ impl EmitterView {
         self.count += packet.len() as f64;
     }
 
-    /// Whether the standard error of the visible part exceeds the tolerance, or the little light that has passed may be all light of the point.
-    fn is_uncertain(&self, tolerance: f64) -> bool {
-        let is_dim = self.visible() < DIM && self.known < mean(self.free);
-        is_dim || self.variance() > self.count * tolerance * tolerance
+    /// Whether the standard error of the visible part exceeds the tolerance.
+    pub(super) fn is_uncertain(&self, tolerance: f64) -> bool {
+        self.variance() > self.count * tolerance * tolerance
     }
 
     /// Variance of the transmittance of one ray.

@@ -131,7 +131,8 @@ impl FinalGather<'_> {
     ) -> Trial {
         let mut views = self.emitter_views(points, emitter);
         let before = scratch.tally.segments;
-        self.measure_visibility(&mut views, emitter, engine, scratch);
+        let tolerance = self.visibility_tolerance();
+        self.measure_visibility(&mut views, (emitter, engine), scratch, |view| view.is_uncertain(tolerance));
         let segments = (scratch.tally.segments - before) as f64;
         Trial { segments, visible: views.iter().map(EmitterView::visible).collect() }
     }

@@ -22,7 +22,7 @@ const ERROR_OF_EDGE: f64 = 0.29;
 const ERROR_OF_GRADIENT: [f64; 2] = [0.29 / 4.0, 0.29];
 /// Error of the light of the sky at a point, relative to all of its light, over the error asked for.
 const TOLERANCE: f64 = 0.1;
-/// The square of that over the square of the same for the light of surfaces, which is itself known to about the error asked for.
+/// Weight of squared errors of the light of surfaces, which is to be known to about the error asked for and not to a tenth of it.
 const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;
 /// Rays that look for edges of surfaces, over those of the undivided grid: enough for the rim of a sunlit place, as half as many cells are divided at each
 /// level as rays were traced at the level before. Where all cells differ, as in a room full of things, they halve the error.
