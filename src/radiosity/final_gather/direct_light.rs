@@ -14,7 +14,7 @@ pub(super) const CHUNK: usize = 64;
 /// needed. 16 or 64 rays instead change irradiance by less than 0.08 % (`constants.py solve`).
 const MIN_SHADOW_RAYS: usize = 2 * LANES;
 /// Visible part of an emitter below which a point with little other light traces more rays: that of four of [`MIN_SHADOW_RAYS`]. Of 32 rays to a lamp behind
-/// a hole that shows a hundredth of it none passes three times of four, and points that stopped there would lose a sixth of its light.
+/// a hole that shows a hundredth of it none passes three times of four, and stopping there would lose a sixth of its light.
 const DIM: f64 = 4.0 / MIN_SHADOW_RAYS as f64;
 /// Rays after which an emitter counts as hidden if none has passed. Those of a hole that shows a hundredth of it all miss the hole once in thirteen times.
 const HIDDEN_RAYS: usize = 256;
@@ -61,7 +61,7 @@ impl FinalGather<'_> {
                 }
             }
         }
-        // The little light that has passed may be all light of the point.
+        // The little light that has passed may be all the light of the point.
         dim.retain(|(_, view)| mean(values[view.point]) < mean(view.free));
         for same in dim.chunk_by(|a, b| a.0 == b.0) {
             let emitter = same[0].0;

@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3};
 /// Largest number of halvings of a cell: of 1,024 cells, edges are then known to a 64th of a cell.
 const MAX_LEVEL: u32 = 6;
 /// Rays of a point at which cells are not divided any more: leaves are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and
-/// roofs need some hundreds, of a point that sees little of the sky twice as many as of leaves.
+/// roofs need some hundreds.
 const MAX_RAYS: usize = 1 << 13;
 /// Part of a cell that is known to be open or blocked only by its ray, as a standard deviation: an edge that is anywhere in two cells is found by
 /// their two rays to √(1/12) = .29 of a cell.
@@ -24,8 +24,8 @@ const ERROR_OF_GRADIENT: [f64; 2] = [0.29 / 4.0, 0.29];
 const TOLERANCE: f64 = 0.1;
 /// Weight of squared errors of the light of surfaces, which is to be known to about the error asked for and not to a tenth of it.
 const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;
-/// Rays that look for edges of surfaces, over those of the undivided grid: enough for the rim of a sunlit place, as half as many cells are divided at each
-/// level as rays were traced at the level before. Where all cells differ, as in a room full of things, they halve the error.
+/// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices for the rim of
+/// a sunlit place. Where all cells differ, as in a room full of things, four times as many rays halve the error.
 const MORE_FOR_SURFACES: usize = 4;
 /// Fewest cells that see the sky: a grid with fewer is made finer as a whole, because a window that is smaller than a cell may be missed.
 const MIN_OPEN: usize = 32;

@@ -101,7 +101,7 @@ pub fn weigh_errors(elements: &Elements, leaves: &[u32], results: &mut [LocalRes
         let [area, own, variance] = sides[side_of(leaf)];
         let dim = DIM * (light / all) / (own / area);
         let result = &mut results[leaf as usize];
-        // A side without light has no error that could be told from that.
+        // The error of a side without light cannot be told relative to its light.
         result.weight = if own > 0.0 { dim.clamp(1.0, MAX_WEIGHT) as f32 } else { 1.0 };
         if result.weight > 1.0 && result.rays > 0 {
             result.noise = (variance / area / f64::from(result.rays)).sqrt() as f32;

@@ -115,7 +115,7 @@ impl TransportMatrix {
 
     /// The expected row sum of i: the part of its own rays that stayed in the scene and the sum of its weights, each weighted by
     /// the variance of the other, relative to the row sum: `(1 - p)/n` of n rays with the part p, and the mean weight. Variances in
-    /// proportion to either estimate, or p by the same rays, would prefer one of them: row sums were 1.3 % too small or up to 5 % too large. Also
+    /// proportion to either estimate, or p from the same rays, would favour one of them: row sums were 1.3 % too small or up to 5 % too large. Also
     /// returns the part of the sum that its own rays decide.
     fn expected_row_sum(&self, i: usize, row: &MatrixRow, rays: &[u32]) -> (f64, f32) {
         let kept = || rays.iter().filter(|&&j| j != u32::MAX);
