@@ -8,8 +8,9 @@
 use super::element_rays::{LeafRays, batches};
 use super::element_samples::{DIRECT, ElementLight, REFLECTED};
 use super::gatherer::{Buffers, FinalGather};
-use super::local_pass::{LocalPass, NEEDED_SHARE};
+use super::local_pass::LocalPass;
 use super::neighbours::Place;
+use super::ray_counts::NEEDED_SHARE;
 use super::sharing::{SharedLight, share};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
@@ -100,7 +101,7 @@ impl FinalGather<'_> {
         let deviation = match result.rays {
             0 if states[e as usize].is_apart() => USUAL_DEVIATION * mean(result.irradiance),
             0 => 0.0,
-            rays => f64::from(result.weight * result.noise) * f64::from(rays).sqrt(),
+            _ => f64::from(result.deviation),
         };
         weight.sqrt() * deviation
     }

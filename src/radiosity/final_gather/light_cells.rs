@@ -119,7 +119,8 @@ impl FinalGather<'_> {
             let area = share * 0.25f64.powi(level as i32);
             let cells = &levels[level as usize];
             let open = cells.iter().filter(|cell| cell.is_open && cell.sky > 0.0).count();
-            let is_undivided = cells.len() == whole.len() << (2 * level) && cells.len() < MAX_WHOLE;
+            let may_grow = cells.len() < MAX_WHOLE && 4 * cells.len() <= MAX_RAYS - traced;
+            let is_undivided = cells.len() == whole.len() << (2 * level) && may_grow;
             let is_whole = is_undivided && open < MIN_OPEN && !is_dark;
             let uneven = uneven_cells(&levels, hemisphere.size, area);
             let tolerance = (TOLERANCE * self.error * (known + mean(sum.to_array()))).powi(2);

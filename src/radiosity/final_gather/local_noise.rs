@@ -12,7 +12,7 @@ const CHUNK: usize = 64;
 /// variance from 8 rays alone is √(2/8) = 50 %. Affects error bars and the number of rays.
 const NEIGHBOUR_RAYS: f64 = 8.0;
 /// Light of a side, relative to the mean, below which errors count relative to it and no longer to the mean: sides of furniture in a lit room are above.
-const DIM: f64 = 0.25;
+const DIM_SIDE: f64 = 0.25;
 /// Largest weight of an error: that of a room with a sixty-fourth of the mean light. Sides that hardly any light reaches would take all rays otherwise.
 const MAX_WEIGHT: f64 = 16.0;
 
@@ -29,8 +29,9 @@ pub struct LocalResult {
     pub row_sum: f32,
     /// Part of the rays that did not leave the scene.
     pub kept: f32,
-    /// How much an error of the leaf counts: more than 1 in places that are much darker than the scene on average, and 0 for clusters.
-    pub weight: f32,
+    /// Standard deviation of the irradiance of one ray by which leaves share the rays of the next pass, W/m². Sides that are much darker than
+    /// the scene on average count more.
+    pub deviation: f32,
 }
 
 /// Assigns row sums, the part of rays that stayed in the scene, and standard errors to all leaves with rows.
@@ -80,7 +81,7 @@ pub fn assign_noise(
     }
 }
 
-/// Lets errors count more on sides that have less than [`DIM`] of the mean light: pictures of a room that the sky lights through a window show its
+/// Lets errors count more on sides that have less than [`DIM_SIDE`] of the mean light: pictures of a room that the sky lights through a window show its
 /// own light, a hundredth of that of the ground outside. All leaves of such a side have one deviation: few of their rays meet the window.
 pub fn weigh_errors(elements: &Elements, leaves: &[u32], results: &mut [LocalResult]) {
     let side_of = |leaf: u32| match elements.elements[leaf as usize].shape {
@@ -99,13 +100,14 @@ pub fn weigh_errors(elements: &Elements, leaves: &[u32], results: &mut [LocalRes
     let [all, light] = [0, 1].map(|k| sides.iter().map(|side| side[k]).sum::<f64>());
     for &leaf in leaves {
         let [area, own, variance] = sides[side_of(leaf)];
-        let dim = DIM * (light / all) / (own / area);
+        let dim = DIM_SIDE * (light / all) / (own / area);
         let result = &mut results[leaf as usize];
         // The error of a side without light cannot be told relative to its light.
-        result.weight = if own > 0.0 { dim.clamp(1.0, MAX_WEIGHT) as f32 } else { 1.0 };
-        if result.weight > 1.0 && result.rays > 0 {
-            result.noise = (variance / area / f64::from(result.rays)).sqrt() as f32;
-        }
+        let weight = if own > 0.0 { dim.clamp(1.0, MAX_WEIGHT) } else { 1.0 };
+        result.deviation = match weight > 1.0 {
+            true => (weight * (variance / area).sqrt()) as f32,
+            false => result.noise * (result.rays as f32).sqrt(),
+        };
     }
 }
 

@@ -7,13 +7,11 @@
 //! starting from the direct light, or from the light along links where the time is up. The direct light of all elements is brought to what
 //! rays from the emitters say of it. See `docs/method.md`, Local pass.
 
-use super::element_rays::LeafRays;
 use super::gatherer::FinalGather;
 use super::local_noise::{LocalResult, assign_noise, weigh_errors};
 use super::ray_rows::{RayRow, RayRows};
 use super::untraced::estimate_untraced;
-use crate::math::sampling::mix;
-use crate::radiosity::deadline::{Deadline, GATHER_SHARE, RAY_SHARE};
+use crate::radiosity::deadline::{Deadline, GATHER_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::refinement::LinkedScene;
@@ -24,43 +22,11 @@ use crate::radiosity::transport::{
 };
 use std::array::from_fn;
 
-/// Smallest number of rays of an element, so that no element stays without exchange, and the deviation of its rays is known. 2 or 8 instead
-/// change irradiance by less than 0.05 % (`constants.py solve`).
-const MIN_ROW_RAYS: f64 = 4.0;
-/// Smallest number of rays of an element where little light is reflected and only points are asked for. With one, row sums cannot be balanced: a
-/// garden creates 2.5 % of the emitted power, with two 0.14 %.
-const FEWEST_ROW_RAYS: f64 = 2.0;
-/// Largest number of rays of an element: 1/√4,096 = 1.6 % of the spread of one ray remain as noise.
-const MAX_ROW_RAYS: f64 = 4096.0;
 /// Expected relative error of the direct light that all elements receive together, by their own rays.
 const DIRECT_ERROR: f64 = 0.01;
-/// Rays that all elements share after the deadline. Too few rays can isolate two elements that only see each other, and their
-/// light would never decay.
-pub const LATE_RAYS: f64 = 1e5;
-/// Largest number of leaves that are traced after the deadline: with [`MIN_ROW_RAYS`] and [`LATE_RAYS`] half a million rays, some 0.4 s on
-/// two cores. Of more leaves only those of more than their share of the area, and others evenly spread, are traced.
-const MAX_LATE_LEAVES: usize = 100_000;
 /// Part of the rays by which elements exchange light. The others gather that light for one element each. In an office and a living
 /// room a seventh and two sevenths leave the same error of the elements within a tenth of it (`scenes/room.py`).
 const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
-/// Part of the light that is reflected in scenes for which [`RAYS_TIMES_ERROR_SQUARED`] holds: half.
-const USUAL_REFLECTED: f64 = 0.5;
-/// Neighbours that share their rays.
-const NEIGHBOURS: f64 = 16.0;
-/// Rays of an element times the square of the error: one ray deviates by about half of the mean, neighbours share their rays, and direct and
-/// reflected light each have that variance.
-const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / NEIGHBOURS;
-/// Part of the error of elements that may be noise of their rays, where these are known to deviate little: a fifth of the square, as most of the rest
-/// is light that differs over an element.
-pub(super) const NEEDED_SHARE: f64 = 0.45;
-/// Approximate number of leaves whose rays are timed for an estimate: limits it to 32,000 rays, 1 % of the rays at the
-/// default error. Used with a time limit only.
-const TIMED_LEAVES: usize = 2000;
-/// Rays of each timed leaf: one packet.
-const TIMED_RAYS: u32 = 16;
-/// Part of the rays that remains after surfaces have been split for so many rays and each part has its smallest number:
-/// parts are made for 20 rays each and [`MIN_ROW_RAYS`] of them are fixed, 1 − 4 / 20.
-const SHARED_AFTER_SPLIT: f64 = 0.8;
 
 /// The result of the local pass.
 pub struct LocalPass {
@@ -188,108 +154,6 @@ impl FinalGather<'_> {
             result.kept = row.kept_of_lit();
             result.row_sum = result.kept;
         }
-    }
-
-    /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean. Of elements that are
-    /// not asked for only the light that they reflect remains, at points.
-    pub fn useful_rays(&self, rays: f64) -> f64 {
-        rays.min(self.rays_for(if self.elements { 1.0 } else { self.reflected_part() }))
-    }
-
-    /// The number of rays that brings the error of the elements below the error asked for if `part` of it counts.
-    fn rays_for(&self, part: f64) -> f64 {
-        let each = RAYS_TIMES_ERROR_SQUARED * (part / self.error).powi(2);
-        (each * self.linked.leaves().len() as f64).max(LATE_RAYS)
-    }
-
-    /// The part to which errors of reflected light count at points: where that is a part r of their light, r / [`USUAL_REFLECTED`].
-    fn reflected_part(&self) -> f64 {
-        let reflected = self.linked.reflected_at_points.unwrap_or_else(|| self.reflected_everywhere());
-        (reflected / USUAL_REFLECTED).min(1.0)
-    }
-
-    /// The part of all light that surfaces reflect. The ground under an open sky receives a hundredth of its light from itself.
-    fn reflected_everywhere(&self) -> f64 {
-        let LinkedScene { elements, surroundings, .. } = self.linked;
-        f64::from(elements.clusters[0].reflectance * surroundings.enclosed[0])
-    }
-
-    /// The number of rays of elements that brings their noise to [`NEEDED_SHARE`] of the error asked for, by the deviations that the exchange has
-    /// found: shared as [`FinalGather::sample_elements`] does, in proportion to √area times the deviation σ of one ray and its weight, N rays leave the error
-    /// Σ √A σ / √(N · Σ A) of all elements together.
-    fn needed_rays(&self, leaves: &[u32], results: &[LocalResult]) -> f64 {
-        let elements = &self.linked.elements.elements;
-        let (mut deviations, mut area, mut light) = (0.0, 0.0, 0.0);
-        for &leaf in leaves {
-            let (own, result) = (elements[leaf as usize].area, &results[leaf as usize]);
-            deviations +=
-                own.sqrt() * f64::from(result.weight * result.noise) * f64::from(result.rays).sqrt();
-            area += own;
-            light += own * mean(result.irradiance);
-        }
-        let noise = NEEDED_SHARE * self.error * light / area;
-        let rays = deviations * deviations / (NEIGHBOURS * area * noise * noise);
-        if rays.is_finite() { rays.max(LATE_RAYS) } else { f64::INFINITY }
-    }
-
-    /// The number of rays, at most `rays`, that there is time for; none if there is not even time for the smallest number of rays of each
-    /// element. From a timed sample of the leaves.
-    pub fn affordable_rays(&self, rays: f64, deadline: &Deadline) -> Option<f64> {
-        if deadline.late() {
-            return None;
-        }
-        let leaves = self.linked.leaves();
-        let step = leaves.len().div_ceil(TIMED_LEAVES).max(1);
-        let timed = |&leaf: &u32| LeafRays { leaf, count: TIMED_RAYS };
-        let sample: Vec<LeafRays> = leaves.iter().step_by(step).map(timed).collect();
-        let start = deadline.elapsed();
-        let traced = RayRows::trace(self, &sample, |_| None, |_| ());
-        let traced: u32 = traced.rows.iter().map(|row| row.rays).sum();
-        let each = (deadline.elapsed() - start) / f64::from(traced.max(1));
-        let possible = RAY_SHARE * deadline.left() / each;
-        let shared = (possible - MIN_ROW_RAYS * leaves.len() as f64) * SHARED_AFTER_SPLIT;
-        (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
-    }
-
-    /// The rays of all leaves: each leaf's share by its area and importance. After the deadline only the smallest number of rays, and of
-    /// many leaves only some.
-    fn trace_rows(&self, leaves: &[u32], rays: Option<f64>, deadline: &Deadline) -> RayRows {
-        let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
-        let area = |e: u32| elements.elements[e as usize].area;
-        let counted = |e: u32| area(e) * f64::from(states[e as usize].importance);
-        let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
-        // Deviations count only where elements gather light by them.
-        let counts = (self.reflected_everywhere() / USUAL_REFLECTED).min(1.0);
-        let least = if self.elements { MIN_ROW_RAYS } else { (MIN_ROW_RAYS * counts).max(FEWEST_ROW_RAYS) };
-        // Rays to the sky join no elements, and elements in the open need few to know the deviation of others.
-        let stay = |leaf: u32| match self.has_environment() {
-            true => 1.0 - f64::from(self.linked.surroundings.escaped[self.side_of(leaf) as usize]),
-            false => 1.0,
-        };
-        let streams = self.row_streams().count() as f64;
-        let count = |leaf: u32, rays: f64| {
-            let rays = least + rays * stay(leaf) * counted(leaf) / all_counted;
-            (rays.min(MAX_ROW_RAYS) / streams).max(1.0) as u32
-        };
-        let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
-        let planned: Vec<LeafRays> =
-            leaves.iter().map(|&leaf| LeafRays { leaf, count: count(leaf, rays) }).collect();
-        // Half of the leaves that are traced late are large ones, half are drawn.
-        let large = elements.area / (0.5 * MAX_LATE_LEAVES as f64);
-        let step = leaves.len().div_ceil(MAX_LATE_LEAVES / 2) as u64;
-        let few = leaves.len() <= MAX_LATE_LEAVES;
-        let traced_late = |leaf: u32| few || area(leaf) >= large || mix(u64::from(leaf)).is_multiple_of(step);
-        let fewer = |of: &LeafRays| LeafRays { count: of.count.min(count(of.leaf, LATE_RAYS)), ..*of };
-        // What follows the rays has the rest of the time.
-        let tracing = deadline.part(RAY_SHARE);
-        let instead = |batch: &[LeafRays]| {
-            let late = || batch.iter().filter(|of| traced_late(of.leaf)).map(fewer).collect();
-            tracing.late().then(late)
-        };
-        deadline.stage("local pass, rays", leaves.len());
-        let rows = RayRows::trace(self, &planned, instead, |n| deadline.advance(n));
-        deadline.stage("local pass, light", 0);
-        rows
     }
 
     /// The part of the emitted power that meets elements.

@@ -14,6 +14,7 @@ mod local_pass;
 mod neighbours;
 mod paths;
 mod points;
+mod ray_counts;
 mod ray_rows;
 mod sharing;
 mod sky_light;
@@ -23,6 +24,7 @@ mod untraced;
 
 pub use element_light::ElementSamples;
 pub use gatherer::{Buffers, FinalGather, PathVertex};
-pub use local_pass::{LATE_RAYS, LocalPass};
+pub use local_pass::LocalPass;
 #[cfg(any(test, feature = "reports"))]
 pub use points::with_fewer_rays;
+pub use ray_counts::LATE_RAYS;

@@ -328,17 +328,24 @@ mod tests {
     /// stay. The rays of a half are stratified, so that it is not that of independent rays, and rows have different densities.
     #[test]
     fn light_of_rays_that_leave_is_sent_in_full() {
-        for (escapes, half) in [(0.1, [2u64, 2]), (0.5, [2, 3]), (0.8, [2, 8])] {
+        for (escape, half) in
+            [([0.1; 2], [2u64, 2]), ([0.5; 2], [2, 3]), ([0.8; 2], [2, 8]), ([0.2, 0.8], [2, 2])]
+        {
             let n = 8000u64;
+            // Half of what stays of the kind of rows that loses more goes to the other kind, and as much comes back.
+            let across = 0.5 * (1.0 - f64::max(escape[0], escape[1]));
             let (mut met, mut brought, mut rows) = (Vec::new(), Vec::new(), Vec::new());
             for i in 0..n {
-                let half = half[(i % 2) as usize];
+                let (half, escapes) = (half[(i % 2) as usize], escape[(i % 2) as usize]);
+                let crosses = across / (1.0 - escapes);
                 let mut gone = [0.0; 2];
                 for k in 0..2 * half {
-                    let [stays, which, ..] = numbers(i, k);
+                    let [stays, which, kind, _] = numbers(i, k);
+                    let other = u64::from(f64::from(kind) < crosses);
+                    let to = 2 * (which * (n / 2) as f32) as u64 + (i + other) % 2;
                     let stays = (f64::from(stays) + (k % half) as f64) / half as f64;
                     gone[(k / half) as usize] += if stays < escapes { 1.0 / half as f64 } else { 0.0 };
-                    met.push(if stays < escapes { u32::MAX } else { (which * n as f32) as u32 });
+                    met.push(if stays < escapes { u32::MAX } else { to as u32 });
                 }
                 brought.push((0.5 * (gone[0] + gone[1]), -0.25 * (gone[0] - gone[1]).powi(2)));
                 rows.push(MatrixRow {
@@ -361,9 +368,9 @@ mod tests {
                 let sent: Field = (0..n as usize).map(|i| [light(i); 3]).collect();
                 matrix.reflected(&sent).into_iter().map(|e| e[0]).sum::<f64>()
             };
-            let want = (1.0 - escapes) * brought.iter().map(|of| of.0).sum::<f64>();
+            let want: f64 = (0..n as usize).map(|i| (1.0 - escape[i % 2]) * brought[i].0).sum();
             let [plain, full] = [0.0, 1.0].map(|part| received(part) / want);
-            assert!((full - 1.0).abs() < 0.012, "{escapes} {half:?}: {plain} {full}");
+            assert!((full - 1.0).abs() < 0.012, "{escape:?} {half:?}: {plain} {full}");
         }
     }
 }
