@@ -45,6 +45,11 @@ impl Aabb {
         self.extent().length()
     }
 
+    /// Distance of a point from the box; zero inside.
+    pub fn distance(self, point: Vec3) -> f32 {
+        (self.min - point).max(point - self.max).max(Vec3::ZERO).length()
+    }
+
     /// Volume, length³; zero for flat boxes.
     pub fn volume(self) -> f64 {
         let e = self.extent().as_dvec3();

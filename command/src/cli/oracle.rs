@@ -48,7 +48,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let inputs = Inputs::of(read.map(PathBuf::as_path));
     common.check_outputs(&inputs, [Output::new("--out", &args.out)])?;
     warn(common, &scene.parts().repairs.messages);
-    if scene.parts().emitters.is_empty() {
+    if scene.parts().emitters.is_empty() && scene.parts().sky.is_none() {
         warn(common, &["the scene has no light: all irradiance is zero (see --emitter NAME=W)".into()]);
     }
     let settings = Settings { samples: args.samples, direct_only: args.direct_only, seed: common.seed };

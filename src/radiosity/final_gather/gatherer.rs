@@ -213,6 +213,11 @@ impl<'a> FinalGather<'a> {
         }
     }
 
+    /// Length of rays from a point, more than its distance from anything in the scene, scene units.
+    pub(super) fn reach_from(&self, at: Vec3) -> f32 {
+        self.length + self.scene.bounds.distance(at)
+    }
+
     /// The feature size of a surface element, or that for receivers without one; scene units.
     pub(super) fn feature_size_of(&self, element: u32) -> f32 {
         let LinkedScene { feature_sizes, elements, .. } = self.linked;

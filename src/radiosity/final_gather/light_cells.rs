@@ -71,6 +71,8 @@ enum Seen {
 struct Hemisphere {
     frame: [Vec3; 3],
     size: [usize; 2],
+    /// Length of rays, scene units.
+    reach: f32,
 }
 
 impl Hemisphere {
@@ -108,9 +110,10 @@ impl FinalGather<'_> {
         let whole: Vec<[u32; 2]> =
             (0..rows as u32).flat_map(|j| (0..columns as u32).map(move |i| [i, j])).collect();
         let seen = self.trace_whole(&hemisphere, point, buffers);
-        // Where all rays met sides that no light reaches, as from below the ground, nothing is searched for.
-        let is_dark = seen.iter().all(|seen| matches!(seen, Seen::Dark)) || !self.has_environment();
         let mut levels = vec![self.cells(&hemisphere, 0, (&whole, &[]), &seen, point)];
+        // Where all rays met sides that no light reaches, as from below the ground, or the sky is dark, no opening is searched for.
+        let is_dark = seen.iter().all(|seen| matches!(seen, Seen::Dark))
+            || levels[0].iter().all(|cell| cell.sky == 0.0);
         let share = 1.0 / whole.len() as f64;
         let mut sum = light_of(&levels[0]) * share;
         // Errors of cells that are left as they are.
@@ -180,12 +183,13 @@ impl FinalGather<'_> {
         let (x, y) = point.normal.any_orthonormal_pair();
         let [turn, ..] = numbers(point.seed, 1);
         let (sin, cos) = (std::f32::consts::TAU * turn).sin_cos();
-        Hemisphere { frame: [cos * x + sin * y, cos * y - sin * x, point.normal], size: self.hemisphere_grid }
+        let frame = [cos * x + sin * y, cos * y - sin * x, point.normal];
+        Hemisphere { frame, size: self.hemisphere_grid, reach: self.reach_from(point.at) }
     }
 
     /// What the rays of the undivided grid have found, row after row. Their directions are stored in blocks of 4 by 4 cells.
     fn trace_whole(&self, hemisphere: &Hemisphere, point: &GatherPoint, buffers: &mut Buffers) -> Vec<Seen> {
-        let [x, y, z] = hemisphere.frame.map(|axis| self.length * axis);
+        let [x, y, z] = hemisphere.frame.map(|axis| hemisphere.reach * axis);
         let directions = &self.hemispheres[(point.seed % self.hemispheres.len() as u64) as usize];
         let packets = &mut buffers.packets;
         packets.resize(directions.len() / LANES, Packet::EMPTY);
@@ -235,7 +239,8 @@ impl FinalGather<'_> {
                     return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
                 }
                 let of_element = Vec3::from(self.reflected[met.leaf as usize]);
-                let light = self.reflected_or_next(met, self.length * hits.t[lane], near.len() as u32);
+                let distance = packet.point(lane, 0.0).distance(packet.point(lane, hits.t[lane]));
+                let light = self.reflected_or_next(met, distance, near.len() as u32);
                 let light = light.unwrap_or_else(|vertex| {
                     near.push(k);
                     vertices.push(PathVertex { share: weight * vertex.share, ..vertex });
@@ -275,7 +280,7 @@ impl FinalGather<'_> {
         for (k, [i, j]) in parts.iter().enumerate() {
             let [u, v, ..] = numbers(seed, k as u64);
             let direction = hemisphere.direction(level, [*i as f32 + u, *j as f32 + v]);
-            let to = point.at + self.length * direction;
+            let to = point.at + hemisphere.reach * direction;
             packets[k / LANES].set_between(k % LANES, point.at, to, [0.0, 1.0]);
         }
         let seen = self.seen(&surfaces, seed, buffers);
