@@ -17,8 +17,8 @@ const MAX_RAYS: usize = 1 << 13;
 /// Part of a cell that is known to be open or blocked only by its ray, as a standard deviation: an edge that is anywhere in two cells is found by
 /// their two rays to √(1/12) = .29 of a cell.
 const ERROR_OF_EDGE: f64 = 0.29;
-/// The same for a difference of radiance: a place at random in the cell errs by √(1/12) of the difference over it. Cells of the undivided grid have
-/// one place in each quarter: half of that for each, and half of that for their mean.
+/// The same for a difference of radiance: a place at random in the cell errs by √(1/12) of the difference over it. Open cells of the undivided grid have
+/// two places that mirror each other: a quarter of that is left where the difference is not even.
 const ERROR_OF_GRADIENT: [f64; 2] = [0.29 / 4.0, 0.29];
 /// Error of the light of the sky at a point, relative to all of its light, over the error asked for.
 const TOLERANCE: f64 = 0.1;
@@ -287,7 +287,7 @@ impl FinalGather<'_> {
         self.cells(hemisphere, level, (&parts, &surfaces), &seen, point)
     }
 
-    /// Cells at these places of a level, with the radiance of the sky at a place in each, in the undivided grid in each of their quarters.
+    /// Cells at these places of a level, with the radiance of the sky at a place in each, at two in open cells of the undivided grid.
     fn cells(
         &self,
         hemisphere: &Hemisphere,
@@ -297,32 +297,28 @@ impl FinalGather<'_> {
         point: &GatherPoint,
     ) -> Vec<Cell> {
         let seed = mix(!point.seed ^ u64::from(level) << 32);
-        let sky_in = |place: [u32; 2]| {
+        let sky_in = |place: [u32; 2], is_open: bool| {
             if !self.has_environment() {
                 return Vec3::ZERO;
             }
-            let [u, v, p, q] = numbers(seed, u64::from(place[0]) << 32 | u64::from(place[1]));
+            let [u, v, ..] = numbers(seed, u64::from(place[0]) << 32 | u64::from(place[1]));
             let sky_at = |[u, v]: [f32; 2]| {
                 self.sky_of_ray(hemisphere.direction(level, [place[0] as f32 + u, place[1] as f32 + v]))
             };
-            // Places that mirror each other in pairs, so that what is linear over the cell has no error.
-            match level {
-                0 => {
-                    let ([u, v], [p, q]) = ([0.5 * u, 0.5 * v], [0.5 * p, 0.5 * q]);
-                    let mirrored = [[u, v], [1.0 - u, 1.0 - v], [p, 1.0 - q], [1.0 - p, q]];
-                    0.25 * mirrored.into_iter().map(sky_at).sum::<Vec3>()
-                }
-                _ => sky_at([u, v]),
+            // The mean of places that mirror each other has no error where the sky is linear over the cell.
+            match level == 0 && is_open {
+                true => 0.5 * (sky_at([u, v]) + sky_at([1.0 - u, 1.0 - v])),
+                false => sky_at([u, v]),
             }
         };
         let cell = |(k, (&place, seen)): (usize, (&[u32; 2], &Seen))| {
-            let sky = sky_in(place);
+            let is_open = matches!(seen, Seen::Sky);
+            let sky = sky_in(place, is_open);
             let (light, of_element) = match *seen {
                 Seen::Sky => (sky, sky),
                 Seen::Dark => (Vec3::ZERO, Vec3::ZERO),
                 Seen::Surface(light, of_element) => (light, of_element),
             };
-            let is_open = matches!(seen, Seen::Sky);
             let surfaces = surfaces.get(k).copied().flatten().unwrap_or(of_element);
             Cell { place, is_open, light, surfaces, sky: sky.element_sum() / 3.0, quarters: WHOLE }
         };
