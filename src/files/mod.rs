@@ -3,6 +3,7 @@
 pub mod input;
 pub mod npz;
 
+use crate::error::is_obeyed;
 use crate::{Error, Result};
 use std::{
     borrow::Cow,
@@ -27,11 +28,16 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     WholeFile::write(path, json_text(value).map_err(|e| Error::format(path, None, e.to_string()))?)
 }
 
-/// A text for a cell of CSV. Spreadsheets compute texts that begin with these characters as formulas: an apostrophe keeps them texts.
+/// A text for a cell of CSV, without characters that programs obey instead of showing them. Spreadsheets compute texts that begin with
+/// these characters as formulas: an apostrophe keeps them texts.
 pub fn csv_text(text: &str) -> Cow<'_, str> {
-    match text.starts_with(['=', '+', '-', '@', '\t', '\r']) {
-        true => format!("'{text}").into(),
+    let shown: Cow<str> = match text.contains(is_obeyed) {
+        true => text.chars().filter(|c| !is_obeyed(*c)).collect(),
         false => text.into(),
+    };
+    match text.starts_with(['\t', '\r']) || shown.starts_with(['=', '+', '-', '@']) {
+        true => format!("'{shown}").into(),
+        false => shown,
     }
 }
 

@@ -205,6 +205,7 @@ fn names_cannot_deceive() {
     scratch.mrvis(&["form-factors", "turned.obj", "--by", "object", "--out", "f.csv"]).exits(0);
     let table = scratch.text("f.csv");
     assert!(table.contains("'=cmd|x") && !table.contains(",=cmd") && !table.contains("\n=cmd"), "{table}");
+    assert!(!table.contains(['\u{202e}', '\u{2066}']), "{table}");
 }
 
 /// Nothing is written beside the scene; a link of the former name of a cache file leads nowhere.
