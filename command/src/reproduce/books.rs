@@ -6,14 +6,11 @@ use super::table::{Table, count, number};
 use super::view::irradiance;
 use super::{Context, counts_of, fixed};
 use glam::DVec3;
-use mrvis::Result;
-use mrvis::Scene;
-use mrvis::internals::clusters;
 use mrvis::internals::math::triangle_area;
 use mrvis::internals::radiosity::{self, Inside, Options, Outcome, RowSums};
-use mrvis::internals::{ModelParts, PrepareParts, SceneParts};
+use mrvis::internals::{ModelParts, PrepareParts, SceneParts, clusters};
 use mrvis::metrics::Image;
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Model, PrepareOptions, Result, Scene};
 use rayon::prelude::*;
 
 /// Books in a row.

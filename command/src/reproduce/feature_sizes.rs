@@ -9,13 +9,12 @@ use super::shadow::{Wall, mean, paper_features};
 use super::table::{Cell, Table, number};
 use super::{Context, fixed, list};
 use glam::Vec3;
-use mrvis::Result;
 use mrvis::internals::ModelParts;
 use mrvis::internals::metrics::{FeatureSet, norms};
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Series};
 use mrvis::internals::visibility::LeafMode;
 use mrvis::metrics::{FbemOptions, Image, fbem};
-use mrvis::{Detail, Model, PrepareOptions};
+use mrvis::{Detail, Model, PrepareOptions, Result};
 
 /// Other coverages of the groups, for which the work is counted as well.
 const OTHER_COVERAGES: [f64; 2] = [0.3, 0.5];

@@ -8,12 +8,11 @@ use super::shadow::{Wall, mean, meshed, paper_features};
 use super::table::{Table, count, number};
 use super::table_1::{paper_spread, range};
 use super::{Context, fixed, list};
-use mrvis::Result;
 use mrvis::internals::ModelParts;
 use mrvis::internals::metrics::{FeatureSet, norms};
 use mrvis::internals::raster::BitImage;
 use mrvis::metrics::Image;
-use mrvis::{Detail, Model, PrepareOptions};
+use mrvis::{Detail, Model, PrepareOptions, Result};
 
 /// Texels along an element of the coarse mesh: more than the largest size of Table 1.
 const ELEMENT: usize = 44;

@@ -6,14 +6,13 @@ use super::table::{Table, number};
 use super::view::{irradiance, seen};
 use super::{Context, fixed};
 use glam::DVec3;
-use mrvis::Result;
 use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::{self, Options, Visibility};
 use mrvis::internals::scene::Object;
 use mrvis::internals::scene::generate::{self, DESKS, Spec};
 use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::Image;
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Model, PrepareOptions, Result};
 
 /// Feature size where one looks, metres.
 const LOOKED: f32 = 0.05;

@@ -10,14 +10,11 @@ use super::shadow::{Rendered, Wall};
 use super::table::{Table, count, number};
 use super::{Context, counts_of, fixed, office_light};
 use glam::DVec3;
-use mrvis::Builder;
-use mrvis::Result;
-use mrvis::internals::ModelParts;
-use mrvis::internals::clusters;
 use mrvis::internals::radiosity::Visibility;
 use mrvis::internals::scene::generate::{self, ROOM, Spec};
+use mrvis::internals::{ModelParts, clusters};
 use mrvis::metrics::{FbemOptions, Image, fbem};
-use mrvis::{Detail, Model, PrepareOptions};
+use mrvis::{Builder, Detail, Model, PrepareOptions, Result};
 
 /// Side of a texel of the floor, metres: a sixteenth of the depth of a desk.
 const TEXEL: f64 = 0.05;

@@ -6,16 +6,11 @@ use super::table::{Table, count, number};
 use super::view::irradiance;
 use super::{Context, fixed};
 use glam::DVec3;
-use mrvis::Builder;
-use mrvis::Result;
-use mrvis::Scene;
-use mrvis::internals::clusters;
-use mrvis::internals::radiosity::{self, Options, Visibility};
-use mrvis::internals::radiosity::{Element, RadiosityMesh};
+use mrvis::internals::radiosity::{self, Element, Options, RadiosityMesh, Visibility};
 use mrvis::internals::scene::generate::{self, ROOM, Spec};
-use mrvis::internals::{ModelParts, PrepareParts, SceneParts};
+use mrvis::internals::{ModelParts, PrepareParts, SceneParts, clusters};
 use mrvis::metrics::Image;
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Builder, Model, PrepareOptions, Result, Scene};
 use std::sync::Arc;
 
 /// Builders that the paper compares, in the form of the engines: boxes fitted to their contents.

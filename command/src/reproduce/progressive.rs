@@ -3,12 +3,11 @@
 use super::item::Item;
 use super::table::{Cell, Table, count, number};
 use super::{Context, counts_of, fixed, list};
-use mrvis::Result;
 use mrvis::internals::ModelParts;
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Scale, Series};
 use mrvis::internals::radiosity::{self, Options, Oracle, Record, Visibility};
 use mrvis::internals::scene::generate::{self, Spec};
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Model, PrepareOptions, Result};
 
 /// The paper's seconds per iteration.
 const PAPER_SECONDS: f64 = 2.0;

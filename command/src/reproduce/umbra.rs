@@ -7,12 +7,11 @@ use super::shadow::Wall;
 use super::table::{Table, count, number};
 use super::{Context, fixed};
 use glam::{DVec3, Vec3};
-use mrvis::Result;
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Series};
 use mrvis::internals::raster::{BitImage, Opener};
 use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::{Image, Morphology};
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Model, PrepareOptions, Result};
 
 /// Distance between emitter and receiver, metres.
 const DISTANCE: f64 = 4.0;
