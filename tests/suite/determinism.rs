@@ -60,27 +60,10 @@ fn bench_reports_the_same_figures_on_any_number_of_threads() {
         let scene = scratch.generate(&spec);
         let report = |threads: &str| {
             let file = format!("{name}-{threads}.json");
-            let options = [
-                "--points",
-                "120",
-                "--rays",
-                "4",
-                "--feature-size",
-                "0.2",
-                "--reference-rays",
-                "32",
-                "--map",
-                "24",
-                "--rounds",
-                "1",
-                "--seed",
-                "5",
-                "--quiet",
-                "--cache",
-                "off",
-            ];
-            let call = ["bench", &scene, "--threads", threads, "--json", &file];
-            scratch.mrvis(&[&call[..], &options].concat()).exits(0);
+            let few =
+                "--points 120 --rays 4 --feature-size 0.2 --reference-rays 32 --map 24 --rounds 1 --seed 5";
+            let call = format!("bench {scene} --threads {threads} --json {file} --quiet --cache off {few}");
+            scratch.mrvis(&call).exits(0);
             let mut json = scratch.json(&file);
             strip(&mut json);
             json

@@ -36,38 +36,30 @@ fn values(scratch: &Scratch, name: &str) -> Vec<Vec<f64>> {
 #[test]
 fn a_reference_says_how_sure_it_is() {
     let scratch = scratch();
-    let arguments =
-        ["reference", "box.obj", "--points", "points.csv", "--samples", "512", "--json", "r.json"];
-    scratch.mrvis(&[&arguments[..], &["--out", "a.csv"]].concat()).exits(0);
+    let arguments = "reference box.obj --points points.csv --samples 512 --json r.json";
+    scratch.mrvis(&format!("{arguments} --out a.csv")).exits(0);
     for row in values(&scratch, "a.csv") {
         let [e, _, _, se, ..] = row[..] else { panic!("{} columns", row.len()) };
         assert!((e - 2.0).abs() < 6.0 * se + 1e-3 && se < 0.05, "{e} ± {se}");
     }
     assert_eq!(scratch.json("r.json")["samples"], 512);
     // Equal on any number of threads, different with another seed.
-    scratch.mrvis(&[&arguments[..], &["--out", "b.csv", "--threads", "3"]].concat()).exits(0);
-    scratch.mrvis(&[&arguments[..], &["--out", "c.csv", "--seed", "2"]].concat()).exits(0);
+    scratch.mrvis(&format!("{arguments} --out b.csv --threads 3")).exits(0);
+    scratch.mrvis(&format!("{arguments} --out c.csv --seed 2")).exits(0);
     let text = |name: &str| scratch.text(name);
     assert_eq!(text("a.csv"), text("b.csv"));
     assert_ne!(text("a.csv"), text("c.csv"));
     // `compare` reports the difference, and the tolerance decides the exit code.
-    scratch
-        .mrvis(&["compare", "a.csv", "c.csv", "--tolerance", "0.2", "--json", "d.json"])
-        .exits(0)
-        .prints("RMS")
-        .prints("bias");
+    scratch.mrvis("compare a.csv c.csv --tolerance 0.2 --json d.json").exits(0).prints("RMS").prints("bias");
     assert!(scratch.json("d.json")["rms"].as_f64().is_some_and(|r| r > 0.0 && r < 0.2));
-    scratch.mrvis(&["compare", "a.csv", "c.csv", "--tolerance", "1e-9"]).exits(1);
-    scratch.mrvis(&["compare", "a.csv", "b.csv", "--tolerance", "0"]).exits(0);
+    scratch.mrvis("compare a.csv c.csv --tolerance 1e-9").exits(1);
+    scratch.mrvis("compare a.csv b.csv --tolerance 0").exits(0);
 }
 
 #[test]
 fn scenes_without_light_are_zero_with_a_warning() {
     let scratch = scratch();
-    scratch
-        .mrvis(&["reference", "dark.obj", "--points", "points.csv", "--out", "a.csv"])
-        .exits(0)
-        .warns("no light");
+    scratch.mrvis("reference dark.obj --points points.csv --out a.csv").exits(0).warns("no light");
     assert!(values(&scratch, "a.csv").iter().flatten().all(|&v| v == 0.0));
 }
 
@@ -126,9 +118,7 @@ fn reflectances_of_one_are_clamped_by_name() {
 #[test]
 fn form_factors_of_a_box_are_the_closed_forms() {
     let scratch = scratch();
-    scratch
-        .mrvis(&["form-factors", "box.obj", "--out", "f.csv", "--json", "f.json", "--tolerance", "1e-3"])
-        .exits(0);
+    scratch.mrvis("form-factors box.obj --out f.csv --json f.json --tolerance 1e-3").exits(0);
     let text = scratch.text("f.csv");
     let entry = |from: &str, to: &str| -> f64 {
         let start = format!("{from},{to},");
@@ -143,7 +133,7 @@ fn form_factors_of_a_box_are_the_closed_forms() {
     assert!(report["reciprocity_residual"].as_f64().is_some_and(|r| r < 1e-6));
     let town = scratch.generate(&Spec { count: Some(120), ..Spec::new("urban-block") });
     for out in ["g.npz", "g.mtx"] {
-        scratch.mrvis(&["form-factors", &town, "--by", "material", "--out", out, "--quiet"]).exits(0);
+        scratch.mrvis(&format!("form-factors {town} --by material --out {out} --quiet")).exits(0);
         assert!(scratch.path(out).exists());
     }
 }
@@ -197,7 +187,7 @@ fn a_solution_is_shown() {
     let seen: Vec<f32> = image.data().iter().copied().filter(|&v| v > 0.0).collect();
     assert!(seen.len() > 64 * 48 / 10, "{} pixels", seen.len());
     assert!(seen.iter().filter(|&&v| (v / want - 1.0).abs() < 0.02).count() > seen.len() * 8 / 10);
-    scratch.mrvis(&["solve", "box.obj", "--out", "s", "--camera", "0,0,0,0,0,0,40"]).exits(2).warns("camera");
+    scratch.mrvis("solve box.obj --out s --camera 0,0,0,0,0,0,40").exits(2).warns("camera");
 }
 
 /// A closed room with a lamp in one half and an opaque wall whose foot is not on a line of subdivision: from the other half nothing is seen, and
@@ -227,8 +217,8 @@ fn walls_are_black_from_their_dark_side() {
 fn a_scene_and_a_camera_are_required() {
     let scratch = scratch();
     // Without a scene or without a camera the command fails.
-    scratch.mrvis(&["solve"]).exits(2);
-    scratch.mrvis(&["solve", "box.obj", "--out", "o", "--importance-camera"]).exits(2);
+    scratch.mrvis("solve").exits(2);
+    scratch.mrvis("solve box.obj --out o --importance-camera").exits(2);
 }
 
 #[test]
@@ -236,19 +226,8 @@ fn a_missed_target_is_told_by_the_exit_code() {
     let scratch = scratch();
     let scene = scratch.generate(&Spec::new("cornell"));
     let solve = |target: &str, links: &str| {
-        let options = [
-            "--output",
-            "none",
-            "--target-error",
-            target,
-            "--max-links",
-            links,
-            "--local-rays",
-            "20000",
-            "--audit",
-            "10",
-        ];
-        scratch.mrvis(&[&["solve", &scene, "--unit", "mm", "--out", "s"][..], &options].concat())
+        let limits = format!("--target-error {target} --max-links {links} --local-rays 20000 --audit 10");
+        scratch.mrvis(&format!("solve {scene} --unit mm --out s --output none {limits}"))
     };
     let missed = solve("1e-6", "2000").exits(1);
     missed.prints("--target-error 0.000001 was missed").prints("--max-links 2000 ended refinement");
@@ -273,7 +252,7 @@ fn engines_are_compared_at_points() {
     assert!(versus["difference"]["rms"].as_f64().is_some_and(|rms| rms < 0.01), "{versus}");
     outcome.prints("times as long as exact");
     // `--compare` needs points.
-    scratch.mrvis(&["solve", "box.obj", "--out", "s", "--compare", "mr"]).exits(2).warns("--points");
+    scratch.mrvis("solve box.obj --out s --compare mr").exits(2).warns("--points");
 }
 
 /// Without time for gathering, pixels show the light of elements, with a note.
@@ -340,6 +319,6 @@ fn photometric_outputs() {
     assert_eq!(ledger["unit"], "lm");
     let emitted = ledger["emitted"].as_f64().expect("a power");
     assert!((emitted / flux - 1.0).abs() < 1e-5, "{emitted} of {flux} lm are emitted");
-    scratch.mrvis(&["compare", "p/irradiance.csv", "r.csv", "--tolerance", "0.2"]).exits(0);
-    scratch.mrvis(&["info", "dark.obj", "--luminaires", "bad.toml"]).exits(2).warns("bad.toml:3: ");
+    scratch.mrvis("compare p/irradiance.csv r.csv --tolerance 0.2").exits(0);
+    scratch.mrvis("info dark.obj --luminaires bad.toml").exits(2).warns("bad.toml:3: ");
 }

@@ -65,7 +65,7 @@ fn a_grid_of_points_needs_no_file() {
         ("floor", "SURFACE:SPACING"),
         ("floor:0.0001", "widen the spacing"),
     ] {
-        let refused = scratch.mrvis(&["solve", "hall.obj", "--out", "s", "--grid", grid]);
+        let refused = scratch.mrvis(&format!("solve hall.obj --out s --grid {grid}"));
         assert!(refused.code == Some(2) && refused.stderr.contains(words), "{grid}: {}", refused.stderr);
     }
 }
@@ -89,14 +89,14 @@ fn the_light_of_each_surface_is_stated() {
         assert!(page.contains(words), "{words}");
     }
     // Points alone need no elements, whose light would be none.
-    scratch.mrvis(&["solve", "hall.obj", "--out", "p", "--grid", "floor:1", "--audit", "0"]).exits(0);
+    scratch.mrvis("solve hall.obj --out p --grid floor:1 --audit 0").exits(0);
     assert!(scratch.json("p/solution.json")["surfaces"].is_null());
 }
 
 #[test]
 fn reflectances_of_materials_are_listed() {
     let scratch = hall();
-    scratch.mrvis(&["info", "hall.obj", "--json", "i.json"]).prints("0.400  0.400 0.500 0.300  grey");
+    scratch.mrvis("info hall.obj --json i.json").prints("0.400  0.400 0.500 0.300  grey");
     let grey = &scratch.json("i.json")["materials"][0];
     let mean = grey["mean_reflectance"].as_f64().expect("a number");
     assert!(grey["name"] == "grey" && (mean - 0.4).abs() < 1e-6, "{grey}");
@@ -135,11 +135,11 @@ fn the_upward_axis_says_where_it_is_from() {
     assert_eq!(up(&["--up", "y"]), "y given");
     assert_eq!(up(&["--emitter", "lamp=0"]), "z guessed from the extents");
     scratch
-        .mrvis(&["info", "hall.obj", "--emitter", "lamp=0", "--json", "i.json"])
+        .mrvis("info hall.obj --emitter lamp=0 --json i.json")
         .prints("up          z (guessed from the extents)");
     assert_eq!(scratch.json("i.json")["scene"]["up_from"], "guessed from the extents");
     scratch
-        .mrvis(&["solve", "hall.obj", "--out", "s", "--grid", "floor:2", "--direct-only"])
+        .mrvis("solve hall.obj --out s --grid floor:2 --direct-only")
         .prints("z up (guessed from the direction of most light; --up");
 }
 
@@ -155,7 +155,7 @@ fn rooms_in_millimetres_are_questioned() {
             format!("v {x} {y} {z}\n")
         });
         scratch.write("room.obj", lines.concat() + "f 1 2 3 4\nf 1 5 6 2\n");
-        scratch.mrvis(&["info", "room.obj", "--luminaires", "lum.toml"]).stdout
+        scratch.mrvis("info room.obj --luminaires lum.toml").stdout
     };
     assert!(room(3000.0).contains("is the file in millimetres? use --unit mm"), "{}", room(3000.0));
     // A room of 3 m, and a hall of 100 m.

@@ -98,12 +98,9 @@ fn terrain_computes_maps_of_height_fields() {
     for name in ["sky-view-factor.tif", "sunlit.npz", "irradiance.png"] {
         assert!(scratch.path(&format!("t/{name}")).metadata().is_ok_and(|file| file.len() > 60), "{name}");
     }
-    scratch
-        .mrvis(&["terrain", "slope.asc", "--out", "t", "--output", "irradiance"])
-        .exits(2)
-        .warns("give --sky");
+    scratch.mrvis("terrain slope.asc --out t --output irradiance").exits(2).warns("give --sky");
     scratch.write("bad.asc", "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize -5\n1 2\n3 4\n");
-    let bad = scratch.mrvis(&["terrain", "bad.asc", "--out", "b"]).exits(2);
+    let bad = scratch.mrvis("terrain bad.asc --out b").exits(2);
     bad.warns("bad.asc");
     assert!(bad.stderr.lines().count() == 1 && !scratch.path("b").exists(), "{}", bad.stderr);
 }
@@ -183,10 +180,10 @@ fn suns_of_gltf_files_shine_beside_a_sky() {
 #[test]
 fn generated_terrain_is_read_again() {
     let scratch = Scratch::new();
-    scratch.mrvis(&["generate", "terrain", "--count", "30", "--out", "hills.tif"]).exits(0);
-    scratch.mrvis(&["terrain", "hills.tif", "--out", "t", "--json", "t.json"]).exits(0);
+    scratch.mrvis("generate terrain --count 30 --out hills.tif").exits(0);
+    scratch.mrvis("terrain hills.tif --out t --json t.json").exits(0);
     let factor = &scratch.json("t.json")["quantities"][0];
     let value = |name: &str| factor[name].as_f64().expect("a number");
     assert!(value("min") > 0.2 && value("min") < value("mean") && value("max") <= 1.0, "{factor}");
-    scratch.mrvis(&["generate", "terrain", "--out", "hills.obj"]).exits(2).warns("must end in .tif");
+    scratch.mrvis("generate terrain --out hills.obj").exits(2).warns("must end in .tif");
 }

@@ -34,7 +34,7 @@ fn items_are_made_with_a_page_and_numbers() {
     }
     assert!(!page.contains("src=\"http") && !page.contains("Figure 9"));
     // A second run replaces the files of the first.
-    scratch.mrvis(&["reproduce", "--only", "fig3", "--out", "paper", "--quiet"]).exits(0);
+    scratch.mrvis("reproduce --only fig3 --out paper --quiet").exits(0);
     assert_eq!(scratch.json("paper/reproduce.json")["items"].as_array().map(Vec::len), Some(1));
 }
 

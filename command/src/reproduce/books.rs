@@ -252,20 +252,9 @@ pub fn figure_10(context: &Context) -> Result<Item> {
 
 /// The power on the books and the ledger's numbers.
 fn table(received: &[Received], names: &[&str]) -> Table {
-    let columns = [
-        "light in the cluster",
-        "solves",
-        "links",
-        "of the light",
-        "books receive, W",
-        "standard error, W",
-        "more than by rays, W",
-        "deviation / mean",
-        "emitted, W",
-        "absorbed, W",
-        "escaped, W",
-    ];
-    let mut table = Table::new("The books, and the ledger of the scene", &columns);
+    let columns = "light in the cluster | solves | links | of the light | books receive, W | standard error, W | more than by rays, W | \
+         deviation / mean | emitted, W | absorbed, W | escaped, W";
+    let mut table = Table::new("The books, and the ledger of the scene", columns);
     let truth = received.last().map_or(0.0, |r| r.power);
     for (r, name) in received.iter().zip(names) {
         let numbers = [r.power, r.error, r.power - truth, r.deviation].into_iter().chain(r.ledger);

@@ -156,10 +156,8 @@ fn squares_within(image: &BitImage, n: usize) -> BitImage {
 pub fn figure_4(context: &Context) -> Result<Item> {
     let groups = context.groups()?;
     let mut item = Item { here: "The images of Figure 1.".into(), ..Item::default() };
-    let mut table = Table::new(
-        "Texels of the masks",
-        &["feature size, texels", "group 1", "group 2", "group 3", "group 4"],
-    );
+    let mut table =
+        Table::new("Texels of the masks", "feature size, texels | group 1 | group 2 | group 3 | group 4");
     let mut parts: Vec<[f64; 4]> = Vec::new();
     for size in [0.0].into_iter().chain(MASKS) {
         let masks =

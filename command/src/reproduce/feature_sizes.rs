@@ -221,18 +221,8 @@ fn show(item: &mut Item, name: &str, made: &Series9, (reference, exact): (&[Imag
     }
     item.tables.push(times(name, made, exact)?);
     item.here += &engine_times(name, made);
-    let columns = [
-        "s",
-        "L2 of 1, %",
-        "L2 of 2, %",
-        "L2 of 3, %",
-        "L2 of 4, %",
-        "FBEM of 1, %",
-        "FBEM of 2, %",
-        "FBEM of 3, %",
-        "FBEM of 4, %",
-    ];
-    let mut table = Table::new(format!("{name}: errors of the groups, per cent of the light"), &columns);
+    let columns = "s | L2 of 1, % | L2 of 2, % | L2 of 3, % | L2 of 4, % | FBEM of 1, % | FBEM of 2, % | FBEM of 3, % | FBEM of 4, %";
+    let mut table = Table::new(format!("{name}: errors of the groups, per cent of the light"), columns);
     for (row, s) in errors.iter().zip(SIZES) {
         let numbers = [0, 1].into_iter().flat_map(|m| row.iter().map(move |e| number(e[m], 2)));
         table.push([number(s, 1)].into_iter().chain(numbers));
@@ -267,15 +257,8 @@ fn bars(errors: &[[[f64; 2]; 4]]) -> Vec<Chart> {
 
 /// Times and work by size, of the paper's rule and of this engine, whose images are compared with those by exact rays.
 fn times(name: &str, made: &Series9, exact: &[Image]) -> Result<Table> {
-    let columns = [
-        "feature size",
-        "time, s",
-        "paper, s",
-        "visits, millions",
-        "this engine, s",
-        "its FBEM against exact rays, %",
-    ];
-    let mut times = Table::new(format!("{name}: times"), &columns);
+    let columns = "feature size | time, s | paper, s | visits, millions | this engine, s | its FBEM against exact rays, %";
+    let mut times = Table::new(format!("{name}: times"), columns);
     let millions = |walls: &Walls| number(walls.visits.all() as f64 / 1e6, 2);
     let blank = || Cell::from("–");
     let seconds = |walls: &Walls| number(mean_of(walls.seconds), 2);

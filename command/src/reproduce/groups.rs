@@ -135,8 +135,7 @@ pub fn appendix_a(context: &Context) -> Result<Item> {
             .into(),
         ..Item::default()
     };
-    let mut table =
-        Table::new("Norms of v − v̄", &["group", "light", "v̄", "L1", "2v̄(1 − v̄)", "L2", "√(v̄(1 − v̄))"]);
+    let mut table = Table::new("Norms of v − v̄", "group | light | v̄ | L1 | 2v̄(1 − v̄) | L2 | √(v̄(1 − v̄))");
     let (mut off, mut excess) = (0.0f64, f64::NEG_INFINITY);
     for (images, light) in [(&groups.points, "point"), (&groups.shadows, "0.1 m")] {
         for (k, image) in images.iter().enumerate() {

@@ -160,15 +160,8 @@ fn show(item: &mut Item, title: &str, images: &[(&str, Image)]) {
 }
 
 fn table(found: &[Solve]) -> Table {
-    let columns = [
-        "solve",
-        "RMS error on the desk top, %",
-        "RMS error of the picture, %",
-        "links",
-        "exact rays, thousands",
-        "time, s",
-    ];
-    let mut table = Table::new("Irradiance on the desk", &columns);
+    let columns = "solve | RMS error on the desk top, % | RMS error of the picture, % | links | exact rays, thousands | time, s";
+    let mut table = Table::new("Irradiance on the desk", columns);
     for solve in found {
         let Solve { name, error, picture, links, rays, seconds } = solve;
         let numbers = [(error, 2), (picture, 2), (links, 0), (rays, 0), (seconds, 2)]

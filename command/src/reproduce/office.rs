@@ -130,16 +130,9 @@ impl Floors {
             Panel::visible(&f.rendered.image, format!("{}, {}\u{a0}s", f.name, fixed(f.rendered.seconds, 2)))
         }));
         item.row(format!("{title}: light on the floor, seen from above ({VISIBLE})"), panels);
-        let columns = [
-            "clusters by",
-            "number",
-            "triangles of the largest leaf",
-            "time, s",
-            "visits per segment",
-            "FBEM(0.8 m), %",
-            "contrast under desks, %",
-        ];
-        let mut table = Table::new(title, &columns);
+        let columns = "clusters by | number | triangles of the largest leaf | time, s | visits per segment | FBEM(0.8 m), % | \
+             contrast under desks, %";
+        let mut table = Table::new(title, columns);
         table.push([
             "Embree rays".into(),
             "".into(),

@@ -46,8 +46,8 @@ pub struct InRadiosity {
 /// Adds pictures and numbers of radiosity solutions with this visibility; beside exact visibility of one by rays.
 pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Result<InRadiosity> {
     let scene = Arc::new(generate::build(&Spec::new("office"))?);
-    let columns = ["clusters by", "links", "time, s", "contrast under desks, %"];
-    let mut table = Table::new(TITLE, &columns);
+    let columns = "clusters by | links | time, s | contrast under desks, %";
+    let mut table = Table::new(TITLE, columns);
     let (mut images, mut contrasts) = (Vec::new(), Vec::new());
     // The last one is the reference of exact visibility, with a last pass by rays.
     let links = BUILDERS.into_iter().take(if context.small { 2 } else { 3 });

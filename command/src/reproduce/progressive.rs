@@ -160,8 +160,8 @@ fn plot(measured: &Measured) -> Plot {
 
 /// The iterations of the solve in steps.
 fn iterations(measured: &Measured) -> Table {
-    let columns = ["iteration", "time, s", "paper, s", "links", "refined", "RMS error after it, %"];
-    let mut table = Table::new("Iterations in steps of limited time", &columns);
+    let columns = "iteration | time, s | paper, s | links | refined | RMS error after it, %";
+    let mut table = Table::new("Iterations in steps of limited time", columns);
     for (k, ((seconds, links, refined), after)) in measured.iterations.iter().zip(&measured.after).enumerate()
     {
         table.push([
@@ -179,7 +179,7 @@ fn iterations(measured: &Measured) -> Table {
 /// Errors by number of links and by criterion of refinement.
 fn errors(measured: &Measured) -> Table {
     let title = format!("Errors; standard error {} % of each", fixed(100.0 * noise(measured), 1));
-    let mut table = Table::new(title, &["links refined by", "links", "RMS error, %"]);
+    let mut table = Table::new(title, "links refined by | links | RMS error, %");
     let mut push = |name: &str, of: &Audited| {
         table.push([name.into(), count(of.links), of.cell()]);
     };

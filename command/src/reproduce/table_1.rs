@@ -71,17 +71,7 @@ pub fn table_1(context: &Context) -> Result<Item> {
     let found: Vec<[f64; 4]> = (0..5).map(|i| std::array::from_fn(|k| columns[k][i])).collect();
     let mut table = Table::new(
         "FBEM here, and in the paper",
-        &[
-            "feature size, texels",
-            "group 1, %",
-            "group 2, %",
-            "group 3, %",
-            "group 4, %",
-            "paper 1, %",
-            "paper 2, %",
-            "paper 3, %",
-            "paper 4, %",
-        ],
+        "feature size, texels | group 1, % | group 2, % | group 3, % | group 4, % | paper 1, % | paper 2, % | paper 3, % | paper 4, %",
     );
     for (i, s) in SIZES.iter().enumerate() {
         let numbers = found[i].iter().chain(&TABLE_1[i]).map(|v| number(*v, 2));

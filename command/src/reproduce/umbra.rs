@@ -77,8 +77,7 @@ pub fn figure_5(context: &Context) -> Result<Item> {
         y_label: "width of the umbra, m".into(),
         ..Plot::default()
     };
-    let mut table =
-        Table::new("Widths", &["case", "d1, m", "umbra, m", "formula, m", "penumbra, m", "formula, m"]);
+    let mut table = Table::new("Widths", "case | d1, m | umbra, m | formula, m | penumbra, m | formula, m");
     let (wall, mut worst) = (floor(texels), [0.0f64; 2]);
     let mut vanishes = Vec::new();
     for (case, e, b) in [("a: b > e", 0.6, 1.0), ("b: b < e", 1.0, 0.5)] {
@@ -192,16 +191,7 @@ pub fn figure_6(context: &Context) -> Result<Item> {
     };
     let mut table = Table::new(
         "Diameters",
-        &[
-            "cubes",
-            "edge, m",
-            "d1, m",
-            "blocked size, m",
-            "BSIZE, m",
-            "umbra of blocked size, m",
-            "umbra of BSIZE, m",
-            "rendered umbra, m",
-        ],
+        "cubes | edge, m | d1, m | blocked size, m | BSIZE, m | umbra of blocked size, m | umbra of BSIZE, m | rendered umbra, m",
     );
     let wall = Wall { texel: 3.2 / texels as f64, columns: texels, rows: texels, ..floor(texels) };
     let (mut panels, mut found) = (Vec::new(), Vec::new());
@@ -302,14 +292,13 @@ fn judge_figure_6(item: &mut Item, found: &[Between]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::item::failing_checks;
     use super::*;
 
     #[test]
     fn widths_beside_the_formula_are_found() {
         let failing = |worst: [f64; 2], vanishes: &[(f64, f64, f64)]| {
-            let mut item = Item::default();
-            judge_figure_5(&mut item, worst, vanishes, 0.05);
-            (0..3).filter(|&k| !item.checks[k].holds).collect::<Vec<_>>()
+            failing_checks(|item| judge_figure_5(item, worst, vanishes, 0.05))
         };
         let predicted = [(1.0, 0.0, 0.0), (3.0, 0.35, 0.33)];
         assert_eq!(failing([1.0, 1.0], &predicted), [0; 0]);
