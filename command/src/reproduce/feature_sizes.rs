@@ -148,22 +148,19 @@ fn rays(context: &Context) -> usize {
 
 /// Figure 9, once with extinction in the leaves as in the paper and once with exact leaves.
 pub fn figure_9(context: &Context) -> Result<Item> {
-    let mut item = Item {
-        here: format!(
-            "The scene of Figure 1; s in units of {} mm (the paper does not give its unit), in which the shadows of single cubes, penumbra \
+    let mut item = Item::of(format!(
+        "The scene of Figure 1; s in units of {} mm (the paper does not give its unit), in which the shadows of single cubes, penumbra \
              included, are {} wide, none wider than the size of its group's number. The paper's rule descends the clusters segment by \
              segment with κ = ΣA/4V and one BSIZE, at the centre of the cluster projected onto the segment; its time is that of one core. \
              Times are means of two repetitions, whose differences, pooled over sizes, tell the noise. The times of this engine (sixteen \
              segments at a time, measured extinction) stand beside, with the largest FBEM of its images against exact rays. L2 counts as risen \
              above three times the noise of the images, which is the L2 of those by {} exact rays a texel. The paper does not give the part of \
              its images that the cubes hide, {} % here; work is counted with others as well.",
-            fixed(1000.0 * unit(), 0),
-            list(&EDGES.map(|edge| shadow_widths(edge)[1] / unit()), 1),
-            rays(context),
-            fixed(100.0 * COVERAGE, 0)
-        ),
-        ..Item::default()
-    };
+        fixed(1000.0 * unit(), 0),
+        list(&EDGES.map(|edge| shadow_widths(edge)[1] / unit()), 1),
+        rays(context),
+        fixed(100.0 * COVERAGE, 0)
+    ));
     let model =
         Model::prepare_watched(covering_scene(COVERAGE)?, &PrepareOptions::default(), context.progress)?;
     let by_rays = |rays: usize, stream: u64| -> Result<Vec<Image<'static>>> {

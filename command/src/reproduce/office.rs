@@ -179,7 +179,7 @@ fn polygons() -> Result<usize> {
 pub fn figure_7(context: &Context) -> Result<Item> {
     let floors = Floors::new(context, Leaves::Surfaces, &BUILDERS)?;
     let polygons = polygons()?;
-    let mut item = Item { here: scene_of(polygons), ..Item::default() };
+    let mut item = Item::of(scene_of(polygons));
     floors.show(&mut item, "Surface visibility")?;
     item.check("the scene has the paper's 5,380 polygons", polygons.to_string(), polygons == 5380, || {
         "`mrvis generate office` makes other things".into()
@@ -201,14 +201,12 @@ pub fn figure_7(context: &Context) -> Result<Item> {
 /// Figure 8: average visibility, by extinction alone.
 pub fn figure_8(context: &Context) -> Result<Item> {
     let floors = Floors::new(context, Leaves::Extinction, &BUILDERS)?;
-    let mut item = Item {
-        here: "The scene and the builders of Figure 7, `mrvis generate office`. Seven desk tops, thin closed boxes, hide the floor from \
+    let mut item = Item::of(
+        "The scene and the builders of Figure 7, `mrvis generate office`. Seven desk tops, thin closed boxes, hide the floor from \
                some of the panels only, so that parts of their contrast are compared: extinction takes 1 − e^(−1/2) = 39 % off the light that a \
                desk top in a cluster of its own hides, because along the shortest edge t of a thin closed box of area 2A κ t is \
-               2A t / (4 A t) = 1/2."
-            .into(),
-        ..Item::default()
-    };
+               2A t / (4 A t) = 1/2.",
+    );
     floors.show(&mut item, "Average visibility by extinction")?;
     let in_radiosity = office_light::show(&mut item, Visibility::Average, context)?;
     office_verdict::judge_shadows(&mut item, &floors.contrasts(in_radiosity)?);

@@ -94,18 +94,15 @@ pub fn multigridding(context: &Context) -> Result<Item> {
         other: end(own.links, Oracle::Error)?,
         by_transport: end(own.links, Oracle::Bf)?,
     };
-    let mut item = Item {
-        here: format!(
-            "Scene `urban-block` of `mrvis generate` with a count of 7,000, {polygons} polygons; light along links alone (option `local_rays` \
+    let mut item = Item::of(format!(
+        "Scene `urban-block` of `mrvis generate` with a count of 7,000, {polygons} polygons; light along links alone (option `local_rays` \
              0). A solve in steps (options `step_seconds` {step}, `max_links` {max_links}): each refines the links above the threshold that a \
              histogram of their errors gives for the time. The record of a solve does not hold the number of links k that a step plans, so that \
              the first sentence of the claim is tested by unit tests of the histogram, not here. RMS errors, relative to the mean irradiance, \
              are those of solves that end at given numbers of links, and at those of the iterations, measured by independent paths at {audit} elements; means of two solves \
              with other random numbers, whose differences, pooled, tell the noise. In the end that of the stepped solve itself stands beside, \
              and that of links refined by the light that they transport (BF refinement of P. Hanrahan and others 1991, option `oracle`). Solves of `mrvis generate office`, a closed room, end early."
-        ),
-        ..Item::default()
-    };
+    ));
     item.tables.push(iterations(&measured));
     item.tables.push(errors(&measured));
     item.chart(plot(&measured), "Measured error of solves that end at numbers of links.");

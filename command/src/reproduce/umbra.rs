@@ -62,15 +62,12 @@ fn square_shadow(context: &Context, wall: &Wall, (e, b, d1): (f64, f64, f64)) ->
 /// Figure 5: a square blocker between a square emitter and a floor.
 pub fn figure_5(context: &Context) -> Result<Item> {
     let texels = if context.small { 65 } else { 129 };
-    let mut item = Item {
-        here: format!(
-            "A square emitter of width e, {DISTANCE} m above a floor, and a square blocker of width b at a distance d1 from the \
+    let mut item = Item::of(format!(
+        "A square emitter of width e, {DISTANCE} m above a floor, and a square blocker of width b at a distance d1 from the \
              emitter; umbra and penumbra are counted on the middle row of {texels} texels of {} m, each of which sees 289 points \
              of the emitter, border and corners included.",
-            fixed(RECEIVER / texels as f64, 3)
-        ),
-        ..Item::default()
-    };
+        fixed(RECEIVER / texels as f64, 3)
+    ));
     let positions: &[f64] = if context.small { &[1.0, 2.0, 3.0] } else { &[1.0, 1.5, 2.0, 2.5, 3.0] };
     let mut plot = Plot {
         x_label: "distance d1 of the blocker from the emitter, m".into(),
@@ -180,15 +177,12 @@ impl Between {
 /// Figure 6: a cluster of cubes, and the fictitious blocker in its place.
 pub fn figure_6(context: &Context) -> Result<Item> {
     let texels = if context.small { 128 } else { 256 };
-    let mut item = Item {
-        here: format!(
-            "Cubes in a box of {CLUSTER} m between an emitter of {EMITTER} m and a floor, {DISTANCE} m apart. The sizes of the blocked and \
+    let mut item = Item::of(format!(
+        "Cubes in a box of {CLUSTER} m between an emitter of {EMITTER} m and a floor, {DISTANCE} m apart. The sizes of the blocked and \
              of the free regions are measured as in the paper, by erosions of an orthographic projection along the line to the floor; \
              BSIZE is the larger one (section 3.2). The largest umbra in the rendered shadow ({texels} x {texels} texels) is measured by \
              erosions as well; it is a blocked region, so that the size of these stands beside BSIZE."
-        ),
-        ..Item::default()
-    };
+    ));
     let mut table = Table::new(
         "Diameters",
         "cubes | edge, m | d1, m | blocked size, m | BSIZE, m | umbra of blocked size, m | umbra of BSIZE, m | rendered umbra, m",
