@@ -28,8 +28,7 @@ fn a_luminaire_that_misses_everything_is_to_be_aimed() {
 
 #[test]
 fn a_camera_that_looks_nowhere_is_told_so() {
-    let camera = ["--camera", "1,2,3,1,2,3,60"];
-    let solved = scratch().mrvis(&[&["solve", "scene.obj", "--out", "o"][..], &camera].concat());
+    let solved = scratch().mrvis("solve scene.obj --out o --camera 1,2,3,1,2,3,60");
     refused(&solved, "eye and target are the same point");
     assert!(!solved.stderr.contains("seven numbers"), "{}", solved.stderr);
 }
@@ -52,12 +51,11 @@ fn numbers_are_called_numbers() {
     let scratch = lit(&LIGHTS.replace("[1, 1, 1.5]", "[1, 1, 'x']"));
     scratch.write("sizes.toml", "floor = 'x'\n");
     for (options, what) in [
-        (&["--luminaires", "lights.toml"][..], "expected a number"),
-        (&["--feature-sizes", "sizes.toml"], "expected a number"),
-        (&["--error", "x"], "'--error <E>': expected a number"),
-        (&["--seed", "x"], "'--seed <N>': expected a whole number"),
+        ("--luminaires lights.toml", "expected a number"),
+        ("--feature-sizes sizes.toml", "expected a number"),
+        ("--error x", "'--error <E>': expected a number"),
+        ("--seed x", "'--seed <N>': expected a whole number"),
     ] {
-        let solved = scratch.mrvis(&[&["solve", "scene.obj", "--out", "o"][..], options].concat());
-        refused(&solved, what);
+        refused(&scratch.mrvis(&format!("solve scene.obj --out o {options}")), what);
     }
 }

@@ -44,9 +44,8 @@ fn files_that_are_not_written_are_no_reason_to_refuse() {
     let scratch = scratch();
     for name in ["view.obj", "viewer.obj", "lightmap.x.obj"] {
         scratch.write(name, SCENE);
-        let image = ["--output", "image,lightmap", "--image-size", "16x12", "--lightmap-texels", "256"];
-        let rough = ["--audit", "0", "--local-rays", "0"];
-        scratch.mrvis(&[&["solve", name, "--out", "."][..], &image, &rough].concat()).exits(0);
+        let image = "--output image,lightmap --image-size 16x12 --lightmap-texels 256";
+        scratch.mrvis(&format!("solve {name} --out . {image} --audit 0 --local-rays 0")).exits(0);
     }
     // A texture of one red pixel.
     scratch.write("wood.png", {
@@ -108,9 +107,10 @@ fn the_page_of_a_benchmark_repeats_its_command_line() {
 #[test]
 fn commands_without_light_have_no_photometric_option() {
     let scratch = scratch();
-    for call in [&["bench", "scene.obj"][..], &["form-factors", "scene.obj", "--out", "f.csv"]] {
-        refused(&scratch.mrvis(&[call, &["--photometric"]].concat()), "--photometric has no effect");
-        let help = scratch.mrvis(&[call[0], "--help"]);
+    for (command, line) in [("bench", "scene.obj"), ("form-factors", "scene.obj --out f.csv")] {
+        let call = scratch.mrvis(&format!("{command} {line} --photometric"));
+        refused(&call, "--photometric has no effect");
+        let help = scratch.mrvis(&[command, "--help"]);
         assert!(!help.stdout.contains("--photometric"), "{}", help.stdout);
     }
     assert!(scratch.mrvis("solve --help").stdout.contains("--photometric"));

@@ -89,10 +89,9 @@ fn pages_fit_into_every_window() {
 fn check_pages(views: &[(u32, &str)]) {
     let folder = Scratch::new();
     let scene = long_names(&folder);
-    let few = ["--points", "300", "--rays", "4", "--reference-rays", "64", "--map", "64", "--rounds", "1"];
-    let few = [&few[..], &["--feature-size", "0.5", "--quiet", "--cache", "off"]].concat();
-    let all = ["bench", &scene, "--out", "all"];
-    folder.mrvis(&[&all[..], &few].concat());
+    let few = words("--points 300 --rays 4 --reference-rays 64 --map 64 --rounds 1 --feature-size 0.5");
+    let few = [few, words("--quiet --cache off")].concat();
+    folder.mrvis(&[&["bench", &scene, "--out", "all"][..], &few].concat());
     let forest = Spec { trees: 4, leaves: 100, ..Spec::new("forest") };
     let forest = folder.generate(&forest);
     folder.mrvis(&[&["bench", &forest, "--out", "forest"][..], &few].concat());

@@ -204,21 +204,18 @@ fn glass_blocks_from_one_half_on_in_every_command() {
     {
         let scratch = Scratch::new();
         pane(&scratch, d);
-        let said = |arguments: &[&str]| {
-            let outcome = scratch.mrvis(arguments);
+        let call = |line: &str| {
+            let outcome = scratch.mrvis(&format!("{line} --quiet"));
             assert_eq!(outcome.code, Some(0), "{d}: {}", outcome.stderr);
         };
-        let points = ["--points", "points.csv"];
-        let direct = ["--output", "none", "--audit", "0", "--local-rays", "20000"];
-        said(&[&["solve", "pane.obj", "--out", "s", "--quiet"], &direct[..], &points].concat());
-        said(&[&["reference", "pane.obj", "--out", "r.csv", "--quiet"], &points[..]].concat());
-        said(&["form-factors", "pane.obj", "--out", "f.csv", "--by", "object", "--quiet"]);
+        let direct = "--output none --audit 0 --local-rays 20000";
+        call(&format!("solve pane.obj --out s --points points.csv {direct}"));
+        call("reference pane.obj --out r.csv --points points.csv");
+        call("form-factors pane.obj --out f.csv --by object");
         // The command reads scenes as the others do; two values show it.
         if ["d 0.499", "d 0.5"].contains(&d) {
-            let few =
-                ["--points", "50", "--rays", "1", "--reference-rays", "8", "--map", "0", "--rounds", "1"];
-            let more = ["--feature-size", "1", "--json", "b.json", "--cache", "off", "--quiet"];
-            said(&[&["bench", "pane.obj"], &few[..], &more].concat());
+            let few = "--points 50 --rays 1 --reference-rays 8 --map 0 --rounds 1 --feature-size 1";
+            call(&format!("bench pane.obj --json b.json --cache off {few}"));
             let triangles = scratch.json("b.json")["scene"]["triangles"].as_u64();
             assert_eq!(triangles, Some(if blocks { 6 } else { 4 }), "{d}");
         }
