@@ -18,7 +18,8 @@ pub mod bench {
     /// Its record.
     pub mod record {
         pub use crate::bench::record::{
-            Build, ClassRecord, ExactRow, MapRecord, MrRow, NO_FASTER, ReceiverClass, Record, Spent,
+            Build, BytesPerTriangle, ClassRecord, ExactRow, MapMrRow, MapRecord, MrRow, NO_FASTER,
+            ReceiverClass, Record, SceneSummary, Spent, Workload,
         };
     }
 

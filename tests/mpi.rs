@@ -6,11 +6,10 @@
 mod run;
 
 use mrvis::internals::scene::generate::Spec;
-use run::{Outcome, Scratch, assert_same_files, job_files};
+use run::{Line, Outcome, Scratch, assert_same_files, job_files, wait, wait_until, words};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Command, Stdio};
 
 const POINTS: &str =
     "x,y,z,nx,ny,nz\n278,0,280,0,1,0\n100,0,100,0,1,0\n400,300,559,0,0,-1\n20,0,30,0,1,0\n500,0,500,0,1,0\n";
@@ -52,7 +51,7 @@ fn prepared() -> Scratch {
 }
 
 /// The command on so many ranks. Root, as in containers, is a user like others; one machine has as many places as are asked for.
-fn ranks(scratch: &Scratch, count: usize, arguments: &[&str]) -> Command {
+fn ranks(scratch: &Scratch, count: usize, line: &(impl Line + ?Sized)) -> Command {
     let mut command = Command::new("mpirun");
     command.args([
         "-n",
@@ -62,7 +61,7 @@ fn ranks(scratch: &Scratch, count: usize, arguments: &[&str]) -> Command {
         "none",
         env!("CARGO_BIN_EXE_mrvis"),
     ]);
-    command.args(arguments).current_dir(scratch.path("")).env("XDG_CACHE_HOME", scratch.path("cache"));
+    command.args(line.words()).current_dir(scratch.path("")).env("XDG_CACHE_HOME", scratch.path("cache"));
     command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
     // Ranks of a container may not read each other's memory.
     command.env("OMPI_MCA_btl_vader_single_copy_mechanism", "none");
@@ -70,8 +69,8 @@ fn ranks(scratch: &Scratch, count: usize, arguments: &[&str]) -> Command {
     command
 }
 
-fn on_ranks(scratch: &Scratch, count: usize, arguments: &[&str]) -> Outcome {
-    Outcome::of(ranks(scratch, count, arguments).output().expect("mpirun runs"))
+fn on_ranks(scratch: &Scratch, count: usize, line: &(impl Line + ?Sized)) -> Outcome {
+    Outcome::of(ranks(scratch, count, line).output().expect("mpirun runs"))
 }
 
 /// Files below a folder, without those that hold times.
@@ -91,23 +90,15 @@ fn signal_rank_1(signal: &str, scratch: &Scratch) {
         environment.split(|b| *b == 0).any(|line| line == b"OMPI_COMM_WORLD_RANK=1")
             && std::fs::read_link(process.join("cwd")).is_ok_and(|cwd| cwd == folder)
     };
-    let start = Instant::now();
-    loop {
+    wait_until(60, "rank 1 does not run", || {
         let processes =
             std::fs::read_dir("/proc").expect("Linux").map(|entry| entry.expect("an entry").path());
-        if let Some(process) = processes.filter(|process| process.join("environ").exists()).find(|p| is_it(p))
-        {
-            let id = process.file_name().expect("a number").to_owned();
-            assert!(Command::new("kill").args(["-s", signal]).arg(id).status().expect("kill").success());
-            return;
+        let found = processes.filter(|process| process.join("environ").exists()).find(|p| is_it(p));
+        if let Some(process) = &found {
+            run::signal(signal, process.file_name().expect("a number").to_string_lossy());
         }
-        assert!(start.elapsed() < Duration::from_secs(60), "rank 1 does not run");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
-
-fn ended(child: Child) -> Outcome {
-    Outcome::of(child.wait_with_output().expect("its output"))
+        found.is_some()
+    });
 }
 
 /// Lines of the journal, and how many of them are about jobs that are done.
@@ -119,39 +110,13 @@ fn journal(out: &Path) -> [usize; 2] {
 #[test]
 fn files_are_those_of_one_process() {
     let scratch = prepared();
-    let commands: [&[&str]; 4] = [
-        &[
-            "solve",
-            "cornell.obj",
-            "--points",
-            "points.csv",
-            "--error",
-            "0.2",
-            "--local-rays",
-            "20000",
-            "--audit",
-            "50",
-            "--output",
-            "ply,vtu,lightmap",
-        ],
-        &[
-            "solve",
-            "forest.obj",
-            "--error",
-            "0.3",
-            "--local-rays",
-            "20000",
-            "--visibility",
-            "mr",
-            "--output",
-            "ply",
-            "--cache",
-            "off",
-        ],
-        &["reference", "cornell.obj", "--points", "points.csv", "--samples", "200"],
-        &["form-factors", "forest.obj", "--rays", "16"],
+    let commands = [
+        "solve cornell.obj --points points.csv --error 0.2 --local-rays 20000 --audit 50 --output ply,vtu,lightmap",
+        "solve forest.obj --error 0.3 --local-rays 20000 --visibility mr --output ply --cache off",
+        "reference cornell.obj --points points.csv --samples 200",
+        "form-factors forest.obj --rays 16",
     ];
-    for (k, words) in commands.into_iter().enumerate() {
+    for (k, words) in commands.map(words).iter().enumerate() {
         let out = |count: usize| {
             let folder = format!("{k}-{count}");
             std::fs::create_dir(scratch.path(&folder)).expect("made");
@@ -199,7 +164,7 @@ fn jobs_of_a_batch_run_on_all_ranks() {
 #[test]
 fn a_batch_goes_on_after_a_rank_has_died() {
     let whole = prepared();
-    whole.mrvis(&["batch", "jobs.toml", "--out", "whole"]).exits(0);
+    whole.mrvis("batch jobs.toml --out whole").exits(0);
     // An interrupted rank ends all: the solve that it was at is not done.
     ["KILL", "INT"].into_iter().for_each(|signal| goes_on_after(signal, &whole.path("whole")));
 }
@@ -208,13 +173,9 @@ fn goes_on_after(signal: &str, whole: &Path) {
     let scratch = prepared();
     let line = ["batch", "jobs.toml", "--threads", "1", "--jobs-at-once", "1", "--out", "o"];
     let child = ranks(&scratch, 2, &[&line[..], &["--mpi"]].concat()).spawn().expect("mpirun runs");
-    let start = Instant::now();
-    while journal(&scratch.path("o"))[1] < 3 {
-        assert!(start.elapsed() < Duration::from_secs(120), "no jobs end");
-        std::thread::sleep(Duration::from_millis(2));
-    }
+    wait_until(120, "no jobs end", || journal(&scratch.path("o"))[1] >= 3);
     signal_rank_1(signal, &scratch);
-    assert_ne!(ended(child).code, Some(0), "{signal}");
+    assert_ne!(Outcome::at_end(child).code, Some(0), "{signal}");
     let [_, before] = journal(&scratch.path("o"));
     assert!((3..COUNT).contains(&before), "{before} jobs were done");
     let ran = scratch.mrvis(&line).exits(0);
@@ -247,14 +208,10 @@ fn a_lost_rank_ends_a_solve_without_outputs() {
         ["solve", "cornell.obj", "--unit", "mm", "--error", "0.01", "--threads", "1", "--out", "o", "--mpi"];
     let child = ranks(&scratch, 2, &line).spawn().expect("mpirun runs");
     // The first rank makes the folder before its work, which takes seconds.
-    let start = Instant::now();
-    while !scratch.path("o").exists() {
-        assert!(start.elapsed() < Duration::from_secs(60), "the folder is not made");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    std::thread::sleep(Duration::from_millis(300));
+    wait_until(60, "the folder is not made", || scratch.path("o").exists());
+    wait(0.3);
     signal_rank_1("KILL", &scratch);
-    let outcome = ended(child);
+    let outcome = Outcome::at_end(child);
     assert_ne!(outcome.code, Some(0));
     outcome.warns("rank 1");
     assert_eq!(std::fs::read_dir(scratch.path("o")).expect("a folder").count(), 0);
@@ -263,14 +220,13 @@ fn a_lost_rank_ends_a_solve_without_outputs() {
 #[test]
 fn errors_are_said_once_and_name_the_cure() {
     let scratch = prepared();
-    let missing = on_ranks(&scratch, 2, &["solve", "missing.obj", "--out", "o", "--mpi"]).exits(2);
+    let missing = on_ranks(&scratch, 2, "solve missing.obj --out o --mpi").exits(2);
     assert_eq!(missing.stderr.matches("mrvis: missing.obj: ").count(), 1, "{}", missing.stderr);
-    on_ranks(&scratch, 2, &["solve", "cornell.obj", "--max-seconds", "9", "--out", "o", "--mpi"])
+    on_ranks(&scratch, 2, "solve cornell.obj --max-seconds 9 --out o --mpi")
         .warns("mrvis: --max-seconds: not with --mpi");
-    let copies =
-        on_ranks(&scratch, 2, &["form-factors", "cornell.obj", "--out", "f.csv", "--unit", "mm"]).exits(0);
+    let copies = on_ranks(&scratch, 2, "form-factors cornell.obj --out f.csv --unit mm").exits(0);
     assert_eq!(copies.stderr.matches("2 copies of this command").count(), 1, "{}", copies.stderr);
     // A job file cannot ask for ranks.
     scratch.write("bad.toml", JOBS.replace("audit = 0", "mpi = true"));
-    scratch.mrvis(&["batch", "bad.toml", "--out", "o"]).warns("`mpi` is set by the batch itself");
+    scratch.mrvis("batch bad.toml --out o").warns("`mpi` is set by the batch itself");
 }

@@ -1,9 +1,8 @@
 //! Progress callbacks on the thread of the caller.
 
 use super::guard::{Call, Outcome};
-use mrvis::Error;
-use mrvis::Progress;
 use mrvis::internals::threads::{in_callback, is_in_callback};
+use mrvis::{Error, Progress};
 use std::ffi::{CString, c_char, c_void};
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -7,9 +7,8 @@ use super::handle::{give, handle, object};
 use super::record::{RecordPlace, read_optional, record};
 use super::scene::{NamedScene, mrv_scene};
 use super::status::mrv_status;
-use mrvis::Builder;
 use mrvis::internals::ModelParts;
-use mrvis::{Detail, Model, PrepareOptions};
+use mrvis::{Builder, Detail, Model, PrepareOptions};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::OnceLock;
 

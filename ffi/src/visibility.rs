@@ -7,8 +7,7 @@ use super::model::mrv_model;
 use super::overlap::{Span, check_apart};
 use super::record::{RecordPlace, read, record};
 use super::status::mrv_status;
-use mrvis::{Answers, Engine, Segments, Strided};
-use mrvis::{Cost, Method};
+use mrvis::{Answers, Cost, Engine, Method, Segments, Strided};
 
 pub const MRV_ENGINE_AUTOMATIC: i32 = 0;
 pub const MRV_ENGINE_EXACT: i32 = 1;

@@ -5,8 +5,10 @@
 
 use crate::arguments::largest;
 use crate::errors::input;
-use numpy::{Element, PyArray1, PyArrayDyn, PyReadonlyArrayDyn, PyReadwriteArray1, PyUntypedArray};
-use numpy::{PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{
+    Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArray1, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::fmt::Display;

@@ -7,37 +7,25 @@ use crate::model::Model;
 use crate::{Error, Result, memory};
 use std::path::Path;
 
-/// Options of [`Model::form_factors`]: [`FormFactorOptions::default`] with other values of some fields.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct FormFactorOptions {
-    /// Rows and columns; default [`Grouping::Polygon`].
-    pub grouping: Grouping,
-    /// Rays of every polygon that look for what it sees, 1 to 1,048,576; default 2,048, more where there are few polygons.
-    pub rays: Option<u32>,
-    /// Largest number of rays between two polygons that are partly hidden from each other, 4 to 4,194,304; default 256, more where there are
-    /// few.
-    pub pair_rays: Option<u32>,
-    /// Whether rows that nothing escapes from are adjusted to the sum 1, each entry by as much as it is uncertain; default true. A F is
-    /// symmetric either way.
-    pub closure: bool,
-    /// Refuses to begin if the matrix could take more than so many bytes; default: four fifths of the available memory.
-    pub max_bytes: Option<u64>,
-    /// Seed of all random numbers; default 1.
-    pub seed: u64,
-}
-
-impl Default for FormFactorOptions {
-    /// By polygon; rays by their number; closure; a part of the available memory; seed 1.
-    fn default() -> Self {
-        FormFactorOptions {
-            grouping: Grouping::Polygon,
-            rays: None,
-            pair_rays: None,
-            closure: true,
-            max_bytes: None,
-            seed: 1,
-        }
+options! {
+    /// Options of [`Model::form_factors`]: [`FormFactorOptions::default`] with other values of some fields.
+    #[derive(Clone, Debug)]
+    #[non_exhaustive]
+    pub struct FormFactorOptions {
+        /// Rows and columns; default [`Grouping::Polygon`].
+        pub grouping: Grouping = Grouping::Polygon,
+        /// Rays of every polygon that look for what it sees, 1 to 1,048,576; default 2,048, more where there are few polygons.
+        pub rays: Option<u32> = None,
+        /// Largest number of rays between two polygons that are partly hidden from each other, 4 to 4,194,304; default 256, more where there are
+        /// few.
+        pub pair_rays: Option<u32> = None,
+        /// Whether rows that nothing escapes from are adjusted to the sum 1, each entry by as much as it is uncertain; default true. A F is
+        /// symmetric either way.
+        pub closure: bool = true,
+        /// Refuses to begin if the matrix could take more than so many bytes; default: four fifths of the available memory.
+        pub max_bytes: Option<u64> = None,
+        /// Seed of all random numbers; default 1.
+        pub seed: u64 = 1,
     }
 }
 

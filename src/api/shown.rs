@@ -65,22 +65,17 @@ impl Camera {
     }
 }
 
-/// Options of [`Solution::image`]: [`ImageOptions::default`] with other values of some fields.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct ImageOptions {
-    /// Columns and rows, 1 to 16,384 each and at most 2²⁵ pixels; default 800 and 600.
-    pub size: [usize; 2],
-    /// Whether the irradiance of every pixel is computed by final gathering instead of interpolated: slower and sharper. Default false.
-    pub gather: bool,
-    /// Whether surfaces are transparent from sides that no light can reach, as the outside of a closed room, instead of black. Default false.
-    pub look_inside: bool,
-}
-
-impl Default for ImageOptions {
-    /// 800 columns, 600 rows, interpolated.
-    fn default() -> Self {
-        ImageOptions { size: SIZE, gather: false, look_inside: false }
+options! {
+    /// Options of [`Solution::image`]: [`ImageOptions::default`] with other values of some fields.
+    #[derive(Clone, Debug)]
+    #[non_exhaustive]
+    pub struct ImageOptions {
+        /// Columns and rows, 1 to 16,384 each and at most 2²⁵ pixels; default 800 and 600.
+        pub size: [usize; 2] = SIZE,
+        /// Whether the irradiance of every pixel is computed by final gathering instead of interpolated: slower and sharper. Default false.
+        pub gather: bool = false,
+        /// Whether surfaces are transparent from sides that no light can reach, as the outside of a closed room, instead of black. Default false.
+        pub look_inside: bool = false,
     }
 }
 

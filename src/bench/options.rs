@@ -6,10 +6,9 @@ use super::sample::Sample;
 use crate::clusters::Builder;
 use crate::error::{quote, shown};
 use crate::model::cache::CacheLocation;
-use crate::optics;
 use crate::scene::Scene;
 use crate::threads::MAX_THREADS;
-use crate::{Error, Result, memory};
+use crate::{Error, Result, memory, optics};
 
 /// Largest number of segments from a point to an emitter: the length of one scrambled Sobol' sequence.
 pub(super) const MAX_RAYS: usize = 1 << 16;
@@ -25,59 +24,40 @@ const MAX_MAP: usize = 16_384;
 /// Largest number of segments of a row to one emitter: at 10 million a second (`mrvis bench` on one core) it takes a day.
 const MAX_SEGMENTS: f64 = 1e12;
 
-/// Options of a benchmark.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// Feature sizes, scene units; if empty, those that the shadow images show, see [`super::sizes`].
-    pub feature_sizes: Vec<f64>,
-    /// Segments from a point to an emitter for the MR engine; rows with 4 and 16 times as many are measured as well.
-    pub rays: usize,
-    /// Number of receiver points.
-    pub points: usize,
-    /// Names of the receivers of shadow images; if empty, [`choose`](super::receivers::choose) chooses them.
-    pub receivers: Vec<String>,
-    /// Texels along the longer side of the maps; 0: no maps, `None`: 256, or fewer with more than eight emitters.
-    pub map: Option<usize>,
-    /// Rays from a point to an emitter in the reference.
-    pub reference_rays: usize,
-    /// Largest number of times that each timed row is run, at least 1; the smallest of its times counts.
-    pub rounds: usize,
-    /// Threads of the timed sections; everything else uses all cores.
-    pub threads: usize,
-    /// Seed of every random choice.
-    pub seed: u64,
-    /// Part of the pairs, in `[0, 1]`, on which independent exact rays check each row; 0: no audit.
-    pub audit: f64,
-    /// Algorithm that builds the clusters.
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
-    pub builder: Builder,
-    /// How cluster optics are measured.
-    pub clusters: optics::Options,
-    /// Where measured clusters are cached.
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
-    pub cache: CacheLocation,
-    /// Largest memory of results, bytes; `None`: a part of the available memory.
-    pub max_memory: Option<u64>,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options {
-            feature_sizes: Vec::new(),
-            rays: 16,
-            points: 20_000,
-            receivers: Vec::new(),
-            map: Some(0),
-            reference_rays: 1024,
-            rounds: MAX_ROUNDS,
-            threads: 1,
-            seed: 1,
-            audit: 0.05,
-            builder: Builder::default(),
-            clusters: optics::Options::default(),
-            cache: CacheLocation::Off,
-            max_memory: None,
-        }
+options! {
+    /// Options of a benchmark.
+    #[derive(Clone, Debug)]
+    pub struct Options {
+        /// Feature sizes, scene units; if empty, those that the shadow images show, see [`super::sizes`].
+        pub feature_sizes: Vec<f64> = Vec::new(),
+        /// Segments from a point to an emitter for the MR engine; rows with 4 and 16 times as many are measured as well.
+        pub rays: usize = 16,
+        /// Number of receiver points.
+        pub points: usize = 20_000,
+        /// Names of the receivers of shadow images; if empty, [`choose`](super::receivers::choose) chooses them.
+        pub receivers: Vec<String> = Vec::new(),
+        /// Texels along the longer side of the maps; 0: no maps, `None`: 256, or fewer with more than eight emitters.
+        pub map: Option<usize> = Some(0),
+        /// Rays from a point to an emitter in the reference.
+        pub reference_rays: usize = 1024,
+        /// Largest number of times that each timed row is run, at least 1; the smallest of its times counts.
+        pub rounds: usize = MAX_ROUNDS,
+        /// Threads of the timed sections; everything else uses all cores.
+        pub threads: usize = 1,
+        /// Seed of every random choice.
+        pub seed: u64 = 1,
+        /// Part of the pairs, in `[0, 1]`, on which independent exact rays check each row; 0: no audit.
+        pub audit: f64 = 0.05,
+        /// Algorithm that builds the clusters.
+        #[cfg_attr(not(feature = "internals"), allow(dead_code))]
+        pub builder: Builder = Builder::default(),
+        /// How cluster optics are measured.
+        pub clusters: optics::Options = optics::Options::default(),
+        /// Where measured clusters are cached.
+        #[cfg_attr(not(feature = "internals"), allow(dead_code))]
+        pub cache: CacheLocation = CacheLocation::Off,
+        /// Largest memory of results, bytes; `None`: a part of the available memory.
+        pub max_memory: Option<u64> = None,
     }
 }
 

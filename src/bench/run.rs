@@ -2,7 +2,6 @@
 
 use super::context::Bench;
 use super::gallery::single_rays;
-use super::lights;
 use super::measure::{Queries, Timer};
 use super::options::Options;
 use super::page::ReceiverImages;
@@ -13,8 +12,8 @@ use super::reference::Reference;
 use super::rounds::MAX_TIME;
 use super::rows::Measured;
 use super::sizes::{default_sizes, of_images};
-use super::unaveraged;
 use super::workload::{Workload, surface_points};
+use super::{lights, unaveraged};
 use crate::model::Model;
 use crate::model::summary::SceneSummary;
 use crate::optics::Extinction;

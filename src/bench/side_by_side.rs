@@ -1,18 +1,16 @@
 //! Solves a model with a second visibility engine and compares time and irradiance of both solutions.
 
-#[cfg(any(test, feature = "internals"))]
-use crate::Result;
-#[cfg(any(test, feature = "internals"))]
-use crate::model::Model;
 use crate::points::Comparison;
-#[cfg(any(test, feature = "internals"))]
-use crate::points::{Irradiance, Point, compare};
-#[cfg(any(test, feature = "internals"))]
-use crate::progress::Progress;
 use crate::radiosity::links::Tally;
-#[cfg(any(test, feature = "internals"))]
-use crate::radiosity::{Options, Outcome, run};
 use crate::radiosity::{Record, Seconds, Visibility};
+#[cfg(any(test, feature = "internals"))]
+use crate::{
+    Result,
+    model::Model,
+    points::{Irradiance, Point, compare},
+    progress::Progress,
+    radiosity::{Options, Outcome, run},
+};
 use serde::Serialize;
 
 /// The solution of the second engine, compared with that of the first.

@@ -71,19 +71,15 @@ impl Builder {
     }
 }
 
-/// Options of [`build`].
-#[derive(Clone, Copy, Debug)]
-pub struct Options {
-    /// The algorithm.
-    pub builder: Builder,
-    /// Planar surfaces whose inscribed disc has a diameter of at least this fraction of the scene's diagonal are kept
-    /// outside the clusters; above 0, infinite for none.
-    pub large_surface: f32,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options { builder: Builder::default(), large_surface: 1.0 / 32.0 }
+options! {
+    /// Options of [`build`].
+    #[derive(Clone, Copy, Debug)]
+    pub struct Options {
+        /// The algorithm.
+        pub builder: Builder = Builder::default(),
+        /// Planar surfaces whose inscribed disc has a diameter of at least this fraction of the scene's diagonal are kept
+        /// outside the clusters; above 0, infinite for none.
+        pub large_surface: f32 = 1.0 / 32.0,
     }
 }
 

@@ -9,20 +9,15 @@ use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock};
 
-/// Options of an Embree scene.
-#[derive(Clone, Copy, Debug)]
-pub struct Options {
-    /// Conservative box and edge tests: no cracks between adjacent triangles, at a somewhat lower speed
-    /// (Embree's `RTC_SCENE_FLAG_ROBUST`).
-    pub robust: bool,
-    /// Compact nodes: less memory at a lower speed (Embree's `RTC_SCENE_FLAG_COMPACT`).
-    pub compact: bool,
-}
-
-impl Default for Options {
-    /// Robust, medium quality: results of single rays and packets agree.
-    fn default() -> Self {
-        Options { robust: true, compact: false }
+options! {
+    /// Options of an Embree scene.
+    #[derive(Clone, Copy, Debug)]
+    pub struct Options {
+        /// Conservative box and edge tests: no cracks between adjacent triangles, at a somewhat lower speed
+        /// (Embree's `RTC_SCENE_FLAG_ROBUST`).
+        pub robust: bool = true,
+        /// Compact nodes: less memory at a lower speed (Embree's `RTC_SCENE_FLAG_COMPACT`).
+        pub compact: bool = false,
     }
 }
 

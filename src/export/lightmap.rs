@@ -2,10 +2,6 @@
 //! texture coordinates of the file.
 
 use super::Mesh;
-#[cfg(any(test, feature = "internals"))]
-use crate::files::WholeFile;
-#[cfg(any(test, feature = "internals"))]
-use crate::progress::Stoppable;
 use crate::progress::{self, Progress};
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::Scene;
@@ -13,9 +9,12 @@ use crate::{Error, Result};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 #[cfg(any(test, feature = "internals"))]
-use std::io::{BufWriter, Write};
-#[cfg(any(test, feature = "internals"))]
-use std::path::Path;
+use {
+    crate::files::WholeFile,
+    crate::progress::Stoppable,
+    std::io::{BufWriter, Write},
+    std::path::Path,
+};
 
 /// An image of irradiance and its texture coordinates.
 #[derive(Clone, Debug)]

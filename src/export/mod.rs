@@ -31,24 +31,20 @@ mod vtu;
 pub use camera::{Camera, First, Frame, Stage, render};
 pub use gather::{light_of, visible_points};
 pub use gltf::write_glb;
-#[cfg(any(test, feature = "internals"))]
-pub use grid_picture::GridLight;
-#[cfg(any(test, feature = "internals"))]
-pub use lightmap::write_lightmap_mesh;
 pub use lightmap::{Lightmap, lightmap};
 pub use mesh::Mesh;
-#[cfg(any(test, feature = "internals"))]
-pub use picture::developed;
 pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, bytes_per_pixel, picture, suitable_lightmap};
 pub use ply::write_ply;
-#[cfg(any(test, feature = "internals"))]
-pub use scene_view::scene_view;
-#[cfg(any(test, feature = "internals"))]
-pub use solve_page::{PageGrid, grid_section};
 pub use solve_page::{PageView, solve_page};
-#[cfg(any(test, feature = "internals"))]
-pub use solve_page::{SurfaceLight, surfaces};
 pub use tone::Tone;
 pub use unwrapped::unwrapped_lightmap;
 pub use view::{VIEW, best_view};
 pub use vtu::write_vtu;
+#[cfg(any(test, feature = "internals"))]
+pub use {
+    grid_picture::GridLight,
+    lightmap::write_lightmap_mesh,
+    picture::developed,
+    scene_view::scene_view,
+    solve_page::{PageGrid, SurfaceLight, grid_section, surfaces},
+};

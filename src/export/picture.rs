@@ -3,9 +3,9 @@
 use super::camera::{Pixel, samples_of_pixel};
 use super::solve_page::Seen;
 use super::tone::luminance;
-use super::visible_points;
 use super::{
     Camera, First, Frame, Lightmap, PageView, Stage, Tone, light_of, lightmap, render, unwrapped_lightmap,
+    visible_points,
 };
 use crate::Result;
 use crate::image_io::{Picture, linear_to_srgb};

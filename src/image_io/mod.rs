@@ -15,8 +15,8 @@ mod write;
 
 pub use picture::{Picture, difference, false_colour, grey, linear_to_srgb, mask_overlay};
 #[cfg(any(test, feature = "internals"))]
-pub use read::{Channel, read_image};
-#[cfg(any(test, feature = "internals"))]
-pub use thumbnail::thumbnail;
-#[cfg(any(test, feature = "internals"))]
-pub use write::{write_atomically, write_exr, write_exr_rgb, write_png};
+pub use {
+    read::{Channel, read_image},
+    thumbnail::thumbnail,
+    write::{write_atomically, write_exr, write_exr_rgb, write_png},
+};

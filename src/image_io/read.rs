@@ -7,9 +7,8 @@ use image::{DynamicImage, ImageError, ImageReader};
 
 use crate::error::quote;
 use crate::files::input;
-use crate::memory;
 use crate::metrics::Image;
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 
 /// The value of a pixel as a function of its components.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

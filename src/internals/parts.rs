@@ -5,7 +5,6 @@ use crate::clusters::{self, Builder};
 use crate::math::Aabb;
 use crate::model::cache::CacheLocation;
 use crate::model::{Mesh, Model, PrepareOptions};
-use crate::optics;
 use crate::progress::Progress;
 use crate::ranks::Ranks;
 use crate::ray::EndRule;
@@ -16,7 +15,7 @@ use crate::scene::{
 use crate::sky::Environment;
 use crate::terrain::ReadOptions;
 use crate::visibility::{Exact, LeafMode, MultiResolution};
-use crate::{Result, embree::Traversal};
+use crate::{Result, embree::Traversal, optics};
 use glam::{DAffine3, DVec3, Vec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -18,22 +18,17 @@ pub enum Filter {
     Unmasked,
 }
 
-/// Options of the metric: [`FbemOptions::default`] with other values of some fields.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct FbemOptions {
-    /// Exponent p of the norm, at least 1; default 2, as in the paper.
-    pub exponent: f64,
-    /// Definition of features.
-    pub features: FeatureOptions,
-    /// Support of the box averages outside the mask; default [`Filter::Whole`].
-    pub filter: Filter,
-}
-
-impl Default for FbemOptions {
-    /// p = 2, both kinds of features, Euclidean sizes, averages over the whole box.
-    fn default() -> Self {
-        FbemOptions { exponent: 2.0, features: FeatureOptions::default(), filter: Filter::Whole }
+options! {
+    /// Options of the metric: [`FbemOptions::default`] with other values of some fields.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    #[non_exhaustive]
+    pub struct FbemOptions {
+        /// Exponent p of the norm, at least 1; default 2, as in the paper.
+        pub exponent: f64 = 2.0,
+        /// Definition of features.
+        pub features: FeatureOptions = FeatureOptions::default(),
+        /// Support of the box averages outside the mask; default [`Filter::Whole`].
+        pub filter: Filter = Filter::Whole,
     }
 }
 

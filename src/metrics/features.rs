@@ -18,29 +18,19 @@ pub enum Features {
     Shadow,
 }
 
-/// Definition of features: [`FeatureOptions::default`] with other values of some fields.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct FeatureOptions {
-    /// Kinds of regions; default [`Features::Both`].
-    pub features: Features,
-    /// Measure of sizes; default [`Morphology::Euclid`].
-    pub morphology: Morphology,
-    /// Value of an unoccluded texel, greater than 0, in the image's units; default 1, for visible fractions.
-    pub white: f32,
-    /// A texel is in shadow if its value is less than (1 − threshold) · white; in `[0, 1)`, dimensionless; default 0.02.
-    pub threshold: f32,
-}
-
-impl Default for FeatureOptions {
-    /// Shadows and lit regions, Euclidean sizes, unoccluded value 1, threshold 0.02.
-    fn default() -> Self {
-        FeatureOptions {
-            features: Features::Both,
-            morphology: Morphology::Euclid,
-            white: 1.0,
-            threshold: DEFAULT_THRESHOLD,
-        }
+options! {
+    /// Definition of features: [`FeatureOptions::default`] with other values of some fields.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    #[non_exhaustive]
+    pub struct FeatureOptions {
+        /// Kinds of regions; default [`Features::Both`].
+        pub features: Features = Features::Both,
+        /// Measure of sizes; default [`Morphology::Euclid`].
+        pub morphology: Morphology = Morphology::Euclid,
+        /// Value of an unoccluded texel, greater than 0, in the image's units; default 1, for visible fractions.
+        pub white: f32 = 1.0,
+        /// A texel is in shadow if its value is less than (1 − threshold) · white; in `[0, 1)`, dimensionless; default 0.02.
+        pub threshold: f32 = DEFAULT_THRESHOLD,
     }
 }
 

@@ -27,12 +27,8 @@ pub use mesh::Mesh;
 pub use prepare::{Detail, PrepareOptions, PrepareReport};
 pub use source::Source;
 
-#[cfg(any(test, feature = "reports"))]
-use crate::clusters;
 use crate::embree::{CommittedScene, Device, Hits, Traversal};
 use crate::math::Aabb;
-#[cfg(any(test, feature = "reports"))]
-use crate::optics;
 use crate::progress::{Progress, Watcher};
 use crate::ranks::Ranks;
 use crate::ray::{EndRule, Packet};
@@ -40,6 +36,8 @@ use crate::scene::{Scene, magnitude};
 use crate::threads::Threads;
 use crate::visibility::{LeafMode, MultiResolution};
 use crate::{Error, Result};
+#[cfg(any(test, feature = "reports"))]
+use crate::{clusters, optics};
 use engines::Engines;
 use glam::Vec3;
 use std::sync::Arc;

@@ -2,13 +2,12 @@
 
 use super::instance::Instance;
 use super::mesh::{Measured, Mesh};
-use crate::Result;
 use crate::clusters::placed::Cells;
 use crate::embree::{CommittedScene, Device, SceneBuilder};
 use crate::math::Aabb;
-use crate::optics;
 use crate::optics::groups::Member;
 use crate::visibility::{Frame, InstanceTree, Instances, PlacedChange};
+use crate::{Result, optics};
 use std::sync::Arc;
 
 /// The Embree scene of all present instances, and their groups.

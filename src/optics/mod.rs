@@ -38,27 +38,19 @@ pub enum Extinction {
     Measured,
 }
 
-/// Options of [`measure`].
-#[derive(Clone, Copy, Debug)]
-pub struct Options {
-    /// Measure of blocker and gap sizes: the inscribed disc, or the paper's erosion counts.
-    pub morphology: Morphology,
-    /// Source of the extinction.
-    pub extinction: Extinction,
-    /// Root mean square error of a cluster's transmittance that the averaging width allows, above 0, dimensionless. At
-    /// 1 the averaging width rarely exceeds the blocker size.
-    pub tolerance: f32,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options {
-            morphology: Morphology::Euclid,
-            extinction: Extinction::default(),
-            // Clusters of larger error need wider beams. The forest of `scenes/constants.py bench`, at a feature size of
-            // 0.25 m and 64 segments, has errors of 0.026 at 0.05 and 0.036 at 0.1; at 0.02 no cluster is averaged.
-            tolerance: 0.05,
-        }
+options! {
+    /// Options of [`measure`].
+    #[derive(Clone, Copy, Debug)]
+    pub struct Options {
+        /// Measure of blocker and gap sizes: the inscribed disc, or the paper's erosion counts.
+        pub morphology: Morphology = Morphology::Euclid,
+        /// Source of the extinction.
+        pub extinction: Extinction = Extinction::default(),
+        /// Root mean square error of a cluster's transmittance that the averaging width allows, above 0, dimensionless. At
+        /// 1 the averaging width rarely exceeds the blocker size.
+        // Clusters of larger error need wider beams. The forest of `scenes/constants.py bench`, at a feature size of
+        // 0.25 m and 64 segments, has errors of 0.026 at 0.05 and 0.036 at 0.1; at 0.02 no cluster is averaged.
+        pub tolerance: f32 = 0.05,
     }
 }
 

@@ -80,22 +80,24 @@ impl<T: ToString> From<T> for Cell {
     }
 }
 
-/// A table with a heading per column. In windows too narrow for its columns each row is a list of headings and values.
-pub fn table<const N: usize>(columns: [&str; N], rows: &[[Cell; N]]) -> Markup {
+/// A table. The headings of its columns stand between vertical bars. In windows too narrow for its columns each row is a list of headings
+/// and values.
+pub fn table<const N: usize>(columns: &str, rows: &[[Cell; N]]) -> Markup {
+    debug_assert_eq!(columns.split(" | ").count(), N, "a heading for each column");
     // More columns than this do not fit into a tablet.
     let class = if N > 6 { "rows many" } else { "rows" };
     html! {
         table class=(class) {
             thead {
                 tr {
-                    @for (k, name) in columns.iter().enumerate() {
+                    @for (k, name) in columns.split(" | ").enumerate() {
                         th scope="col" class=[rows.first().and_then(|row| row[k].class.filter(|c| *c == "text"))] { (name) }
                     }
                 }
             }
             tbody {
                 @for row in rows {
-                    tr { @for (cell, name) in row.iter().zip(columns) { td class=[cell.class] data-name=(name) { (cell.text) } } }
+                    tr { @for (cell, name) in row.iter().zip(columns.split(" | ")) { td class=[cell.class] data-name=(name) { (cell.text) } } }
                 }
             }
         }

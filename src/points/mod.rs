@@ -17,13 +17,11 @@ mod write;
 #[cfg(any(test, feature = "reports"))]
 pub use compare::Comparison;
 #[cfg(any(test, feature = "internals"))]
-pub use compare::compare;
-#[cfg(any(test, feature = "internals"))]
-pub use read::irradiance_of;
-#[cfg(any(test, feature = "internals"))]
-pub use read::{read_irradiance, read_points};
-#[cfg(any(test, feature = "internals"))]
-pub use write::write_irradiance;
+pub use {
+    compare::compare,
+    read::{irradiance_of, read_irradiance, read_points},
+    write::write_irradiance,
+};
 
 use glam::DVec3;
 

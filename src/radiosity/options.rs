@@ -69,104 +69,73 @@ pub struct View {
     pub angle: f64,
 }
 
-/// Options of a solution.
-#[derive(Clone, Debug, serde::Serialize)]
-pub struct Options {
-    /// Target RMS irradiance error relative to the mean irradiance, above 0. A goal, not a bound: each link is refined to a
-    /// share of it, and the error that all links leave together is estimated and audited.
-    pub error: f64,
-    /// Which quantity of a link decides about its refinement.
-    pub oracle: Oracle,
-    /// Smallest element as part of the scene's area; above 0.
-    pub min_area: f64,
-    /// How row sums of form factors are normalised, along links and in the local pass.
-    #[serde(rename = "rows")]
-    pub row_sums: RowSums,
-    /// Algorithm that builds the clusters.
-    pub builder: Builder,
-    /// The visibility engine.
-    pub visibility: Visibility,
-    /// Feature size of all receivers, scene units; by default each receiver's own diameter. With importance this is the size
-    /// on important surfaces; elsewhere it grows with √(I_max / I), up to 7 times.
-    pub feature_size: Option<f32>,
-    /// Feature sizes of objects, groups or materials by name, scene units. They override `feature_size` and never grow.
-    pub feature_sizes: Vec<(String, f32)>,
-    /// What light does inside the clusters that links end at.
-    pub inside: Inside,
-    /// Objects, groups or materials whose light matters. Errors elsewhere count by their effect there. Empty: everything.
-    pub importance: Vec<String>,
-    /// Cameras whose pictures matter: what they see is important, and by default features have a few of their pixels.
-    pub views: Vec<View>,
-    /// Number of elements whose error bars are checked.
-    pub audit: usize,
-    /// Omit reflected light at points.
-    pub direct_only: bool,
-    /// Whether the light of elements is asked for: for meshes, pictures and lightmaps, and for its error. Otherwise the solution has no more
-    /// than irradiance at points needs.
-    pub elements: bool,
-    /// Shadow rays from a point to an emitter that is partly visible; by default derived from the error.
-    pub light_rays: Option<usize>,
-    /// Rays from a point that gather reflected light, rounded up to a grid of blocks of sixteen; by default derived from the
-    /// error.
-    pub gather_rays: Option<usize>,
-    /// Rays by which elements gather their light in the end, at most; 0 for light along links alone, by default derived from the
-    /// error. Scenes of few elements need fewer.
-    pub local_rays: Option<usize>,
-    /// Seconds of refinement a step (progressive multi-gridding); without a number each step ends at its error threshold.
-    pub step_seconds: Option<f64>,
-    /// Time limit in seconds for refinement, the local pass and points, from the call that solves, less [`Options::seconds_spent`]. Fewer
-    /// links are refined and fewer rays traced to meet it.
-    pub max_seconds: Option<f64>,
-    /// Seconds of that time that the caller has spent already: the command counts reading and preparation.
-    #[serde(skip)]
-    pub seconds_spent: f64,
-    /// Whether irradiance at more points will be asked for after the solution: part of the time limit is kept for that.
-    pub more_points: bool,
-    /// Number of points, the last of them, that are meant to lie off surfaces: they are not reported for it.
-    #[serde(skip)]
-    pub points_in_space: usize,
-    /// Largest RMS error of the elements' irradiance relative to its mean, as independent paths find it: the local pass is repeated with more
-    /// rays until then, unless `local_rays` is given. Refinement of links ends when their error estimate is no larger.
-    pub target_error: Option<f64>,
-    /// Refinement ends at this number of links.
-    pub max_links: usize,
-    /// Where measured clusters are kept.
-    #[serde(skip)]
-    pub cache: CacheLocation,
-    /// Seed of all random numbers.
-    pub seed: u64,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options {
-            error: 0.02,
-            oracle: Oracle::default(),
-            min_area: 2e-5,
-            row_sums: RowSums::default(),
-            builder: Builder::default(),
-            visibility: Visibility::default(),
-            feature_size: None,
-            feature_sizes: Vec::new(),
-            inside: Inside::default(),
-            importance: Vec::new(),
-            views: Vec::new(),
-            audit: 200,
-            direct_only: false,
-            elements: true,
-            light_rays: None,
-            gather_rays: None,
-            local_rays: None,
-            step_seconds: None,
-            max_seconds: None,
-            seconds_spent: 0.0,
-            more_points: false,
-            points_in_space: 0,
-            target_error: None,
-            max_links: 10_000_000,
-            cache: CacheLocation::Off,
-            seed: 1,
-        }
+options! {
+    /// Options of a solution.
+    #[derive(Clone, Debug, serde::Serialize)]
+    pub struct Options {
+        /// Target RMS irradiance error relative to the mean irradiance, above 0. A goal, not a bound: each link is refined to a
+        /// share of it, and the error that all links leave together is estimated and audited.
+        pub error: f64 = 0.02,
+        /// Which quantity of a link decides about its refinement.
+        pub oracle: Oracle = Oracle::default(),
+        /// Smallest element as part of the scene's area; above 0.
+        pub min_area: f64 = 2e-5,
+        /// How row sums of form factors are normalised, along links and in the local pass.
+        #[serde(rename = "rows")]
+        pub row_sums: RowSums = RowSums::default(),
+        /// Algorithm that builds the clusters.
+        pub builder: Builder = Builder::default(),
+        /// The visibility engine.
+        pub visibility: Visibility = Visibility::default(),
+        /// Feature size of all receivers, scene units; by default each receiver's own diameter. With importance this is the size
+        /// on important surfaces; elsewhere it grows with √(I_max / I), up to 7 times.
+        pub feature_size: Option<f32> = None,
+        /// Feature sizes of objects, groups or materials by name, scene units. They override `feature_size` and never grow.
+        pub feature_sizes: Vec<(String, f32)> = Vec::new(),
+        /// What light does inside the clusters that links end at.
+        pub inside: Inside = Inside::default(),
+        /// Objects, groups or materials whose light matters. Errors elsewhere count by their effect there. Empty: everything.
+        pub importance: Vec<String> = Vec::new(),
+        /// Cameras whose pictures matter: what they see is important, and by default features have a few of their pixels.
+        pub views: Vec<View> = Vec::new(),
+        /// Number of elements whose error bars are checked.
+        pub audit: usize = 200,
+        /// Omit reflected light at points.
+        pub direct_only: bool = false,
+        /// Whether the light of elements is asked for: for meshes, pictures and lightmaps, and for its error. Otherwise the solution has no more
+        /// than irradiance at points needs.
+        pub elements: bool = true,
+        /// Shadow rays from a point to an emitter that is partly visible; by default derived from the error.
+        pub light_rays: Option<usize> = None,
+        /// Rays from a point that gather reflected light, rounded up to a grid of blocks of sixteen; by default derived from the
+        /// error.
+        pub gather_rays: Option<usize> = None,
+        /// Rays by which elements gather their light in the end, at most; 0 for light along links alone, by default derived from the
+        /// error. Scenes of few elements need fewer.
+        pub local_rays: Option<usize> = None,
+        /// Seconds of refinement a step (progressive multi-gridding); without a number each step ends at its error threshold.
+        pub step_seconds: Option<f64> = None,
+        /// Time limit in seconds for refinement, the local pass and points, from the call that solves, less [`Options::seconds_spent`]. Fewer
+        /// links are refined and fewer rays traced to meet it.
+        pub max_seconds: Option<f64> = None,
+        /// Seconds of that time that the caller has spent already: the command counts reading and preparation.
+        #[serde(skip)]
+        pub seconds_spent: f64 = 0.0,
+        /// Whether irradiance at more points will be asked for after the solution: part of the time limit is kept for that.
+        pub more_points: bool = false,
+        /// Number of points, the last of them, that are meant to lie off surfaces: they are not reported for it.
+        #[serde(skip)]
+        pub points_in_space: usize = 0,
+        /// Largest RMS error of the elements' irradiance relative to its mean, as independent paths find it: the local pass is repeated with more
+        /// rays until then, unless `local_rays` is given. Refinement of links ends when their error estimate is no larger.
+        pub target_error: Option<f64> = None,
+        /// Refinement ends at this number of links.
+        pub max_links: usize = 10_000_000,
+        /// Where measured clusters are kept.
+        #[serde(skip)]
+        pub cache: CacheLocation = CacheLocation::Off,
+        /// Seed of all random numbers.
+        pub seed: u64 = 1,
     }
 }
 

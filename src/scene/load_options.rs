@@ -8,46 +8,48 @@ use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Properties that a file does not state or states wrongly: [`LoadOptions::default`] with other values of some fields.
-///
-/// ```
-/// use mrvis::{LoadOptions, Strength};
-///
-/// let mut options = LoadOptions::default();
-/// options.unit = "cm".into();
-/// options.emitters.push(("lamp".into(), Strength::Watts(40.0)));
-/// ```
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct LoadOptions {
-    /// The length unit of the scene's coordinates: `m` (default), `dm`, `cm`, `mm`, `km`, `in` or `ft`; any other name counts as metres where
-    /// power is concerned.
-    pub unit: String,
-    /// Objects, groups or materials that become emitters, with what they send out, at least 0; 0 switches an emitter off.
-    pub emitters: Vec<(String, Strength)>,
-    /// Which channels hold light as the eye weighs it, for luminaires and luminous emitters; default [`Channels::Rgb`].
-    pub channels: Channels,
-    /// Upward axis of the scene's coordinates, for automatic cameras and files that have one; default: y in glTF, elsewhere as the light and
-    /// the extents say.
-    pub up: Option<UpAxis>,
-    /// Whether emissive faces emit from both sides; default false: only from the front.
-    pub two_sided_emission: bool,
-    /// Overrides what connectivity says: 1 all faces bound solids, 2 all are sheets that are seen from both sides.
-    pub sides: Option<u8>,
-    /// Threads, at most 1024; 0 (default) for one a core. Calls from inside a rayon pool use that pool instead.
-    pub threads: usize,
-    /// Largest file and largest sum of decoded textures, bytes; default: four fifths of the available memory.
-    pub max_memory: Option<u64>,
-    /// Objects and glTF nodes that are moved, in this order.
-    pub(crate) moves: Vec<Move>,
-    /// Luminaires with photometric files.
-    pub(crate) luminaires: Placements,
-    /// What the file of a height field does not state.
-    pub(crate) grid: ReadOptions,
-    /// Further files of the scene.
-    pub(crate) added: AddedFiles,
-    /// Radius of the earth, as a part of its mean radius, along which height fields curve; `None`: a flat earth.
-    pub(crate) curvature: Option<f64>,
+options! {
+    /// Properties that a file does not state or states wrongly: [`LoadOptions::default`] with other values of some fields.
+    ///
+    /// ```
+    /// use mrvis::{LoadOptions, Strength};
+    ///
+    /// let mut options = LoadOptions::default();
+    /// options.unit = "cm".into();
+    /// options.emitters.push(("lamp".into(), Strength::Watts(40.0)));
+    /// ```
+    #[derive(Clone, Debug)]
+    #[non_exhaustive]
+    pub struct LoadOptions {
+        /// The length unit of the scene's coordinates: `m` (default), `dm`, `cm`, `mm`, `km`, `in` or `ft`; any other name counts as metres where
+        /// power is concerned.
+        pub unit: String = "m".into(),
+        /// Objects, groups or materials that become emitters, with what they send out, at least 0; 0 switches an emitter off.
+        pub emitters: Vec<(String, Strength)> = Vec::new(),
+        /// Which channels hold light as the eye weighs it, for luminaires and luminous emitters; default [`Channels::Rgb`].
+        pub channels: Channels = Channels::default(),
+        /// Upward axis of the scene's coordinates, for automatic cameras and files that have one; default: y in glTF, elsewhere as the light and
+        /// the extents say.
+        pub up: Option<UpAxis> = None,
+        /// Whether emissive faces emit from both sides; default false: only from the front.
+        pub two_sided_emission: bool = false,
+        /// Overrides what connectivity says: 1 all faces bound solids, 2 all are sheets that are seen from both sides.
+        pub sides: Option<u8> = None,
+        /// Threads, at most 1024; 0 (default) for one a core. Calls from inside a rayon pool use that pool instead.
+        pub threads: usize = 0,
+        /// Largest file and largest sum of decoded textures, bytes; default: four fifths of the available memory.
+        pub max_memory: Option<u64> = None,
+        /// Objects and glTF nodes that are moved, in this order.
+        pub(crate) moves: Vec<Move> = Vec::new(),
+        /// Luminaires with photometric files.
+        pub(crate) luminaires: Placements = Placements::default(),
+        /// What the file of a height field does not state.
+        pub(crate) grid: ReadOptions = ReadOptions::default(),
+        /// Further files of the scene.
+        pub(crate) added: AddedFiles = AddedFiles::default(),
+        /// Radius of the earth, as a part of its mean radius, along which height fields curve; `None`: a flat earth.
+        pub(crate) curvature: Option<f64> = None,
+    }
 }
 
 /// The luminaires of a placement file.
@@ -72,27 +74,6 @@ pub(crate) struct PlacedLuminaire {
     pub(super) scale: f64,
     /// Dimming and maintenance factor, above 0 and at most 1.
     pub(super) factors: [f64; 2],
-}
-
-impl Default for LoadOptions {
-    /// Metres; emission and sides as the file says; all cores.
-    fn default() -> Self {
-        LoadOptions {
-            unit: "m".into(),
-            emitters: Vec::new(),
-            moves: Vec::new(),
-            luminaires: Placements::default(),
-            channels: Channels::default(),
-            up: None,
-            two_sided_emission: false,
-            sides: None,
-            threads: 0,
-            grid: ReadOptions::default(),
-            added: AddedFiles::default(),
-            curvature: None,
-            max_memory: None,
-        }
-    }
 }
 
 impl LoadOptions {

@@ -56,33 +56,15 @@ mod write_gltf;
 #[cfg(any(test, feature = "internals"))]
 mod write_obj;
 
-#[cfg(any(test, feature = "internals"))]
-pub use added::{AddedFiles, read_added};
 pub use emitter_sampler::EmitterSampler;
 pub use flatten::InstanceTriangles;
 pub use front::GenerateOptions;
 pub(crate) use instances::resolve_placed;
 pub use limits::{MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT};
-#[cfg(any(test, feature = "internals"))]
-pub use load::read_from_memory;
 pub use load_options::LoadOptions;
-#[cfg(any(test, feature = "internals"))]
-pub use load_options::Placements;
-#[cfg(any(test, feature = "internals"))]
-pub use luminaires::lit_from_memory;
-#[cfg(any(test, feature = "internals"))]
-pub use luminaires::read_placements;
 pub(crate) use magnitudes::magnitude;
-#[cfg(any(test, feature = "internals"))]
-pub use measuring_grid::MeasuringGrid;
-#[cfg(any(test, feature = "internals"))]
-pub use moves::Move;
-#[cfg(any(test, feature = "internals"))]
-pub use mtl::read_materials;
 pub use photometry::{Channels, Photometry};
 pub use placement::{MAX_PLACEMENTS, Placement};
-#[cfg(any(test, feature = "internals"))]
-pub use power::parse_emitter;
 pub use power::unit_in_metres;
 pub use profile::Profile;
 pub use resolve::resolve;
@@ -91,11 +73,19 @@ pub use strength::Strength;
 pub use stretch::{MAX_STRETCH, stretch};
 pub use up::UpAxis;
 #[cfg(any(test, feature = "internals"))]
-pub use up::UpFrom;
-#[cfg(any(test, feature = "internals"))]
-pub use write_gltf::write_gltf;
-#[cfg(any(test, feature = "internals"))]
-pub use write_obj::{mtl_path, write_obj};
+pub use {
+    added::{AddedFiles, read_added},
+    load::read_from_memory,
+    load_options::Placements,
+    luminaires::{lit_from_memory, read_placements},
+    measuring_grid::MeasuringGrid,
+    moves::Move,
+    mtl::read_materials,
+    power::parse_emitter,
+    up::UpFrom,
+    write_gltf::write_gltf,
+    write_obj::{mtl_path, write_obj},
+};
 
 use crate::Result;
 use crate::math::{Aabb, triangle_area, triangle_normal};

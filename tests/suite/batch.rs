@@ -7,12 +7,12 @@ mod parts;
 mod results;
 
 use crate::determinism::strip;
-use crate::run::{Outcome, Scratch, assert_same_files, job_files};
+use crate::run::{Outcome, Scratch, assert_same_files, job_files, signal, wait_until};
 use mrvis::internals::scene::generate::Spec;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// Twelve short jobs, of which two need others.
@@ -79,11 +79,6 @@ fn journal(out: &Path) -> Vec<Value> {
     let text = std::fs::read_to_string(out.join(".mrvis-batch/journal.jsonl")).unwrap_or_default();
     let whole = text.rfind('\n').map_or(0, |i| i + 1);
     text[..whole].lines().map(|line| serde_json::from_str(line).expect("a line")).collect()
-}
-
-fn started(scratch: &Scratch, arguments: &[&str]) -> Child {
-    let mut command = scratch.command(arguments);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the command runs")
 }
 
 /// However jobs are packed, their files are those of the single commands.
@@ -165,7 +160,7 @@ fn nothing_is_lost_when_the_batch_is_killed() {
         let before = journal(&scratch.path(&out)).len();
         let jobs = before + (random >> 40) as usize % (COUNT - before);
         let seconds = longest / COUNT as f64 * (random >> 33) as f64 / (1u64 << 31) as f64;
-        let mut child = started(&scratch, &["batch", "jobs.toml", "--out", &out]);
+        let mut child = scratch.started(&format!("batch jobs.toml --out {out}"));
         while journal(&scratch.path(&out)).len() < jobs && child.try_wait().expect("a child").is_none() {
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -210,15 +205,11 @@ fn an_interrupted_batch_goes_on() {
     let long =
         "[[job]]\nname = 'long'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { error = 0.001 }\n";
     scratch.write("long.toml", JOBS.replace("'*.obj'", "'cornell.obj'") + long);
-    let child = started(&scratch, &["batch", "long.toml", "--out", "o", "--threads", "2"]);
-    let start = Instant::now();
-    while journal(&scratch.path("o")).is_empty() && start.elapsed() < Duration::from_secs(60) {
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-    assert!(sent.expect("kill").success());
+    let child = scratch.started("batch long.toml --out o --threads 2");
+    wait_until(60, "no job ends", || !journal(&scratch.path("o")).is_empty());
+    signal("INT", child.id());
     let sent = Instant::now();
-    Outcome::of(child.wait_with_output().expect("its end")).exits(130).warns("the same command goes on");
+    Outcome::at_end(child).exits(130).warns("the same command goes on");
     // A second on an idle machine; tests share a loaded one.
     assert!(sent.elapsed() < Duration::from_secs(20));
     let done = journal(&scratch.path("o")).len();

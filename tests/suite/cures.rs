@@ -1,6 +1,6 @@
 //! Errors and warnings name the cure that helps.
 
-use crate::hostile::{IES, LIBRARY, LIGHTS, QUICK, SCENE, refused, scratch};
+use crate::hostile::{IES, LIBRARY, LIGHTS, SCENE, quick, refused, scratch};
 use crate::run::Scratch;
 
 /// A floor, lit by a luminaire with these lines of its file.
@@ -16,13 +16,10 @@ fn lit(lights: &str) -> Scratch {
 #[test]
 fn a_luminaire_that_misses_everything_is_to_be_aimed() {
     let scratch = lit(&LIGHTS.replace("[1, 1, 1.5]", "[1, 1, 3]").replace("[0, 0, -1]", "[0, 0, 1]"));
-    let options = ["scene.obj", "--luminaires", "lights.toml"];
-    let solved =
-        scratch.mrvis(&[&["solve", "--out", "o", "--output", "none"][..], &options].concat()).exits(0);
-    let traced = scratch
-        .mrvis(&[&["reference", "--points", "points.csv", "--samples", "8"][..], &options].concat())
-        .exits(0);
-    let bench = scratch.mrvis(&[&["bench"][..], &options, &QUICK].concat());
+    let options = "scene.obj --luminaires lights.toml";
+    let solved = scratch.mrvis(&format!("solve --out o --output none {options}")).exits(0);
+    let traced = scratch.mrvis(&format!("reference --points points.csv --samples 8 {options}")).exits(0);
+    let bench = scratch.mrvis(&quick("bench scene.obj --luminaires lights.toml"));
     refused(&bench, "no surface faces an emitter");
     for said in [solved.stdout, traced.stderr, bench.stderr] {
         assert!(said.contains("check `at` and `aim`") && !said.contains("reverse"), "{said}");
@@ -31,8 +28,7 @@ fn a_luminaire_that_misses_everything_is_to_be_aimed() {
 
 #[test]
 fn a_camera_that_looks_nowhere_is_told_so() {
-    let camera = ["--camera", "1,2,3,1,2,3,60"];
-    let solved = scratch().mrvis(&[&["solve", "scene.obj", "--out", "o"][..], &camera].concat());
+    let solved = scratch().mrvis("solve scene.obj --out o --camera 1,2,3,1,2,3,60");
     refused(&solved, "eye and target are the same point");
     assert!(!solved.stderr.contains("seven numbers"), "{}", solved.stderr);
 }
@@ -44,9 +40,7 @@ fn few_points_of_a_bench_are_no_fault_of_the_scene() {
     // The lamp lights the small floor, not the large ceiling above it.
     let ceiling = "o ceiling\nusemtl grey\nv -40 -40 9\nv 40 -40 9\nv 40 40 9\nv -40 40 9\nf 8 9 10 11\n";
     scratch.write("scene.obj", format!("{SCENE}{ceiling}"));
-    assert_eq!(QUICK[0], "--points");
-    let one = [&["bench", "scene.obj", "--points", "1"][..], &QUICK[2..]].concat();
-    let bench = scratch.mrvis(&one);
+    let bench = scratch.mrvis("bench scene.obj --points 1 --reference-rays 16 --map 0 --feature-size 1");
     refused(&bench, "ask for more (--points)");
     assert!(!bench.stderr.contains("reverse") && !bench.stderr.contains("winding"), "{}", bench.stderr);
 }
@@ -57,12 +51,11 @@ fn numbers_are_called_numbers() {
     let scratch = lit(&LIGHTS.replace("[1, 1, 1.5]", "[1, 1, 'x']"));
     scratch.write("sizes.toml", "floor = 'x'\n");
     for (options, what) in [
-        (&["--luminaires", "lights.toml"][..], "expected a number"),
-        (&["--feature-sizes", "sizes.toml"], "expected a number"),
-        (&["--error", "x"], "'--error <E>': expected a number"),
-        (&["--seed", "x"], "'--seed <N>': expected a whole number"),
+        ("--luminaires lights.toml", "expected a number"),
+        ("--feature-sizes sizes.toml", "expected a number"),
+        ("--error x", "'--error <E>': expected a number"),
+        ("--seed x", "'--seed <N>': expected a whole number"),
     ] {
-        let solved = scratch.mrvis(&[&["solve", "scene.obj", "--out", "o"][..], options].concat());
-        refused(&solved, what);
+        refused(&scratch.mrvis(&format!("solve scene.obj --out o {options}")), what);
     }
 }

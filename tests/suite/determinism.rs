@@ -60,27 +60,10 @@ fn bench_reports_the_same_figures_on_any_number_of_threads() {
         let scene = scratch.generate(&spec);
         let report = |threads: &str| {
             let file = format!("{name}-{threads}.json");
-            let options = [
-                "--points",
-                "120",
-                "--rays",
-                "4",
-                "--feature-size",
-                "0.2",
-                "--reference-rays",
-                "32",
-                "--map",
-                "24",
-                "--rounds",
-                "1",
-                "--seed",
-                "5",
-                "--quiet",
-                "--cache",
-                "off",
-            ];
-            let call = ["bench", &scene, "--threads", threads, "--json", &file];
-            scratch.mrvis(&[&call[..], &options].concat()).exits(0);
+            let few =
+                "--points 120 --rays 4 --feature-size 0.2 --reference-rays 32 --map 24 --rounds 1 --seed 5";
+            let call = format!("bench {scene} --threads {threads} --json {file} --quiet --cache off {few}");
+            scratch.mrvis(&call).exits(0);
             let mut json = scratch.json(&file);
             strip(&mut json);
             json
@@ -100,22 +83,20 @@ fn bench_reports_the_same_figures_with_a_cache() {
     let mut spec = Spec::new("forest");
     (spec.trees, spec.leaves, spec.light_size) = (2, 100, Some(1.0));
     let scene = scratch.generate(&spec);
-    let report = |cache: &[&str], want: &str| {
-        let options =
-            ["--points", "60", "--rays", "1", "--reference-rays", "8", "--map", "0", "--rounds", "1"];
-        let options = [&options[..], &["--feature-size", "0.2", "--quiet", "--json", "r.json"]].concat();
-        scratch.mrvis(&[&["bench", &scene][..], &options[..], cache].concat()).exits(0);
+    let report = |cache: &str, want: &str| {
+        let quick = "--points 60 --rays 1 --reference-rays 8 --map 0 --rounds 1 --feature-size 0.2";
+        scratch.mrvis(&format!("bench {scene} {quick} --quiet --json r.json {cache}")).exits(0);
         let mut json = scratch.json("r.json");
         assert_eq!(json["build"]["cache"], want);
         let noted = json["build"].get("cache_note").is_some();
         strip(&mut json);
         (json, noted)
     };
-    let measured = report(&["--cache", "off"], "off");
+    let measured = report("--cache off", "off");
     assert!(!measured.1);
-    assert_eq!(report(&[], "made"), measured);
-    assert_eq!(report(&[], "hit"), measured);
-    assert_eq!(report(&["--cache", "folder"], "made"), measured);
+    assert_eq!(report("", "made"), measured);
+    assert_eq!(report("", "hit"), measured);
+    assert_eq!(report("--cache folder", "made"), measured);
     let kept = std::fs::read_dir(scratch.path("cache/mrvis"))
         .expect("the user's folder")
         .flatten()
@@ -125,6 +106,6 @@ fn bench_reports_the_same_figures_with_a_cache() {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     std::fs::write(&file, &bytes).expect("written");
-    assert_eq!(report(&[], "made"), (measured.0.clone(), true));
-    assert_eq!(report(&[], "hit"), measured);
+    assert_eq!(report("", "made"), (measured.0.clone(), true));
+    assert_eq!(report("", "hit"), measured);
 }

@@ -1,40 +1,17 @@
 //! Calls that end early: interrupted by the user.
 #![cfg(unix)]
 
-use crate::run::{Outcome, Scratch};
+use crate::run::{Outcome, Scratch, signal, wait, wait_until};
 use mrvis::internals::scene::generate::Spec;
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::process::Child;
 
-/// A loaded machine of tests is many times slower than an idle one, on which a second is the promise.
-const LATEST_END: Duration = Duration::from_secs(30);
-
-fn wait(seconds: f64) {
-    std::thread::sleep(Duration::from_secs_f64(seconds));
-}
+/// Seconds. A loaded machine of tests is many times slower than an idle one, on which a second is the promise.
+const LATEST_END: f64 = 30.0;
 
 /// Sends Ctrl-C and waits for the end.
 fn interrupted(child: Child) -> Outcome {
-    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-    assert!(sent.expect("kill").success());
-    ended(child)
-}
-
-/// Waits for the end; a call that takes too long is killed and has no exit code.
-fn ended(mut child: Child) -> Outcome {
-    let start = Instant::now();
-    while child.try_wait().expect("a child").is_none() {
-        if start.elapsed() > LATEST_END {
-            child.kill().expect("ended");
-        }
-        wait(0.01);
-    }
-    Outcome::of(child.wait_with_output().expect("its output"))
-}
-
-fn started(scratch: &Scratch, arguments: &[&str]) -> Child {
-    let mut command = scratch.command(arguments);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the command runs")
+    signal("INT", child.id());
+    Outcome::within(LATEST_END, child)
 }
 
 /// Some 200,000 triangles, whose solution takes minutes.
@@ -51,21 +28,8 @@ fn an_interrupted_solve_ends_soon() {
     let mut solutions = 0;
     for (k, seconds) in [0.3, 2.0, 4.0, 8.0].into_iter().enumerate() {
         let out = format!("o{k}");
-        let child = started(
-            &scratch,
-            &[
-                "solve",
-                &scene,
-                "--error",
-                "0.002",
-                "--visibility",
-                "exact",
-                "--out",
-                &out,
-                "--output",
-                "none",
-            ],
-        );
+        let line = format!("solve {scene} --error 0.002 --visibility exact --out {out} --output none");
+        let child = scratch.started(&line);
         wait(seconds);
         let outcome = interrupted(child);
         match outcome.code {
@@ -92,29 +56,9 @@ fn an_interrupted_solve_ends_soon() {
 fn an_interrupted_picture_is_left_out() {
     let scratch = Scratch::new();
     let scene = scratch.generate(&Spec::new("cornell"));
-    let child = started(
-        &scratch,
-        &[
-            &[
-                "solve",
-                &scene,
-                "--unit",
-                "mm",
-                "--out",
-                "o",
-                "--output",
-                "image",
-                "--image-size",
-                "5792x5792",
-            ][..],
-            &["--audit", "0", "--local-rays", "20000"],
-        ]
-        .concat(),
-    );
-    let start = Instant::now();
-    while !scratch.path("o/solution.json").exists() && start.elapsed() < 4 * LATEST_END {
-        wait(0.01);
-    }
+    let line = format!("solve {scene} --unit mm --out o --output image --image-size 5792x5792");
+    let child = scratch.started(&format!("{line} --audit 0 --local-rays 20000"));
+    wait_until(120, "there is no solution", || scratch.path("o/solution.json").exists());
     wait(0.5);
     let outcome = interrupted(child).exits(0);
     assert!(outcome.stdout.contains("no picture `view`") && !scratch.path("o/view.png").exists());
@@ -125,11 +69,10 @@ fn an_interrupted_picture_is_left_out() {
 fn an_aborted_call_has_the_code_of_errors() {
     let scratch = Scratch::new();
     let scene = scratch.generate(&Spec::new("desk-room"));
-    let child = started(&scratch, &["solve", &scene, "--error", "1e-5", "--out", "o", "--output", "none"]);
+    let child = scratch.started(&format!("solve {scene} --error 1e-5 --out o --output none"));
     wait(1.0);
-    let sent = Command::new("kill").args(["-ABRT", &child.id().to_string()]).status();
-    assert!(sent.expect("kill").success());
-    ended(child).exits(2);
+    signal("ABRT", child.id());
+    Outcome::within(LATEST_END, child).exits(2);
 }
 
 /// Of a large solution an interruption leaves out the files that take long, and says which; the elements are written.
@@ -140,8 +83,7 @@ fn an_interrupted_large_solution_is_written_as_elements() {
     let scene = forest(&scratch);
     // Interrupted later and later, until there is light: a busy machine takes long to prepare the scene.
     let outcome = [6.0, 12.0, 24.0, 48.0].into_iter().find_map(|seconds| {
-        let child =
-            started(&scratch, &["solve", &scene, "--error", "0.002", "--visibility", "exact", "--out", "o"]);
+        let child = scratch.started(&format!("solve {scene} --error 0.002 --visibility exact --out o"));
         wait(seconds);
         let outcome = interrupted(child);
         let early = outcome.code == Some(2) && outcome.stderr.contains("stopped");

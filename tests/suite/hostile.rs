@@ -1,6 +1,6 @@
 //! What a user meets who makes mistakes, and what a file can do that somebody else made.
 
-use crate::run::{Outcome, Scratch};
+use crate::run::{Outcome, Scratch, words};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -11,20 +11,12 @@ pub const LIBRARY: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl light\nKd 0 0 0\n
 pub const POINTS: &str = "x,y,z,nx,ny,nz\n1,1,0,0,0,1\n2,2,0,0,0,1\n";
 pub const IES: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2 1 1 2 0.1 0.1 0\n1 1 20\n0 90\n0\n100 0\n";
 pub const LIGHTS: &str = "[[luminaire]]\nfile = \"lamp.ies\"\nat = [1, 1, 1.5]\naim = [0, 0, -1]\n";
-pub const QUICK: [&str; 12] = [
-    "--points",
-    "20",
-    "--rays",
-    "4",
-    "--reference-rays",
-    "16",
-    "--map",
-    "16",
-    "--rounds",
-    "1",
-    "--feature-size",
-    "1",
-];
+const QUICK: &str = "--points 20 --rays 4 --reference-rays 16 --map 16 --rounds 1 --feature-size 1";
+
+/// The words of a benchmark that takes no time.
+pub fn quick(line: &str) -> Vec<&str> {
+    [words(line), words(QUICK)].concat()
+}
 
 pub fn scratch() -> Scratch {
     let scratch = Scratch::new();
@@ -56,16 +48,16 @@ fn pipes_and_devices_are_not_read() {
         for extension in ["obj", "ply", "gltf", "glb"] {
             let name = format!("{kind}.{extension}");
             std::os::unix::fs::symlink(target, scratch.path(&name)).expect("linked");
-            refused(&scratch.mrvis_within(60.0, &["info", &name]), "pipe or a device");
+            refused(&scratch.mrvis_within(60.0, &format!("info {name}")), "pipe or a device");
         }
         scratch.write("library.obj", SCENE.replace("scene.mtl", target));
-        refused(&scratch.mrvis_within(60.0, &["info", "library.obj"]), "pipe or a device");
+        refused(&scratch.mrvis_within(60.0, "info library.obj"), "pipe or a device");
         scratch.write("texture.mtl", format!("{LIBRARY}map_Kd {target}\n"));
         scratch.write("texture.obj", SCENE.replace("scene.mtl", "texture.mtl"));
-        scratch.mrvis_within(60.0, &["info", "texture.obj"]).exits(0).prints("pipe or a device");
+        scratch.mrvis_within(60.0, "info texture.obj").exits(0).prints("pipe or a device");
         let buffer = r#"{"asset":{"version":"2.0"},"buffers":[{"byteLength":4,"uri":"TARGET"}]}"#;
         scratch.write("buffer.gltf", buffer.replace("TARGET", target));
-        refused(&scratch.mrvis_within(60.0, &["info", "buffer.gltf"]), "pipe or a device");
+        refused(&scratch.mrvis_within(60.0, "info buffer.gltf"), "pipe or a device");
         let call = ["solve", "scene.obj", "--out", "o", "--points", target];
         refused(&scratch.mrvis_within(60.0, &call), "pipe or a device");
         let call = ["solve", "scene.obj", "--out", "o", "--feature-sizes", target];
@@ -81,14 +73,14 @@ fn pipes_and_devices_are_not_read() {
 #[test]
 fn scenes_and_points_come_from_standard_input() {
     let scratch = scratch();
-    scratch.mrvis_with_input(SCENE, &["info", "-", "--json", "r.json"]).exits(0);
+    scratch.mrvis_with_input(SCENE, "info - --json r.json").exits(0);
     assert_eq!(scratch.json("r.json")["scene"]["triangles"], 3);
     assert_eq!(
         scratch.json("r.json")["scene"]["emitters"],
         1,
         "the library is found from the current folder"
     );
-    scratch.mrvis_with_input(POINTS, &["reference", "scene.obj", "--points", "-", "--samples", "4"]).exits(0);
+    scratch.mrvis_with_input(POINTS, "reference scene.obj --points - --samples 4").exits(0);
 }
 
 /// Sizes are compared with the limit before anything is read.
@@ -100,12 +92,12 @@ fn files_larger_than_the_memory_are_not_read() {
         let file = std::fs::File::create(scratch.path(&name)).expect("made");
         file.set_len(1 << 40).expect("sparse");
         let start = Instant::now();
-        refused(&scratch.mrvis_within(60.0, &["info", &name]), "may be read");
+        refused(&scratch.mrvis_within(60.0, &format!("info {name}")), "may be read");
         assert!(start.elapsed() < Duration::from_secs(30));
     }
     let file = std::fs::File::create(scratch.path("scene.mtl")).expect("made");
     file.set_len(1 << 33).expect("sparse");
-    refused(&scratch.mrvis_within(60.0, &["info", "scene.obj"]), "may be read");
+    refused(&scratch.mrvis_within(60.0, "info scene.obj"), "may be read");
 }
 
 #[test]
@@ -114,11 +106,7 @@ fn files_from_elsewhere_are_listed() {
     other.write("far.mtl", LIBRARY);
     let far = other.path("far.mtl").display().to_string();
     scratch.write("far.obj", SCENE.replace("scene.mtl", &far));
-    scratch
-        .mrvis(&["info", "far.obj", "--json", "far.json"])
-        .exits(0)
-        .prints("outside the folder")
-        .prints("far.mtl");
+    scratch.mrvis("info far.obj --json far.json").exits(0).prints("outside the folder").prints("far.mtl");
     let scene = &scratch.json("far.json")["scene"];
     assert_eq!(scene["files"].as_array().map(Vec::len), Some(2));
     assert_eq!(scene["files_outside"].as_array().map(Vec::len), Some(1));
@@ -126,12 +114,12 @@ fn files_from_elsewhere_are_listed() {
     other.write("lights.toml", LIGHTS);
     let lights = other.path("lights.toml").display().to_string();
     scratch
-        .mrvis(&["info", "scene.obj", "--luminaires", &lights, "--json", "far.json"])
+        .mrvis(&format!("info scene.obj --luminaires {lights} --json far.json"))
         .exits(0)
         .prints("lights.toml")
         .prints("lamp.ies");
     assert_eq!(scratch.json("far.json")["scene"]["files_outside"].as_array().map(Vec::len), Some(2));
-    let near = scratch.mrvis(&["info", "scene.obj"]);
+    let near = scratch.mrvis("info scene.obj");
     assert!(!near.stdout.contains("outside"), "{}", near.stdout);
 }
 
@@ -141,11 +129,11 @@ fn messages_quote_little_of_a_file() {
     let scratch = scratch();
     let name = format!("a\u{1b}[31m{}", "b".repeat(5000));
     scratch.write("long.obj", SCENE.replace("floor", &name));
-    let told = scratch.mrvis(&["bench", "long.obj", "--receiver", "nowhere"]);
+    let told = scratch.mrvis("bench long.obj --receiver nowhere");
     refused(&told, "nowhere");
     assert!(told.stderr.chars().count() < 600 && !told.stderr.contains('\u{1b}'), "{}", told.stderr);
     let short = |told: &str| !told.contains('\u{1b}') && told.lines().all(|line| line.chars().count() < 200);
-    let told = scratch.mrvis(&["info", "long.obj", "--all"]);
+    let told = scratch.mrvis("info long.obj --all");
     assert!(short(&told.stdout) && told.stdout.contains("a[31mbbb"), "{}", told.stdout);
     // The mesh is placed twice, so it is shared.
     let esc = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
@@ -158,18 +146,18 @@ fn messages_quote_little_of_a_file() {
         "esc.gltf",
         esc.replace("NAME", &format!("\\u001b[31m\\u001b]0;t\\u0007{}", "m".repeat(5000))),
     );
-    let told = scratch.mrvis(&["info", "esc.gltf"]).exits(0);
+    let told = scratch.mrvis("info esc.gltf").exits(0);
     assert!(short(&told.stdout) && !told.stdout.contains('\u{7}'), "{}", told.stdout);
     told.prints("[31m]0;tmmm");
     // Of a long path the end is shown.
     scratch.write("far.obj", SCENE.replace("scene.mtl", &format!("{}/end.mtl", "d/".repeat(300))));
-    let told = scratch.mrvis(&["info", "far.obj"]);
+    let told = scratch.mrvis("info far.obj");
     assert!(short(&told.stdout) && told.stdout.contains("/d//end.mtl"), "{}", told.stdout);
-    let told = scratch.mrvis(&["info", "scene.obj", "--emitter", "lamp=1e300"]);
+    let told = scratch.mrvis("info scene.obj --emitter lamp=1e300");
     refused(&told, "1e300 W");
     assert!(told.stderr.chars().count() < 200, "{}", told.stderr);
     scratch.write("number.obj", format!("v 0 0 {}\n", "9x".repeat(5000)));
-    let told = scratch.mrvis(&["info", "number.obj"]);
+    let told = scratch.mrvis("info number.obj");
     refused(&told, "is not a number");
     assert!(told.stderr.chars().count() < 200, "{}", told.stderr);
 }
@@ -181,28 +169,17 @@ fn names_cannot_deceive() {
     let turned = "\u{202e}gnp.exe\u{2066}";
     scratch
         .write("turned.obj", SCENE.replace("o floor", &format!("o {turned}")).replace("o lamp", "o =cmd|x"));
-    let told = scratch.mrvis(&["info", "turned.obj", "--all"]).exits(0);
+    let told = scratch.mrvis("info turned.obj --all").exits(0);
     assert!(
         told.stdout.contains("gnp.exe") && !told.stdout.contains(['\u{202e}', '\u{2066}']),
         "{}",
         told.stdout
     );
-    let call = [
-        "solve",
-        "turned.obj",
-        "--out",
-        "o",
-        "--output",
-        "page",
-        "--image-size",
-        "16x12",
-        "--local-rays",
-        "0",
-    ];
-    scratch.mrvis(&[&call[..], &["--audit", "0"]].concat()).exits(0);
+    let line = "solve turned.obj --out o --output page --image-size 16x12 --local-rays 0 --audit 0";
+    scratch.mrvis(&words(line)).exits(0);
     let page = scratch.text("o/solution.html");
     assert!(!page.contains(['\u{202e}', '\u{2066}']));
-    scratch.mrvis(&["form-factors", "turned.obj", "--by", "object", "--out", "f.csv"]).exits(0);
+    scratch.mrvis("form-factors turned.obj --by object --out f.csv").exits(0);
     let table = scratch.text("f.csv");
     assert!(table.contains("'=cmd|x") && !table.contains(",=cmd") && !table.contains("\n=cmd"), "{table}");
     assert!(!table.contains(['\u{202e}', '\u{2066}']), "{table}");
@@ -212,7 +189,7 @@ fn names_cannot_deceive() {
 #[test]
 fn caches_are_in_the_folder_of_the_user() {
     let scratch = scratch();
-    scratch.mrvis(&[&["bench", "scene.obj", "--json", "r.json"][..], &QUICK].concat()).exits(0);
+    scratch.mrvis(&quick("bench scene.obj --json r.json")).exits(0);
     assert_eq!(scratch.json("r.json")["build"]["cache"], "made");
     let files = |folder: &str| -> usize {
         let entries = std::fs::read_dir(scratch.path(folder)).expect("a folder").flatten();
@@ -222,7 +199,7 @@ fn caches_are_in_the_folder_of_the_user() {
     // A copy of the scene elsewhere has the same clusters.
     std::fs::create_dir(scratch.path("copy")).expect("a folder");
     scratch.write("copy/other.obj", SCENE.replace("scene.mtl", "../scene.mtl"));
-    scratch.mrvis(&[&["bench", "copy/other.obj", "--json", "r.json"][..], &QUICK].concat()).exits(0);
+    scratch.mrvis(&quick("bench copy/other.obj --json r.json")).exits(0);
     assert_eq!(scratch.json("r.json")["build"]["cache"], "hit");
 }
 
@@ -265,8 +242,8 @@ fn cameras_have_pictures_of_their_own() {
             camera("a/b")
         ),
     );
-    let call = ["solve", "cameras.gltf", "--out", "o", "--output", "image", "--image-size", "16x16"];
-    scratch.mrvis(&[&call[..], &["--emitter", "t=1"]].concat()).exits(0);
+    let call = "solve cameras.gltf --out o --output image --image-size 16x16";
+    scratch.mrvis(&format!("{call} --emitter t=1")).exits(0);
     let pictures = std::fs::read_dir(scratch.path("o")).expect("the folder").flatten();
     let pictures = pictures.filter(|e| e.path().extension().is_some_and(|e| e == "png")).count();
     assert_eq!(pictures, 3);
@@ -277,15 +254,12 @@ fn cameras_have_pictures_of_their_own() {
 fn turned_emitters_are_noted() {
     let scratch = scratch();
     scratch.write("turned.obj", SCENE.replace("f 5 6 7", "f 5 7 6"));
+    scratch.mrvis("solve turned.obj --out o --output none").exits(0).prints("--two-sided-emission");
     scratch
-        .mrvis(&["solve", "turned.obj", "--out", "o", "--output", "none"])
-        .exits(0)
-        .prints("--two-sided-emission");
-    scratch
-        .mrvis(&["reference", "turned.obj", "--points", "points.csv", "--samples", "8"])
+        .mrvis("reference turned.obj --points points.csv --samples 8")
         .exits(0)
         .warns("--two-sided-emission");
-    let solved = scratch.mrvis(&["solve", "scene.obj", "--out", "o", "--output", "none"]);
+    let solved = scratch.mrvis("solve scene.obj --out o --output none");
     assert!(!solved.stdout.contains("--two-sided-emission"), "{}", solved.stdout);
 }
 
@@ -297,15 +271,9 @@ fn limits_of_memory_end_in_errors() {
     refused(&scratch.mrvis_within(20.0, &huge), "segments");
     let many = ["bench", "scene.obj", "--points", "99999999", "--max-memory", "4"];
     refused(&scratch.mrvis_within(20.0, &many), "memory");
-    refused(
-        &scratch.mrvis(&["solve", "scene.obj", "--out", "o", "--min-area", "1e-300"]),
-        "--min-area 1e-300",
-    );
-    refused(
-        &scratch.mrvis(&["solve", "scene.obj", "--out", "o", "--audit", "1000000000"]),
-        "--audit 1000000000",
-    );
-    refused(&scratch.mrvis(&["info", "scene.obj", "--max-memory", "0"]), "max-memory");
+    refused(&scratch.mrvis("solve scene.obj --out o --min-area 1e-300"), "--min-area 1e-300");
+    refused(&scratch.mrvis("solve scene.obj --out o --audit 1000000000"), "--audit 1000000000");
+    refused(&scratch.mrvis("info scene.obj --max-memory 0"), "max-memory");
     // A forest of six million triangles takes more than 0.2 GiB.
     let large = ["generate", "forest", "--trees", "3000", "--out", "forest.obj", "--max-memory", "0.2"];
     refused(&scratch.mrvis_within(60.0, &large), "out of memory");
@@ -316,7 +284,7 @@ fn limits_of_memory_end_in_errors() {
 #[cfg(target_os = "linux")]
 fn refused_memory_is_an_error() {
     let scratch = Scratch::new();
-    scratch.mrvis(&["generate", "forest", "--trees", "30", "--out", "f.obj"]).exits(0);
+    scratch.mrvis("generate forest --trees 30 --out f.obj").exits(0);
     for kilobytes in [350_000, 450_000, 560_000] {
         let script = format!(
             "ulimit -v {kilobytes}; exec \"$0\" solve f.obj --out o --output none --threads 2 --quiet"
@@ -330,10 +298,10 @@ fn refused_memory_is_an_error() {
 #[test]
 fn mistakes_of_typing_are_understood() {
     let scratch = scratch();
-    refused(&scratch.mrvis(&["info", "scene.obj", "--unit", "furlong"]), "not a unit of length");
-    refused(&scratch.mrvis(&["slove", "scene.obj"]), "did you mean solve?");
-    refused(&scratch.mrvis(&["bench", "scene.obj", "--recevier", "floor"]), "did you mean --receiver?");
-    refused(&scratch.mrvis(&["bench", "scene.obj", "--receiver", "flor"]), "did you mean `floor`?");
+    refused(&scratch.mrvis("info scene.obj --unit furlong"), "not a unit of length");
+    refused(&scratch.mrvis("slove scene.obj"), "did you mean solve?");
+    refused(&scratch.mrvis("bench scene.obj --recevier floor"), "did you mean --receiver?");
+    refused(&scratch.mrvis("bench scene.obj --receiver flor"), "did you mean `floor`?");
     for call in [["--quiet", "info", "scene.obj"], ["info", "scene.obj", "--quiet"]] {
         let quiet = scratch.mrvis(&call).exits(0);
         assert!(quiet.stdout.is_empty() && quiet.stderr.is_empty());
@@ -343,17 +311,17 @@ fn mistakes_of_typing_are_understood() {
 #[test]
 fn what_is_installed_beside_the_command() {
     let scratch = scratch();
-    scratch.mrvis(&["--version"]).prints("(Embree 4.");
+    scratch.mrvis("--version").prints("(Embree 4.");
     for shell in ["bash", "zsh", "fish"] {
-        let script = scratch.mrvis(&["completions", shell]).exits(0);
+        let script = scratch.mrvis(&format!("completions {shell}")).exits(0);
         assert!(script.stdout.contains("feature-size"), "{shell}");
     }
-    scratch.mrvis(&["man", "--out", "man"]).exits(0);
+    scratch.mrvis("man --out man").exits(0);
     for page in ["mrvis.1", "mrvis-solve.1", "mrvis-bench.1", "mrvis-form-factors.1"] {
         let text = std::fs::read_to_string(scratch.path("man").join(page)).expect(page);
         assert!(text.contains(".TH"), "{page}");
     }
-    let long = scratch.mrvis(&["help", "solve"]).stdout;
+    let long = scratch.mrvis("help solve").stdout;
     assert!(long.contains("--oracle") && long.contains("Accuracy and time"), "{long}");
     let colours = |variable: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_mrvis"));
@@ -367,7 +335,7 @@ fn what_is_installed_beside_the_command() {
 #[test]
 fn generated_scenes_have_no_warnings() {
     let scratch = scratch();
-    scratch.mrvis(&["generate", "cornell", "--out", "cornell.obj"]).exits(0);
+    scratch.mrvis("generate cornell --out cornell.obj").exits(0);
     let call =
         ["solve", "cornell.obj", "--unit", "mm", "--out", "o", "--output", "none", "--max-seconds", "2"];
     scratch.mrvis(&call).exits(0);

@@ -25,15 +25,13 @@ fn rows(scratch: &Scratch, name: &str) -> Vec<Vec<f64>> {
 fn a_grid_of_points_needs_no_file() {
     let scratch = hall();
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n1,1,0,0,0,1\n");
-    let solve = ["solve", "hall.obj", "--out", "s", "--direct-only", "--photometric", "--points"];
+    let solve = "solve hall.obj --out s --direct-only --photometric --points points.csv --grid floor:1";
     scratch
-        .mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "bowl:0.5:0.8"]].concat())
+        .mrvis(&format!("{solve} --grid bowl:0.5:0.8"))
         .exits(2)
         .warns("--grid: grid on `bowl`")
         .warns("--points");
-    let solved = scratch
-        .mrvis(&[&solve[..], &["points.csv", "--grid", "floor:1", "--grid", "floor:0.5:0.8"]].concat())
-        .exits(0);
+    let solved = scratch.mrvis(&format!("{solve} --grid floor:0.5:0.8")).exits(0);
     // Points of a grid above its surface are meant to be there; the point of the file is on the floor.
     assert!(!solved.stdout.contains("from every surface"), "{}", solved.stdout);
     // The point of the file comes first, then both grids from their lower left corners.
@@ -65,7 +63,7 @@ fn a_grid_of_points_needs_no_file() {
         ("floor", "SURFACE:SPACING"),
         ("floor:0.0001", "widen the spacing"),
     ] {
-        let refused = scratch.mrvis(&["solve", "hall.obj", "--out", "s", "--grid", grid]);
+        let refused = scratch.mrvis(&format!("solve hall.obj --out s --grid {grid}"));
         assert!(refused.code == Some(2) && refused.stderr.contains(words), "{grid}: {}", refused.stderr);
     }
 }
@@ -73,9 +71,8 @@ fn a_grid_of_points_needs_no_file() {
 #[test]
 fn the_light_of_each_surface_is_stated() {
     let scratch = hall();
-    let solve =
-        ["solve", "hall.obj", "--out", "s", "--photometric", "--output", "page", "--image-size", "32x24"];
-    scratch.mrvis(&[&solve[..], &["--audit", "0", "--error", "0.2"]].concat()).exits(0);
+    let shown = "--photometric --output page --image-size 32x24";
+    scratch.mrvis(&format!("solve hall.obj --out s {shown} --audit 0 --error 0.2")).exits(0);
     let surfaces = &scratch.json("s/solution.json")["surfaces"];
     let floor = &surfaces[0];
     assert!(floor["name"] == "floor" && floor["side"] == "front" && floor["unit"] == "lx", "{surfaces}");
@@ -89,14 +86,14 @@ fn the_light_of_each_surface_is_stated() {
         assert!(page.contains(words), "{words}");
     }
     // Points alone need no elements, whose light would be none.
-    scratch.mrvis(&["solve", "hall.obj", "--out", "p", "--grid", "floor:1", "--audit", "0"]).exits(0);
+    scratch.mrvis("solve hall.obj --out p --grid floor:1 --audit 0").exits(0);
     assert!(scratch.json("p/solution.json")["surfaces"].is_null());
 }
 
 #[test]
 fn reflectances_of_materials_are_listed() {
     let scratch = hall();
-    scratch.mrvis(&["info", "hall.obj", "--json", "i.json"]).prints("0.400  0.400 0.500 0.300  grey");
+    scratch.mrvis("info hall.obj --json i.json").prints("0.400  0.400 0.500 0.300  grey");
     let grey = &scratch.json("i.json")["materials"][0];
     let mean = grey["mean_reflectance"].as_f64().expect("a number");
     assert!(grey["name"] == "grey" && (mean - 0.4).abs() < 1e-6, "{grey}");
@@ -109,8 +106,7 @@ fn luminaires_are_dimmed_and_age() {
     let lamp = "[[luminaire]]\nfile = \"lamp.ies\"\nat = [2, 1, 1]\naim = [0, 0, -1]\n";
     scratch
         .write("lum.toml", format!("{lamp}{}dimming = 0.5\nmaintenance = 0.8\n", lamp.replace("[2,", "[3,")));
-    let info = ["info", "hall.obj", "--luminaires", "lum.toml", "--photometric", "--json", "i.json"];
-    let info = scratch.mrvis(&info).exits(0);
+    let info = scratch.mrvis("info hall.obj --luminaires lum.toml --photometric --json i.json").exits(0);
     let words = "dimming 0.5 and maintenance factor 0.8 included";
     assert_eq!(info.stdout.matches(words).count(), 1, "{}", info.stdout);
     let emitters = &scratch.json("i.json")["emitters"];
@@ -125,21 +121,22 @@ fn luminaires_are_dimmed_and_age() {
 #[test]
 fn the_upward_axis_says_where_it_is_from() {
     let scratch = hall();
-    let up = |more: &[&str]| {
-        let solve = ["solve", "hall.obj", "--out", "s", "--grid", "floor:2", "--direct-only", "--quiet"];
-        scratch.mrvis(&[&solve[..], more].concat()).exits(0);
+    let up = |more: &str| {
+        scratch
+            .mrvis(&format!("solve hall.obj --out s --grid floor:2 --direct-only --quiet {more}"))
+            .exits(0);
         let record = scratch.json("s/solution.json");
         format!("{} {}", record["scene"]["up"], record["scene"]["up_from"]).replace('"', "")
     };
-    assert_eq!(up(&[]), "z guessed from the direction of most light");
-    assert_eq!(up(&["--up", "y"]), "y given");
-    assert_eq!(up(&["--emitter", "lamp=0"]), "z guessed from the extents");
+    assert_eq!(up(""), "z guessed from the direction of most light");
+    assert_eq!(up("--up y"), "y given");
+    assert_eq!(up("--emitter lamp=0"), "z guessed from the extents");
     scratch
-        .mrvis(&["info", "hall.obj", "--emitter", "lamp=0", "--json", "i.json"])
+        .mrvis("info hall.obj --emitter lamp=0 --json i.json")
         .prints("up          z (guessed from the extents)");
     assert_eq!(scratch.json("i.json")["scene"]["up_from"], "guessed from the extents");
     scratch
-        .mrvis(&["solve", "hall.obj", "--out", "s", "--grid", "floor:2", "--direct-only"])
+        .mrvis("solve hall.obj --out s --grid floor:2 --direct-only")
         .prints("z up (guessed from the direction of most light; --up");
 }
 
@@ -155,7 +152,7 @@ fn rooms_in_millimetres_are_questioned() {
             format!("v {x} {y} {z}\n")
         });
         scratch.write("room.obj", lines.concat() + "f 1 2 3 4\nf 1 5 6 2\n");
-        scratch.mrvis(&["info", "room.obj", "--luminaires", "lum.toml"]).stdout
+        scratch.mrvis("info room.obj --luminaires lum.toml").stdout
     };
     assert!(room(3000.0).contains("is the file in millimetres? use --unit mm"), "{}", room(3000.0));
     // A room of 3 m, and a hall of 100 m.
@@ -166,9 +163,8 @@ fn rooms_in_millimetres_are_questioned() {
 #[test]
 fn edges_of_bright_faces_are_smooth() {
     let scratch = hall();
-    let solve =
-        ["solve", "hall.obj", "--out", "s", "--output", "image", "--image-size", "160x120", "--audit", "0"];
-    scratch.mrvis(&[&solve[..], &["--error", "0.2", "--camera", "0,-5,1.2,2,1,1,50"]].concat()).exits(0);
+    let solve = "solve hall.obj --out s --output image --image-size 160x120 --audit 0 --error 0.2";
+    scratch.mrvis(&format!("{solve} --camera 0,-5,1.2,2,1,1,50")).exits(0);
     let picture = image::open(scratch.path("s/view.png")).expect("a picture").to_luma8();
     // The lamp is above the middle, before nothing.
     let lamp: Vec<u8> = picture.enumerate_pixels().filter(|(_, y, _)| *y < 60).map(|(.., p)| p[0]).collect();
@@ -180,9 +176,8 @@ fn edges_of_bright_faces_are_smooth() {
 #[test]
 fn a_camera_that_sees_nothing_says_so() {
     let scratch = hall();
-    let solve =
-        ["solve", "hall.obj", "--out", "s", "--output", "image", "--image-size", "16x12", "--audit", "0"];
-    let solve = |camera| scratch.mrvis(&[&solve[..], &["--error", "0.2", "--camera", camera]].concat());
+    let shown = "--output image --image-size 16x12 --audit 0 --error 0.2";
+    let solve = |camera: &str| scratch.mrvis(&format!("solve hall.obj --out s {shown} --camera {camera}"));
     let away = solve("2,-5,1,2,-9,1,50").exits(0);
     let words = "view.png at 2, -5, 1 sees no lit surface (closed rooms are black from outside; --look-inside shows what is in \
                  them): the scene reaches from 0, 0, 0 to 7, 2, 2; give --camera";

@@ -19,11 +19,9 @@ fn ground() -> Scratch {
 #[test]
 fn sky_and_sun_light_points_and_are_named_in_outputs() {
     let scratch = ground();
-    let sky = ["--up", "z", "--sky", "uniform:100", "--sun", "180,30:800"];
-    let solve =
-        ["solve", "ground.obj", "--points", "points.csv", "--out", "s", "--audit", "0", "--error", "0.1"];
+    let scene = "ground.obj --points points.csv --up z --sky uniform:100 --sun 180,30:800";
     scratch
-        .mrvis(&[&solve[..], &sky].concat())
+        .mrvis(&format!("solve {scene} --out s --audit 0 --error 0.1"))
         .exits(0)
         .prints("sun at azimuth 180.0000, elevation 30.0000 degrees");
     let light = |name: &str| -> Vec<f64> {
@@ -40,9 +38,7 @@ fn sky_and_sun_light_points_and_are_named_in_outputs() {
     );
     let record = scratch.json("s/solution.json");
     assert!(record["scene"]["sky"].to_string().contains("north +y"), "{}", record["scene"]["sky"]);
-    let reference =
-        ["reference", "ground.obj", "--points", "points.csv", "--out", "r.csv", "--samples", "256"];
-    scratch.mrvis(&[&reference[..], &sky].concat()).exits(0);
+    scratch.mrvis(&format!("reference {scene} --out r.csv --samples 256")).exits(0);
     assert!(light("r.csv").iter().all(|e| (e - 500.0).abs() < 5.0), "{:?}", light("r.csv"));
 }
 
@@ -51,23 +47,20 @@ fn skies_that_cannot_be_are_refused_in_one_line() {
     let scratch = ground();
     scratch.write("sky.toml", "sky = 'overcast'\nbrightness = 3\n");
     for (options, words) in [
-        (&["--sky", "cie:17"][..], "17 is no type of CIE sky"),
-        (&["--sky", "perez:600,100"], "sun"),
-        (&["--sky", "perez:600,100", "--sun", "180,-5"], "horizon"),
-        (&["--sky", "perez:600,-1", "--sun", "180,40"], "-1"),
-        (&["--sky", "clear:3", "--place", "95,11", "--time", "2026-06-21T12:00Z"], "95"),
-        (&["--sky", "clear:3", "--place", "48,11", "--time", "2026-06-31T12:00Z"], "2026-06-31"),
-        (&["--sky", "clear:3", "--place", "48,11"], "time"),
-        (&["--sky", "sky.toml"], "sky.toml"),
-        (&["--sky", "missing.exr"], "missing.exr"),
+        ("--sky cie:17", "17 is no type of CIE sky"),
+        ("--sky perez:600,100", "sun"),
+        ("--sky perez:600,100 --sun 180,-5", "horizon"),
+        ("--sky perez:600,-1 --sun 180,40", "-1"),
+        ("--sky clear:3 --place 95,11 --time 2026-06-21T12:00Z", "95"),
+        ("--sky clear:3 --place 48,11 --time 2026-06-31T12:00Z", "2026-06-31"),
+        ("--sky clear:3 --place 48,11", "time"),
+        ("--sky sky.toml", "sky.toml"),
+        ("--sky missing.exr", "missing.exr"),
     ] {
-        let info = scratch.mrvis(&[&["info", "ground.obj", "--up", "z"][..], options].concat());
-        assert_eq!(info.code, Some(2), "{options:?} {}", info.stdout);
-        assert!(
-            info.stderr.contains(words) && info.stderr.lines().count() == 1,
-            "{options:?}: {}",
-            info.stderr
-        );
+        let info = scratch.mrvis(&format!("info ground.obj --up z {options}"));
+        let said = format!("{options}: {} {}", info.stdout, info.stderr);
+        assert_eq!(info.code, Some(2), "{said}");
+        assert!(info.stderr.contains(words) && info.stderr.lines().count() == 1, "{said}");
     }
 }
 
@@ -85,10 +78,8 @@ fn slope() -> Scratch {
 #[test]
 fn terrain_computes_maps_of_height_fields() {
     let scratch = slope();
-    let terrain = ["terrain", "slope.asc", "--out", "t", "--json", "t.json", "--format", "tif,npz,png"];
-    let light =
-        ["--output", "sky-view-factor,sunlit,irradiance", "--sky", "uniform:100", "--sun", "180,45:800"];
-    scratch.mrvis(&[&terrain[..], &light].concat()).exits(0);
+    let light = "--output sky-view-factor,sunlit,irradiance --sky uniform:100 --sun 180,45:800";
+    scratch.mrvis(&format!("terrain slope.asc --out t --json t.json --format tif,npz,png {light}")).exits(0);
     let record = scratch.json("t.json");
     let mean = |k: usize| record["quantities"][k]["mean"].as_f64().expect("a number");
     let free = 0.5 * (1.0 + std::f64::consts::FRAC_1_SQRT_2);
@@ -98,12 +89,9 @@ fn terrain_computes_maps_of_height_fields() {
     for name in ["sky-view-factor.tif", "sunlit.npz", "irradiance.png"] {
         assert!(scratch.path(&format!("t/{name}")).metadata().is_ok_and(|file| file.len() > 60), "{name}");
     }
-    scratch
-        .mrvis(&["terrain", "slope.asc", "--out", "t", "--output", "irradiance"])
-        .exits(2)
-        .warns("give --sky");
+    scratch.mrvis("terrain slope.asc --out t --output irradiance").exits(2).warns("give --sky");
     scratch.write("bad.asc", "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize -5\n1 2\n3 4\n");
-    let bad = scratch.mrvis(&["terrain", "bad.asc", "--out", "b"]).exits(2);
+    let bad = scratch.mrvis("terrain bad.asc --out b").exits(2);
     bad.warns("bad.asc");
     assert!(bad.stderr.lines().count() == 1 && !scratch.path("b").exists(), "{}", bad.stderr);
 }
@@ -112,9 +100,8 @@ fn terrain_computes_maps_of_height_fields() {
 fn height_fields_are_scenes() {
     let scratch = slope();
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n1055,2055,60,0,-0.7071068,0.7071068\n");
-    let solve =
-        ["solve", "slope.asc", "--out", "s", "--points", "points.csv", "--audit", "0", "--error", "0.1"];
-    scratch.mrvis(&[&solve[..], &["--sky", "uniform:100", "--sun", "180,45:800"]].concat()).exits(0);
+    let solve = "solve slope.asc --out s --points points.csv --audit 0 --error 0.1";
+    scratch.mrvis(&format!("{solve} --sky uniform:100 --sun 180,45:800")).exits(0);
     let text = scratch.text("s/irradiance.csv");
     let value: f64 =
         text.lines().nth(1).and_then(|l| l.split(',').nth(6)).expect("a value").parse().expect("a number");
@@ -133,21 +120,18 @@ fn scenes_of_height_fields_and_objects_have_several_files() {
     );
     let row = |x: u32| format!("{x},2055,60,0,-0.7071068,0.7071068\n");
     scratch.write("points.csv", format!("x,y,z,nx,ny,nz\n{}{}{}", row(1055), row(1100), row(1175)));
-    let solve =
-        ["solve", "slope.asc", "--out", "s", "--points", "points.csv", "--output", "none", "--audit", "0"];
-    let light = ["--sky", "uniform:100", "--sun", "180,45:800", "--add", "east.asc", "--add", "wall.obj"];
-    for curved in [&[][..], &["--curvature=1.1667"]] {
-        scratch.mrvis(&[&solve[..], &light, curved].concat()).exits(0);
+    let solve = "solve slope.asc --out s --points points.csv --output none --audit 0";
+    let light = "--sky uniform:100 --sun 180,45:800 --add east.asc --add wall.obj";
+    for curved in ["", "--curvature=1.1667"] {
+        scratch.mrvis(&format!("{solve} {light} {curved}")).exits(0);
         let text = scratch.text("s/irradiance.csv");
         let value =
             |line: &str| line.split(',').nth(6).and_then(|v| v.parse::<f64>().ok()).expect("a number");
         let found: Vec<f64> = text.lines().skip(1).map(value).collect();
         assert!(found[0] < 90.0 && found[1..].iter().all(|e| (e - 885.0).abs() < 15.0), "{found:?}");
     }
-    for (option, words) in
-        [(["--add", "tree.glb"], "cannot be added"), (["--curvature=0.1", "--quiet"], "curvature")]
-    {
-        let refused = scratch.mrvis(&[&["info", "slope.asc"][..], &option].concat()).exits(2);
+    for (option, words) in [("--add tree.glb", "cannot be added"), ("--curvature=0.1 --quiet", "curvature")] {
+        let refused = scratch.mrvis(&format!("info slope.asc {option}")).exits(2);
         assert!(refused.stderr.contains(words) && refused.stderr.lines().count() == 1, "{}", refused.stderr);
     }
 }
@@ -168,25 +152,24 @@ fn suns_of_gltf_files_shine_beside_a_sky() {
     let scratch = Scratch::new();
     scratch.write("yard.gltf", YARD);
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n0.3,0,0.4,0,1,0\n");
-    let light = |sky: &[&str]| -> f64 {
-        let solve = ["solve", "yard.gltf", "--out", "s", "--points", "points.csv", "--audit", "0"];
-        scratch.mrvis(&[&solve[..], sky].concat()).exits(0);
+    let light = |sky: &str| -> f64 {
+        scratch.mrvis(&format!("solve yard.gltf --out s --points points.csv --audit 0 {sky}")).exits(0);
         let text = scratch.text("s/irradiance.csv");
         text.lines().nth(1).and_then(|l| l.split(',').nth(6)).expect("a value").parse().expect("a number")
     };
-    let sun = light(&[]);
-    let sky = light(&["--sky", "uniform:100", "--sun", "none"]);
-    let both = light(&["--sky", "uniform:100"]);
+    let sun = light("");
+    let sky = light("--sky uniform:100 --sun none");
+    let both = light("--sky uniform:100");
     assert!(sun > 1.0 && (sky - 100.0).abs() < 0.3 && (both - sun - sky).abs() < 0.3, "{sun} {sky} {both}");
 }
 
 #[test]
 fn generated_terrain_is_read_again() {
     let scratch = Scratch::new();
-    scratch.mrvis(&["generate", "terrain", "--count", "30", "--out", "hills.tif"]).exits(0);
-    scratch.mrvis(&["terrain", "hills.tif", "--out", "t", "--json", "t.json"]).exits(0);
+    scratch.mrvis("generate terrain --count 30 --out hills.tif").exits(0);
+    scratch.mrvis("terrain hills.tif --out t --json t.json").exits(0);
     let factor = &scratch.json("t.json")["quantities"][0];
     let value = |name: &str| factor[name].as_f64().expect("a number");
     assert!(value("min") > 0.2 && value("min") < value("mean") && value("max") <= 1.0, "{factor}");
-    scratch.mrvis(&["generate", "terrain", "--out", "hills.obj"]).exits(2).warns("must end in .tif");
+    scratch.mrvis("generate terrain --out hills.obj").exits(2).warns("must end in .tif");
 }

@@ -1,7 +1,7 @@
 //! The pages of `bench`, `solve` and `batch` in a headless browser: no text outside its box or over other text, nothing to scroll
 //! sideways, at widths from a telephone to a desktop, light, dark and printed.
 
-use crate::run::Scratch;
+use crate::run::{Scratch, words};
 use mrvis::internals::scene::generate::Spec;
 use std::process::{Command, Stdio};
 
@@ -89,28 +89,14 @@ fn pages_fit_into_every_window() {
 fn check_pages(views: &[(u32, &str)]) {
     let folder = Scratch::new();
     let scene = long_names(&folder);
-    let few = ["--points", "300", "--rays", "4", "--reference-rays", "64", "--map", "64", "--rounds", "1"];
-    let few = [&few[..], &["--feature-size", "0.5", "--quiet", "--cache", "off"]].concat();
-    let all = ["bench", &scene, "--out", "all"];
-    folder.mrvis(&[&all[..], &few].concat());
+    let few = words("--points 300 --rays 4 --reference-rays 64 --map 64 --rounds 1 --feature-size 0.5");
+    let few = [few, words("--quiet --cache off")].concat();
+    folder.mrvis(&[&["bench", &scene, "--out", "all"][..], &few].concat());
     let forest = Spec { trees: 4, leaves: 100, ..Spec::new("forest") };
     let forest = folder.generate(&forest);
     folder.mrvis(&[&["bench", &forest, "--out", "forest"][..], &few].concat());
-    folder.mrvis(&[
-        "solve",
-        &scene,
-        "--local-rays",
-        "0",
-        "--audit",
-        "50",
-        "--out",
-        "all",
-        "--output",
-        "page",
-        "--image-size",
-        "320x240",
-        "--quiet",
-    ]);
+    let options = words("--local-rays 0 --audit 50 --out all --output page --image-size 320x240 --quiet");
+    folder.mrvis(&[&["solve", &scene][..], &options].concat());
     let jobs = format!(
         "[[job]]\ncommand = 'solve'\nscene = '{scene}'\nname = '{LONG}/{{visibility}}-{{error}}'\n\
          options = {{ output = 'image', image-size = '64x48', cache = 'off', local-rays = 0, audit = 0 }}\n\
@@ -119,8 +105,8 @@ fn check_pages(views: &[(u32, &str)]) {
     );
     folder.write("jobs.toml", jobs);
     folder.write("broken.obj", "f 1 2 3\n");
-    folder.mrvis(&["batch", "jobs.toml", "--out", "batch", "--quiet"]);
-    folder.mrvis(&["report", "batch", "--quiet"]).exits(0);
+    folder.mrvis("batch jobs.toml --out batch --quiet");
+    folder.mrvis("report batch --quiet").exits(0);
     let pages = [
         ("batch with long names", read(&folder, "batch/report.html")),
         ("bench with long names", read(&folder, "all/report.html")),

@@ -34,7 +34,7 @@ fn items_are_made_with_a_page_and_numbers() {
     }
     assert!(!page.contains("src=\"http") && !page.contains("Figure 9"));
     // A second run replaces the files of the first.
-    scratch.mrvis(&["reproduce", "--only", "fig3", "--out", "paper", "--quiet"]).exits(0);
+    scratch.mrvis("reproduce --only fig3 --out paper --quiet").exits(0);
     assert_eq!(scratch.json("paper/reproduce.json")["items"].as_array().map(Vec::len), Some(1));
 }
 
@@ -73,18 +73,14 @@ fn builders_change_clusters_and_no_exact_answer() {
     scratch
         .write("points.csv", "x,y,z,nx,ny,nz\n0,0,0.001,0,0,1\n0.5,0.3,0.001,0,0,1\n-0.4,0.6,0.001,0,0,1\n");
     let by = |builder: &str| -> [Value; 4] {
-        let call = |arguments: &[&str]| {
-            let made = scratch.mrvis(&[arguments, &["--builder", builder, "--quiet"]].concat());
-            assert_eq!(made.code, Some(0), "{arguments:?}: {}", made.stderr);
-        };
+        let call = |line: &str| scratch.mrvis(&format!("{line} --builder {builder} --quiet")).exits(0);
         let json = |name: &str| format!("{builder}-{name}.json");
         let [info, bench, out] = ["info", "bench", "solve"].map(json);
-        call(&["info", &scene, "--json", &info]);
-        let quick = ["--points", "50", "--rays", "1", "--reference-rays", "8", "--map", "0", "--rounds", "1"];
-        let quick = [&quick[..], &["--feature-size", "1"]].concat();
-        call(&[&["bench", &scene, "--json", &bench][..], &quick].concat());
-        let direct = ["--points", "points.csv", "--direct-only", "--light-rays", "64"];
-        call(&[&["solve", &scene, "--out", builder, "--json", &out][..], &direct].concat());
+        call(&format!("info {scene} --json {info}"));
+        let quick = "--points 50 --rays 1 --reference-rays 8 --map 0 --rounds 1 --feature-size 1";
+        call(&format!("bench {scene} --json {bench} {quick}"));
+        let direct = "--points points.csv --direct-only --light-rays 64";
+        call(&format!("solve {scene} --out {builder} --json {out} {direct}"));
         let irradiance =
             std::fs::read_to_string(scratch.path(&format!("{builder}/irradiance.csv"))).expect("irradiance");
         [scratch.json(&info), scratch.json(&bench), scratch.json(&out), irradiance.into()]

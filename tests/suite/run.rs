@@ -4,7 +4,7 @@ use mrvis::internals::scene;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -19,6 +19,23 @@ impl Outcome {
     pub fn of(output: Output) -> Outcome {
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         Outcome { code: output.status.code(), stdout: text(&output.stdout), stderr: text(&output.stderr) }
+    }
+
+    /// That of a call at its end.
+    pub fn at_end(child: Child) -> Outcome {
+        Outcome::of(child.wait_with_output().expect("its output"))
+    }
+
+    /// The same, but a call that takes longer is ended; its exit code is then `None`.
+    pub fn within(seconds: f64, mut child: Child) -> Outcome {
+        let start = Instant::now();
+        while child.try_wait().expect("a child").is_none() {
+            if start.elapsed().as_secs_f64() > seconds {
+                child.kill().expect("ended");
+            }
+            wait(0.01);
+        }
+        Outcome::at_end(child)
     }
 
     /// Asserts this exit code.
@@ -41,6 +58,67 @@ impl Outcome {
         assert!(self.stderr.contains(words), "{words:?} is not in: {}{}", self.stderr, self.stdout);
         self
     }
+}
+
+/// The words of a text.
+pub fn words(text: &str) -> Vec<&str> {
+    text.split_whitespace().collect()
+}
+
+/// A command line: one text if no word has spaces, or its words.
+pub trait Line {
+    fn words(&self) -> Vec<&str>;
+}
+
+impl Line for str {
+    fn words(&self) -> Vec<&str> {
+        words(self)
+    }
+}
+
+impl Line for String {
+    fn words(&self) -> Vec<&str> {
+        words(self)
+    }
+}
+
+impl Line for [&str] {
+    fn words(&self) -> Vec<&str> {
+        self.to_vec()
+    }
+}
+
+impl<const N: usize> Line for [&str; N] {
+    fn words(&self) -> Vec<&str> {
+        self.to_vec()
+    }
+}
+
+impl Line for Vec<&str> {
+    fn words(&self) -> Vec<&str> {
+        self.clone()
+    }
+}
+
+pub fn wait(seconds: f64) {
+    std::thread::sleep(Duration::from_secs_f64(seconds));
+}
+
+/// Waits until a condition holds, at most so many seconds; otherwise fails with `what`.
+#[track_caller]
+pub fn wait_until(seconds: u64, what: &str, mut holds: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !holds() {
+        assert!(start.elapsed() < Duration::from_secs(seconds), "{what}");
+        wait(0.002);
+    }
+}
+
+/// Sends a signal such as `INT` to a process.
+#[track_caller]
+pub fn signal(signal: &str, process: impl ToString) {
+    let sent = Command::new("kill").args(["-s", signal, &process.to_string()]).status();
+    assert!(sent.expect("kill").success());
 }
 
 /// A temporary folder for calls of the command.
@@ -68,38 +146,35 @@ impl Scratch {
     }
 
     /// The command in the scratch folder, with a cache folder of its own.
-    pub fn command(&self, arguments: &[&str]) -> Command {
+    pub fn command(&self, line: &(impl Line + ?Sized)) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_mrvis"));
-        command.args(arguments).current_dir(self.0.path()).env("XDG_CACHE_HOME", self.path("cache"));
+        command.args(line.words()).current_dir(self.0.path()).env("XDG_CACHE_HOME", self.path("cache"));
         command
     }
 
-    pub fn mrvis(&self, arguments: &[&str]) -> Outcome {
-        Outcome::of(self.command(arguments).output().expect("the command runs"))
+    pub fn mrvis(&self, line: &(impl Line + ?Sized)) -> Outcome {
+        Outcome::of(self.command(line).output().expect("the command runs"))
+    }
+
+    /// A call that goes on.
+    pub fn started(&self, line: &(impl Line + ?Sized)) -> Child {
+        let mut command = self.command(line);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.spawn().expect("the command runs")
     }
 
     /// A call that is ended after so many seconds; its exit code is then `None`.
-    pub fn mrvis_within(&self, seconds: f64, arguments: &[&str]) -> Outcome {
-        let mut command = self.command(arguments);
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().expect("the command runs");
-        let start = Instant::now();
-        while child.try_wait().expect("a child").is_none() {
-            if start.elapsed().as_secs_f64() > seconds {
-                child.kill().expect("ended");
-            }
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        Outcome::of(child.wait_with_output().expect("its output"))
+    pub fn mrvis_within(&self, seconds: f64, line: &(impl Line + ?Sized)) -> Outcome {
+        Outcome::within(seconds, self.started(line))
     }
 
     /// A call that reads `input` from standard input.
-    pub fn mrvis_with_input(&self, input: &str, arguments: &[&str]) -> Outcome {
-        let mut command = self.command(arguments);
+    pub fn mrvis_with_input(&self, input: &str, line: &(impl Line + ?Sized)) -> Outcome {
+        let mut command = self.command(line);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().expect("the command runs");
         child.stdin.take().expect("a pipe").write_all(input.as_bytes()).expect("written");
-        Outcome::of(child.wait_with_output().expect("its output"))
+        Outcome::at_end(child)
     }
 
     /// The content of a text file.

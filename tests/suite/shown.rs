@@ -1,6 +1,6 @@
 //! `solve` and `form-factors` on published cases, transparent materials, and interruptions.
 
-use crate::run::Scratch;
+use crate::run::{Outcome, Scratch, signal, wait};
 use glam::{DVec3, dvec3};
 use mrvis::Model;
 use mrvis::internals::form_factors::{Facets, Grouping, Settings, by_groups, compute};
@@ -204,21 +204,18 @@ fn glass_blocks_from_one_half_on_in_every_command() {
     {
         let scratch = Scratch::new();
         pane(&scratch, d);
-        let said = |arguments: &[&str]| {
-            let outcome = scratch.mrvis(arguments);
+        let call = |line: &str| {
+            let outcome = scratch.mrvis(&format!("{line} --quiet"));
             assert_eq!(outcome.code, Some(0), "{d}: {}", outcome.stderr);
         };
-        let points = ["--points", "points.csv"];
-        let direct = ["--output", "none", "--audit", "0", "--local-rays", "20000"];
-        said(&[&["solve", "pane.obj", "--out", "s", "--quiet"], &direct[..], &points].concat());
-        said(&[&["reference", "pane.obj", "--out", "r.csv", "--quiet"], &points[..]].concat());
-        said(&["form-factors", "pane.obj", "--out", "f.csv", "--by", "object", "--quiet"]);
+        let direct = "--output none --audit 0 --local-rays 20000";
+        call(&format!("solve pane.obj --out s --points points.csv {direct}"));
+        call("reference pane.obj --out r.csv --points points.csv");
+        call("form-factors pane.obj --out f.csv --by object");
         // The command reads scenes as the others do; two values show it.
         if ["d 0.499", "d 0.5"].contains(&d) {
-            let few =
-                ["--points", "50", "--rays", "1", "--reference-rays", "8", "--map", "0", "--rounds", "1"];
-            let more = ["--feature-size", "1", "--json", "b.json", "--cache", "off", "--quiet"];
-            said(&[&["bench", "pane.obj"], &few[..], &more].concat());
+            let few = "--points 50 --rays 1 --reference-rays 8 --map 0 --rounds 1 --feature-size 1";
+            call(&format!("bench pane.obj --json b.json --cache off {few}"));
             let triangles = scratch.json("b.json")["scene"]["triangles"].as_u64();
             assert_eq!(triangles, Some(if blocks { 6 } else { 4 }), "{d}");
         }
@@ -244,23 +241,13 @@ fn glass_blocks_from_one_half_on_in_every_command() {
 #[cfg(unix)]
 #[test]
 fn an_interrupted_solution_is_consistent_and_says_so() {
-    use std::process::{Command, Stdio};
     let scratch = Scratch::new();
     let scene = scratch.generate(&Spec::new("desk-room"));
-    let child = Command::new(env!("CARGO_BIN_EXE_mrvis"))
-        .args(["solve", &scene, "--out", "s", "--error", "1e-5", "--output", "vtu,image", "--gather"])
-        .current_dir(scratch.path("."))
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the command runs");
-    std::thread::sleep(std::time::Duration::from_secs(2));
-    let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
-    assert!(kill.success());
-    let output = child.wait_with_output().expect("it ends");
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(said.contains("interrupted"), "{said}");
+    let line = format!("solve {scene} --out s --error 1e-5 --output vtu,image --gather");
+    let child = scratch.started(&line);
+    wait(2.0);
+    signal("INT", child.id());
+    Outcome::at_end(child).exits(0).prints("interrupted");
     let record = scratch.json("s/solution.json");
     assert_eq!(record["interrupted"], true);
     let power = |what: &str| record["ledger"][what].as_f64().expect("a number");
@@ -273,30 +260,20 @@ fn an_interrupted_solution_is_consistent_and_says_so() {
 #[cfg(unix)]
 #[test]
 fn a_second_interruption_ends_at_once() {
-    use std::process::{Command, Stdio};
-    use std::time::Duration;
     let scratch = Scratch::new();
     let scene = scratch.generate(&Spec::new("desk-room"));
     let interrupted_after = |seconds: f64| {
-        let child = Command::new(env!("CARGO_BIN_EXE_mrvis"))
-            .args(["solve", &scene, "--out", "s", "--output", "none", "--error", "1e-5"])
-            .current_dir(scratch.path("."))
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("the command runs");
-        std::thread::sleep(Duration::from_secs_f64(seconds));
+        let child = scratch.started(&format!("solve {scene} --out s --output none --error 1e-5"));
+        wait(seconds);
         // The regular end, with the last sweeps and the audit, takes longer than the time between the two.
         let twice = format!("kill -INT {0}; sleep 0.005; kill -INT {0}", child.id());
-        assert!(Command::new("bash").args(["-c", &twice]).status().expect("bash").success());
-        child.wait_with_output().expect("it ends")
+        assert!(std::process::Command::new("bash").args(["-c", &twice]).status().expect("bash").success());
+        Outcome::at_end(child)
     };
     // While the scene is read or prepared the first interruption ends the program; the test then waits longer.
-    let at_once = |o: &std::process::Output| o.status.code() == Some(130);
-    let output = [0.5, 1.0, 2.0, 4.0, 8.0].into_iter().map(interrupted_after).find(at_once);
-    let output = output.expect("an end at the second interruption");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(said.contains("once more ends at once"), "{said}");
+    let at_once = |outcome: &Outcome| outcome.code == Some(130);
+    let ended = [0.5, 1.0, 2.0, 4.0, 8.0].into_iter().map(interrupted_after).find(at_once);
+    ended.expect("an end at the second interruption").warns("once more ends at once");
     assert!(!scratch.path("s/solution.json").exists());
 }
 

@@ -19,9 +19,10 @@ fn scene(scratch: &Scratch, up: &str) {
     );
 }
 
-fn solve(scratch: &Scratch, up: &str, output: &[&str]) {
-    let call = ["solve", "s.obj", "--up", up, "--out", "o", "--audit", "0", "--max-seconds", "5"];
-    scratch.mrvis(&[&call[..], output].concat()).exits(0);
+fn solve(scratch: &Scratch, up: &str, output: &str) {
+    scratch
+        .mrvis(&format!("solve s.obj --up {up} --out o --audit 0 --max-seconds 5 --output {output}"))
+        .exits(0);
 }
 
 /// glTF is y-up: the node of the GLB turns the scene so that its lamp is 3 above its floor.
@@ -30,7 +31,7 @@ fn meshes_stand_upright_in_gltf() {
     for up in ["y", "z"] {
         let scratch = Scratch::new();
         scene(&scratch, up);
-        solve(&scratch, up, &["--output", "glb"]);
+        solve(&scratch, up, "glb");
         let bytes = std::fs::read(scratch.path("o/solution.glb")).expect("a GLB");
         let length = u32::from_le_bytes(bytes[12..16].try_into().expect("a length")) as usize;
         let root: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
@@ -58,7 +59,7 @@ fn cameras_are_not_rolled() {
     for (up, camera) in [("z", "4,-4,1,4,4,1,60"), ("y", "4,1,4,4,1,-4,60")] {
         let scratch = Scratch::new();
         scene(&scratch, up);
-        solve(&scratch, up, &["--output", "image", "--image-size", "80x60", "--camera", camera]);
+        solve(&scratch, up, &format!("image --image-size 80x60 --camera {camera}"));
         let image = image::open(scratch.path("o/view.png")).expect("a picture").to_luma8();
         let mean = |columns: std::ops::Range<u32>, rows: std::ops::Range<u32>| {
             let pixels = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));

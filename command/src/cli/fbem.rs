@@ -13,8 +13,7 @@ use mrvis::internals::image_io::{
 };
 use mrvis::internals::metrics::{DEFAULT_THRESHOLD, FeatureSet, Norms, norms, spectrum_sizes};
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
-use mrvis::metrics::Morphology;
-use mrvis::metrics::{Fbem, FbemOptions, FeatureOptions, Features, Filter, Image, fbem};
+use mrvis::metrics::{Fbem, FbemOptions, FeatureOptions, Features, Filter, Image, Morphology, fbem};
 use mrvis::{Error, Result};
 
 /// Compare two images by the feature-based error metric: features larger than s are compared texel by texel, the rest

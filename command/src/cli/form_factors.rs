@@ -156,34 +156,23 @@ fn size(bytes: u64) -> String {
 }
 
 fn text(args: &Args, matrix: &FormFactors, r: &Report, seconds: f64) -> String {
-    let mut out = String::new();
+    let Report { row_sum_error, worst_row_sum_error, row_standard_error, .. } = r;
+    let Report { closed_row_sum_error, row_sums: [low, high], reciprocity_residual, .. } = r;
+    let (file, seconds) = (file_name(&args.out), number(seconds));
+    let [rows, entries, rays] = [matrix.areas.len(), matrix.columns.len(), r.rays as usize].map(grouped);
+    let mut out = format!("{file}: {rows} rows, {entries} entries; {seconds} s, {rays} rays\n");
+    let before = if r.closure_steps > 0 { " (before closure)" } else { "" };
     // Writing to a string cannot fail.
     let _ = writeln!(
         out,
-        "{}: {} rows, {} entries; {} s, {} rays",
-        file_name(&args.out),
-        grouped(matrix.areas.len()),
-        grouped(matrix.columns.len()),
-        number(seconds),
-        grouped(r.rays as usize)
+        "row sum + escaped + lost - 1: mean size {row_sum_error:.2e}, largest {worst_row_sum_error:.2e}{before}; standard error of a row \
+         {row_standard_error:.1e}"
     );
+    let [closed, of] = [r.closed_rows, r.facets].map(grouped);
     let _ = writeln!(
         out,
-        "row sum + escaped + lost - 1: mean size {:.2e}, largest {:.2e}{}; standard error of a row {:.1e}",
-        r.row_sum_error,
-        r.worst_row_sum_error,
-        if r.closure_steps > 0 { " (before closure)" } else { "" },
-        r.row_standard_error
-    );
-    let _ = writeln!(
-        out,
-        "{} of {} rows are closed, off by {:.1e} in the mean; row sums {:.6} to {:.6}; reciprocity residual {:.1e}",
-        grouped(r.closed_rows),
-        grouped(r.facets),
-        r.closed_row_sum_error,
-        r.row_sums[0],
-        r.row_sums[1],
-        r.reciprocity_residual
+        "{closed} of {of} rows are closed, off by {closed_row_sum_error:.1e} in the mean; row sums {low:.6} to {high:.6}; reciprocity \
+         residual {reciprocity_residual:.1e}"
     );
     let _ = writeln!(out, "escaped {:.3} %, lost on back sides {:.3} %", 100.0 * r.escaped, 100.0 * r.lost);
     for (facet, why) in &r.bad {

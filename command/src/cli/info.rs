@@ -5,12 +5,10 @@ mod materials;
 use super::args::{Common, SceneArgs, grouped};
 use super::{flags::with_flags, inputs::Inputs, values::ClusterArgs};
 use materials::{list_materials, reflectances};
-use mrvis::Builder;
-use mrvis::internals::clusters;
 use mrvis::internals::error::{quote, shown};
 use mrvis::internals::scene::{Emitter, Photometry};
-use mrvis::internals::{AxisParts, BuilderParts, SceneParts};
-use mrvis::{Result, Scene};
+use mrvis::internals::{AxisParts, BuilderParts, SceneParts, clusters};
+use mrvis::{Builder, Result, Scene};
 use serde_json::{Value, json};
 use std::{
     fmt::Write,

@@ -4,11 +4,8 @@
 //! the same scene at the same time wait for the one that makes it.
 
 use crate::batch::{HashedFile, Hashes};
-use mrvis::Progress;
-use mrvis::Result;
-use mrvis::Scene;
 use mrvis::internals::{ModelParts, PrepareParts, SceneParts};
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Model, PrepareOptions, Progress, Result, Scene};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -19,8 +19,6 @@ use super::writable::check_folder;
 use at_points::AtPoints;
 use grids::{GridArg, Grids, section};
 use luminous::{Luminous, Reported};
-use mrvis::Progress;
-use mrvis::Result;
 use mrvis::internals::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
 use mrvis::internals::export::{solve_page, surfaces};
 use mrvis::internals::files::{WholeFile, write_json};
@@ -30,6 +28,7 @@ use mrvis::internals::radiosity::{
     self, Inside, Options, Oracle, Outcome, PointLight, RowSums, Solution, Visibility,
 };
 use mrvis::internals::{ModelParts, SceneParts};
+use mrvis::{Progress, Result};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -1,9 +1,8 @@
 //! Small scenes of boxes and rectangles.
 
 use glam::DVec3;
-use mrvis::Result;
 use mrvis::internals::scene::{Soup, SoupMaterial, resolve};
-use mrvis::{LoadOptions, Scene};
+use mrvis::{LoadOptions, Result, Scene};
 use sobol_burley::sample_4d;
 
 /// Smallest distance between the centres of two cubes, edges: they do not touch.

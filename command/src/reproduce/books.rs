@@ -6,14 +6,11 @@ use super::table::{Table, count, number};
 use super::view::irradiance;
 use super::{Context, counts_of, fixed};
 use glam::DVec3;
-use mrvis::Result;
-use mrvis::Scene;
-use mrvis::internals::clusters;
 use mrvis::internals::math::triangle_area;
 use mrvis::internals::radiosity::{self, Inside, Options, Outcome, RowSums};
-use mrvis::internals::{ModelParts, PrepareParts, SceneParts};
+use mrvis::internals::{ModelParts, PrepareParts, SceneParts, clusters};
 use mrvis::metrics::Image;
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Model, PrepareOptions, Result, Scene};
 use rayon::prelude::*;
 
 /// Books in a row.
@@ -225,20 +222,17 @@ pub fn figure_10(context: &Context) -> Result<Item> {
     let all = [isotropic, oriented, by_links(Inside::Visible, 0.25 * margin)?, by_rays];
     let areas = areas(model.scene());
     let received = all.each_ref().map(|solves| solves.received(&areas));
-    let mut item = Item {
-        here: format!(
-            "{BOOKS} black books side by side under a light of 0.4 m, with the coarsest links that refinement makes, to an error of {error} of \
+    let mut item = Item::of(format!(
+        "{BOOKS} black books side by side under a light of 0.4 m, with the coarsest links that refinement makes, to an error of {error} of \
              the mean irradiance in all cases, and no local pass; by values `isotropic`, `oriented` and `visible` of option `inside` of a solve. \
              mrvis lets the segments of a link end on the surfaces of the cluster instead of using an item buffer. Numbers and pictures are means \
              over solves with other random numbers, so many that the standard error of the power is at most {} % of the power by rays (with \
              visibility, a quarter of the margin of equality), and no more than {}. The books absorb all light. The ledger of a solution cannot show what is created inside a cluster: a link carries the \
              same power in both directions, and what the books receive in excess counts as power that did not leave the scene. So the power on \
              the books is compared with that by rays.",
-            100.0 * PRECISE,
-            SOLVES[small]
-        ),
-        ..Item::default()
-    };
+        100.0 * PRECISE,
+        SOLVES[small]
+    ));
     let images = all.iter().map(Solves::picture).collect::<Result<Vec<_>>>()?;
     let white = images[3].data().iter().fold(0.0f32, |white, v| white.max(*v));
     let names =
@@ -255,20 +249,9 @@ pub fn figure_10(context: &Context) -> Result<Item> {
 
 /// The power on the books and the ledger's numbers.
 fn table(received: &[Received], names: &[&str]) -> Table {
-    let columns = [
-        "light in the cluster",
-        "solves",
-        "links",
-        "of the light",
-        "books receive, W",
-        "standard error, W",
-        "more than by rays, W",
-        "deviation / mean",
-        "emitted, W",
-        "absorbed, W",
-        "escaped, W",
-    ];
-    let mut table = Table::new("The books, and the ledger of the scene", &columns);
+    let columns = "light in the cluster | solves | links | of the light | books receive, W | standard error, W | more than by rays, W | \
+         deviation / mean | emitted, W | absorbed, W | escaped, W";
+    let mut table = Table::new("The books, and the ledger of the scene", columns);
     let truth = received.last().map_or(0.0, |r| r.power);
     for (r, name) in received.iter().zip(names) {
         let numbers = [r.power, r.error, r.power - truth, r.deviation].into_iter().chain(r.ledger);

@@ -3,9 +3,8 @@
 use super::blocks::{Blocks, apart_along_y};
 use super::shadow::Wall;
 use glam::{DVec3, Vec2};
-use mrvis::Result;
-use mrvis::Scene;
 use mrvis::internals::raster::{BitImage, fill_triangle};
+use mrvis::{Result, Scene};
 
 /// Texels along an image of the shadow of a group.
 pub const COLUMNS: usize = 176;

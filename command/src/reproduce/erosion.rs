@@ -23,11 +23,9 @@ fn opener(image: &BitImage) -> Opener {
 /// Figure 2: erosions and expansions of the shadows of the second largest cubes.
 pub fn figure_2(context: &Context) -> Result<Item> {
     let image = shadow_mask(&context.groups()?.shadows[2], 0.0)?;
-    let mut item = Item {
-        here: "The shadow of the third group of Figure 1; eight neighbours, which the paper's in-place operators amount to."
-            .into(),
-        ..Item::default()
-    };
+    let mut item = Item::of(
+        "The shadow of the third group of Figure 1; eight neighbours, which the paper's in-place operators amount to.",
+    );
     let eroded: Vec<BitImage> = STEPS.iter().map(|&n| opener(&image).core(2.0 * n as f64)).collect();
     let expanded: Vec<BitImage> = STEPS.iter().map(|&n| expand(&image, n, Morphology::Paper8)).collect();
     for (name, images) in [("Erosions", &eroded), ("Expansions", &expanded)] {
@@ -94,7 +92,7 @@ fn judge_odd_squares(item: &mut Item, left: &[usize]) {
 /// Figure 3: erosions followed by as many expansions.
 pub fn figure_3(context: &Context) -> Result<Item> {
     let image = shadow_mask(&context.groups()?.shadows[2], 0.0)?;
-    let mut item = Item { here: "The shadow of Figure 2.".into(), ..Item::default() };
+    let mut item = Item::of("The shadow of Figure 2.");
     let opened: Vec<BitImage> = STEPS.iter().map(|&n| opener(&image).open(2.0 * n as f64)).collect();
     let mut panels = vec![Panel::binary(&image, "reference")];
     panels.extend(STEPS.iter().zip(&opened).map(|(n, image)| Panel::binary(image, format!("n = {n}"))));
@@ -155,11 +153,9 @@ fn squares_within(image: &BitImage, n: usize) -> BitImage {
 /// Figure 4: feature masks of the four groups.
 pub fn figure_4(context: &Context) -> Result<Item> {
     let groups = context.groups()?;
-    let mut item = Item { here: "The images of Figure 1.".into(), ..Item::default() };
-    let mut table = Table::new(
-        "Texels of the masks",
-        &["feature size, texels", "group 1", "group 2", "group 3", "group 4"],
-    );
+    let mut item = Item::of("The images of Figure 1.");
+    let mut table =
+        Table::new("Texels of the masks", "feature size, texels | group 1 | group 2 | group 3 | group 4");
     let mut parts: Vec<[f64; 4]> = Vec::new();
     for size in [0.0].into_iter().chain(MASKS) {
         let masks =

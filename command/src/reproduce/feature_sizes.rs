@@ -9,13 +9,12 @@ use super::shadow::{Wall, mean, paper_features};
 use super::table::{Cell, Table, number};
 use super::{Context, fixed, list};
 use glam::Vec3;
-use mrvis::Result;
 use mrvis::internals::ModelParts;
 use mrvis::internals::metrics::{FeatureSet, norms};
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Series};
 use mrvis::internals::visibility::LeafMode;
 use mrvis::metrics::{FbemOptions, Image, fbem};
-use mrvis::{Detail, Model, PrepareOptions};
+use mrvis::{Detail, Model, PrepareOptions, Result};
 
 /// Other coverages of the groups, for which the work is counted as well.
 const OTHER_COVERAGES: [f64; 2] = [0.3, 0.5];
@@ -149,22 +148,19 @@ fn rays(context: &Context) -> usize {
 
 /// Figure 9, once with extinction in the leaves as in the paper and once with exact leaves.
 pub fn figure_9(context: &Context) -> Result<Item> {
-    let mut item = Item {
-        here: format!(
-            "The scene of Figure 1; s in units of {} mm (the paper does not give its unit), in which the shadows of single cubes, penumbra \
+    let mut item = Item::of(format!(
+        "The scene of Figure 1; s in units of {} mm (the paper does not give its unit), in which the shadows of single cubes, penumbra \
              included, are {} wide, none wider than the size of its group's number. The paper's rule descends the clusters segment by \
              segment with κ = ΣA/4V and one BSIZE, at the centre of the cluster projected onto the segment; its time is that of one core. \
              Times are means of two repetitions, whose differences, pooled over sizes, tell the noise. The times of this engine (sixteen \
              segments at a time, measured extinction) stand beside, with the largest FBEM of its images against exact rays. L2 counts as risen \
              above three times the noise of the images, which is the L2 of those by {} exact rays a texel. The paper does not give the part of \
              its images that the cubes hide, {} % here; work is counted with others as well.",
-            fixed(1000.0 * unit(), 0),
-            list(&EDGES.map(|edge| shadow_widths(edge)[1] / unit()), 1),
-            rays(context),
-            fixed(100.0 * COVERAGE, 0)
-        ),
-        ..Item::default()
-    };
+        fixed(1000.0 * unit(), 0),
+        list(&EDGES.map(|edge| shadow_widths(edge)[1] / unit()), 1),
+        rays(context),
+        fixed(100.0 * COVERAGE, 0)
+    ));
     let model =
         Model::prepare_watched(covering_scene(COVERAGE)?, &PrepareOptions::default(), context.progress)?;
     let by_rays = |rays: usize, stream: u64| -> Result<Vec<Image<'static>>> {
@@ -222,18 +218,8 @@ fn show(item: &mut Item, name: &str, made: &Series9, (reference, exact): (&[Imag
     }
     item.tables.push(times(name, made, exact)?);
     item.here += &engine_times(name, made);
-    let columns = [
-        "s",
-        "L2 of 1, %",
-        "L2 of 2, %",
-        "L2 of 3, %",
-        "L2 of 4, %",
-        "FBEM of 1, %",
-        "FBEM of 2, %",
-        "FBEM of 3, %",
-        "FBEM of 4, %",
-    ];
-    let mut table = Table::new(format!("{name}: errors of the groups, per cent of the light"), &columns);
+    let columns = "s | L2 of 1, % | L2 of 2, % | L2 of 3, % | L2 of 4, % | FBEM of 1, % | FBEM of 2, % | FBEM of 3, % | FBEM of 4, %";
+    let mut table = Table::new(format!("{name}: errors of the groups, per cent of the light"), columns);
     for (row, s) in errors.iter().zip(SIZES) {
         let numbers = [0, 1].into_iter().flat_map(|m| row.iter().map(move |e| number(e[m], 2)));
         table.push([number(s, 1)].into_iter().chain(numbers));
@@ -268,15 +254,8 @@ fn bars(errors: &[[[f64; 2]; 4]]) -> Vec<Chart> {
 
 /// Times and work by size, of the paper's rule and of this engine, whose images are compared with those by exact rays.
 fn times(name: &str, made: &Series9, exact: &[Image]) -> Result<Table> {
-    let columns = [
-        "feature size",
-        "time, s",
-        "paper, s",
-        "visits, millions",
-        "this engine, s",
-        "its FBEM against exact rays, %",
-    ];
-    let mut times = Table::new(format!("{name}: times"), &columns);
+    let columns = "feature size | time, s | paper, s | visits, millions | this engine, s | its FBEM against exact rays, %";
+    let mut times = Table::new(format!("{name}: times"), columns);
     let millions = |walls: &Walls| number(walls.visits.all() as f64 / 1e6, 2);
     let blank = || Cell::from("–");
     let seconds = |walls: &Walls| number(mean_of(walls.seconds), 2);

@@ -8,12 +8,11 @@ use super::shadow::{Wall, mean, meshed, paper_features};
 use super::table::{Table, count, number};
 use super::table_1::{paper_spread, range};
 use super::{Context, fixed, list};
-use mrvis::Result;
 use mrvis::internals::ModelParts;
 use mrvis::internals::metrics::{FeatureSet, norms};
 use mrvis::internals::raster::BitImage;
 use mrvis::metrics::Image;
-use mrvis::{Detail, Model, PrepareOptions};
+use mrvis::{Detail, Model, PrepareOptions, Result};
 
 /// Texels along an element of the coarse mesh: more than the largest size of Table 1.
 const ELEMENT: usize = 44;
@@ -61,16 +60,13 @@ fn median_size(image: &Image) -> Result<f64> {
 /// Figure 1: L2 errors do not tell large shadows from small ones.
 pub fn figure_1(context: &Context) -> Result<Item> {
     let groups = context.groups()?;
-    let mut item = Item {
-        here: format!(
-            "Cubes of 0.1, 0.15, 0.2 and 0.3 m in four groups, so many that each group hides {1} % of its image from the centre of a light of \
+    let mut item = Item::of(format!(
+        "Cubes of 0.1, 0.15, 0.2 and 0.3 m in four groups, so many that each group hides {1} % of its image from the centre of a light of \
              {LIGHT} m at a distance of {LIGHT_DISTANCE} m; the paper gives no dimensions. Images of {COLUMNS} x {COLUMNS} texels of 12.5 mm by \
              exact rays; a mesh of {0} x {0} elements with the mean of the reference.",
-            COLUMNS / ELEMENT,
-            fixed(100.0 * COVERAGE, 0)
-        ),
-        ..Item::default()
-    };
+        COLUMNS / ELEMENT,
+        fixed(100.0 * COVERAGE, 0)
+    ));
     let errors: Vec<f64> = (0..4)
         .map(|k| Ok(100.0 * norms(&groups.shadows[k], &groups.coarse[k])?.l2))
         .collect::<Result<_>>()?;
@@ -129,15 +125,12 @@ fn judge_figure_1(item: &mut Item, covered: &[f64], errors: &[f64], sizes: &[f64
 /// Appendix A: L1 and L2 errors of a mean follow from the mean alone.
 pub fn appendix_a(context: &Context) -> Result<Item> {
     let groups = context.groups()?;
-    let mut item = Item {
-        here: "The four groups before a point light: norms of the difference between the visibility of each texel (0 \
+    let mut item = Item::of(
+        "The four groups before a point light: norms of the difference between the visibility of each texel (0 \
                or 1) and its mean over the wall, beside the formulas; and of a light of 0.1 m, for which the formulas are \
-               upper bounds."
-            .into(),
-        ..Item::default()
-    };
-    let mut table =
-        Table::new("Norms of v − v̄", &["group", "light", "v̄", "L1", "2v̄(1 − v̄)", "L2", "√(v̄(1 − v̄))"]);
+               upper bounds.",
+    );
+    let mut table = Table::new("Norms of v − v̄", "group | light | v̄ | L1 | 2v̄(1 − v̄) | L2 | √(v̄(1 − v̄))");
     let (mut off, mut excess) = (0.0f64, f64::NEG_INFINITY);
     for (images, light) in [(&groups.points, "point"), (&groups.shadows, "0.1 m")] {
         for (k, image) in images.iter().enumerate() {

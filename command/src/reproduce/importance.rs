@@ -6,14 +6,13 @@ use super::table::{Table, number};
 use super::view::{irradiance, seen};
 use super::{Context, fixed};
 use glam::DVec3;
-use mrvis::Result;
 use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::{self, Options, Visibility};
 use mrvis::internals::scene::Object;
 use mrvis::internals::scene::generate::{self, DESKS, Spec};
 use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::Image;
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Model, PrepareOptions, Result};
 
 /// Feature size where one looks, metres.
 const LOOKED: f32 = 0.05;
@@ -122,21 +121,18 @@ pub fn importance(context: &Context) -> Result<Item> {
         found.push(solve);
     }
     let goal = 100.0 * base.error;
-    let mut item = Item {
-        here: format!(
-            "The office of Figure 7; one looks at the first desk and the things on it. Feature sizes by surface (option `feature_sizes`), and \
+    let mut item = Item::of(format!(
+        "The office of Figure 7; one looks at the first desk and the things on it. Feature sizes by surface (option `feature_sizes`), and \
              importance (option `importance`: errors elsewhere count by their effect on these objects, and feature sizes grow up to 7 times \
              there). The goal of all solves is an RMS error of {} %; errors on the desk top, at {} points, and in the picture, where it shows \
              these objects, are relative to an exact solve with a goal of {} %. Numbers are means of {} solves with other random numbers \
              ({COARSE_SEEDS} with the large size everywhere); solves with the same random numbers are compared, and the scatter of their \
              differences tells the noise.",
-            fixed(goal, 0),
-            POINTS[0] * POINTS[1],
-            fixed(100.0 * reference.error, 1),
-            SEEDS[small]
-        ),
-        ..Item::default()
-    };
+        fixed(goal, 0),
+        POINTS[0] * POINTS[1],
+        fixed(100.0 * reference.error, 1),
+        SEEDS[small]
+    ));
     let (mut desk, mut room) = (vec![("reference", truth.1.image)], Vec::new());
     for (name, [first, second]) in pictures {
         desk.push((name, first));
@@ -161,15 +157,8 @@ fn show(item: &mut Item, title: &str, images: &[(&str, Image)]) {
 }
 
 fn table(found: &[Solve]) -> Table {
-    let columns = [
-        "solve",
-        "RMS error on the desk top, %",
-        "RMS error of the picture, %",
-        "links",
-        "exact rays, thousands",
-        "time, s",
-    ];
-    let mut table = Table::new("Irradiance on the desk", &columns);
+    let columns = "solve | RMS error on the desk top, % | RMS error of the picture, % | links | exact rays, thousands | time, s";
+    let mut table = Table::new("Irradiance on the desk", columns);
     for solve in found {
         let Solve { name, error, picture, links, rays, seconds } = solve;
         let numbers = [(error, 2), (picture, 2), (links, 0), (rays, 0), (seconds, 2)]

@@ -117,6 +117,11 @@ pub const VISIBLE: &str = "visible fraction of the light: black 0, white 1";
 pub const FEATURES: &str = "features: black";
 
 impl Item {
+    /// An item without results. `here`: what was built and measured.
+    pub fn of(here: impl Into<String>) -> Item {
+        Item { here: here.into(), ..Item::default() }
+    }
+
     /// Adds a check of numbers, with the reason that is given if it does not hold.
     pub fn check(
         &mut self,

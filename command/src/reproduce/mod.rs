@@ -34,8 +34,7 @@ pub use item::Item;
 pub use page::page;
 
 use groups::Groups;
-use mrvis::Progress;
-use mrvis::{Error, Result};
+use mrvis::{Error, Progress, Result};
 use serde::Serialize;
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Instant;

@@ -10,14 +10,11 @@ use super::shadow::{Rendered, Wall};
 use super::table::{Table, count, number};
 use super::{Context, counts_of, fixed, office_light};
 use glam::DVec3;
-use mrvis::Builder;
-use mrvis::Result;
-use mrvis::internals::ModelParts;
-use mrvis::internals::clusters;
 use mrvis::internals::radiosity::Visibility;
 use mrvis::internals::scene::generate::{self, ROOM, Spec};
+use mrvis::internals::{ModelParts, clusters};
 use mrvis::metrics::{FbemOptions, Image, fbem};
-use mrvis::{Detail, Model, PrepareOptions};
+use mrvis::{Builder, Detail, Model, PrepareOptions, Result};
 
 /// Side of a texel of the floor, metres: a sixteenth of the depth of a desk.
 const TEXEL: f64 = 0.05;
@@ -133,16 +130,9 @@ impl Floors {
             Panel::visible(&f.rendered.image, format!("{}, {}\u{a0}s", f.name, fixed(f.rendered.seconds, 2)))
         }));
         item.row(format!("{title}: light on the floor, seen from above ({VISIBLE})"), panels);
-        let columns = [
-            "clusters by",
-            "number",
-            "triangles of the largest leaf",
-            "time, s",
-            "visits per segment",
-            "FBEM(0.8 m), %",
-            "contrast under desks, %",
-        ];
-        let mut table = Table::new(title, &columns);
+        let columns = "clusters by | number | triangles of the largest leaf | time, s | visits per segment | FBEM(0.8 m), % | \
+             contrast under desks, %";
+        let mut table = Table::new(title, columns);
         table.push([
             "Embree rays".into(),
             "".into(),
@@ -189,7 +179,7 @@ fn polygons() -> Result<usize> {
 pub fn figure_7(context: &Context) -> Result<Item> {
     let floors = Floors::new(context, Leaves::Surfaces, &BUILDERS)?;
     let polygons = polygons()?;
-    let mut item = Item { here: scene_of(polygons), ..Item::default() };
+    let mut item = Item::of(scene_of(polygons));
     floors.show(&mut item, "Surface visibility")?;
     item.check("the scene has the paper's 5,380 polygons", polygons.to_string(), polygons == 5380, || {
         "`mrvis generate office` makes other things".into()
@@ -211,14 +201,12 @@ pub fn figure_7(context: &Context) -> Result<Item> {
 /// Figure 8: average visibility, by extinction alone.
 pub fn figure_8(context: &Context) -> Result<Item> {
     let floors = Floors::new(context, Leaves::Extinction, &BUILDERS)?;
-    let mut item = Item {
-        here: "The scene and the builders of Figure 7, `mrvis generate office`. Seven desk tops, thin closed boxes, hide the floor from \
+    let mut item = Item::of(
+        "The scene and the builders of Figure 7, `mrvis generate office`. Seven desk tops, thin closed boxes, hide the floor from \
                some of the panels only, so that parts of their contrast are compared: extinction takes 1 − e^(−1/2) = 39 % off the light that a \
                desk top in a cluster of its own hides, because along the shortest edge t of a thin closed box of area 2A κ t is \
-               2A t / (4 A t) = 1/2."
-            .into(),
-        ..Item::default()
-    };
+               2A t / (4 A t) = 1/2.",
+    );
     floors.show(&mut item, "Average visibility by extinction")?;
     let in_radiosity = office_light::show(&mut item, Visibility::Average, context)?;
     office_verdict::judge_shadows(&mut item, &floors.contrasts(in_radiosity)?);

@@ -6,16 +6,11 @@ use super::table::{Table, count, number};
 use super::view::irradiance;
 use super::{Context, fixed};
 use glam::DVec3;
-use mrvis::Builder;
-use mrvis::Result;
-use mrvis::Scene;
-use mrvis::internals::clusters;
-use mrvis::internals::radiosity::{self, Options, Visibility};
-use mrvis::internals::radiosity::{Element, RadiosityMesh};
+use mrvis::internals::radiosity::{self, Element, Options, RadiosityMesh, Visibility};
 use mrvis::internals::scene::generate::{self, ROOM, Spec};
-use mrvis::internals::{ModelParts, PrepareParts, SceneParts};
+use mrvis::internals::{ModelParts, PrepareParts, SceneParts, clusters};
 use mrvis::metrics::Image;
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Builder, Model, PrepareOptions, Result, Scene};
 use std::sync::Arc;
 
 /// Builders that the paper compares, in the form of the engines: boxes fitted to their contents.
@@ -51,8 +46,8 @@ pub struct InRadiosity {
 /// Adds pictures and numbers of radiosity solutions with this visibility; beside exact visibility of one by rays.
 pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Result<InRadiosity> {
     let scene = Arc::new(generate::build(&Spec::new("office"))?);
-    let columns = ["clusters by", "links", "time, s", "contrast under desks, %"];
-    let mut table = Table::new(TITLE, &columns);
+    let columns = "clusters by | links | time, s | contrast under desks, %";
+    let mut table = Table::new(TITLE, columns);
     let (mut images, mut contrasts) = (Vec::new(), Vec::new());
     // The last one is the reference of exact visibility, with a last pass by rays.
     let links = BUILDERS.into_iter().take(if context.small { 2 } else { 3 });

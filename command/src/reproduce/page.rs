@@ -53,7 +53,7 @@ pub fn page(report: &Report, command: &str) -> Result<String> {
 }
 
 fn overview(report: &Report) -> Markup {
-    let mut table = Table::new("", &["item", "verdict", "checks", "time"]);
+    let mut table = Table::new("", "item | verdict | checks | time");
     for item in &report.items {
         let held = item.checks.len() - item.missed();
         table.push([

@@ -5,10 +5,9 @@
 
 use glam::Vec3;
 use mrvis::Scene;
-use mrvis::internals::SceneParts;
 use mrvis::internals::clusters::Tree;
 use mrvis::internals::math::{Aabb, triangle_area};
-use mrvis::internals::optics;
+use mrvis::internals::{SceneParts, optics};
 
 /// Treatment of leaves that are reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

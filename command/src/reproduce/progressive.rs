@@ -3,12 +3,11 @@
 use super::item::Item;
 use super::table::{Cell, Table, count, number};
 use super::{Context, counts_of, fixed, list};
-use mrvis::Result;
 use mrvis::internals::ModelParts;
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Scale, Series};
 use mrvis::internals::radiosity::{self, Options, Oracle, Record, Visibility};
 use mrvis::internals::scene::generate::{self, Spec};
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Model, PrepareOptions, Result};
 
 /// The paper's seconds per iteration.
 const PAPER_SECONDS: f64 = 2.0;
@@ -95,18 +94,15 @@ pub fn multigridding(context: &Context) -> Result<Item> {
         other: end(own.links, Oracle::Error)?,
         by_transport: end(own.links, Oracle::Bf)?,
     };
-    let mut item = Item {
-        here: format!(
-            "Scene `urban-block` of `mrvis generate` with a count of 7,000, {polygons} polygons; light along links alone (option `local_rays` \
+    let mut item = Item::of(format!(
+        "Scene `urban-block` of `mrvis generate` with a count of 7,000, {polygons} polygons; light along links alone (option `local_rays` \
              0). A solve in steps (options `step_seconds` {step}, `max_links` {max_links}): each refines the links above the threshold that a \
              histogram of their errors gives for the time. The record of a solve does not hold the number of links k that a step plans, so that \
              the first sentence of the claim is tested by unit tests of the histogram, not here. RMS errors, relative to the mean irradiance, \
              are those of solves that end at given numbers of links, and at those of the iterations, measured by independent paths at {audit} elements; means of two solves \
              with other random numbers, whose differences, pooled, tell the noise. In the end that of the stepped solve itself stands beside, \
              and that of links refined by the light that they transport (BF refinement of P. Hanrahan and others 1991, option `oracle`). Solves of `mrvis generate office`, a closed room, end early."
-        ),
-        ..Item::default()
-    };
+    ));
     item.tables.push(iterations(&measured));
     item.tables.push(errors(&measured));
     item.chart(plot(&measured), "Measured error of solves that end at numbers of links.");
@@ -161,8 +157,8 @@ fn plot(measured: &Measured) -> Plot {
 
 /// The iterations of the solve in steps.
 fn iterations(measured: &Measured) -> Table {
-    let columns = ["iteration", "time, s", "paper, s", "links", "refined", "RMS error after it, %"];
-    let mut table = Table::new("Iterations in steps of limited time", &columns);
+    let columns = "iteration | time, s | paper, s | links | refined | RMS error after it, %";
+    let mut table = Table::new("Iterations in steps of limited time", columns);
     for (k, ((seconds, links, refined), after)) in measured.iterations.iter().zip(&measured.after).enumerate()
     {
         table.push([
@@ -180,7 +176,7 @@ fn iterations(measured: &Measured) -> Table {
 /// Errors by number of links and by criterion of refinement.
 fn errors(measured: &Measured) -> Table {
     let title = format!("Errors; standard error {} % of each", fixed(100.0 * noise(measured), 1));
-    let mut table = Table::new(title, &["links refined by", "links", "RMS error, %"]);
+    let mut table = Table::new(title, "links refined by | links | RMS error, %");
     let mut push = |name: &str, of: &Audited| {
         table.push([name.into(), count(of.links), of.cell()]);
     };

@@ -2,13 +2,12 @@
 
 use super::plain::{Descent, PlainTree, Visits};
 use glam::{DVec3, Vec3};
-use mrvis::Model;
-use mrvis::Result;
 use mrvis::internals::bench::{ReceiverPoint, Workload};
 use mrvis::internals::ray::{LANES, Occluder, Packet};
 use mrvis::internals::visibility::{Bundle, Exact, MultiResolution, Workspace};
 use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::{FeatureOptions, Features, Image, Morphology};
+use mrvis::{Model, Result};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};

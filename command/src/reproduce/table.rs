@@ -33,13 +33,13 @@ pub enum Cell {
 }
 
 impl Table {
-    /// An empty table; names of columns may end in a comma and a unit.
-    pub fn new(title: impl Into<String>, columns: &[impl AsRef<str>]) -> Table {
+    /// An empty table. Names of columns stand between vertical bars, and may end in a comma and a unit.
+    pub fn new(title: impl Into<String>, columns: &str) -> Table {
         let column = |label: &str| {
             let (name, unit) = label.rsplit_once(", ").unwrap_or((label, ""));
             Column { name: name.into(), unit: unit.into() }
         };
-        let columns = columns.iter().map(|label| column(label.as_ref())).collect();
+        let columns = columns.split(" | ").map(column).collect();
         Table { title: title.into(), columns, rows: Vec::new() }
     }
 

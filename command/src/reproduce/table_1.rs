@@ -52,13 +52,11 @@ pub fn range(values: &[f64]) -> (f64, f64) {
 /// Table 1 of the images of Figure 1.
 pub fn table_1(context: &Context) -> Result<Item> {
     let groups = context.groups()?;
-    let mut item = Item {
-        here: "The images of Figure 1; FBEM with the paper's features (shadows, erosions with eight neighbours), per cent of the \
+    let mut item = Item::of(
+        "The images of Figure 1; FBEM with the paper's features (shadows, erosions with eight neighbours), per cent of the \
                unoccluded value. The paper gives neither the scene nor the unit of its numbers, so that ordering and fall-off \
-               are compared, not values."
-            .into(),
-        ..Item::default()
-    };
+               are compared, not values.",
+    );
     let mut options = FbemOptions::default();
     options.features = paper_features();
     let sizes = SIZES.map(|s| s * TEXEL);
@@ -71,17 +69,7 @@ pub fn table_1(context: &Context) -> Result<Item> {
     let found: Vec<[f64; 4]> = (0..5).map(|i| std::array::from_fn(|k| columns[k][i])).collect();
     let mut table = Table::new(
         "FBEM here, and in the paper",
-        &[
-            "feature size, texels",
-            "group 1, %",
-            "group 2, %",
-            "group 3, %",
-            "group 4, %",
-            "paper 1, %",
-            "paper 2, %",
-            "paper 3, %",
-            "paper 4, %",
-        ],
+        "feature size, texels | group 1, % | group 2, % | group 3, % | group 4, % | paper 1, % | paper 2, % | paper 3, % | paper 4, %",
     );
     for (i, s) in SIZES.iter().enumerate() {
         let numbers = found[i].iter().chain(&TABLE_1[i]).map(|v| number(*v, 2));

@@ -7,12 +7,11 @@ use super::shadow::Wall;
 use super::table::{Table, count, number};
 use super::{Context, fixed};
 use glam::{DVec3, Vec3};
-use mrvis::Result;
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Series};
 use mrvis::internals::raster::{BitImage, Opener};
 use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::{Image, Morphology};
-use mrvis::{Model, PrepareOptions};
+use mrvis::{Model, PrepareOptions, Result};
 
 /// Distance between emitter and receiver, metres.
 const DISTANCE: f64 = 4.0;
@@ -63,23 +62,19 @@ fn square_shadow(context: &Context, wall: &Wall, (e, b, d1): (f64, f64, f64)) ->
 /// Figure 5: a square blocker between a square emitter and a floor.
 pub fn figure_5(context: &Context) -> Result<Item> {
     let texels = if context.small { 65 } else { 129 };
-    let mut item = Item {
-        here: format!(
-            "A square emitter of width e, {DISTANCE} m above a floor, and a square blocker of width b at a distance d1 from the \
+    let mut item = Item::of(format!(
+        "A square emitter of width e, {DISTANCE} m above a floor, and a square blocker of width b at a distance d1 from the \
              emitter; umbra and penumbra are counted on the middle row of {texels} texels of {} m, each of which sees 289 points \
              of the emitter, border and corners included.",
-            fixed(RECEIVER / texels as f64, 3)
-        ),
-        ..Item::default()
-    };
+        fixed(RECEIVER / texels as f64, 3)
+    ));
     let positions: &[f64] = if context.small { &[1.0, 2.0, 3.0] } else { &[1.0, 1.5, 2.0, 2.5, 3.0] };
     let mut plot = Plot {
         x_label: "distance d1 of the blocker from the emitter, m".into(),
         y_label: "width of the umbra, m".into(),
         ..Plot::default()
     };
-    let mut table =
-        Table::new("Widths", &["case", "d1, m", "umbra, m", "formula, m", "penumbra, m", "formula, m"]);
+    let mut table = Table::new("Widths", "case | d1, m | umbra, m | formula, m | penumbra, m | formula, m");
     let (wall, mut worst) = (floor(texels), [0.0f64; 2]);
     let mut vanishes = Vec::new();
     for (case, e, b) in [("a: b > e", 0.6, 1.0), ("b: b < e", 1.0, 0.5)] {
@@ -182,27 +177,15 @@ impl Between {
 /// Figure 6: a cluster of cubes, and the fictitious blocker in its place.
 pub fn figure_6(context: &Context) -> Result<Item> {
     let texels = if context.small { 128 } else { 256 };
-    let mut item = Item {
-        here: format!(
-            "Cubes in a box of {CLUSTER} m between an emitter of {EMITTER} m and a floor, {DISTANCE} m apart. The sizes of the blocked and \
+    let mut item = Item::of(format!(
+        "Cubes in a box of {CLUSTER} m between an emitter of {EMITTER} m and a floor, {DISTANCE} m apart. The sizes of the blocked and \
              of the free regions are measured as in the paper, by erosions of an orthographic projection along the line to the floor; \
              BSIZE is the larger one (section 3.2). The largest umbra in the rendered shadow ({texels} x {texels} texels) is measured by \
              erosions as well; it is a blocked region, so that the size of these stands beside BSIZE."
-        ),
-        ..Item::default()
-    };
+    ));
     let mut table = Table::new(
         "Diameters",
-        &[
-            "cubes",
-            "edge, m",
-            "d1, m",
-            "blocked size, m",
-            "BSIZE, m",
-            "umbra of blocked size, m",
-            "umbra of BSIZE, m",
-            "rendered umbra, m",
-        ],
+        "cubes | edge, m | d1, m | blocked size, m | BSIZE, m | umbra of blocked size, m | umbra of BSIZE, m | rendered umbra, m",
     );
     let wall = Wall { texel: 3.2 / texels as f64, columns: texels, rows: texels, ..floor(texels) };
     let (mut panels, mut found) = (Vec::new(), Vec::new());
@@ -303,14 +286,13 @@ fn judge_figure_6(item: &mut Item, found: &[Between]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::item::failing_checks;
     use super::*;
 
     #[test]
     fn widths_beside_the_formula_are_found() {
         let failing = |worst: [f64; 2], vanishes: &[(f64, f64, f64)]| {
-            let mut item = Item::default();
-            judge_figure_5(&mut item, worst, vanishes, 0.05);
-            (0..3).filter(|&k| !item.checks[k].holds).collect::<Vec<_>>()
+            failing_checks(|item| judge_figure_5(item, worst, vanishes, 0.05))
         };
         let predicted = [(1.0, 0.0, 0.0), (3.0, 0.35, 0.33)];
         assert_eq!(failing([1.0, 1.0], &predicted), [0; 0]);

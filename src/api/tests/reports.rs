@@ -4,8 +4,9 @@ use crate::model::{Detail, Model, PrepareOptions};
 use crate::progress::testing::stop_when;
 use crate::scene::Scene;
 use crate::scene::generate::{Spec, build};
-use crate::{Answers, BenchOptions, Error, FormFactorOptions, Grouping, Segments, SolveOptions};
-use crate::{Strided, SurfacePoint};
+use crate::{
+    Answers, BenchOptions, Error, FormFactorOptions, Grouping, Segments, SolveOptions, Strided, SurfacePoint,
+};
 use std::sync::Arc;
 
 fn model(scene: Scene, detail: Detail) -> Model {

@@ -13,20 +13,8 @@ pub(super) fn section(classes: &[ClassRecord], unit: &str) -> Markup {
     if rows.is_empty() {
         return html! {};
     }
-    let columns = [
-        "receivers",
-        "points",
-        "s",
-        "segments",
-        "answered by",
-        "time",
-        "RMS",
-        "bias",
-        "speed-up, same RMS",
-        "slowest row",
-        "speed-up, segment",
-        "in bounds",
-    ];
+    let columns = "receivers | points | s | segments | answered by | time | RMS | bias | speed-up, same RMS | slowest row | speed-up, segment | \
+         in bounds";
     html! {
         section {
             h2 { "Classes of receivers" }

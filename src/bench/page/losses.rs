@@ -69,10 +69,10 @@ pub(super) fn section(record: &Record, receivers: &[ReceiverImages]) -> Result<M
                 @if worse.is_empty() {
                     p { "On no receiver." }
                 } @else {
-                    (table(["receiver", "s", "FBEM, multi-resolution", "FBEM, exact 16"], &worse))
+                    (table("receiver | s | FBEM, multi-resolution | FBEM, exact 16", &worse))
                 }
                 h3 { "Largest differences to the reference" }
-                (table(["receiver", "s", "texel", "difference"], &largest))
+                (table("receiver | s | texel | difference", &largest))
             }
         }
     })

@@ -31,21 +31,8 @@ pub(super) fn section(maps: &[MapRecord], unit: &str) -> Result<Markup> {
 fn article(map: &MapRecord, unit: &str) -> Result<Markup> {
     let exact: Vec<_> = map.best_exact().into_iter().map(exact_row).collect();
     let mr: Vec<_> = map.best_by_size().into_iter().map(|row| mr_row(row, unit)).collect();
-    let columns = [
-        "s",
-        "segments",
-        "every",
-        "time",
-        "set-up",
-        "RMS",
-        "bias",
-        "FBEM",
-        "speed-up, same RMS",
-        "with set-up",
-        "over every texel",
-        "with clusters",
-        "same FBEM",
-    ];
+    let columns = "s | segments | every | time | set-up | RMS | bias | FBEM | speed-up, same RMS | with set-up | over every texel | with clusters \
+         | same FBEM";
     Ok(html! {
         article {
             h3 { (map.receiver) }
@@ -57,7 +44,7 @@ fn article(map: &MapRecord, unit: &str) -> Result<Markup> {
             h4 { "Multi-resolution, the best row of each size" }
             (table(columns, &mr))
             h4 { "Exact, rows that no other surpasses" }
-            (table(["rays", "every", "time", "set-up", "RMS", "bias"], &exact))
+            (table("rays | every | time | set-up | RMS | bias", &exact))
         }
     })
 }

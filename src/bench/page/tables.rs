@@ -145,9 +145,9 @@ pub(super) fn measurements(record: &Record) -> Markup {
         section {
             h2 { "Measurements" }
             h3 { "Multi-resolution" }
-            (table(columns.map(|(name, _)| name), &mr))
+            (table(&columns.map(|(name, _)| name).join(" | "), &mr))
             h3 { "Exact" }
-            (table(["rays", "time", "RMS", "bias", "call"], &exact))
+            (table("rays | time | RMS | bias | call", &exact))
             details.details open {
                 summary { "What the columns mean" }
                 dl.glossary {

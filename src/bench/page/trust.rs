@@ -16,15 +16,7 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
     let rows: Vec<(&MrRow, &IntervalAudit)> =
         audited.filter(|(row, _)| row.rays == record.workload.rays).collect();
     let Some(&(_, any)) = rows.first() else { return Ok(html! {}) };
-    let columns = [
-        "s",
-        "claimed RMS",
-        "observed RMS",
-        "its 95 % interval",
-        "intervals confirmed",
-        "their 95 % interval",
-        "in bounds, all bundles",
-    ];
+    let columns = "s | claimed RMS | observed RMS | its 95 % interval | intervals confirmed | their 95 % interval | in bounds, all bundles";
     let lines: Vec<_> = rows.iter().map(|(row, audit)| line(row, audit, &record.unit)).collect();
     Ok(html! {
         section {

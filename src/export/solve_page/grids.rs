@@ -31,7 +31,7 @@ pub struct PageGrid<'a> {
 pub fn grid_section(grids: &[PageGrid], unit: &str) -> Result<Markup> {
     let Some(first) = grids.first() else { return Ok(Markup::default()) };
     let [height, mean] = [format!("height {unit}"), format!("mean {}", first.unit)];
-    let columns = ["surface", "points", &height, "minimum", &mean, "maximum", "uniformity U0"];
+    let columns = format!("surface | points | {height} | minimum | {mean} | maximum | uniformity U0");
     let row = |grid: &PageGrid| {
         let [minimum, mean, maximum] = grid.light.map(|light| Cell::from(number(light)));
         let points = format!("{} × {}", grid.counts[0], grid.counts[1]);
@@ -44,7 +44,7 @@ pub fn grid_section(grids: &[PageGrid], unit: &str) -> Result<Markup> {
     Ok(html! {
         section {
             h2 { "Grids of points" }
-            (table(columns, &rows))
+            (table(&columns, &rows))
             p.note { "Uniformity U0 is the minimum divided by the mean (EN 12464). Isolines are at the limits of the colours." }
             div.views {
                 @for (grid, url) in &urls {

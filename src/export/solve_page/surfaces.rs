@@ -65,7 +65,7 @@ pub fn surfaces(
 pub(super) fn section(scene: &Scene, shown: Shown, solution: &RadiosityMesh) -> Markup {
     let surfaces = surfaces(scene, shown.0, solution);
     let (name, area) = (format!("mean {}", shown.unit()), format!("area {}²", scene.unit));
-    let columns = ["object", "side", &area, &name, "minimum", "maximum"];
+    let columns = format!("object | side | {area} | {name} | minimum | maximum");
     let row = |s: &SurfaceLight| {
         [
             Cell::words(&s.name),
@@ -80,7 +80,7 @@ pub(super) fn section(scene: &Scene, shown: Shown, solution: &RadiosityMesh) -> 
     html! {
         section {
             h2 { "Light by surface" }
-            (table(columns, &rows))
+            (table(&columns, &rows))
             p.note {
                 (capital(shown.name())) " of the elements of each object, the mean weighted by their area"
                 @if rows.len() == MAX_SURFACES { "; the " (count(MAX_SURFACES as u64)) " largest surfaces" }

@@ -24,8 +24,7 @@ use crate::scene::Scene;
 use crate::simd::{Isa, dispatch};
 pub(super) use ball::HalfBall;
 use layout::{Block, Extinctions, Node};
-pub use modes::Mode;
-pub use modes::rays_for;
+pub use modes::{Mode, rays_for};
 #[cfg(any(test, feature = "reports"))]
 pub use pieces::{SURFACE_PART, surface_widths};
 pub use pilot::Candidate;

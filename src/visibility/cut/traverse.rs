@@ -4,8 +4,7 @@ use super::Cut;
 use super::layout::{Block, Extinctions, LEAF, NEVER, Node};
 use crate::optics::axes_around;
 use crate::ray::{Lanes, Packet};
-use crate::simd::vector;
-use crate::simd::{LANES, Simd};
+use crate::simd::{LANES, Simd, vector};
 
 /// Depth at which a segment counts as blocked: it transmits less than 1/256, -ln(1/256).
 pub(super) const OPAQUE_DEPTH: f32 = 5.545_177;

@@ -1,8 +1,7 @@
 //! One triangle against segments that share no end.
 
 use crate::ray::Packet;
-use crate::simd::vector;
-use crate::simd::{LANES, Simd};
+use crate::simd::{LANES, Simd, vector};
 use crate::visibility::wide::Block;
 use glam::Vec3;
 

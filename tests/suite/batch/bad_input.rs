@@ -1,11 +1,10 @@
 //! What changes or is wrong outside the job file: clear, early, and nothing is overwritten.
 
-use super::{COUNT, JOBS, assert_same_files, batch, journal, prepared, results, started};
-use crate::run::{Outcome, Scratch};
+use super::{COUNT, JOBS, assert_same_files, batch, journal, prepared, results};
+use crate::run::{Outcome, Scratch, wait_until};
 use mrvis::internals::scene::generate::Spec;
 use serde_json::Value;
 use std::process::Command;
-use std::time::{Duration, Instant};
 
 /// Two jobs, of which the second waits for the first; between them `change` happens.
 fn with_change(change: impl FnOnce(&Scratch)) -> (Scratch, Outcome) {
@@ -17,14 +16,11 @@ fn with_change(change: impl FnOnce(&Scratch)) -> (Scratch, Outcome) {
         "[[job]]\nname = 'first'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { audit = 0, local-rays = 0, output = 'none' }\n\
          [[job]]\nname = 'second'\ncommand = 'info'\nscene = 'cornell.obj'\nafter = 'first'\n",
     );
-    let child = started(&scratch, &["batch", "jobs.toml", "--out", "o", "--log", "log.jsonl"]);
-    let start = Instant::now();
-    while std::fs::read_to_string(scratch.path("log.jsonl")).map_or(true, |log| !log.contains("started")) {
-        assert!(start.elapsed() < Duration::from_secs(60), "the first job does not start");
-        std::thread::sleep(Duration::from_millis(2));
-    }
+    let child = scratch.started("batch jobs.toml --out o --log log.jsonl");
+    let log = || std::fs::read_to_string(scratch.path("log.jsonl")).unwrap_or_default();
+    wait_until(60, "the first job does not start", || log().contains("started"));
     change(&scratch);
-    let ended = Outcome::of(child.wait_with_output().expect("its end")).exits(2);
+    let ended = Outcome::at_end(child).exits(2);
     assert!(scratch.path("o/first/solution.json").exists() && !scratch.path("o/second").exists());
     (scratch, ended)
 }

@@ -1,7 +1,7 @@
 //! What counts as done, and what is kept when something goes wrong with the outputs of one job.
 
-use super::{COUNT, JOBS, batch, journal, prepared, results, started};
-use crate::run::{Outcome, Scratch};
+use super::{COUNT, JOBS, batch, journal, prepared, results};
+use crate::run::{Outcome, Scratch, signal, wait_until};
 use serde_json::Value;
 use std::path::Path;
 
@@ -195,13 +195,8 @@ fn parts_of_two_splits_do_not_run_together() {
             .replace("solve-0.4-exact", "solve-0.001-exact")
             .replace("solve-0.2-exact", "solve-0.001-exact"),
     );
-    let mut child =
-        super::started(&scratch, &["batch", "jobs.toml", "--out", "o", "--shard", "1/2", "--threads", "1"]);
-    let start = std::time::Instant::now();
-    while !scratch.path("o/.mrvis-batch/work").exists() {
-        assert!(start.elapsed().as_secs() < 60, "the first part does not start");
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
+    let mut child = scratch.started("batch jobs.toml --out o --shard 1/2 --threads 1");
+    wait_until(60, "the first part does not start", || scratch.path("o/.mrvis-batch/work").exists());
     let refused = batch(&scratch, &["--out", "o", "--shard", "2/3"]);
     child.kill().expect("ended");
     child.wait().expect("ended");
@@ -231,7 +226,7 @@ fn an_interrupted_process_of_a_job_has_failed() {
         "[[job]]\nname = 'long'\ncommand = 'solve'\nscene = 'cornell.obj'\nlimits = { seconds = 500 }\n\
          options = { unit = 'mm', error = 0.0002, output = ['none'], cache = 'off' }\n",
     );
-    let mut batch = started(&scratch, &["batch", "jobs.toml", "--out", "o"]);
+    let mut batch = scratch.started("batch jobs.toml --out o");
     let job = loop {
         if let Some(pid) = process_at_work(batch.id()) {
             break pid;
@@ -239,9 +234,8 @@ fn an_interrupted_process_of_a_job_has_failed() {
         assert!(batch.try_wait().expect("a child").is_none(), "the job is not at work");
         std::thread::sleep(std::time::Duration::from_millis(5));
     };
-    let told = std::process::Command::new("kill").args(["-INT", &job]).status().expect("kill runs");
-    assert!(told.success());
-    Outcome::of(batch.wait_with_output().expect("ended")).exits(2).warns("was interrupted");
+    signal("INT", job);
+    Outcome::at_end(batch).exits(2).warns("was interrupted");
     assert_eq!(journal(&scratch.path("o"))[0]["status"], "failed");
 }
 

@@ -1,6 +1,6 @@
 //! Parts of a batch by several processes: in one folder, in several, with GNU parallel and with Slurm.
 
-use super::{assert_same_files, batch, prepared, results, started};
+use super::{assert_same_files, batch, prepared, results};
 use crate::install::project;
 use crate::run::{Outcome, Scratch};
 use std::process::Command;
@@ -16,15 +16,15 @@ fn parts_make_the_whole() {
             .iter()
             .zip(folders)
             .map(|(part, out)| {
-                started(&scratch, &["batch", "jobs.toml", "--out", out, "--shard", part, "--threads", "1"])
+                scratch.started(&format!("batch jobs.toml --out {out} --shard {part} --threads 1"))
             })
             .collect();
         for child in children {
-            Outcome::of(child.wait_with_output().expect("its end")).exits(0);
+            Outcome::at_end(child).exits(0);
         }
     }
-    scratch.mrvis(&["merge", "one"]).exits(0);
-    scratch.mrvis(&["merge", "first", "second", "third", "--out", "all"]).prints("12 jobs done, 0 failed");
+    scratch.mrvis("merge one").exits(0);
+    scratch.mrvis("merge first second third --out all").prints("12 jobs done, 0 failed");
     for out in ["one", "all"] {
         assert_same_files(&results(&scratch.path(out)), &whole);
         let table = scratch.text(scratch.path(out).join("results.csv"));
@@ -36,7 +36,7 @@ fn parts_make_the_whole() {
     let record = record.into_iter().find(|path| path.exists()).expect("one part has the job");
     std::fs::write(record, "{}").expect("changed");
     scratch
-        .mrvis(&["merge", "first", "second", "third", "--out", "other"])
+        .mrvis("merge first second third --out other")
         .exits(2)
         .warns("solve-0.4-mr: solution.json was changed since");
 }
@@ -49,9 +49,9 @@ fn more_parts_than_jobs_make_the_whole() {
     for (part, out) in [("1/2", "first"), ("2/2", "second")] {
         batch(&scratch, &["--out", out, "--shard", part]).exits(0);
     }
-    scratch.mrvis(&["merge", "first", "second", "--out", "all"]).prints("1 jobs done, 0 failed");
+    scratch.mrvis("merge first second --out all").prints("1 jobs done, 0 failed");
     std::fs::create_dir(scratch.path("empty")).expect("made");
-    scratch.mrvis(&["merge", "first", "empty", "--out", "all"]).warns("empty: is no output folder");
+    scratch.mrvis("merge first empty --out all").warns("empty: is no output folder");
 }
 
 /// Runs a script of the project; `None` if it says that it cannot run here.

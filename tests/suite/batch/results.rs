@@ -40,7 +40,7 @@ fn check_examples(only: &[&str]) {
         if !runs {
             continue;
         }
-        let made = scratch.mrvis(&["report", &name]);
+        let made = scratch.mrvis(&format!("report {name}"));
         assert_eq!(made.code, Some(0), "{name}: {}", made.stderr);
         made.prints("report.html");
     }
@@ -61,7 +61,7 @@ fn check_examples(only: &[&str]) {
         assert!(row["seconds.solve"].is_number() && row["output_blake3"].is_string(), "{row}");
     }
 
-    scratch.mrvis(&["report", "."]).exits(2).warns("has no journal");
+    scratch.mrvis("report .").exits(2).warns("has no journal");
 }
 
 /// The example of the documentation, beside the scenes that it names.
@@ -77,13 +77,13 @@ fn the_example_of_the_page_runs() {
     for scene in ["hall", "rooms/a", "rooms/b"] {
         scratch.mrvis(&["generate", "cornell", "--out", &format!("{scene}.obj")]).exits(0);
     }
-    scratch.mrvis(&["batch", "jobs.toml", "--out", "results", "--dry-run"]).prints("29 of 29 jobs, 29 to do");
+    scratch.mrvis("batch jobs.toml --out results --dry-run").prints("29 of 29 jobs, 29 to do");
     // All commands of the example, with one of the scenes, in the time that few rays take.
     let few = example
         .replace("\"rooms/*.obj\", ", "")
         .replace("\"160x120\"", "\"160x120\", audit = 0, local-rays = 20000");
     scratch.write("jobs.toml", few);
-    scratch.mrvis(&["batch", "jobs.toml", "--out", "results"]).exits(0).prints("13 jobs done");
+    scratch.mrvis("batch jobs.toml --out results").exits(0).prints("13 jobs done");
 }
 
 /// Jobs that the file does not have any more are in no table and not on the page.
@@ -145,7 +145,7 @@ fn jobs_of_a_scene_have_one_camera() {
         + &job("data", "error = 0.4, output = 'vtu'");
     let cameras = |defaults: &str| {
         scratch.write("jobs.toml", format!("{defaults}{jobs}"));
-        let ran = scratch.mrvis(&["batch", "jobs.toml", "--out", "o", "--dry-run"]).exits(0);
+        let ran = scratch.mrvis("batch jobs.toml --out o --dry-run").exits(0);
         let lines = ran.stdout.lines().filter(|line| line.contains("mrvis solve"));
         let camera = |line: &str| {
             line.split(" --camera=").nth(1).map(|rest| rest.split(' ').next().map(str::to_owned))
@@ -157,8 +157,8 @@ fn jobs_of_a_scene_have_one_camera() {
     let defaults = format!("[defaults]\noptions = {{ camera = '{all}' }}\n");
     assert_eq!(cameras(&defaults), [all, all, own, all]);
     assert_eq!(cameras(""), ["scene", "scene", own, ""]);
-    scratch.mrvis(&["batch", "jobs.toml", "--out", "o"]).exits(0);
-    scratch.mrvis(&["report", "o"]).exits(0);
+    scratch.mrvis("batch jobs.toml --out o").exits(0);
+    scratch.mrvis("report o").exits(0);
     let page = text(&scratch, "o/report.html");
     for part in ["Grids of points", "uniformity U0", "dim: light on a grid of points, grid-floor.png"] {
         assert!(page.contains(part), "the page lacks {part}");
@@ -175,9 +175,9 @@ fn the_page_names_pictures_that_are_gone() {
         "[[job]]\nname = '{seed}'\ncommand = 'solve'\nscene = 'cornell.obj'\n\
          options = { error = 0.4, audit = 0, output = 'image', image-size = '32x32', cache = 'off' }\n[job.sweep]\nseed = [1, 2]\n",
     );
-    scratch.mrvis(&["batch", "jobs.toml", "--out", "o"]).exits(0);
+    scratch.mrvis("batch jobs.toml --out o").exits(0);
     std::fs::remove_file(scratch.path("o/1/view.png")).expect("removed");
-    scratch.mrvis(&["report", "o"]).exits(1);
+    scratch.mrvis("report o").exits(1);
     let page = text(&scratch, "o/report.html");
     assert!(
         page.contains("1: view.png is missing: run the batch again") && page.contains("data:image/png"),

@@ -108,13 +108,14 @@ fn misuse_gets_a_status() {
 fn check_words(message: &str) {
     let header = std::fs::read_to_string(project("ffi/include/mrvis.h")).expect("the header");
     let words: BTreeSet<&str> = header.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').collect();
+    let arguments = crate::run::words(ARGUMENTS);
     let (function, what) = message.split_once(": ").unwrap_or_else(|| panic!("{message}"));
     assert!(words.contains(function) && function.starts_with("mrv_"), "{message}");
     assert!(!what.contains("::") && !what.contains("option `"), "a name of the crate: {message}");
     // What is wrong: an argument, or an entry or member of it.
     let argument = |quoted: &str| {
         let end = quoted.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(quoted.len());
-        ARGUMENTS.contains(&&quoted[..end])
+        arguments.contains(&&quoted[..end])
     };
     let first = what.split(':').next().unwrap_or_default();
     // A file, or what a builder collected.
@@ -136,7 +137,7 @@ fn check_words(message: &str) {
         );
         // Members of records are named with their record.
         let mut path = quoted.split('.');
-        let is_argument = path.next().is_some_and(|first| ARGUMENTS.contains(&first));
+        let is_argument = path.next().is_some_and(|first| arguments.contains(&first));
         assert!(is_argument, "`{quoted}` is no argument: {message}");
     }
     // An option that stands at the beginning without its record.
@@ -145,59 +146,10 @@ fn check_words(message: &str) {
 }
 
 /// Arguments of functions, and the record that messages about other calls name.
-const ARGUMENTS: [&str; 51] = [
-    "answer",
-    "answers",
-    "approximation",
-    "arrays",
-    "builder",
-    "camera",
-    "changes",
-    "cost",
-    "data",
-    "elements",
-    "emission",
-    "engine",
-    "errors",
-    "factors",
-    "flat",
-    "folder",
-    "format",
-    "html",
-    "images",
-    "index",
-    "info",
-    "instance",
-    "irradiance",
-    "json",
-    "kind",
-    "lightmap",
-    "lit",
-    "max_triangles",
-    "mesh",
-    "model",
-    "mrv_load_options",
-    "name",
-    "normals",
-    "options",
-    "path",
-    "place",
-    "positions",
-    "query",
-    "radiance",
-    "reflectance",
-    "report",
-    "scene",
-    "segments",
-    "sizes",
-    "sky",
-    "solution",
-    "sun",
-    "text",
-    "time",
-    "transform",
-    "updated",
-];
+const ARGUMENTS: &str = "answer answers approximation arrays builder camera changes cost data elements emission engine errors \
+    factors flat folder format html images index info instance irradiance json kind lightmap lit \
+    max_triangles mesh model mrv_load_options name normals options path place positions query radiance \
+    reflectance report scene segments sizes sky solution sun text time transform updated";
 
 /// Work that is cancelled in the middle, callbacks that use the library, and work that memory does not suffice for.
 #[test]

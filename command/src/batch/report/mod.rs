@@ -278,8 +278,7 @@ fn grids(grids: &[JobGrid]) -> Markup {
         let [job, name, unit] = [job, &grid.name, &grid.unit].map(Cell::words);
         [job, name, points.into(), height, minimum, mean, maximum, unit, uniformity.into()]
     };
-    let columns =
-        ["job", "surface", "points", "height", "minimum", "mean", "maximum", "unit", "uniformity U0"];
+    let columns = "job | surface | points | height | minimum | mean | maximum | unit | uniformity U0";
     let rows: Vec<_> = grids.iter().take(MAX_GRIDS).map(row).collect();
     html! {
         @if !grids.is_empty() {

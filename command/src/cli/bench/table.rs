@@ -3,10 +3,11 @@
 mod classes;
 mod headline;
 
-use mrvis::internals::bench::record::{Build, MapRecord, MrRow, Record};
+use mrvis::internals::bench::record::{
+    Build, BytesPerTriangle, ExactRow, MapMrRow, MapRecord, MrRow, Record, SceneSummary, Workload,
+};
 use mrvis::internals::error::quote;
 use mrvis::internals::plot::number;
-use std::fmt::Write as _;
 
 /// The record as text.
 pub fn table(record: &Record) -> String {
@@ -19,116 +20,79 @@ pub fn table(record: &Record) -> String {
     text += &setup(record);
     text += &spent(record);
     text += &audits(&record.mr);
-    // Writing to a string cannot fail.
     let result = record.nothing_averaged.clone().unwrap_or_else(|| headline::of(record));
-    let _ = writeln!(text, "\n{result}");
-    text
+    text + &format!("\n{result}\n")
 }
 
 /// Scene, preparation, memory, workload and warnings.
 fn head(record: &Record) -> String {
-    let Record { scene, build, workload, .. } = record;
-    let mut text = String::new();
-    let _ = writeln!(
-        text,
-        "{}: {} triangles, {} objects, {} emitters, {} closed parts, {} sheets, {} clusters in {} levels",
-        quote(&scene.path),
-        scene.triangles,
-        scene.objects,
-        scene.emitters,
-        scene.closed_parts,
-        scene.sheet_parts,
-        scene.clusters,
-        scene.levels
+    let Record { scene, build, workload, threads, isa, .. } = record;
+    let SceneSummary { triangles, objects, emitters, closed_parts, sheet_parts, clusters, levels, .. } =
+        scene;
+    let mut text = format!(
+        "{}: {triangles} triangles, {objects} objects, {emitters} emitters, {closed_parts} closed parts, {sheet_parts} sheets, \
+         {clusters} clusters in {levels} levels\n",
+        quote(&scene.path)
     );
-    let _ = writeln!(
-        text,
-        "built in: reading {}, Embree {}, {}",
-        seconds(build.load_s),
-        seconds(build.embree_s),
-        clusters(build)
+    let [reading, embree] = [build.load_s, build.embree_s].map(seconds);
+    text += &format!("built in: reading {reading}, Embree {embree}, {}\n", clusters_of(build));
+    let BytesPerTriangle { scene, hierarchy, optics, wide, embree, total } = build.bytes_per_triangle;
+    text += &format!(
+        "memory: {total:.0} bytes per triangle (scene {scene:.0}, clusters {hierarchy:.0}, optics {optics:.0}, traversal {wide:.0}, Embree \
+         {embree:.0})\n"
     );
-    let b = build.bytes_per_triangle;
-    let _ = writeln!(
-        text,
-        "memory: {:.0} bytes per triangle (scene {:.0}, clusters {:.0}, optics {:.0}, traversal {:.0}, Embree {:.0})",
-        b.total, b.scene, b.hierarchy, b.optics, b.wide, b.embree
+    let Workload { points, segments, rays, reference_rays, reference_rms, sky, .. } = workload;
+    let (noise, plural) = (number(*reference_rms), if *threads == 1 { "" } else { "s" });
+    text += &format!(
+        "{points} points, {segments} segments at {rays} rays; reference of {reference_rays} rays, noise {noise}; {threads} \
+         thread{plural}, {isa}\n"
     );
-    let _ = writeln!(
-        text,
-        "{} points, {} segments at {} rays; reference of {} rays, noise {}; {} thread{}, {}",
-        workload.points,
-        workload.segments,
-        workload.rays,
-        workload.reference_rays,
-        number(workload.reference_rms),
-        record.threads,
-        if record.threads == 1 { "" } else { "s" },
-        record.isa
-    );
-    if let Some(sky) = &workload.sky {
-        let _ = writeln!(text, "{}", sky.sentence());
+    if let Some(sky) = sky {
+        text += &format!("{}\n", sky.sentence());
     }
     for warning in record.warnings.iter().chain(&build.cache_note) {
-        let _ = writeln!(text, "note: {warning}");
+        text += &format!("note: {warning}\n");
     }
     text
 }
 
 /// Rows of exact visibility, without and with certificates.
 fn exact_rows(record: &Record) -> String {
-    let mut text = String::new();
-    let _ = writeln!(text, "\nexact    rays       time        RMS       bias  call");
+    let mut text = "\nexact    rays       time        RMS       bias  call\n".to_owned();
     for row in record.exact.iter().chain(&record.certified) {
-        let coherent = if row.coherent { ", coherent" } else { "" };
-        let _ = writeln!(
-            text,
-            "{:>13} {:>10} {:>10.5} {:>+10.5}  {}{coherent}",
-            row.rays,
-            seconds(row.seconds),
-            row.rms,
-            row.bias,
-            row.mode
-        );
+        let ExactRow { rays, rms, bias, mode, .. } = row;
+        let (time, coherent) = (seconds(row.seconds), if row.coherent { ", coherent" } else { "" });
+        text += &format!("{rays:>13} {time:>10} {rms:>10.5} {bias:>+10.5}  {mode}{coherent}\n");
     }
     text
 }
 
 /// Rows of multi-resolution visibility.
 fn mr_rows(rows: &[MrRow]) -> String {
-    let mut text = String::new();
-    let _ = writeln!(text, "\nmulti-resolution                                           speed-up at same");
-    let _ = writeln!(
-        text,
-        "       s   rays       time        RMS       bias       RMS      FBEM   segment  averaged  nodes  in bounds  by"
-    );
+    let mut text =
+        "\nmulti-resolution                                           speed-up at same\n".to_owned();
+    text += "       s   rays       time        RMS       bias       RMS      FBEM   segment  averaged  nodes  in bounds  by\n";
     for row in rows {
-        let _ = writeln!(
-            text,
-            "{:>8} {:>6} {:>10} {:>10.5} {:>+10.5} {:>9} {:>9} {:>9} {:>7.1} % {:>6} {:>8.1} %  {}",
-            number(row.feature_size),
-            row.rays,
-            seconds(row.seconds),
-            row.rms,
-            row.bias,
-            times(row.speedup_at_same_rms, row.extrapolated),
-            times(row.speedup_at_same_fbem, false),
-            times(Some(row.speedup_per_segment), false),
-            100.0 * row.aggregated_fraction,
-            number(row.nodes_per_segment),
-            100.0 * row.interval_coverage,
-            row.route_in_words()
+        let MrRow { rays, rms, bias, .. } = row;
+        let [size, nodes] = [row.feature_size, row.nodes_per_segment].map(number);
+        let (time, by) = (seconds(row.seconds), row.route_in_words());
+        let same_rms = times(row.speedup_at_same_rms, row.extrapolated);
+        let same_fbem = times(row.speedup_at_same_fbem, false);
+        let segment = times(Some(row.speedup_per_segment), false);
+        let [averaged, within] = [row.aggregated_fraction, row.interval_coverage].map(|part| 100.0 * part);
+        text += &format!(
+            "{size:>8} {rays:>6} {time:>10} {rms:>10.5} {bias:>+10.5} {same_rms:>9} {same_fbem:>9} {segment:>9} "
         );
+        text += &format!("{averaged:>7.1} % {nodes:>6} {within:>8.1} %  {by}\n");
     }
     if rows.iter().any(|row| row.extrapolated) {
-        let _ = writeln!(text, "~ beyond the most exact rays measured, extrapolated");
+        text += "~ beyond the most exact rays measured, extrapolated\n";
     }
     let whole = rows.iter().filter(|row| row.handed_over == 1.0).count();
     if whole > 0 {
-        let _ = writeln!(
-            text,
-            "{whole} of {} rows were not expected to be faster: their bundles were handed to Embree",
-            rows.len()
+        let of = rows.len();
+        text += &format!(
+            "{whole} of {of} rows were not expected to be faster: their bundles were handed to Embree\n"
         );
     }
     text
@@ -143,49 +107,36 @@ fn maps(maps: &[MapRecord]) -> String {
     text += "\nmaps                                                                                     time of exact maps of the same RMS / time\n";
     text += "                        s   rays  spacing       time    set-up        RMS      FBEM    queries  with set-up  over texels same FBEM\n";
     for map in maps {
-        let _ = writeln!(
-            text,
-            "{}: {} x {} texels, reference of {} rays, noise {}",
-            quote(&map.receiver),
-            map.width,
-            map.height,
-            map.reference_rays,
-            number(map.reference_rms)
+        let MapRecord { width, height, reference_rays, .. } = map;
+        let (name, noise) = (quote(&map.receiver), number(map.reference_rms));
+        text += &format!(
+            "{name}: {width} x {height} texels, reference of {reference_rays} rays, noise {noise}\n"
         );
         for row in map.best_by_size() {
             let route = if row.route == "embree" { "  by exact rays" } else { "" };
-            let _ = writeln!(
-                text,
-                "{:>25} {:>6} {:>8} {:>10} {:>9} {:>10.5} {:>9.5} {:>10} {:>12} {:>12} {:>9}{route}",
-                number(row.feature_size),
-                row.rays,
-                row.spacing,
-                seconds(row.seconds),
-                seconds(row.setup_s),
-                row.rms,
-                row.fbem,
-                times(row.speedup_at_same_rms, row.extrapolated),
-                times(row.speedup_with_setup, row.extrapolated),
-                times(row.speedup_over_texels, row.texels_extrapolated),
-                times(row.speedup_at_same_fbem, false)
-            );
+            let MapMrRow { rays, spacing, rms, fbem, .. } = row;
+            let (size, [time, setup]) = (number(row.feature_size), [row.seconds, row.setup_s].map(seconds));
+            let [same_rms, with_setup] =
+                [row.speedup_at_same_rms, row.speedup_with_setup].map(|v| times(v, row.extrapolated));
+            let over_texels = times(row.speedup_over_texels, row.texels_extrapolated);
+            let same_fbem = times(row.speedup_at_same_fbem, false);
+            text +=
+                &format!("{size:>25} {rays:>6} {spacing:>8} {time:>10} {setup:>9} {rms:>10.5} {fbem:>9.5} ");
+            text += &format!("{same_rms:>10} {with_setup:>12} {over_texels:>12} {same_fbem:>9}{route}\n");
         }
     }
     text
 }
 
 /// Origin and time of the clusters.
-fn clusters(build: &Build) -> String {
+fn clusters_of(build: &Build) -> String {
     if build.cache == "hit" {
         return format!("clusters from the cache {}", seconds(build.cache_s));
     }
     let kept =
         if build.cache == "made" { format!(", kept in {}", seconds(build.cache_s)) } else { String::new() };
-    format!(
-        "hierarchy {}, measuring clusters {}{kept}",
-        seconds(build.hierarchy_s),
-        seconds(build.characterise_s)
-    )
+    let [hierarchy, measuring] = [build.hierarchy_s, build.characterise_s].map(seconds);
+    format!("hierarchy {hierarchy}, measuring clusters {measuring}{kept}")
 }
 
 /// Preparation of both engines, which the times of rows do not include, in one line.

@@ -3,7 +3,6 @@
 use super::super::args::{distinct, plain};
 use super::at_points::AtPoints;
 use maud::Markup;
-use mrvis::Scene;
 use mrvis::internals::SceneParts;
 use mrvis::internals::error::quote;
 use mrvis::internals::export::{GridLight, PageGrid, grid_section};
@@ -12,7 +11,7 @@ use mrvis::internals::plot::number;
 use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::Record;
 use mrvis::internals::scene::{MeasuringGrid, Photometry};
-use mrvis::{Error, Result};
+use mrvis::{Error, Result, Scene};
 use serde::Serialize;
 
 /// A grid as it is asked for.

@@ -13,16 +13,10 @@ use std::fmt::Write as _;
 pub fn summary(reported: &Reported) -> String {
     let Reported { compared: ComparedRecord { record: r, versus }, photometric, at_points, grids, .. } =
         reported;
-    let mut text = String::new();
     let s = &r.seconds;
+    let [elements, links, rays] = [r.elements, r.links, r.exact_rays as usize].map(grouped);
+    let mut text = format!("{elements} elements, {links} links, {rays} exact rays\n");
     // Writing to a string cannot fail.
-    let _ = writeln!(
-        text,
-        "{} elements, {} links, {} exact rays",
-        grouped(r.elements),
-        grouped(r.links),
-        grouped(r.exact_rays as usize)
-    );
     if r.scene.up_from.starts_with("guessed") {
         let _ = writeln!(text, "{} up ({}; --up y or --up z sets it)", r.scene.up, r.scene.up_from);
     }
@@ -30,13 +24,8 @@ pub fn summary(reported: &Reported) -> String {
         let _ = writeln!(text, "{line}");
     }
     if r.unlit.sides > 0 {
-        let _ = writeln!(
-            text,
-            "{} of {} sides, {:.1} % of the surface, are reached by no light",
-            grouped(r.unlit.sides),
-            grouped(r.unlit.of),
-            100.0 * r.unlit.area
-        );
+        let ([sides, of], area) = ([r.unlit.sides, r.unlit.of].map(grouped), 100.0 * r.unlit.area);
+        let _ = writeln!(text, "{sides} of {of} sides, {area:.1} % of the surface, are reached by no light");
     }
     let _ = writeln!(
         text,
@@ -71,23 +60,18 @@ fn energy(text: &mut String, r: &Record, photometric: &Option<super::luminous::L
     // Direct light at points needs no light of elements.
     let has_elements = !powers.absorbed.is_nan();
     if has_elements {
+        let [emitted, absorbed, escaped, created] =
+            [powers.emitted, powers.absorbed, powers.escaped, powers.created]
+                .map(|p| format!("{} {unit}", number(p)));
+        let of = if photometry.is_none() { " (mean of the channels)" } else { "" };
         let _ = writeln!(
             text,
-            "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3} {unit}{4}",
-            number(powers.emitted),
-            number(powers.absorbed),
-            number(powers.escaped),
-            number(powers.created),
-            if photometry.is_none() { " (mean of the channels)" } else { "" }
+            "emitted {emitted}, absorbed {absorbed}, escaped {escaped}, created {created}{of}"
         );
         if !r.scene.sky.is_empty() {
             let part = |power: f64| number(100.0 * power / l.emitted.max(f64::MIN_POSITIVE));
-            let _ = writeln!(
-                text,
-                "of what is emitted {} % arrive from the sky, {} % from the sun",
-                part(l.sky),
-                part(l.sun)
-            );
+            let [sky, sun] = [l.sky, l.sun].map(part);
+            let _ = writeln!(text, "of what is emitted {sky} % arrive from the sky, {sun} % from the sun");
         }
         let [red, green, blue] = r.mean_irradiance.map(number);
         let estimate = match r.error_estimate {
@@ -118,16 +102,12 @@ fn side_by_side(r: &Record, v: &Versus) -> String {
         (r.options.visibility, &r.seconds, r.links, r.bundles.exact_rays),
         (v.visibility, &v.seconds, v.links, v.bundles.exact_rays),
     ] {
-        let clusters = s.hierarchy + s.characterise;
+        let (solve, points) = (s.solve, s.points);
+        let (name, clusters, all) = (name(visibility), s.hierarchy + s.characterise, s.work());
+        let [links, rays] = [links, rays as usize].map(grouped);
         let _ = writeln!(
             text,
-            "{:<9}{clusters:>11.2}{:>11.2}{:>11.2}{:>11.2}{:>11}{:>12}",
-            name(visibility),
-            s.solve,
-            s.points,
-            s.work(),
-            grouped(links),
-            grouped(rays as usize)
+            "{name:<9}{clusters:>11.2}{solve:>11.2}{points:>11.2}{all:>11.2}{links:>11}{rays:>12}"
         );
     }
     let (own, other) = (name(r.options.visibility), name(v.visibility));

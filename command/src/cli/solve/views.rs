@@ -1,11 +1,10 @@
 //! What cameras see, `--importance-camera`.
 
 use glam::DVec3;
-use mrvis::Scene;
 use mrvis::internals::SceneParts;
 use mrvis::internals::radiosity::View;
 use mrvis::internals::scene::StoredCamera;
-use mrvis::{Error, Result};
+use mrvis::{Error, Result, Scene};
 
 /// The cameras of `--importance-camera`.
 pub fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {

@@ -1,12 +1,9 @@
 //! Progress, interruption and the time limit of a solve.
 
 use super::super::{interruption, job_context, progress::Bar};
-use mrvis::Model;
-use mrvis::Progress;
-use mrvis::Scene;
 use mrvis::internals::ModelParts;
 use mrvis::internals::radiosity::{Options, Visibility};
-use mrvis::{Error, Result};
+use mrvis::{Error, Model, Progress, Result, Scene};
 use std::sync::Arc;
 use std::time::Instant;
 
