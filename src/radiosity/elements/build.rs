@@ -150,7 +150,7 @@ impl Build {
         let areas = sides.iter().map(|s| elements[s.element as usize].area);
         let samples = SideSampler::new(areas.zip(sides.iter().map(|s| facing(s.normal))));
         let made: Vec<Cluster> =
-            ranges.iter().map(|&range| cluster(range, &elements, &sides, &samples)).collect();
+            ranges.par_iter().map(|&range| cluster(range, &elements, &sides, &samples)).collect();
         for (element, cluster) in elements.iter_mut().zip(&made) {
             element.area = samples.of_range(cluster.sides)[DIRECTIONS];
             element.centre = cluster.bounds.center();

