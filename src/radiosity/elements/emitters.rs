@@ -9,6 +9,7 @@ use crate::scene::Scene;
 use glam::Vec3;
 
 /// One emitter of the scene.
+#[derive(Default)]
 pub struct Emitter {
     /// Its lit faces.
     pub faces: Vec<EmitterFace>,

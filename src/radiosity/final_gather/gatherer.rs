@@ -1,5 +1,6 @@
 //! Gathers light by rays from a scene whose elements have light.
 
+use super::bright_leaves::BrightLeaves;
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
 use crate::math::on_plane;
@@ -48,6 +49,8 @@ pub struct FinalGather<'a> {
     pub(super) of_elements: OnceLock<VisibilityEngine>,
     /// Reflected radiosity by element, W/m².
     pub(super) reflected: Vec<[f32; 3]>,
+    /// Small bright surfaces that reflected light comes from.
+    pub(super) bright: BrightLeaves,
     /// Low-discrepancy numbers for shadow rays.
     pub(super) table: Vec<[f32; 2]>,
     /// Shadow rays from a point to an emitter that is partly visible.
@@ -147,10 +150,16 @@ impl<'a> FinalGather<'a> {
                     std::array::from_fn(|k| (state.radiosity[k] - emitted[k]) as f32)
                 }
             });
+        let reflected: Vec<[f32; 3]> = reflected.collect();
+        let bright = match options.direct_only {
+            true => BrightLeaves::default(),
+            false => BrightLeaves::of(linked, &reflected, (gathered, options.error)),
+        };
         FinalGather {
             model,
             lookup: Lookup::new(elements),
-            reflected: reflected.collect(),
+            reflected,
+            bright,
             linked,
             scene,
             traced: model.traced().clone(),

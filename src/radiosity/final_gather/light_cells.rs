@@ -235,7 +235,7 @@ impl FinalGather<'_> {
                     return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
                 }
                 let Some(met) = self.met(packet, hits, lane) else { return Seen::Dark };
-                if self.direct_only {
+                if self.direct_only || self.bright.has(met.leaf) {
                     return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
                 }
                 let of_element = Vec3::from(self.reflected[met.leaf as usize]);

@@ -1,6 +1,7 @@
 //! Final gathering by rays: irradiance at points, the local pass that solves the exchange of elements, and the light that
 //! elements gather from it.
 
+mod bright_leaves;
 mod direct_light;
 mod element_light;
 mod element_rays;

@@ -120,6 +120,7 @@ impl FinalGather<'_> {
             for (value, sun) in values.iter_mut().zip(self.suns_at(&all, &mut buffers.scratch)) {
                 add(value, 1.0, sun);
             }
+            self.add_bright_leaves(&all, &mut values, &mut buffers.scratch);
             for (value, point) in values.iter_mut().zip(&all) {
                 let known = mean(*value);
                 add(value, 1.0, self.irradiance_of_rays(point, known, buffers));

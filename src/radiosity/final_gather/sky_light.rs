@@ -92,9 +92,9 @@ impl FinalGather<'_> {
         (cosine > 0.0).then(|| (direction.as_vec3(), Vec3::from(light)))
     }
 
-    /// Width of a sun at the far end of rays, scene units.
-    fn width_of(&self, sun: &Sun) -> f32 {
-        2.0 * self.length * (0.5 * sun.diameter).tan() as f32
+    /// Width of a sun at the far end of rays of this length, scene units.
+    fn width_of(sun: &Sun, length: f32) -> f32 {
+        2.0 * length * (0.5 * sun.diameter).tan() as f32
     }
 
     /// Adds one ray to each sun from each of `buffers.vertices` to the results. `random` gives the numbers of which the last two choose the place on
@@ -119,7 +119,7 @@ impl FinalGather<'_> {
                 let ends = next.is_none_or(|next| !mixes && next.leaf != vertex.leaf);
                 if used == LANES || ends && used > 0 {
                     let (feature_size, emitter_size) =
-                        (self.feature_size_of(vertex.leaf), self.width_of(sun));
+                        (self.feature_size_of(vertex.leaf), Self::width_of(sun, self.length));
                     let query = VisibilityQuery { packet, emitter_size, feature_size };
                     let through = engine.transmittances(&query, scratch);
                     for (&(i, light), through) in rays[..used].iter().zip(through) {
@@ -174,7 +174,7 @@ impl FinalGather<'_> {
             if packet.is_empty() {
                 break;
             }
-            let query = VisibilityQuery { packet, emitter_size: self.width_of(sun), feature_size };
+            let query = VisibilityQuery { packet, emitter_size: Self::width_of(sun, reach), feature_size };
             let through = engine.transmittances(&query, scratch);
             for lane in query.packet.lanes() {
                 let (weight, through) = (f64::from(weights[lane]), f64::from(through[lane]));
