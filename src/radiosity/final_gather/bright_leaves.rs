@@ -1,14 +1,11 @@
 //! Small bright surfaces as light sources of points: the inside of a lamp shade, the ceiling above an uplight. The rays of a point rarely meet them, and
 //! a ray that does counts for all that were missed; shadow rays to them find their light without this noise.
 
-use super::direct_light::GatherPoint;
-use super::gatherer::FinalGather;
 use crate::radiosity::elements::emitter_face::EmitterFace;
 use crate::radiosity::elements::emitters::Emitter;
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::links::Scratch;
 use crate::radiosity::refinement::LinkedScene;
-use crate::radiosity::rgb::{Rgb, add, mean};
+use crate::radiosity::rgb::{add, mean};
 
 /// Smallest reflected radiosity of a bright leaf over the mean irradiance. Ordinary surfaces near lamps stay below: of what they send the rays of
 /// points find enough.
@@ -24,7 +21,7 @@ pub(super) struct BrightLeaves {
     /// By element, whether it is one of them; empty if there are none.
     is_bright: Vec<bool>,
     /// Elements that have all of these leaves below them, as one emitter of the light that they reflect.
-    emitter: Emitter,
+    pub emitter: Emitter,
 }
 
 impl BrightLeaves {
@@ -94,33 +91,13 @@ impl BrightLeaves {
         BrightLeaves { is_bright, emitter: Emitter { faces, width } }
     }
 
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.is_bright.is_empty()
+    }
+
     /// Whether points receive the light of a leaf by shadow rays.
     pub fn has(&self, leaf: u32) -> bool {
         self.is_bright.get(leaf as usize).copied().unwrap_or(false)
-    }
-}
-
-impl FinalGather<'_> {
-    /// An emitter of the scene by its number; the next number is that of the bright leaves.
-    pub(super) fn emitter(&self, number: usize) -> &Emitter {
-        self.emitters.emitters.get(number).unwrap_or(&self.bright.emitter)
-    }
-
-    /// Adds the light that bright leaves reflect to that of points, W/m².
-    pub(super) fn add_bright_leaves(
-        &self,
-        points: &[GatherPoint],
-        values: &mut [Rgb],
-        scratch: &mut Scratch,
-    ) {
-        if self.bright.is_bright.is_empty() {
-            return;
-        }
-        let number = self.emitters.emitters.len();
-        let engine = self.linked.engine.scattered();
-        let tolerance = self.visibility_tolerance();
-        let mut views = self.emitter_views(points, number);
-        self.measure_visibility(&mut views, (number, &engine), scratch, |view| view.is_uncertain(tolerance));
-        views.iter().for_each(|view| add(&mut values[view.point], view.visible(), view.free));
     }
 }

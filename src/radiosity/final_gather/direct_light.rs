@@ -3,6 +3,7 @@
 use super::gatherer::FinalGather;
 use crate::math::sampling::{mix, numbers, pick, point_on};
 use crate::radiosity::elements::emission_gain;
+use crate::radiosity::elements::emitters::Emitter;
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{EndRule, LANES, Packet};
@@ -15,7 +16,7 @@ pub(super) const CHUNK: usize = 64;
 const MIN_SHADOW_RAYS: usize = 2 * LANES;
 /// Visible part of an emitter below which a point with little other light traces more rays: that of four of [`MIN_SHADOW_RAYS`]. Of 32 rays to a lamp behind
 /// a hole that shows a hundredth of it none passes three times of four, and stopping there would lose a sixth of its light.
-const MOSTLY_HIDDEN: f64 = 4.0 / MIN_SHADOW_RAYS as f64;
+const MAX_HIDDEN_VISIBILITY: f64 = 4.0 / MIN_SHADOW_RAYS as f64;
 /// Rays after which an emitter counts as hidden if none has passed. Those of a hole that shows a hundredth of it all miss the hole once in thirteen times.
 const HIDDEN_RAYS: usize = 256;
 /// Expected number of emitters from which no ray has passed to which a point traces [`HIDDEN_RAYS`] in each set. Points of 64 closed cells with 32 lamps take 7 times as long with all lamps.
@@ -57,7 +58,7 @@ impl FinalGather<'_> {
                 });
                 for view in views {
                     add(&mut values[view.point], view.visible() / sets as f64, view.free);
-                    if view.visible() < MOSTLY_HIDDEN {
+                    if view.visible() < MAX_HIDDEN_VISIBILITY {
                         hidden.push((emitter, view));
                     }
                 }
@@ -100,6 +101,29 @@ impl FinalGather<'_> {
                 add(&mut values[view.point], change, view.free);
             }
         }
+    }
+
+    /// An emitter of the scene by its number; the next number is that of the bright leaves.
+    pub(super) fn emitter(&self, number: usize) -> &Emitter {
+        self.emitters.emitters.get(number).unwrap_or(&self.bright.emitter)
+    }
+
+    /// Adds the light that bright leaves reflect to that of points, W/m².
+    pub(super) fn add_bright_leaves(
+        &self,
+        points: &[GatherPoint],
+        values: &mut [Rgb],
+        scratch: &mut Scratch,
+    ) {
+        if self.bright.is_empty() {
+            return;
+        }
+        let number = self.emitters.emitters.len();
+        let engine = self.linked.engine.scattered();
+        let tolerance = self.visibility_tolerance();
+        let mut views = self.emitter_views(points, number);
+        self.measure_visibility(&mut views, (number, &engine), scratch, |view| view.is_uncertain(tolerance));
+        views.iter().for_each(|view| add(&mut values[view.point], view.visible(), view.free));
     }
 
     /// Irradiance at a point if nothing blocked the light, mean over the channels, W/m².
@@ -206,10 +230,10 @@ impl FinalGather<'_> {
 #[derive(Clone)]
 pub(super) struct EmitterView {
     /// Index of the point.
-    pub(super) point: usize,
+    point: usize,
     pub(super) from: GatherPoint,
     /// Unoccluded irradiance, W/m².
-    pub(super) free: Rgb,
+    free: Rgb,
     /// Running sums of the parts of the faces.
     shares: Vec<f32>,
     /// Sums of weights, of weights times transmittances, and of weights times their squares.

@@ -156,7 +156,7 @@ fn light_passes_a_small_hole(lamps: u32) {
     let mut soup = Soup::new("plate");
     let black = soup.material(SoupMaterial::diffuse("black", [0.0; 3]));
     let light = soup.material(SoupMaterial::light("light", [100.0; 3]));
-    // Of many lamps, as of the strips that this one is made of, only some are asked again where all seem hidden.
+    // Where no ray to any of many lamps has passed, further rays go to some of them only: this lamp is made of strips.
     for strip in 0..lamps {
         let lamp = soup.object(format!("lamp {strip}"));
         let [low, high] = [strip, strip + 1].map(|k| 2.0 * f64::from(k) / f64::from(lamps) - 1.0);
