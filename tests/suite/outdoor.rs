@@ -90,6 +90,12 @@ fn terrain_computes_maps_of_height_fields() {
         assert!(scratch.path(&format!("t/{name}")).metadata().is_ok_and(|file| file.len() > 60), "{name}");
     }
     scratch.mrvis("terrain slope.asc --out t --output irradiance").exits(2).warns("give --sky");
+    // A clear day in June on a slope to the south: about as much as on a level plane, 8 kWh/m2.
+    let day = "--output irradiance --day=60 --sky clear:3 --time 2026-06-21T12:00+01:00 --place";
+    scratch.mrvis(&format!("terrain slope.asc --out d --json d.json {day} 47,11")).exits(0);
+    let energy = scratch.json("d.json")["quantities"][0]["mean"].as_f64().expect("a number");
+    assert!((6000.0..9000.0).contains(&energy), "{energy}");
+    scratch.mrvis(&format!("terrain slope.asc --out d {day} 947,11")).exits(2).warns("latitude 947");
     scratch.write("bad.asc", "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize -5\n1 2\n3 4\n");
     let bad = scratch.mrvis("terrain bad.asc --out b").exits(2);
     bad.warns("bad.asc");

@@ -183,7 +183,7 @@ fn compute(args: &Args, quantity: Quantity, grid: &Grid, sweep: &SweepOptions) -
         }
         Quantity::Sunlit => {
             let environment = environment(args, args.time.as_deref())?;
-            let sun = sun_of(&environment).ok_or_else(|| {
+            let sun = suns_of(&environment).next().ok_or_else(|| {
                 Error::Argument("`sunlit` needs a sun: give --sun, or --place and --time".into())
             })?;
             vec![(name, sunlit(grid, &sun.0, sweep)?)]
@@ -197,12 +197,13 @@ fn environment(args: &Args, time: Option<&str>) -> Result<Environment> {
     sky.environment(DVec3::Z)
 }
 
-/// The sun above the horizon and its normal irradiance, mean of the channels.
-fn sun_of(environment: &Environment) -> Option<(Sun, f64)> {
-    let sun = environment.suns().first()?;
-    let [azimuth, elevation] = environment.frame().angles(sun.direction).map(f64::to_radians);
-    let half_angle = 0.5 * sun.diameter;
-    Some((Sun { azimuth, elevation, half_angle }, sun.irradiance.iter().sum::<f64>() / 3.0))
+/// The suns and their normal irradiances, means of the channels.
+fn suns_of(environment: &Environment) -> impl Iterator<Item = (Sun, f64)> + '_ {
+    environment.suns().iter().map(|sun| {
+        let [azimuth, elevation] = environment.frame().angles(sun.direction).map(f64::to_radians);
+        let half_angle = 0.5 * sun.diameter;
+        (Sun { azimuth, elevation, half_angle }, sun.irradiance.iter().sum::<f64>() / 3.0)
+    })
 }
 
 /// Irradiance at the time of the options, or added up over its day.
@@ -224,10 +225,13 @@ fn light(args: &Args, grid: &Grid, sweep: &SweepOptions) -> Result<Vec<f32>> {
     // The middle of each interval.
     for minute in (0..24 * 60).step_by(minutes as usize).map(|m| m + minutes / 2) {
         let time = format!("{date}T{:02}:{:02}{zone}", minute / 60 % 24, minute % 60);
-        let position = SkyOptions::of_texts(None, Some("auto:1"), args.place.as_deref(), Some(&time))
-            .and_then(|options| options.environment(DVec3::Z));
-        // Below the horizon there is neither sun nor sky.
-        if position.as_ref().map_or(true, |of| of.suns().is_empty()) {
+        let under = |sky: &str| {
+            let options = SkyOptions::of_texts(Some(sky), None, args.place.as_deref(), Some(&time))?;
+            options.environment(DVec3::Z)
+        };
+        // An overcast sky refuses places and times that cannot be, a clear one also the sun below the horizon, where there is neither sun nor sky.
+        under("overcast")?;
+        if under("clear:3").is_err() {
             continue;
         }
         let found = light_at(args, grid, sweep, Some(&time))?;
@@ -240,9 +244,16 @@ fn light(args: &Args, grid: &Grid, sweep: &SweepOptions) -> Result<Vec<f32>> {
 fn light_at(args: &Args, grid: &Grid, sweep: &SweepOptions, time: Option<&str>) -> Result<Vec<f32>> {
     let environment = environment(args, time)?;
     let sky = |local: DVec3| environment.radiance(environment.frame().world(local)).iter().sum::<f64>() / 3.0;
-    let none = Sun { azimuth: 0.0, elevation: -1.0, half_angle: 0.0 };
-    let (sun, direct_normal) = sun_of(&environment).unwrap_or((none, 0.0));
-    irradiance(grid, &Light { sun, direct_normal, sky: &sky }, args.azimuths, sweep)
+    let none = (Sun { azimuth: 0.0, elevation: -1.0, half_angle: 0.0 }, 0.0);
+    let mut suns = suns_of(&environment);
+    let (sun, direct_normal) = suns.next().unwrap_or(none);
+    let mut sums = irradiance(grid, &Light { sun, direct_normal, sky: &sky }, args.azimuths, sweep)?;
+    // Bright spots of a map.
+    for (sun, direct_normal) in suns {
+        let found = irradiance(grid, &Light { sun, direct_normal, sky: &|_| 0.0 }, args.azimuths, sweep)?;
+        sums.iter_mut().zip(found).for_each(|(sum, e)| *sum += e);
+    }
+    Ok(sums)
 }
 
 fn write(args: &Args, quantity: Quantity, grid: &Grid, bands: &Bands) -> Result<()> {
