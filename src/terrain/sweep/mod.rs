@@ -148,6 +148,11 @@ fn walk(grid: &Grid, azimuths: Azimuths, options: &SweepOptions, mut visit: impl
     Ok(())
 }
 
+/// Distance up to which horizons come from single samples, over the distance of rows. A line is up to a row away from the sample: an error of slope of
+/// a row's difference in height over this distance. Sky view factor at the bottom of a V-shaped valley of 52° with 12 and 32: 0.65 % and 0.22 % too
+/// small; processor time on 3,000 × 3,000: 0.38 and 0.42 s for an azimuth.
+const REACH: f64 = 32.0;
+
 /// A direction of lines over the grid or the transposed grid.
 pub struct Pass {
     /// Whether lines follow the rows of the transposed grid.
@@ -156,6 +161,8 @@ pub struct Pass {
     rise: f64,
     /// Length of a line from one column to the next, m.
     step: f64,
+    /// Distance in columns up to which horizons come from single samples, and beyond which from the two lines beside a sample.
+    reach: usize,
     /// Components of the direction of increasing columns along columns and rows, a unit vector.
     direction: [f64; 2],
     /// Azimuths towards decreasing and towards increasing columns, by index.
@@ -179,7 +186,9 @@ fn passes(grid: &Grid, azimuths: Azimuths) -> Vec<Pass> {
         let ends = if along > 0.0 { [other, this] } else { [this, other] };
         let direction = if along > 0.0 { [along, across] } else { [-along, -across] };
         let rise = direction[1] / dy / (direction[0] / dx);
-        Pass { is_steep, rise, step: dx / direction[0], direction, ends }
+        let step = dx / direction[0];
+        let reach = (REACH * (dy / step).max(1.0)).ceil() as usize;
+        Pass { is_steep, rise, step, reach, direction, ends }
     };
     (0..half).map(pass).collect()
 }

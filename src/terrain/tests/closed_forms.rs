@@ -169,3 +169,20 @@ fn a_curved_sea_sees_the_whole_sky() {
         sky_view_factor(&grid, 16, &SweepOptions { earth_radius: Some(EARTH_RADIUS) }).expect("values");
     assert!(values.iter().all(|v| (v - 1.0).abs() < 1e-6));
 }
+
+/// The horizon of a slope is the slope itself, however long cells are.
+#[test]
+fn slopes_of_long_cells_have_their_horizon() {
+    for cell in [[1.0, 50.0], [50.0, 1.0], [10.0, 25.0]] {
+        let height = |k: usize| 0.5 * cell[0] * (k % 101) as f64 + 0.3 * cell[1] * (k / 101) as f64;
+        let grid =
+            Grid::new(101, 101, cell, (0..101 * 101).map(|k| height(k) as f32).collect()).expect("a grid");
+        let found = horizon(&grid, 64, &flat()).expect("horizons");
+        for (azimuth, band) in found.azimuths.iter().zip(&found.elevations) {
+            // Rows lead to the south.
+            let wanted = (0.5 * azimuth.sin() - 0.3 * azimuth.cos()).max(0.0).atan().to_degrees();
+            let value = f64::from(band[50 * 101 + 50].to_degrees());
+            assert!((value - wanted).abs() < 0.3, "{cell:?}, azimuth {azimuth}: {value} instead of {wanted}");
+        }
+    }
+}
