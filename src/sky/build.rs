@@ -1,6 +1,6 @@
 //! The environment that a description stands for.
 
-use super::environment::{Environment, notes_of_suns};
+use super::environment::{Environment, OF_FILE, notes_of_suns};
 use super::frame::Frame;
 use super::gradation::Shape;
 use super::map::SkyMap;
@@ -81,7 +81,7 @@ impl SkyOptions {
             _ => None,
         };
         let is_alone = matches!(self.sky.0, SkyModel::Map(_)) && self.ground.is_none();
-        let sky = match self.sky.0 {
+        let mut sky = match self.sky.0 {
             SkyModel::None => None,
             _ => Some(
                 Sky::new(model.shape, map, is_alone, self.level(&model)).map_err(|e| at(e.to_string()))?,
@@ -96,10 +96,15 @@ impl SkyOptions {
         let sun = self.disc(&frame, position.as_ref(), &model).map_err(at)?;
         let has_others = sun.is_none() && !suns.is_empty() && matches!(self.sun, SunChoice::Auto);
         notes.push(match has_others {
-            true => notes_of_suns(&frame, suns),
+            true => notes_of_suns(&frame, OF_FILE, suns),
             false => self.sun_note(&frame, position.as_ref(), sun.as_ref()),
         });
-        let suns = if has_others { suns.to_vec() } else { sun.into_iter().collect() };
+        let mut suns = if has_others { suns.to_vec() } else { sun.into_iter().collect() };
+        let spots = sky.as_mut().map_or(Vec::new(), |sky| sky.take_spots(&frame));
+        if !spots.is_empty() {
+            notes.push(notes_of_suns(&frame, "bright spots of the map, as suns", &spots));
+        }
+        suns.extend(spots);
         let ground = self.ground.map_or([0.0; 3], Amount::rgb);
         let mut environment = Environment::new(frame, sky, suns, ground);
         environment.notes = notes;

@@ -70,7 +70,7 @@ impl Environment {
     /// [`Error::Argument`](crate::Error::Argument) if `up` is no direction.
     pub fn of_suns(up: DVec3, suns: Vec<Sun>) -> Result<Environment> {
         let frame = Frame::upright(up)?;
-        let notes = vec![frame.note(), notes_of_suns(&frame, &suns)];
+        let notes = vec![frame.note(), notes_of_suns(&frame, OF_FILE, &suns)];
         Ok(Environment { notes, ..Environment::new(frame, None, suns, [0.0; 3]) })
     }
 
@@ -82,6 +82,11 @@ impl Environment {
     /// The sky, if there is one.
     pub fn sky(&self) -> Option<&Sky> {
         self.sky.as_deref()
+    }
+
+    /// Whether the sky has a map.
+    pub fn has_map(&self) -> bool {
+        self.sky.as_ref().is_some_and(|sky| sky.map().is_some())
     }
 
     /// The suns.
@@ -174,8 +179,11 @@ fn radiance_of(sky: Option<&Sky>, ground: [f64; 3], local: DVec3) -> [f64; 3] {
     }
 }
 
-/// Where the suns of a scene's file are, one sentence.
-pub(super) fn notes_of_suns(frame: &Frame, suns: &[Sun]) -> String {
+/// What suns of a scene's file are called.
+pub(super) const OF_FILE: &str = "suns of the file";
+
+/// Where suns are, one sentence.
+pub(super) fn notes_of_suns(frame: &Frame, title: &str, suns: &[Sun]) -> String {
     let note = |sun: &Sun| {
         let [azimuth, elevation] = frame.angles(sun.direction);
         let [r, g, b] = sun.irradiance;
@@ -184,5 +192,5 @@ pub(super) fn notes_of_suns(frame: &Frame, suns: &[Sun]) -> String {
         )
     };
     let notes: Vec<String> = suns.iter().map(note).collect();
-    format!("suns of the file: {}", notes.join("; "))
+    format!("{title}: {}", notes.join("; "))
 }

@@ -1,6 +1,6 @@
 //! Maps of the sky: equirectangular pictures of radiance.
 
-use super::frame::azimuth;
+use super::frame::{azimuth, spherical};
 use crate::error::quote;
 use crate::files::input;
 use crate::{Error, Result, memory};
@@ -116,6 +116,34 @@ impl SkyMap {
     /// Whether the map covers the directions below the horizon.
     pub fn is_sphere(&self) -> bool {
         self.span > FRAC_PI_2
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// A texel by its number, row after row from the zenith.
+    pub fn texel(&self, k: usize) -> [f32; 3] {
+        self.texels[k]
+    }
+
+    /// Replaces a texel.
+    pub fn set_texel(&mut self, k: usize, value: [f32; 3]) {
+        self.texels[k] = value;
+    }
+
+    /// Local unit vector to the centre of a texel.
+    pub fn direction(&self, k: usize) -> DVec3 {
+        let (column, row) = (k % self.width, k / self.width);
+        let angle = (row as f64 + 0.5) * self.step();
+        spherical(angle.cos(), self.start + TAU * (column as f64 + 0.5) / self.width as f64)
+    }
+
+    /// Solid angle of a texel, sr.
+    pub fn solid_angle(&self, k: usize) -> f64 {
+        let angle = (k / self.width) as f64 * self.step();
+        TAU / self.width as f64 * (angle.cos() - (angle + self.step()).cos())
     }
 
     /// Angle between neighbouring rows, radians.

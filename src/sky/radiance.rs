@@ -106,6 +106,20 @@ impl Sky {
         self.horizontal
     }
 
+    /// The map, if there is one.
+    pub(super) fn map(&self) -> Option<&SkyMap> {
+        self.map.as_deref()
+    }
+
+    /// Replaces texels of the map, given by their numbers; scales stay.
+    pub(super) fn set_texels(&mut self, texels: impl IntoIterator<Item = (usize, [f32; 3])>) {
+        if let Some(map) = &mut self.map {
+            let map = Arc::make_mut(map);
+            texels.into_iter().for_each(|(k, value)| map.set_texel(k, value));
+        }
+        self.horizontal = self.integrate();
+    }
+
     /// The same with all radiance times a factor of at least 0.
     pub(super) fn scaled(&self, factor: f64) -> Sky {
         let [scale, horizontal] = [self.scale, self.horizontal].map(|v| v.map(|v| factor * v));

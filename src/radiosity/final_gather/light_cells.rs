@@ -3,6 +3,7 @@
 
 use super::direct_light::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
+use super::uneven_cells::{Cell, TOLERANCE, Uneven, WHOLE, uneven_cells};
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::rgb::{Rgb, mean};
@@ -14,16 +15,6 @@ const MAX_LEVEL: u32 = 6;
 /// Rays of a point at which cells are not divided any more: leaves are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and
 /// roofs need some hundreds.
 const MAX_RAYS: usize = 1 << 13;
-/// Part of a cell that is known to be open or blocked only by its ray, as a standard deviation: an edge that is anywhere in two cells is found by
-/// their two rays to √(1/12) = .29 of a cell.
-const ERROR_OF_EDGE: f64 = 0.29;
-/// The same for a difference of radiance: a place at random in the cell errs by √(1/12) of the difference over it. Open cells of the undivided grid have
-/// two places that mirror each other: a quarter of that is left where the difference is not even.
-const ERROR_OF_GRADIENT: [f64; 2] = [0.29 / 4.0, 0.29];
-/// Error of the light of the sky at a point, relative to all of its light, over the error asked for.
-const TOLERANCE: f64 = 0.1;
-/// Weight of squared errors of the light of surfaces, which is to be known to about the error asked for and not to a tenth of it.
-const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;
 /// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices for the rim of
 /// a sunlit place. Where all cells differ, as in a room full of things, four times as many rays halve the error.
 const MORE_FOR_SURFACES: usize = 4;
@@ -32,27 +23,6 @@ const MIN_OPEN: usize = 32;
 /// Cells of a grid that is not made finer as a whole any more. An opening that is seen as a thousandth of the light of an open sky has four cells then,
 /// and its edges have finer ones.
 const MAX_WHOLE: usize = 1 << 12;
-
-/// A cell of the grid or of one of its divisions.
-#[derive(Clone, Copy)]
-struct Cell {
-    /// Column and row among the cells of its level.
-    place: [u32; 2],
-    /// Whether its ray leaves the scene.
-    is_open: bool,
-    /// Irradiance by it over its area, if all of it is as its ray has found, W/m².
-    light: Vec3,
-    /// The same by the mean light of the element that its ray has met, or of the surfaces around it where only one of four quarters was looked up,
-    /// W/m²: without the noise of paths.
-    surfaces: Vec3,
-    /// Mean over the channels of the light that comes if all of it is open, W/m².
-    sky: f32,
-    /// Index of the first of its quarters in the next level; [`WHOLE`] if it is not divided.
-    quarters: u32,
-}
-
-/// Index of the quarters of a cell that is not divided.
-const WHOLE: u32 = u32::MAX;
 
 /// What one ray of a cell has found.
 #[derive(Clone, Copy)]
@@ -83,21 +53,6 @@ impl Hemisphere {
         let d =
             cosine_direction(Vec3::Z, u / (scale * self.size[0] as f32), v / (scale * self.size[1] as f32));
         d.x * x + d.y * y + d.z * z
-    }
-}
-
-/// A cell that may be divided, by its index in its level.
-struct Uneven {
-    cell: u32,
-    /// Squares of the expected errors of the light of sky and surfaces, (W/m²)², that of surfaces times [`WEIGHT_OF_SURFACES`].
-    errors: [f64; 2],
-    /// Mean light of the surfaces around it, W/m².
-    around: Vec3,
-}
-
-impl Uneven {
-    fn error(&self) -> f64 {
-        self.errors[0] + self.errors[1]
     }
 }
 
@@ -287,7 +242,8 @@ impl FinalGather<'_> {
         self.cells(hemisphere, level, (&parts, &surfaces), &seen, point)
     }
 
-    /// Cells at these places of a level, with the radiance of the sky at a place in each, at two in open cells of the undivided grid.
+    /// Cells at these places of a level, with the radiance of the sky at a place in each, at two in open cells of the undivided grid. If the sky has a map,
+    /// it may have bright parts smaller than a cell, and is looked up at sixteen places in each cell of the first levels.
     fn cells(
         &self,
         hemisphere: &Hemisphere,
@@ -297,6 +253,7 @@ impl FinalGather<'_> {
         point: &GatherPoint,
     ) -> Vec<Cell> {
         let seed = mix(!point.seed ^ u64::from(level) << 32);
+        let has_map = self.environment.is_some_and(|of| of.has_map());
         let sky_in = |place: [u32; 2], is_open: bool| {
             if !self.has_environment() {
                 return Vec3::ZERO;
@@ -306,9 +263,16 @@ impl FinalGather<'_> {
                 self.sky_of_ray(hemisphere.direction(level, [place[0] as f32 + u, place[1] as f32 + v]))
             };
             // The mean of places that mirror each other has no error where the sky is linear over the cell.
-            match level == 0 && is_open {
-                true => 0.5 * (sky_at([u, v]) + sky_at([1.0 - u, 1.0 - v])),
-                false => sky_at([u, v]),
+            let mirrored = || 0.5 * (sky_at([u, v]) + sky_at([1.0 - u, 1.0 - v]));
+            match (has_map, level) {
+                (true, 0..3) => {
+                    let side = [4, 4, 2][level as usize];
+                    let part =
+                        |k: u32| [(k % side) as f32 + u, (k / side) as f32 + v].map(|at| at / side as f32);
+                    (0..side * side).map(|k| sky_at(part(k))).sum::<Vec3>() / (side * side) as f32
+                }
+                (false, 0) if is_open => mirrored(),
+                _ => sky_at([u, v]),
             }
         };
         let cell = |(k, (&place, seen)): (usize, (&[u32; 2], &Seen))| {
@@ -329,67 +293,4 @@ impl FinalGather<'_> {
 /// Sum of the light of cells.
 fn light_of(cells: &[Cell]) -> DVec3 {
     cells.iter().map(|cell| cell.light.as_dvec3()).sum()
-}
-
-/// The cells of the finest level whose neighbours differ from each other, the largest errors first. The ray of
-/// a cell does not say whether it is divided: of cells that are open in part, those whose ray happens to be blocked would be left so. Where a
-/// neighbour is not divided as often, its larger cell counts.
-fn uneven_cells(levels: &[Vec<Cell>], [columns, rows]: [usize; 2], area: f64) -> Vec<Uneven> {
-    let finest = levels.len() - 1;
-    let size = [columns << finest, rows << finest];
-    // The cell of the finest level at a place, or the smallest that is not divided there.
-    let of = |[i, j]: [usize; 2]| {
-        let mut cell = &levels[0][(j >> finest) * columns + (i >> finest)];
-        for (depth, cells) in levels.iter().enumerate().skip(1) {
-            if cell.quarters == WHOLE {
-                break;
-            }
-            let half = |at: usize| (at >> (finest - depth)) & 1;
-            cell = &cells[cell.quarters as usize + half(i) + 2 * half(j)];
-        }
-        cell
-    };
-    // Of the whole grid two rings: the ends of narrow strips of sky are thinner than a cell.
-    let reach = if finest == 0 { 2 } else { 1 };
-    let range =
-        |at: u32, size: usize| (at as usize).saturating_sub(reach)..(at as usize + reach + 1).min(size);
-    let mut found: Vec<Uneven> = Vec::new();
-    for (k, cell) in levels[finest].iter().enumerate() {
-        let [i, j] = cell.place;
-        let nothing = [f32::INFINITY, f32::NEG_INFINITY];
-        // Ranges of the light of the sky, blocked or not, and of surfaces.
-        let ([mut sky, mut surfaces], mut open) = ([nothing; 2], false);
-        let (mut around, mut blocked) = (Vec3::ZERO, 0u16);
-        let widen = |range: &mut [f32; 2], by: f32| *range = [range[0].min(by), range[1].max(by)];
-        for row in range(j, size[1]) {
-            for column in range(i, size[0]) {
-                if [column, row] != [i as usize, j as usize] {
-                    let near = of([column, row]);
-                    widen(&mut sky, near.sky);
-                    match near.is_open {
-                        true => open = true,
-                        false => {
-                            widen(&mut surfaces, near.surfaces.element_sum() / 3.0);
-                            (around, blocked) = (around + near.surfaces, blocked + 1);
-                        }
-                    }
-                }
-            }
-        }
-        let edge = if open && blocked > 0 { ERROR_OF_EDGE * f64::from(sky[1]) } else { 0.0 };
-        let between = if blocked > 0 { ERROR_OF_EDGE * f64::from(surfaces[1] - surfaces[0]) } else { 0.0 };
-        // An edge is in one of the cells across it, and so is the difference between the nearest on either side.
-        let across = (2 * reach + 1) as f64;
-        let of_cell = if open { ERROR_OF_GRADIENT[usize::from(finest > 0)] / across } else { 0.0 };
-        let gradient = of_cell * f64::from(sky[1] - sky[0]);
-        let errors =
-            [edge * edge / across + gradient * gradient, WEIGHT_OF_SURFACES * between * between / across];
-        let around = around / f32::from(blocked.max(1));
-        let of = Uneven { cell: k as u32, errors: errors.map(|e| area * area * e), around };
-        if of.error() > 0.0 {
-            found.push(of);
-        }
-    }
-    found.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));
-    found
 }

@@ -21,6 +21,7 @@ mod sharing;
 mod sky_light;
 mod smooth_light;
 mod starts;
+mod uneven_cells;
 mod untraced;
 
 pub use element_light::ElementSamples;

@@ -3,6 +3,7 @@
 use super::*;
 use image::{Rgb, Rgb32FImage};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Writes a map with a value by azimuth and angle to the zenith, degrees.
 fn write(folder: &Path, size: (u32, u32), value: impl Fn(f64, f64) -> [f32; 3]) -> PathBuf {
@@ -58,16 +59,53 @@ fn bright_texels_keep_their_light() {
         if (45.0..45.3).contains(&azimuth) && (angle - 40.0).abs() < 0.18 { [1e5; 3] } else { [1.0; 3] }
     });
     let mut options = SkyOptions::parse(&path.display().to_string()).expect("a map");
-    let sky = environment_of(&options);
-    let horizontal = sky.sky().expect("a sky").horizontal_irradiance()[0];
+    let map = Arc::new(SkyMap::read(&path, 0.0).expect("a map"));
+    let sky = Sky::new(Shape::Uniform, Some(map), false, Level::Times(1.0)).expect("a sky");
+    let whole = Environment::new(Frame::upright(DVec3::Z).expect("a frame"), Some(sky), Vec::new(), [0.0; 3]);
     let texel = (PI / 512.0f64).powi(2) * f64::sin(40f64.to_radians()) * f64::cos(40f64.to_radians());
-    assert_near(horizontal, PI + 1e5 * texel, 0.01);
-    assert_near(sky.irradiance(DVec3::Z)[0], horizontal, 0.02);
+    assert_near(whole.irradiance(DVec3::Z)[0], PI + 1e5 * texel, 0.02);
     let count = 300_000;
-    let sum: f64 = square(count).map(|u| sky.sample(u)).map(|s| s.radiance[0] / s.pdf * s.direction.z).sum();
-    assert_near(sum / count as f64, horizontal, 0.01);
+    let sum: f64 =
+        square(count).map(|u| whole.sample(u)).map(|s| s.radiance[0] / s.pdf * s.direction.z).sum();
+    assert_near(sum / count as f64, PI + 1e5 * texel, 0.01);
+    // The texel is a sun with the same light on all planes, and the rest of the sky is even.
+    let sky = environment_of(&options);
+    let [sun] = sky.suns() else { panic!("{} suns", sky.suns().len()) };
+    assert_near(sun.solid_angle(), texel / f64::cos(40f64.to_radians()), 1e-2);
+    assert_near(sky.sky_irradiance(DVec3::Z)[0], PI, 0.01);
+    for v in directions(100) {
+        assert_near(sky.irradiance(v)[0], whole.irradiance(v)[0], 0.02);
+    }
     options.diffuse_horizontal = Some(Amount::Grey(50.0));
-    assert_near(environment_of(&options).sky().expect("a sky").horizontal_irradiance()[2], 50.0, 1e-9);
+    assert_near(environment_of(&options).irradiance(DVec3::Z)[2], 50.0, 0.02);
+}
+
+#[test]
+fn bright_spots_keep_their_shape() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // The angle between a texel and a place, degrees.
+    let apart = |azimuth: f64, angle: f64, of: [f64; 2]| {
+        let unit = |azimuth: f64, angle: f64| {
+            let (sin, cos) = angle.to_radians().sin_cos();
+            DVec3::new(sin * azimuth.to_radians().sin(), sin * azimuth.to_radians().cos(), cos)
+        };
+        unit(azimuth, angle).angle_between(unit(of[0], of[1])).to_degrees()
+    };
+    let suns = |value: &dyn Fn(f64, f64) -> f32| {
+        let path = write(folder.path(), (1024, 256), |azimuth, angle| [1.0 + value(azimuth, angle); 3]);
+        let sky = environment_of(&SkyOptions::parse(&path.display().to_string()).expect("a map"));
+        sky.suns().to_vec()
+    };
+    // A disc is one sun of its size, a strip is several along it, and what the rays of a point find is left in the sky.
+    let disc = suns(&|azimuth, angle| if apart(azimuth, angle, [30.0, 40.0]) < 2.0 { 500.0 } else { 0.0 });
+    let [disc] = disc[..] else { panic!("{disc:?}") };
+    assert_near(disc.diameter.to_degrees(), 4.0, 0.1);
+    assert_near(disc.irradiance[0], 500.0 * disc.solid_angle(), 0.02 * disc.irradiance[0]);
+    let strip = suns(&|azimuth, angle| f32::from(azimuth.abs() < 6.0 && (angle - 45.0).abs() < 0.4) * 500.0);
+    assert!((3..=8).contains(&strip.len()) && strip.iter().all(|sun| sun.diameter < 0.05), "{strip:?}");
+    let wide = suns(&|azimuth, angle| if apart(azimuth, angle, [30.0, 40.0]) < 8.0 { 500.0 } else { 0.0 });
+    assert!(wide.is_empty(), "{wide:?}");
+    assert!(suns(&|azimuth, angle| (azimuth + angle) as f32 / 60.0 + 3.0).is_empty());
 }
 
 #[test]
