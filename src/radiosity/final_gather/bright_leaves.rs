@@ -57,10 +57,10 @@ impl BrightLeaves {
         // Parents come before their children.
         let mut is_bright = vec![false; elements.len()];
         chosen.iter().for_each(|&e| is_bright[e as usize] = true);
-        chosen.retain(|&e| !is_bright[elements[e as usize].parent as usize]);
         for e in 1..elements.len() {
             is_bright[e] |= is_bright[elements[e].parent as usize];
         }
+        chosen.retain(|&e| !is_bright[elements[e as usize].parent as usize]);
         let mut sums = vec![[0.0; 3]; elements.len()];
         for &leaf in leaves.iter().filter(|&&leaf| is_bright[leaf as usize]) {
             add(&mut sums[leaf as usize], area(leaf), reflected[leaf as usize].map(f64::from));

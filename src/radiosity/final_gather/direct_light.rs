@@ -68,7 +68,7 @@ impl FinalGather<'_> {
         values
     }
 
-    /// Traces more rays to emitters that are mostly hidden from points with little other light: the light that has passed may be all that the point has.
+    /// Traces more rays to emitters, each by its engine or the last one, that are mostly hidden from points with little other light: the light that has passed may be all that the point has.
     /// Of many emitters from which none has passed only some are chosen at random, in proportion to their unoccluded light, and what their rays find is
     /// divided by the probability of the choice: the mean is that of all.
     fn trace_hidden(
@@ -95,7 +95,8 @@ impl FinalGather<'_> {
             let emitter = same[0].0;
             let mut views: Vec<EmitterView> = same.iter().map(|(.., view)| view.clone()).collect();
             let goes_on = |view: &EmitterView| view.seen > 0.0 || view.traced < HIDDEN_RAYS;
-            self.measure_visibility(&mut views, (emitter, &engines[emitter]), scratch, goes_on);
+            let engine = &engines[emitter.min(engines.len() - 1)];
+            self.measure_visibility(&mut views, (emitter, engine), scratch, goes_on);
             for ((_, chance, before), view) in same.iter().zip(views) {
                 let change = (view.visible() - before.visible()) / (sets as f64 * chance);
                 add(&mut values[view.point], change, view.free);
@@ -124,6 +125,9 @@ impl FinalGather<'_> {
         let mut views = self.emitter_views(points, number);
         self.measure_visibility(&mut views, (number, &engine), scratch, |view| view.is_uncertain(tolerance));
         views.iter().for_each(|view| add(&mut values[view.point], view.visible(), view.free));
+        let is_hidden = |view: &EmitterView| view.visible() < MAX_HIDDEN_VISIBILITY;
+        let hidden = views.into_iter().filter(is_hidden).map(|view| (number, view)).collect();
+        self.trace_hidden(hidden, 1, std::slice::from_ref(&engine), scratch, values);
     }
 
     /// Irradiance at a point if nothing blocked the light, mean over the channels, W/m².

@@ -138,7 +138,8 @@ impl<'a> FinalGather<'a> {
         let gathered = options.gather_rays();
         let environment = scene.environment.as_deref();
         let sets = if options.direct_only && environment.is_none() { 0 } else { DIRECTION_SETS };
-        let hemispheres = (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ k as u64))).collect();
+        let hemispheres =
+            (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ mix(k as u64)))).collect();
         let table = (0..options.light_rays() as u32)
             .map(|i| [sample(i & 0xffff, 0, 7), sample(i & 0xffff, 1, 7)])
             .collect();

@@ -96,7 +96,7 @@ impl FinalGather<'_> {
     ) -> Vec<Rgb> {
         let reflects = !self.hemispheres.is_empty();
         let point = |i: usize| {
-            let seed = mix(self.linked.settings.seed ^ i as u64);
+            let seed = mix(self.linked.settings.seed ^ mix(i as u64));
             self.gather_point(points[i].0, points[i].1, seed)
         };
         let (mut values, mut asked, mut places) = (Vec::new(), Vec::new(), Vec::new());
