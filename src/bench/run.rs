@@ -55,6 +55,7 @@ pub fn run(
 ) -> Result<(Record, Vec<ReceiverImages>)> {
     let scene = model.scene();
     options.check_for(scene)?;
+    model.check_clusters("the benchmark")?;
     let timer = Timer::new(options.threads)?;
     let (mut build, mut spent, start) = (build_of(model), Spent::default(), Instant::now());
     let points = surface_points(model, options.points, options.seed)?;

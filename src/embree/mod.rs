@@ -17,4 +17,4 @@ pub use device::Device;
 #[cfg(any(test, feature = "reports"))]
 pub use scene::Options;
 pub use scene::{CommittedScene, SceneBuilder, Traversal};
-pub use sys::Hits;
+pub use sys::{GridPiece, Hits};

@@ -1,9 +1,9 @@
 //! Scene construction, commit, and ray queries.
 
 use super::device::Device;
-use super::sys::{self, Hits};
+use super::sys::{self, GridPiece, Hits};
 use crate::error::{Error, Result};
-use crate::ray::{Occluder, Packet};
+use crate::ray::{LANES, Occluder, Packet};
 use glam::{Affine3A, Vec3};
 use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -35,15 +35,24 @@ impl Traversal {
     const SINGLE: Traversal = Traversal { width: 1, coherent: false };
 }
 
+/// The triangle that a hit of a grid counts as, by the number of the piece and the place on it, columns and rows from 0 to 1.
+pub type PieceTriangle = Arc<dyn Fn(u32, [f32; 2]) -> u32 + Send + Sync>;
+
+/// Packets that are traced at once in scenes with grids.
+const BLOCK: usize = 16;
+
 /// A scene under construction.
 pub struct SceneBuilder {
     handle: Handle,
+    /// Triangles of the pieces of its grid, if there is one.
+    grid: Option<PieceTriangle>,
 }
 
 /// An immutable scene; any number of threads may trace it. Cheap to clone: clones share the geometry.
 #[derive(Clone)]
 pub struct CommittedScene {
     handle: Arc<Handle>,
+    grid: Option<PieceTriangle>,
 }
 
 struct Handle {
@@ -96,7 +105,7 @@ impl SceneBuilder {
             sys::rtcSetSceneBuildQuality(raw, sys::RTCBuildQuality::RTC_BUILD_QUALITY_MEDIUM);
         }
         device.check()?;
-        Ok(SceneBuilder { handle })
+        Ok(SceneBuilder { handle, grid: None })
     }
 
     /// Adds a geometry of triangles, visible to rays with `mask & ray mask != 0`. The slices are copied.
@@ -114,49 +123,82 @@ impl SceneBuilder {
         if let Some(v) = positions.iter().position(|p| !p.is_finite() || p.abs().max_element() > 1.8e18) {
             return Err(Error::Embree(format!("vertex {v} is not finite or too far away")));
         }
-        let device = &self.handle.device;
-        // SAFETY: the device is live; the geometry is used only below and released after attaching.
-        let geometry = unsafe {
-            sys::rtcNewGeometry(device.inner.raw, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE)
-        };
-        device.check()?;
-        let fill = |kind, format, item_bytes: usize, bytes: &[u8]| {
-            // SAFETY: Embree allocates `count * item_bytes` bytes (padded as it needs) and returns their address,
-            // which stays valid until the geometry is released; exactly that many bytes are copied.
-            unsafe {
-                let buffer = sys::rtcSetNewGeometryBuffer(
-                    geometry,
-                    kind,
-                    0,
-                    format,
-                    item_bytes,
-                    bytes.len() / item_bytes,
-                );
-                if !buffer.is_null() {
-                    std::ptr::copy_nonoverlapping(bytes.as_ptr(), buffer.cast::<u8>(), bytes.len());
-                }
-            }
-        };
         let coordinates: Vec<[f32; 3]> = positions.iter().map(|p| p.to_array()).collect();
-        fill(
-            sys::RTCBufferType::RTC_BUFFER_TYPE_VERTEX,
-            sys::RTCFormat::RTC_FORMAT_FLOAT3,
-            12,
-            bytemuck::cast_slice(&coordinates),
-        );
-        fill(
+        let index = (
             sys::RTCBufferType::RTC_BUFFER_TYPE_INDEX,
             sys::RTCFormat::RTC_FORMAT_UINT3,
             12,
             bytemuck::cast_slice(triangles),
         );
+        self.add_geometry(sys::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE, &coordinates, index, mask, 0)
+    }
+
+    /// Adds rectangles of the samples of a grid, with two triangles for each four neighbours: from the first sample of a row, the second
+    /// corner and the third of the quadrangle are joined. [`Hits::triangle`] is what `triangle` says. A scene has one grid at most.
+    ///
+    /// # Errors
+    /// [`Error::Embree`] if a piece has samples that do not exist, or Embree reports an error. Pieces with samples that are not finite are
+    /// not hit.
+    pub fn add_grid(
+        &mut self,
+        positions: &[[f32; 3]],
+        pieces: &[GridPiece],
+        triangle: PieceTriangle,
+    ) -> Result<()> {
+        let last = |piece: &GridPiece| {
+            let [columns, rows] = piece.size.map(u64::from);
+            u64::from(piece.first) + (rows - 1) * u64::from(piece.stride) + columns - 1
+        };
+        let is_wrong =
+            |piece: &GridPiece| piece.size.iter().any(|n| *n < 2) || last(piece) >= positions.len() as u64;
+        if self.grid.is_some() || pieces.len() >= Hits::PIECE as usize || pieces.iter().any(is_wrong) {
+            return Err(Error::Embree("a grid has pieces outside, or the scene has a grid already".into()));
+        }
+        let index = (
+            sys::RTCBufferType::RTC_BUFFER_TYPE_GRID,
+            sys::RTCFormat::RTC_FORMAT_GRID,
+            12,
+            bytemuck::cast_slice(pieces),
+        );
+        self.add_geometry(sys::RTCGeometryType::RTC_GEOMETRY_TYPE_GRID, positions, index, 1, 1)?;
+        self.grid = Some(triangle);
+        Ok(())
+    }
+
+    /// Adds a geometry of vertices and another buffer, of which kind, format, bytes of an item and content are given.
+    fn add_geometry(
+        &mut self,
+        kind: sys::RTCGeometryType,
+        positions: &[[f32; 3]],
+        index: (sys::RTCBufferType, sys::RTCFormat, usize, &[u8]),
+        mask: u32,
+        id: u32,
+    ) -> Result<()> {
+        let device = &self.handle.device;
+        // SAFETY: the device is live; the geometry is used only below and released after attaching.
+        let geometry = unsafe { sys::rtcNewGeometry(device.inner.raw, kind) };
+        device.check()?;
+        let fill = |(kind, format, item_bytes, bytes): (_, _, usize, &[u8])| {
+            // SAFETY: Embree allocates `count * item_bytes` bytes (padded as it needs) and returns their address,
+            // which stays valid until the geometry is released; exactly that many bytes are copied.
+            unsafe {
+                let count = bytes.len() / item_bytes;
+                let buffer = sys::rtcSetNewGeometryBuffer(geometry, kind, 0, format, item_bytes, count);
+                if !buffer.is_null() {
+                    std::ptr::copy_nonoverlapping(bytes.as_ptr(), buffer.cast::<u8>(), bytes.len());
+                }
+            }
+        };
+        let vertices = bytemuck::cast_slice(positions);
+        fill((sys::RTCBufferType::RTC_BUFFER_TYPE_VERTEX, sys::RTCFormat::RTC_FORMAT_FLOAT3, 12, vertices));
+        fill(index);
         let filled = device.check();
         // SAFETY: `geometry` and the scene are live; attaching retains the geometry, so it is released here.
         unsafe {
             if filled.is_ok() {
                 sys::rtcSetGeometryMask(geometry, mask);
                 sys::rtcCommitGeometry(geometry);
-                sys::rtcAttachGeometry(self.handle.raw, geometry);
+                sys::rtcAttachGeometryByID(self.handle.raw, geometry, id);
             }
             sys::rtcReleaseGeometry(geometry);
         }
@@ -174,6 +216,7 @@ impl SceneBuilder {
         if !Arc::ptr_eq(&device.inner, &scene.handle.device.inner) {
             return Err(Error::Embree("the instanced scene belongs to another device".into()));
         }
+        self.grid = self.grid.take().or_else(|| scene.grid.clone());
         // SAFETY: the device is live; the geometry is used only below and released after attaching.
         let geometry = unsafe {
             sys::rtcNewGeometry(device.inner.raw, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE)
@@ -220,7 +263,7 @@ impl SceneBuilder {
             sys::rtcSetSceneProgressMonitorFunction(self.handle.raw, None, std::ptr::null_mut());
         }
         self.handle.device.check()?;
-        Ok(CommittedScene { handle: Arc::new(self.handle) })
+        Ok(CommittedScene { handle: Arc::new(self.handle), grid: self.grid })
     }
 }
 
@@ -274,18 +317,33 @@ impl CommittedScene {
     /// If the slices differ in length.
     pub fn first_hits(&self, traversal: Traversal, packets: &[Packet], hits: &mut [Hits]) {
         assert_eq!(packets.len(), hits.len());
-        // SAFETY: the scene is committed and live; `Packet` and `Hits` have the layouts and alignments of the C
-        // structs (asserted in `sys`); both slices hold `packets.len()` items.
-        unsafe {
-            sys::mrvis_first_hits(
-                self.handle.raw,
-                packets.as_ptr(),
-                packets.len(),
-                traversal.width as i32,
-                i32::from(traversal.coherent),
-                u32::MAX,
-                hits.as_mut_ptr(),
-            );
+        let trace = |packets: &[Packet], hits: &mut [Hits], places: *mut [[f32; LANES]; 2]| {
+            // SAFETY: the scene is committed and live; `Packet` and `Hits` have the layouts and alignments of the C
+            // structs (asserted in `sys`); both slices hold `packets.len()` items, `places` as many or it is null.
+            unsafe {
+                sys::mrvis_first_hits(
+                    self.handle.raw,
+                    packets.as_ptr(),
+                    packets.len(),
+                    traversal.width as i32,
+                    i32::from(traversal.coherent),
+                    u32::MAX,
+                    hits.as_mut_ptr(),
+                    places,
+                );
+            }
+        };
+        let Some(grid) = &self.grid else { return trace(packets, hits, std::ptr::null_mut()) };
+        for (packets, hits) in packets.chunks(BLOCK).zip(hits.chunks_mut(BLOCK)) {
+            let mut places = [[[0.0; LANES]; 2]; BLOCK];
+            trace(packets, hits, places.as_mut_ptr());
+            for (hits, [u, v]) in hits.iter_mut().zip(&places) {
+                for (triangle, (&u, &v)) in hits.triangle.iter_mut().zip(u.iter().zip(v)) {
+                    if *triangle != Hits::NOTHING && *triangle & Hits::PIECE != 0 {
+                        *triangle = grid(*triangle & !Hits::PIECE, [u, v]);
+                    }
+                }
+            }
         }
     }
 }

@@ -25,12 +25,15 @@ CONSTANT(RTC_SCENE_FLAG_COMPACT, 2);
 CONSTANT(RTC_SCENE_FLAG_ROBUST, 4);
 CONSTANT(RTC_BUILD_QUALITY_MEDIUM, 1);
 CONSTANT(RTC_GEOMETRY_TYPE_TRIANGLE, 0);
+CONSTANT(RTC_GEOMETRY_TYPE_GRID, 2);
 CONSTANT(RTC_GEOMETRY_TYPE_INSTANCE, 121);
 CONSTANT(RTC_BUFFER_TYPE_INDEX, 0);
 CONSTANT(RTC_BUFFER_TYPE_VERTEX, 1);
+CONSTANT(RTC_BUFFER_TYPE_GRID, 8);
 CONSTANT(RTC_FORMAT_UINT3, 0x5003);
 CONSTANT(RTC_FORMAT_FLOAT3, 0x9003);
 CONSTANT(RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, 0x9234);
+CONSTANT(RTC_FORMAT_GRID, 0xA001);
 
 /* `unsigned` is what compilers take for Embree's enumerations, and what Rust passes. */
 FUNCTION(rtcNewDevice, RTCDevice, const char *);
@@ -45,7 +48,6 @@ FUNCTION(rtcSetSceneFlags, void, RTCScene, unsigned);
 FUNCTION(rtcSetSceneBuildQuality, void, RTCScene, unsigned);
 FUNCTION(rtcSetSceneProgressMonitorFunction, void, RTCScene, bool (*)(void *, double), void *);
 FUNCTION(rtcCommitScene, void, RTCScene);
-FUNCTION(rtcAttachGeometry, unsigned, RTCScene, RTCGeometry);
 FUNCTION(rtcAttachGeometryByID, void, RTCScene, RTCGeometry, unsigned);
 FUNCTION(rtcNewGeometry, RTCGeometry, RTCDevice, unsigned);
 FUNCTION(rtcReleaseGeometry, void, RTCGeometry);
@@ -61,6 +63,9 @@ _Static_assert(RTC_INVALID_GEOMETRY_ID == 0xffffffff, "RTC_INVALID_GEOMETRY_ID" 
 _Static_assert(sizeof(struct RTCRay) == 48, "RTCRay layout");
 _Static_assert(sizeof(struct RTCRay16) == 12 * 64, "RTCRay16 layout");
 _Static_assert(offsetof(struct RTCRay16, tfar) == 8 * 64, "RTCRay16 layout");
+
+_Static_assert(sizeof(struct RTCGrid) == 12 && offsetof(struct RTCGrid, stride) == 4 && offsetof(struct RTCGrid, width) == 8,
+               "RTCGrid layout");
 
 /* The same numbers as in src/embree/sys.rs. */
 _Static_assert(sizeof(mrvis_packet) == 576 && _Alignof(mrvis_packet) == 64, "mrvis_packet layout");
@@ -152,6 +157,11 @@ void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, i
 /* Scenes without instances count as the first instance. */
 static inline uint32_t instance_of(unsigned int id) { return id == RTC_INVALID_GEOMETRY_ID ? 0 : id; }
 
+/* The triangles of a scene are its first geometry; those of grids are told apart by the highest bit. */
+static inline uint32_t triangle_of(unsigned int geometry, unsigned int primitive) {
+    return geometry == 0 || geometry == RTC_INVALID_GEOMETRY_ID ? primitive : primitive | 0x80000000u;
+}
+
 #define HIT_WIDE(W, ALIGN)                                                                                  \
     for (int first = 0; first < 16; first += W) {                                                           \
         const uint32_t lanes = (p->active >> first) & (uint32_t)((1ull << W) - 1);                          \
@@ -179,14 +189,17 @@ static inline uint32_t instance_of(unsigned int id) { return id == RTC_INVALID_G
         }                                                                                                   \
         rtcIntersect##W(valid, scene, &query, &args);                                                       \
         for (int i = 0; i < W; i++) {                                                                       \
-            hits[k].triangle[first + i] = valid[i] ? query.hit.primID[i] : RTC_INVALID_GEOMETRY_ID;         \
+            const uint32_t hit = triangle_of(query.hit.geomID[i], query.hit.primID[i]);                     \
+            hits[k].triangle[first + i] = valid[i] ? hit : RTC_INVALID_GEOMETRY_ID;                         \
             hits[k].instance[first + i] = instance_of(query.hit.instID[0][i]);                              \
             hits[k].t[first + i] = query.ray.tfar[i];                                                       \
+            if (places) places[32 * k + first + i] = query.hit.u[i];                                        \
+            if (places) places[32 * k + 16 + first + i] = query.hit.v[i];                                   \
         }                                                                                                   \
     }
 
 static void hit_single(RTCScene scene, const mrvis_packet *p, uint32_t mask, struct RTCIntersectArguments *args,
-                       mrvis_hits *hits) {
+                       mrvis_hits *hits, float *places) {
     for (uint32_t left = p->active; left; left &= left - 1) {
         const int i = __builtin_ctz(left);
         struct RTCRayHit query;
@@ -201,14 +214,16 @@ static void hit_single(RTCScene scene, const mrvis_packet *p, uint32_t mask, str
         query.hit.primID = RTC_INVALID_GEOMETRY_ID;
         query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
         rtcIntersect1(scene, &query, args);
-        hits->triangle[i] = query.hit.primID;
+        hits->triangle[i] = triangle_of(query.hit.geomID, query.hit.primID);
         hits->instance[i] = instance_of(query.hit.instID[0]);
         hits->t[i] = query.ray.tfar;
+        if (places) places[i] = query.hit.u;
+        if (places) places[16 + i] = query.hit.v;
     }
 }
 
 void mrvis_first_hits(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
-                      uint32_t mask, mrvis_hits *hits) {
+                      uint32_t mask, mrvis_hits *hits, float *places) {
 #if defined(__SSE2__)
     const unsigned int csr = _mm_getcsr();
     _mm_setcsr(csr | 0x8040u); /* FTZ | DAZ */
@@ -223,7 +238,7 @@ void mrvis_first_hits(RTCScene scene, const mrvis_packet *packets, size_t count,
         case 16: HIT_WIDE(16, 64) break;
         case 8: HIT_WIDE(8, 32) break;
         case 4: HIT_WIDE(4, 16) break;
-        default: hit_single(scene, p, mask, &args, hits + k); break;
+        default: hit_single(scene, p, mask, &args, hits + k, places ? places + 32 * k : places); break;
         }
     }
 #if defined(__SSE2__)

@@ -29,14 +29,15 @@ int mrvis_headers_version(void);
 void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
                     uint32_t mask, uint32_t *occluded);
 
-/* First hits of 16 segments: triangle index within its geometry (0xffffffff without a hit) and parameter t. */
+/* First hits of 16 segments: triangle index within the first geometry (0xffffffff without a hit) and parameter t. */
 typedef struct {
     uint32_t triangle[16];
     uint32_t instance[16]; /* index in a scene of instances, 0 in other scenes; undefined without a hit */
     float t[16];
 } mrvis_hits;
 
-/* Traces `count` packets for their first hits. Arguments as in mrvis_occluded. */
+/* Traces `count` packets for their first hits. Arguments as in mrvis_occluded. At a hit of a piece of a grid the highest bit of the triangle is set,
+ * the others are the number of the piece. If `places` is not null, it gets the coordinates u and v of the hits: 32 numbers for each packet. */
 void mrvis_first_hits(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
-                      uint32_t mask, mrvis_hits *hits);
+                      uint32_t mask, mrvis_hits *hits, float *places);
 #endif

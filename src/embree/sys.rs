@@ -72,6 +72,8 @@ enumeration! {
     RTCGeometryType {
         /// Triangles with shared vertices.
         RTC_GEOMETRY_TYPE_TRIANGLE = 0,
+        /// Grids of vertices, two triangles for each four neighbours.
+        RTC_GEOMETRY_TYPE_GRID = 2,
         /// Another scene, placed.
         RTC_GEOMETRY_TYPE_INSTANCE = 121,
     }
@@ -84,6 +86,8 @@ enumeration! {
         RTC_BUFFER_TYPE_INDEX = 0,
         /// Positions of vertices.
         RTC_BUFFER_TYPE_VERTEX = 1,
+        /// Where grids lie among the vertices.
+        RTC_BUFFER_TYPE_GRID = 8,
     }
 }
 
@@ -96,6 +100,8 @@ enumeration! {
         RTC_FORMAT_FLOAT3 = 0x9003,
         /// Three rows and four columns of `f32`, column by column.
         RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR = 0x9234,
+        /// [`GridPiece`].
+        RTC_FORMAT_GRID = 0xA001,
     }
 }
 
@@ -173,8 +179,6 @@ unsafe extern "C" {
     );
     /// Builds the tree of a scene.
     pub fn rtcCommitScene(scene: RTCScene);
-    /// Adds a geometry to a scene, which keeps it, under a new number.
-    pub fn rtcAttachGeometry(scene: RTCScene, geometry: RTCGeometry) -> c_uint;
     /// Adds a geometry to a scene, which keeps it, under the given number.
     pub fn rtcAttachGeometryByID(scene: RTCScene, geometry: RTCGeometry, id: c_uint);
 
@@ -229,7 +233,21 @@ unsafe extern "C" {
         coherent: c_int,
         mask: u32,
         hits: *mut Hits,
+        places: *mut [[f32; LANES]; 2],
     );
+}
+
+/// A rectangle of samples of a grid, `RTCGrid`: the first sample, the samples of a row of all the grid, and the columns and rows of the rectangle, at least
+/// two of each.
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct GridPiece {
+    /// Its first sample.
+    pub first: u32,
+    /// Samples of a row of all the grid.
+    pub stride: u32,
+    /// Columns and rows of the rectangle.
+    pub size: [u16; 2],
 }
 
 /// First hits of the segments of a packet. Field order and layout equal those of `mrvis_hits` in `src/embree/shim.h`.
@@ -248,6 +266,8 @@ pub struct Hits {
 impl Hits {
     /// Triangle index that means "no hit".
     pub const NOTHING: u32 = u32::MAX;
+    /// Bit of [`Hits::triangle`] that the shim sets at hits of a grid's piece.
+    pub(super) const PIECE: u32 = 1 << 31;
     /// No hit in any lane.
     pub const NONE: Hits = Hits { triangle: [Self::NOTHING; LANES], instance: [0; LANES], t: [0.0; LANES] };
 }
@@ -264,4 +284,5 @@ const _: () = {
     assert!(offset_of!(Hits, triangle) == 0);
     assert!(offset_of!(Hits, instance) == 64);
     assert!(offset_of!(Hits, t) == 128);
+    assert!(size_of::<GridPiece>() == 12);
 };

@@ -258,3 +258,82 @@ fn the_shim_checks_every_constant_and_function() {
     assert_eq!(constants, checked_constants);
     assert_eq!(functions, checked_functions);
 }
+
+/// Pieces of a grid of samples with a hole are hit where their triangles are, on the diagonal that the interface states.
+#[test]
+fn pieces_of_grids_are_hit_as_their_triangles() {
+    const COLUMNS: usize = 9;
+    let mut rng = Pcg64Mcg::new(5);
+    let mut samples: Vec<[f32; 3]> = Vec::new();
+    for k in 0..COLUMNS * 7 {
+        samples.push([(k % COLUMNS) as f32, -((k / COLUMNS) as f32), 2.0 * unit(&mut rng)]);
+    }
+    samples[COLUMNS * 7 - 1] = [f32::NAN; 3];
+    let first = [0, 4, 3 * COLUMNS as u32, 3 * COLUMNS as u32 + 5];
+    let size = [[5, 4], [5, 4], [6, 4], [3, 3]];
+    let pieces: Vec<GridPiece> =
+        (0..4).map(|k| GridPiece { first: first[k], stride: COLUMNS as u32, size: size[k] }).collect();
+    let (mut triangles, mut of_piece) = (Vec::new(), Vec::new());
+    for piece in &pieces {
+        of_piece.push(triangles.len() as u32);
+        for cell in 0..u32::from(piece.size[0] - 1) * u32::from(piece.size[1] - 1) {
+            let (c, r) = (cell % u32::from(piece.size[0] - 1), cell / u32::from(piece.size[0] - 1));
+            let nw = piece.first + r * piece.stride + c;
+            let [ne, sw, se] = [nw + 1, nw + piece.stride, nw + piece.stride + 1];
+            triangles.extend([[sw, ne, nw], [sw, se, ne]]);
+        }
+    }
+    let device = Device::new(1).unwrap();
+    let mut builder = SceneBuilder::new(&device, Options::default()).unwrap();
+    let lonely = [Vec3::new(0.0, 0.0, -9.0), Vec3::new(1.0, 0.0, -9.0), Vec3::new(0.0, -1.0, -9.0)];
+    builder.add_triangles(&lonely, &[[0, 1, 2]], 1).unwrap();
+    let sizes: Vec<[f32; 2]> = size.iter().map(|s| s.map(|n| f32::from(n - 1_u16))).collect();
+    let face = move |piece: u32, [u, v]: [f32; 2]| {
+        let [columns, rows] = sizes[piece as usize];
+        let (x, y) = ((u * columns).min(columns - 0.001), (v * rows).min(rows - 0.001));
+        let cell = (y as u32) * columns as u32 + x as u32;
+        of_piece[piece as usize] + 2 * cell + u32::from(x.fract() + y.fract() > 1.0)
+    };
+    let outside = GridPiece { first: 40, stride: 9, size: [9, 4] };
+    assert!(builder.add_grid(&samples, &[outside], std::sync::Arc::new(|_, _| 0)).is_err());
+    builder.add_grid(&samples, &pieces, std::sync::Arc::new(face)).unwrap();
+    let scene = builder.commit().unwrap();
+    let place = |k: u32| Vec3::from(samples[k as usize]);
+    let (mut met, mut missed) = (0, 0);
+    for _ in 0..2000 {
+        let from = Vec3::new(8.0 * unit(&mut rng), -6.0 * unit(&mut rng), 5.0);
+        let to = Vec3::new(8.0 * unit(&mut rng), -6.0 * unit(&mut rng), -5.0);
+        let d = to - from;
+        let mut nearest: Option<(u32, f32, f32)> = None;
+        for (t, corners) in (0u32..).zip(&triangles) {
+            let [a, b, c] = corners.map(place);
+            let normal = (b - a).cross(c - a);
+            let at = (a - from).dot(normal) / d.dot(normal);
+            let p = from + at * d;
+            let parts = [(a, b), (b, c), (c, a)].map(|(a, b)| (b - a).cross(p - a).dot(normal));
+            let inside = parts.into_iter().fold(f32::INFINITY, f32::min) / normal.length_squared();
+            if inside > 0.0 && nearest.is_none_or(|(_, near, _)| at < near) {
+                nearest = Some((t, at, inside));
+            }
+        }
+        let mut packet = Packet::EMPTY;
+        packet.set_between(3, from, to, [0.0, 1.0]);
+        let packet = [packet];
+        for width in [1, 4, 8, 16] {
+            let mut hits = [Hits::NONE];
+            scene.first_hits(Traversal { width, coherent: false }, &packet, &mut hits);
+            let (triangle, t) = (hits[0].triangle[3], hits[0].t[3]);
+            match nearest {
+                // Away from edges.
+                Some((wanted, at, inside)) if inside > 0.01 => {
+                    assert_eq!(triangle, wanted, "width {width}");
+                    assert!((t - at).abs() < 1e-4);
+                    met += 1;
+                }
+                None => missed += usize::from(triangle == Hits::NOTHING),
+                _ => {}
+            }
+        }
+    }
+    assert!(met > 4000 && missed > 10, "{met} and {missed}");
+}

@@ -1,10 +1,12 @@
 //! A mesh of the model: triangles in a local frame with everything that is prepared once for all its instances.
 
+use crate::Result;
 use crate::clusters::Hierarchy;
-use crate::embree::CommittedScene;
+use crate::embree::{CommittedScene, Device, GridPiece, SceneBuilder};
 use crate::optics::ClusterOptics;
 use crate::optics::groups::Part;
-use crate::scene::Scene;
+use crate::ray::EndRule;
+use crate::scene::{Piece, Scene};
 use crate::visibility::WideTree;
 use std::sync::{Arc, OnceLock};
 
@@ -64,7 +66,7 @@ impl Mesh {
 
     /// [`Scene::face_magnitudes`] in the mesh's own frame, made when first asked for.
     pub(crate) fn magnitudes(&self) -> &[f32] {
-        self.magnitudes.get_or_init(|| self.scene.face_magnitudes())
+        self.magnitudes.get_or_init(|| face_magnitudes(&self.scene))
     }
 
     /// Geometry and materials, in the mesh's own frame.
@@ -84,4 +86,39 @@ impl Mesh {
     pub fn measured(&self) -> Option<&Measured> {
         self.clusters.as_ref()?.measured.as_ref()
     }
+}
+
+/// See [`Scene::face_magnitudes`]. Ends on faces that stand for fine ground are lifted above it.
+pub(crate) fn face_magnitudes(scene: &Scene) -> Vec<f32> {
+    let mut magnitudes = scene.face_magnitudes();
+    if let Some(ground) = &scene.fine_ground {
+        for (magnitude, &height) in magnitudes.iter_mut().zip(&ground.heights) {
+            *magnitude = magnitude.max(EndRule::magnitude_of_height(height));
+        }
+    }
+    magnitudes
+}
+
+/// The Embree scene of the triangles of a mesh.
+pub(super) fn commit(
+    device: &Device,
+    scene: &Scene,
+    stopped: &(dyn Fn() -> bool + Sync),
+) -> Result<CommittedScene> {
+    let mut builder = SceneBuilder::new(device, Default::default())?;
+    match &scene.fine_ground {
+        None => builder.add_triangles(&scene.positions, &scene.triangles, 1)?,
+        Some(ground) => {
+            // Faces that stand for the ground keep their numbers, without area.
+            let met = |(t, &[a, b, c]): (u32, &[u32; 3])| if ground.replaces(t) { [a; 3] } else { [a, b, c] };
+            let triangles: Vec<[u32; 3]> = (0..).zip(&scene.triangles).map(met).collect();
+            builder.add_triangles(&scene.positions, &triangles, 1)?;
+            let piece = |of: &Piece| GridPiece { first: of.first, stride: of.stride, size: of.size };
+            let pieces: Vec<GridPiece> = ground.pieces().iter().map(piece).collect();
+            let of = ground.clone();
+            let face = move |piece, place| of.face_at(piece, place);
+            builder.add_grid(&ground.samples, &pieces, Arc::new(face))?;
+        }
+    }
+    builder.commit_unless(stopped)
 }

@@ -24,6 +24,7 @@ mod update;
 
 pub use instance::{Instance, InstanceChange};
 pub use mesh::Mesh;
+pub(crate) use mesh::face_magnitudes;
 pub use prepare::{Detail, PrepareOptions, PrepareReport};
 pub use source::Source;
 
@@ -32,7 +33,7 @@ use crate::math::Aabb;
 use crate::progress::{Progress, Watcher};
 use crate::ranks::Ranks;
 use crate::ray::{EndRule, Packet};
-use crate::scene::{Scene, magnitude};
+use crate::scene::{FineGround, Scene, magnitude};
 use crate::threads::Threads;
 use crate::visibility::{LeafMode, MultiResolution};
 use crate::{Error, Result};
@@ -233,6 +234,21 @@ impl Model {
             0 => Ok(()),
             n => Err(Error::Scene(format!(
                 "{what} does not work on placed meshes, and `model` has {n}: prepare `Scene::flattened`",
+            ))),
+        }
+    }
+
+    /// Refuses models with a terrain that rays meet more finely than clusters could: `what` averages clusters.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] that names the cure.
+    pub(crate) fn check_clusters(&self, what: &str) -> Result<()> {
+        match &self.scene().fine_ground {
+            None => Ok(()),
+            Some(ground) => Err(Error::Scene(format!(
+                "{what} takes terrains of up to {} samples, and this one has {}: make its grid coarser, or take exact visibility",
+                FineGround::MAX_TRIANGLES / 2,
+                ground.samples.len()
             ))),
         }
     }

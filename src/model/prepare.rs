@@ -2,12 +2,12 @@
 
 use super::cache::{self, CacheLocation, Origin, PreparedClusters};
 use super::instance::{Instance, is_single};
-use super::mesh::{Clusters, Measured, Mesh};
+use super::mesh::{Clusters, Measured, Mesh, commit};
 use super::source::Source;
 use super::top_level::TopLevel;
 use super::{Inner, Model};
 use crate::clusters::Builder;
-use crate::embree::{CommittedScene, Device, SceneBuilder};
+use crate::embree::Device;
 use crate::math::rows;
 use crate::progress::{Progress, Watcher, timed};
 use crate::ranks::Ranks;
@@ -303,13 +303,6 @@ fn top_level(inner: &mut Inner) -> Result<Option<TopLevel>> {
     Ok(Some(top))
 }
 
-/// The Embree scene of the triangles of a mesh.
-fn commit(device: &Device, scene: &Scene, stopped: &(dyn Fn() -> bool + Sync)) -> Result<CommittedScene> {
-    let mut builder = SceneBuilder::new(device, Default::default())?;
-    builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
-    builder.commit_unless(stopped)
-}
-
 /// Whether a preparation shall stop: asks the caller, until it says so once.
 struct Stop<'a> {
     progress: &'a dyn Progress,
@@ -342,7 +335,9 @@ fn clusters_of(
     let stop = Stop::of(progress);
     let stopped = || stop.asked();
     let cancelled = || Error::Cancelled("stopped before the clusters were measured".into());
-    let prepared = match options.detail {
+    // Fine ground is exact.
+    let detail = if scene.fine_ground.is_some() { Detail::Clusters } else { Detail::Optics };
+    let prepared = match options.detail.min(detail) {
         Detail::Rays => return Ok(None),
         // Exact visibility needs no optics: none are measured, but clusters that are kept are used.
         Detail::Clusters => {

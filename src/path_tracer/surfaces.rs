@@ -4,7 +4,7 @@ use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::math::{edge_distance, off_edges};
 use crate::model::Model;
 use crate::ray::Packet;
-use crate::scene::Profile;
+use crate::scene::{FineGround, Profile};
 use glam::{DVec3, Vec3};
 
 /// Path rays are incoherent; single rays are fastest.
@@ -80,6 +80,7 @@ impl<'a> Surfaces<'a> {
             .into_iter()
             .find_map(|place| Some((place, self.nearest(place, normal)?)));
         let Some((place, (depth, hit))) = found else {
+            let given = self.model.ground_above(given, normal).map_or(given, |(place, _)| place);
             let skin = skin([given]);
             return (given + skin * normal, skin);
         };
@@ -154,9 +155,12 @@ impl<'a> Surfaces<'a> {
         };
         // Rounding of a long ray may exceed the skin of a face near the origin.
         let met = ray.point(lane, hits.t[lane]);
-        let met = met - front.dot(met - placed[0]) * front;
         let cosine = -front.dot(direction);
-        let normal = if cosine < 0.0 { -front } else { front };
+        // Fine ground has neither the height nor the slope of the face that stands for it.
+        let is_fine = mesh.fine_ground.as_ref().is_some_and(|ground| ground.replaces(t));
+        let met = if is_fine { met } else { met - front.dot(met - placed[0]) * front };
+        let is_back = cosine < if is_fine { -FineGround::MAX_BACK } else { 0.0 };
+        let normal = if is_back { -front } else { front };
         Some(SurfaceHit {
             position: met + skin * normal,
             skin,

@@ -3,6 +3,7 @@
 mod again;
 mod crossings;
 mod daylight;
+mod fine_ground;
 mod generated;
 mod hurried;
 mod limits;

@@ -218,6 +218,8 @@ pub struct EndRule {
 impl EndRule {
     /// Largest margin, as a parameter of the segment: segments shorter than 20 margins keep 90 % of their length.
     pub const MAX_MARGIN: f32 = 0.05;
+    /// r over the magnitude of coordinates.
+    const ROUNDING: f32 = 4e-7;
     /// Height of lifted ends in units of r: intersections with triangles as large as their coordinates err by up to 3 r (4 roundings of
     /// products of coordinates up to 2 √3 M), points on surfaces by r.
     const LIFT: f32 = 5.0;
@@ -230,7 +232,12 @@ impl EndRule {
 
     /// The rule of an end at faces whose coordinates do not exceed `magnitude`, scene units.
     pub fn new(magnitude: f32) -> EndRule {
-        EndRule { reach: 4e-7 * magnitude }
+        EndRule { reach: Self::ROUNDING * magnitude }
+    }
+
+    /// The magnitude of coordinates at which ends are lifted by this height, scene units.
+    pub fn magnitude_of_height(height: f32) -> f32 {
+        height / (Self::LIFT * Self::ROUNDING)
     }
 
     /// The rule with a known r, scene units.

@@ -75,6 +75,10 @@ fn append(soup: &mut Soup, of: &Soup) {
         soup.corner_texcoords.extend(own.corner_texcoords.iter().map(|k| first + k));
         soup.texcoords.extend(own.texcoords);
     }
+    if let Some(ground) = &of.ground {
+        let first = [soup.polygons() as u32, object];
+        soup.ground.get_or_insert_default().append(ground, first);
+    }
     soup.positions.extend(&of.positions);
     soup.corners.extend(of.corners.iter().map(|k| position + k));
     soup.ends.extend(of.ends.iter().map(|k| corner + k));
@@ -137,7 +141,11 @@ impl Curved {
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
         let radius = factor * EARTH_RADIUS / metres;
         let curved = Curved { up, middle: 0.5 * (low + high), radius };
-        soup.positions.iter_mut().for_each(|p| *p = curved.place(*p, DVec3::ZERO).0);
+        let place = |p: DVec3| curved.place(p, DVec3::ZERO).0;
+        soup.positions.iter_mut().for_each(|p| *p = place(*p));
+        if let Some(ground) = &mut soup.ground {
+            ground.curve(place, radius);
+        }
         Ok(curved)
     }
 

@@ -10,6 +10,7 @@ mod connect;
 mod duplicates;
 mod emitter_sampler;
 mod emitters;
+mod fine_ground;
 mod flatten;
 mod front;
 pub mod generate;
@@ -57,6 +58,7 @@ mod write_gltf;
 mod write_obj;
 
 pub use emitter_sampler::EmitterSampler;
+pub(crate) use fine_ground::{FineGround, Piece};
 pub use flatten::InstanceTriangles;
 pub use front::GenerateOptions;
 pub(crate) use instances::resolve_placed;
@@ -67,6 +69,8 @@ pub use photometry::{Channels, Photometry};
 pub use placement::{MAX_PLACEMENTS, Placement};
 pub use power::unit_in_metres;
 pub use profile::Profile;
+#[cfg(test)]
+pub(crate) use read_grid::add_coarse;
 pub use resolve::resolve;
 pub use soup::{PlacedSoup, Soup, SoupMaterial};
 pub use strength::Strength;
@@ -234,6 +238,8 @@ pub struct Scene {
     pub(crate) environment: Option<Arc<Environment>>,
     /// How the earth curves away below the scene; none for a flat one.
     pub(crate) curved: Option<added::Curved>,
+    /// Ground that rays meet as its height field has it, in place of its faces.
+    pub(crate) fine_ground: Option<Arc<fine_ground::Resolved>>,
     /// Suns of the file.
     pub(crate) suns: Vec<Sun>,
     /// Index into `emitters`; `u32::MAX` for faces that do not emit.

@@ -80,6 +80,9 @@ fn move_object(soup: &mut Soup, object: u32, motion: &Move, up: Option<UpAxis>) 
     let corners: Vec<usize> = polygons.flat_map(|polygon| soup.span(polygon)).collect();
     let position = |&corner: &usize| soup.positions[soup.corners[corner] as usize];
     let transform = motion.transform(centre(corners.iter().map(position)), up)?;
+    if let Some(ground) = &mut soup.ground {
+        ground.transform(object, &transform);
+    }
     let mut copies = HashMap::new();
     for corner in corners {
         let vertex = soup.corners[corner];

@@ -1,8 +1,9 @@
 //! Height fields as scenes: two triangles for each four neighbouring samples, in the coordinates of the file.
 
+use super::FineGround;
 use super::soup::{Soup, SoupMaterial};
-use crate::Result;
 use crate::terrain::{self, Grid, ReadOptions};
+use crate::{Result, memory};
 use glam::DVec3;
 use std::path::Path;
 
@@ -25,7 +26,16 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Soup> {
         .push(format!("the material `ground` of the terrain has the reflectance {REFLECTANCE}"));
     let material = soup.material(SoupMaterial::diffuse("ground", [REFLECTANCE; 3]));
     let object = soup.object("terrain");
-    add(&mut soup, &grid, (object, material));
+    let cells = (grid.columns() - 1) * (grid.rows() - 1);
+    if 2 * cells <= FineGround::MAX_TRIANGLES {
+        add(&mut soup, &grid, (object, material));
+        return Ok(soup);
+    }
+    add_coarse(&mut soup, &grid, (object, material), FineGround::MAX_TRIANGLES)?;
+    soup.repairs.messages.push(format!(
+        "{cells} cells of the terrain exchange light as {} triangles; rays meet all of them",
+        soup.polygons()
+    ));
     Ok(soup)
 }
 
@@ -55,4 +65,32 @@ fn add(soup: &mut Soup, grid: &Grid, (object, material): (u32, u32)) {
             }
         }
     }
+}
+
+/// Adds about so many triangles for a grid, and its samples, which rays meet in their place.
+///
+/// # Errors
+/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+pub(crate) fn add_coarse(
+    soup: &mut Soup,
+    grid: &Grid,
+    (object, material): (u32, u32),
+    triangles: usize,
+) -> Result<()> {
+    let (columns, rows) = (grid.columns(), grid.rows());
+    // A position in f64, one in f32, Embree's, and its tree.
+    memory::check_room(80 * (columns * rows) as u64, || "samples of the terrain".into())?;
+    let position = |column: usize, row: usize| {
+        let [x, y] = grid.georeference().position(column, row);
+        DVec3::new(x, y, grid.height(column, row).into())
+    };
+    let (mesh, pieces) = terrain::coarse(grid, triangles)?;
+    let (vertex, polygon) = (soup.positions.len() as u32, soup.polygons() as u32);
+    soup.positions.extend(mesh.vertices.iter().map(|v| position(v[0] as usize, v[1] as usize)));
+    for corners in &mesh.triangles {
+        soup.indexed_polygon(object, material, corners.map(|v| vertex + v));
+    }
+    let samples = (0..columns * rows).map(|k| position(k % columns, k / columns));
+    soup.ground.get_or_insert_default().add(samples, columns, (&mesh, pieces), [polygon, object]);
+    Ok(())
 }

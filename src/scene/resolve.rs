@@ -43,14 +43,14 @@ pub(super) fn resolve_moved(mut soup: Soup, options: &LoadOptions) -> Result<Sce
     luminaires::add_placed(&mut soup, options);
     let axes = (options.up, power::unit_in_metres(&options.unit).unwrap_or(1.0));
     let curved = options.curvature.map(|factor| Curved::lower(&mut soup, factor, axes)).transpose()?;
-    let mut scene = resolve_as(soup, options, Role::Whole)?;
+    let (ground, mut scene) = (soup.ground.take(), resolve_as(soup, options, Role::Whole)?);
     scene.curved = curved;
+    scene.refine_ground(ground);
     scene.light_by_suns()?;
     Ok(scene)
 }
 
-/// [`resolve`] for a shared mesh. Repairs are counted, but only overlaps give a message: the scene that places the
-/// mesh adds the counts and writes the other messages.
+/// [`resolve`] for a shared mesh. Repairs are counted, but only overlaps give a message: the scene that places it writes the others.
 ///
 /// # Errors
 /// As [`resolve`].
@@ -66,9 +66,8 @@ enum Role {
 }
 
 fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene> {
-    check_sides(options)?;
     let mut repairs = std::mem::take(&mut soup.repairs);
-    let mut materials = check_materials(&soup, role, &mut repairs)?;
+    let mut materials = check_sides(options).and_then(|()| check_materials(&soup, role, &mut repairs))?;
     let origin = origin(&soup)?;
     let (number, positions) = weld(&seen_from(origin, &std::mem::take(&mut soup.positions)));
     let kept = Kept::of(&soup, &number, &positions, &mut repairs);
@@ -136,6 +135,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         emitters,
         environment: None,
         curved: None,
+        fine_ground: None,
         suns: soup.suns,
         triangle_emitter,
         triangle_texcoords: faces.texcoords,

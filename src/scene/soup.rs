@@ -1,6 +1,6 @@
 //! Polygon soup: unchecked input of [`resolve`](super::resolve()).
 
-use super::{Placement, Profile, Repairs, StoredCamera, texture::Texture};
+use super::{FineGround, Placement, Profile, Repairs, StoredCamera, texture::Texture};
 use crate::sky::Sun;
 use glam::DVec3;
 use std::{collections::HashMap, path::PathBuf, sync::Arc};
@@ -34,6 +34,8 @@ pub struct Soup {
     pub cameras: Vec<StoredCamera>,
     /// Lights that are infinitely far away.
     pub suns: Vec<Sun>,
+    /// Height fields of which the polygons are a simpler form.
+    pub ground: Option<FineGround>,
     /// Repairs made while reading.
     pub repairs: Repairs,
 }

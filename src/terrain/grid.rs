@@ -2,9 +2,8 @@
 
 use super::Georeference;
 use crate::{Error, Result, memory};
-use glam::DVec3;
 #[cfg(test)]
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Largest number of columns or rows: positions along a line of samples, in columns with fractions, are exact to 1/128 of a
 /// column in f32.
@@ -98,6 +97,7 @@ impl Grid {
     }
 
     /// Position of a sample, m; z is NaN in a hole.
+    #[cfg(test)]
     pub fn position(&self, column: usize, row: usize) -> DVec3 {
         let north = (self.rows - 1 - row) as f64;
         DVec3::new(column as f64 * self.cell[0], north * self.cell[1], f64::from(self.height(column, row)))

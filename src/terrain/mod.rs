@@ -1,4 +1,4 @@
-//! Terrain as a height field: grids of heights, what their samples see of sky and sun, exact rays, and adaptive elements.
+//! Terrain as a height field: grids of heights, what their samples see of sky and sun, exact rays, and adaptive triangles.
 //!
 //! A [`Grid`] holds heights at samples, `columns × rows`, the first row in the north. The surface between samples is two
 //! triangles for each four neighbours, divided from the south-west to the north-east. All quantities are per sample, so that an
@@ -8,8 +8,7 @@
 //! Frame: x to the east, y to the north, z up, metres; the origin is the sample of the first column and the last row. Azimuths
 //! are in radians from north over east.
 
-#[allow(dead_code)] // For the solver.
-mod elements;
+mod coarse;
 #[cfg(any(test, feature = "internals"))]
 mod generate;
 mod georeference;
@@ -18,7 +17,6 @@ mod local;
 mod numpy;
 #[cfg(test)]
 mod pyramid;
-#[allow(dead_code)] // For the solver.
 mod quadtree;
 #[allow(dead_code)] // Without the command, for the solver.
 mod quantities;
@@ -32,11 +30,11 @@ mod tests;
 #[cfg(any(test, feature = "internals"))]
 mod write;
 
+pub use coarse::{Mesh, Piece, coarse, triangle_at};
 #[cfg(any(test, feature = "internals"))]
 pub use generate::mountains;
 pub use georeference::Georeference;
 pub use grid::Grid;
-pub use quadtree::{Quadtree, Side};
 #[cfg(any(test, feature = "internals"))]
 pub use quantities::{Sun, horizon, sky_view_factor, sunlit};
 pub use read::{Loaded, ReadOptions, read};
@@ -51,5 +49,5 @@ pub use write::{Layer, write_geotiff, write_npz, write_png};
 use {
     generate::{canyon, courtyard, fractal, plane, valley},
     pyramid::Pyramid,
-    quadtree::Node,
+    quadtree::{Node, Quadtree, Side},
 };

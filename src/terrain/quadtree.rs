@@ -152,6 +152,7 @@ impl<'a> Quadtree<'a> {
 
     /// The leaves across an edge: one that is as large or larger, or two that are half as large. Leaves beyond the border are
     /// left out.
+    #[cfg(test)]
     pub fn leaves_across(&self, leaf: usize, side: Side) -> impl Iterator<Item = usize> + '_ {
         let across = self.neighbour(leaf, side);
         let bit = 1usize << side.axis();

@@ -221,17 +221,18 @@ fn light(args: &Args, grid: &Grid, sweep: &SweepOptions) -> Result<Vec<f32>> {
     let zone =
         time.find('+').or(time.rfind('-').filter(|at| *at > 10)).or(time.find('Z')).unwrap_or(time.len());
     let (date, zone) = (&time[..10], &time[zone..]);
+    let under = |sky: &str, time: &str| {
+        let options = SkyOptions::of_texts(Some(sky), None, args.place.as_deref(), Some(time))?;
+        options.environment(DVec3::Z)
+    };
+    // An overcast sky refuses places and times that cannot be, a clear one also the sun below the horizon.
+    under("overcast", time)?;
     let mut sums = vec![0.0f32; grid.heights().len()];
     // The middle of each interval.
     for minute in (0..24 * 60).step_by(minutes as usize).map(|m| m + minutes / 2) {
         let time = format!("{date}T{:02}:{:02}{zone}", minute / 60 % 24, minute % 60);
-        let under = |sky: &str| {
-            let options = SkyOptions::of_texts(Some(sky), None, args.place.as_deref(), Some(&time))?;
-            options.environment(DVec3::Z)
-        };
-        // An overcast sky refuses places and times that cannot be, a clear one also the sun below the horizon, where there is neither sun nor sky.
-        under("overcast")?;
-        if under("clear:3").is_err() {
+        // Below the horizon there is neither sun nor sky.
+        if under("clear:3", &time).is_err() {
             continue;
         }
         let found = light_at(args, grid, sweep, Some(&time))?;

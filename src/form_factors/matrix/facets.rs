@@ -3,6 +3,7 @@
 use super::go_on;
 use crate::Result;
 use crate::math::triangle_area;
+use crate::model::face_magnitudes;
 use crate::progress::Progress;
 use crate::ray::EndRule;
 use crate::scene::Scene;
@@ -63,7 +64,7 @@ impl Facets {
             .map(|t| t as u32)
             .collect();
         first.push(polygon.len() as u32);
-        let magnitudes = scene.face_magnitudes();
+        let magnitudes = face_magnitudes(scene);
         let one = |w: &[u32]| {
             go_on(progress)?;
             Ok(facet(scene, &magnitudes, w[0]..w[1]))

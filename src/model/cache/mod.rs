@@ -185,6 +185,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         files: _,
         unread_files: _,
         curved: _,
+        fine_ground: _,
         // Each shared mesh has a cache file of its own.
         shared: _,
         placements: _,

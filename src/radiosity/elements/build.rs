@@ -6,6 +6,7 @@ use super::subdivision::surface;
 use super::{Cluster, Column, DIRECTIONS, Element, ElementState, Elements, Shape, Side, SideSampler, facing};
 use crate::clusters::{Hierarchy, Tree};
 use crate::math::{Aabb, triangle_normal};
+use crate::model::face_magnitudes;
 use crate::ray::EndRule;
 use crate::scene::Scene;
 use rayon::prelude::*;
@@ -29,8 +30,12 @@ impl Elements {
 
     /// The same elements without the sides in `unlit` (ascending indices), which no light reaches.
     pub fn without(self, unlit: &[u32], scene: &Scene, hierarchy: &Hierarchy) -> Elements {
-        let lit = |side: u32| side != Elements::NONE && unlit.binary_search(&side).is_err();
-        let lit: Vec<[bool; 2]> = self.sides_of_triangle.iter().map(|sides| sides.map(lit)).collect();
+        let lit = |side: u32, front: bool| {
+            let is_own = self.sides.get(side as usize).is_some_and(|side| side.front == front);
+            is_own && unlit.binary_search(&side).is_err()
+        };
+        let of_face = |&[front, back]: &[u32; 2]| [lit(front, true), lit(back, false)];
+        let lit: Vec<[bool; 2]> = self.sides_of_triangle.iter().map(of_face).collect();
         let dark = unlit.iter().filter_map(|&side| {
             let side = &self.sides[side as usize];
             match self.elements[side.element as usize].shape {
@@ -47,7 +52,7 @@ impl Elements {
         let trees: Vec<&Tree> =
             [&hierarchy.micro, &hierarchy.large].into_iter().filter(|t| !t.clusters.is_empty()).collect();
         // The root, the roots of the trees, then the other clusters tree by tree.
-        let magnitudes = scene.face_magnitudes();
+        let magnitudes = face_magnitudes(scene);
         let roots = (0..=trees.len()).map(|_| NewCluster::new(0, 0, [0, 0])).collect();
         let mut build = Build { clusters: roots, sides: Vec::new() };
         let root = &mut build.clusters[0].element;
@@ -163,6 +168,15 @@ impl Build {
         for (s, side) in sides.iter().enumerate() {
             for t in side.triangles {
                 sides_of_triangle[t as usize][usize::from(!side.front)] = s as u32;
+            }
+        }
+        // The slopes of fine ground face all ways: a ray that meets it from above may meet the face that stands for it from below.
+        let is_fine = |t: usize| scene.fine_ground.as_ref().is_some_and(|ground| ground.replaces(t as u32));
+        for (_, [front, back]) in sides_of_triangle.iter_mut().enumerate().filter(|(t, _)| is_fine(*t)) {
+            match (*front, *back) {
+                (Elements::NONE, only) => *front = only,
+                (only, Elements::NONE) => *back = only,
+                _ => {}
             }
         }
         let area = elements[0].area;

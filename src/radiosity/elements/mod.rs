@@ -37,8 +37,7 @@ pub use subdivision::{area as surface_area, centres_of_quarters};
 
 use crate::math::Aabb;
 use crate::ray::EndRule;
-use crate::scene::InstanceTriangles;
-use crate::scene::Profile;
+use crate::scene::{FineGround, InstanceTriangles, Profile};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -178,7 +177,14 @@ impl Elements {
         let [front, back] = self.sides_of_triangle[triangle as usize];
         let (known, sense) = if front == Self::NONE { (back, -1.0) } else { (front, 1.0) };
         let Some(side) = self.sides.get(known as usize) else { return Self::NONE };
-        if sense * side.normal.dot(direction) < 0.0 { front } else { back }
+        let cosine = sense * side.normal.dot(direction);
+        // Both are one for fine ground.
+        let is_back = front == back && cosine > FineGround::MAX_BACK * direction.length();
+        match cosine < 0.0 {
+            true => front,
+            false if is_back => Self::NONE,
+            false => back,
+        }
     }
 
     /// Draws sides of clusters.

@@ -27,8 +27,12 @@ impl FinalGather<'_> {
     pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
         let found =
             self.model.places_of(at, normal).into_iter().find_map(|place| self.surface_near(place, normal));
+        let in_ground = || {
+            let (at, face) = self.model.ground_above(at, normal)?;
+            Some((at, EndRule::new(magnitude([at])), self.feature_size_at(face, at, normal)))
+        };
         let unknown = || (at, EndRule::new(magnitude([at])), self.feature_size);
-        let (on_surface, end, feature_size) = found.unwrap_or_else(unknown);
+        let (on_surface, end, feature_size) = found.or_else(in_ground).unwrap_or_else(unknown);
         GatherPoint { on_surface, at: end.lifted(on_surface, normal), normal, end, feature_size, seed }
     }
 
@@ -48,7 +52,8 @@ impl FinalGather<'_> {
                 break;
             }
             let corners @ [a, b, c] = self.scene.corners(triangle);
-            let end = self.end_of(triangle);
+            let is_fine = self.scene.fine_ground.as_ref().is_some_and(|ground| ground.replaces(triangle));
+            let end = if is_fine { EndRule::new(magnitude(corners)) } else { self.end_of(triangle) };
             let parallel = triangle_normal(a, b, c).dot(normal).abs() >= MIN_COSINE;
             // Of faces that were moved off each other the first is that of this side of the common plane, unless light does not get to its
             // side.
@@ -59,8 +64,11 @@ impl FinalGather<'_> {
             let is_on = depth <= ON_SURFACE * end.slack().max(EndRule::new(magnitude([at])).slack());
             let better = if is_lit == lit { nearer } else { is_lit };
             if parallel && is_on && (found.is_none() || better) {
-                let at = on_plane(corners, packet.point(0, t));
-                let at = off_edges(corners, at, edge_distance(magnitude(corners)));
+                let mut at = packet.point(0, t);
+                // The face that stands for fine ground has neither its height nor its edges.
+                if !is_fine {
+                    at = off_edges(corners, on_plane(corners, at), edge_distance(magnitude(corners)));
+                }
                 found = Some((at, end, self.feature_size_at(triangle, at, normal)));
                 (nearest, lit) = ((t - 0.5).abs(), is_lit);
             }

@@ -54,6 +54,9 @@ pub fn solve(
 ) -> Result<(Outcome, Solution)> {
     options.check()?;
     model.check_single("the radiosity solver")?;
+    if options.visibility != Visibility::Exact {
+        model.check_clusters("averaged visibility")?;
+    }
     let scene = model.scene();
     check_size(scene)?;
     let deadline = Deadline::start(progress, options.max_seconds).after(options.seconds_spent);

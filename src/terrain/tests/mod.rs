@@ -1,7 +1,7 @@
-//! Sky view factors with closed forms, exact rays against all triangles, files, and adaptive elements.
+//! Sky view factors with closed forms, exact rays against all triangles, files, and adaptive triangles.
 
 mod closed_forms;
-mod elements;
+mod coarse;
 mod files;
 mod light;
 mod memory;

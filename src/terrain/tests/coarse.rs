@@ -85,35 +85,57 @@ fn meshes_have_no_cracks() {
 }
 
 #[test]
-fn shapes_bound_their_surface() {
-    let grid = &grids()[1];
-    let tree = Quadtree::refine(grid, near_a_place, 0.3).expect("a tree");
-    let shapes = tree.shapes();
-    let whole: f64 = tree.leaves().map(|leaf| shapes[leaf].area).sum();
-    assert!((shapes[0].area - whole).abs() < 1e-9 * whole && whole > 49.0 * 70.0);
-    for (i, shape) in shapes.iter().enumerate().filter(|(_, s)| s.area > 0.0) {
-        let [columns, rows] = tree.samples(i);
-        for r in rows[0]..rows[1] {
-            for c in columns[0]..columns[1] {
-                let p = [grid.position(c, r + 1), grid.position(c + 1, r + 1), grid.position(c + 1, r)];
-                let normal = (p[1] - p[0]).cross(p[2] - p[0]).as_vec3();
-                assert!(shape.axis.angle_between(normal) <= shape.half_angle + 1e-3);
-                assert!(p.iter().all(|p| p.cmpge(shape.low).all() && p.cmple(shape.high).all()));
-            }
-        }
-    }
-    // A plane: its area is that of its projection over the cosine, its cone a line.
-    let slope = plane(33, 1.0, 0.5, 0.7).expect("a grid");
-    let tree = Quadtree::refine(&slope, |_| 0.0, 1.0).expect("a tree");
-    let shape = tree.shapes()[0];
-    assert!((shape.area - 1024.0 / 0.5f64.cos()).abs() < 1e-3 && shape.half_angle < 1e-3);
-}
-
-#[test]
 fn full_trees_have_a_leaf_for_each_cell() {
     let grid = &grids()[5];
     let tree = Quadtree::refine(grid, |_| 1.0, 0.0).expect("a tree");
     assert_eq!(tree.leaves().count(), 33 * 66);
     assert_eq!(tree.mesh().triangles.len(), 2 * 33 * 66);
     assert!(Quadtree::refine(grid, |_| 1.0, f64::NAN).is_err());
+}
+
+#[test]
+fn coarse_triangles_are_few_and_near_the_samples() {
+    let rough = fractal(129, 100, 1.0, 20.0, 0.6, 4).expect("a grid");
+    let mut heights = rough.heights().to_vec();
+    heights[40 * 129 + 77] = f32::NAN;
+    let grid = Grid::new(129, 100, [1.0; 2], heights).expect("a grid");
+    let whole = 2 * 128 * 99;
+    let mut before = f32::INFINITY;
+    for wanted in [500, 2000, 8000] {
+        let (mesh, pieces) = coarse(&grid, wanted).expect("triangles");
+        let found = mesh.triangles.len();
+        assert!(found > wanted / 2 && found < 2 * wanted, "{found} instead of {wanted} of {whole}");
+        let largest = pieces.iter().map(|piece| piece.error).fold(0.0, f32::max);
+        assert!(largest < before, "{largest} after {before}");
+        before = largest;
+        let mut cells = vec![0; 128 * 99];
+        for piece in &pieces {
+            for row in 0..=u32::from(piece.cells[1]) {
+                for column in 0..=u32::from(piece.cells[0]) {
+                    let (c, r) = (piece.first[0] + column, piece.first[1] + row);
+                    let corner = |v: u32| mesh.vertices[v as usize].map(|at| at as f32);
+                    let flat: Vec<_> =
+                        piece.triangles.clone().map(|t| mesh.triangles[t as usize].map(corner)).collect();
+                    let (t, weights) = triangle_at(&flat, [c as f32, r as f32]);
+                    assert!(weights.iter().all(|w| (-1e-5..1.00001).contains(w)), "{weights:?}");
+                    let vertices = mesh.triangles[piece.triangles.start as usize + t];
+                    let height: f32 = (0..3)
+                        .map(|k| {
+                            let [c, r] = mesh.vertices[vertices[k] as usize];
+                            weights[k] * grid.height(c as usize, r as usize)
+                        })
+                        .sum();
+                    assert!((grid.height(c as usize, r as usize) - height).abs() <= piece.error + 1e-4);
+                    if row > 0 && column > 0 {
+                        cells[(r - 1) as usize * 128 + (c - 1) as usize] += 1;
+                    }
+                }
+            }
+        }
+        // No piece covers another, or the four cells around the hole, of which two triangles each are left out, or one.
+        assert!(cells.iter().all(|n| *n <= 1) && cells[40 * 128 + 77] == 0 && cells[39 * 128 + 76] == 0);
+    }
+    // A plane has two triangles.
+    let (mesh, pieces) = coarse(&plane(33, 1.0, 0.5, 0.7).expect("a grid"), 1000).expect("triangles");
+    assert!(mesh.triangles.len() < 40 && pieces.iter().all(|piece| piece.error < 1e-4), "{pieces:?}");
 }

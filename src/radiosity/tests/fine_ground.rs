@@ -1,0 +1,72 @@
+//! Terrain that exchanges light by fewer triangles than it has cells.
+
+use super::limits::truth;
+use super::*;
+use crate::sky::SkyOptions;
+
+/// A height field with sixteen cells for each triangle that light is exchanged with: points and paths meet the cells, and have the light that they have where
+/// all of them exchange light.
+#[test]
+fn fine_ground_gives_points_the_light_of_all_its_cells() {
+    let grid = crate::terrain::mountains(65, 3).expect("a grid");
+    let (columns, place) = (grid.columns(), |c: usize, r: usize| {
+        let [x, y] = grid.georeference().position(c, r);
+        DVec3::new(x, y, grid.height(c, r).into())
+    });
+    let lit = |triangles: usize| {
+        let mut soup = Soup::new("ground");
+        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+        let object = soup.object("ground");
+        crate::scene::add_coarse(&mut soup, &grid, (object, grey), triangles).expect("a ground");
+        let options = LoadOptions { up: Some(crate::scene::UpAxis::Z), ..LoadOptions::default() };
+        let mut scene = resolve(soup, &options).expect("a scene");
+        let sky = SkyOptions::parse("uniform:300").and_then(|sky| sky.with_sun("120,30:700")).expect("a sky");
+        scene.set_sky(&sky).expect("a sky of the scene");
+        scene
+    };
+    let points: Vec<Point> = (0..60)
+        .map(|k| {
+            let (c, r) = (2 + (17 * k) % (columns - 4), 2 + (29 * k) % (columns - 4));
+            let [a, b, c] = [place(c, r + 1), place(c + 1, r + 1), place(c + 1, r)];
+            Point { position: (a + b + c) / 3.0, normal: (b - a).cross(c - a).normalize() }
+        })
+        .collect();
+    let (whole, coarse) = (lit(1 << 20), lit(512));
+    assert!(8 * coarse.triangles.len() < whole.triangles.len(), "{} faces", coarse.triangles.len());
+    let wanted = truth(&whole, &points, 1 << 14);
+    let options = Options { audit: 0, ..Options::default() };
+    let by_paths = truth(&coarse, &points, 1 << 14);
+    let by_points: Vec<f64> = solved(&coarse, &points, &options).irradiance.into_iter().map(mean).collect();
+    let part = |found: &[f64]| {
+        let squares: f64 = found.iter().zip(&wanted).map(|(a, b)| (a - b).powi(2)).sum();
+        (squares * wanted.len() as f64).sqrt() / wanted.iter().sum::<f64>()
+    };
+    for found in [by_paths, by_points] {
+        assert!(part(&found) < 0.02, "{}: {found:?} instead of {wanted:?}", part(&found));
+    }
+    // Many faces lie below the ground in part: their points have the light of the ground above them.
+    let origin = coarse.origin;
+    let middle = |t: u32| {
+        let middle: DVec3 = coarse.corners(t).iter().map(|p| p.as_dvec3()).sum::<DVec3>() / 3.0;
+        Point { position: origin + middle, normal: coarse.face_normal(t).as_dvec3() }
+    };
+    let middles: Vec<Point> = (0..coarse.triangles.len() as u32).map(middle).collect();
+    let darkest =
+        solved(&coarse, &middles, &options).irradiance.into_iter().map(mean).fold(f64::MAX, f64::min);
+    assert!(darkest > 100.0, "{darkest}");
+    // Points below the ground are on it.
+    let model = Model::prepare(coarse, &crate::PrepareOptions::default()).expect("a model");
+    let mut lifted = 0;
+    for Point { position, normal } in points {
+        let (at, normal) = ((position - model.scene().origin).as_vec3(), normal.as_vec3());
+        if let Some((place, _)) = model.ground_above(at - 0.2 * normal, normal) {
+            assert!(place.distance(at) < 1e-2, "{place} instead of {at}");
+            lifted += 1;
+        }
+        let deep = 2.0 * model.scene().fine_ground.as_ref().map_or(0.0, |ground| ground.highest);
+        assert!(model.ground_above(at - deep * normal, normal).is_none());
+    }
+    assert!(lifted > 30, "{lifted}");
+    let error = model.check_clusters("the benchmark").expect_err("too fine").to_string();
+    assert!(error.contains("262144 samples") && error.contains("4225"), "{error}");
+}
