@@ -140,6 +140,11 @@ impl SkyMap {
         spherical(angle.cos(), self.start + TAU * (column as f64 + 0.5) / self.width as f64)
     }
 
+    /// Whether the centre of a texel is not above the horizon.
+    pub fn is_below(&self, k: usize) -> bool {
+        ((k / self.width) as f64 + 0.5) * self.step() >= FRAC_PI_2
+    }
+
     /// Solid angle of a texel, sr.
     pub fn solid_angle(&self, k: usize) -> f64 {
         let angle = (k / self.width) as f64 * self.step();

@@ -88,16 +88,34 @@ impl Sky {
         if local.z <= 0.0 && !self.has_lower_half {
             return [0.0; 3];
         }
-        let relative = match &self.table {
-            Some(table) => table.relative(local),
-            None => self.shape.relative(local),
-        };
+        let relative = self.relative(local);
         match &self.map {
             None => self.scale.map(|s| s * relative),
             Some(map) => {
                 let colour = map.at(local);
                 [0, 1, 2].map(|c| self.scale[c] * relative * colour[c])
             }
+        }
+    }
+
+    /// Radiance at the centre of a texel of the map, W/(m² sr): as [`Sky::radiance`] there, without interpolation.
+    pub(super) fn radiance_of_texel(&self, k: usize) -> [f64; 3] {
+        let Some(map) = &self.map else { return [0.0; 3] };
+        if !self.has_lower_half && map.is_below(k) {
+            return [0.0; 3];
+        }
+        let relative = match &self.shape {
+            Shape::Uniform => 1.0,
+            _ => self.relative(map.direction(k)),
+        };
+        [0, 1, 2].map(|c| self.scale[c] * relative * f64::from(map.texel(k)[c]))
+    }
+
+    /// The shape without its level.
+    fn relative(&self, local: DVec3) -> f64 {
+        match &self.table {
+            Some(table) => table.relative(local),
+            None => self.shape.relative(local),
         }
     }
 

@@ -46,9 +46,9 @@ impl Texels<'_> {
         self.map.direction(k)
     }
 
-    /// Mean radiance over the channels.
+    /// Mean radiance over the channels at the centre of a texel.
     fn radiance(&self, k: usize) -> f64 {
-        self.sky.radiance(self.direction(k)).iter().sum::<f64>() / 3.0
+        self.sky.radiance_of_texel(k).iter().sum::<f64>() / 3.0
     }
 
     /// Neighbours of a texel, the columns around the sphere.
@@ -131,12 +131,18 @@ impl Texels<'_> {
         (spots, is_taken)
     }
 
-    /// Mean of the texels around a spot that belong to none, which stays where the spot was; black if there are none.
-    fn background(&self, spot: &Spot, is_taken: &HashSet<usize>) -> [f32; 3] {
+    /// Texels of a spot and beside it.
+    fn rim(&self, spot: &Spot) -> Vec<usize> {
         let mut rim: Vec<usize> = spot.texels.iter().flat_map(|&k| self.around(k)).collect();
         rim.sort_unstable();
         rim.dedup();
-        rim.retain(|k| !is_taken.contains(k));
+        rim
+    }
+
+    /// Mean of the texels around a spot that belong to none, which stays where the spot was; black if there are none.
+    fn background(&self, spot: &Spot, is_taken: &HashSet<usize>) -> [f32; 3] {
+        let mut rim = self.rim(spot);
+        rim.retain(|&k| !is_taken.contains(&k) && self.radiance(k) > 0.0);
         let mean = |c: usize| rim.iter().map(|&k| f64::from(self.map.texel(k)[c])).sum::<f64>();
         [0, 1, 2].map(|c| (mean(c) / rim.len().max(1) as f64) as f32)
     }
@@ -154,7 +160,10 @@ impl Sky {
         let dimmed = |spot: &Spot| {
             let background = texels.background(spot, &is_taken);
             let darker = |k: usize| [0, 1, 2].map(|c| background[c].min(map.texel(k)[c]));
-            spot.texels.iter().map(|&k| (k, darker(k))).collect::<Vec<_>>()
+            // Texels below the horizon have no light, but are interpolated with those above.
+            let is_below = |&k: &usize| texels.radiance(k) == 0.0;
+            let below = texels.rim(spot).into_iter().filter(is_below);
+            spot.texels.iter().copied().chain(below).map(|k| (k, darker(k))).collect::<Vec<_>>()
         };
         let replaced: Vec<(usize, [f32; 3])> = spots.iter().flat_map(dimmed).collect();
         let place = |&k: &usize| (map.direction(k), map.solid_angle(k));
