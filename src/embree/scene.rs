@@ -216,6 +216,9 @@ impl SceneBuilder {
         if !Arc::ptr_eq(&device.inner, &scene.handle.device.inner) {
             return Err(Error::Embree("the instanced scene belongs to another device".into()));
         }
+        if self.grid.is_some() && scene.grid.is_some() {
+            return Err(Error::Embree("two instances have a grid".into()));
+        }
         self.grid = self.grid.take().or_else(|| scene.grid.clone());
         // SAFETY: the device is live; the geometry is used only below and released after attaching.
         let geometry = unsafe {

@@ -238,7 +238,7 @@ impl Model {
         }
     }
 
-    /// Refuses models with a terrain that rays meet more finely than clusters could: `what` averages clusters.
+    /// Refuses models with a terrain that rays meet more finely than its faces: `what` needs the faces themselves, or clusters of them.
     ///
     /// # Errors
     /// [`Error::Scene`] that names the cure.
@@ -246,7 +246,7 @@ impl Model {
         match &self.scene().fine_ground {
             None => Ok(()),
             Some(ground) => Err(Error::Scene(format!(
-                "{what} takes terrains of up to {} samples, and this one has {}: make its grid coarser, or take exact visibility",
+                "{what} takes terrains of up to {} samples, and this one has {}: make its grid coarser, or solve it with exact visibility",
                 FineGround::MAX_TRIANGLES / 2,
                 ground.samples.len()
             ))),

@@ -37,23 +37,24 @@ impl Model {
         places
     }
 
-    /// The place on the ground above a point, along its normal, and its face, if the point may lie on a face that stands for fine ground: on an element of a
-    /// solution, parts of which are below the ground. Not if there is a surface below the point, as in a cellar.
+    /// The place on the ground above a point, along its normal, and its face, if the point may lie on a face that stands for fine ground: such faces are below the
+    /// ground in part. None if something else is below the point, as in a cellar.
     pub(crate) fn ground_above(&self, point: Vec3, normal: Vec3) -> Option<(Vec3, u32)> {
         let scene = self.scene();
         let ground = scene.fine_ground.as_ref()?;
-        let highest = ground.highest;
         let mut rays = Packet::EMPTY;
-        rays.set_between(0, point, point + highest * normal, [0.0, 1.0]);
-        rays.set_between(1, point, point - 2.0 * highest * normal, [0.0, 1.0]);
+        rays.set_between(0, point, point + ground.highest * normal, [0.0, 1.0]);
+        rays.set_between(1, point, point - self.bounds().diagonal() * normal, [0.0, 1.0]);
         let mut hits = [Hits::NONE];
         self.traced().first_hits(self.widest_packets(), std::slice::from_ref(&rays), &mut hits);
-        let [face, below] = [0, 1].map(|lane| hits[0].triangle[lane]);
-        let is_buried = face != Hits::NOTHING && below == Hits::NOTHING && hits[0].instance[0] == 0;
-        let is_ground = is_buried
-            && ground.parts.binary_search(&scene.triangle_component[face as usize]).is_ok()
-            && scene.face_normal(face).dot(normal) > 0.0;
-        is_ground.then(|| (rays.point(0, hits[0].t[0]), face))
+        let is_ground =
+            |(instance, part): (u32, u32)| instance == 0 && ground.parts.binary_search(&part).is_ok();
+        let [above, below] = [0, 1].map(|lane| self.part_met(&hits[0], lane));
+        if !above.is_some_and(is_ground) || !below.is_none_or(is_ground) {
+            return None;
+        }
+        let face = hits[0].triangle[0];
+        (scene.face_normal(face).dot(normal) > 0.0).then(|| (rays.point(0, hits[0].t[0]), face))
     }
 
     /// The instance and its edge-connected part that a ray has met.

@@ -17,7 +17,7 @@ pub(crate) struct Piece {
     pub size: [u16; 2],
     /// Its triangles among `corners` and `triangles`.
     range: Range<u32>,
-    /// Largest vertical distance of a sample from them, m.
+    /// Largest vertical distance of a sample from them, scene units.
     error: f32,
 }
 
@@ -130,16 +130,18 @@ impl FineGround {
         let mut face = vec![u32::MAX; polygons.iter().max().map_or(0, |&last| last as usize + 1)];
         (0u32..).zip(polygons).for_each(|(t, &polygon)| face[polygon as usize] = t);
         let mut heights = vec![0.0; polygons.len()];
-        for piece in &self.pieces {
-            let triangles = &mut self.triangles[piece.range.start as usize..piece.range.end as usize];
+        let FineGround { pieces, triangles, .. } = &mut self;
+        pieces.retain(|piece| {
+            let triangles = &mut triangles[piece.range.start as usize..piece.range.end as usize];
             triangles.iter_mut().for_each(|t| *t = face.get(*t as usize).copied().unwrap_or(u32::MAX));
-            // Polygons that are left out, without area or twice in the file, have a neighbour in their place.
-            let any = triangles.iter().copied().find(|t| *t != u32::MAX).unwrap_or(0);
+            // Polygons that are left out for want of area have a neighbour in their place; of a terrain that is in the scene twice all are left out.
+            let Some(any) = triangles.iter().copied().find(|t| *t != u32::MAX) else { return false };
             for t in triangles {
                 *t = if *t == u32::MAX { any } else { *t };
                 heights[*t as usize] = piece.error.max(f32::MIN_POSITIVE);
             }
-        }
+            true
+        });
         let mut parts: Vec<u32> =
             (0..heights.len()).filter(|&t| heights[t] > 0.0).map(|t| components[t]).collect();
         parts.sort_unstable();

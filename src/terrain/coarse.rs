@@ -8,8 +8,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 
-/// Triangles of a leaf, with those that the restriction adds, for each node that is divided: a divided node has three leaves more, and a leaf two to three
-/// triangles, which measured on fractal mountains is about eight.
+/// Triangles for each node that is divided, with those that the restriction adds: a divided node has three leaves more, and a leaf has two to three triangles.
 const TRIANGLES_PER_SPLIT: usize = 8;
 
 /// Rounding errors of interpolated heights, over that of the largest height.
@@ -49,12 +48,18 @@ pub struct Piece {
 /// [`Error::Argument`](crate::Error::Argument) if the sides of the grid are out of range.
 pub fn coarse(grid: &Grid, triangles: usize) -> Result<(Mesh, Vec<Piece>)> {
     let levels = errors(grid);
-    let mut all: Vec<f32> = levels.iter().flat_map(|level| &level.errors).copied().collect();
-    let splits = (triangles / TRIANGLES_PER_SPLIT).min(all.len() - 1);
-    let (_, limit, _) = all.select_nth_unstable_by(splits, |a, b| b.total_cmp(a));
-    // A node with a hole is divided in any case, one of even ground never.
+    let (mut finite, with_holes): (Vec<f32>, Vec<f32>) =
+        levels.iter().flat_map(|level| &level.errors).copied().partition(|error| error.is_finite());
+    // Nodes with a hole are divided in any case; the others have half of the triangles or more.
+    let wanted = triangles / TRIANGLES_PER_SPLIT;
+    let splits = wanted.saturating_sub(with_holes.len()).max(wanted / 2);
+    // Even ground is never divided.
     let highest = grid.heights().iter().fold(0.0f32, |most, height| most.max(height.abs()));
-    let limit = f64::from(limit.clamp(ROUNDINGS * f32::EPSILON * highest, f32::MAX));
+    let mut limit = ROUNDINGS * f32::EPSILON * highest;
+    if splits < finite.len() {
+        limit = finite.select_nth_unstable_by(splits, |a, b| b.total_cmp(a)).1.max(limit);
+    }
+    let limit = f64::from(limit);
     let error = |node: &Node| {
         if node.size > MAX_PIECE {
             return f64::INFINITY;
@@ -131,7 +136,7 @@ struct Level {
 }
 
 /// For the nodes of two, four, ... cells on a side, the largest vertical distance of a sample on it from its two triangles, or of a node below it from
-/// its own; infinite if a sample is a hole.
+/// its own; infinite if some samples are holes, 0 if all are.
 fn errors(grid: &Grid) -> Vec<Level> {
     let cells = [grid.columns() - 1, grid.rows() - 1];
     let mut levels: Vec<Level> = Vec::new();
@@ -163,7 +168,7 @@ fn error_of_node(grid: &Grid, [west, north]: [usize; 2], size: usize) -> f32 {
     let at = |column, row| grid.height(column, row);
     let [nw, ne, sw, se] = [at(west, north), at(east, north), at(west, south), at(east, south)];
     let (across, down) = (1.0 / (east - west) as f32, 1.0 / (south - north) as f32);
-    let mut largest = 0.0f32;
+    let (mut largest, mut holes) = (0.0f32, 0usize);
     for row in north..=south {
         let y = (row - north) as f32 * down;
         for column in west..=east {
@@ -173,13 +178,15 @@ fn error_of_node(grid: &Grid, [west, north]: [usize; 2], size: usize) -> f32 {
                 false => se + (sw - se) * (1.0 - x) + (ne - se) * (1.0 - y),
             };
             let distance = (at(column, row) - height).abs();
-            if distance.is_nan() {
-                return f32::INFINITY;
-            }
-            largest = largest.max(distance);
+            // That of a hole, or of a corner that is one, is no number.
+            (largest, holes) = (largest.max(distance), holes + usize::from(distance.is_nan()));
         }
     }
-    largest
+    match holes {
+        0 => largest,
+        _ if (north..=south).all(|row| (west..=east).all(|column| at(column, row).is_nan())) => 0.0,
+        _ => f32::INFINITY,
+    }
 }
 
 impl Quadtree<'_> {

@@ -157,6 +157,7 @@ pub fn compute(
     progress: &dyn Progress,
 ) -> Result<(FormFactors, Report)> {
     model.check_single("the form factor matrix")?;
+    model.check_clusters("the form factor matrix")?;
     if settings.rays == 0 || settings.bundle < 4 || settings.largest_bundle < settings.bundle {
         return Err(Error::Argument(
             "rays must be at least 1, bundle at least 4 and largest_bundle at least bundle".into(),
