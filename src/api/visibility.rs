@@ -57,7 +57,7 @@ impl Visibility {
                     format!("`feature_size` is missing: the engine `{name}` needs one, a length above 0");
                 return Err(Error::Argument(what));
             }
-            self.model.check_clusters(&format!("the engine `{name}`"))?;
+            self.model.check_clusters(name)?;
             engine.ok_or_else(|| {
                 Error::Argument(format!(
                     "the engine `{name}` needs optics: prepare the model with `Detail::Optics`"
