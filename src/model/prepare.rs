@@ -335,7 +335,7 @@ fn clusters_of(
     let stop = Stop::of(progress);
     let stopped = || stop.asked();
     let cancelled = || Error::Cancelled("stopped before the clusters were measured".into());
-    // Fine ground is exact.
+    // No optics are measured on the coarse faces of fine ground: averaged visibility refuses it.
     let detail = if scene.fine_ground.is_some() { Detail::Clusters } else { Detail::Optics };
     let prepared = match options.detail.min(detail) {
         Detail::Rays => return Ok(None),

@@ -50,11 +50,11 @@ pub struct Resolved {
 }
 
 impl FineGround {
-    /// Number of triangles of a height field above which it becomes fine ground of about as many. The solver takes 1.4 kB and 40 µs for each
+    /// A height field of more triangles becomes fine ground, of which about as many triangles exchange light. The solver takes 1.4 kB and 40 µs for each
     /// (`mrvis solve` of fractal mountains of up to 1.3 million triangles on two cores): 0.7 GB and 20 s.
     pub const MAX_TRIANGLES: usize = 1 << 19;
-    /// Largest cosine between a ray that meets the upper side of fine ground and the normal of the face that stands for it: slopes of cells differ from that
-    /// of the face by up to about 30°, and rays that come from below at smaller angles are rare.
+    /// Largest cosine between a ray that meets the upper side of fine ground and the normal of the face that stands for it: the slopes of cells may differ
+    /// from that of the face by 30°. A ray from below within 30° of the plane of the face counts as one from above, too.
     pub const MAX_BACK: f32 = 0.5;
 
     /// Adds a height field of an object with these positions of samples, so many in a row, of whose pieces the triangles are polygons from a number on.
