@@ -26,8 +26,8 @@ pub enum RowSums {
     /// normalisation changes.
     #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     Sampled,
-    /// Each leaf has one factor for what it gathers and what it sends (Sinkhorn and Knopp 1967): factors stay reciprocal, and
-    /// no energy is created.
+    /// Along links each leaf has one factor for what it gathers and what it sends (Sinkhorn and Knopp 1967); by rays it exchanges what its sum
+    /// lacks with itself. Exchange stays reciprocal, and no energy is created.
     #[default]
     Balanced,
 }

@@ -27,8 +27,7 @@ pub struct Ledger {
     /// Received minus sent.
     pub created: f64,
     /// Mean difference of the factors by which a leaf gathers and sends, relative to them, by area. A link has one exchange area
-    /// for both directions, so that only these factors set `A_a F(a→b)` and `A_b F(b→a)` apart. After a local pass the mean
-    /// difference of the exchange of two leaves, relative to their exchange.
+    /// for both directions, so that only these factors set `A_a F(a→b)` and `A_b F(b→a)` apart. 0 after a local pass: a ray counts alike in both.
     pub reciprocity_residual: f64,
     /// Smallest and largest sum of the form factors of an element from which no light leaves the scene, with the part that meets
     /// unlit insides.
@@ -128,8 +127,8 @@ impl Solved {
             *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };
         }
         ledger.reciprocity_residual /= area.max(f64::MIN_POSITIVE);
-        if let Closing::Rays(local) = &self.closing {
-            ledger.reciprocity_residual = local.reciprocity;
+        if by_rays {
+            ledger.reciprocity_residual = 0.0;
         }
         powers.created = std::array::from_fn(|k| received[k] - sent[k]);
         if matches!(self.closing, Closing::Nothing) {

@@ -182,10 +182,12 @@ impl FinalGather<'_> {
         };
         let mut left: Vec<usize> = (0..views.len()).filter(|&k| is_left(&views[k])).collect();
         while !left.is_empty() {
-            let (queries, weights): (Vec<VisibilityQuery>, Vec<[f32; LANES]>) =
+            let (queries, lanes): (Vec<VisibilityQuery>, Vec<[[f32; LANES]; 2]>) =
                 left.iter().map(|&k| self.shadow_rays(&views[k], emitter, views[k].traced)).unzip();
             engine.answer_all(&queries, scratch, |k, through| {
-                views[left[k]].add(&queries[k].packet, &weights[k], through);
+                let [weights, levels] = &lanes[k];
+                let arrives = std::array::from_fn(|lane| levels[lane] * through[lane]);
+                views[left[k]].add(&queries[k].packet, weights, &arrives);
             });
             left.retain(|&k| {
                 views[k].traced += LANES;
@@ -199,18 +201,18 @@ impl FinalGather<'_> {
         0.5 / (self.light_rays as f64).sqrt()
     }
 
-    /// Sixteen shadow rays of a point, beginning with number `first`, and their weights.
+    /// Sixteen shadow rays of a point, beginning with number `first`, their weights, and what the places where they end send over the mean of their faces.
     pub(super) fn shadow_rays(
         &self,
         view: &EmitterView,
         emitter: usize,
         first: usize,
-    ) -> (VisibilityQuery, [f32; LANES]) {
+    ) -> (VisibilityQuery, [[f32; LANES]; 2]) {
         let emitter_of = self.emitter(emitter);
         let GatherPoint { at, normal, end, feature_size, seed, .. } = view.from;
         let [shift_u, shift_v, ..] = numbers(seed ^ emitter as u64, 0);
         let mut packet = Packet::EMPTY;
-        let mut weights = [0.0f32; LANES];
+        let (mut weights, mut levels) = ([0.0f32; LANES], [1.0; LANES]);
         for (lane, (weight, [u, v])) in weights.iter_mut().zip(&self.table[first..]).enumerate() {
             let (u, v) = ((u + shift_u).fract(), (v + shift_v).fract());
             let (f, u, share) = pick(&view.shares, u);
@@ -224,9 +226,20 @@ impl FinalGather<'_> {
             if *weight > 0.0 {
                 let rules = [end, face.end.seen_from(end)];
                 packet.set_lifted(lane, at, rules[1].lifted(y, face.normal), rules);
+                levels[lane] = self.level_at(emitter, f, y);
             }
         }
-        (VisibilityQuery { packet, emitter_size: emitter_of.width, feature_size }, weights)
+        (VisibilityQuery { packet, emitter_size: emitter_of.width, feature_size }, [weights, levels])
+    }
+
+    /// What a place on a face sends over the mean of the face: bright leaves below an element that is sampled as a whole differ.
+    fn level_at(&self, emitter: usize, face: usize, at: Vec3) -> f32 {
+        if emitter < self.emitters.emitters.len() {
+            return 1.0;
+        }
+        let leaf = self.lookup.leaf(self.bright.sides[face], at);
+        mean(self.reflected[leaf as usize].map(f64::from)) as f32
+            / mean(self.bright.emitter.faces[face].exitance) as f32
     }
 }
 
@@ -240,7 +253,7 @@ pub(super) struct EmitterView {
     free: Rgb,
     /// Running sums of the parts of the faces.
     shares: Vec<f32>,
-    /// Sums of weights, of weights times transmittances, and of weights times their squares.
+    /// Sums of weights, of weights times what arrives, as a part of what the mean of the face would send, and of weights times the squares of that.
     sum: f64,
     seen: f64,
     squares: f64,

@@ -26,8 +26,10 @@ pub struct LeafRays {
     pub count: u32,
 }
 
-/// Independent streams of random numbers of an element for the halves of its light. Those of its row of the exchange follow.
+/// Independent streams of random numbers of an element for the halves of its light.
 pub const HALVES: Range<u64> = 0..2;
+/// Those for the halves of its row of the exchange.
+pub const ROW_HALVES: Range<u64> = 2..4;
 
 /// Rays of one parallel task: so many that packets are full, and so few that all threads have work to the end.
 const BATCH: usize = 1024;
@@ -86,12 +88,6 @@ impl FinalGather<'_> {
         }
         self.add_reflected(batch, &mut light, buffers);
         light
-    }
-
-    /// The streams of the rows of the exchange: two under a sky, as the light that leaving rays bring and the part of rays that leave are correlated,
-    /// and their covariance is known only from independent halves; one otherwise.
-    pub(super) fn row_streams(&self) -> Range<u64> {
-        HALVES.end..HALVES.end + if self.has_environment() { 2 } else { 1 }
     }
 
     /// The groups of emitting faces for each leaf of a batch, in a list that belongs back into `buffers.cuts`.

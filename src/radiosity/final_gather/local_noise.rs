@@ -3,7 +3,7 @@
 use super::ray_rows::{RayRow, RayRows};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::rgb::{Rgb, mean};
-use crate::radiosity::transport::TransportMatrix;
+use crate::radiosity::transport::RayTransport;
 use rayon::prelude::*;
 
 /// Rows of one parallel task.
@@ -38,7 +38,7 @@ pub struct LocalResult {
 pub fn assign_noise(
     elements: &Elements,
     rows: &RayRows,
-    matrix: &TransportMatrix,
+    transport: &RayTransport,
     results: &mut [LocalResult],
 ) {
     let brightness: Vec<f64> = rows.rows.iter().map(|r| reflected(elements, r.leaf, results)).collect();
@@ -51,7 +51,7 @@ pub fn assign_noise(
         .with_min_len(CHUNK)
         .map(|i| {
             let row = &rows.rows[i];
-            let others = matrix.form_factors(i).map(|(j, f)| (f, brightness[j as usize]));
+            let others = transport.form_factors(i).map(|(j, f)| (f, brightness[j as usize]));
             RowSpread::new(row, f64::from(row.rays), others)
         })
         .collect();
@@ -61,7 +61,8 @@ pub fn assign_noise(
         let around = &mut around[elements.elements[row.leaf as usize].parent as usize];
         around.iter_mut().zip(spread.spreads).for_each(|(a, s)| a.add(s));
     }
-    let sums = matrix.rows();
+    let [first, second] = transport.row_sums();
+    let sums: Vec<f64> = first.iter().zip(&second).map(|(a, b)| 0.5 * (a + b)).collect();
     for (i, (row, spread)) in rows.rows.iter().zip(&spreads).enumerate() {
         let leaf = row.leaf as usize;
         let n = f64::from(row.rays);
@@ -73,7 +74,7 @@ pub fn assign_noise(
             + sums[i] * (1.0 - sums[i]).max(0.0) * spread.mean * spread.mean / n;
         let result = &mut results[leaf];
         result.rays = n as u32;
-        result.row_sum = (sums[i] + f64::from(row.outside + row.continued) / n) as f32;
+        result.row_sum = (sums[i] + f64::from(row.outside + row.continued()) / n) as f32;
         result.kept = 1.0 - row.gone as f32 / n as f32;
         // One more ray might meet a surface that no other ray has met, here or nearby, as bright as the scene on average.
         let known = n + NEIGHBOUR_RAYS.min(around[0].freedom);
@@ -130,7 +131,7 @@ struct RowSpread {
 impl RowSpread {
     /// For `n` rays; `others` are the form factors and radiosities at the other ends of all rays that leave or meet the leaf.
     fn new(row: &RayRow, n: f64, others: impl Iterator<Item = (f64, f64)>) -> RowSpread {
-        let direct = f64::from(row.direct.element_sum()) / 3.0;
+        let direct = f64::from(row.direct().element_sum()) / 3.0;
         let (mut weights, mut squared_weights, mut sum, mut squares) = (0.0, 0.0, 0.0, 0.0);
         for (w, b) in others {
             (weights, squared_weights) = (weights + w, squared_weights + w * w);

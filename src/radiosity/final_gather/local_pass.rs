@@ -3,9 +3,10 @@
 //! Light at a linked cluster is distributed among its surfaces by orientation; what they hide from each other is known only on
 //! average, and insides of furniture would receive light that never gets there. So in the end every element traces a few rays. The
 //! exchange of two elements is estimated by all rays that join them, from either side ([`TransportMatrix`]), so that no energy is
-//! created. The rays are stored, twelve bytes each, and the light is solved on them to the last bounce without further rays,
-//! starting from the direct light, or from the light along links where the time is up. The direct light of all elements is brought to what
-//! rays from the emitters say of it. See `docs/method.md`, Local pass.
+//! created, and light that arrives by one half of the rays is sent along the other ([`RayTransport`]). The rays are stored, twelve
+//! bytes each, and the light is solved on them to the last bounce without further rays, starting from the direct light, or from the
+//! light along links where the time is up. The direct light of all elements is brought to what rays from the emitters say of it. See
+//! `docs/method.md`, Local pass.
 
 use super::gatherer::FinalGather;
 use super::local_noise::{LocalResult, assign_noise, weigh_errors};
@@ -20,6 +21,7 @@ use crate::radiosity::surroundings::{Arrived, SampledShare, emitted_share};
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
 };
+use glam::Vec3;
 use std::array::from_fn;
 
 /// Expected relative error of the direct light that all elements receive together, by their own rays.
@@ -32,8 +34,6 @@ const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
 pub struct LocalPass {
     /// By element; 0 for clusters and elements with children.
     pub results: Vec<LocalResult>,
-    /// [`TransportMatrix::reciprocity`] of the form factors.
-    pub reciprocity: f64,
     /// Rays for the light of the elements; none if there is no time for them.
     pub element_rays: Option<f64>,
     /// Rays of both passes together, as part of those that are useful.
@@ -75,8 +75,7 @@ impl FinalGather<'_> {
         };
         let arrived = Arrived::of(rows.rows.iter().chain(&apart.rows).map(beyond));
         rows.number_rows(self.linked.elements.len(), &self.reflected);
-        let matrix = self.transport_matrix(&rows, deadline);
-        let mut direct = direct_light(&rows);
+        let mut direct = [0, 1].map(|half| direct_light(&rows, half));
         let sampled = self.emitted_share();
         let mut received = sampled.share;
         // The light of leaves that were not traced is not known here.
@@ -84,27 +83,27 @@ impl FinalGather<'_> {
             let sum = rows.rows.iter().map(light).sum::<f64>() + light_apart;
             let factor;
             (factor, received) = self.balance_of_direct_light(sum, &sampled);
-            for (direct, row) in direct.iter_mut().zip(&rows.rows) {
-                let others = emitters_irradiance(row);
-                (0..3).for_each(|k| direct[k] += (factor - 1.0) * others[k]);
+            for (half, direct) in direct.iter_mut().enumerate() {
+                for (direct, row) in direct.iter_mut().zip(&rows.rows) {
+                    add(direct, factor - 1.0, of_half(row, row.halves[half].emitted));
+                }
             }
         }
         // Of an iteration that the deadline ends at once the start remains. Otherwise it is the direct light: links bring a little light
         // to rooms without any.
         let along_links = |row: &RayRow| states[row.leaf as usize].irradiance;
         let start = deadline.late().then(|| rows.rows.iter().map(along_links).collect());
-        let (more, returned) = corrections_of_sent(&rows, &matrix);
-        let sent_directly =
-            direct.iter().zip(more).map(|(own, more)| from_fn(|k| own[k] + more[k])).collect();
-        let transport = RayTransport { matrix: &matrix, direct: sent_directly, returned };
-        let (sent, convergence) = solve(&transport, start, Method::Krylov, deadline);
+        let transport = RayTransport::new(self.exchange(&rows), direct);
+        let (first, convergence) = solve(&transport, start, Method::Krylov, deadline);
+        let light = transport.both(first);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
-        for ((row, direct), reflected) in rows.rows.iter().zip(&direct).zip(matrix.reflected(&sent)) {
-            results[row.leaf as usize].irradiance = from_fn(|k| direct[k] + reflected[k]);
+        for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {
+            // Light is not negative. Values below zero are rounding in the dark and noise: rows with a sum that is too large send light back.
+            results[row.leaf as usize].irradiance = from_fn(|k| (0.5 * (a[k] + b[k])).max(0.0));
         }
-        assign_noise(&self.linked.elements, &rows, &matrix, &mut results);
+        assign_noise(&self.linked.elements, &rows, &transport, &mut results);
         if !self.elements {
-            count_sent(&rows, &sent, &mut results);
+            count_sent(&rows, &transport, &light, &mut results);
         }
         if all.len() > rows.rows.len() {
             estimate_untraced(&self.linked.elements, &all, &mut results);
@@ -119,11 +118,9 @@ impl FinalGather<'_> {
         let exchanged = rays.map_or(0.0, |rays| EXCHANGE_SHARE * rays);
         let traced_part = (exchanged + element_rays.unwrap_or(0.0)) / useful;
         let element_rays = element_rays.map(|rays| rays.min(needed));
-        let reciprocity = matrix.reciprocity();
         let RayRows { hurried, tally, .. } = rows;
         LocalPass {
             results,
-            reciprocity,
             element_rays,
             traced_part,
             sampled,
@@ -185,27 +182,30 @@ impl FinalGather<'_> {
         (share / found, sampled.share.map(|of| of * share / sampled.mean))
     }
 
-    /// The exchange of the leaves, from their rays.
-    fn transport_matrix(&self, rows: &RayRows, deadline: &Deadline) -> TransportMatrix {
+    /// The exchange of the leaves, by half of their rays.
+    fn exchange(&self, rows: &RayRows) -> [TransportMatrix; 2] {
         let linked = self.linked;
         let elements = &linked.elements;
         let escapes = self.escapes_of_sides(rows);
-        let matrix_rows: Vec<MatrixRow> = rows
-            .rows
-            .iter()
-            .map(|row| match elements.elements[row.leaf as usize].shape {
-                Shape::Surface { side, .. } => MatrixRow {
+        [0, 1].map(|half| {
+            let (mut met, mut first) = (Vec::with_capacity(rows.met.len() / 2), 0);
+            let of_row = |row: &RayRow| {
+                let side = self.side_of(row.leaf) as usize;
+                let each = (row.end - first) / 2;
+                met.extend_from_slice(&rows.met[first + half * each..][..each]);
+                first = row.end;
+                MatrixRow {
                     area: elements.elements[row.leaf as usize].area,
-                    reflectance: elements.sides[side as usize].reflectance,
-                    end: row.end,
-                    closed: linked.surroundings.closed[side as usize] && row.outside == 0,
-                    escapes: escapes[side as usize],
-                    apart: row.continued as usize,
-                },
-                Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
-            })
-            .collect();
-        TransportMatrix::new(&matrix_rows, &rows.met, linked.settings.row_sums, &self.ranks, deadline)
+                    reflectance: elements.sides[side].reflectance,
+                    end: met.len(),
+                    closed: linked.surroundings.closed[side] && row.outside == 0,
+                    escapes: escapes[side],
+                    apart: row.halves[half].continued as usize,
+                }
+            };
+            let of_rows: Vec<MatrixRow> = rows.rows.iter().map(of_row).collect();
+            TransportMatrix::new(&of_rows, &met, linked.settings.row_sums, &self.ranks)
+        })
     }
 
     /// By side, the part of the light of its rows that meets no other row, with half a ray more of either kind (Jeffreys): none of a few rays does not
@@ -223,40 +223,42 @@ impl FinalGather<'_> {
     }
 }
 
-/// Direct irradiance of the rows, W/m².
-fn direct_light(rows: &RayRows) -> Field {
-    (0..rows.rows.len()).map(|i| direct_irradiance(&rows.rows[i])).collect()
+/// Direct irradiance of the rows by a half of their rays, W/m².
+fn direct_light(rows: &RayRows, half: usize) -> Field {
+    rows.rows.iter().map(|row| of_half(row, row.halves[half].direct)).collect()
 }
 
-/// How much direct light rows send more than they receive, W/m², and the part of reflected light that they send on. What a row sends is the product of
-/// its light and its row sum. If by chance many of its few rays leave the scene, it has much light of the sky, little reflected light and a small row
-/// sum: the product is on average too small for the one and too large for the other by the covariance of both factors. With the part of its rays that
-/// stay p, of variance v, and the row sum S, of which the own rays decide the part s, these are covariances with s p: reflected light R is R p / S.
-fn corrections_of_sent(rows: &RayRows, matrix: &TransportMatrix) -> (Field, Vec<f64>) {
-    let of = |(i, row): (usize, &RayRow)| {
-        let (part, sum) = matrix.own_part(i);
-        let each = if part > 0.0 { part / sum } else { 0.0 };
-        let returned = if each > 0.0 { 1.0 - each * f64::from(row.variance) / sum } else { 1.0 };
-        (row.covariance.to_array().map(|of| -each * f64::from(of)), returned)
-    };
-    rows.rows.iter().enumerate().map(of).unzip()
+/// The mean over half of the rays of a row of what they add up to.
+fn of_half(row: &RayRow, sum: Vec3) -> Rgb {
+    sum.to_array().map(|of| 2.0 * f64::from(of) / f64::from(row.rays))
 }
 
-/// Lets the ledger, which multiplies row sums by the light of the same rays, count what rows send.
-fn count_sent(rows: &RayRows, sent: &Field, results: &mut [LocalResult]) {
-    for (row, sent) in rows.rows.iter().zip(sent) {
+/// Lets the ledger, which multiplies row sums by the mean light of both halves, count what rows send: the light of each half times what the rays of the
+/// other half say of where it goes.
+fn count_sent(rows: &RayRows, transport: &RayTransport, light: &[Field; 2], results: &mut [LocalResult]) {
+    let sums = transport.row_sums();
+    let [first, second] = light;
+    for (i, row) in rows.rows.iter().enumerate() {
+        let rays = f64::from(row.rays);
+        let part = |half: usize| {
+            let apart = 2.0 * f64::from(row.halves[half].continued) + f64::from(row.outside);
+            sums[half][i] + apart / rays
+        };
         let result = &mut results[row.leaf as usize];
         let own = mean(result.irradiance);
-        result.row_sum *= if own > 0.0 { (mean(*sent) / own) as f32 } else { 1.0 };
+        if own > 0.0 {
+            let sent = 0.5 * (part(0) * mean(second[i]) + part(1) * mean(first[i]));
+            result.row_sum = (sent / own) as f32;
+        }
     }
 }
 
 /// Direct irradiance of a row, W/m².
 fn direct_irradiance(row: &RayRow) -> Rgb {
-    row.direct.to_array().map(|d| f64::from(d) / f64::from(row.rays))
+    row.direct().to_array().map(|d| f64::from(d) / f64::from(row.rays))
 }
 
 /// Irradiance of a row by the emitters of the scene, W/m².
 fn emitters_irradiance(row: &RayRow) -> Rgb {
-    (row.direct - row.sun - row.sky - row.onwards).to_array().map(|d| f64::from(d) / f64::from(row.rays))
+    row.emitted().to_array().map(|d| f64::from(d) / f64::from(row.rays))
 }

@@ -17,6 +17,9 @@ const MIN_ROW_RAYS: f64 = 4.0;
 const FEWEST_ROW_RAYS: f64 = 2.0;
 /// Largest number of rays of an element: 1/√4,096 = 1.6 % of the spread of one ray remain as noise.
 const MAX_ROW_RAYS: f64 = 4096.0;
+/// Part of the rays of the exchange, beyond the smallest number of each element, that elements share by the light that they reflect; the others are shared
+/// by area alone, as light along links may miss some. The inside of a lamp shade reflects a hundred times as much light as the walls around it.
+const SHARE_BY_LIGHT: f64 = 0.5;
 /// Rays that all elements share after the deadline. Too few rays can isolate two elements that only see each other, and their
 /// light would never decay.
 pub const LATE_RAYS: f64 = 1e5;
@@ -109,27 +112,34 @@ impl FinalGather<'_> {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let area = |e: u32| elements.elements[e as usize].area;
         let counted = |e: u32| area(e) * f64::from(states[e as usize].importance);
+        let light = |e: u32| mean(self.reflected[e as usize].map(f64::from));
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
+        let all_light: f64 = leaves.iter().map(|&e| counted(e) * light(e)).sum();
+        // Noise of the rays of a leaf is in proportion to the light that it sends.
+        let share = |e: u32| {
+            let by_light = if all_light > 0.0 { light(e) / all_light } else { 1.0 / all_counted };
+            counted(e) * ((1.0 - SHARE_BY_LIGHT) / all_counted + SHARE_BY_LIGHT * by_light)
+        };
         // Rays to the sky join no elements, and elements in the open need few to know the deviation of others.
         let stay = |leaf: u32| match self.has_environment() {
             true => 1.0 - f64::from(self.linked.surroundings.escaped[self.side_of(leaf) as usize]),
             false => 1.0,
         };
         let reflected = self.reflected_everywhere();
-        let streams = self.row_streams().count() as u32;
         let count = |leaf: u32, rays: f64| {
             let stays = stay(leaf);
             // Deviations count only where elements gather light by them.
             let least = match (self.elements, self.has_environment()) {
                 (true, _) => MIN_ROW_RAYS,
-                (_, true) => (f64::from(streams) * MIN_ROW_RAYS * stays / USUAL_REFLECTED)
-                    .clamp(FEWEST_ROW_RAYS, MIN_ROW_RAYS),
+                (_, true) => {
+                    (2.0 * MIN_ROW_RAYS * stays / USUAL_REFLECTED).clamp(FEWEST_ROW_RAYS, MIN_ROW_RAYS)
+                }
                 (_, false) => {
                     (MIN_ROW_RAYS * reflected / USUAL_REFLECTED).clamp(FEWEST_ROW_RAYS, MIN_ROW_RAYS)
                 }
             };
-            let rays = least + rays * stays * counted(leaf) / all_counted;
-            (rays.min(MAX_ROW_RAYS) as u32).div_ceil(streams)
+            let rays = least + rays * stays * share(leaf);
+            (rays.min(MAX_ROW_RAYS) as u32).div_ceil(2)
         };
         let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
         let planned: Vec<LeafRays> =

@@ -1,6 +1,6 @@
 //! Rows of rays: what the rays of each leaf have met.
 
-use super::element_rays::{LeafRays, batches};
+use super::element_rays::{LeafRays, ROW_HALVES, batches};
 use super::gatherer::{Buffers, FinalGather};
 use crate::math::sampling::mix;
 use crate::radiosity::elements::Elements;
@@ -18,25 +18,29 @@ pub struct RayRow {
     pub end: usize,
     /// Rays of the leaf.
     pub rays: u32,
-    /// Sum over the rays of the irradiance from emitters, suns and sky, W/m².
-    pub direct: Vec3,
-    /// Of that the light of suns and of the sky, and that of paths which have gone on from leaves outside the exchange.
+    /// The independent halves of its rays: the first and the last ones.
+    pub halves: [RowHalf; 2],
+    /// Sums over the rays of the irradiance from suns and from the sky, W/m².
     pub sun: Vec3,
     pub sky: Vec3,
-    pub onwards: Vec3,
     /// Sum over the rays of the square of its mean over the channels.
     pub squares: f32,
-    /// Variance of the part of the rays that met other rows, and covariance of it and their mean light, W/m²: (a − b)² / 4 and (a − b) (c − d) / 4 of the
-    /// parts a, b and the light c, d of two independent halves; 0 where all rays are of one stream.
-    pub variance: f32,
-    pub covariance: Vec3,
     /// Rays that left the scene.
     pub gone: u32,
     /// Irradiance from emitters and suns at the starts of these rays, mean over the channels, sum over the rays, W/m².
     pub gone_lit: f32,
     /// Rays that met leaves without rows: their light is known and counts as direct.
     pub outside: u32,
-    /// Rays that met leaves outside the exchange: paths have gone on from there, and their light counts as direct.
+}
+
+/// Half of the rays of a leaf.
+#[derive(Clone, Copy, Default, Deserialize, Serialize)]
+pub struct RowHalf {
+    /// Sum over the rays of the irradiance from emitters, suns and sky, and of that which paths bring from leaves outside the exchange, W/m².
+    pub direct: Vec3,
+    /// Of that the light of the emitters of the scene.
+    pub emitted: Vec3,
+    /// Rays that met leaves outside the exchange: paths have gone on from there.
     pub continued: u32,
 }
 
@@ -54,10 +58,25 @@ pub struct RayRows {
 }
 
 impl RayRow {
+    /// Sum over the rays of all light that counts as direct, W/m².
+    pub fn direct(&self) -> Vec3 {
+        self.halves[0].direct + self.halves[1].direct
+    }
+
+    /// Sum over the rays of the irradiance from the emitters of the scene, W/m².
+    pub fn emitted(&self) -> Vec3 {
+        self.halves[0].emitted + self.halves[1].emitted
+    }
+
+    /// Rays that met leaves outside the exchange.
+    pub fn continued(&self) -> u32 {
+        self.halves[0].continued + self.halves[1].continued
+    }
+
     /// The part of the light reflected by the leaf that stays in the scene, where the leaf lies both inside and outside of a room: rays count
     /// by the light at their starts.
     pub fn kept_of_lit(&self) -> f32 {
-        let lit = (self.direct - self.sky - self.onwards).element_sum() / 3.0;
+        let lit = (self.emitted() + self.sun).element_sum() / 3.0;
         if lit > 0.0 {
             (1.0 - self.gone_lit / lit).clamp(0.0, 1.0)
         } else {
@@ -114,58 +133,33 @@ impl RayRows {
 
     fn trace_batch(&mut self, gather: &FinalGather, batch: &[LeafRays], buffers: &mut Buffers) {
         let cuts = gather.cuts_of(batch, buffers);
-        let streams = gather.row_streams();
-        let halves = streams.clone().count() as u32;
-        gather.trace_leaves(batch, streams, &cuts, &vec![None; batch.len()], buffers);
+        gather.trace_leaves(batch, ROW_HALVES, &cuts, &vec![None; batch.len()], buffers);
         buffers.cuts = cuts;
         let seed = batch.first().map_or(0, |of| mix(!u64::from(of.leaf)));
         let paths = gather.light_of_paths_onwards(seed, buffers);
         let mut results = buffers.results.iter().zip(paths);
         for of in batch {
-            let (mut direct, mut squares, mut gone, mut continued) = (Vec3::ZERO, 0.0, 0, 0);
-            let (mut sun, mut sky, mut onwards, mut gone_lit) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 0.0);
-            // By half, the light of its rays and their number that met other rows.
-            let mut sums = [(Vec3::ZERO, 0); 2];
-            for (k, (found, path)) in results.by_ref().take((halves * of.count) as usize).enumerate() {
+            let (leaf, rays, outside) = (of.leaf, 2 * of.count, 0);
+            let (mut halves, mut squares, mut gone) = ([RowHalf::default(); 2], 0.0, 0);
+            let (mut sun, mut sky, mut gone_lit) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+            for (k, (found, path)) in results.by_ref().take(rays as usize).enumerate() {
                 let light = found.direct + found.sun + found.sky + path.unwrap_or_default();
-                direct += light;
+                let half = &mut halves[k / of.count as usize];
+                half.direct += light;
+                half.emitted += found.direct;
+                half.continued += u32::from(path.is_some());
                 (sun, sky) = (sun + found.sun, sky + found.sky);
-                onwards += path.unwrap_or_default();
                 gone += u32::from(found.gone);
                 gone_lit += if found.gone { (found.direct + found.sun).element_sum() / 3.0 } else { 0.0 };
                 squares += (light.element_sum() / 3.0).powi(2);
-                continued += u32::from(path.is_some());
                 let met = match path {
                     None if found.met.side != Elements::NONE => found.met.leaf,
                     _ => Elements::NONE,
                 };
                 self.met.push(met);
-                let sum = &mut sums[k / of.count as usize];
-                *sum = (sum.0 + light, sum.1 + u32::from(met != Elements::NONE));
             }
-            let [(c, a), (d, b)] =
-                sums.map(|(light, met)| (light / of.count as f32, met as f32 / of.count as f32));
-            let (variance, covariance) = match halves {
-                2 => (0.25 * (a - b).powi(2), 0.25 * (a - b) * (c - d)),
-                _ => (0.0, Vec3::ZERO),
-            };
-            let (leaf, rays, end, outside) = (of.leaf, halves * of.count, self.met.len(), 0);
-            self.rows.push(RayRow {
-                leaf,
-                end,
-                rays,
-                direct,
-                sun,
-                sky,
-                onwards,
-                squares,
-                variance,
-                covariance,
-                gone,
-                gone_lit,
-                outside,
-                continued,
-            });
+            let end = self.met.len();
+            self.rows.push(RayRow { leaf, end, rays, halves, sun, sky, squares, gone, gone_lit, outside });
         }
     }
 
@@ -197,11 +191,12 @@ impl RayRows {
         }
         let mut first = 0;
         for row in &mut self.rows {
-            for met in &mut self.met[first..row.end] {
+            let half = (row.end - first) / 2;
+            for (k, met) in self.met[first..row.end].iter_mut().enumerate() {
                 let Some(&number) = row_of.get(*met as usize) else { continue };
                 if number == Elements::NONE {
                     let light = Vec3::from(reflected[*met as usize]);
-                    row.direct += light;
+                    row.halves[usize::from(k >= half)].direct += light;
                     row.squares += (light.element_sum() / 3.0).powi(2);
                     row.outside += 1;
                 }

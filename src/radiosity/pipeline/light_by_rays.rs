@@ -3,6 +3,7 @@
 use super::notes;
 use super::record::timed;
 use super::run::{Stages, total_area};
+use crate::math::sampling::mix;
 use crate::model::Model;
 use crate::radiosity::audit::{AuditSize, Closing, Solved};
 use crate::radiosity::deadline::Deadline;
@@ -95,7 +96,10 @@ impl Stages<'_> {
             linked.split_near_emitters(scene, deadline);
             linked.split_at_crossings(&self.model.exact(), deadline);
             linked.mark_gaps(&self.model.exact());
+            // Rays are shared by this light: it must not come from the same ones.
+            let seed = std::mem::replace(&mut linked.settings.seed, mix(options.seed));
             light_for_paths(self.model, linked, options, deadline);
+            linked.settings.seed = seed;
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all);
             let rays = rays.map(|rays| rays.min(useful));

@@ -210,7 +210,6 @@ fn imbalance(seed: u64) -> f64 {
     let ledger = solved(&scene_of(&generated(seed)), &[], &options).record.ledger;
     let part = ledger.created.abs() / ledger.emitted;
     assert!(part < 0.005, "{seed}: {ledger:?}");
-    assert!(ledger.reciprocity_residual < 2e-3, "{seed}: {ledger:?}");
     part
 }
 

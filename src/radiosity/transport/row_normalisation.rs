@@ -3,13 +3,13 @@
 //!
 //! Every bounce multiplies the sampling errors of row sums. [`balance`] scales what a row gathers and what it sends by the same
 //! factor (Sinkhorn and Knopp 1967), so that exchange stays reciprocal; the caller corrects the remainder where light is gathered.
-//! Rows of links and rows of rays are both [`BalancedRows`]. They differ in how a sum is found (one gather of radiosity 1 through
-//! all levels of the tree, or a list of entries) and in how fast factors move ([`BalanceRule`]). Links may add up to more than 1
-//! where they are coarse, and such rows are bounded afterwards.
+//! A sum is found by one gather of radiosity 1 through all levels of the tree. Links may add up to more than 1
+//! where they are coarse, and such rows are bounded afterwards. Rows of rays ([`super::TransportMatrix`]) are not scaled: the light
+//! that is solved on few rays would depend on factors of the same rays.
 //!
 //! The matrix of form factors between facets is no such scaling: `form_factors::matrix::closure` changes every entry by its own
-//! standard error, which is the result that its user asks for. Here entries have no errors of their own (a ray is one sample, a
-//! link stands for many pairs), and one factor a row is all that transport needs.
+//! standard error, which is the result that its user asks for. Here entries have no errors of their own (a link stands for many
+//! pairs), and one factor a row is all that transport needs.
 
 use super::active_nodes::ActiveNodes;
 use super::directional::NodeIrradiance;
@@ -33,16 +33,6 @@ pub struct BalanceRule {
     pub limits: [f32; 2],
 }
 
-/// For rays. The exponents are Chebyshev's relaxation factors for the spectral interval [1/4, 2],
-/// `1/ω_k = 1.125 + 0.875 cos((2k - 1) π/8)`. Coplanar faces hit by the same rays have no balanced factors: the rounds limit the
-/// time, the factors stay between 1/1,000 and 8, and the remainder is corrected where light is gathered.
-pub const RAY_ROWS: BalanceRule = BalanceRule {
-    max_rounds: 16,
-    min_rounds: 1,
-    exponents: &[0.517, 0.685, 1.27, 3.16],
-    tolerance: 1e-3,
-    limits: [1e-3, 8.0],
-};
 /// For links. Both ends change, so each takes the square root; coarse links overlap, and larger exponents oscillate. The tolerance is
 /// a thirtieth of the error of 1e-3 that rays leave; a factor above 2 would amplify a row of which half is missing.
 pub const LINK_ROWS: BalanceRule =

@@ -1,8 +1,6 @@
 //! Exchange of light between leaves that rays join.
 
 use super::operator::Field;
-use super::row_normalisation::{BalancedRows, RAY_ROWS, balance};
-use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::RowSums;
 use crate::radiosity::rgb::add;
 use crate::ranks::Ranks;
@@ -10,15 +8,22 @@ use rayon::prelude::*;
 
 /// Rows of one parallel task.
 const CHUNK: usize = 256;
+/// How far a row sum may exceed the expected one e before the exchange of the row is scaled down, at least. With the reflectance ρ it may exceed it by
+/// (1/ρ − e)/2: the parts of the row add up to no more than 1/ρ, whatever their signs, and no light grows. More than that is safe for white rows: of products
+/// of both halves for closed boxes with 2 to 16 rays a row, none has an eigenvalue above 1 with 0.25, some have 1.16 with 0.5. In a deep shade of
+/// reflectance 0.8, with eight rays, elements receive 4.7 % too much light with 0, 0.6 % with 0.25.
+const MIN_EXCESS: f64 = 0.25;
 
-/// Exchange of light between rows, by the rays that join them.
+/// Exchange of light between rows, by one half of the rays that join them.
 ///
 /// Rays leave row i at random over its area and with the cosine density, `r_i` of them for each unit of area. A ray of i that
 /// ends on j and one of j that ends on i sample the same exchange `X_ij = A_i F_ij = A_j F_ji`, so both count at both ends, with
 /// the weight `1/(r_i + r_j)` (balance heuristic, Veach and Guibas 1995): `X` is symmetric whatever the samples. Its row sums are
-/// right only on average; those of the scaled `d_i X_ij d_j` are the expected ones: 1 where no ray leaves the scene.
+/// right only on average. What is missing from the expected sum, 1 where no ray leaves the scene, a row exchanges with itself: `X` stays symmetric, so that
+/// no energy is created, and as the light of the row comes from the other half of the rays ([`super::RayTransport`]), which does not know of the
+/// difference, the mean is right. Factors that scale rows to their sums depend on the rays that they scale.
 ///
-/// One bounce is `g_i d_i / A_i Σ_j X_ij d_j ρ_j E_j`.
+/// One bounce is `k_i ρ_i E_i + d_i / A_i Σ_j X_ij d_j ρ_j E_j`.
 pub struct TransportMatrix {
     /// End of each row in `others`.
     ends: Vec<usize>,
@@ -32,12 +37,8 @@ pub struct TransportMatrix {
     pub(super) area: Vec<f64>,
     /// `d`, the factor of both directions.
     factors: Vec<f32>,
-    /// `g`, the factor of gathering alone.
-    rests: Vec<f32>,
-    /// The row sums that are expected.
-    expected: Vec<f64>,
-    /// By row, how much its expected sum changes with the part of its own rays that stay in the scene.
-    own_part: Vec<f32>,
+    /// `k`, the part that a row exchanges with itself.
+    kept: Vec<f32>,
     /// The processes that share products with the matrix.
     ranks: Ranks,
 }
@@ -60,13 +61,7 @@ pub struct MatrixRow {
 
 impl TransportMatrix {
     /// For rows and the rows that their rays met, `u32::MAX` for none. `row_sums` says how row sums are normalised.
-    pub fn new(
-        rows: &[MatrixRow],
-        met: &[u32],
-        row_sums: RowSums,
-        ranks: &Ranks,
-        deadline: &Deadline,
-    ) -> TransportMatrix {
+    pub fn new(rows: &[MatrixRow], met: &[u32], row_sums: RowSums, ranks: &Ranks) -> TransportMatrix {
         let n = rows.len();
         let rays = |i: usize| rows[i].end - if i > 0 { rows[i - 1].end } else { 0 };
         let (ends, others) = both_ways(rows, met);
@@ -77,73 +72,46 @@ impl TransportMatrix {
             reflectance: rows.iter().map(|p| p.reflectance).collect(),
             area: rows.iter().map(|p| p.area).collect(),
             factors: vec![1.0; n],
-            rests: vec![1.0; n],
-            expected: Vec::new(),
-            own_part: Vec::new(),
+            kept: vec![0.0; n],
             ranks: ranks.clone(),
         };
-        let expected: Vec<(f64, f32)> = (0..n)
-            .into_par_iter()
-            .with_min_len(CHUNK)
-            .map(|i| matrix.expected_row_sum(i, &rows[i], &met[rows[i].end - rays(i)..rows[i].end]))
-            .collect();
-        (matrix.expected, matrix.own_part) = expected.into_iter().unzip();
         if row_sums == RowSums::Balanced {
-            let sums = matrix.sums();
-            let sums = balance(&mut matrix, sums, &RAY_ROWS, deadline);
-            // The remainder is corrected where light is gathered.
-            for (i, sum) in sums.into_iter().enumerate().filter(|(_, sum)| *sum > 0.0) {
-                matrix.rests[i] = (matrix.expected[i] / sum) as f32;
-            }
+            let expected: Vec<f64> = (0..n)
+                .into_par_iter()
+                .with_min_len(CHUNK)
+                .map(|i| matrix.expected_row_sum(i, &rows[i], &met[rows[i].end - rays(i)..rows[i].end]))
+                .collect();
+            let factor = |((sum, expected), row): ((f64, &f64), &MatrixRow)| {
+                let white = f64::from(row.reflectance.into_iter().fold(0.0, f32::max));
+                let most = expected + MIN_EXCESS.max(0.5 * (1.0 / white - expected));
+                if sum > most { (most / sum) as f32 } else { 1.0 }
+            };
+            matrix.factors = matrix.sums().into_iter().zip(&expected).zip(rows).map(factor).collect();
+            let kept = |(sum, expected): (f64, &f64)| (expected - sum) as f32;
+            matrix.kept = matrix.sums().into_iter().zip(&expected).map(kept).collect();
         }
         matrix
     }
 
-    /// Mean difference of `A_i F_ij` and `A_j F_ji`, relative to their mean.
-    pub fn reciprocity(&self) -> f64 {
-        let (mut differ, mut all) = (0.0, 0.0);
-        for ((row, rest), area) in self.rows().into_iter().zip(&self.rests).zip(&self.area) {
-            (differ, all) = (differ + area * row * f64::from((1.0 / rest - 1.0).abs()), all + area * row);
-        }
-        if all > 0.0 { differ / all } else { 0.0 }
-    }
-
     /// The row sums of the form factors.
     pub fn rows(&self) -> Vec<f64> {
-        self.sums().into_iter().zip(&self.rests).map(|(sum, rest)| sum * f64::from(*rest)).collect()
+        // A sum of which nothing remains is not negative by rounding.
+        self.sums().into_iter().zip(&self.kept).map(|(sum, kept)| (sum + f64::from(*kept)).max(0.0)).collect()
     }
 
     /// The expected row sum of i: the part of its own rays that stayed in the scene and the sum of its weights, each weighted by
-    /// the variance of the other, relative to the row sum: `(1 - p)/n` of n rays with the part p, and the mean weight. Variances in
-    /// proportion to either estimate, or p from the same rays, would favour one of them: row sums were 1.3 % too small or up to 5 % too large. Also
-    /// returns the part of the sum that its own rays decide.
-    fn expected_row_sum(&self, i: usize, row: &MatrixRow, rays: &[u32]) -> (f64, f32) {
-        let kept = || rays.iter().filter(|&&j| j != u32::MAX);
-        let (rays, met) = (rays.len(), kept().count());
-        if row.closed && met + row.apart == rays && (met > 0 || rays == 0) {
-            return (if rays > 0 { met as f64 / rays as f64 } else { 1.0 }, 0.0);
+    /// the variance of the other, relative to the row sum: `(1 - p)/n` of n rays with the part p, and the usual weight `1/(2 n)`. With variances by the
+    /// rays or the weights that were found one of them would be favoured: row sums of few rays were up to 5 % too large.
+    fn expected_row_sum(&self, i: usize, row: &MatrixRow, rays: &[u32]) -> f64 {
+        let (rays, met) = (rays.len(), rays.iter().filter(|&&j| j != u32::MAX).count());
+        if row.closed && met + row.apart == rays {
+            return if rays > 0 { met as f64 / rays as f64 } else { 1.0 };
         }
-        let (mut sum, mut squares) = (0.0, 0.0);
-        for w in self.weights(i).map(|(_, w)| f64::from(w) / self.area[i]) {
-            (sum, squares) = (sum + w, squares + w * w);
-        }
+        let sum = self.weights(i).map(|(_, w)| f64::from(w)).sum::<f64>() / self.area[i];
         if rays == 0 {
-            return (sum.min(1.0), 0.0);
+            return sum.min(1.0);
         }
-        let (rays, met) = (rays as f64, met as f64);
-        if sum <= 0.0 {
-            return (0.0, 0.0);
-        }
-        let (of_part, of_sum) = (row.escapes / rays, squares / sum);
-        let expected = (met / rays * of_sum + sum * of_part) / (of_sum + of_part);
-        let of_own: f64 = kept().map(|&j| f64::from(self.weight(i, j))).sum();
-        let own = (met / rays * of_sum + of_own / self.area[i] * of_part) / (of_sum + of_part);
-        (expected, if met > 0.0 { (own * rays / met) as f32 } else { 0.0 })
-    }
-
-    /// How much the expected sum of row i changes with the part of its own rays that stay in the scene, in `[0, 1]`, and that sum.
-    pub fn own_part(&self, i: usize) -> (f64, f64) {
-        (f64::from(self.own_part[i]), self.expected[i])
+        (0.5 * met as f64 / rays as f64 + sum * row.escapes) / (0.5 + row.escapes)
     }
 
     /// Number of entries: two for each ray that met a row.
@@ -153,8 +121,18 @@ impl TransportMatrix {
 
     /// The rows at the other ends of i's rays, with the form factor that each ray contributes.
     pub fn form_factors(&self, i: usize) -> impl Iterator<Item = (u32, f64)> {
-        let own = f64::from(self.factors[i] * self.rests[i]) / self.area[i];
+        let own = f64::from(self.factors[i]) / self.area[i];
         self.weights(i).map(move |(j, w)| (j, own * f64::from(w * self.factors[j as usize])))
+    }
+
+    /// The row sums of `d_i X_ij d_j / A_i`.
+    fn sums(&self) -> Vec<f64> {
+        let sum = |i: usize| {
+            let sum: f64 = self.weights(i).map(|(j, w)| f64::from(w * self.factors[j as usize])).sum();
+            f64::from(self.factors[i]) * sum / self.area[i]
+        };
+        let rows = self.ranks.rows(self.area.len());
+        rows.gather_numbers(rows.numbers().with_min_len(CHUNK).map(sum).collect())
     }
 
     /// The rows at the other ends of i's rays, with the weights of the rays.
@@ -192,31 +170,11 @@ impl TransportMatrix {
                     let weight = 1.0 / (self.density[i] + density);
                     add(&mut sum, f64::from(weight), [r, g, b].map(f64::from));
                 }
-                let gathers = f64::from(self.factors[i] * self.rests[i]) / self.area[i];
-                sum.map(|s| gathers * s)
+                let (gathers, kept) = (f64::from(self.factors[i]) / self.area[i], f64::from(self.kept[i]));
+                std::array::from_fn(|k| gathers * sum[k] + kept * f64::from(self.reflectance[i][k]) * x[i][k])
             })
             .collect();
         rows.gather_numbers(own)
-    }
-}
-
-impl BalancedRows for TransportMatrix {
-    /// The row sums of `d_i X_ij d_j / A_i`.
-    fn sums(&self) -> Vec<f64> {
-        let sum = |i: usize| {
-            let sum: f64 = self.weights(i).map(|(j, w)| f64::from(w * self.factors[j as usize])).sum();
-            f64::from(self.factors[i]) * sum / self.area[i]
-        };
-        let rows = self.ranks.rows(self.area.len());
-        rows.gather_numbers(rows.numbers().with_min_len(CHUNK).map(sum).collect())
-    }
-
-    fn target(&self, i: usize, sum: f64) -> Option<(f64, f64)> {
-        (sum > 0.0).then(|| (self.expected[i], self.area[i]))
-    }
-
-    fn factor(&mut self, i: usize) -> &mut f32 {
-        &mut self.factors[i]
     }
 }
 
@@ -269,9 +227,7 @@ mod tests {
                 }
             })
             .collect();
-        let system = |rows| {
-            TransportMatrix::new(&matrix_rows, &met, rows, &Ranks::default(), &Deadline::start(&(), None))
-        };
+        let system = |rows| TransportMatrix::new(&matrix_rows, &met, rows, &Ranks::default());
         let sampled = system(RowSums::Sampled);
         let mut exchange = vec![0.0; (n * n) as usize];
         for i in 0..n as usize {
@@ -283,12 +239,15 @@ mod tests {
             let [there, back] = [(i, j), (j, i)].map(|(i, j)| exchange[i * n as usize + j]);
             assert!((there - back).abs() <= 1e-6 * there, "{i} {j}: {there} {back}");
         }
-        assert_eq!(sampled.reciprocity(), 0.0);
         assert!(sampled.rows().iter().any(|row| (row - 1.0).abs() > 0.05));
         let balanced = system(RowSums::Balanced);
         assert!(balanced.rows().iter().all(|row| (row - 1.0).abs() < 1e-5));
-        let found = balanced.reciprocity();
-        assert!(found > 0.0 && found < 3e-3, "{found}");
+        // No energy appears.
+        let light: Field = (0..n).map(|i| [f64::from(i % 7); 3]).collect();
+        let power =
+            |light: &Field| -> f64 { light.iter().zip(&balanced.area).map(|(e, area)| e[0] * area).sum() };
+        let ratio = power(&balanced.reflected(&light)) / (0.5 * power(&light));
+        assert!((ratio - 1.0).abs() < 1e-5, "{ratio}");
     }
 
     /// Rows of which six rays in ten leave the scene: their row sums are right on average.
@@ -313,64 +272,8 @@ mod tests {
             })
             .collect();
         let kept = met.iter().filter(|&&j| j != u32::MAX).count() as f64 / met.len() as f64;
-        let matrix = TransportMatrix::new(
-            &rows,
-            &met,
-            RowSums::Balanced,
-            &Ranks::default(),
-            &Deadline::start(&(), None),
-        );
+        let matrix = TransportMatrix::new(&rows, &met, RowSums::Balanced, &Ranks::default());
         let mean = matrix.rows().iter().sum::<f64>() / f64::from(n);
         assert!((mean / kept - 1.0).abs() < 3e-3, "{mean} instead of {kept}");
-    }
-
-    /// Rows of few rays of which some leave the scene and bring light: what they send is right on average only with the covariance of light and rays that
-    /// stay. The rays of a half are stratified, so that it is not that of independent rays, and rows have different densities.
-    #[test]
-    fn light_of_rays_that_leave_is_sent_in_full() {
-        for (escape, half) in
-            [([0.1; 2], [2u64, 2]), ([0.5; 2], [2, 3]), ([0.8; 2], [2, 8]), ([0.2, 0.8], [2, 2])]
-        {
-            let n = 8000u64;
-            // Half of what stays of the kind of rows that loses more goes to the other kind, and as much comes back.
-            let across = 0.5 * (1.0 - f64::max(escape[0], escape[1]));
-            let (mut met, mut brought, mut rows) = (Vec::new(), Vec::new(), Vec::new());
-            for i in 0..n {
-                let (half, escapes) = (half[(i % 2) as usize], escape[(i % 2) as usize]);
-                let crosses = across / (1.0 - escapes);
-                let mut gone = [0.0; 2];
-                for k in 0..2 * half {
-                    let [stays, which, kind, _] = numbers(i, k);
-                    let other = u64::from(f64::from(kind) < crosses);
-                    let to = 2 * (which * (n / 2) as f32) as u64 + (i + other) % 2;
-                    let stays = (f64::from(stays) + (k % half) as f64) / half as f64;
-                    gone[(k / half) as usize] += if stays < escapes { 1.0 / half as f64 } else { 0.0 };
-                    met.push(if stays < escapes { u32::MAX } else { to as u32 });
-                }
-                brought.push((0.5 * (gone[0] + gone[1]), -0.25 * (gone[0] - gone[1]).powi(2)));
-                rows.push(MatrixRow {
-                    area: 1.0,
-                    reflectance: [1.0; 3],
-                    end: met.len(),
-                    closed: false,
-                    escapes,
-                    apart: 0,
-                });
-            }
-            let deadline = Deadline::start(&(), None);
-            let matrix = TransportMatrix::new(&rows, &met, RowSums::Balanced, &Ranks::default(), &deadline);
-            let received = |part: f64| {
-                let light = |i: usize| {
-                    let (own, sum) = matrix.own_part(i);
-                    let more = if own > 0.0 { -brought[i].1 * own / sum } else { 0.0 };
-                    brought[i].0 + part * more
-                };
-                let sent: Field = (0..n as usize).map(|i| [light(i); 3]).collect();
-                matrix.reflected(&sent).into_iter().map(|e| e[0]).sum::<f64>()
-            };
-            let want: f64 = (0..n as usize).map(|i| (1.0 - escape[i % 2]) * brought[i].0).sum();
-            let [plain, full] = [0.0, 1.0].map(|part| received(part) / want);
-            assert!((full - 1.0).abs() < 0.012, "{escape:?} {half:?}: {plain} {full}");
-        }
     }
 }
