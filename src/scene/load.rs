@@ -109,7 +109,7 @@ fn check_gltf(path: &Path, options: &LoadOptions) -> Result<()> {
     let what = match () {
         () if options.curvature.is_some() => "the earth does not curve below glTF files: convert it to .obj",
         () if options.added.has_grid => {
-            "height fields have the upward axis z, glTF files y: convert it to .obj, or give the height field as the scene"
+            "height fields have the upward axis z, glTF files y: convert the glTF file to .obj"
         }
         () => return Ok(()),
     };

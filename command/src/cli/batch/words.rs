@@ -85,9 +85,15 @@ impl Grammar {
             }
             let is_path = arg.get_value_parser().type_id() == std::any::TypeId::of::<PathBuf>();
             let is_path = is_path && option.value != Value::Text("off".into());
+            // A sky is a short text or a file.
+            let is_sky_file = |text: &str| {
+                let ending = Path::new(text).extension().unwrap_or_default();
+                option.name == "sky"
+                    && ["toml", "exr", "hdr"].iter().any(|known| ending.eq_ignore_ascii_case(known))
+            };
             let mut value = |text: &str| -> String {
                 let (path, exists) = resolved(source, outputs, text);
-                if !is_path {
+                if !is_path && !is_sky_file(text) {
                     return text.into();
                 }
                 files.extend((exists && option.name != "cache").then(|| path.clone()));
@@ -285,6 +291,16 @@ mod tests {
         ] {
             assert!(found.contains(part), "{found} lacks {part}; {want}");
         }
+    }
+
+    #[test]
+    fn files_of_skies_lie_beside_the_job_file() {
+        let of = |sky: &str| {
+            lines(&format!("[[job]]\ncommand = 'solve'\nscene = 'a.obj'\noptions = {{ sky = '{sky}' }}"))
+        };
+        let found = of("sky.toml").expect_err("no such file").to_string();
+        assert!(found.contains("sky.toml") && found.contains("jobs.toml"), "{found}");
+        assert!(of("cie:12").expect("a line")[0].contains("--sky=cie:12"));
     }
 
     #[test]
