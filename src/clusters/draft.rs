@@ -55,13 +55,15 @@ impl Draft {
     pub fn group(&mut self, items: &[Item]) -> Item {
         let bounds = items.iter().fold(Aabb::EMPTY, |b, i| b.union(i.bounds));
         let faces = items.iter().map(|i| i.faces).reduce(one_leaf).flatten();
-        let members = items
-            .iter()
-            .flat_map(|item| match item.member {
-                Member::Cluster(c) if faces.is_some() => self.clusters[c as usize].members.clone(),
-                member => vec![member],
-            })
-            .collect();
+        let mut members = Vec::with_capacity(items.len());
+        for item in items {
+            match item.member {
+                Member::Cluster(c) if faces.is_some() => {
+                    members.extend_from_slice(&self.clusters[c as usize].members);
+                }
+                member => members.push(member),
+            }
+        }
         self.clusters.push(DraftCluster { bounds, members });
         Item {
             member: Member::Cluster(self.clusters.len() as u32 - 1),

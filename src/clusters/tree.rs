@@ -51,7 +51,7 @@ pub struct Tree {
 
 impl Tree {
     /// Lays out a draft in flat arrays. Boxes are set by [`Tree::fit`].
-    pub(super) fn arrange(draft: Draft) -> Tree {
+    pub(super) fn arrange(mut draft: Draft) -> Tree {
         let mut tree = Tree::default();
         let Some(root) = draft.clusters.len().checked_sub(1) else { return tree };
         // Boxes and ranges are set later, when the topology is known.
@@ -65,7 +65,8 @@ impl Tree {
         };
         tree.clusters.push(blank(0));
         // Members of each placed cluster, parallel to `tree.clusters`.
-        let mut contents: Vec<Vec<Member>> = vec![draft.clusters[root].members.clone()];
+        let mut members_of = |c: usize| std::mem::take(&mut draft.clusters[c].members);
+        let mut contents: Vec<Vec<Member>> = vec![members_of(root)];
         let mut next = 0;
         while next < contents.len() {
             let (mut faces, mut parts) = (Vec::new(), Vec::new());
@@ -78,12 +79,9 @@ impl Tree {
             if !parts.is_empty() {
                 tree.clusters[next].first_child = tree.clusters.len() as u32;
                 let stray = (!faces.is_empty()).then(|| std::mem::take(&mut faces));
-                let children = parts
-                    .into_iter()
-                    .map(|c| draft.clusters[c as usize].members.clone())
-                    .chain(stray)
-                    .collect::<Vec<_>>();
-                tree.clusters[next].children = children.len() as u32;
+                tree.clusters[next].children = (parts.len() + usize::from(stray.is_some())) as u32;
+                let children: Vec<Vec<Member>> =
+                    parts.into_iter().map(|c| members_of(c as usize)).chain(stray).collect();
                 for members in children {
                     tree.clusters.push(blank(next as u32));
                     contents.push(members);
