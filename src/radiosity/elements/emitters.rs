@@ -17,7 +17,7 @@ pub struct Emitter {
     pub width: f32,
 }
 
-/// All emitters of a scene.
+/// Emitters, and how faces of them are drawn.
 pub struct Emitters {
     /// In the order of the scene.
     pub emitters: Vec<Emitter>,
@@ -28,23 +28,21 @@ pub struct Emitters {
     /// Every lit face as (emitter, face) in the order of the tree, with the running sums of the faces' power over π.
     lit: Vec<(u32, u32)>,
     powers: Vec<f32>,
-    /// By side, the place of its face in that order; [`Elements::NONE`] for sides that do not emit.
-    place_of_side: Vec<u32>,
+    /// By number of a face, its place in that order; [`Elements::NONE`] for numbers without a face.
+    places: Vec<u32>,
 }
 
 impl Emitters {
-    /// The emitters of a scene, with the lit sides of their faces.
+    /// The emitters of a scene, with the lit sides of their faces, which have the numbers of the sides.
     pub fn new(scene: &Scene, elements: &Elements) -> Emitters {
         let mut emitters: Vec<Emitter> =
             scene.emitters.iter().map(|e| Emitter { faces: Vec::new(), width: e.min_width }).collect();
-        let mut lit: Vec<(u32, u32)> = Vec::new();
         let mut sides: Vec<(u32, u32, u32)> = Vec::new();
         for (s, side) in (0u32..).zip(&elements.sides).filter(|(_, s)| s.exitance.iter().any(|&m| m > 0.0)) {
             let element = &elements.elements[side.element as usize];
             let Shape::Surface { corners, .. } = element.shape else { continue };
             let emitter = scene.triangle_emitter[side.triangles[0] as usize];
             let faces = &mut emitters[emitter as usize].faces;
-            lit.push((emitter, faces.len() as u32));
             sides.push((emitter, faces.len() as u32, s));
             faces.push(EmitterFace {
                 corners,
@@ -57,6 +55,12 @@ impl Emitters {
                 profile: side.profile.clone(),
             });
         }
+        Emitters::of(emitters, sides, elements.sides.len())
+    }
+
+    /// Emitters, of whose faces `numbered` lists each as (emitter, face, number) with numbers below `count`.
+    pub fn of(emitters: Vec<Emitter>, numbered: Vec<(u32, u32, u32)>, count: usize) -> Emitters {
+        let mut lit: Vec<(u32, u32)> = numbered.iter().map(|&(e, k, _)| (e, k)).collect();
         let face = |(e, k): (u32, u32)| &emitters[e as usize].faces[k as usize];
         let tree =
             EmitterTree::build(&mut lit, &|f| face(f).corners, &|f| (face(f).normal, power_of(face(f))));
@@ -66,21 +70,21 @@ impl Emitters {
             power
         });
         let powers = powers.collect();
-        let mut place_of_side = vec![Elements::NONE; elements.sides.len()];
-        // By emitter and face the side, at the sum of the faces of earlier emitters.
+        let mut places = vec![Elements::NONE; count];
+        // By emitter and face the number, at the sum of the faces of earlier emitters.
         let mut starts = Vec::with_capacity(emitters.len());
         emitters.iter().fold(0, |start, e| {
             starts.push(start);
             start + e.faces.len()
         });
         let index = |e: u32, k: u32| starts[e as usize] + k as usize;
-        let mut side_of = vec![0; sides.len()];
-        sides.into_iter().for_each(|(e, k, side)| side_of[index(e, k)] = side);
+        let mut numbers = vec![0; numbered.len()];
+        numbered.into_iter().for_each(|(e, k, number)| numbers[index(e, k)] = number);
         for (place, &(e, k)) in (0u32..).zip(&lit) {
-            place_of_side[side_of[index(e, k)] as usize] = place;
+            places[numbers[index(e, k)] as usize] = place;
         }
         let width = emitters.iter().map(|e| e.width).fold(f32::MAX, f32::min);
-        Emitters { width, tree, lit, powers, place_of_side, emitters }
+        Emitters { width, tree, lit, powers, places, emitters }
     }
 
     /// Finds the groups of faces that a receiver draws from.
@@ -102,9 +106,9 @@ impl Emitters {
         self.tree.variation(receiver, area, limit)
     }
 
-    /// A point on an emitter for two numbers in `[0, 1)`, its face, and the density of the point on the face over the face's
+    /// A point on an emitter for two numbers in `[0, 1)`, the emitter and its face, and the density of the point on the face over the face's
     /// exitance (mean over the channels). None if no emitter can light the receiver.
-    pub fn sample(&self, cut: &Cut, u: f32, v: f32) -> Option<(Vec3, &EmitterFace, f32)> {
+    pub fn sample(&self, cut: &Cut, u: f32, v: f32) -> Option<(Vec3, [usize; 2], f32)> {
         let ([first, end], u, density) = self.tree.draw(cut, u)?;
         let (first, end) = (first as usize, end as usize);
         // The face of the group by power: the part of the running sums that belongs to the group.
@@ -116,13 +120,13 @@ impl Emitters {
         let own = (self.powers[f] - below).max(f32::MIN_POSITIVE);
         let u = ((target - below) / own).clamp(0.0, 1.0);
         let (e, k) = self.lit[f];
-        let face = &self.emitters[e as usize].faces[k as usize];
-        Some((point_on(&face.corners, u, v), face, density))
+        let [e, k] = [e as usize, k as usize];
+        Some((point_on(&self.emitters[e].faces[k].corners, u, v), [e, k], density))
     }
 
-    /// The density of [`Emitters::sample`] at a point of a side over the side's exitance.
-    pub fn density(&self, cut: &Cut, side: u32) -> f32 {
-        match self.place_of_side[side as usize] {
+    /// The density of [`Emitters::sample`] at a point of the face with a number over the face's exitance.
+    pub fn density(&self, cut: &Cut, number: u32) -> f32 {
+        match self.places[number as usize] {
             Elements::NONE => 0.0,
             place => self.tree.probability(cut, place),
         }

@@ -1,5 +1,6 @@
 //! Direct light at points: Lambert's formula times the visible part, from bundles of shadow rays.
 
+use super::bright_leaves::BrightLeaves;
 use super::gatherer::FinalGather;
 use crate::math::sampling::{mix, numbers, pick, point_on};
 use crate::radiosity::elements::emission_gain;
@@ -106,7 +107,17 @@ impl FinalGather<'_> {
 
     /// An emitter of the scene by its number; the next number is that of the bright leaves.
     pub(super) fn emitter(&self, number: usize) -> &Emitter {
-        self.emitters.emitters.get(number).unwrap_or(&self.bright.emitter)
+        let bright = || self.bright.as_ref().map(BrightLeaves::emitter);
+        self.emitters
+            .emitters
+            .get(number)
+            .or_else(bright)
+            .expect("bright leaves have a number if there are any")
+    }
+
+    /// Whether the light of a leaf is received by shadow rays.
+    pub(super) fn is_bright(&self, leaf: u32) -> bool {
+        self.bright.as_ref().is_some_and(|bright| bright.face_of(leaf).is_some())
     }
 
     /// Adds the light that bright leaves reflect to that of points, W/m².
@@ -116,7 +127,7 @@ impl FinalGather<'_> {
         values: &mut [Rgb],
         scratch: &mut Scratch,
     ) {
-        if self.bright.is_empty() {
+        if self.bright.is_none() {
             return;
         }
         let number = self.emitters.emitters.len();
@@ -234,12 +245,12 @@ impl FinalGather<'_> {
 
     /// What a place on a face sends over the mean of the face: bright leaves below an element that is sampled as a whole differ.
     fn level_at(&self, emitter: usize, face: usize, at: Vec3) -> f32 {
-        if emitter < self.emitters.emitters.len() {
+        let Some(bright) = self.bright.as_ref().filter(|_| emitter >= self.emitters.emitters.len()) else {
             return 1.0;
-        }
-        let leaf = self.lookup.leaf(self.bright.sides[face], at);
+        };
+        let leaf = self.lookup.leaf(bright.sides[face], at);
         mean(self.reflected[leaf as usize].map(f64::from)) as f32
-            / mean(self.bright.emitter.faces[face].exitance) as f32
+            / mean(bright.emitter().faces[face].exitance) as f32
     }
 }
 

@@ -2,9 +2,10 @@
 
 use super::element_samples::{ElementLight, REFLECTED, variance_of_quarters};
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
-use super::paths::weight;
+use super::paths::{EmitterRay, weight};
 use crate::math::sampling::{mix, point_on};
 use crate::radiosity::elements::emitter_tree::Cut;
+use crate::radiosity::elements::emitters::{Emitters, density_ratio};
 use crate::radiosity::elements::{Elements, Shape, Side, centres_of_quarters, mean_over};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
@@ -30,6 +31,8 @@ pub struct LeafRays {
 pub const HALVES: Range<u64> = 0..2;
 /// Those for the halves of its row of the exchange.
 pub const ROW_HALVES: Range<u64> = 2..4;
+/// Streams of an element: two halves.
+const STREAMS: u32 = 2;
 
 /// Rays of one parallel task: so many that packets are full, and so few that all threads have work to the end.
 const BATCH: usize = 1024;
@@ -53,7 +56,8 @@ impl FinalGather<'_> {
         let cuts = self.cuts_of(batch, buffers);
         let free: Vec<Option<Vec3>> =
             batch.iter().zip(&cuts).map(|(of, cut)| self.unblocked(of.leaf, cut)).collect();
-        let parts = self.trace_leaves(batch, HALVES, &cuts, &free, buffers);
+        let random = self.starts(batch, HALVES, buffers);
+        let parts = self.trace_leaves(batch, &random, &cuts, &free, buffers);
         buffers.cuts = cuts;
         let mut light = vec![ElementLight::default(); batch.len()];
         let mut first = 0;
@@ -86,39 +90,78 @@ impl FinalGather<'_> {
                 light.add_beyond(half, &buffers.quarters[beyond_range], beyond);
             }
         }
-        self.add_reflected(batch, &mut light, buffers);
+        let bright = self.light_of_bright_leaves(batch, &random, buffers);
+        self.add_reflected(batch, bright, &mut light, buffers);
         light
+    }
+
+    /// For each ray of `buffers.vertices` the light of bright leaves that it brings: by a shadow ray of its own to one of them, and the part with which the
+    /// light of one that the ray has met counts, by the balance heuristic; none if there are no bright leaves.
+    fn light_of_bright_leaves(
+        &self,
+        batch: &[LeafRays],
+        random: &[[f32; 4]],
+        buffers: &mut Buffers,
+    ) -> Option<Vec<(Vec3, f32)>> {
+        let bright = self.bright.as_ref()?;
+        let mut cuts = std::mem::take(&mut buffers.bright_cuts);
+        cuts.resize_with(batch.len().max(cuts.len()), Cut::default);
+        batch.iter().zip(&mut cuts).for_each(|(of, cut)| self.cut_of(&bright.emitters, of.leaf, cut));
+        let cut = |vertex: &PathVertex| &cuts[(vertex.path / STREAMS) as usize];
+        let light_of = |ray: &EmitterRay| {
+            let leaf = self.lookup.leaf(bright.sides[ray.face], ray.ends[1]);
+            let level = Vec3::from(bright.emitter().faces[ray.face].exitance.map(|m| m as f32));
+            ray.light.element_sum() / level.element_sum() * Vec3::from(self.reflected[leaf as usize])
+        };
+        let sent =
+            self.visible_parts(&bright.emitters, |vertex| (cut(vertex), false), light_of, random, buffers);
+        let met = |(vertex, found): (&PathVertex, &RayResult)| {
+            let met = &found.met;
+            let face = (met.side != Elements::NONE).then(|| bright.face_of(met.leaf)).flatten()?;
+            let sides = &self.linked.elements.sides;
+            let [own, other] = [vertex.side, met.side].map(|side| &sides[side as usize]);
+            let q = density_ratio(
+                (vertex.at, own.normal),
+                (met.at, other.normal),
+                own.end.rounding_of_heights(other.end),
+                bright.emitter().faces[face as usize].exitance,
+                bright.emitters.density(cut(vertex), face),
+            );
+            Some(weight(q))
+        };
+        let parts = buffers.vertices.iter().zip(&buffers.results).zip(sent);
+        let parts = parts.map(|(ray, (light, through))| (through * light, met(ray).unwrap_or(1.0))).collect();
+        buffers.bright_cuts = cuts;
+        Some(parts)
     }
 
     /// The groups of emitting faces for each leaf of a batch, in a list that belongs back into `buffers.cuts`.
     pub(super) fn cuts_of(&self, batch: &[LeafRays], buffers: &mut Buffers) -> Vec<Cut> {
         let mut cuts = std::mem::take(&mut buffers.cuts);
         cuts.resize_with(batch.len().max(cuts.len()), Cut::default);
-        batch.iter().zip(&mut cuts).for_each(|(of, cut)| self.cut_of(of.leaf, cut));
+        batch.iter().zip(&mut cuts).for_each(|(of, cut)| self.cut_of(&self.emitters, of.leaf, cut));
         cuts
     }
 
-    /// Traces the rays of a batch of leaves to `buffers.results`, in the order of leaves, streams and numbers. Returns for each its light
+    /// Traces the rays of a batch of leaves from `buffers.vertices` to `buffers.results`, in the order of leaves, streams and numbers. Returns for each its light
     /// from an emitter without blockers over the density, W/m², and the transmittance; where the light without blockers, `free`, is not
     /// known, it is added to the results with the weight of the balance heuristic.
     pub(super) fn trace_leaves(
         &self,
         batch: &[LeafRays],
-        streams: Range<u64>,
+        random: &[[f32; 4]],
         cuts: &[Cut],
         free: &[Option<Vec3>],
         buffers: &mut Buffers,
     ) -> Vec<(Vec3, f32)> {
-        let count = (streams.end - streams.start) as u32;
-        let random = self.starts(batch, streams, buffers);
         self.trace_scene_rays(&|i| random[i], buffers);
-        let leaf = |vertex: &PathVertex| (vertex.path / count) as usize;
+        let leaf = |vertex: &PathVertex| (vertex.path / STREAMS) as usize;
         self.read_hits(|_, vertex| free[leaf(vertex)].is_none().then_some(&cuts[leaf(vertex)]), buffers);
         let emitters = |vertex: &PathVertex| (&cuts[leaf(vertex)], free[leaf(vertex)].is_some());
-        let parts = self.visible_parts(emitters, &random, buffers);
+        let parts = self.visible_parts(&self.emitters, emitters, |ray| ray.light, random, buffers);
         self.add_suns(&|i| random[i], buffers);
         if self.has_environment() {
-            self.compare_with_open_sky(batch, count as usize, buffers);
+            self.compare_with_open_sky(batch, STREAMS as usize, buffers);
         }
         let Buffers { vertices, results, .. } = buffers;
         for ((vertex, result), part) in vertices.iter().zip(results).zip(&parts) {
@@ -131,7 +174,12 @@ impl FinalGather<'_> {
 
     /// Writes the points from which the rays of a batch start to `buffers.vertices`, with a path for each leaf and stream. Returns four
     /// random numbers in `[0, 1)` for each.
-    fn starts(&self, batch: &[LeafRays], streams: Range<u64>, buffers: &mut Buffers) -> Vec<[f32; 4]> {
+    pub(super) fn starts(
+        &self,
+        batch: &[LeafRays],
+        streams: Range<u64>,
+        buffers: &mut Buffers,
+    ) -> Vec<[f32; 4]> {
         let mut random = Vec::with_capacity(2 * BATCH);
         buffers.vertices.clear();
         buffers.quarters.clear();
@@ -196,12 +244,14 @@ impl FinalGather<'_> {
         Some(Vec3::from(sum.map(|s| s as f32)))
     }
 
-    /// For each ray of `buffers.vertices` to an emitter, its light without blockers over its density, W/m², and its transmittance.
-    /// `emitters` gives the emitters of a vertex and whether its light without blockers is known; if not, light has the weight of the
-    /// balance heuristic.
+    /// For each ray of `buffers.vertices` to one of some emitters, its light without blockers over its density, W/m², and its transmittance.
+    /// `cut_of` gives the cut for a vertex and whether its light without blockers is known; if not, light has the weight of the
+    /// balance heuristic. `light_of` gives the light of a ray.
     fn visible_parts<'c>(
         &self,
-        emitters: impl Fn(&PathVertex) -> (&'c Cut, bool),
+        emitters: &Emitters,
+        cut_of: impl Fn(&PathVertex) -> (&'c Cut, bool),
+        light_of: impl Fn(&EmitterRay) -> Vec3,
         random: &[[f32; 4]],
         buffers: &mut Buffers,
     ) -> Vec<(Vec3, f32)> {
@@ -213,13 +263,13 @@ impl FinalGather<'_> {
         let (mut packet, mut rays) = (Packet::EMPTY, [0usize; LANES]);
         let mut used = 0;
         for (i, vertex) in vertices.iter().enumerate() {
-            let (cut, free) = emitters(vertex);
-            if let Some(([from, to], rules, light)) =
-                self.emitter_ray(vertex, cut, if free { |q| q } else { weight }, random[i])
-            {
+            let (cut, free) = cut_of(vertex);
+            let ray = self.emitter_ray((emitters, cut), vertex, if free { |q| q } else { weight }, random[i]);
+            if let Some(ray) = ray {
+                let light = light_of(&ray);
                 // A sample at no distance from the element has no finite weight.
                 if light.is_finite() {
-                    packet.set_lifted(used, from, to, rules);
+                    packet.set_lifted(used, ray.ends[0], ray.ends[1], ray.rules);
                     parts[i].0 = light;
                     rays[used] = i;
                     used += 1;
@@ -229,7 +279,7 @@ impl FinalGather<'_> {
             let ends = next.is_none_or(|next| !mixes && next.leaf != vertex.leaf);
             if used == LANES || ends && used > 0 {
                 let feature_size = self.feature_size_of(vertex.leaf);
-                let query = VisibilityQuery { packet, emitter_size: self.emitters.width, feature_size };
+                let query = VisibilityQuery { packet, emitter_size: emitters.width, feature_size };
                 let through = engine.transmittances(&query, scratch);
                 rays[..used].iter().zip(through).for_each(|(&i, through)| parts[i].1 = through);
                 (packet, used) = (Packet::EMPTY, 0);
@@ -238,8 +288,15 @@ impl FinalGather<'_> {
         parts
     }
 
-    /// Adds the light of the elements that the rays in `buffers.results` met; rays that ended too near go on as paths.
-    fn add_reflected(&self, batch: &[LeafRays], light: &mut [ElementLight], buffers: &mut Buffers) {
+    /// Adds the light of the elements that the rays in `buffers.results` met; rays that ended too near go on as paths. `bright` is
+    /// [`FinalGather::light_of_bright_leaves`].
+    fn add_reflected(
+        &self,
+        batch: &[LeafRays],
+        bright: Option<Vec<(Vec3, f32)>>,
+        light: &mut [ElementLight],
+        buffers: &mut Buffers,
+    ) {
         // By half of a leaf, the sum of the light of its rays and of the squares of their mean over the channels.
         let mut sums = vec![(Vec3::ZERO, 0.0); 2 * batch.len()];
         let mut add_to = |half: u32, value: Vec3| {
@@ -247,16 +304,18 @@ impl FinalGather<'_> {
             *sum = (sum.0 + value, sum.1 + (value.element_sum() / 3.0).powi(2));
         };
         let (mut near, mut halves) = (Vec::new(), Vec::new());
-        for (vertex, found) in buffers.vertices.iter().zip(&buffers.results) {
+        for (i, (vertex, found)) in buffers.vertices.iter().zip(&buffers.results).enumerate() {
+            let (of_bright, part) = bright.as_ref().map_or((Vec3::ZERO, 1.0), |bright| bright[i]);
+            let other = found.sky + of_bright;
             if found.met.side == Elements::NONE {
-                add_to(vertex.path, found.sky);
+                add_to(vertex.path, other);
                 continue;
             }
             match self.reflected_or_next(found.met, found.distance, near.len() as u32) {
-                Ok(value) => add_to(vertex.path, found.sky + value),
+                Ok(value) => add_to(vertex.path, other + part * value),
                 Err(next) => {
-                    near.push(next);
-                    halves.push((vertex.path, found.sky));
+                    near.push(PathVertex { share: part * next.share, ..next });
+                    halves.push((vertex.path, other));
                 }
             }
         }
@@ -264,8 +323,8 @@ impl FinalGather<'_> {
         let mut followed: Vec<Rgb> = vec![[0.0; 3]; halves.len()];
         let seed = batch.first().map_or(0, |of| mix(u64::from(of.leaf)));
         self.follow(self.linked.settings.seed ^ seed, false, &mut followed, buffers);
-        for ((half, sky), value) in halves.into_iter().zip(followed) {
-            add_to(half, sky + Vec3::from(value.map(|v| v as f32)));
+        for ((half, other), value) in halves.into_iter().zip(followed) {
+            add_to(half, other + Vec3::from(value.map(|v| v as f32)));
         }
         for (light, sums) in light.iter_mut().zip(sums.chunks_exact(2)) {
             let half = light.rays as f32;

@@ -1,6 +1,6 @@
 //! Gathers light by rays from a scene whose elements have light.
 
-use super::bright_leaves::BrightLeaves;
+use super::bright_leaves::{BRIGHT, BRIGHT_FOR_ELEMENTS, BrightLeaves};
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
 use crate::math::on_plane;
@@ -49,8 +49,8 @@ pub struct FinalGather<'a> {
     pub(super) of_elements: OnceLock<VisibilityEngine>,
     /// Reflected radiosity by element, W/m².
     pub(super) reflected: Vec<[f32; 3]>,
-    /// Small bright surfaces that reflected light comes from.
-    pub(super) bright: BrightLeaves,
+    /// Small bright surfaces that reflected light comes from, if they would cause noise.
+    pub(super) bright: Option<BrightLeaves>,
     /// Low-discrepancy numbers for shadow rays.
     pub(super) table: Vec<[f32; 2]>,
     /// Shadow rays from a point to an emitter that is partly visible.
@@ -126,6 +126,8 @@ pub struct Buffers {
     pub(super) results: Vec<RayResult>,
     /// By element of a batch, the groups of emitting faces from which its emitter rays are drawn.
     pub(super) cuts: Vec<Cut>,
+    /// The same for bright leaves.
+    pub(super) bright_cuts: Vec<Cut>,
     /// By vertex of the rays of elements, the quarter of the element that it lies on.
     pub(super) quarters: Vec<u8>,
 }
@@ -153,8 +155,8 @@ impl<'a> FinalGather<'a> {
             });
         let reflected: Vec<[f32; 3]> = reflected.collect();
         let bright = match options.direct_only {
-            true => BrightLeaves::default(),
-            false => BrightLeaves::of(linked, &reflected, (gathered, options.error)),
+            true => None,
+            false => BrightLeaves::of(linked, &reflected, BRIGHT, (gathered, options.error)),
         };
         FinalGather {
             model,
@@ -181,6 +183,14 @@ impl<'a> FinalGather<'a> {
             length: scene.ray_length(),
             ranks: model.ranks().clone(),
         }
+    }
+
+    /// The same for elements, which gather from more bright leaves than points by shadow rays.
+    pub fn for_elements(model: &'a Model, linked: &'a LinkedScene, options: &Options) -> FinalGather<'a> {
+        let gather = FinalGather::new(model, linked, options);
+        let (rays, error) = (options.gather_rays(), options.error);
+        let bright = BrightLeaves::of(linked, &gather.reflected, BRIGHT_FOR_ELEMENTS, (rays, error));
+        FinalGather { bright: bright.filter(|_| !options.direct_only), ..gather }
     }
 
     /// The scene that is gathered from.
@@ -212,14 +222,14 @@ impl<'a> FinalGather<'a> {
         if elements.large_from > 0 { elements.elements[element as usize].radius } else { 0.0 }
     }
 
-    /// Finds the groups of emitting faces that an element draws from.
-    pub(super) fn cut_of(&self, leaf: u32, cut: &mut Cut) {
+    /// Finds the groups of faces of emitters that an element draws from.
+    pub(super) fn cut_of(&self, emitters: &Emitters, leaf: u32, cut: &mut Cut) {
         let element = &self.linked.elements.elements[leaf as usize];
         if let Shape::Surface { side, corners } = element.shape {
             let normal = self.linked.elements.sides[side as usize].normal;
             let centre = element.centre;
             let radius = corners.iter().map(|c| (*c - centre).length()).fold(0.0, f32::max);
-            self.emitters.cut(&Receiver { centre, radius, normal }, cut);
+            emitters.cut(&Receiver { centre, radius, normal }, cut);
         }
     }
 

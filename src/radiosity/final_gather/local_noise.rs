@@ -1,5 +1,6 @@
 //! Standard errors of the local pass, from the spread of its rays.
 
+use super::bright_leaves::BRIGHT_FOR_ELEMENTS;
 use super::ray_rows::{RayRow, RayRows};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::rgb::{Rgb, mean};
@@ -46,12 +47,14 @@ pub fn assign_noise(
     let all: f64 = rows.rows.iter().map(area).sum();
     let level: f64 = rows.rows.iter().zip(&brightness).map(|(r, b)| area(r) * b).sum();
     let level = level / all.max(f64::MIN_POSITIVE);
+    // Elements gather the light of brighter leaves by shadow rays.
+    let seen: Vec<f64> = brightness.iter().map(|b| b.min(BRIGHT_FOR_ELEMENTS * level)).collect();
     let spreads: Vec<RowSpread> = (0..rows.rows.len())
         .into_par_iter()
         .with_min_len(CHUNK)
         .map(|i| {
             let row = &rows.rows[i];
-            let others = transport.form_factors(i).map(|(j, f)| (f, brightness[j as usize]));
+            let others = transport.form_factors(i).map(|(j, f)| (f, seen[j as usize]));
             RowSpread::new(row, f64::from(row.rays), others)
         })
         .collect();

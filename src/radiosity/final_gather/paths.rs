@@ -4,7 +4,7 @@ use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
-use crate::radiosity::elements::emitters::density_ratio;
+use crate::radiosity::elements::emitters::{Emitters, density_ratio};
 use crate::radiosity::elements::{Elements, Side, emission_gain};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
@@ -16,6 +16,17 @@ use glam::Vec3;
 const MAX_BOUNCES: u64 = 256;
 /// Bounce from which Russian roulette may end a path (Arvo and Kirk 1990): affects noise and time, not the mean.
 const FIRST_ROULETTE_BOUNCE: u64 = 3;
+
+/// A shadow ray to a point on an emitter.
+pub(super) struct EmitterRay {
+    /// Its ends, above the surfaces.
+    pub ends: [Vec3; 2],
+    pub rules: [EndRule; 2],
+    /// Irradiance that it carries if nothing blocks it, W/m².
+    pub light: Vec3,
+    /// The face of the emitter.
+    pub face: usize,
+}
 
 impl FinalGather<'_> {
     /// Whether the mean light of an element may stand for the light at a point on it: if the point is seen from further away than
@@ -37,10 +48,11 @@ impl FinalGather<'_> {
         for (g, group) in vertices.chunks(LANES).enumerate() {
             let (mut packet, mut light) = (Packet::EMPTY, [Vec3::ZERO; LANES]);
             for (lane, vertex) in group.iter().enumerate() {
-                let ray = self.emitter_ray(vertex, &cuts[g * LANES + lane], weight, random(g * LANES + lane));
-                if let Some(([from, to], rules, of_ray)) = ray {
-                    packet.set_lifted(lane, from, to, rules);
-                    light[lane] = of_ray;
+                let i = g * LANES + lane;
+                let ray = self.emitter_ray((&self.emitters, &cuts[i]), vertex, weight, random(i));
+                if let Some(ray) = ray {
+                    packet.set_lifted(lane, ray.ends[0], ray.ends[1], ray.rules);
+                    light[lane] = ray.light;
                 }
             }
             if packet.is_empty() {
@@ -102,8 +114,7 @@ impl FinalGather<'_> {
         hits.clear();
         hits.resize(packets.len(), Hits::NONE);
         self.traced.first_hits(self.traversal, packets, hits);
-        scratch.tally.segments += vertices.len() as u64;
-        scratch.tally.exact_rays += vertices.len() as u64;
+        scratch.tally.add_rays(vertices.len());
     }
 
     /// What a ray from a vertex has found. Light of an emitter that the ray met has the weight q / (1 + q) of the balance
@@ -144,15 +155,16 @@ impl FinalGather<'_> {
         result
     }
 
-    /// A shadow ray from a vertex to a point on an emitter: its ends with their rules, and the irradiance that it carries if nothing blocks it, W/m².
+    /// A shadow ray from a vertex to a point on one of some emitters, drawn from a cut.
     pub(super) fn emitter_ray(
         &self,
+        (emitters, cut): (&Emitters, &Cut),
         vertex: &PathVertex,
-        cut: &Cut,
         weight: impl Fn(f32) -> f32,
         [.., u, v]: [f32; 4],
-    ) -> Option<([Vec3; 2], [EndRule; 2], Vec3)> {
-        let (at, face, density) = self.emitters.sample(cut, u, v)?;
+    ) -> Option<EmitterRay> {
+        let (at, [emitter, number], density) = emitters.sample(cut, u, v)?;
+        let face = &emitters.emitters[emitter].faces[number];
         let Side { normal, end, .. } = self.linked.elements.sides[vertex.side as usize];
         let own = (vertex.at, normal);
         let rounding = end.rounding_of_heights(face.end);
@@ -163,7 +175,8 @@ impl FinalGather<'_> {
         let rules = [end, face.end.seen_from(end)];
         let gain = emission_gain(face.profile.as_deref(), at, face.normal, vertex.at);
         let light = gain * weight(q) * to_vec(face.exitance);
-        Some(([rules[0].lifted(own.0, own.1), rules[1].lifted(at, face.normal)], rules, light))
+        let ends = [rules[0].lifted(own.0, own.1), rules[1].lifted(at, face.normal)];
+        Some(EmitterRay { ends, rules, light, face: number })
     }
 
     /// Adds the light that reaches the path starts through all of `buffers.vertices` to the sums of their paths: direct light at each vertex, and the light

@@ -133,7 +133,8 @@ impl RayRows {
 
     fn trace_batch(&mut self, gather: &FinalGather, batch: &[LeafRays], buffers: &mut Buffers) {
         let cuts = gather.cuts_of(batch, buffers);
-        gather.trace_leaves(batch, ROW_HALVES, &cuts, &vec![None; batch.len()], buffers);
+        let random = gather.starts(batch, ROW_HALVES, buffers);
+        gather.trace_leaves(batch, &random, &cuts, &vec![None; batch.len()], buffers);
         buffers.cuts = cuts;
         let seed = batch.first().map_or(0, |of| mix(!u64::from(of.leaf)));
         let paths = gather.light_of_paths_onwards(seed, buffers);

@@ -35,6 +35,12 @@ pub struct Tally {
 }
 
 impl Tally {
+    /// Adds rays that are no answers of an engine.
+    pub fn add_rays(&mut self, rays: usize) {
+        self.segments += rays as u64;
+        self.exact_rays += rays as u64;
+    }
+
     /// Adds another tally.
     pub fn add(&mut self, other: Tally) {
         self.clear += other.clear;

@@ -42,3 +42,25 @@ fn few_rays_leave_no_more_light_in_a_shade_than_there_is() {
     }
     assert!((ratio - 1.0).abs() < 0.04, "{ratio}");
 }
+
+/// A lamp two centimetres below the ceiling, facing it: most rays of elements miss the bright spot, which sends nearly all light of the room. Without shadow
+/// rays to it the elements of the middle of the floor deviate by half of their mean and more.
+#[test]
+fn elements_have_the_light_of_a_bright_spot() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("room", 0.6).room(DVec3::ZERO, DVec3::new(4.0, 6.0, 3.0));
+    pieces.glowing("lamp", 1000.0).polygon(&facing_up([1.8, 2.2], [2.8, 3.2], 2.98));
+    let options = Options { error: 0.1, audit: 0, ..Options::default() };
+    let Outcome { mesh, record, .. } = solved(&pieces.scene(), &[], &options);
+    let centre = |e: &Element| e.corners.map(|v| mesh.vertices[v as usize].as_dvec3() + mesh.origin);
+    let in_middle = |e: &&Element| {
+        centre(e).iter().all(|p| p.z == 0.0 && (p.x - 2.0).abs() < 0.7 && (p.y - 3.0).abs() < 0.7)
+    };
+    let sum = |of: &dyn Fn(f64) -> f64| -> f64 {
+        mesh.elements.iter().filter(in_middle).map(|e| e.area * of(e.irradiance[0])).sum()
+    };
+    let (area, light, squares) = (sum(&|_| 1.0), sum(&|e| e), sum(&|e| e * e));
+    let deviation = (squares * area / (light * light) - 1.0).sqrt();
+    assert!(area > 1.0 && deviation < 0.4, "{area} {deviation}");
+    assert!(record.ledger.created.abs() < 5e-3 * record.ledger.emitted, "{:?}", record.ledger);
+}
