@@ -169,7 +169,12 @@ fn at_outlines(
     let means = |values: &[[f64; 3]]| -> Option<Vec<Vec<[f64; 3]>>> {
         let of = |(e, outline): (usize, &Vec<u32>)| {
             go_on()?;
-            Some(outline.iter().map(|&v| mean(solution, values, normals, normals[e], around.of(v))).collect())
+            Some(
+                outline
+                    .iter()
+                    .map(|&v| mean(solution, values, normals, (e as u32, v), around.of(v)))
+                    .collect(),
+            )
         };
         outlines.par_iter().enumerate().map(of).collect()
     };
@@ -237,17 +242,38 @@ fn centroid(values: &[[f32; 3]]) -> [f32; 3] {
     std::array::from_fn(|c| values.iter().map(|v| v[c]).sum::<f32>() / values.len() as f32)
 }
 
-/// Mean of the values of the elements that face along `normal`, weighted by the distance of their centres. Elements that other surfaces
-/// stand across, and sides that no light reaches, count only beside no others.
+/// Whether a wall along an edge of the first element that has the vertex lies between it and the second.
+fn is_beyond_wall(solution: &RadiosityMesh, [a, b]: [u32; 2], vertex: u32, normal: Vec3) -> bool {
+    let [a, b] = [a, b].map(|e| &solution.elements[e as usize]);
+    if a.walls == 0 {
+        return false;
+    }
+    let place = |v: u32| solution.vertices[v as usize];
+    let corners = &a.corners[..if a.is_triangle() { 3 } else { 4 }];
+    let middle = b.corners.iter().map(|&v| place(v)).sum::<Vec3>() / 4.0;
+    let at = place(vertex);
+    (0..corners.len()).filter(|k| a.walls >> k & 1 != 0).any(|k| {
+        let (from, to) = (place(corners[k]), place(corners[(k + 1) % corners.len()]));
+        // The vertex is an end of the edge or in its middle, and the element lies on the left of it.
+        let is_on = at.distance(from) + at.distance(to) <= (1.0 + 1e-5) * from.distance(to);
+        is_on && (to - from).cross(middle - from).dot(normal) < 0.0
+    })
+}
+
+/// Mean at a vertex of an element of the values of the elements around the vertex that face along its normal, weighted by the distance of their centres.
+/// Elements that other surfaces stand across, and sides that no light reaches, count only beside no others, and those beyond a wall not at all.
 fn mean(
     solution: &RadiosityMesh,
     values: &[[f64; 3]],
     normals: &[Vec3],
-    normal: Vec3,
+    (element, vertex): (u32, u32),
     around: &[u32],
 ) -> [f64; 3] {
     let (mut sum, mut weights) = ([0.0; 3], 0.0);
-    let faces = |e: u32| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE;
+    let normal = normals[element as usize];
+    let beyond = |a: u32, b: u32| is_beyond_wall(solution, [a, b], vertex, normal);
+    let joins = |e: u32| e == element || !beyond(element, e) && !beyond(e, element);
+    let faces = |e: u32| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE && joins(e);
     let counts = |e: u32| !solution.elements[e as usize].crossed && (e as usize) < solution.lit();
     let only_others = !around.iter().any(|&e| faces(e) && counts(e));
     for &e in around.iter().filter(|&&e| faces(e) && (counts(e) || only_others)) {

@@ -53,6 +53,7 @@ pub(super) fn evenly_lit(scene: &Scene) -> RadiosityMesh {
                 material: 0,
                 front,
                 crossed: false,
+                walls: 0,
             });
         }
     }

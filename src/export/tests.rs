@@ -28,6 +28,7 @@ fn grey(corners: [u32; 4], irradiance: f64, area: f64, triangle: u32) -> Element
         material: 0,
         front: true,
         crossed: false,
+        walls: 0,
     }
 }
 

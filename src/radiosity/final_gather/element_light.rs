@@ -9,7 +9,7 @@ use super::element_rays::{LeafRays, batches};
 use super::element_samples::{DIRECT, ElementLight, REFLECTED};
 use super::gatherer::{Buffers, FinalGather};
 use super::local_pass::LocalPass;
-use super::neighbours::Place;
+use super::neighbours::{Place, Walls};
 use super::ray_counts::NEEDED_SHARE;
 use super::sharing::{SharedLight, share};
 use crate::radiosity::deadline::Deadline;
@@ -195,7 +195,8 @@ impl FinalGather<'_> {
         let areas: Vec<f64> = whole.iter().map(|&i| areas[i]).collect();
         let sides: Vec<u32> = whole.iter().map(|&i| self.side_of(leaves[i])).collect();
         let needed = NEEDED_SHARE * self.error;
-        let shared = share(&places, (&sides, &areas), &of_whole, needed, &self.ranks, deadline);
+        let walls = self.walls_at(&whole.iter().map(|&i| leaves[i]).collect::<Vec<u32>>());
+        let shared = share((&places, &walls), (&sides, &areas), &of_whole, needed, &self.ranks, deadline);
         let own = alone.iter().map(|&i| {
             let noise = f64::from(local.results[leaves[i] as usize].noise);
             let own = SharedLight::alone(&light[i]);
@@ -245,6 +246,22 @@ impl FinalGather<'_> {
             Shape::Surface { side, .. } => side,
             Shape::Cluster(_) => unreachable!("leaves are surfaces"),
         }
+    }
+
+    /// The edges of leaves along which other surfaces stand, by place in the list.
+    fn walls_at(&self, leaves: &[u32]) -> Walls {
+        let edges = |(place, &bits): (u32, &u8)| {
+            let Shape::Surface { corners, .. } =
+                self.linked.elements.elements[leaves[place as usize] as usize].shape
+            else {
+                unreachable!("leaves are surfaces")
+            };
+            let count = if corners[2] == corners[3] { 3 } else { 4 };
+            let edge = |k: usize| [corners[k], corners[(k + 1) % count]];
+            (place, (0..count).filter(|k| bits >> k & 1 != 0).map(edge).collect())
+        };
+        let walls = self.linked.walls_along(&self.linked.engine.exact(), leaves);
+        (0..).zip(&walls).filter(|(_, bits)| **bits != 0).map(edges).collect()
     }
 
     fn place_of(&self, leaf: u32) -> Place {

@@ -7,7 +7,7 @@
 
 use super::element_samples::{ElementLight, KINDS};
 use super::kept_power::{SharedKinds, keep_power};
-use super::neighbours::{Neighbourhood, Place, Search};
+use super::neighbours::{Neighbourhood, Place, Search, Walls, in_sight};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::rgb::Rgb;
 use crate::ranks::Ranks;
@@ -74,7 +74,7 @@ struct Comparison {
 /// a surface that each element lies on, and its area. Elements whose own rays leave less noise than the part `needed` of their light, and of all
 /// light on the mean, keep theirs. All elements together receive as much as by their own rays.
 pub fn share(
-    places: &[Place],
+    (places, walls): (&[Place], &Walls),
     (sides, areas): (&[u32], &[f64]),
     light: &[ElementLight],
     needed: f64,
@@ -93,11 +93,13 @@ pub fn share(
         SharedLight::alone(&light[i]).error >= needed * needed
     };
     let rows = ranks.rows(places.len());
-    let made = rows.numbers().with_min_len(256).map_init(Search::default, |search, i| {
+    let buffers = <(Search, Vec<(f32, u32)>)>::default;
+    let made = rows.numbers().with_min_len(256).map_init(buffers, |(search, kept), i| {
         let own = [(0.0, i as u32)];
         let found = match &around {
             Some(around) if is_noisy(i) && !deadline.late() => {
-                around.nearest(i as u32, WINDOWS[WINDOWS.len() - 1], search)
+                let found = around.nearest(i as u32, WINDOWS[WINDOWS.len() - 1], search);
+                in_sight((places, walls), i as u32, found, kept)
             }
             _ => &own,
         };
@@ -315,6 +317,10 @@ mod tests {
     }
 
     fn shared_on_one_side(places: &[Place], light: &[ElementLight]) -> Vec<SharedLight> {
+        shared_beside((places, &Walls::default()), light)
+    }
+
+    fn shared_beside(places: (&[Place], &Walls), light: &[ElementLight]) -> Vec<SharedLight> {
         let sides = (&[0; 1600][..], &[1.0; 1600][..]);
         share(places, sides, light, 0.0, &Ranks::default(), &Deadline::start(&(), None))
     }
@@ -360,6 +366,26 @@ mod tests {
                 truth[k]
             );
         }
+    }
+
+    /// A wall between the columns 19 and 20 of elements: the light behind it, a tenth less, stays apart from that before it, in noise of .3.
+    #[test]
+    fn nothing_is_shared_across_a_wall() {
+        let (places, light, _) = floor(|x, _| if x < 20.0 { 1.0 } else { 0.9 }, 0.3);
+        let before = |place: &&Place| place.centre.x == 19.0;
+        let edge = |place: &Place| [-0.5, 0.5].map(|y| Vec3::new(19.5, place.centre.y + y, 0.0));
+        let walls: Walls =
+            (0..).zip(&places).filter(|(_, p)| before(p)).map(|(k, p)| (k, vec![edge(p)])).collect();
+        let step = |shared: &[SharedLight]| {
+            let of = |x: f32| {
+                let column = places.iter().zip(shared).filter(|(p, _)| p.centre.x == x);
+                column.map(|(_, light)| light.irradiance[0]).sum::<f64>() / 40.0
+            };
+            of(19.0) - of(20.0)
+        };
+        let shared = |walls| step(&shared_beside((&places, walls), &light));
+        let [with, without] = [&walls, &Walls::default()].map(shared);
+        assert!((with - 0.1).abs() < 0.05 && without < 0.06, "{with} {without}");
     }
 
     #[test]

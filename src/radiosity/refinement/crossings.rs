@@ -63,6 +63,15 @@ impl LinkedScene {
         found.into_iter().for_each(|e| self.elements.states[e as usize].crossed = true);
     }
 
+    /// For some leaves, the edges along which other surfaces stand, by bit: segments across their middles are blocked. Known of parts of large surfaces.
+    pub fn walls_along(&self, exact: &Exact, leaves: &[u32]) -> Vec<u8> {
+        let parts = large_parts(&self.elements, leaves);
+        let mut walls =
+            parts.iter().copied().zip(blocked(&self.elements, exact, &parts, set_across)).peekable();
+        let of = |leaf: &u32| walls.next_if(|(part, _)| part == leaf).map_or(0, |(_, edges)| edges as u8);
+        leaves.iter().map(of).collect()
+    }
+
     /// The number of leaves of large surfaces across which other surfaces stand.
     pub fn count_crossed(&self, exact: &Exact) -> usize {
         crossed(&self.elements, exact, &self.leaves()).len()
@@ -77,37 +86,68 @@ fn area(elements: &Elements, e: u32) -> f64 {
 /// The parts of large surfaces among some leaves across which other surfaces stand (segments along their edges are blocked), or that others cover
 /// in part.
 fn crossed(elements: &Elements, exact: &Exact, leaves: &[u32]) -> Vec<u32> {
+    let parts = large_parts(elements, leaves);
+    let crossed = blocked(elements, exact, &parts, set_edges);
+    let covered = covered_quarters(elements, exact, &parts);
+    let in_part = |quarters: u32| quarters != 0 && quarters != ALL;
+    let found = parts.into_iter().zip(crossed.into_iter().zip(covered));
+    found.filter(|(_, (edges, quarters))| *edges != 0 || in_part(*quarters)).map(|(e, _)| e).collect()
+}
+
+/// The parts of large surfaces among some leaves.
+fn large_parts(elements: &Elements, leaves: &[u32]) -> Vec<u32> {
     let large = |e: &&u32| {
         let element = &elements.elements[**e as usize];
         matches!(element.shape, Shape::Surface { side, .. } if side >= elements.large_from && element.level > 0)
     };
-    let parts: Vec<u32> = leaves.iter().filter(large).copied().collect();
+    leaves.iter().filter(large).copied().collect()
+}
+
+/// By element, which of the segments are blocked that `set` puts in up to four lanes of a packet from one on.
+fn blocked(
+    elements: &Elements,
+    exact: &Exact,
+    parts: &[u32],
+    set: impl Fn(&mut Packet, usize, &[Vec3; 4], &Side) + Sync,
+) -> Vec<u32> {
     let of_chunk = |parts: &[u32]| {
         let mut packet = Packet::EMPTY;
         for (k, &e) in parts.iter().enumerate() {
             let Shape::Surface { side, corners } = elements.elements[e as usize].shape else { continue };
-            set_edges(&mut packet, 4 * k, &corners, &elements.sides[side as usize]);
+            set(&mut packet, 4 * k, &corners, &elements.sides[side as usize]);
         }
         let mut blocked = [0];
         exact.occluded(std::slice::from_ref(&packet), &mut blocked);
         let [blocked] = blocked;
-        (0..parts.len()).map(move |k| blocked >> (4 * k) & ALL != 0)
+        (0..parts.len()).map(move |k| u32::from(blocked >> (4 * k)) & ALL)
     };
-    let crossed = parts.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect::<Vec<bool>>();
-    let covered = covered_quarters(elements, exact, &parts);
-    let in_part = |quarters: u32| quarters != 0 && quarters != ALL;
-    let found = parts.into_iter().zip(crossed.into_iter().zip(covered));
-    found.filter(|(_, (crossed, quarters))| *crossed || in_part(*quarters)).map(|(e, _)| e).collect()
+    parts.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect()
 }
 
 /// Sets lanes from `first` on to segments above the edges of an element, a little within it.
 fn set_edges(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side) {
-    let count = if corners[2] == corners[3] { 3 } else { 4 };
-    let middle = corners[..count].iter().sum::<Vec3>() / count as f32;
-    let diameter = 2.0 * corners.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
-    let above = middle + side.end.height().max(INSET * diameter) * side.normal;
-    let inner = |k: usize| above + (1.0 - 2.0 * INSET) * (corners[k % count] - middle);
+    let (count, middle, above) = frame(corners, side);
+    let inner = |k: usize| middle + above + (1.0 - 2.0 * INSET) * (corners[k % count] - middle);
     for k in 0..count {
         packet.set_between(first + k, inner(k), inner(k + 1), [0.0, 1.0]);
     }
+}
+
+/// Sets lanes from `first` on to segments across the middles of the edges of an element, a little longer than the space between it and those of
+/// [`set_edges`].
+fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side) {
+    let (count, middle, above) = frame(corners, side);
+    for k in 0..count {
+        let edge = 0.5 * (corners[k] + corners[(k + 1) % count]);
+        let inwards = 4.0 * INSET * (middle - edge);
+        packet.set_between(first + k, edge + above + inwards, edge + above - inwards, [0.0, 1.0]);
+    }
+}
+
+/// The number of corners of an element, their mean, and the offset of segments from its plane.
+fn frame(corners: &[Vec3; 4], side: &Side) -> (usize, Vec3, Vec3) {
+    let count = if corners[2] == corners[3] { 3 } else { 4 };
+    let middle = corners[..count].iter().sum::<Vec3>() / count as f32;
+    let diameter = 2.0 * corners.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
+    (count, middle, side.end.height().max(INSET * diameter) * side.normal)
 }
