@@ -84,3 +84,32 @@ pub fn cosine_direction(normal: Vec3, u: f32, v: f32) -> Vec3 {
     let (sin, cos) = angle.sin_cos();
     (radius * cos * x + radius * sin * y + (1.0 - radius * radius).max(0.0).sqrt() * normal).normalize()
 }
+
+/// The point of the unit square for which [`cosine_direction`] about +z gives a unit direction above the horizon.
+pub fn square_of_direction(direction: Vec3) -> [f32; 2] {
+    let [x, y, _] = direction.to_array();
+    let radius = x.hypot(y);
+    let share = |a: f32, b: f32| if b == 0.0 { 0.0 } else { (a / b).atan() / std::f32::consts::FRAC_PI_4 };
+    let (a, b) = if x.abs() > y.abs() {
+        let a = radius.copysign(x);
+        (a, a * share(y, x))
+    } else {
+        let b = radius.copysign(y);
+        (b * share(x, y), b)
+    };
+    [a, b].map(|v| (0.5 * v + 0.5).clamp(0.0, 1.0f32.next_down()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_have_their_place_in_the_square() {
+        for k in 0..1000 {
+            let [u, v, ..] = numbers(3, k);
+            let [a, b] = square_of_direction(cosine_direction(Vec3::Z, u, v));
+            assert!((a - u).abs() < 1e-4 && (b - v).abs() < 1e-4, "{u} {v}: {a} {b}");
+        }
+    }
+}

@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3};
 
 /// Largest number of halvings of a cell: of 1,024 cells, edges are then known to a 64th of a cell.
 const MAX_LEVEL: u32 = 6;
-/// Rays of a point at which cells are not divided any more: leaves are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and
+/// Rays in divided cells of a point at which no more are divided, but for a grid that is made finer as a whole: leaves are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and
 /// roofs need some hundreds.
 const MAX_RAYS: usize = 1 << 13;
 /// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices for the rim of
@@ -46,6 +46,12 @@ struct Hemisphere {
 }
 
 impl Hemisphere {
+    /// The cells of the undivided grid, row after row.
+    fn places(&self) -> Vec<[u32; 2]> {
+        let [columns, rows] = self.size.map(|n| n as u32);
+        (0..rows).flat_map(|j| (0..columns).map(move |i| [i, j])).collect()
+    }
+
     /// The direction at a place of the grid's square, given in cells of a level.
     fn direction(&self, level: u32, [u, v]: [f32; 2]) -> Vec3 {
         let [x, y, z] = self.frame;
@@ -61,26 +67,27 @@ impl FinalGather<'_> {
     /// need not be known as well as in a shadow.
     pub(super) fn irradiance_of_rays(&self, point: &GatherPoint, known: f64, buffers: &mut Buffers) -> Rgb {
         let hemisphere = self.hemisphere_of(point);
-        let [columns, rows] = hemisphere.size;
-        let whole: Vec<[u32; 2]> =
-            (0..rows as u32).flat_map(|j| (0..columns as u32).map(move |i| [i, j])).collect();
+        let whole = hemisphere.places();
         let seen = self.trace_whole(&hemisphere, point, buffers);
         let mut levels = vec![self.cells(&hemisphere, 0, (&whole, &[]), &seen, point)];
         // Where all rays met sides that no light reaches, as from below the ground, or the sky is dark, no opening is searched for.
         let is_dark = seen.iter().all(|seen| matches!(seen, Seen::Dark))
             || levels[0].iter().all(|cell| cell.sky == 0.0);
+        // Cells with an opening are divided, whether or not their ray or one beside it passes it.
+        let is_searched = !is_dark && levels[0].iter().filter(|cell| cell.is_open).count() < MIN_OPEN;
+        let mut find = || self.seen_openings(self.openings(), point, hemisphere.frame, buffers);
+        let seen_openings = if is_searched { find() } else { Vec::new() };
         let share = 1.0 / whole.len() as f64;
         let mut sum = light_of(&levels[0]) * share;
         // Errors of cells that are left as they are.
-        let (mut left, mut traced, mut for_surfaces) = (0.0, 0, 0);
+        let (mut left, mut rays, mut divided, mut for_surfaces) = (0.0, whole.len(), 0, 0);
         for level in 0..MAX_LEVEL {
             let area = share * 0.25f64.powi(level as i32);
             let cells = &levels[level as usize];
             let open = cells.iter().filter(|cell| cell.is_open && cell.sky > 0.0).count();
-            let may_grow = cells.len() < MAX_WHOLE && 4 * cells.len() <= MAX_RAYS - traced;
-            let is_undivided = cells.len() == whole.len() << (2 * level) && may_grow;
-            let is_whole = is_undivided && open < MIN_OPEN && !is_dark;
-            let uneven = uneven_cells(&levels, hemisphere.size, area);
+            let is_undivided = cells.len() == whole.len() << (2 * level);
+            let is_whole = is_undivided && cells.len() < MAX_WHOLE && open < MIN_OPEN && !is_dark;
+            let uneven = uneven_cells(&levels, hemisphere.size, area, &seen_openings);
             let tolerance = (TOLERANCE * self.error * (known + mean(sum.to_array()))).powi(2);
             let error: f64 = uneven.iter().map(Uneven::error).sum();
             if !is_whole && left + error <= tolerance {
@@ -107,13 +114,16 @@ impl FinalGather<'_> {
                     chosen.into_iter().map(known).collect()
                 }
             };
-            chosen.truncate((MAX_RAYS - traced) / 4);
+            if !is_whole {
+                chosen.truncate((MAX_RAYS - divided) / 4);
+                divided += 4 * chosen.len();
+            }
             if chosen.is_empty() {
                 break;
             }
             left += uneven.iter().map(Uneven::error).filter(|e| !is_whole && *e <= least).sum::<f64>();
             chosen.sort_unstable_by_key(|(cell, _)| *cell);
-            traced += 4 * chosen.len();
+            rays += 4 * chosen.len();
             let cells = &mut levels[level as usize];
             for (k, &(cell, _)) in chosen.iter().enumerate() {
                 let cell = &mut cells[cell as usize];
@@ -126,9 +136,7 @@ impl FinalGather<'_> {
             sum += light_of(&quarters) * (0.25 * area);
             levels.push(quarters);
         }
-        let tally = &mut buffers.scratch.tally;
-        let rays = (whole.len() + traced) as u64;
-        (tally.segments, tally.exact_rays) = (tally.segments + rays, tally.exact_rays + rays);
+        buffers.scratch.tally.add_rays(rays);
         // What is added and taken away again leaves a rounding error.
         sum.max(DVec3::ZERO).to_array()
     }
@@ -190,7 +198,7 @@ impl FinalGather<'_> {
                     return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
                 }
                 let Some(met) = self.met(packet, hits, lane) else { return Seen::Dark };
-                if self.direct_only || self.bright.has(met.leaf) {
+                if self.direct_only || self.is_bright(met.leaf) {
                     return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
                 }
                 let of_element = Vec3::from(self.reflected[met.leaf as usize]);

@@ -13,6 +13,7 @@ mod light_cells;
 mod local_noise;
 mod local_pass;
 mod neighbours;
+mod openings;
 mod paths;
 mod points;
 mod ray_counts;

@@ -51,8 +51,13 @@ impl Uneven {
 
 /// The cells of the finest level whose neighbours differ from each other, the largest errors first. The ray of
 /// a cell does not say whether it is divided: of cells that are open in part, those whose ray happens to be blocked would be left so. Where a
-/// neighbour is not divided as often, its larger cell counts.
-pub(super) fn uneven_cells(levels: &[Vec<Cell>], [columns, rows]: [usize; 2], area: f64) -> Vec<Uneven> {
+/// neighbour is not divided as often, its larger cell counts. In `openings`, places of the grid's unit square, the sky is seen.
+pub(super) fn uneven_cells(
+    levels: &[Vec<Cell>],
+    [columns, rows]: [usize; 2],
+    area: f64,
+    openings: &[[f32; 2]],
+) -> Vec<Uneven> {
     let finest = levels.len() - 1;
     let size = [columns << finest, rows << finest];
     // The cell of the finest level at a place, or the smallest that is not divided there.
@@ -71,12 +76,23 @@ pub(super) fn uneven_cells(levels: &[Vec<Cell>], [columns, rows]: [usize; 2], ar
     let reach = if finest == 0 { 2 } else { 1 };
     let range =
         |at: u32, size: usize| (at as usize).saturating_sub(reach)..(at as usize + reach + 1).min(size);
+    let mut beside_openings: Vec<[u32; 2]> = openings
+        .iter()
+        .flat_map(|&[u, v]| {
+            let [i, j] = [(u, size[0]), (v, size[1])].map(|(at, n)| (at * n as f32) as u32);
+            range(j, size[1])
+                .flat_map(move |row| range(i, size[0]).map(move |column| [column as u32, row as u32]))
+        })
+        .collect();
+    beside_openings.sort_unstable();
+    beside_openings.dedup();
     let mut found: Vec<Uneven> = Vec::new();
     for (k, cell) in levels[finest].iter().enumerate() {
         let [i, j] = cell.place;
         let nothing = [f32::INFINITY, f32::NEG_INFINITY];
         // Ranges of the light of the sky, blocked or not, and of surfaces.
-        let ([mut sky, mut surfaces], mut open) = ([nothing; 2], false);
+        let ([mut sky, mut surfaces], mut open) =
+            ([nothing; 2], beside_openings.binary_search(&cell.place).is_ok());
         let (mut around, mut blocked) = (Vec3::ZERO, 0u16);
         let widen = |range: &mut [f32; 2], by: f32| *range = [range[0].min(by), range[1].max(by)];
         for row in range(j, size[1]) {

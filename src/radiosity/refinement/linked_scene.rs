@@ -16,6 +16,7 @@ use crate::radiosity::transport::{
 use crate::ranks::Ranks;
 use crate::scene::Scene;
 use crate::sky::Environment;
+use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
@@ -81,6 +82,8 @@ pub struct LinkedScene {
     last_field: Option<Field>,
     /// The emitting faces, which subdivision does not change.
     emitters: OnceLock<Arc<Emitters>>,
+    /// Places in openings through which the sky lights rooms, once they are asked for.
+    pub openings: OnceLock<Vec<Vec3>>,
 }
 
 impl LinkedScene {
@@ -126,6 +129,7 @@ impl LinkedScene {
             tally: Tally::default(),
             last_field: None,
             emitters: OnceLock::new(),
+            openings: OnceLock::new(),
         };
         scene.feature_sizes.assign(&mut scene.elements);
         scene.pull_radiosity();

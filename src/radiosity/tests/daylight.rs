@@ -3,6 +3,7 @@
 use super::*;
 use crate::scene::UpAxis;
 use crate::sky::SkyOptions;
+use std::f64::consts::PI;
 
 const PUBLISHED: &str = include_str!("../../../tests/validation/daylight.csv");
 /// Width, depth and height of the room, m.
@@ -131,6 +132,45 @@ fn some() -> Vec<Case> {
         .filter(|(k, _)| [4, 11, 12, 19].contains(k))
         .map(|(_, case)| case)
         .collect()
+}
+
+/// A hall of 30 by 30 m, 8 m high, with a skylight of half a metre that is smaller than a cell of the grid of most points: the direct light of a uniform sky at
+/// all points, by the solid angle of the skylight, which is small. Without a search for openings every second point is dark.
+#[test]
+fn a_small_skylight_lights_all_points_of_a_hall() {
+    let mut pieces = Pieces::empty();
+    let (low, high, size) = (15.0, 15.5, 30.0);
+    pieces.grey("hall", 0.5);
+    let z = 8.0 * DVec3::Z;
+    let mut quad = |at: DVec3, u: DVec3, v: DVec3| {
+        pieces.rectangle(at, u, v);
+    };
+    quad(DVec3::ZERO, size * DVec3::X, size * DVec3::Y);
+    for (at, along) in [
+        (DVec3::ZERO, DVec3::X),
+        (size * DVec3::Y, DVec3::X),
+        (DVec3::ZERO, DVec3::Y),
+        (size * DVec3::X, DVec3::Y),
+    ] {
+        quad(at, size * along, z);
+    }
+    quad(z, low * DVec3::X, size * DVec3::Y);
+    quad(z + high * DVec3::X, (size - high) * DVec3::X, size * DVec3::Y);
+    quad(z + low * DVec3::X, (high - low) * DVec3::X, low * DVec3::Y);
+    quad(z + low * DVec3::X + high * DVec3::Y, (high - low) * DVec3::X, (size - high) * DVec3::Y);
+    let mut scene = pieces.scene();
+    scene.set_sky(&SkyOptions::parse("uniform:100").expect("a sky")).expect("a sky of the scene");
+    let at = |k: u32| DVec3::new(f64::from(k % 8) * 4.0 + 1.0, f64::from(k / 8) * 4.0 + 1.0, 0.8);
+    let points: Vec<Point> = (0..64).map(|k| Point { position: at(k), normal: DVec3::Z }).collect();
+    let options = Options { direct_only: true, audit: 0, ..Options::default() };
+    let found = solved(&scene, &points, &options).irradiance;
+    let of = |point: &Point| {
+        let to = DVec3::new(0.5 * (low + high), 0.5 * (low + high), 8.0) - point.position;
+        100.0 / PI * (high - low).powi(2) * (to.z / to.length_squared()).powi(2)
+    };
+    let deviations: Vec<f64> =
+        points.iter().zip(&found).map(|(point, e)| mean(*e) / of(point) - 1.0).collect();
+    assert!(rms(&deviations) < 0.2 && found.iter().all(|e| e[0] > 0.0), "{deviations:.2?}");
 }
 
 #[test]

@@ -1,0 +1,149 @@
+//! Openings through which the sky lights closed rooms. Rays from all surfaces find them, so that each point looks for those that its own rays miss: a
+//! skylight of half a metre in a hall of 30 m is smaller than a cell of the grid of most points.
+
+use super::direct_light::GatherPoint;
+use super::gatherer::{Buffers, FinalGather};
+use crate::embree::Hits;
+use crate::math::sampling::{cosine_direction, mix, numbers, pick, point_on, square_of_direction};
+use crate::radiosity::elements::Shape;
+use crate::ray::{LANES, Packet};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Rays from the surfaces of rooms. An opening that is a thousandth of the surface of all rooms is found by about a hundred of them.
+const RAYS: usize = 1 << 17;
+/// Part of the rays of a side that leave the scene above which it does not count as one of a room: its points see the sky by rays of their own.
+const MAX_OPEN: f32 = 0.125;
+/// Largest number of rays to the sky that are followed to the opening, by 512 rays each: together twice [`RAYS`].
+const MAX_FOLLOWED: usize = 512;
+/// Largest number of places in openings, to each of which points with little sky trace a ray: half of their grid.
+const MAX_PLACES: usize = 256;
+/// Part of all directions in which the sky is seen from inside an opening: half of them in that of a thin roof, fewer in a shaft. It only has to be more than
+/// in the room and less than outside.
+const OPEN: f32 = 0.25;
+/// Directions by which that part is estimated.
+const DIRECTIONS: usize = 2 * LANES;
+/// Halvings of a ray on which an opening is searched for: to a sixteenth of a metre in a scene of 4 km.
+const HALVINGS: usize = 16;
+
+impl FinalGather<'_> {
+    /// Places in the openings of rooms, found at the first call.
+    pub(super) fn openings(&self) -> &[Vec3] {
+        self.linked.openings.get_or_init(|| self.find_openings())
+    }
+
+    fn find_openings(&self) -> Vec<Vec3> {
+        let (elements, escaped) = (&self.linked.elements, &self.linked.surroundings.escaped);
+        let area = |side: u32| elements.elements[elements.sides[side as usize].element as usize].area as f32;
+        let of_rooms = |side: &u32| escaped[*side as usize] <= MAX_OPEN && area(*side) > 0.0;
+        let sides: Vec<u32> = (0..elements.sides.len() as u32).filter(of_rooms).collect();
+        if !self.has_environment() || sides.is_empty() {
+            return Vec::new();
+        }
+        let sums: Vec<f32> = sides
+            .iter()
+            .scan(0.0, |sum, side| {
+                *sum += f64::from(area(*side));
+                Some(*sum as f32)
+            })
+            .collect();
+        let packets = (0..RAYS / LANES).into_par_iter();
+        let rays: Vec<[Vec3; 2]> = packets.flat_map_iter(|k| self.rays_to_sky(&sides, &sums, k)).collect();
+        let evenly = |count: usize, most: usize| count.div_ceil(most).max(1);
+        let some = rays.par_iter().step_by(evenly(rays.len(), MAX_FOLLOWED));
+        let places: Vec<Vec3> = some.filter_map(|ray| self.opening_on(*ray)).collect();
+        let step = evenly(places.len(), MAX_PLACES);
+        places.into_iter().step_by(step).collect()
+    }
+
+    /// Origins and directions of those of sixteen diffuse rays that leave the scene, from sides with these running sums of their areas.
+    fn rays_to_sky(&self, sides: &[u32], sums: &[f32], packet: usize) -> Vec<[Vec3; 2]> {
+        let elements = &self.linked.elements;
+        let seed = mix(self.linked.settings.seed ^ mix(packet as u64));
+        let mut rays = Packet::EMPTY;
+        for lane in 0..LANES {
+            // Even numbers choose the sides: each has its share of the rays.
+            let [u, v, r, t] = numbers(seed, lane as u64);
+            let even = ((packet * LANES + lane) as f32 + u) / RAYS as f32;
+            let (k, ..) = pick(sums, even);
+            let side = &elements.sides[sides[k] as usize];
+            let Shape::Surface { corners, .. } = elements.elements[side.element as usize].shape else {
+                continue;
+            };
+            let [across, ..] = numbers(!seed, lane as u64);
+            let at = side.end.lifted(point_on(&corners, across, v), side.normal);
+            rays.set_between(lane, at, at + self.length * cosine_direction(side.normal, r, t), [0.0, 1.0]);
+        }
+        let mut hits = [Hits::NONE];
+        self.traced.first_hits(self.traversal, std::slice::from_ref(&rays), &mut hits);
+        let gone = rays.lanes().filter(|lane| hits[0].triangle[*lane] == Hits::NOTHING);
+        let ray = |lane: usize| {
+            [rays.point(lane, 0.0), (rays.point(lane, 1.0) - rays.point(lane, 0.0)).normalize()]
+        };
+        gone.map(ray).collect()
+    }
+
+    /// The place on a ray to the sky where it comes out of a room; none if it starts in the open.
+    fn opening_on(&self, [from, direction]: [Vec3; 2]) -> Option<Vec3> {
+        if self.sky_part(from) >= OPEN {
+            return None;
+        }
+        let (mut inside, mut outside) = (0.0, self.reach_from(from));
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (inside + outside);
+            match self.sky_part(from + middle * direction) < OPEN {
+                true => inside = middle,
+                false => outside = middle,
+            }
+        }
+        Some(from + outside * direction)
+    }
+
+    /// The part of all directions from a place in which rays leave the scene.
+    fn sky_part(&self, at: Vec3) -> f32 {
+        let reach = self.reach_from(at);
+        let mut packets = [Packet::EMPTY; DIRECTIONS / LANES];
+        for k in 0..DIRECTIONS {
+            // Equal bands of height, each turned by the golden angle from the last.
+            let height = 1.0 - (2 * k + 1) as f32 / DIRECTIONS as f32;
+            let (sin, cos) = (k as f32 * std::f32::consts::PI * (3.0 - 5f32.sqrt())).sin_cos();
+            let radius = (1.0 - height * height).sqrt();
+            let to = at + reach * Vec3::new(radius * cos, radius * sin, height);
+            packets[k / LANES].set_between(k % LANES, at, to, [0.0, 1.0]);
+        }
+        let mut hits = [Hits::NONE; DIRECTIONS / LANES];
+        self.traced.first_hits(self.traversal, &packets, &mut hits);
+        let free = hits.iter().flat_map(|hits| hits.triangle).filter(|t| *t == Hits::NOTHING).count();
+        free as f32 / DIRECTIONS as f32
+    }
+
+    /// Directions in which a point sees the sky through openings, as places of the square of which [`cosine_direction`] makes the hemisphere about +z,
+    /// along the axes of a frame.
+    pub(super) fn seen_openings(
+        &self,
+        openings: &[Vec3],
+        point: &GatherPoint,
+        [x, y, z]: [Vec3; 3],
+        buffers: &mut Buffers,
+    ) -> Vec<[f32; 2]> {
+        let Buffers { packets, hits, .. } = buffers;
+        let local = |place: &Vec3| {
+            let d = (*place - point.at).normalize_or_zero();
+            Vec3::new(d.dot(x), d.dot(y), d.dot(z))
+        };
+        let directions: Vec<Vec3> = openings.iter().map(local).filter(|d| d.z > 0.0).collect();
+        packets.clear();
+        packets.resize(directions.len().div_ceil(LANES), Packet::EMPTY);
+        let reach = self.reach_from(point.at);
+        for (k, d) in directions.iter().enumerate() {
+            let to = point.at + reach * (d.x * x + d.y * y + d.z * z);
+            packets[k / LANES].set_between(k % LANES, point.at, to, [0.0, 1.0]);
+        }
+        hits.clear();
+        hits.resize(packets.len(), Hits::NONE);
+        self.traced.first_hits(self.traversal, packets, hits);
+        let is_open = |k: usize| hits[k / LANES].triangle[k % LANES] == Hits::NOTHING;
+        let seen = directions.iter().enumerate().filter(|(k, _)| is_open(*k));
+        seen.map(|(_, d)| square_of_direction(*d)).collect()
+    }
+}
