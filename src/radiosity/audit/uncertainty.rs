@@ -107,9 +107,7 @@ impl Solved {
             crossed: false,
             walls: 0,
         };
-        let numbers: Vec<u32> = leaves.iter().map(|(e, ..)| *e as u32).collect();
-        let walls = self.linked.walls_along(&self.linked.engine.exact(), &numbers);
-        let one = |((&(e, side, _), corners), &walls): ((&(usize, u32, [Vec3; 4]), &[u32]), &u8)| {
+        let one = |(&(e, side, _), corners): (&(usize, u32, [Vec3; 4]), &[u32])| {
             let (element, state) = (&elements.elements[e], &elements.states[e]);
             let level = mean(state.irradiance);
             let error = state
@@ -122,7 +120,6 @@ impl Solved {
                 level: element.level,
                 links: links[e],
                 crossed: state.crossed,
-                walls,
                 ..of_side(&elements.sides[side as usize], corners, element.area)
             }
         };
@@ -131,8 +128,10 @@ impl Solved {
             let instance = *instance_of_side.get(side as usize)?;
             Some(PlacedElement { instance, id: elements.surface_id(instance, e as u32).expect("a surface") })
         };
-        let mut all: Vec<Element> =
-            leaves.par_iter().zip(number.par_chunks_exact(4)).zip(&walls).map(one).collect();
+        let mut all: Vec<Element> = leaves.par_iter().zip(number.par_chunks_exact(4)).map(one).collect();
+        let numbers: Vec<u32> = leaves.iter().map(|(e, ..)| *e as u32).collect();
+        let walls = self.linked.walls_along(&self.linked.engine.exact(), &numbers);
+        all.iter_mut().zip(walls).for_each(|(element, walls)| element.walls = walls);
         all.extend(
             dark.iter()
                 .zip(number_of_dark.chunks_exact(4))

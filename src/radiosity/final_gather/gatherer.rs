@@ -133,8 +133,23 @@ pub struct Buffers {
 }
 
 impl<'a> FinalGather<'a> {
-    /// Prepares gathering from the light of a model.
+    /// Prepares gathering from the light of a model at points.
     pub fn new(model: &'a Model, linked: &'a LinkedScene, options: &Options) -> FinalGather<'a> {
+        FinalGather::with_bright_leaves(model, linked, options, BRIGHT)
+    }
+
+    /// The same for elements, which gather from more bright leaves by shadow rays.
+    pub fn for_elements(model: &'a Model, linked: &'a LinkedScene, options: &Options) -> FinalGather<'a> {
+        FinalGather::with_bright_leaves(model, linked, options, BRIGHT_FOR_ELEMENTS)
+    }
+
+    /// `bright` is the reflected radiosity of bright leaves over the mean irradiance.
+    fn with_bright_leaves(
+        model: &'a Model,
+        linked: &'a LinkedScene,
+        options: &Options,
+        bright: f64,
+    ) -> FinalGather<'a> {
         let (scene, magnitude) = (model.scene(), model.magnitude());
         let elements = &linked.elements;
         let gathered = options.gather_rays();
@@ -156,7 +171,7 @@ impl<'a> FinalGather<'a> {
         let reflected: Vec<[f32; 3]> = reflected.collect();
         let bright = match options.direct_only {
             true => None,
-            false => BrightLeaves::of(linked, &reflected, BRIGHT, (gathered, options.error)),
+            false => BrightLeaves::of(linked, &reflected, bright, (gathered, options.error)),
         };
         FinalGather {
             model,
@@ -183,14 +198,6 @@ impl<'a> FinalGather<'a> {
             length: scene.ray_length(),
             ranks: model.ranks().clone(),
         }
-    }
-
-    /// The same for elements, which gather from more bright leaves than points by shadow rays.
-    pub fn for_elements(model: &'a Model, linked: &'a LinkedScene, options: &Options) -> FinalGather<'a> {
-        let gather = FinalGather::new(model, linked, options);
-        let (rays, error) = (options.gather_rays(), options.error);
-        let bright = BrightLeaves::of(linked, &gather.reflected, BRIGHT_FOR_ELEMENTS, (rays, error));
-        FinalGather { bright: bright.filter(|_| !options.direct_only), ..gather }
     }
 
     /// The scene that is gathered from.

@@ -119,7 +119,7 @@ fn blocked(
         let mut blocked = [0];
         exact.occluded(std::slice::from_ref(&packet), &mut blocked);
         let [blocked] = blocked;
-        (0..parts.len()).map(move |k| u32::from(blocked >> (4 * k)) & ALL)
+        (0..parts.len()).map(move |k| (blocked >> (4 * k)) & ALL)
     };
     parts.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect()
 }
@@ -133,8 +133,8 @@ fn set_edges(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side
     }
 }
 
-/// Sets lanes from `first` on to segments across the middles of the edges of an element, a little longer than the space between it and those of
-/// [`set_edges`].
+/// Sets lanes from `first` on to segments across the middles of the edges of an element, which begin and end twice as far from the edges as those of
+/// [`set_edges`]: a wall that crosses neither element lies between. The next face of a bowl counts as a wall from an angle of about 30° on.
 fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side) {
     let (count, middle, above) = frame(corners, side);
     for k in 0..count {

@@ -159,7 +159,8 @@ mod tests {
         let half = |half: u64| {
             let to = |k: u64| {
                 let [u, ..] = numbers(7 + half, k);
-                let room = u32::from((k / u64::from(rays)) as u32 >= n / 2) ^ u32::from(k % DOOR == 0);
+                let room =
+                    u32::from((k / u64::from(rays)) as u32 >= n / 2) ^ u32::from(k.is_multiple_of(DOOR));
                 room * (n / 2) + (u * (n / 2) as f32) as u32
             };
             let met: Vec<u32> = (0..u64::from(n * rays)).map(to).collect();
