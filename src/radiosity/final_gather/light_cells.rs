@@ -64,8 +64,14 @@ impl Hemisphere {
 
 impl FinalGather<'_> {
     /// Irradiance at a point by surfaces and the sky, W/m². `known` is the light of emitters and suns, mean over the channels: in the sun the sky
-    /// need not be known as well as in a shadow.
-    pub(super) fn irradiance_of_rays(&self, point: &GatherPoint, known: f64, buffers: &mut Buffers) -> Rgb {
+    /// need not be known as well as in a shadow. `openings` are those of [`FinalGather::openings`].
+    pub(super) fn irradiance_of_rays(
+        &self,
+        point: &GatherPoint,
+        known: f64,
+        openings: &[Vec3],
+        buffers: &mut Buffers,
+    ) -> Rgb {
         let hemisphere = self.hemisphere_of(point);
         let whole = hemisphere.places();
         let seen = self.trace_whole(&hemisphere, point, buffers);
@@ -75,19 +81,18 @@ impl FinalGather<'_> {
             || levels[0].iter().all(|cell| cell.sky == 0.0);
         // Cells with an opening are divided, whether or not their ray or one beside it passes it.
         let is_searched = !is_dark && levels[0].iter().filter(|cell| cell.is_open).count() < MIN_OPEN;
-        let mut find = || self.seen_openings(self.openings(), point, hemisphere.frame, buffers);
-        let seen_openings = if is_searched { find() } else { Vec::new() };
-        let share = 1.0 / whole.len() as f64;
-        let mut sum = light_of(&levels[0]) * share;
+        let openings = if is_searched { openings } else { &[] };
+        let openings = self.seen_openings(openings, point, hemisphere.frame, buffers);
+        let (share, mut sum) = (1.0 / whole.len() as f64, light_of(&levels[0]) / whole.len() as f64);
         // Errors of cells that are left as they are.
         let (mut left, mut rays, mut divided, mut for_surfaces) = (0.0, whole.len(), 0, 0);
         for level in 0..MAX_LEVEL {
             let area = share * 0.25f64.powi(level as i32);
             let cells = &levels[level as usize];
             let open = cells.iter().filter(|cell| cell.is_open && cell.sky > 0.0).count();
-            let is_undivided = cells.len() == whole.len() << (2 * level);
-            let is_whole = is_undivided && cells.len() < MAX_WHOLE && open < MIN_OPEN && !is_dark;
-            let uneven = uneven_cells(&levels, hemisphere.size, area, &seen_openings);
+            let is_undivided = cells.len() == whole.len() << (2 * level) && cells.len() < MAX_WHOLE;
+            let is_whole = is_undivided && open < MIN_OPEN && !is_dark;
+            let uneven = uneven_cells(&levels, hemisphere.size, area, &openings);
             let tolerance = (TOLERANCE * self.error * (known + mean(sum.to_array()))).powi(2);
             let error: f64 = uneven.iter().map(Uneven::error).sum();
             if !is_whole && left + error <= tolerance {

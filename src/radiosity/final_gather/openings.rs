@@ -9,6 +9,7 @@ use crate::radiosity::elements::Shape;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Rays from the surfaces of rooms. An opening that is a thousandth of the surface of all rooms is found by about a hundred of them.
 const RAYS: usize = 1 << 17;
@@ -27,9 +28,16 @@ const DIRECTIONS: usize = 2 * LANES;
 const HALVINGS: usize = 16;
 
 impl FinalGather<'_> {
-    /// Places in the openings of rooms, found at the first call.
-    pub(super) fn openings(&self) -> &[Vec3] {
-        self.linked.openings.get_or_init(|| self.find_openings())
+    /// Places in the openings of rooms, found at the first call. No lock is held meanwhile: a thread that waits for others may be given a task that asks for
+    /// them as well.
+    pub(super) fn openings(&self) -> Arc<Vec<Vec3>> {
+        let known = &self.linked.openings;
+        known.get().cloned().unwrap_or_else(|| {
+            let found = Arc::new(self.find_openings());
+            // Another thread that was faster has found the same.
+            let _ = known.set(found.clone());
+            found
+        })
     }
 
     fn find_openings(&self) -> Vec<Vec3> {

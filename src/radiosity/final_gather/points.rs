@@ -13,6 +13,7 @@ use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Points whose rays are timed for an estimate: a quarter of the points of one task. Used with a time limit only.
 const TIMED_POINTS: usize = CHUNK / 4;
@@ -37,6 +38,8 @@ pub struct DirectLight {
     /// By emitter.
     engines: Vec<VisibilityEngine>,
     smooth: SmoothLight,
+    /// Places in openings through which the sky lights rooms.
+    openings: Arc<Vec<Vec3>>,
 }
 
 impl FinalGather<'_> {
@@ -54,7 +57,7 @@ impl FinalGather<'_> {
         let cut = self.cut_for(points.len());
         let engines = self.engines(points, cut.clone());
         let smooth = cut.map(|cut| self.smooth_light(points, &cut, &engines)).unwrap_or_default();
-        DirectLight { engines, smooth }
+        DirectLight { engines, smooth, openings: self.openings() }
     }
 
     /// [`FinalGather::irradiance`] of a part of the points, without the cost of what was made for all of them.
@@ -91,7 +94,7 @@ impl FinalGather<'_> {
         &self,
         points: &[(Vec3, Vec3)],
         range: Range<usize>,
-        DirectLight { engines, smooth }: &DirectLight,
+        DirectLight { engines, smooth, openings }: &DirectLight,
         buffers: &mut Buffers,
     ) -> Vec<Rgb> {
         let reflects = !self.hemispheres.is_empty();
@@ -123,7 +126,7 @@ impl FinalGather<'_> {
             self.add_bright_leaves(&all, &mut values, &mut buffers.scratch);
             for (value, point) in values.iter_mut().zip(&all) {
                 let known = mean(*value);
-                add(value, 1.0, self.irradiance_of_rays(point, known, buffers));
+                add(value, 1.0, self.irradiance_of_rays(point, known, openings, buffers));
             }
         }
         values

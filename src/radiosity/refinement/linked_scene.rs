@@ -83,7 +83,7 @@ pub struct LinkedScene {
     /// The emitting faces, which subdivision does not change.
     emitters: OnceLock<Arc<Emitters>>,
     /// Places in openings through which the sky lights rooms, once they are asked for.
-    pub openings: OnceLock<Vec<Vec3>>,
+    pub openings: OnceLock<Arc<Vec<Vec3>>>,
 }
 
 impl LinkedScene {
