@@ -254,8 +254,9 @@ fn is_beyond_wall(solution: &RadiosityMesh, [a, b]: [u32; 2], vertex: u32, norma
     let at = place(vertex);
     (0..corners.len()).filter(|k| a.walls >> k & 1 != 0).any(|k| {
         let (from, to) = (place(corners[k]), place(corners[(k + 1) % corners.len()]));
-        // The vertex is an end of the edge or in its middle, and the element lies on the left of it.
-        let is_on = at.distance(from) + at.distance(to) <= (1.0 + 1e-5) * from.distance(to);
+        // The vertex is an end of the edge or in its middle but for rounding, and the element lies on the left of it.
+        let rounding = 4.0 * f32::EPSILON * from.abs().max(to.abs()).max_element();
+        let is_on = at.distance(from) + at.distance(to) <= (1.0 + 1e-5) * from.distance(to) + rounding;
         is_on && (to - from).cross(middle - from).dot(normal) < 0.0
     })
 }
