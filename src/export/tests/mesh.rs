@@ -72,3 +72,26 @@ fn meshes_keep_the_mean_light_of_elements() {
         }
     }
 }
+
+/// A wall stands between elements of the square that are lit and others that are not: no vertex has the light of both sides, also that in the middle of
+/// an edge.
+#[test]
+fn vertices_are_not_shared_across_a_wall() {
+    let wall = 0.5;
+    let (_, mut solution) = square(|p| if p.x < wall { 1.0 } else { 0.0 });
+    let values = |solution: &RadiosityMesh| -> Vec<f32> {
+        let mesh = Mesh::new(solution);
+        let at_wall = mesh.positions.iter().zip(&mesh.irradiance).filter(|(p, _)| p.x == wall);
+        at_wall.map(|(_, e)| e[0]).collect()
+    };
+    let shared = values(&solution);
+    assert!(shared.iter().any(|e| (e * (1.0 - e)).abs() > 1e-3), "{shared:?}");
+    for element in &mut solution.elements {
+        let x = element.corners.map(|v| solution.vertices[v as usize].x);
+        let along = (0..4).filter(|k| x[*k] == wall && x[(k + 1) % 4] == wall);
+        element.walls = along.map(|k| 1 << k).sum();
+    }
+    let apart = values(&solution);
+    assert!(apart.iter().any(|e| *e < 0.5) && apart.iter().any(|e| *e > 0.5), "{apart:?}");
+    assert!(apart.iter().all(|e| (e * (1.0 - e)).abs() < 1e-5), "{apart:?}");
+}
