@@ -15,21 +15,21 @@ use std::sync::Arc;
 const RAYS: usize = 1 << 17;
 /// Part of the rays of a side that leave the scene above which it does not count as one of a room: its points see the sky by rays of their own.
 const MAX_OPEN: f32 = 0.125;
-/// Largest number of rays to the sky that are followed to the opening, by 512 rays each: together twice [`RAYS`].
+/// Largest number of rays to the sky that are followed to the opening, each by [`HALVINGS`] times [`DIRECTIONS`] rays: together twice [`RAYS`].
 const MAX_FOLLOWED: usize = 512;
-/// Largest number of places in openings, to each of which points with little sky trace a ray: half of their grid.
+/// Largest number of places in openings of all rooms together, to each of which points with little sky trace a ray: half as many as their grid has by default.
 const MAX_PLACES: usize = 256;
-/// Part of all directions in which the sky is seen from inside an opening: half of them in that of a thin roof, fewer in a shaft. It only has to be more than
-/// in the room and less than outside.
+/// Part of all directions in which rays leave the scene, also downwards, at a place in an opening: half of them in that of a thin roof, a quarter in the plane of
+/// a window above the ground, fewer in a shaft. It has to be more than in the room and less than outside.
 const OPEN: f32 = 0.25;
 /// Directions by which that part is estimated.
 const DIRECTIONS: usize = 2 * LANES;
-/// Halvings of a ray on which an opening is searched for: to a sixteenth of a metre in a scene of 4 km.
+/// Halvings of a ray on which an opening is searched for, as if the open part of all directions grew along it: to a sixteenth of a metre in a scene of 4 km.
 const HALVINGS: usize = 16;
 
 impl FinalGather<'_> {
-    /// Places in the openings of rooms, found at the first call. No lock is held meanwhile: a thread that waits for others may be given a task that asks for
-    /// them as well.
+    /// Places in the openings of rooms, found at the first call. No lock is held meanwhile: where a caller asks from several tasks, a thread that waits in one
+    /// of them may be given another.
     pub(super) fn openings(&self) -> Arc<Vec<Vec3>> {
         let known = &self.linked.openings;
         known.get().cloned().unwrap_or_else(|| {
@@ -70,7 +70,7 @@ impl FinalGather<'_> {
         let seed = mix(self.linked.settings.seed ^ mix(packet as u64));
         let mut rays = Packet::EMPTY;
         for lane in 0..LANES {
-            // Even numbers choose the sides: each has its share of the rays.
+            // Evenly spread numbers choose the sides: each has its share of the rays.
             let [u, v, r, t] = numbers(seed, lane as u64);
             let even = ((packet * LANES + lane) as f32 + u) / RAYS as f32;
             let (k, ..) = pick(sums, even);

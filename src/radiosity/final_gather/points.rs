@@ -57,7 +57,8 @@ impl FinalGather<'_> {
         let cut = self.cut_for(points.len());
         let engines = self.engines(points, cut.clone());
         let smooth = cut.map(|cut| self.smooth_light(points, &cut, &engines)).unwrap_or_default();
-        DirectLight { engines, smooth, openings: self.openings() }
+        let is_needed = !points.is_empty() && !self.hemispheres.is_empty();
+        DirectLight { engines, smooth, openings: if is_needed { self.openings() } else { Arc::default() } }
     }
 
     /// [`FinalGather::irradiance`] of a part of the points, without the cost of what was made for all of them.

@@ -51,7 +51,7 @@ impl Uneven {
 
 /// The cells of the finest level whose neighbours differ from each other, the largest errors first. The ray of
 /// a cell does not say whether it is divided: of cells that are open in part, those whose ray happens to be blocked would be left so. Where a
-/// neighbour is not divided as often, its larger cell counts. In `openings`, places of the grid's unit square, the sky is seen.
+/// neighbour is not divided as often, its larger cell counts. In `openings`, places of the grid's unit square, the sky is seen: cells there and beside them count as beside an open one.
 pub(super) fn uneven_cells(
     levels: &[Vec<Cell>],
     [columns, rows]: [usize; 2],
