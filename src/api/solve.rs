@@ -48,7 +48,8 @@ pub struct SolveOptions {
     /// Number of elements whose error bars independent paths check, at most 1,048,576; default 200. More say more about the error in
     /// `Solution::json`; 0 leaves it out.
     pub audit: usize,
-    /// Shadow rays from a point to an emitter that is partly visible, 1 to 65,536; default: derived from the error.
+    /// Shadow rays from a point to an emitter that is partly visible, 1 to 65,536, and up to sixteen times as many where it would light the point much more if
+    /// nothing blocked it; default: derived from the error.
     pub light_rays: Option<usize>,
     /// Rays from a point that gather reflected light, 1 to 1,048,576; default: derived from the error.
     pub gather_rays: Option<usize>,

@@ -105,7 +105,8 @@ options! {
         /// Whether the light of elements is asked for: for meshes, pictures and lightmaps, and for its error. Otherwise the solution has no more
         /// than irradiance at points needs.
         pub elements: bool = true,
-        /// Shadow rays from a point to an emitter that is partly visible; by default derived from the error.
+        /// Shadow rays from a point to an emitter that is partly visible, and up to sixteen times as many where it would light the point much more if nothing
+        /// blocked it; by default derived from the error.
         pub light_rays: Option<usize> = None,
         /// Rays from a point that gather reflected light, rounded up to a grid of blocks of sixteen; by default derived from the
         /// error.

@@ -267,6 +267,11 @@ fn traced(scene: &Scene, points: &[Point], samples: u32, seed: u64) -> Vec<Rgb> 
     crate::path_tracer::irradiance(&model, points, settings, &()).expect("irradiance").values
 }
 
+/// Mean of the light at points, first channel.
+fn mean_at(values: &[Rgb]) -> f64 {
+    values.iter().map(|v| v[0]).sum::<f64>() / values.len() as f64
+}
+
 /// The model that a solve with these options needs.
 fn model_for(scene: &Scene, options: &Options) -> Model {
     Model::prepare(scene.clone(), &options.prepare()).expect("a model")

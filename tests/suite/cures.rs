@@ -45,6 +45,12 @@ fn few_points_of_a_bench_are_no_fault_of_the_scene() {
     assert!(!bench.stderr.contains("reverse") && !bench.stderr.contains("winding"), "{}", bench.stderr);
 }
 
+/// Elements have reflected light: without points it would be in all results of a solution that was to leave it out.
+#[test]
+fn direct_light_alone_needs_points_or_pixels() {
+    refused(&scratch().mrvis("solve scene.obj --out o --direct-only"), "give --points, --grid or --gather");
+}
+
 /// Messages have no names of types of the program's language.
 #[test]
 fn numbers_are_called_numbers() {

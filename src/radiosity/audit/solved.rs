@@ -89,7 +89,7 @@ impl Solved {
     ) -> Option<ElementSamples> {
         let Closing::Rays(local) = &self.closing else { return None };
         let rays = part * local.element_rays.filter(|_| !deadline.late())?;
-        Some(FinalGather::for_elements(model, &self.linked, options).sample_elements(local, rays, deadline))
+        Some(FinalGather::new(model, &self.linked, options).sample_elements(local, rays, deadline))
     }
 
     /// Splits leaves into parts with the same light, which are returned.
@@ -114,7 +114,7 @@ impl Solved {
         deadline: &Deadline,
     ) {
         let Closing::Rays(local) = &self.closing else { return };
-        FinalGather::for_elements(model, &self.linked, options).sample_parts(samples, local, parts, deadline);
+        FinalGather::new(model, &self.linked, options).sample_parts(samples, local, parts, deadline);
     }
 
     /// Gives elements the light of their samples, shared between neighbours. Returns the number of leaves without samples.

@@ -23,6 +23,12 @@ const HIDDEN_RAYS: usize = 256;
 /// Expected number of emitters from which no ray has passed to which a point traces [`HIDDEN_RAYS`] in each set. Points of 64 closed cells with 32 lamps take 7 times as long with all lamps.
 const TRACED_AGAIN: f64 = 4.0;
 
+/// Largest number of shadow rays of a point to an emitter over [`Options::light_rays`]. Without blockers an emitter behind a louvre may light a point with
+/// many times the light that the point has.
+///
+/// [`Options::light_rays`]: crate::radiosity::options::Options::light_rays
+pub(super) const MORE_WHERE_BRIGHT: usize = 16;
+
 /// A point at which irradiance is computed.
 #[derive(Clone, Copy)]
 pub(super) struct GatherPoint {
@@ -49,13 +55,12 @@ impl FinalGather<'_> {
     ) -> Vec<Rgb> {
         let mut values = vec![[0.0; 3]; points.len()];
         let mut hidden = Vec::new();
-        let tolerance = self.visibility_tolerance();
         for (emitter, engine) in engines.iter().enumerate() {
             let views = self.emitter_views(points, emitter);
             for set in 0..sets {
                 let mut views: Vec<EmitterView> = views.iter().map(|view| view.with_set(set)).collect();
-                self.measure_visibility(&mut views, (emitter, engine), scratch, |view| {
-                    view.is_uncertain(tolerance)
+                self.measure_visibility(&mut views, (emitter, engine), self.table.len(), scratch, |view| {
+                    view.is_uncertain(self.tolerance(view, &values).min(self.visibility_tolerance()))
                 });
                 for view in views {
                     add(&mut values[view.point], view.visible() / sets as f64, view.free);
@@ -97,7 +102,7 @@ impl FinalGather<'_> {
             let mut views: Vec<EmitterView> = same.iter().map(|(.., view)| view.clone()).collect();
             let goes_on = |view: &EmitterView| view.seen > 0.0 || view.traced < HIDDEN_RAYS;
             let engine = &engines[emitter.min(engines.len() - 1)];
-            self.measure_visibility(&mut views, (emitter, engine), scratch, goes_on);
+            self.measure_visibility(&mut views, (emitter, engine), self.light_rays, scratch, goes_on);
             for ((_, chance, before), view) in same.iter().zip(views) {
                 let change = (view.visible() - before.visible()) / (sets as f64 * chance);
                 add(&mut values[view.point], change, view.free);
@@ -132,9 +137,10 @@ impl FinalGather<'_> {
         }
         let number = self.emitters.emitters.len();
         let engine = self.linked.engine.scattered();
-        let tolerance = self.visibility_tolerance();
         let mut views = self.emitter_views(points, number);
-        self.measure_visibility(&mut views, (number, &engine), scratch, |view| view.is_uncertain(tolerance));
+        self.measure_visibility(&mut views, (number, &engine), self.table.len(), scratch, |view| {
+            view.is_uncertain(self.tolerance(view, values))
+        });
         views.iter().for_each(|view| add(&mut values[view.point], view.visible(), view.free));
         let is_hidden = |view: &EmitterView| view.visible() < MAX_HIDDEN_VISIBILITY;
         let hidden = views.into_iter().filter(is_hidden).map(|view| (number, view)).collect();
@@ -169,7 +175,9 @@ impl FinalGather<'_> {
                     sum: 0.0,
                     seen: 0.0,
                     squares: 0.0,
+                    squares_of_packets: 0.0,
                     count: 0.0,
+                    packets: 0.0,
                     traced: 0,
                 });
             }
@@ -177,19 +185,20 @@ impl FinalGather<'_> {
         views
     }
 
-    /// The visible part of an emitter's irradiance: few rays, and more while `goes_on`, as where they disagree ([`EmitterView::is_uncertain`]). Averaged
+    /// The visible part of an emitter's irradiance: few rays, and more, up to `most`, while `goes_on`, as where they disagree ([`EmitterView::is_uncertain`]). Averaged
     /// visibility varies less and needs fewer rays.
     pub(super) fn measure_visibility(
         &self,
         views: &mut [EmitterView],
         (emitter, engine): (usize, &VisibilityEngine),
+        most: usize,
         scratch: &mut Scratch,
         goes_on: impl Fn(&EmitterView) -> bool,
     ) {
         // Without a ray above the horizon nothing is known.
         let is_left = |view: &EmitterView| {
             let few = view.count == 0.0 || view.traced < MIN_SHADOW_RAYS;
-            view.traced < self.light_rays && (few || goes_on(view))
+            view.traced < most && (few || goes_on(view))
         };
         let mut left: Vec<usize> = (0..views.len()).filter(|&k| is_left(&views[k])).collect();
         while !left.is_empty() {
@@ -210,6 +219,14 @@ impl FinalGather<'_> {
     /// Largest standard error of a visible part: what all rays would leave in the worst case, 1 / (2 √n).
     pub(super) fn visibility_tolerance(&self) -> f64 {
         0.5 / (self.light_rays as f64).sqrt()
+    }
+
+    /// The standard error of the visible part of an emitter with which that of its light is the error asked for, relative to the mean irradiance or, in
+    /// brighter places, to the light of the point: `known` by point and that of this emitter.
+    fn tolerance(&self, view: &EmitterView, known: &[Rgb]) -> f64 {
+        let free = mean(view.free);
+        let light = mean(known[view.point]) + view.visible() * free;
+        self.error * light.max(self.linked.mean_irradiance) / free
     }
 
     /// Sixteen shadow rays of a point, beginning with number `first`, their weights, and what the places where they end send over the mean of their faces.
@@ -268,8 +285,11 @@ pub(super) struct EmitterView {
     sum: f64,
     seen: f64,
     squares: f64,
-    /// Number of rays above the horizon, and of all.
+    /// Sum of weights of packets times the squares of what arrives by them in the mean.
+    squares_of_packets: f64,
+    /// Numbers of rays above the horizon, of packets with such rays, and of all rays.
     count: f64,
+    packets: f64,
     traced: usize,
 }
 
@@ -286,21 +306,29 @@ impl EmitterView {
     }
 
     fn add(&mut self, packet: &Packet, weights: &[f32; LANES], through: &[f32; LANES]) {
+        let (mut sum, mut seen) = (0.0, 0.0);
         for lane in packet.lanes() {
-            self.sum += f64::from(weights[lane]);
-            self.seen += f64::from(weights[lane] * through[lane]);
+            sum += f64::from(weights[lane]);
+            seen += f64::from(weights[lane] * through[lane]);
             self.squares += f64::from(weights[lane] * through[lane] * through[lane]);
         }
-        self.count += packet.len() as f64;
+        if sum > 0.0 {
+            (self.sum, self.seen) = (self.sum + sum, self.seen + seen);
+            self.squares_of_packets += seen * seen / sum;
+            self.count += packet.len() as f64;
+            self.packets += 1.0;
+        }
     }
 
-    /// Whether the standard error of the visible part exceeds the tolerance.
+    /// Whether the standard error of the visible part exceeds the tolerance. The places of a packet are spread evenly over the emitter, so that packets
+    /// differ less than random rays would; one more packet counts as if it differed by as much as those.
     pub(super) fn is_uncertain(&self, tolerance: f64) -> bool {
-        self.variance() > self.count * tolerance * tolerance
-    }
-
-    /// Variance of the transmittance of one ray.
-    fn variance(&self) -> f64 {
-        if self.sum > 0.0 { (self.squares / self.sum - (self.seen / self.sum).powi(2)).max(0.0) } else { 0.0 }
+        if self.sum <= 0.0 {
+            return false;
+        }
+        let square = self.visible().powi(2);
+        let of_ray = (self.squares / self.sum - square).max(0.0);
+        let of_packet = (self.squares_of_packets / self.sum - square).max(0.0);
+        of_ray / self.count + of_packet > self.packets * tolerance * tolerance
     }
 }

@@ -1,6 +1,7 @@
 //! Gathers light by rays from a scene whose elements have light.
 
-use super::bright_leaves::{BRIGHT, BRIGHT_FOR_ELEMENTS, BrightLeaves};
+use super::bright_leaves::BrightLeaves;
+use super::direct_light::MORE_WHERE_BRIGHT;
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
 use crate::math::on_plane;
@@ -23,6 +24,9 @@ use std::sync::{Arc, OnceLock};
 /// Sets of directions that points choose from, so that neighbouring points do not share the errors of one set. Limits
 /// memory to 64 sets. 16, 64 and 256 sets leave errors of 0.86 %, 0.79 % and 0.77 % (`constants.py solve`).
 const DIRECTION_SETS: usize = 64;
+
+/// Largest number of shadow rays of a point, as many as [`Options::light_rays`] may be; the low-discrepancy numbers repeat after it.
+const MAX_SHADOW_RAYS: usize = 1 << 16;
 
 /// What gathering needs of a scene and its light.
 pub struct FinalGather<'a> {
@@ -51,10 +55,12 @@ pub struct FinalGather<'a> {
     pub(super) reflected: Vec<[f32; 3]>,
     /// Small bright surfaces that reflected light comes from, if they would cause noise.
     pub(super) bright: Option<BrightLeaves>,
-    /// Low-discrepancy numbers for shadow rays.
+    /// Low-discrepancy numbers for the shadow rays of a point to an emitter.
     pub(super) table: Vec<[f32; 2]>,
     /// Shadow rays from a point to an emitter that is partly visible.
     pub(super) light_rays: usize,
+    /// Rays of a point that gather reflected light.
+    pub(super) gather_rays: usize,
     /// Sets of directions about +z for light of the sky and reflected light, in blocks of 4 by 4 neighbours; none for direct light of emitters
     /// alone.
     pub(super) hemispheres: Vec<Vec<Vec3>>,
@@ -135,21 +141,6 @@ pub struct Buffers {
 impl<'a> FinalGather<'a> {
     /// Prepares gathering from the light of a model at points.
     pub fn new(model: &'a Model, linked: &'a LinkedScene, options: &Options) -> FinalGather<'a> {
-        FinalGather::with_bright_leaves(model, linked, options, BRIGHT)
-    }
-
-    /// The same for elements, which gather from more bright leaves by shadow rays.
-    pub fn for_elements(model: &'a Model, linked: &'a LinkedScene, options: &Options) -> FinalGather<'a> {
-        FinalGather::with_bright_leaves(model, linked, options, BRIGHT_FOR_ELEMENTS)
-    }
-
-    /// `bright` is the reflected radiosity of bright leaves over the mean irradiance.
-    fn with_bright_leaves(
-        model: &'a Model,
-        linked: &'a LinkedScene,
-        options: &Options,
-        bright: f64,
-    ) -> FinalGather<'a> {
         let (scene, magnitude) = (model.scene(), model.magnitude());
         let elements = &linked.elements;
         let gathered = options.gather_rays();
@@ -157,9 +148,8 @@ impl<'a> FinalGather<'a> {
         let sets = if options.direct_only && environment.is_none() { 0 } else { DIRECTION_SETS };
         let hemispheres =
             (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ mix(k as u64)))).collect();
-        let table = (0..options.light_rays() as u32)
-            .map(|i| [sample(i & 0xffff, 0, 7), sample(i & 0xffff, 1, 7)])
-            .collect();
+        let shadow_rays = (MORE_WHERE_BRIGHT * options.light_rays()).min(MAX_SHADOW_RAYS) as u32;
+        let table = (0..shadow_rays).map(|i| [sample(i, 0, 7), sample(i, 1, 7)]).collect();
         let reflected =
             elements.elements.iter().zip(elements.states.iter()).map(|(e, state)| match e.shape {
                 Shape::Cluster(_) => [0.0; 3],
@@ -171,7 +161,7 @@ impl<'a> FinalGather<'a> {
         let reflected: Vec<[f32; 3]> = reflected.collect();
         let bright = match options.direct_only {
             true => None,
-            false => BrightLeaves::of(linked, &reflected, bright, (gathered, options.error)),
+            false => BrightLeaves::of(linked, &reflected, [gathered, options.light_rays()], options.error),
         };
         FinalGather {
             model,
@@ -192,6 +182,7 @@ impl<'a> FinalGather<'a> {
             of_elements: OnceLock::new(),
             table,
             light_rays: options.light_rays(),
+            gather_rays: gathered,
             hemispheres,
             slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
             feature_size: options.feature_size.unwrap_or(1e-2 * scene.size()),

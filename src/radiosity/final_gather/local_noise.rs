@@ -1,6 +1,6 @@
 //! Standard errors of the local pass, from the spread of its rays.
 
-use super::bright_leaves::BRIGHT_FOR_ELEMENTS;
+use super::bright_leaves::Brightest;
 use super::ray_rows::{RayRow, RayRows};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::rgb::{Rgb, mean};
@@ -35,20 +35,29 @@ pub struct LocalResult {
     pub deviation: f32,
 }
 
-/// Assigns row sums, the part of rays that stayed in the scene, and standard errors to all leaves with rows.
+/// Assigns row sums, the part of rays that stayed in the scene, and standard errors to all leaves with rows. `brightest` chooses, of leaves with these
+/// radiosities, which receive this power together, those whose light is gathered by shadow rays.
 pub fn assign_noise(
     elements: &Elements,
     rows: &RayRows,
     transport: &RayTransport,
+    brightest: impl Fn(&[(u32, f64)], f64) -> Brightest,
     results: &mut [LocalResult],
 ) {
-    let brightness: Vec<f64> = rows.rows.iter().map(|r| reflected(elements, r.leaf, results)).collect();
+    let light = |row: &RayRow| (row.leaf, reflected(elements, row.leaf, results));
+    let leaves: Vec<(u32, f64)> = rows.rows.iter().map(light).collect();
     let area = |row: &RayRow| elements.elements[row.leaf as usize].area;
     let all: f64 = rows.rows.iter().map(area).sum();
-    let level: f64 = rows.rows.iter().zip(&brightness).map(|(r, b)| area(r) * b).sum();
+    let level: f64 = rows.rows.iter().zip(&leaves).map(|(row, of)| area(row) * of.1).sum();
     let level = level / all.max(f64::MIN_POSITIVE);
-    // Elements gather the light of brighter leaves by shadow rays.
-    let seen: Vec<f64> = brightness.iter().map(|b| b.min(BRIGHT_FOR_ELEMENTS * level)).collect();
+    let received = |row: &RayRow| area(row) * mean(results[row.leaf as usize].irradiance);
+    let Brightest { face_of, .. } = brightest(&leaves, rows.rows.iter().map(received).sum());
+    // Elements gather the light of the brightest leaves by shadow rays.
+    let seen = |&(leaf, light): &(u32, f64)| match face_of[leaf as usize] {
+        Elements::NONE => light,
+        _ => level,
+    };
+    let seen: Vec<f64> = leaves.iter().map(seen).collect();
     let spreads: Vec<RowSpread> = (0..rows.rows.len())
         .into_par_iter()
         .with_min_len(CHUNK)

@@ -8,6 +8,7 @@
 //! light along links where the time is up. The direct light of all elements is brought to what rays from the emitters say of it. See
 //! `docs/method.md`, Local pass.
 
+use super::bright_leaves::Brightest;
 use super::gatherer::FinalGather;
 use super::local_noise::{LocalResult, assign_noise, weigh_errors};
 use super::ray_rows::{RayRow, RayRows};
@@ -101,7 +102,11 @@ impl FinalGather<'_> {
             // Light is not negative. Values below zero are rounding in the dark and noise: rows with a sum that is too large send light back.
             results[row.leaf as usize].irradiance = from_fn(|k| (0.5 * (a[k] + b[k])).max(0.0));
         }
-        assign_noise(&self.linked.elements, &rows, &transport, &mut results);
+        let brightest = |leaves: &[(u32, f64)], power: f64| {
+            let rays = [self.gather_rays, self.light_rays];
+            Brightest::of(&self.linked.elements, leaves, rays, self.error * power)
+        };
+        assign_noise(&self.linked.elements, &rows, &transport, brightest, &mut results);
         if !self.elements {
             count_sent(&rows, &transport, &light, &mut results);
         }

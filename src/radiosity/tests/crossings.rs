@@ -19,10 +19,6 @@ fn behind(distance: f64) -> Vec<Point> {
     (0..11).map(|k| Point { position: at(k), normal: DVec3::Z }).collect()
 }
 
-fn mean_at(values: &[Rgb]) -> f64 {
-    values.iter().map(|v| v[0]).sum::<f64>() / values.len() as f64
-}
-
 #[test]
 fn no_light_passes_below_a_wall() {
     let scene = hall_with_wall(0.0);

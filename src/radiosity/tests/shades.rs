@@ -64,3 +64,70 @@ fn elements_have_the_light_of_a_bright_spot() {
     assert!(area > 1.0 && deviation < 0.4, "{area} {deviation}");
     assert!(record.ledger.created.abs() < 5e-3 * record.ledger.emitted, "{:?}", record.ledger);
 }
+
+/// Points at the eight places that mirror (x, y) in a square with this side and its diagonals, at this height.
+fn mirrored(side: f64, [x, y]: [f64; 2], height: f64) -> Vec<Point> {
+    let place = |k: u32| {
+        let [a, b] = if k < 4 { [x, y] } else { [y, x] };
+        let at = |bit: u32, v: f64| if k & bit == 0 { v } else { side - v };
+        DVec3::new(at(1, a), at(2, b), height)
+    };
+    (0..8).map(|k| Point { position: place(k), normal: DVec3::Z }).collect()
+}
+
+/// Standard deviation of the light at points over its mean.
+fn scatter(irradiance: &[Rgb]) -> f64 {
+    let level = mean_at(irradiance);
+    let squares: f64 = irradiance.iter().map(|e| (e[0] / level - 1.0).powi(2)).sum();
+    (squares / irradiance.len() as f64).sqrt()
+}
+
+/// Thirty-six lamps in shades open above and below: the insides of the shades send some ten times the mean light. At mirrored places the light is the same, and
+/// that of paths, whose mean has a standard error of 1.2 %. By the rays of points alone it scatters by 10 %.
+#[test]
+fn points_below_many_lamp_shades_have_little_noise() {
+    let (side, depth) = (12.0, 0.3 * DVec3::Z);
+    let mut pieces = Pieces::empty();
+    pieces.grey("room", 0.5).room(DVec3::ZERO, DVec3::new(side, side, 3.0));
+    let at = |k: u32| DVec3::new(f64::from(2 * (k / 6) + 1), f64::from(2 * (k % 6) + 1), 2.2);
+    let shades = pieces.grey("shade", 0.8);
+    for corner in (0..36).map(|k| at(k) - DVec3::new(0.15, 0.15, 0.0)) {
+        let [x, y] = [0.3 * DVec3::X, 0.3 * DVec3::Y];
+        shades.rectangle(corner, x, depth).rectangle(corner + y, x, depth);
+        shades.rectangle(corner, y, depth).rectangle(corner + x, y, depth);
+    }
+    let lamps = pieces.glowing("lamp", 1000.0);
+    for (x, y) in (0..36).map(|k| (at(k).x, at(k).y)) {
+        let sides = [[x - 0.04, x + 0.04], [y - 0.04, y + 0.04]];
+        lamps.polygon(&facing_down(sides[0], sides[1], 2.34)).polygon(&facing_up(sides[0], sides[1], 2.36));
+    }
+    let scene = pieces.scene();
+    let points = mirrored(side, [2.1, 3.3], 0.8);
+    let options = Options { audit: 0, elements: false, ..Options::default() };
+    let found = solved(&scene, &points, &options).irradiance;
+    assert!(scatter(&found) < 0.06, "{found:?}");
+    let [level, truth] = [&found, &traced(&scene, &points, 1 << 16, 1)].map(|light| mean_at(light));
+    assert!((level / truth - 1.0).abs() < 0.06, "{level} instead of {truth}");
+}
+
+/// Direct light through a louvre, which lets a part of the lamp through to all points, is as certain relative to the light of the points as that of an open
+/// lamp: with a standard error of 3 % of the light without the louvre it scattered by 10 %.
+#[test]
+fn light_through_a_louvre_has_little_noise() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("room", 0.0).room(DVec3::ZERO, DVec3::new(6.0, 6.0, 3.0));
+    let blades = pieces.grey("blade", 0.0);
+    for k in 0..7 {
+        let at = 2.7 + 0.1 * f64::from(k);
+        let (corner, height) = (DVec3::new(2.7, 2.7, 2.8), 0.12 * DVec3::Z);
+        blades.rectangle(corner.with_x(at), 0.6 * DVec3::Y, height);
+        blades.rectangle(corner.with_y(at), 0.6 * DVec3::X, height);
+    }
+    pieces.glowing("lamp", 500.0).polygon(&facing_down([2.7, 3.3], [2.7, 3.3], 2.95));
+    let scene = pieces.scene();
+    let options = Options { audit: 0, elements: false, direct_only: true, ..Options::default() };
+    for place in [[2.5, 2.9], [2.0, 2.6], [1.6, 2.2]] {
+        let found = solved(&scene, &mirrored(6.0, place, 1.0), &options).irradiance;
+        assert!(scatter(&found) < 0.05, "{place:?}: {found:?}");
+    }
+}
