@@ -145,7 +145,7 @@ mod tests {
     use crate::path_tracer;
     use crate::points::Point;
     use crate::radiosity::{Options, run};
-    use crate::scene::generate::{Spec, build};
+    use crate::scene::testing::generated;
     use glam::DVec3;
     use std::sync::{Barrier, Mutex};
 
@@ -240,7 +240,7 @@ mod tests {
     /// A room with clusters has the same light, of elements and at points, on any number of ranks.
     #[test]
     fn a_solution_has_the_same_bits() {
-        let scene = build(&Spec::new("cornell")).expect("a scene");
+        let scene = generated("cornell");
         let model = model(&scene, Detail::Clusters);
         let options = Options { error: 0.1, local_rays: Some(100_000), ..Options::default() };
         let points: Vec<Point> = (0..100)
@@ -260,7 +260,7 @@ mod tests {
 
     #[test]
     fn paths_and_form_factors_have_the_same_bits() {
-        let scene = build(&Spec::new("cornell")).expect("a scene");
+        let scene = generated("cornell");
         let (model, facets) = (model(&scene, Detail::Rays), Facets::new(&scene));
         let points: Vec<Point> = (0..20)
             .map(|k| Point { position: DVec3::new(20.0 * f64::from(k) + 20.0, 0.0, 280.0), normal: DVec3::Y })

@@ -44,7 +44,7 @@ const COUNT: usize = 14;
 fn prepared() -> Scratch {
     let scratch = Scratch::new();
     scratch.generate(&Spec::new("cornell"));
-    scratch.generate(&Spec { trees: 3, leaves: 100, ..Spec::new("forest") });
+    scratch.forest(3, 100);
     scratch.write("points.csv", POINTS);
     scratch.write("jobs.toml", JOBS);
     scratch
@@ -111,8 +111,10 @@ fn journal(out: &Path) -> [usize; 2] {
 fn files_are_those_of_one_process() {
     let scratch = prepared();
     let commands = [
-        "solve cornell.obj --points points.csv --error 0.2 --local-rays 20000 --audit 50 --output ply,vtu,lightmap",
-        "solve forest.obj --error 0.3 --local-rays 20000 --visibility mr --output ply --cache off",
+        "solve cornell.obj --points points.csv --error 0.2 --min-area 1e-3 --local-rays 20000 --audit 50 \
+         --output ply,vtu,lightmap --lightmap-texels 64",
+        "solve forest.obj --error 0.3 --min-area 1e-3 --local-rays 20000 --audit 20 --visibility mr --output ply \
+         --cache off",
         "reference cornell.obj --points points.csv --samples 200",
         "form-factors forest.obj --rays 16",
     ];
@@ -224,7 +226,7 @@ fn errors_are_said_once_and_name_the_cure() {
     assert_eq!(missing.stderr.matches("mrvis: missing.obj: ").count(), 1, "{}", missing.stderr);
     on_ranks(&scratch, 2, "solve cornell.obj --max-seconds 9 --out o --mpi")
         .warns("mrvis: --max-seconds: not with --mpi");
-    let copies = on_ranks(&scratch, 2, "form-factors cornell.obj --out f.csv --unit mm").exits(0);
+    let copies = on_ranks(&scratch, 2, "form-factors cornell.obj --rays 16 --out f.csv --unit mm").exits(0);
     assert_eq!(copies.stderr.matches("2 copies of this command").count(), 1, "{}", copies.stderr);
     // A job file cannot ask for ranks.
     scratch.write("bad.toml", JOBS.replace("audit = 0", "mpi = true"));

@@ -170,11 +170,10 @@ fn numbers(rays: &[usize]) -> Vec<usize> {
 mod tests {
     use super::*;
     use crate::bench::workload::surface_points;
-    use crate::scene::generate::{Spec, build};
 
     #[test]
     fn every_number_has_its_bundles_and_memory_is_as_stated() {
-        let scene = build(&Spec::new("desk-room")).expect("a room");
+        let scene = crate::scene::testing::generated("desk-room");
         let model = crate::model::testing::model(&scene, crate::model::Detail::Rays);
         let points = surface_points(&model, 3000, 1).expect("points");
         let workload = Workload::new(&model, points, 1);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::scene::generate::{self, KINDS, Spec};
-use crate::scene::testing::{Pieces, cloud, in_cube, on_threads, rotation, unit};
+use crate::scene::testing::{Pieces, cloud, forest, generated, in_cube, on_threads, rotation, unit};
 use glam::{DMat3, DVec3, Vec3};
 use proptest::prelude::*;
 use rand_pcg::Pcg64Mcg;
@@ -130,7 +130,7 @@ fn result_does_not_depend_on_threads() {
 
 #[test]
 fn large_surfaces_stay_outside_and_detail_inside() {
-    let room = generate::build(&Spec::new("desk-room")).expect("room");
+    let room = generated("desk-room");
     let large = |scene: &Scene| {
         let mut is_large = vec![false; scene.triangles.len()];
         check(scene).large.order.iter().for_each(|&t| is_large[t as usize] = true);
@@ -158,9 +158,7 @@ fn large_surfaces_stay_outside_and_detail_inside() {
     let legs = desk.iter().filter(|&&t| span(t).x < 0.1 && span(t).y < 0.1);
     assert!(legs.clone().count() > 0 && legs.into_iter().all(|&t| !is_large[t as usize]), "a leg is large");
 
-    let mut spec = Spec::new("forest");
-    (spec.trees, spec.leaves) = (16, 200);
-    let forest = generate::build(&spec).expect("forest");
+    let forest = forest(16, 200);
     let is_large = large(&forest);
     for (t, &is_large) in is_large.iter().enumerate() {
         let object = &forest.objects[forest.triangle_object[t] as usize].name;
@@ -239,11 +237,7 @@ fn work(scene: &Scene) -> f64 {
 /// In the largest thicket a step for each pair would take longer than a test may.
 #[test]
 fn build_work_grows_as_n_log_n() {
-    let forest = |trees| {
-        let mut spec = Spec::new("forest");
-        (spec.trees, spec.leaves) = (trees, 200);
-        generate::build(&spec).expect("forest")
-    };
+    let forest = |trees| forest(trees, 200);
     // One object of pieces that all overlap: every voxel holds many items.
     let thicket = |n| cloud(3, n, 0.2, DVec3::ONE, true).scene();
     let bricks = |courses| {

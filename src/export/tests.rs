@@ -126,7 +126,7 @@ fn a_lightmap_stops_when_the_caller_asks_for_it() {
     let stop_at = |stop: u64| {
         let progress = stop_when(|c| c.asked > stop);
         let map = lightmap(&mesh, &solution, &scene, 4096, &progress);
-        (map.map(|_| ()), progress.counts().asked)
+        (map.map(|_| ()), progress.asked())
     };
     let (whole, looks) = stop_at(u64::MAX);
     // Margins are filled row by row: 64 rows and margins, twice.
@@ -238,8 +238,8 @@ fn lightmaps_refuse_coordinates_that_cannot_hold_them() {
 #[test]
 fn what_is_shown_of_a_solved_room_has_no_cracks() {
     use crate::radiosity::{Options, run};
-    use crate::scene::generate::{Spec, build};
-    let scene = build(&Spec::new("cornell")).expect("a scene");
+    use crate::scene::testing::generated;
+    let scene = generated("cornell");
     let options = Options { error: 0.05, ..Options::default() };
     let model = Model::prepare(scene.clone(), &options.prepare()).expect("a model");
     let outcome = run(&model, &[], &options, &()).expect("a solution");

@@ -16,7 +16,7 @@ use crate::sky::Environment;
 use crate::terrain::ReadOptions;
 use crate::visibility::{Exact, LeafMode, MultiResolution};
 use crate::{Result, embree::Traversal, optics};
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -50,12 +50,10 @@ scene_parts! {
         triangle_polygon: [u32],
         triangle_reflectance: [[f32; 3]],
         triangle_sides: [u8],
-        triangle_component: [u32],
         objects: [Object],
         materials: [Material],
         emitters: [Emitter],
         triangle_emitter: [u32],
-        triangle_texcoords: [[[f32; 2]; 3]],
         cameras: [StoredCamera],
         repairs: Repairs,
         files: [PathBuf],
@@ -107,16 +105,10 @@ methods! { SceneParts for Scene:
     fn up_axis(&self) -> UpAxis;
     fn up_from(&self) -> (UpAxis, UpFrom);
     fn visible_triangles(&self) -> u64;
-    fn with_objects(&self, kept: &[bool]) -> Scene;
     fn world_bounds(&self) -> Aabb;
     others
     fn parts(&self) -> Parts<'_> {
         Parts::of(self)
-    }
-    fn with_transform(&self, placement: usize, transform: DAffine3) -> Scene {
-        let mut changed = self.clone();
-        changed.placements[placement].transform = transform;
-        changed
     }
 }
 
@@ -150,9 +142,6 @@ methods! { PrepareParts for PrepareOptions:
     others
     fn with_clusters(self, clusters: clusters::Options) -> PrepareOptions {
         PrepareOptions { builder: clusters.builder, clusters, ..self }
-    }
-    fn with_optics(self, optics: optics::Options) -> PrepareOptions {
-        PrepareOptions { optics, ..self }
     }
     fn parts(&self) -> (clusters::Options, optics::Options, CacheLocation) {
         (self.clusters(), self.optics, self.cache())

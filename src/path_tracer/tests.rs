@@ -1,51 +1,17 @@
 use super::*;
 use crate::form_factors::analytic::{parallel_rectangles, point_to_polygon};
 use crate::model::{Detail, testing::model};
-use crate::scene::testing::on_threads;
-use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
+use crate::scene::testing::{Pieces, on_threads};
+use crate::scene::{Scene, SoupMaterial};
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
 
-/// A scene of quadrilaterals, each with its reflectance and radiance.
-struct Quads(Soup);
-
-impl Quads {
-    fn new() -> Quads {
-        let mut soup = Soup::new("test");
-        soup.object("quads");
-        Quads(soup)
-    }
-
-    fn add(
-        &mut self,
-        corner: DVec3,
-        u: DVec3,
-        v: DVec3,
-        reflectance: [f32; 3],
-        radiance: [f32; 3],
-    ) -> &mut Quads {
-        let name = format!("material {}", self.0.materials.len());
-        let material = SoupMaterial { reflectance, ..SoupMaterial::light(name, radiance) };
-        let material = self.0.material(material);
-        self.0.polygon(0, material, &[corner, corner + u, corner + u + v, corner + v]);
-        self
-    }
-
-    fn scene(&mut self) -> Scene {
-        resolve(std::mem::take(&mut self.0), &LoadOptions::default()).expect("a scene")
-    }
-}
-
 /// A closed box whose faces point inwards.
 fn room(size: DVec3, reflectance: [f32; 3], radiance: [f32; 3]) -> Scene {
-    let (x, y, z) = (DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z);
-    let mut quads = Quads::new();
-    for (corner, u, v) in
-        [(DVec3::ZERO, x, y), (z, y, x), (DVec3::ZERO, z, x), (y, x, z), (DVec3::ZERO, y, z), (x, z, y)]
-    {
-        quads.add(corner, u, v, reflectance, radiance);
-    }
-    quads.scene()
+    let material = SoupMaterial { reflectance, ..SoupMaterial::light("walls", radiance) };
+    let mut pieces = Pieces::empty();
+    pieces.made_of("room", material).room(DVec3::ZERO, size);
+    pieces.scene()
 }
 
 fn at(x: f64, y: f64, z: f64, normal: DVec3) -> Point {
@@ -103,9 +69,9 @@ fn furnace() {
 #[test]
 fn direct_light_is_lamberts_formula() {
     let lamp = [dvec3(0.2, 0.3, 1.0), dvec3(0.2, 0.9, 1.0), dvec3(0.8, 0.9, 1.0), dvec3(0.8, 0.3, 1.0)];
-    let mut quads = Quads::new();
-    quads.add(DVec3::ZERO, DVec3::X, DVec3::Y, [0.5; 3], [0.0; 3]);
-    quads.add(lamp[0], lamp[1] - lamp[0], lamp[3] - lamp[0], [0.0; 3], [1.0, 2.0, 3.0]);
+    let mut quads = Pieces::empty();
+    quads.grey("quad", 0.5).rectangle(DVec3::ZERO, DVec3::X, DVec3::Y);
+    quads.made_of("lamp", SoupMaterial::light("light", [1.0, 2.0, 3.0])).polygon(&lamp);
     let mut points = grid(4, 0.0, DVec3::Z);
     // A point whose horizon cuts the emitter, one very close to the emitter, and one behind it.
     points.push(at(0.5, 0.5, 0.5, dvec3(1.0, 0.0, 0.2).normalize()));
@@ -124,9 +90,9 @@ fn direct_light_is_lamberts_formula() {
 #[test]
 fn point_files_far_from_zero_keep_their_digits() {
     let far = dvec3(5e5, -4e6, 300.0);
-    let mut quads = Quads::new();
-    quads.add(far, DVec3::X, DVec3::Y, [0.0; 3], [0.0; 3]);
-    quads.add(far + DVec3::Z, DVec3::Y, DVec3::X, [0.0; 3], [1.0; 3]);
+    let mut quads = Pieces::empty();
+    quads.grey("quad", 0.0).rectangle(far, DVec3::X, DVec3::Y);
+    quads.glowing("lamp", 1.0).rectangle(far + DVec3::Z, DVec3::Y, DVec3::X);
     let scene = quads.scene();
     let points: Vec<Point> =
         grid(8, 0.0, DVec3::Z).into_iter().map(|p| Point { position: p.position + far, ..p }).collect();
@@ -140,9 +106,9 @@ fn point_files_far_from_zero_keep_their_digits() {
 fn one_bounce_between_parallel_squares() {
     // Only the lower square reflects: its irradiance comes from the emitter alone, and the upper square, which is
     // black, receives exactly one bounce.
-    let mut quads = Quads::new();
-    quads.add(DVec3::ZERO, DVec3::X, DVec3::Y, [0.5; 3], [0.0; 3]);
-    quads.add(DVec3::Z, DVec3::Y, DVec3::X, [0.0; 3], [1.0; 3]);
+    let mut quads = Pieces::empty();
+    quads.grey("quad", 0.5).rectangle(DVec3::ZERO, DVec3::X, DVec3::Y);
+    quads.glowing("lamp", 1.0).rectangle(DVec3::Z, DVec3::Y, DVec3::X);
     let scene = quads.scene();
     let points = grid(12, 1.0, -DVec3::Z);
     let found = run(&scene, &points, 1024, false);
@@ -180,10 +146,10 @@ fn obstructed(id: &str, quantity: &str) -> f64 {
 /// Mean irradiance of a unit square at `z = 0` from a unit square at `z = 1` of radiance 1/π with a black plate
 /// between: the form factor.
 fn blocked_squares(low: [f64; 2], high: [f64; 2], height: f64) -> (f64, f64) {
-    let mut quads = Quads::new();
-    quads.add(DVec3::Z, DVec3::Y, DVec3::X, [0.0; 3], [1.0 / PI as f32; 3]);
+    let mut quads = Pieces::empty();
+    quads.glowing("lamp", 1.0 / PI as f32).rectangle(DVec3::Z, DVec3::Y, DVec3::X);
     let (u, v) = ((high[0] - low[0]) * DVec3::X, (high[1] - low[1]) * DVec3::Y);
-    quads.add(dvec3(low[0], low[1], height), u, v, [0.0; 3], [0.0; 3]);
+    quads.grey("quad", 0.0).rectangle(dvec3(low[0], low[1], height), u, v);
     mean(&run(&quads.scene(), &grid(100, 0.0, DVec3::Z), 128, true))
 }
 

@@ -1,52 +1,80 @@
 //! Callers that stop, for tests.
 
 use super::Progress;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
-/// How often a computation has reported.
+/// What a computation has reported.
 #[derive(Clone, Copy, Debug)]
-pub struct Counts {
+pub struct Told<'a> {
+    /// The stage that has begun last, empty before the first.
+    pub stage: &'a str,
     /// Stages that have begun.
-    pub stages: u64,
-    /// Steps that are done.
+    pub stages: usize,
+    /// Steps of this stage that are done.
+    pub stage_steps: u64,
+    /// Steps of all stages that are done.
     pub steps: u64,
     /// Questions whether to stop, this one included.
     pub asked: u64,
 }
 
-/// A caller who stops by what it was told.
+/// A caller who stops, for good, by what it was told.
 pub struct StopWhen<F> {
-    stages: AtomicU64,
+    begun: Mutex<Vec<String>>,
+    stage_steps: AtomicU64,
     steps: AtomicU64,
     asked: AtomicU64,
+    has_stopped: AtomicBool,
     is_over: F,
 }
 
 /// A caller who stops when `is_over`.
-pub fn stop_when<F: Fn(Counts) -> bool + Send + Sync>(is_over: F) -> StopWhen<F> {
-    let [stages, steps, asked] = std::array::from_fn(|_| AtomicU64::new(0));
-    StopWhen { stages, steps, asked, is_over }
+pub fn stop_when<F: Fn(Told) -> bool + Send + Sync>(is_over: F) -> StopWhen<F> {
+    let [stage_steps, steps, asked] = std::array::from_fn(|_| AtomicU64::new(0));
+    let (begun, has_stopped) = Default::default();
+    StopWhen { begun, stage_steps, steps, asked, has_stopped, is_over }
 }
 
 impl<F> StopWhen<F> {
-    /// What it was told so far.
-    pub fn counts(&self) -> Counts {
-        let [stages, steps, asked] = [&self.stages, &self.steps, &self.asked].map(|n| n.load(Relaxed));
-        Counts { stages, steps, asked }
+    /// Names of the stages that have begun.
+    pub fn begun(&self) -> Vec<String> {
+        self.begun.lock().unwrap().clone()
+    }
+
+    /// Steps that are done.
+    pub fn steps(&self) -> u64 {
+        self.steps.load(Relaxed)
+    }
+
+    /// How often it was asked whether to stop.
+    pub fn asked(&self) -> u64 {
+        self.asked.load(Relaxed)
     }
 }
 
-impl<F: Fn(Counts) -> bool + Send + Sync> Progress for StopWhen<F> {
-    fn stage(&self, _: &str, _: u64) {
-        self.stages.fetch_add(1, Relaxed);
+impl<F: Fn(Told) -> bool + Send + Sync> Progress for StopWhen<F> {
+    fn stage(&self, name: &str, _: u64) {
+        self.begun.lock().unwrap().push(name.into());
+        self.stage_steps.store(0, Relaxed);
     }
 
     fn advance(&self, steps: u64) {
+        self.stage_steps.fetch_add(steps, Relaxed);
         self.steps.fetch_add(steps, Relaxed);
     }
 
     fn stopped(&self) -> bool {
         let asked = self.asked.fetch_add(1, Relaxed) + 1;
-        (self.is_over)(Counts { asked, ..self.counts() })
+        let begun = self.begun.lock().unwrap();
+        let told = Told {
+            stage: begun.last().map_or("", String::as_str),
+            stages: begun.len(),
+            stage_steps: self.stage_steps.load(Relaxed),
+            steps: self.steps(),
+            asked,
+        };
+        self.has_stopped.fetch_or((self.is_over)(told), Relaxed);
+        self.has_stopped.load(Relaxed)
     }
 }

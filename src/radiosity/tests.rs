@@ -23,8 +23,7 @@ use super::*;
 use crate::model::Model;
 use crate::points::Point;
 use crate::progress::{Progress, testing::stop_when};
-use crate::scene::generate::{Spec, build};
-use crate::scene::testing::{Pieces, facing_down, facing_up, inward, on_threads};
+use crate::scene::testing::{Pieces, Wall, facing_down, facing_up, generated, on_threads};
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::DVec3;
 
@@ -62,9 +61,14 @@ fn floor(n: usize) -> Vec<Point> {
     (0..n).map(|i| Point { position: at(i), normal: DVec3::Z }).collect()
 }
 
+/// Default options but for larger elements and no audit.
+fn coarse() -> Options {
+    Options { min_area: 1e-3, audit: 0, ..Options::default() }
+}
+
 /// Default options but for a fortieth of the rays of the local pass, elements no smaller than these rays light, and no audit.
 fn quick() -> Options {
-    Options { min_area: 1e-3, audit: 0, local_rays: Some(350_000), ..Options::default() }
+    Options { local_rays: Some(350_000), ..coarse() }
 }
 
 fn solved(scene: &Scene, points: &[Point], options: &Options) -> Outcome {
@@ -75,7 +79,7 @@ fn solved(scene: &Scene, points: &[Point], options: &Options) -> Outcome {
 fn a_furnace_has_the_same_light_everywhere() {
     for reflectance in [0.0, 0.95] {
         let scene = furnace(reflectance);
-        let options = Options { local_rays: Some(1_500_000), audit: 0, ..Options::default() };
+        let options = Options { local_rays: Some(1_500_000), ..coarse() };
         let outcome = solved(&scene, &floor(20), &options);
         // Radiosity M / (1 - ρ), and as much irradiance.
         let want = 1.0 / (1.0 - f64::from(reflectance));
@@ -110,10 +114,10 @@ fn no_energy_is_made_or_lost() {
 #[test]
 fn threads_do_not_matter() {
     // Links alone, and clusters with a local pass.
-    let cluttered = build(&Spec::new("desk-room")).expect("a scene");
+    let cluttered = generated("desk-room");
     for scene in [room(true), cluttered] {
         let with = |threads: usize| {
-            let options = Options { error: 0.2, audit: 20, ..Options::default() };
+            let options = Options { error: 0.2, audit: 20, ..coarse() };
             on_threads(threads, || solved(&scene, &floor(200), &options))
         };
         let (one, two) = (with(1), with(3));
@@ -221,9 +225,9 @@ fn steps_are_cut_short_when_time_is_up() {
 /// A room full of small things: what the local pass is for.
 #[test]
 fn clutter_is_lit_as_paths_say() {
-    let scene = build(&Spec::new("desk-room")).expect("a scene");
+    let scene = generated("desk-room");
     let points = limits::on_surfaces(&scene, 150);
-    let outcome = solved(&scene, &points, &Options { error: 0.04, ..Options::default() });
+    let outcome = solved(&scene, &points, &Options { error: 0.04, min_area: 1e-3, ..Options::default() });
     let (rms, _) = limits::off(&outcome.irradiance, &limits::truth(&scene, &points, 1024));
     assert!(rms < 0.08, "{rms}");
     let Record { ledger, audit, .. } = outcome.record;

@@ -50,8 +50,6 @@ mod tests;
 mod texture;
 mod triangulate;
 mod up;
-#[cfg(feature = "internals")]
-mod with_objects;
 #[cfg(any(test, feature = "internals"))]
 mod write_gltf;
 #[cfg(any(test, feature = "internals"))]

@@ -1,5 +1,6 @@
 //! Small scenes for tests, resolved like files.
 
+use super::generate::{Spec, build};
 use super::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use rand_pcg::Pcg64Mcg;
@@ -92,8 +93,38 @@ impl Pieces {
 
     /// Adds the faces of a box, wound inward; outward if `low` and `high` are exchanged along one axis.
     pub fn room(&mut self, low: DVec3, high: DVec3) -> &mut Pieces {
-        let here = self.here();
-        inward(&mut self.soup, here, self.material, low, high);
+        for (_, corners) in walls(low, high) {
+            self.polygon(&corners);
+        }
+        self
+    }
+
+    /// Adds the faces of a box but one.
+    pub fn room_without(&mut self, wall: Wall, low: DVec3, high: DVec3) -> &mut Pieces {
+        for (of, corners) in walls(low, high) {
+            if of != wall {
+                self.polygon(&corners);
+            }
+        }
+        self
+    }
+
+    /// Adds a rectangle like [`Pieces::rectangle`] around a hole, which reaches from `low` to `high`, distances from the corner along `u`
+    /// and `v`.
+    pub fn pierced(&mut self, corner: DVec3, [u, v]: [DVec3; 2], [low, high]: [[f64; 2]; 2]) -> &mut Pieces {
+        let ([along, across], [width, height]) = ([u.normalize(), v.normalize()], [u.length(), v.length()]);
+        let parts = [
+            [[0.0, 0.0], [width, low[1]]],
+            [[0.0, high[1]], [width, height]],
+            [[0.0, low[1]], [low[0], high[1]]],
+            [[high[0], low[1]], [width, high[1]]],
+        ];
+        for [from, to] in parts {
+            let [x, y] = [to[0] - from[0], to[1] - from[1]];
+            if x > 0.0 && y > 0.0 {
+                self.rectangle(corner + from[0] * along + from[1] * across, x * along, y * across);
+            }
+        }
         self
     }
 
@@ -151,12 +182,29 @@ impl Pieces {
     }
 }
 
+/// A face of a box, by the end of the axis at which it lies.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Wall {
+    Floor,
+    Ceiling,
+    LowY,
+    HighY,
+    LowX,
+    HighX,
+}
+
 /// The faces of a box, wound inward; outward if `low` and `high` are exchanged along one axis.
-pub fn inward(soup: &mut Soup, object: u32, material: u32, low: DVec3, high: DVec3) {
+fn walls(low: DVec3, high: DVec3) -> [(Wall, [DVec3; 4]); 6] {
     let at = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
-    for f in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
-        soup.polygon(object, material, &f.map(at));
-    }
+    [
+        (Wall::Floor, [0, 1, 3, 2]),
+        (Wall::Ceiling, [4, 6, 7, 5]),
+        (Wall::LowY, [0, 4, 5, 1]),
+        (Wall::HighY, [2, 3, 7, 6]),
+        (Wall::LowX, [0, 2, 6, 4]),
+        (Wall::HighX, [1, 5, 7, 3]),
+    ]
+    .map(|(wall, corners)| (wall, corners.map(at)))
 }
 
 /// A level rectangle that faces up.
@@ -173,6 +221,16 @@ pub fn facing_down([x0, x1]: [f64; 2], [y0, y1]: [f64; 2], z: f64) -> [DVec3; 4]
 pub fn on_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     pool.install(work)
+}
+
+/// A generated forest of so many trees with so many leaves each.
+pub fn forest(trees: usize, leaves: usize) -> Scene {
+    build(&Spec { trees, leaves, ..Spec::new("forest") }).expect("a forest")
+}
+
+/// The generated scene of this name, of its usual size.
+pub fn generated(name: &str) -> Scene {
+    build(&Spec::new(name)).expect("a scene")
 }
 
 /// Closed cubes, or squares if `sheets`, of edge `edge`, at random positions in the box from 0 to `size` with random

@@ -201,7 +201,8 @@ static void print_solution(const mrv_model *model) {
   mrv_solution *solution;
   memset(&options, 0, sizeof options);
   options.struct_size = sizeof options;
-  options.error = .1;
+  options.error = .3;
+  options.min_area = 1e-3;
   options.progress = count_calls;
   options.user = &calls;
   OK(mrv_model_solve(model, &options, &solution));

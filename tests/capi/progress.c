@@ -132,6 +132,7 @@ static void shown_in_part(int at) {
   memset(&solve, 0, sizeof solve);
   solve.struct_size = sizeof solve;
   solve.error = .5;
+  solve.min_area = 1e-3;
   solve.no_audit = 1;
   OK(mrv_model_solve(model, &solve, &light));
   memset(&camera, 0, sizeof camera);
@@ -234,6 +235,7 @@ static int32_t use_library(void *user, const char *stage, double done) {
     nest inner = {n->other, NULL, NULL, 1, n->depth - 1};
     mrv_solve_options options = long_solve(use_library, &inner);
     options.error = .9;
+    options.min_area = 1e-3;
     options.no_audit = 1;
     OK(mrv_model_solve(model, &options, &light));
     CHECK(inner.calls > 1);

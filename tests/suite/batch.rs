@@ -201,7 +201,7 @@ fn nothing_is_lost_when_the_batch_is_killed() {
 #[test]
 fn an_interrupted_batch_goes_on() {
     let scratch = prepared();
-    scratch.generate(&Spec { trees: 60, leaves: 2000, ..Spec::new("forest") });
+    scratch.forest(60, 2000);
     let long =
         "[[job]]\nname = 'long'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { error = 0.001 }\n";
     scratch.write("long.toml", JOBS.replace("'*.obj'", "'cornell.obj'") + long);
@@ -223,7 +223,7 @@ fn an_interrupted_batch_goes_on() {
 fn failures_are_kept_to_one_job() {
     let scratch = Scratch::new();
     scratch.generate(&Spec::new("cornell"));
-    scratch.generate(&Spec { trees: 60, leaves: 2000, ..Spec::new("forest") });
+    scratch.forest(60, 2000);
     scratch.write("dark.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     scratch.write("bad.obj", "f 1 2 3\n");
     scratch.write(

@@ -14,17 +14,13 @@ fn interrupted(child: Child) -> Outcome {
     Outcome::within(LATEST_END, child)
 }
 
-/// Some 200,000 triangles, whose solution takes minutes.
-fn forest(scratch: &Scratch) -> String {
-    scratch.generate(&Spec { trees: 60, leaves: 2000, ..Spec::new("forest") })
-}
-
 /// Whenever a solve is interrupted, it ends soon with a consistent solution, or says that there is none yet.
 #[test]
 #[ignore = "long: full size"]
 fn an_interrupted_solve_ends_soon() {
     let scratch = Scratch::new();
-    let scene = forest(&scratch);
+    // Some 200,000 triangles, whose solution takes minutes.
+    let scene = scratch.forest(60, 2000);
     let mut solutions = 0;
     for (k, seconds) in [0.3, 2.0, 4.0, 8.0].into_iter().enumerate() {
         let out = format!("o{k}");
@@ -80,7 +76,7 @@ fn an_aborted_call_has_the_code_of_errors() {
 #[ignore = "long: full size"]
 fn an_interrupted_large_solution_is_written_as_elements() {
     let scratch = Scratch::new();
-    let scene = forest(&scratch);
+    let scene = scratch.forest(60, 2000);
     // Interrupted later and later, until there is light: a busy machine takes long to prepare the scene.
     let outcome = [6.0, 12.0, 24.0, 48.0].into_iter().find_map(|seconds| {
         let child = scratch.started(&format!("solve {scene} --error 0.002 --visibility exact --out o"));

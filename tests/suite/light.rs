@@ -149,7 +149,7 @@ fn errors_are_those_of_what_is_asked_for() {
         assert_eq!(record["at_points"]["count"], 2);
         assert_eq!(record["ledger"]["absorbed"].is_null(), !more.is_empty());
     }
-    let solve = format!("{at_points} --output vtu");
+    let solve = format!("{at_points} --min-area 1e-3 --output vtu");
     scratch.mrvis(&solve).exits(0).prints("estimated error");
     let record = scratch.json("s/solution.json");
     assert_eq!(record["error_estimate_source"], "audit");
@@ -164,7 +164,9 @@ fn errors_are_those_of_what_is_asked_for() {
 fn a_solution_is_shown() {
     let scratch = scratch();
     let shown = "--output ply,glb,vtu,lightmap,image --image-size 64x48 --quiet";
-    scratch.mrvis(&format!("solve box.obj --out s {shown} --audit 0 --local-rays 300000")).exits(0);
+    scratch
+        .mrvis(&format!("solve box.obj --out s {shown} --audit 0 --min-area 1e-3 --local-rays 300000"))
+        .exits(0);
     let begins = |name: &str, with: &[u8]| {
         let file = std::fs::read(scratch.path("s").join(name)).expect(name);
         assert!(file.starts_with(with), "{name}");
@@ -222,7 +224,7 @@ fn a_missed_target_is_told_by_the_exit_code() {
     let scene = scratch.generate(&Spec::new("cornell"));
     let solve = |target: &str, links: &str| {
         let limits = format!("--target-error {target} --max-links {links} --local-rays 20000 --audit 10");
-        scratch.mrvis(&format!("solve {scene} --unit mm --out s --output none {limits}"))
+        scratch.mrvis(&format!("solve {scene} --unit mm --min-area 1e-3 --out s --output none {limits}"))
     };
     let missed = solve("1e-6", "2000").exits(1);
     missed.prints("--target-error 0.000001 was missed").prints("--max-links 2000 ended refinement");
@@ -252,7 +254,7 @@ fn engines_are_compared_at_points() {
 #[test]
 fn pictures_are_whole_when_time_is_short() {
     let scratch = scratch();
-    let arguments = format!("solve box.obj --output image --image-size 1000x800 {ROUGH}");
+    let arguments = format!("solve box.obj --output image --image-size 640x480 {ROUGH}");
     let solve = |more: &str| scratch.mrvis(&format!("{arguments} {more}"));
     solve("--out plain").exits(0);
     solve("--out hurried --gather --error 0.001 --max-seconds 0.2")
@@ -269,7 +271,7 @@ fn pictures_are_whole_when_time_is_short() {
     assert_eq!(names("plain"), names("hurried"));
     for folder in ["plain", "hurried"] {
         let picture = image::open(scratch.path(folder).join("view.png")).expect("a whole picture");
-        assert_eq!((picture.width(), picture.height()), (1000, 800));
+        assert_eq!((picture.width(), picture.height()), (640, 480));
     }
 }
 

@@ -2,7 +2,6 @@
 //! sideways, at widths from a telephone to a desktop, light, dark and printed.
 
 use crate::run::{Scratch, words};
-use mrvis::internals::scene::generate::Spec;
 use std::process::{Command, Stdio};
 
 /// Widths in pixels, and media, at which each page is laid out. 700 pixels is A4 within its margins.
@@ -71,10 +70,6 @@ fn long_names(folder: &Scratch) -> String {
     scene
 }
 
-fn read(folder: &Scratch, name: &str) -> String {
-    std::fs::read_to_string(folder.path(name)).expect("a page")
-}
-
 #[test]
 fn pages_fit_into_windows() {
     check_pages(&VIEWS);
@@ -89,11 +84,10 @@ fn pages_fit_into_every_window() {
 fn check_pages(views: &[(u32, &str)]) {
     let folder = Scratch::new();
     let scene = long_names(&folder);
-    let few = words("--points 300 --rays 4 --reference-rays 64 --map 64 --rounds 1 --feature-size 0.5");
+    let few = words("--points 300 --rays 4 --reference-rays 16 --map 16 --rounds 1 --feature-size 0.5");
     let few = [few, words("--quiet --cache off")].concat();
     folder.mrvis(&[&["bench", &scene, "--out", "all"][..], &few].concat());
-    let forest = Spec { trees: 4, leaves: 100, ..Spec::new("forest") };
-    let forest = folder.generate(&forest);
+    let forest = folder.forest(4, 100);
     folder.mrvis(&[&["bench", &forest, "--out", "forest"][..], &few].concat());
     let options = words("--local-rays 0 --audit 50 --out all --output page --image-size 320x240 --quiet");
     folder.mrvis(&[&["solve", &scene][..], &options].concat());
@@ -108,10 +102,10 @@ fn check_pages(views: &[(u32, &str)]) {
     folder.mrvis("batch jobs.toml --out batch --quiet");
     folder.mrvis("report batch --quiet").exits(0);
     let pages = [
-        ("batch with long names", read(&folder, "batch/report.html")),
-        ("bench with long names", read(&folder, "all/report.html")),
-        ("bench of a forest", read(&folder, "forest/report.html")),
-        ("solve with long names", read(&folder, "all/solution.html")),
+        ("batch with long names", folder.text("batch/report.html")),
+        ("bench with long names", folder.text("all/report.html")),
+        ("bench of a forest", folder.text("forest/report.html")),
+        ("solve with long names", folder.text("all/solution.html")),
     ];
     let found = problems(&pages, views);
     assert!(found.is_empty(), "{}", found.join("\n"));

@@ -145,6 +145,11 @@ impl Scratch {
         name
     }
 
+    /// Writes a forest of so many trees with so many leaves each as `forest.obj`.
+    pub fn forest(&self, trees: usize, leaves: usize) -> String {
+        self.generate(&scene::generate::Spec { trees, leaves, ..scene::generate::Spec::new("forest") })
+    }
+
     /// The command in the scratch folder, with a cache folder of its own.
     pub fn command(&self, line: &(impl Line + ?Sized)) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_mrvis"));

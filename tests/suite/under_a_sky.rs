@@ -6,8 +6,8 @@ use crate::run::Scratch;
 const MEADOW: &str = "o meadow\nv -10 -10 0\nv 10 -10 0\nv 10 10 0\nv -10 10 0\nf 1 2 3 4\n\
     o box\nv 0 -1 0.01\nv 2 -1 0.01\nv 2 1 0.01\nv 0 1 0.01\nv 0 -1 2\nv 2 -1 2\nv 2 1 2\nv 0 1 2\n\
     f 8 7 6 5\nf 5 6 10 9\nf 6 7 11 10\nf 7 8 12 11\nf 8 5 9 12\nf 9 10 11 12\n";
-/// One feature size: images of each size take seconds.
-const QUICK: &str = "--points 100 --feature-size 0.5 --reference-rays 64 --rounds 1 --map 16";
+/// One feature size and few rays: images of each size take seconds.
+const QUICK: &str = "--points 100 --rays 4 --feature-size 0.5 --reference-rays 16 --rounds 1 --map 16";
 
 #[test]
 fn bench_names_patches_and_sun_in_all_outputs() {

@@ -91,7 +91,7 @@ fn form_factors_and_batches_stop_in_their_middle() {
     );
     assert!(matches!(model.with_progress(steps.clone()).form_factors(&few), Err(Error::Cancelled(_))));
     // Those that were at work on other threads end.
-    assert!((3..30).contains(&steps.counts().steps));
+    assert!((3..30).contains(&steps.steps()));
 
     let (ends, offsets) = ([100.0f32, 100.0, 100.0, 400.0, 400.0, 400.0], Vec::from_iter(0..=100_000));
     let [from, to] = [&ends[..3], &ends[3..]].map(|p| Strided::repeated(p.try_into().unwrap(), 100_000));
@@ -100,12 +100,12 @@ fn form_factors_and_batches_stop_in_their_middle() {
     let found =
         model.with_progress(steps.clone()).visibility().answer_into(&segments, &mut Answers::new(&mut clear));
     assert!(matches!(found, Err(Error::Cancelled(_))));
-    assert!(clear.contains(&-1.0) && steps.counts().steps < 100_000);
+    assert!(clear.contains(&-1.0) && steps.steps() < 100_000);
     let steps = Arc::new(stop_when(|_| false));
     model
         .with_progress(steps.clone())
         .visibility()
         .answer_into(&segments, &mut Answers::new(&mut clear))
         .unwrap();
-    assert!(!clear.contains(&-1.0) && steps.counts().steps == 100_000);
+    assert!(!clear.contains(&-1.0) && steps.steps() == 100_000);
 }

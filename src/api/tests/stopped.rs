@@ -52,13 +52,13 @@ fn form_factors_stop_at_any_step() {
     let all = Arc::new(stop_when(|_| false));
     let facets =
         model.with_progress(all.clone()).form_factors(&options).expect("form factors").areas.len() as u64;
-    assert_eq!(all.counts().steps, 2 * facets);
+    assert_eq!(all.steps(), 2 * facets);
     for steps in [0, 1, facets, facets + 1, 2 * facets] {
         let progress = Arc::new(stop_when(move |c| c.steps >= steps));
         let result = model.with_progress(progress.clone()).form_factors(&options);
         assert!(matches!(result, Err(Error::Cancelled(_))), "{steps} of {}", 2 * facets);
         // Each thread ends what it has begun.
-        let done = progress.counts().steps;
+        let done = progress.steps();
         assert!(done < steps + 64.max(rayon::current_num_threads() as u64), "{done} after {steps}");
     }
 }

@@ -6,8 +6,7 @@ use crate::bench::record::ReceiverClass;
 use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
 use crate::model::{Detail, testing};
 use crate::scene::Scene;
-use crate::scene::generate::{Spec, build};
-use crate::scene::testing::Pieces;
+use crate::scene::testing::{Pieces, forest};
 use glam::{DVec3, Vec3};
 
 /// Classes of points (position, normal) of a scene.
@@ -72,10 +71,7 @@ fn leaves_are_small_and_walls_are_not() {
 /// In a forest leaves and ground are classes of their own, with rows and routes of their own.
 #[test]
 fn a_forest_has_rows_by_class() {
-    let mut spec = Spec::new("forest");
-    (spec.trees, spec.leaves) = (9, 200);
-    let scene = build(&spec).expect("a forest");
-    let model = testing::model(&scene, Detail::Optics);
+    let model = testing::model(&forest(9, 200), Detail::Optics);
     let options = Options {
         points: 600,
         rays: 4,

@@ -195,7 +195,9 @@ fn a_closed_room_under_a_sky_has_a_note() {
         pieces.quad(centre - 0.5 * w, u, v).quad(centre + 0.5 * w, v, u);
     }
     pieces.object("shelf").cuboid(DVec3::new(-1.0, 0.0, 0.0), DVec3::new(1.0, 0.5, 1.0));
-    let options = Options { points: 100, reference_rays: 16, rounds: 1, map: Some(16), ..Options::default() };
+    // One feature size: images of each take seconds.
+    let few = Options { points: 100, reference_rays: 16, rounds: 1, map: Some(16), ..Options::default() };
+    let options = Options { feature_sizes: vec![0.5], ..few };
     let scene = under("uniform:1000", "160,50:400", pieces.scene());
     let model = Model::prepare(scene, &options.prepare()).expect("a model");
     let (record, _) = run(&model, &options, &()).expect("a record");

@@ -8,17 +8,14 @@ use crate::bench::prepare::build_of;
 use crate::bench::receivers::choose;
 use crate::bench::workload::{Workload, surface_points};
 use crate::model::{Detail, testing};
-use crate::scene::generate::{Spec, build};
+use crate::scene::testing::forest;
 use crate::visibility::Cut;
 use std::sync::Arc;
 
 /// More rays err less, MR rows that are handed over are rows of exact rays, and preparation makes no row faster.
 #[test]
 fn rows_of_a_map_are_consistent() {
-    let mut spec = Spec::new("forest");
-    (spec.trees, spec.leaves) = (12, 300);
-    let scene = build(&spec).expect("a forest");
-    let model = testing::model(&scene, Detail::Optics);
+    let model = testing::model(&forest(12, 300), Detail::Optics);
     let options = Options { map: Some(48), rays: 64, rounds: 1, ..Options::default() };
     let sizes = vec![0.2, 1.0];
     let timer = Timer::new(1).expect("a timer");
@@ -64,9 +61,7 @@ fn rows_of_a_map_are_consistent() {
 /// number of threads.
 #[test]
 fn the_cache_makes_the_same_map_on_any_number_of_threads() {
-    let mut spec = Spec::new("forest");
-    (spec.trees, spec.leaves) = (12, 300);
-    let model = testing::model(&build(&spec).expect("a forest"), Detail::Optics);
+    let model = testing::model(&forest(12, 300), Detail::Optics);
     let options = Options { map: Some(128), reference_rays: 128, ..Options::default() };
     let bench = |threads| Bench {
         model: &model,

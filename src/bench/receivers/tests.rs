@@ -3,7 +3,7 @@
 use super::*;
 use crate::model::{Detail, testing};
 use crate::ray::Brute;
-use crate::scene::generate::{Spec, build};
+use crate::scene::testing::generated;
 use glam::{DVec3, Vec3};
 
 /// Feature sizes that do not limit the texels of these scenes.
@@ -20,7 +20,7 @@ fn grids(
 }
 
 fn cornell() -> Scene {
-    build(&Spec::new("cornell")).unwrap()
+    generated("cornell")
 }
 
 #[test]

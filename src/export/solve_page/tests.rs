@@ -3,7 +3,7 @@
 use super::*;
 use crate::model::Model;
 use crate::radiosity::Options;
-use crate::scene::generate::{Spec, build};
+use crate::scene::testing::generated;
 
 fn grids() -> Markup {
     let picture = Picture { width: 1, height: 1, pixels: vec![[7; 3]] };
@@ -20,7 +20,7 @@ fn grids() -> Markup {
 }
 
 fn page(audit: usize, photometry: Option<Photometry>) -> (String, Record) {
-    let mut scene = build(&Spec::new("cornell")).expect("the box");
+    let mut scene = generated("cornell");
     scene.materials[0].name = "<b>white</b>".into();
     let options = Options { audit, error: 0.2, local_rays: Some(0), ..Options::default() };
     let model = Model::prepare(scene, &options.prepare()).expect("a model");

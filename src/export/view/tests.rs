@@ -4,8 +4,7 @@ use super::*;
 use crate::export::Mesh;
 use crate::export::scene_view::evenly_lit;
 use crate::scene::Scene;
-use crate::scene::generate::{Spec, build};
-use crate::scene::testing::Pieces;
+use crate::scene::testing::{Pieces, generated};
 use glam::{DMat3, DVec3, dvec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -74,7 +73,7 @@ fn a_garden_under_a_dome_is_seen_from_the_ground() {
 
 #[test]
 fn rooms_are_seen_from_inside() {
-    let scene = build(&Spec::new("desk-room")).expect("a room");
+    let scene = generated("desk-room");
     let (eye, camera, parts) = view(&scene);
     let (low, high) =
         (scene.bounds.min.as_dvec3() + scene.origin, scene.bounds.max.as_dvec3() + scene.origin);
@@ -124,7 +123,7 @@ fn single_objects_are_seen_whole() {
 /// A box with an open side is seen through it, or from inside: not through a wall that hides nothing.
 #[test]
 fn the_cornell_box_shows_its_blocks() {
-    let scene = build(&Spec::new("cornell")).expect("the box");
+    let scene = generated("cornell");
     let (_, camera, parts) = view(&scene);
     assert!(camera.up.y.abs() > 0.9, "{camera:?}");
     let seen = parts[..scene.objects.len()].iter().filter(|&&p| p > 0.01).count();

@@ -90,8 +90,7 @@ fn same(a: &Answer, b: &Answer) -> bool {
 /// The correction and the routes are those of the scene, whatever the number of threads.
 #[test]
 fn threads_change_no_answer_of_the_cut() {
-    let spec = Spec { trees: 16, leaves: 500, ..Spec::new("forest") };
-    let scene = std::sync::Arc::new(generate::build(&spec).expect("a forest"));
+    let scene = std::sync::Arc::new(crate::scene::testing::forest(16, 500));
     let found = |threads: usize| {
         let options = crate::model::PrepareOptions { threads, ..crate::model::PrepareOptions::default() };
         let model = Model::prepare(scene.clone(), &options).expect("a model");

@@ -206,7 +206,7 @@ fn check_points(seed: u64) {
 
 /// Part of the emitted power that appears or vanishes, with few rays.
 fn imbalance(seed: u64) -> f64 {
-    let options = Options { error: 0.1, audit: 0, ..Options::default() };
+    let options = Options { error: 0.1, ..coarse() };
     let ledger = solved(&scene_of(&generated(seed)), &[], &options).record.ledger;
     let part = ledger.created.abs() / ledger.emitted;
     assert!(part < 0.005, "{seed}: {ledger:?}");

@@ -3,55 +3,13 @@
 use super::*;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::refinement::Ended;
-use crate::scene::generate::{Spec, build};
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-
-/// Interrupts, for good, when so many steps of the stage of this name are done.
-struct In {
-    stage: &'static str,
-    steps: usize,
-    inside: AtomicBool,
-    done: AtomicUsize,
-    interrupted: AtomicBool,
-}
-
-impl In {
-    fn new(stage: &'static str, steps: usize) -> In {
-        In {
-            stage,
-            steps,
-            inside: AtomicBool::new(false),
-            done: AtomicUsize::new(0),
-            interrupted: AtomicBool::new(false),
-        }
-    }
-}
-
-impl Progress for In {
-    fn stage(&self, name: &str, _: u64) {
-        self.inside.store(name == self.stage, Ordering::Relaxed);
-    }
-
-    fn advance(&self, steps: u64) {
-        if self.inside.load(Ordering::Relaxed) {
-            self.done.fetch_add(steps as usize, Ordering::Relaxed);
-        }
-    }
-
-    fn stopped(&self) -> bool {
-        if self.inside.load(Ordering::Relaxed) && self.done.load(Ordering::Relaxed) >= self.steps {
-            self.interrupted.store(true, Ordering::Relaxed);
-        }
-        self.interrupted.load(Ordering::Relaxed)
-    }
-}
 
 /// A local pass of many elements that is interrupted at its beginning or in its middle traces few more rays; the light is that of the
 /// whole pass within the error bars, and notes say what it is.
 #[test]
 fn an_interrupted_pass_of_many_elements_keeps_its_light() {
-    let scene = build(&Spec { trees: 27, leaves: 1200, ..Spec::new("forest") }).expect("a forest");
+    let scene = crate::scene::testing::forest(27, 1200);
     let options = Options { error: 0.1, audit: 0, ..Options::default() };
     let model = model_for(&scene, &options);
     let solve = |stop: &dyn Progress| run(&model, &[], &options, stop).expect("a solution");
@@ -64,7 +22,8 @@ fn an_interrupted_pass_of_many_elements_keeps_its_light() {
     };
     let places: HashMap<_, _> = all.mesh.elements.iter().map(|e| (place(&all.mesh, e), e)).collect();
     for steps in [0, leaves / 2] {
-        let Outcome { mesh, record, .. } = solve(&In::new("local pass, rays", steps));
+        let stop = stop_when(|told| told.stage == "local pass, rays" && told.stage_steps >= steps as u64);
+        let Outcome { mesh, record, .. } = solve(&stop);
         assert!(record.interrupted && record.ended != Ended::Interrupted, "{:?}", record.ended);
         let notes = record.warnings.join("\n");
         assert!(notes.contains("elements have no rays") && notes.contains("an interruption"), "{notes}");

@@ -33,7 +33,7 @@ fn few_rays_leave_no_more_light_in_a_shade_than_there_is() {
     ];
     let point = |(x, y)| Point { position: DVec3::new(3.0 + x, 2.0 + y, 0.0), normal: DVec3::Z };
     let points = beside.map(point);
-    let (seeds, mut ratio) = (12, 0.0);
+    let (seeds, mut ratio) = (6, 0.0);
     for seed in 1..=seeds {
         let options = Options { elements: false, seed, audit: 0, ..Options::default() };
         let Outcome { irradiance, record, .. } = solved(&scene, &points, &options);

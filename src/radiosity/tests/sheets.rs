@@ -31,7 +31,7 @@ fn at(x: f64, y: f64, z: f64) -> Point {
 /// 12 % are created.
 #[test]
 fn rugs_create_no_energy() {
-    check_rugs(&[1], 0.03, &Options { local_rays: Some(100_000), audit: 0, ..Options::default() });
+    check_rugs(&[1], 0.03, &Options { local_rays: Some(100_000), ..coarse() });
 }
 
 /// That of four solutions has one of 0.4 %.

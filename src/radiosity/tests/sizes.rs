@@ -89,9 +89,11 @@ fn sizes_without_importance_are_those_given() {
 /// Rays that matter little meet clusters that are not opened for them.
 #[test]
 fn little_is_opened_where_it_matters_little() {
-    let scene = build(&Spec::new("desk-room")).expect("a scene");
+    let scene = generated("desk-room");
     let size = 0.2;
-    let options = Options { importance: vec!["cup".into()], feature_size: Some(size), ..ground_matters() };
+    let cup = vec!["cup".into()];
+    let coarse = Options { min_area: 1e-3, audit: 0, ..ground_matters() };
+    let options = Options { importance: cup, feature_size: Some(size), ..coarse };
     let solved = |options: &Options| solved(&scene, &[], options).record;
     let grown = solved(&options);
     // Sizes that are painted do not grow.

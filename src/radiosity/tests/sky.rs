@@ -7,13 +7,16 @@ use std::f64::consts::PI;
 
 /// The scene of these polygons, all of one grey, below a sky and a sun.
 fn outdoors(reflectance: f32, polygons: &[Vec<DVec3>], sky: &str, sun: &str) -> Scene {
-    let mut soup = Soup::new("outdoors");
-    let grey = soup.material(SoupMaterial::diffuse("grey", [reflectance; 3]));
-    let object = soup.object("ground");
-    polygons.iter().for_each(|corners| soup.polygon(object, grey, corners));
-    let mut scene =
-        resolve(soup, &LoadOptions { up: Some(crate::scene::UpAxis::Z), ..LoadOptions::default() })
-            .expect("a scene");
+    let mut pieces = Pieces::empty();
+    pieces.grey("ground", reflectance);
+    polygons.iter().for_each(|corners| _ = pieces.polygon(corners));
+    under(pieces, sky, sun)
+}
+
+/// A scene below a sky and a sun.
+fn under(pieces: Pieces, sky: &str, sun: &str) -> Scene {
+    let up = LoadOptions { up: Some(crate::scene::UpAxis::Z), ..LoadOptions::default() };
+    let mut scene = pieces.scene_with(&up);
     let sky = SkyOptions::parse(sky).and_then(|sky| sky.with_sun(sun)).expect("a sky");
     scene.set_sky(&sky).expect("a sky of the scene");
     scene
@@ -28,11 +31,15 @@ fn at(position: DVec3, normal: DVec3) -> Point {
     Point { position, normal }
 }
 
-/// Irradiance at points of a black scene, mean of the channels, with the mean over its lit elements.
-fn light_at(scene: &Scene, points: &[Point]) -> (Vec<f64>, f64) {
-    let options = Options { audit: 0, error: 0.01, local_rays: Some(400_000), ..Options::default() };
-    let Outcome { irradiance, record, .. } = solved(scene, points, &options);
-    (irradiance.into_iter().map(mean).collect(), mean(record.mean_irradiance))
+/// Options for accurate light of a black scene.
+fn accurate() -> Options {
+    Options { audit: 0, error: 0.01, local_rays: Some(400_000), ..Options::default() }
+}
+
+/// Irradiance at points of a black scene, mean of the channels.
+fn light_at(scene: &Scene, points: &[Point]) -> Vec<f64> {
+    let options = Options { elements: false, ..accurate() };
+    solved(scene, points, &options).irradiance.into_iter().map(mean).collect()
 }
 
 #[track_caller]
@@ -48,7 +55,7 @@ fn planes_under_the_open_sky_have_the_light_of_the_closed_form() {
         let scene = outdoors(0.0, &[plane], "uniform:100", "none");
         let normal = DVec3::new(-slope, 0.0, 1.0).normalize();
         let points = [at(DVec3::new(1.0, 1.2, slope), normal), at(DVec3::new(1.0, 1.2, slope), -normal)];
-        let (found, _) = light_at(&scene, &points);
+        let found = light_at(&scene, &points);
         near(found[0], 100.0 * 0.5 * (1.0 + normal.z), 3e-3);
         assert!((found[1] - 50.0 * (1.0 - normal.z)).abs() < 0.3, "{}", found[1]);
         near(truth(&scene, &points, 4096)[0], 100.0 * 0.5 * (1.0 + normal.z), 2e-3);
@@ -57,9 +64,10 @@ fn planes_under_the_open_sky_have_the_light_of_the_closed_form() {
     let plane = rectangle([0.0, 0.0], [3.0, 2.0], |x, _| 0.5 * x);
     let scene = outdoors(0.0, &[plane], "none", "0,0,2:800");
     let normal = DVec3::new(-0.5, 0.0, 1.0).normalize();
-    let (found, elements) = light_at(&scene, &[at(DVec3::new(1.0, 1.2, 0.5), normal)]);
-    near(found[0], 800.0 * normal.z, 5e-4);
-    near(elements, 800.0 * normal.z, 5e-4);
+    let Outcome { irradiance, record, .. } =
+        solved(&scene, &[at(DVec3::new(1.0, 1.2, 0.5), normal)], &accurate());
+    near(mean(irradiance[0]), 800.0 * normal.z, 5e-4);
+    near(mean(record.mean_irradiance), 800.0 * normal.z, 5e-4);
 }
 
 #[test]
@@ -78,7 +86,7 @@ fn streets_and_courtyards_see_their_part_of_the_sky() {
         [rectangle([-500.0, -1.0], [500.0, 1.0], |_, _| 0.0), upright(1.0, false), upright(-1.0, true)];
     let scene = outdoors(0.0, &street, "uniform:100", "none");
     let middle = [at(DVec3::new(0.3, 0.0, 0.0), DVec3::Z), at(DVec3::new(-7.0, 0.4, 0.0), DVec3::Z)];
-    let (found, _) = light_at(&scene, &middle);
+    let found = light_at(&scene, &middle);
     let part = |y: f64| 0.5 * ((1.0 - y) / (1.0 - y).hypot(3.0) + (1.0 + y) / (1.0 + y).hypot(3.0));
     near(found[0], 100.0 * part(0.0), 3e-3);
     near(found[1], 100.0 * part(0.4), 3e-3);
@@ -96,27 +104,22 @@ fn streets_and_courtyards_see_their_part_of_the_sky() {
     let mut yard: Vec<Vec<DVec3>> = (0..64).map(wall).collect();
     yard.push((0..64).map(corner).collect());
     let scene = outdoors(0.0, &yard, "uniform:100", "none");
-    let (found, _) = light_at(&scene, &[at(DVec3::new(0.0, 0.0, 0.0), DVec3::Z)]);
+    let found = light_at(&scene, &[at(DVec3::new(0.0, 0.0, 0.0), DVec3::Z)]);
     near(found[0], 20.0, 3e-3);
-}
-
-/// A box of 2 by 2 by 3 on a square of 10 by 10.
-fn house() -> Vec<Vec<DVec3>> {
-    let (low, high) = (DVec3::new(4.0, 4.0, 0.0), DVec3::new(6.0, 6.0, 3.0));
-    let corner = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
-    let faces = [[4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let mut all: Vec<Vec<DVec3>> = faces.iter().map(|f| f.map(corner).to_vec()).collect();
-    all.push(rectangle([0.0, 0.0], [10.0, 10.0], |_, _| 0.0));
-    all
 }
 
 #[test]
 fn a_house_under_sun_and_sky_is_lit_as_paths_say_and_keeps_its_energy() {
-    let scene = outdoors(0.5, &house(), "perez:500,120", "160,35");
+    // A box of 2 by 2 by 3 on a square of 10 by 10. Mirrored, its faces are wound outward.
+    let mut house = Pieces::empty();
+    let (low, high) = (DVec3::new(6.0, 4.0, 0.0), DVec3::new(4.0, 6.0, 3.0));
+    house.grey("house", 0.5).room_without(Wall::Floor, low, high);
+    house.polygon(&facing_up([0.0, 10.0], [0.0, 10.0], 0.0));
+    let scene = under(house, "perez:500,120", "160,35");
     let points = on_surfaces(&scene, 150);
-    let options = Options { audit: 0, ..Options::default() };
+    let options = Options { audit: 0, error: 0.04, ..Options::default() };
     let outcome = solved(&scene, &points, &options);
-    let (rms, bias) = off(&outcome.irradiance, &truth(&scene, &points, 2048));
+    let (rms, bias) = off(&outcome.irradiance, &truth(&scene, &points, 1024));
     assert!(rms < 0.015 && bias.abs() < 4e-3, "{rms} {bias}");
     let ledger = &outcome.record.ledger;
     // The plane and the roof are in one piece as seen from the sun.
@@ -132,27 +135,16 @@ fn a_house_under_sun_and_sky_is_lit_as_paths_say_and_keeps_its_energy() {
 fn windows_let_in_what_paths_say_and_closed_rooms_are_dark() {
     let room = |window: bool| {
         let (low, high) = (DVec3::ZERO, DVec3::new(4.0, 5.0, 3.0));
-        let mut soup = Soup::new("room");
-        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-        let walls = soup.object("walls");
-        inward(&mut soup, walls, grey, low, high);
+        let mut pieces = Pieces::empty();
+        pieces.grey("walls", 0.5);
         if window {
-            // The wall at y = 0 in four parts around a hole of 1.2 by 1.
-            soup = Soup::new("room");
-            let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-            let walls = soup.object("walls");
-            let at = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
-            for f in [[0, 1, 3, 2], [4, 6, 7, 5], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
-                soup.polygon(walls, grey, &f.map(at));
-            }
-            for [x0, x1, z0, z1] in
-                [[0.0, 4.0, 0.0, 1.0], [0.0, 4.0, 2.0, 3.0], [0.0, 1.4, 1.0, 2.0], [2.6, 4.0, 1.0, 2.0]]
-            {
-                let corner = |x: f64, z: f64| DVec3::new(x, 0.0, z);
-                soup.polygon(walls, grey, &[corner(x0, z0), corner(x0, z1), corner(x1, z1), corner(x1, z0)]);
-            }
+            // A hole of 1.2 by 1 in the wall at y = 0.
+            let edges = [3.0 * DVec3::Z, 4.0 * DVec3::X];
+            pieces.room_without(Wall::LowY, low, high).pierced(low, edges, [[1.0, 1.4], [2.0, 2.6]]);
+        } else {
+            pieces.room(low, high);
         }
-        let mut scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        let mut scene = pieces.scene();
         scene.set_sky(&SkyOptions::parse("overcast:10000").expect("a sky")).expect("a sky of the scene");
         scene
     };
@@ -160,7 +152,8 @@ fn windows_let_in_what_paths_say_and_closed_rooms_are_dark() {
         .map(|k| at(DVec3::new(0.4 + 0.8 * f64::from(k % 5), 0.5 + 0.55 * f64::from(k / 5), 0.0), DVec3::Z))
         .collect();
     let scene = room(true);
-    let found = solved(&scene, &points, &Options { audit: 0, ..Options::default() });
+    let options = Options { audit: 0, elements: false, ..Options::default() };
+    let found = solved(&scene, &points, &options);
     let (rms, bias) = off(&found.irradiance, &truth(&scene, &points, 1 << 14));
     assert!(rms < 0.03 && bias.abs() < 0.01, "{rms} {bias}");
     let dark = solved(&room(false), &points, &quick());
@@ -171,22 +164,11 @@ fn windows_let_in_what_paths_say_and_closed_rooms_are_dark() {
 #[test]
 fn small_openings_are_found_from_all_points() {
     let (size, low, high) = ([5.0, 4.0, 3.0], [2.0, 1.5], [2.3, 1.8]);
-    let level = |z: f64| move |_: f64, _: f64| z;
     let [wide, deep, tall] = size;
-    let mut polygons = vec![
-        rectangle([0.0, 0.0], [wide, deep], level(0.0)),
-        rectangle([0.0, 0.0], [low[0], deep], level(tall)),
-        rectangle([high[0], 0.0], [wide, deep], level(tall)),
-        rectangle([low[0], 0.0], [high[0], low[1]], level(tall)),
-        rectangle([low[0], high[1]], [high[0], deep], level(tall)),
-    ];
-    let corners = [[0.0, 0.0], [wide, 0.0], [wide, deep], [0.0, deep]];
-    for k in 0..4 {
-        let ([a, b], [c, d]) = (corners[k], corners[(k + 1) % 4]);
-        let at = DVec3::new;
-        polygons.push(vec![at(a, b, 0.0), at(c, d, 0.0), at(c, d, tall), at(a, b, tall)]);
-    }
-    let scene = outdoors(0.0, &polygons, "uniform:1000", "none");
+    let mut pieces = Pieces::empty();
+    pieces.grey("room", 0.0).room_without(Wall::Ceiling, DVec3::ZERO, DVec3::from(size));
+    pieces.pierced(tall * DVec3::Z, [wide * DVec3::X, deep * DVec3::Y], [low, high]);
+    let scene = under(pieces, "uniform:1000", "none");
     let place = |k: u32| DVec3::new(0.3 + 0.55 * f64::from(k % 9), 0.3 + 0.56 * f64::from(k / 9), 0.0);
     let points: Vec<Point> = (0..63).map(|k| at(place(k), DVec3::Z)).collect();
     // 1/π ∫ cos² / r² dA over the opening.
@@ -209,30 +191,16 @@ fn small_openings_are_found_from_all_points() {
 /// traced for the points in it.
 #[test]
 fn a_room_beside_open_ground_has_the_daylight_of_paths() {
-    let (x, y, z) = (5.0 * DVec3::X, 4.0 * DVec3::Y, 2.8 * DVec3::Z);
-    let quad = |corner: DVec3, u: DVec3, v: DVec3| vec![corner, corner + u, corner + u + v, corner + v];
-    let in_wall = |low: [f64; 2], high: [f64; 2]| {
-        let at = |y: f64, z: f64| DVec3::new(0.0, y, z);
-        vec![at(low[0], low[1]), at(high[0], low[1]), at(high[0], high[1]), at(low[0], high[1])]
-    };
-    let faces = [
-        quad(DVec3::ZERO, x, y),
-        quad(z, y, x),
-        quad(DVec3::ZERO, z, x),
-        quad(y, x, z),
-        quad(x, z, y),
-        in_wall([0.0, 0.0], [1.5, 2.8]),
-        in_wall([2.4, 0.0], [4.0, 2.8]),
-        in_wall([1.5, 0.0], [2.4, 1.0]),
-        in_wall([1.5, 1.9], [2.4, 2.8]),
-        rectangle([-30.0, -28.0], [0.0, 32.0], |_, _| -0.5),
-    ];
-    let scene = outdoors(0.5, &faces, "uniform:100", "none");
+    let mut pieces = Pieces::empty();
+    pieces.grey("room", 0.5).room_without(Wall::LowX, DVec3::ZERO, DVec3::new(5.0, 4.0, 2.8));
+    pieces.pierced(DVec3::ZERO, [4.0 * DVec3::Y, 2.8 * DVec3::Z], [[1.5, 1.0], [2.4, 1.9]]);
+    pieces.polygon(&facing_up([-30.0, 0.0], [-28.0, 32.0], -0.5));
+    let scene = under(pieces, "uniform:100", "none");
     let on_floor = |k: u32| DVec3::new(1.0 + f64::from(k % 4), 0.7 + 0.6 * f64::from(k / 4), 0.0);
     let points: Vec<Point> = (0..20)
         .flat_map(|k| [at(on_floor(k), DVec3::Z), at(on_floor(k) + 2.8 * DVec3::Z, DVec3::NEG_Z)])
         .collect();
-    let truth = truth(&scene, &points, 8192);
+    let truth = truth(&scene, &points, 4096);
     let options = Options { error: 0.02, audit: 0, elements: false, ..Options::default() };
     let (rms, bias) = off(&solved(&scene, &points, &options).irradiance, &truth);
     assert!(rms < 0.12 && bias.abs() < 0.03, "{rms} {bias}");
@@ -262,9 +230,8 @@ fn open_corners_and_yards_have_the_daylight_of_paths() {
         quad(DVec3::ZERO, y, z),
         quad(x, z, y),
     ];
-    let points: Vec<Point> = (0..49)
-        .map(|k| at(DVec3::new(2.0 + f64::from(k % 7), 2.0 + f64::from(k / 7), 0.0), DVec3::Z))
-        .collect();
+    let place = |k: u32| DVec3::new(2.0 + 1.5 * f64::from(k % 5), 2.0 + 1.5 * f64::from(k / 5), 0.0);
+    let points: Vec<Point> = (0..25).map(|k| at(place(k), DVec3::Z)).collect();
     // The edges of a sunlit part of a wall are looked for.
     let cases = [
         (&yard[..2], "uniform:100", "none"),
@@ -273,13 +240,13 @@ fn open_corners_and_yards_have_the_daylight_of_paths() {
     ];
     for (k, (faces, sky, sun)) in cases.into_iter().enumerate() {
         let scene = outdoors(0.8, faces, sky, sun);
-        let (samples, bounds) = if k < 2 { (4096, [0.025, 0.006]) } else { (16_384, [0.045, 0.015]) };
+        let (samples, bounds) = if k < 2 { (4096, [0.025, 0.006]) } else { (8192, [0.045, 0.015]) };
         let truth = truth(&scene, &points, samples);
         let (mut rms, mut bias) = (0.0, 0.0);
-        for seed in 1..5 {
+        for seed in [1, 2] {
             let options = Options { seed, audit: 0, elements: false, ..Options::default() };
             let found = off(&solved(&scene, &points, &options).irradiance, &truth);
-            (rms, bias) = (rms + 0.25 * found.0, bias + 0.25 * found.1);
+            (rms, bias) = (rms + 0.5 * found.0, bias + 0.5 * found.1);
         }
         assert!(rms < bounds[0] && bias.abs() < bounds[1], "case {k}: {rms} {bias}");
     }
@@ -315,12 +282,12 @@ fn points_outside_the_scene_are_in_its_shadow() {
     let roof = rectangle([-5.0, -5.0], [5.0, 5.0], |_, _| 10.0);
     let point = [at(DVec3::new(0.5, 0.0, -30.0), DVec3::Z)];
     let scene = outdoors(0.0, std::slice::from_ref(&roof), "none", "0,0,1:1000");
-    assert_eq!(light_at(&scene, &point).0, [0.0]);
+    assert_eq!(light_at(&scene, &point), [0.0]);
     let scene = outdoors(0.0, &[roof], "uniform:100", "none");
     // The view factor of a horizontal square at the height h over its middle; half a metre aside changes it by 1e-5.
     let ratio: f64 = 5.0 / 40.0;
     let hidden = 4.0 / PI * ratio / ratio.hypot(1.0) * (ratio / ratio.hypot(1.0)).atan();
-    near(light_at(&scene, &point).0[0], 100.0 * (1.0 - hidden), 1e-3);
+    near(light_at(&scene, &point)[0], 100.0 * (1.0 - hidden), 1e-3);
 }
 
 /// Maps with a bright part: one texel, which the rays of a point in all directions miss, and one of 12° near the horizon, as large as a few cells of its grid.
@@ -340,7 +307,7 @@ fn bright_parts_of_a_map_light_points() {
         let angles = (y..y + height).map(|v| (f64::from(v) + 0.5) * step);
         let bright: f64 = angles.map(|angle| step * step * angle.sin() * angle.cos()).sum();
         let want = PI + f64::from(width) * f64::from(radiance - 1.0) * bright;
-        for found in light_at(&scene, &points).0 {
+        for found in light_at(&scene, &points) {
             near(found, want, 0.01);
         }
     }

@@ -4,6 +4,7 @@ use super::*;
 use crate::math::sampling::{numbers, point_on};
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::refinement::Ended;
+use crate::scene::testing::forest;
 use crate::sky::{Environment, Frame, Level, Shape, Sky, SkyOptions, Sun};
 use glam::Vec3;
 use std::f64::consts::PI;
@@ -160,7 +161,7 @@ fn against_paths(scene: &Scene, outcome: &Outcome) -> [f64; 2] {
             next += 1.0;
         }
     }
-    let want = limits::truth(scene, &points, 512);
+    let want = limits::truth(scene, &points, 128);
     let (a, b): (f64, f64) = (found.iter().sum(), want.iter().sum());
     let squares: f64 = found.iter().zip(&want).map(|(a, b)| (a - b) * (a - b)).sum();
     [a / b - 1.0, (squares * want.len() as f64).sqrt() / b]
@@ -240,8 +241,7 @@ fn uneven_skies_light_planes_as_their_integrals() {
 
 #[test]
 fn forests_have_the_light_of_paths() {
-    let scene = build(&Spec { trees: 16, leaves: 300, ..Spec::new("forest") }).expect("a forest");
-    let scene = lit(scene, sunny(40.0));
+    let scene = lit(forest(9, 200), sunny(40.0));
     for visibility in [Visibility::Exact, Visibility::Mr] {
         let options = Options { visibility, ..links(0.05) };
         let [bias, rms] = against_paths(&scene, &solved(&scene, &[], &options));

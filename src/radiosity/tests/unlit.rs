@@ -16,15 +16,11 @@ fn hall(dark: &[[DVec3; 2]]) -> Pieces {
 #[test]
 fn boxes_without_a_bottom_are_dark_inside() {
     let mut pieces = hall(&[]);
-    pieces.grey("box", 0.5);
-    let (low, high) = (DVec3::new(1.03, 2.02, 0.0), DVec3::new(2.01, 3.04, 1.0));
-    let at = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
-    // Wound outward; no bottom.
-    for f in [[4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
-        pieces.polygon(&f.map(at));
-    }
+    // Mirrored, the faces are wound outward.
+    let (low, high) = (DVec3::new(2.01, 2.02, 0.0), DVec3::new(1.03, 3.04, 1.0));
+    pieces.grey("box", 0.5).room_without(Wall::Floor, low, high);
     let scene = pieces.scene();
-    let outcome = solved(&scene, &[], &Options { audit: 0, ..Options::default() });
+    let outcome = solved(&scene, &[], &coarse());
     let (lit, dark) = outcome.mesh.elements.split_at(outcome.mesh.lit());
     assert!(!lit.iter().any(|e| e.object == 2 && !e.front), "no light gets there");
     assert!(dark.len() == 5 && dark.iter().all(|e| e.object == 2 && !e.front && e.radiosity == [0.0; 3]));
@@ -67,7 +63,7 @@ fn a_plate_from_wall_to_wall_keeps_the_energy() {
     pieces.grey("plate", 0.5).polygon(&facing_up([0.0, 3.0], [0.0, 4.0], 1.07));
     let scene = pieces.scene();
     let at = |z: f64, up: f64| Point { position: DVec3::new(1.3, 1.7, z), normal: DVec3::Z * up };
-    let outcome = solved(&scene, &[at(0.0, 1.0), at(1.07, 1.0)], &Options { audit: 0, ..Options::default() });
+    let outcome = solved(&scene, &[at(0.0, 1.0), at(1.07, 1.0)], &coarse());
     assert!(outcome.irradiance[0][0] < 0.01 * outcome.irradiance[1][0], "{:?}", outcome.irradiance);
     let ledger = &outcome.record.ledger;
     assert!(ledger.created.abs() < 2e-3 * ledger.emitted, "{ledger:?}");

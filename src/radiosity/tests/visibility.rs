@@ -50,9 +50,7 @@ fn mean_square(found: &Outcome, truth: &Outcome, free: f64) -> f64 {
 /// the same tolerance by no more than the square of the tolerance.
 #[test]
 fn skylight_under_leaves_is_averaged_within_its_tolerance() {
-    let mut spec = Spec::new("forest");
-    (spec.trees, spec.leaves) = (20, 300);
-    let scene = build(&spec).expect("a forest");
+    let scene = crate::scene::testing::forest(20, 300);
     let points = ground(&scene, MANY);
     let direct = |points: &[Point], visibility, error| {
         let options = Options { direct_only: true, elements: false, error, ..with(visibility) };
@@ -118,7 +116,7 @@ fn light_of_dense_points_is_interpolated_and_leaks_through_no_wall() {
 }
 
 fn with(visibility: Visibility) -> Options {
-    Options { visibility, error: 0.05, ..Options::default() }
+    Options { visibility, error: 0.05, audit: 0, ..Options::default() }
 }
 
 /// A scene after refinement.
@@ -152,7 +150,7 @@ fn measured_clusters_are_kept_for_those_who_need_them() {
     let files = || std::fs::read_dir(folder.path()).expect("the folder").count();
     let solve = |visibility| {
         let cache = CacheLocation::Folder(folder.path().into());
-        let options = Options { cache, error: 0.3, ..with(visibility) };
+        let options = Options { cache, error: 0.3, elements: false, ..with(visibility) };
         let outcome = solved(&scene, &ground(&scene, 20), &options);
         (outcome.record.cache.clone(), outcome)
     };
@@ -175,11 +173,12 @@ fn measured_clusters_are_kept_for_those_who_need_them() {
 fn engines_are_compared_side_by_side() {
     let scene = forest();
     let points = ground(&scene, 200);
-    let outcome = solved(&scene, &points, &Options { feature_size: Some(0.1), ..with(Visibility::Mr) });
+    let at_points = |visibility| Options { feature_size: Some(0.1), elements: false, ..with(visibility) };
+    let outcome = solved(&scene, &points, &at_points(Visibility::Mr));
     let v =
         side_by_side(&model_for(&scene, &outcome.record.options), &points, &outcome, Visibility::Exact, &())
             .expect("a solution");
-    let exact = solved(&scene, &points, &Options { feature_size: Some(0.1), ..with(Visibility::Exact) });
+    let exact = solved(&scene, &points, &at_points(Visibility::Exact));
     assert_eq!((v.visibility, v.links), (Visibility::Exact, exact.record.links));
     assert_eq!(v.difference.points, 200);
     assert!(v.difference.rms > 0.0 && v.difference.rms < 0.1, "{:?}", v.difference);

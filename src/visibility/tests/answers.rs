@@ -1,6 +1,7 @@
 //! Intervals, certificates and stated errors of answers.
 
 use super::*;
+use crate::scene::testing::forest;
 
 /// See `wilson_interval`.
 #[test]
@@ -97,9 +98,7 @@ fn certified_answers_are_exact() {
 /// begins, and stated errors have the magnitude of the actual errors.
 #[test]
 fn claimed_errors_are_those_that_are_there() {
-    let mut spec = generate::Spec::new("forest");
-    (spec.trees, spec.leaves) = (20, 300);
-    let stage = Stage::new(generate::build(&spec).expect("forest"));
+    let stage = Stage::new(forest(20, 300));
     let engine = stage.engine(LeafMode::Exact).with_tolerance(0.1);
     let model = crate::model::testing::model(&stage.scene, crate::model::Detail::Rays);
     let points = crate::bench::workload::surface_points(&model, 600, 3).expect("points");

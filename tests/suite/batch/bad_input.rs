@@ -9,7 +9,7 @@ use std::process::Command;
 /// Two jobs, of which the second waits for the first; between them `change` happens.
 fn with_change(change: impl FnOnce(&Scratch)) -> (Scratch, Outcome) {
     let scratch = Scratch::new();
-    scratch.generate(&Spec { trees: 6, leaves: 300, ..Spec::new("forest") });
+    scratch.forest(6, 300);
     scratch.generate(&Spec::new("cornell"));
     scratch.write(
         "jobs.toml",

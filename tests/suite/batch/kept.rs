@@ -183,11 +183,7 @@ fn a_merge_after_a_crash_has_all_jobs() {
 #[test]
 fn parts_of_two_splits_do_not_run_together() {
     let scratch = prepared();
-    scratch.generate(&mrvis::internals::scene::generate::Spec {
-        trees: 60,
-        leaves: 2000,
-        ..mrvis::internals::scene::generate::Spec::new("forest")
-    });
+    scratch.forest(60, 2000);
     scratch.write(
         "jobs.toml",
         JOBS.replace("'*.obj'", "'forest.obj'")

@@ -2,11 +2,8 @@
 
 use crate::install::project;
 use crate::run::Scratch;
+use mrvis::internals::scene::generate::Spec;
 use serde_json::Value;
-
-fn text(scratch: &Scratch, name: &str) -> String {
-    scratch.text(name)
-}
 
 /// Every example runs, and its page has what it promises.
 #[test]
@@ -46,13 +43,14 @@ fn check_examples(only: &[&str]) {
     }
     assert!(names.len() >= 3, "{names:?}");
 
-    let page = text(&scratch, "compare/report.html");
+    let page = scratch.text("compare/report.html");
     for part in
         ["Pareto front", "by visibility and error", "RMS difference from the reference", "data:image/png"]
     {
         assert!(page.contains(part), "the page lacks {part}");
     }
-    let rows: Vec<Value> = text(&scratch, "compare/results.jsonl")
+    let rows: Vec<Value> = scratch
+        .text("compare/results.jsonl")
         .lines()
         .map(|l| serde_json::from_str(l).expect("JSON"))
         .collect();
@@ -78,10 +76,10 @@ fn the_example_of_the_page_runs() {
         scratch.mrvis(&["generate", "cornell", "--out", &format!("{scene}.obj")]).exits(0);
     }
     scratch.mrvis("batch jobs.toml --out results --dry-run").prints("29 of 29 jobs, 29 to do");
-    // All commands of the example, with one of the scenes, in the time that few rays take.
+    // All commands of the example, with one of the scenes, in the time that links alone take.
     let few = example
         .replace("\"rooms/*.obj\", ", "")
-        .replace("\"160x120\"", "\"160x120\", audit = 0, local-rays = 20000");
+        .replace("\"160x120\"", "\"160x120\", audit = 0, local-rays = 0");
     scratch.write("jobs.toml", few);
     scratch.mrvis("batch jobs.toml --out results").exits(0).prints("13 jobs done");
 }
@@ -99,7 +97,7 @@ fn jobs_of_a_former_file_are_not_shown() {
         scratch.mrvis(arguments).exits(0);
     };
     let shown = |file: &str| {
-        let text = text(&scratch, file);
+        let text = scratch.text(file);
         [1, 2, 3, 4].into_iter().filter(|n| text.contains(&format!("of-{n}"))).collect::<Vec<_>>()
     };
     let parts = [("1/2", "first"), ("2/2", "second"), ("1/2", "shared"), ("2/2", "shared")];
@@ -132,7 +130,7 @@ fn jobs_of_a_former_file_are_not_shown() {
 #[test]
 fn jobs_of_a_scene_have_one_camera() {
     let scratch = Scratch::new();
-    scratch.generate(&mrvis::internals::scene::generate::Spec::new("cornell"));
+    scratch.generate(&Spec::new("cornell"));
     let job = |name: &str, options: &str| {
         format!(
             "[[job]]\nname = '{name}'\ncommand = 'solve'\nscene = 'cornell.obj'\noptions = {{ {options} }}\n"
@@ -159,7 +157,7 @@ fn jobs_of_a_scene_have_one_camera() {
     assert_eq!(cameras(""), ["scene", "scene", own, ""]);
     scratch.mrvis("batch jobs.toml --out o").exits(0);
     scratch.mrvis("report o").exits(0);
-    let page = text(&scratch, "o/report.html");
+    let page = scratch.text("o/report.html");
     for part in ["Grids of points", "uniformity U0", "dim: light on a grid of points, grid-floor.png"] {
         assert!(page.contains(part), "the page lacks {part}");
     }
@@ -169,7 +167,7 @@ fn jobs_of_a_scene_have_one_camera() {
 #[test]
 fn the_page_names_pictures_that_are_gone() {
     let scratch = Scratch::new();
-    scratch.generate(&mrvis::internals::scene::generate::Spec::new("cornell"));
+    scratch.generate(&Spec::new("cornell"));
     scratch.write(
         "jobs.toml",
         "[[job]]\nname = '{seed}'\ncommand = 'solve'\nscene = 'cornell.obj'\n\
@@ -178,7 +176,7 @@ fn the_page_names_pictures_that_are_gone() {
     scratch.mrvis("batch jobs.toml --out o").exits(0);
     std::fs::remove_file(scratch.path("o/1/view.png")).expect("removed");
     scratch.mrvis("report o").exits(1);
-    let page = text(&scratch, "o/report.html");
+    let page = scratch.text("o/report.html");
     assert!(
         page.contains("1: view.png is missing: run the batch again") && page.contains("data:image/png"),
         "{page}"

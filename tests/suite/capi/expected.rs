@@ -159,7 +159,7 @@ fn query_lines(text: &mut String, model: &Model) {
 
 fn solution_lines(text: &mut String, model: &Model) {
     let mut options = SolveOptions::default();
-    options.error = 0.1;
+    (options.error, options.min_area) = (0.3, 1e-3);
     let light = model.solve(&options).expect("light");
     let report = light.report();
     let mean = report.mean_irradiance[0].to_bits();
