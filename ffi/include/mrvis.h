@@ -461,7 +461,7 @@ typedef struct mrv_solve_options {
   uint32_t audit;        /* elements whose error bars are checked by independent paths, at most 1048576; 0: 200 */
   int32_t no_audit;      /* other than 0: none are */
   uint32_t light_rays;   /* shadow rays from a point to an emitter that is partly visible, at most 65536, and up to 16 times as
-                            many to one behind a louvre; 0: by the error */
+                            many where little of much light passes; 0: by the error */
   uint32_t gather_rays;  /* rays from a point that gather reflected light, at most 1048576; 0: by the error */
 } mrv_solve_options;
 

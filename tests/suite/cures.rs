@@ -48,7 +48,10 @@ fn few_points_of_a_bench_are_no_fault_of_the_scene() {
 /// Elements have reflected light: without points it would be in all results of a solution that was to leave it out.
 #[test]
 fn direct_light_alone_needs_points_or_pixels() {
-    refused(&scratch().mrvis("solve scene.obj --out o --direct-only"), "give --points, --grid or --gather");
+    for more in ["", " --gather --output none"] {
+        let solved = scratch().mrvis(&format!("solve scene.obj --out o --direct-only{more}"));
+        refused(&solved, "give --points or --grid, or --gather with --output image");
+    }
 }
 
 /// Messages have no names of types of the program's language.

@@ -54,7 +54,7 @@ pub struct Args {
     /// --points does and grid-SURFACE.png; minimum, mean, maximum and uniformity are in the summary.
     #[arg(long = "grid", value_name = "SURFACE:SPACING")]
     grids: Vec<GridArg>,
-    /// Direct light only at points and in pictures with --gather.
+    /// Leave out reflected light, at points and in pictures with --gather.
     #[arg(long)]
     direct_only: bool,
     /// Target error of links relative to the mean irradiance; their total error is estimated and audited.
@@ -96,7 +96,7 @@ pub struct Args {
     /// Number of elements whose error bars are checked by independent paths; 0: no check.
     #[arg(long, value_name = "N", default_value_t = Options::default().audit)]
     audit: usize,
-    /// Shadow rays from a point to a partly visible emitter; up to 16 times as many to one behind a louvre [default: by the error].
+    /// Shadow rays from a point to a partly visible emitter; up to 16 times as many where little of much light passes [default: by the error].
     #[arg(long, value_name = "N")]
     light_rays: Option<usize>,
     /// Rays per point for reflected light [default: by the error].
@@ -167,8 +167,8 @@ impl Args {
 fn options(args: &Args) -> Result<Options> {
     if args.direct_only && !args.has_points() && !args.outputs.gathers(false) {
         return Err(Error::Argument(
-            "--direct-only leaves out reflected light at points and in pictures with --gather, not that of elements: give --points, --grid or \
-             --gather"
+            "--direct-only applies to points and to pictures with --gather, and none are asked for: give --points or --grid, or --gather with \
+             --output image"
                 .into(),
         ));
     }

@@ -9,7 +9,7 @@ use crate::radiosity::rgb::{Rgb, add, mean};
 
 /// Time of the closed form of a face over that of a ray from a point: 0.1 µs over 0.4 µs in a Cornell box.
 const COST_OF_FACE: f64 = 0.25;
-/// Largest number of faces that are chosen: limits the time of a point where no number of them is worth less than it costs.
+/// Largest number of faces that are chosen: limits the time of a point.
 const MAX_FACES: usize = 1 << 14;
 /// Largest factor between the radiosities of leaves that are sampled as one face, their parent: a shadow ray brings the light of the leaf where it ends, so
 /// that they add a variance of at most 1/8 of the square of the light, half of that of visibility.
@@ -26,7 +26,7 @@ pub(super) struct BrightLeaves {
 }
 
 impl BrightLeaves {
-    /// The elements that [`Brightest::of`] chooses; none if there are none.
+    /// The elements that [`Brightest::of`] chooses; none if none is worth shadow rays.
     pub fn of(
         linked: &LinkedScene,
         reflected: &[[f32; 3]],
@@ -86,18 +86,19 @@ struct Light {
 }
 
 impl Brightest {
-    /// The elements with which the variance of the light at a point times the time for it is smallest, from all leaves with their radiosities. None if the
-    /// rays of a point meet all of them with less noise than `power` over the sum of the areas. An element is the largest surface of about even light.
+    /// Chooses the elements with which the variance of the light at a point times the time for it is smallest. `leaves` are all leaves with their
+    /// radiosities, W/m². None are chosen if the rays of a point meet all of them with less noise than the irradiance that they would have if they received
+    /// `tolerated_power`, W, together. An element is the largest surface of about even light.
     ///
     /// One of the `rays` of a point meets a surface of area A, where all have the area S, with the probability A / S on average. With the radiosity B of
     /// the surface and the mean B̄ of all, the surface adds (B - B̄)² A / S to the variance of a ray. Shadow rays, of which a point traces about
-    /// `shadow_rays`, leave that of the visible part of the light of the chosen surfaces, at most a quarter of its square for each. The time is that of
+    /// `shadow_rays`, leave the variance p (1 - p) L² ≤ L² / 4 each, where p is the visible part of the light L of the chosen surfaces. The time is that of
     /// both kinds of rays and of the closed forms of the faces.
     pub fn of(
         Elements { elements, .. }: &Elements,
         leaves: &[(u32, f64)],
         [rays, shadow_rays]: [usize; 2],
-        power: f64,
+        tolerated_power: f64,
     ) -> Brightest {
         let nothing = Light { range: [f64::INFINITY, 0.0], area: 0.0, power: 0.0 };
         let mut below = vec![nothing; elements.len()];
@@ -125,20 +126,20 @@ impl Brightest {
             }
         }
         let all = below[0].area;
-        let usual = below[0].power / all;
+        let mean_radiosity = below[0].power / all;
         let light = |e: u32| below[e as usize].power / below[e as usize].area;
-        let variance_by = |e: u32| (light(e) - usual).powi(2) * below[e as usize].area / all;
-        let mut rest: f64 = surfaces.iter().map(|&e| variance_by(e)).sum();
+        let variance_by = |e: u32| (light(e) - mean_radiosity).powi(2) * below[e as usize].area / all;
+        let mut variance_left: f64 = surfaces.iter().map(|&e| variance_by(e)).sum();
         let [of_rays, of_shadow_rays] = [rays, shadow_rays].map(|n| n as f64);
         let mut chosen = Vec::new();
-        if rest > of_rays * (power / all).powi(2) {
-            chosen = surfaces.into_iter().filter(|&e| light(e) > usual).collect();
+        if variance_left > of_rays * (tolerated_power / all).powi(2) {
+            chosen = surfaces.into_iter().filter(|&e| light(e) > mean_radiosity).collect();
             chosen.sort_by(|&a, &b| variance_by(b).total_cmp(&variance_by(a)));
-            let (mut best, mut count, mut sent) = (rest, 0, 0.0);
+            let (mut best, mut count, mut mean_sent) = (variance_left, 0, 0.0);
             for (faces, &e) in (1..=MAX_FACES).zip(&chosen) {
-                rest -= variance_by(e);
-                sent += below[e as usize].power / all;
-                let variance = rest / of_rays + 0.25 * sent * sent / of_shadow_rays;
+                variance_left -= variance_by(e);
+                mean_sent += below[e as usize].power / all;
+                let variance = variance_left / of_rays + 0.25 * mean_sent * mean_sent / of_shadow_rays;
                 let product = variance * (of_rays + of_shadow_rays + COST_OF_FACE * faces as f64);
                 if product < best {
                     (best, count) = (product, faces);

@@ -8,7 +8,7 @@ use crate::radiosity::elements::emitters::Emitter;
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{EndRule, LANES, Packet};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Points that are gathered for together, as one task: limits the buffers of a task. 64 points are four packets.
 pub(super) const CHUNK: usize = 64;
@@ -23,11 +23,8 @@ const HIDDEN_RAYS: usize = 256;
 /// Expected number of emitters from which no ray has passed to which a point traces [`HIDDEN_RAYS`] in each set. Points of 64 closed cells with 32 lamps take 7 times as long with all lamps.
 const TRACED_AGAIN: f64 = 4.0;
 
-/// Largest number of shadow rays of a point to an emitter over [`Options::light_rays`]. Without blockers an emitter behind a louvre may light a point with
-/// many times the light that the point has.
-///
-/// [`Options::light_rays`]: crate::radiosity::options::Options::light_rays
-pub(super) const MORE_WHERE_BRIGHT: usize = 16;
+/// Part of the error asked for that the light of one emitter may have: four emitters of equal light add up to all of it.
+const PART_OF_ERROR: f64 = 0.5;
 
 /// A point at which irradiance is computed.
 #[derive(Clone, Copy)]
@@ -59,12 +56,12 @@ impl FinalGather<'_> {
             let views = self.emitter_views(points, emitter);
             for set in 0..sets {
                 let mut views: Vec<EmitterView> = views.iter().map(|view| view.with_set(set)).collect();
-                self.measure_visibility(&mut views, (emitter, engine), self.table.len(), scratch, |view| {
-                    view.is_uncertain(self.tolerance(view, &values).min(self.visibility_tolerance()))
+                self.measure_visibility(&mut views, (emitter, engine), scratch, |view| {
+                    view.rays_for(self.tolerance(view, 0.0).min(self.visibility_tolerance()))
                 });
                 for view in views {
-                    add(&mut values[view.point], view.visible() / sets as f64, view.free);
-                    if view.visible() < MAX_HIDDEN_VISIBILITY {
+                    add(&mut values[view.point], 1.0 / sets as f64, view.light());
+                    if self.is_hidden(&view) {
                         hidden.push((emitter, view));
                     }
                 }
@@ -89,7 +86,7 @@ impl FinalGather<'_> {
         let mut unoccluded = vec![0.0; values.len()];
         hidden.iter().for_each(|(_, view)| unoccluded[view.point] += mean(view.free) / sets as f64);
         let chosen = |(emitter, view): (usize, EmitterView)| {
-            let chance = match view.seen > 0.0 {
+            let chance = match view.visible() > 0.0 {
                 true => 1.0,
                 false => (TRACED_AGAIN * mean(view.free) / unoccluded[view.point]).min(1.0),
             };
@@ -100,12 +97,13 @@ impl FinalGather<'_> {
         for same in chosen.chunk_by(|a, b| a.0 == b.0) {
             let emitter = same[0].0;
             let mut views: Vec<EmitterView> = same.iter().map(|(.., view)| view.clone()).collect();
-            let goes_on = |view: &EmitterView| view.seen > 0.0 || view.traced < HIDDEN_RAYS;
+            let most = |view: &EmitterView| if view.visible() > 0.0 { usize::MAX } else { HIDDEN_RAYS };
             let engine = &engines[emitter.min(engines.len() - 1)];
-            self.measure_visibility(&mut views, (emitter, engine), self.light_rays, scratch, goes_on);
+            self.trace_anew(&mut views, (emitter, engine), scratch, |view| self.light_rays.min(most(view)));
             for ((_, chance, before), view) in same.iter().zip(views) {
-                let change = (view.visible() - before.visible()) / (sets as f64 * chance);
-                add(&mut values[view.point], change, view.free);
+                let part = 1.0 / (sets as f64 * chance);
+                add(&mut values[view.point], part, view.light());
+                add(&mut values[view.point], -part, before.light());
             }
         }
     }
@@ -138,12 +136,12 @@ impl FinalGather<'_> {
         let number = self.emitters.emitters.len();
         let engine = self.linked.engine.scattered();
         let mut views = self.emitter_views(points, number);
-        self.measure_visibility(&mut views, (number, &engine), self.table.len(), scratch, |view| {
-            view.is_uncertain(self.tolerance(view, values))
+        self.measure_visibility(&mut views, (number, &engine), scratch, |view| {
+            view.rays_for(self.tolerance(view, mean(values[view.point])))
         });
-        views.iter().for_each(|view| add(&mut values[view.point], view.visible(), view.free));
-        let is_hidden = |view: &EmitterView| view.visible() < MAX_HIDDEN_VISIBILITY;
-        let hidden = views.into_iter().filter(is_hidden).map(|view| (number, view)).collect();
+        views.iter().for_each(|view| add(&mut values[view.point], 1.0, view.light()));
+        let hidden = views.into_iter().filter(|view| self.is_hidden(view));
+        let hidden = hidden.map(|view| (number, view)).collect();
         self.trace_hidden(hidden, 1, std::slice::from_ref(&engine), scratch, values);
     }
 
@@ -167,51 +165,79 @@ impl FinalGather<'_> {
                 shares.push(total);
             }
             if total > 0.0 {
-                views.push(EmitterView {
-                    point,
-                    from,
-                    free,
-                    shares,
-                    sum: 0.0,
-                    seen: 0.0,
-                    squares: 0.0,
-                    squares_of_packets: 0.0,
-                    count: 0.0,
-                    packets: 0.0,
-                    traced: 0,
-                });
+                views.push(EmitterView { point, from, free, shares, found: Found::default(), traced: 0 });
             }
         }
         views
     }
 
-    /// The visible part of an emitter's irradiance: few rays, and more, up to `most`, while `goes_on`, as where they disagree ([`EmitterView::is_uncertain`]). Averaged
-    /// visibility varies less and needs fewer rays.
+    /// The visible part of an emitter's irradiance: by few rays, or by as many others as `rays` finds necessary from these. Averaged visibility varies less
+    /// and needs fewer rays.
     pub(super) fn measure_visibility(
         &self,
         views: &mut [EmitterView],
-        (emitter, engine): (usize, &VisibilityEngine),
-        most: usize,
+        of: (usize, &VisibilityEngine),
         scratch: &mut Scratch,
-        goes_on: impl Fn(&EmitterView) -> bool,
+        rays: impl Fn(&EmitterView) -> usize,
     ) {
+        let few = self.first_rays();
         // Without a ray above the horizon nothing is known.
-        let is_left = |view: &EmitterView| {
-            let few = view.count == 0.0 || view.traced < MIN_SHADOW_RAYS;
-            view.traced < most && (few || goes_on(view))
+        let is_unknown = |view: &EmitterView| view.found.count == 0.0 && view.traced < self.light_rays;
+        self.trace_views(views, of, scratch, |_, view| view.traced < few || is_unknown(view));
+        self.trace_anew(views, of, scratch, rays);
+    }
+
+    /// Number of the first shadow rays of a point to an emitter.
+    fn first_rays(&self) -> usize {
+        MIN_SHADOW_RAYS.min(self.light_rays)
+    }
+
+    /// Whether few rays have shown that an emitter is mostly hidden.
+    fn is_hidden(&self, view: &EmitterView) -> bool {
+        view.traced <= self.first_rays() && view.visible() < MAX_HIDDEN_VISIBILITY
+    }
+
+    /// Replaces what is known by that of so many other `rays`, if any. Their number depends on what the first rays have found: the mean over all of them would be
+    /// too small, because rays that happen to find little light would not be followed by others. The others are shifted by a random number of their own,
+    /// because places of one sequence avoid those before them.
+    fn trace_anew(
+        &self,
+        views: &mut [EmitterView],
+        of: (usize, &VisibilityEngine),
+        scratch: &mut Scratch,
+        rays: impl Fn(&EmitterView) -> usize,
+    ) {
+        let end = |view: &mut EmitterView| match rays(view).min(self.table.len()) {
+            0 => view.traced,
+            more => {
+                let from = GatherPoint { seed: mix(!view.from.seed), ..view.from };
+                (view.from, view.found, view.traced) = (from, Found::default(), 0);
+                more
+            }
         };
-        let mut left: Vec<usize> = (0..views.len()).filter(|&k| is_left(&views[k])).collect();
+        let ends: Vec<usize> = views.iter_mut().map(end).collect();
+        let is_unknown = |view: &EmitterView| view.found.count == 0.0 && view.traced < self.table.len();
+        self.trace_views(views, of, scratch, |k, view| view.traced < ends[k] || is_unknown(view));
+    }
+
+    /// Traces sixteen shadow rays of each view at a time while `is_left`.
+    fn trace_views(
+        &self,
+        views: &mut [EmitterView],
+        (emitter, engine): (usize, &VisibilityEngine),
+        scratch: &mut Scratch,
+        is_left: impl Fn(usize, &EmitterView) -> bool,
+    ) {
+        let mut left: Vec<usize> = (0..views.len()).filter(|&k| is_left(k, &views[k])).collect();
         while !left.is_empty() {
-            let (queries, lanes): (Vec<VisibilityQuery>, Vec<[[f32; LANES]; 2]>) =
+            let (queries, lanes): (Vec<VisibilityQuery>, Vec<[ShadowRay; LANES]>) =
                 left.iter().map(|&k| self.shadow_rays(&views[k], emitter, views[k].traced)).unzip();
             engine.answer_all(&queries, scratch, |k, through| {
-                let [weights, levels] = &lanes[k];
-                let arrives = std::array::from_fn(|lane| levels[lane] * through[lane]);
-                views[left[k]].add(&queries[k].packet, weights, &arrives);
+                views[left[k]].found.add(&queries[k].packet, &lanes[k], through);
             });
             left.retain(|&k| {
                 views[k].traced += LANES;
-                is_left(&views[k])
+                is_left(k, &views[k])
             });
         }
     }
@@ -221,27 +247,27 @@ impl FinalGather<'_> {
         0.5 / (self.light_rays as f64).sqrt()
     }
 
-    /// The standard error of the visible part of an emitter with which that of its light is the error asked for, relative to the mean irradiance or, in
-    /// brighter places, to the light of the point: `known` by point and that of this emitter.
-    fn tolerance(&self, view: &EmitterView, known: &[Rgb]) -> f64 {
+    /// The standard error of the visible part of an emitter with which that of its light is [`PART_OF_ERROR`] of the error asked for, relative to the mean
+    /// irradiance. In brighter places it is relative to the light of the point: `known`, W/m², and what has arrived from this emitter.
+    fn tolerance(&self, view: &EmitterView, known: f64) -> f64 {
         let free = mean(view.free);
-        let light = mean(known[view.point]) + view.visible() * free;
-        self.error * light.max(self.linked.mean_irradiance) / free
+        let light = known + view.visible() * free;
+        PART_OF_ERROR * self.error * light.max(self.linked.mean_irradiance) / free
     }
 
-    /// Sixteen shadow rays of a point, beginning with number `first`, their weights, and what the places where they end send over the mean of their faces.
+    /// Sixteen shadow rays of a point, beginning with number `first`.
     pub(super) fn shadow_rays(
         &self,
         view: &EmitterView,
         emitter: usize,
         first: usize,
-    ) -> (VisibilityQuery, [[f32; LANES]; 2]) {
+    ) -> (VisibilityQuery, [ShadowRay; LANES]) {
         let emitter_of = self.emitter(emitter);
         let GatherPoint { at, normal, end, feature_size, seed, .. } = view.from;
         let [shift_u, shift_v, ..] = numbers(seed ^ emitter as u64, 0);
         let mut packet = Packet::EMPTY;
-        let (mut weights, mut levels) = ([0.0f32; LANES], [1.0; LANES]);
-        for (lane, (weight, [u, v])) in weights.iter_mut().zip(&self.table[first..]).enumerate() {
+        let mut rays = [ShadowRay::default(); LANES];
+        for (lane, (ray, [u, v])) in rays.iter_mut().zip(&self.table[first..]).enumerate() {
             let (u, v) = ((u + shift_u).fract(), (v + shift_v).fract());
             let (f, u, share) = pick(&view.shares, u);
             let face = &emitter_of.faces[f];
@@ -250,25 +276,30 @@ impl FinalGather<'_> {
             let r2 = d.length_squared().max(f32::MIN_POSITIVE);
             let kernel = (normal.dot(d).max(0.0) / r2) * ((-face.normal.dot(d)).max(0.0) / r2);
             let gain = emission_gain(face.profile.as_deref(), y, face.normal, at);
-            *weight = gain * kernel * face.area * mean(face.exitance) as f32 / share;
-            if *weight > 0.0 {
+            let weight = gain * kernel * face.area / share;
+            if weight * mean(face.exitance) as f32 > 0.0 {
                 let rules = [end, face.end.seen_from(end)];
                 packet.set_lifted(lane, at, rules[1].lifted(y, face.normal), rules);
-                levels[lane] = self.level_at(emitter, f, y);
+                let of_face = Vec3::from(face.exitance.map(|m| m as f32));
+                let of_place = self.reflected_at(emitter, f, y).unwrap_or(of_face);
+                *ray = ShadowRay { of_face: weight * of_face, of_place: weight * of_place };
             }
         }
-        (VisibilityQuery { packet, emitter_size: emitter_of.width, feature_size }, [weights, levels])
+        (VisibilityQuery { packet, emitter_size: emitter_of.width, feature_size }, rays)
     }
 
-    /// What a place on a face sends over the mean of the face: bright leaves below an element that is sampled as a whole differ.
-    fn level_at(&self, emitter: usize, face: usize, at: Vec3) -> f32 {
-        let Some(bright) = self.bright.as_ref().filter(|_| emitter >= self.emitters.emitters.len()) else {
-            return 1.0;
-        };
-        let leaf = self.lookup.leaf(bright.sides[face], at);
-        mean(self.reflected[leaf as usize].map(f64::from)) as f32
-            / mean(bright.emitter().faces[face].exitance) as f32
+    /// What a place on a face of the bright leaves reflects, W/m²; none for emitters. Leaves below an element that is sampled as a whole differ.
+    fn reflected_at(&self, emitter: usize, face: usize, at: Vec3) -> Option<Vec3> {
+        let bright = self.bright.as_ref().filter(|_| emitter >= self.emitters.emitters.len())?;
+        Some(Vec3::from(self.reflected[self.lookup.leaf(bright.sides[face], at) as usize]))
     }
+}
+
+/// Light of a shadow ray without blockers over its density, up to a factor: if all places of the face sent the mean, and by the place where it ends.
+#[derive(Clone, Copy, Default)]
+pub(super) struct ShadowRay {
+    of_face: Vec3,
+    of_place: Vec3,
 }
 
 /// A point that faces an emitter, and the results of its shadow rays so far.
@@ -281,15 +312,8 @@ pub(super) struct EmitterView {
     free: Rgb,
     /// Running sums of the parts of the faces.
     shares: Vec<f32>,
-    /// Sums of weights, of weights times what arrives, as a part of what the mean of the face would send, and of weights times the squares of that.
-    sum: f64,
-    seen: f64,
-    squares: f64,
-    /// Sum of weights of packets times the squares of what arrives by them in the mean.
-    squares_of_packets: f64,
-    /// Numbers of rays above the horizon, of packets with such rays, and of all rays.
-    count: f64,
-    packets: f64,
+    found: Found,
+    /// Number of rays, those below the horizon included.
     traced: usize,
 }
 
@@ -300,35 +324,75 @@ impl EmitterView {
         EmitterView { from: GatherPoint { seed, ..self.from }, ..self.clone() }
     }
 
-    /// Visible part of the emitter's irradiance.
+    /// Visible part of the emitter's irradiance, mean over the channels.
     pub(super) fn visible(&self) -> f64 {
-        if self.sum > 0.0 { self.seen / self.sum } else { 1.0 }
+        self.found.visible()
     }
 
-    fn add(&mut self, packet: &Packet, weights: &[f32; LANES], through: &[f32; LANES]) {
-        let (mut sum, mut seen) = (0.0, 0.0);
-        for lane in packet.lanes() {
-            sum += f64::from(weights[lane]);
-            seen += f64::from(weights[lane] * through[lane]);
-            self.squares += f64::from(weights[lane] * through[lane] * through[lane]);
+    /// Irradiance by the visible part, W/m². Each channel has its own: of faces of several colours some may be hidden.
+    fn light(&self) -> Rgb {
+        let Found { free, seen, .. } = self.found;
+        std::array::from_fn(|k| if free[k] > 0.0 { self.free[k] * seen[k] / free[k] } else { self.free[k] })
+    }
+
+    /// Number of rays with which the standard error of the visible part is the tolerance; 0 if it is not larger with those that are traced.
+    pub(super) fn rays_for(&self, tolerance: f64) -> usize {
+        let variance = self.found.variance();
+        match variance <= tolerance * tolerance {
+            true => 0,
+            false => (self.traced as f64 * variance / (tolerance * tolerance)) as usize,
         }
-        if sum > 0.0 {
-            (self.sum, self.seen) = (self.sum + sum, self.seen + seen);
-            self.squares_of_packets += seen * seen / sum;
+    }
+}
+
+/// What shadow rays to an emitter have found.
+#[derive(Clone, Copy, Default)]
+struct Found {
+    /// Sums of the light without blockers, if all places of a face sent the mean, and of what arrives.
+    free: DVec3,
+    seen: DVec3,
+    /// Sum, over rays, of their light without blockers times the square of the part that arrives, means over the channels.
+    squares: f64,
+    /// The same over packets.
+    squares_of_packets: f64,
+    /// Numbers of rays above the horizon, and of packets with such rays.
+    count: f64,
+    packets: f64,
+}
+
+impl Found {
+    fn add(&mut self, packet: &Packet, rays: &[ShadowRay; LANES], through: &[f32; LANES]) {
+        let level = |light: DVec3| light.element_sum() / 3.0;
+        let (mut free, mut seen) = (DVec3::ZERO, DVec3::ZERO);
+        for lane in packet.lanes() {
+            let ShadowRay { of_face, of_place } = rays[lane];
+            let (of_ray, arrives) = (of_face.as_dvec3(), (through[lane] * of_place).as_dvec3());
+            (free, seen) = (free + of_ray, seen + arrives);
+            self.squares += level(arrives).powi(2) / level(of_ray);
+        }
+        if level(free) > 0.0 {
+            (self.free, self.seen) = (self.free + free, self.seen + seen);
+            self.squares_of_packets += level(seen).powi(2) / level(free);
             self.count += packet.len() as f64;
             self.packets += 1.0;
         }
     }
 
-    /// Whether the standard error of the visible part exceeds the tolerance. The places of a packet are spread evenly over the emitter, so that packets
-    /// differ less than random rays would; one more packet counts as if it differed by as much as those.
-    pub(super) fn is_uncertain(&self, tolerance: f64) -> bool {
-        if self.sum <= 0.0 {
-            return false;
+    fn visible(&self) -> f64 {
+        let free = self.free.element_sum();
+        if free > 0.0 { self.seen.element_sum() / free } else { 1.0 }
+    }
+
+    /// Variance of the visible part; 0 without rays. The places of a packet are spread evenly over the emitter, so that packets differ less than random rays
+    /// would. Few packets tell little of how much they differ: the variance is that of these packets and one that differs like sixteen random rays.
+    fn variance(&self) -> f64 {
+        let free = self.free.element_sum() / 3.0;
+        if free <= 0.0 {
+            return 0.0;
         }
         let square = self.visible().powi(2);
-        let of_ray = (self.squares / self.sum - square).max(0.0);
-        let of_packet = (self.squares_of_packets / self.sum - square).max(0.0);
-        of_ray / self.count + of_packet > self.packets * tolerance * tolerance
+        let of_ray = (self.squares / free - square).max(0.0);
+        let of_packet = (self.squares_of_packets / free - square).max(0.0);
+        (of_ray / self.count + of_packet) / self.packets
     }
 }

@@ -35,8 +35,8 @@ pub struct LocalResult {
     pub deviation: f32,
 }
 
-/// Assigns row sums, the part of rays that stayed in the scene, and standard errors to all leaves with rows. `brightest` chooses, of leaves with these
-/// radiosities, which receive this power together, those whose light is gathered by shadow rays.
+/// Assigns row sums, the part of rays that stayed in the scene, and standard errors to all leaves with rows. `brightest` chooses the
+/// elements whose light is gathered by shadow rays, from leaves with their radiosities and the power that all leaves receive.
 pub fn assign_noise(
     elements: &Elements,
     rows: &RayRows,

@@ -43,7 +43,7 @@ fn no_light_passes_below_a_wall() {
 #[test]
 fn the_floor_behind_a_wall_with_a_door_is_not_brightened() {
     let scene = hall_with_wall(0.8);
-    let options = Options { audit: 0, error: 0.04, ..Options::default() };
+    let options = Options { audit: 0, ..Options::default() };
     let distances = [0.005, 0.05];
     let light = solved(&scene, &distances.map(behind).concat(), &options).irradiance;
     for (distance, light) in distances.into_iter().zip(light.chunks(11)) {
@@ -159,8 +159,9 @@ fn light_passes_a_small_hole(lamps: u32) {
     pieces.grey("plate", 0.0).pierced(corner, [6.0 * DVec3::X, 6.0 * DVec3::Y], hole);
     let scene = pieces.scene();
     let place =
-        |k: u32| DVec3::new(f64::from(k % 20), f64::from(k / 20), 0.0) * 0.04 - DVec3::new(0.38, 0.38, 0.0);
-    let points: Vec<Point> = (0..400).map(|k| Point { position: place(k), normal: DVec3::Z }).collect();
+        |k: u32| DVec3::new(f64::from(k % 50), f64::from(k / 50), 0.0) * 0.016 - DVec3::new(0.39, 0.39, 0.0);
+    // Most points have 256 rays, of which two or three pass the hole: their mean has a standard error of 1.1 %.
+    let points: Vec<Point> = (0..2500).map(|k| Point { position: place(k), normal: DVec3::Z }).collect();
     let options = Options { audit: 0, direct_only: true, elements: false, ..Options::default() };
     let found = mean_at(&solved(&scene, &points, &options).irradiance);
     // The part of the lamp that a point p sees through the hole has its centre at -p and twice the hole's size.

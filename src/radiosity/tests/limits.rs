@@ -122,10 +122,10 @@ fn a_missed_target_is_recorded() {
 /// More rays are traced until independent paths find no larger error than the target.
 #[test]
 fn targets_are_kept_by_more_rays() {
-    let coarse = Options { error: 0.5, ..Options::default() };
-    let target = 0.03;
+    let coarse = Options { error: 0.2, ..Options::default() };
+    let target = 0.014;
     let solve = |target_error| {
-        let record = solved(&room(true), &[], &Options { target_error, ..coarse.clone() }).record;
+        let record = solved(&clutter(), &[], &Options { target_error, ..coarse.clone() }).record;
         (record.error_estimate.expect("an audit"), record)
     };
     let ((first, without), (found, record)) = (solve(None), solve(Some(target)));
