@@ -1,13 +1,14 @@
 //! Direct light at points: Lambert's formula times the visible part, from bundles of shadow rays.
 
 use super::bright_leaves::BrightLeaves;
+use super::gather_point::GatherPoint;
 use super::gatherer::FinalGather;
 use crate::math::sampling::{mix, numbers, pick, point_on};
 use crate::radiosity::elements::emission_gain;
 use crate::radiosity::elements::emitters::Emitter;
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::ray::{EndRule, LANES, Packet};
+use crate::ray::{LANES, Packet};
 use glam::{DVec3, Vec3};
 
 /// Points that are gathered for together, as one task: limits the buffers of a task. 64 points are four packets.
@@ -25,21 +26,6 @@ const TRACED_AGAIN: f64 = 4.0;
 
 /// Part of the error asked for that the light of one emitter may have: four emitters of equal light add up to all of it.
 const PART_OF_ERROR: f64 = 0.5;
-
-/// A point at which irradiance is computed.
-#[derive(Clone, Copy)]
-pub(super) struct GatherPoint {
-    pub on_surface: Vec3,
-    /// Where its rays start, above the surface.
-    pub at: Vec3,
-    pub normal: Vec3,
-    /// The end rule of its surface.
-    pub end: EndRule,
-    /// Shadows on its surface smaller than this may be averaged, scene units.
-    pub feature_size: f32,
-    /// Seed of its samples.
-    pub seed: u64,
-}
 
 impl FinalGather<'_> {
     /// Direct irradiance at points, W/m², as the mean over so many sets of shadow rays. All points query an emitter together.
@@ -157,9 +143,9 @@ impl FinalGather<'_> {
         let mut views = Vec::new();
         for (point, &from) in points.iter().enumerate() {
             let (mut free, mut total, mut shares) = ([0.0; 3], 0.0, Vec::with_capacity(faces.len()));
+            let (at, normal) = (from.on_surface.as_dvec3(), from.normal.as_dvec3());
             for face in faces {
-                let (at, normal) = (from.on_surface.as_dvec3(), from.normal.as_dvec3());
-                let factor = face.factor(at, normal);
+                let factor = if from.faces(face) { face.factor(at, normal) } else { 0.0 };
                 add(&mut free, factor, face.exitance);
                 total += (factor * mean(face.exitance)) as f32;
                 shares.push(total);

@@ -3,7 +3,8 @@
 //! Few points of a sample ask an emitter as all points will, by each engine. The cut is taken if it needs less work to the same error,
 //! and its error is no larger than the tolerance of the visible part, which the error of its model does not keep by itself.
 
-use super::direct_light::{EmitterView, GatherPoint};
+use super::direct_light::EmitterView;
+use super::gather_point::GatherPoint;
 use super::gatherer::FinalGather;
 use crate::math::sampling::mix;
 use crate::radiosity::elements::Shape;

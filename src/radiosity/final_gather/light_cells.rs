@@ -1,7 +1,7 @@
 //! Light of surfaces and sky at a point: a grid of rays, one for each cell of a hemisphere of equal cosine weight, and finer cells where neighbours
 //! differ, as at the edges of a window, of a bright part of the sky or of a sunlit wall.
 
-use super::direct_light::GatherPoint;
+use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
 use super::uneven_cells::{Cell, TOLERANCE, Uneven, WHOLE, uneven_cells};
 use crate::embree::Hits;

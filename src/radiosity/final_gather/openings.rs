@@ -1,7 +1,7 @@
 //! Openings through which the sky lights closed rooms. Rays from all surfaces find them, so that each point looks for those that its own rays miss: a
 //! skylight of half a metre in a hall of 30 m is smaller than a cell of the grid of most points.
 
-use super::direct_light::GatherPoint;
+use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather};
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers, pick, point_on, square_of_direction};

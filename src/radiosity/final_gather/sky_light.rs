@@ -1,7 +1,7 @@
 //! Light from infinitely far: rays that leave the scene meet the sky, and points send rays to the suns.
 
-use super::direct_light::GatherPoint;
 use super::element_rays::LeafRays;
+use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, RayResult};
 use crate::math::sampling::{mix, numbers};
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};

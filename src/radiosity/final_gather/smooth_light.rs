@@ -1,7 +1,8 @@
 //! Direct light of many points on a plane: found by rays at the corners of cells that have nothing close to them, and interpolated at the
 //! points in between (docs/method.md, Far-field cache).
 
-use super::direct_light::{CHUNK, GatherPoint};
+use super::direct_light::CHUNK;
+use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather};
 use crate::math::sampling::mix;
 use crate::radiosity::links::{Tally, VisibilityEngine};

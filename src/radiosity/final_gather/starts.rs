@@ -1,6 +1,6 @@
 //! Where the rays of a given point start, and the feature size of its surface.
 
-use super::direct_light::GatherPoint;
+use super::gather_point::GatherPoint;
 use super::gatherer::FinalGather;
 use crate::embree::Hits;
 use crate::math::{edge_distance, off_edges, on_plane, triangle_normal};

@@ -43,6 +43,16 @@ fn few_rays_leave_no_more_light_in_a_shade_than_there_is() {
     assert!((ratio - 1.0).abs() < 0.04, "{ratio}");
 }
 
+/// The bright inside of a sheet lies in the plane of points on its outside, which sees black walls alone.
+#[test]
+fn no_light_comes_through_the_sheets_of_a_shade() {
+    let at = |k: u32| DVec3::new(2.94, 1.943 + 0.0073 * f64::from(k % 16), 2.313 + 0.071 * f64::from(k / 16));
+    let points: Vec<Point> = (0..64).map(|k| Point { position: at(k), normal: -DVec3::X }).collect();
+    let options = Options { elements: false, audit: 0, ..Options::default() };
+    let found = solved(&shade(), &points, &options).irradiance;
+    assert!(found.iter().all(|e| e[0] < 1e-9), "{found:?}");
+}
+
 /// A lamp two centimetres below the ceiling, facing it: most rays of elements miss the bright spot, which sends nearly all light of the room. Without shadow
 /// rays to it the elements of the middle of the floor deviate by half of their mean and more.
 #[test]

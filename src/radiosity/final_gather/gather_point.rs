@@ -1,0 +1,30 @@
+//! Points at which irradiance is computed.
+
+use crate::radiosity::elements::emitter_face::EmitterFace;
+use crate::ray::EndRule;
+use glam::Vec3;
+
+/// A point at which irradiance is computed.
+#[derive(Clone, Copy)]
+pub(super) struct GatherPoint {
+    pub on_surface: Vec3,
+    /// Where its rays start, above the surface.
+    pub at: Vec3,
+    pub normal: Vec3,
+    /// The end rule of its surface.
+    pub end: EndRule,
+    /// Shadows on its surface smaller than this may be averaged, scene units.
+    pub feature_size: f32,
+    /// Seed of its samples.
+    pub seed: u64,
+}
+
+impl GatherPoint {
+    /// Whether a part of a face is above the horizon of the point, and the point in front of the face, by more than rounding. The other side of a sheet lies in
+    /// the plane of a point on it.
+    pub fn faces(&self, face: &EmitterFace) -> bool {
+        let rounding = self.end.rounding_of_heights(face.end);
+        face.normal.dot(self.on_surface - face.corners[0]) > rounding
+            && face.corners.iter().any(|c| self.normal.dot(*c - self.on_surface) > rounding)
+    }
+}
