@@ -33,11 +33,21 @@ const TURN: &str = "set option `two_sided_emission`, or reverse the order of the
 impl Model {
     /// Notes of emitters that are turned, or outside of a space, and of coordinates that are too coarse.
     pub(crate) fn notes_of_emitters(&self) -> Vec<String> {
+        let mut notes = self.notes_of_lost_light();
+        notes.extend(self.notes_of_coarseness());
+        notes
+    }
+
+    /// Notes of emitters that are turned, or outside of a space.
+    pub(crate) fn notes_of_lost_light(&self) -> Vec<String> {
         let mut notes = self.notes_of_turned_emitters();
         notes.extend(self.note_of_outside_emitters());
-        notes.extend(self.note_of_coarse_coordinates());
-        notes.extend(self.note_of_small_things());
         notes
+    }
+
+    /// Notes of coordinates that are too coarse.
+    pub(crate) fn notes_of_coarseness(&self) -> Vec<String> {
+        self.note_of_coarse_coordinates().into_iter().chain(self.note_of_small_things()).collect()
     }
 
     /// A note if the light of emitters ends on the outside of a space, as that of luminaires above a ceiling does.

@@ -3,7 +3,7 @@
 
 use crate::math::sampling::{mix, point_on};
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::Shape;
+use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::final_gather::{Buffers, FinalGather, PathVertex};
 use crate::radiosity::links::Tally;
 use crate::radiosity::options::Options;
@@ -22,16 +22,16 @@ const TARGET_OF_PATHS: f64 = 0.02;
 /// Largest factor of the number of paths, for a target of 0.25 %: limits the time of the audit to 64 times that of one without target.
 const MAX_PATH_FACTOR: f64 = 64.0;
 
-/// Comparison of error bars with errors at some elements, drawn by area.
+/// Comparison of error bars with errors at some elements, each of which counts by the area for which it stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct ErrorBarAudit {
     /// Elements whose irradiance was computed again by paths.
     pub elements: usize,
-    /// Part of them whose error lies within the bar (0.68 for a normal distribution).
+    /// Part of the area whose error lies within the bar (0.68 for a normal distribution).
     pub within_one: f64,
-    /// Part of them whose error lies within twice the bar (0.95 for a normal distribution).
+    /// Part of the area whose error lies within twice the bar (0.95 for a normal distribution).
     pub within_two: f64,
-    /// Part of them whose error lies within 1/4, 2/4, … 12/4 of the bar.
+    /// Part of the area whose error lies within 1/4, 2/4, … 12/4 of the bar.
     pub within_quarters: [f64; 12],
     /// Root mean square of the errors, less the noise of the paths, relative to the mean irradiance of all elements.
     pub rms_error: f64,
@@ -53,7 +53,9 @@ const MIN_ELEMENTS: usize = 40;
 /// Part of the errors that should lie within twice the bars: two standard deviations of a normal distribution. Errors have longer
 /// tails, so that bars fitted to one standard deviation would be too small.
 const WITHIN_TWO: f64 = 0.9545;
-/// Where in each stratum of the area an element is drawn: for the factor, and for the audit.
+/// Part of the elements that are drawn by area, the others by the light that they receive: where a lamp lights a thousandth of a floor, all error is there.
+const BY_AREA: f64 = 0.5;
+/// Where in each stratum of the sum of both an element is drawn: for the factor, and for the audit.
 const FOR_FACTOR: f64 = 0.25;
 const FOR_AUDIT: f64 = 0.75;
 
@@ -84,6 +86,8 @@ struct Check {
     noise: f64,
     /// Error bar.
     bar: f64,
+    /// The area for which it stands over the mean of that.
+    weight: f64,
 }
 
 /// The mean of squared errors and its standard error; none without any.
@@ -92,6 +96,17 @@ pub(super) fn mean_square(squares: &[f64]) -> Option<(f64, f64)> {
     let mean = squares.iter().sum::<f64>() / n;
     let variance = squares.iter().map(|s| s * s).sum::<f64>() / n - mean * mean;
     (n > 0.0).then(|| (mean, (variance.max(0.0) / n).sqrt()))
+}
+
+/// Squared errors without the noise of the paths, by the area for which they stand.
+fn squares(checks: &[Check]) -> Vec<f64> {
+    checks.iter().map(|c| c.weight * (c.error * c.error - c.noise * c.noise)).collect()
+}
+
+/// The part of the area whose error is within a bound.
+fn part_within(checks: &[Check], bound: impl Fn(&Check) -> f64) -> f64 {
+    let within = checks.iter().filter(|check| check.error <= bound(check));
+    within.map(|check| check.weight).sum::<f64>() / checks.iter().map(|check| check.weight).sum::<f64>()
 }
 
 impl FinalGather<'_> {
@@ -103,21 +118,12 @@ impl FinalGather<'_> {
             return (ErrorBarAudit::default(), tally);
         }
         let mut audit = ErrorBarAudit { elements: checks.len(), ..ErrorBarAudit::default() };
-        let mut squares = Vec::with_capacity(checks.len());
-        for Check { error, noise, bar } in checks {
-            audit.within_one += f64::from(u8::from(error <= bar.hypot(noise)));
-            audit.within_two += f64::from(u8::from(error <= 2.0 * bar.hypot(noise)));
-            for (k, within) in audit.within_quarters.iter_mut().enumerate() {
-                *within += f64::from(u8::from(error <= 0.25 * (k + 1) as f64 * bar.hypot(noise)));
-            }
-            squares.push(error * error - noise * noise);
-            audit.rms_bar += bar * bar;
-        }
+        let within = |bars: f64| part_within(&checks, |check| bars * check.bar.hypot(check.noise));
+        (audit.within_one, audit.within_two) = (within(1.0), within(2.0));
+        audit.within_quarters = std::array::from_fn(|k| within(0.25 * (k + 1) as f64));
+        audit.rms_bar = checks.iter().map(|check| check.weight * check.bar * check.bar).sum();
         let (n, level) = (audit.elements as f64, self.level());
-        audit.within_one /= n;
-        audit.within_two /= n;
-        audit.within_quarters.iter_mut().for_each(|within| *within /= n);
-        let (mean_square, resolved) = mean_square(&squares).unwrap_or_default();
+        let (mean_square, resolved) = mean_square(&squares(&checks)).unwrap_or_default();
         audit.rms_upper = (mean_square.max(0.0) + 2.0 * resolved).sqrt() / level;
         audit.expected_rms = mean_square.max(resolved).sqrt() / level;
         audit.rms_error = mean_square.max(0.0).sqrt() / level;
@@ -130,8 +136,8 @@ impl FinalGather<'_> {
     pub fn sampled_error(&self, size: AuditSize, deadline: &Deadline) -> (Option<f64>, Tally) {
         let bars = vec![0.0; self.linked().elements.len()];
         let (checks, tally) = self.checks(&bars, size, FOR_FACTOR, deadline);
-        let squares: Vec<f64> = checks.iter().map(|c| c.error * c.error - c.noise * c.noise).collect();
-        let error = mean_square(&squares).map(|(mean, resolved)| mean.max(resolved).sqrt() / self.level());
+        let error =
+            mean_square(&squares(&checks)).map(|(mean, resolved)| mean.max(resolved).sqrt() / self.level());
         (error, tally)
     }
 
@@ -144,10 +150,8 @@ impl FinalGather<'_> {
         if checks.len() < MIN_ELEMENTS {
             return (1.0, tally);
         }
-        let within = |factor: f64| {
-            let held = checks.iter().filter(|c| c.error <= 2.0 * (factor * c.bar).hypot(c.noise)).count();
-            held as f64 / checks.len() as f64
-        };
+        let within =
+            |factor: f64| part_within(&checks, |check| 2.0 * (factor * check.bar).hypot(check.noise));
         let [mut low, mut high] = FACTOR_LIMITS;
         for _ in 0..20 {
             let middle = (low * high).sqrt();
@@ -167,7 +171,7 @@ impl FinalGather<'_> {
         if area > 0.0 { light / area } else { 0.0 }
     }
 
-    /// Checks elements, drawn by area in strata; `position` in `[0, 1)` lies in each stratum. No checks without light
+    /// Checks elements, drawn by area and light in strata; `position` in `[0, 1)` lies in each stratum. No checks without light
     /// or after an early stop.
     fn checks(
         &self,
@@ -179,17 +183,28 @@ impl FinalGather<'_> {
         if deadline.late() {
             return (Vec::new(), Tally::default());
         }
-        let (mut areas, mut sum) = (Vec::new(), 0.0);
-        for e in self.linked().lit_leaves() {
-            sum += self.linked().elements.elements[e as usize].area;
-            areas.push((sum, e));
+        let Elements { elements, states, .. } = &self.linked().elements;
+        let area = |e: u32| elements[e as usize].area;
+        let power = |e: u32| area(e) * mean(states[e as usize].irradiance);
+        let leaves = self.linked().lit_leaves();
+        let all_area: f64 = leaves.iter().copied().map(area).sum();
+        let all_power: f64 = leaves.iter().copied().map(power).sum();
+        // The chance of an element, relative to that by area alone.
+        let chance = |e: u32| match all_power > 0.0 {
+            true => BY_AREA + (1.0 - BY_AREA) * power(e) / all_power * all_area / area(e),
+            false => 1.0,
+        };
+        let (mut sums, mut sum) = (Vec::new(), 0.0);
+        for e in leaves {
+            sum += area(e) * chance(e);
+            sums.push((sum, e));
         }
-        if areas.is_empty() {
+        if sums.is_empty() {
             return (Vec::new(), Tally::default());
         }
         let drawn = |k: usize| {
             let at = (k as f64 + position) / size.elements as f64 * sum;
-            areas[areas.partition_point(|a| a.0 <= at).min(areas.len() - 1)].1
+            sums[sums.partition_point(|a| a.0 <= at).min(sums.len() - 1)].1
         };
         let rows = self.ranks.rows(size.elements);
         let made: Vec<Option<(Check, Tally)>> = rows
@@ -202,8 +217,9 @@ impl FinalGather<'_> {
                 let e = drawn(k);
                 let (by_paths, noise) = self.path_irradiance(e, size.paths, position.to_bits(), buffers);
                 deadline.advance(rows.steps(1));
-                let error = (mean(self.linked().elements.states[e as usize].irradiance) - by_paths).abs();
-                Some((Check { error, noise, bar: bars[e as usize] }, buffers.scratch.tally))
+                let error = (mean(states[e as usize].irradiance) - by_paths).abs();
+                let check = Check { error, noise, bar: bars[e as usize], weight: 1.0 / chance(e) };
+                Some((check, buffers.scratch.tally))
             })
             .collect();
         let (mut checks, mut tally) = (Vec::new(), Tally::default());

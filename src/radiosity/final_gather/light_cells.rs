@@ -3,7 +3,7 @@
 
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
-use super::uneven_cells::{Cell, TOLERANCE, Uneven, WHOLE, uneven_cells};
+use super::uneven_cells::{Cell, Surroundings, TOLERANCE, Uneven, WHOLE, bound_of_errors};
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::rgb::{Rgb, mean};
@@ -92,8 +92,12 @@ impl FinalGather<'_> {
             let open = cells.iter().filter(|cell| cell.is_open && cell.sky > 0.0).count();
             let is_undivided = cells.len() == whole.len() << (2 * level) && cells.len() < MAX_WHOLE;
             let is_whole = is_undivided && open < MIN_OPEN && !is_dark;
-            let uneven = uneven_cells(&levels, hemisphere.size, area, &openings);
             let tolerance = (TOLERANCE * self.error * (known + mean(sum.to_array()))).powi(2);
+            if level == 0 && !is_whole && openings.is_empty() && bound_of_errors(cells, area) <= tolerance {
+                break;
+            }
+            let surroundings = Surroundings::new(&levels, hemisphere.size);
+            let uneven = surroundings.uneven(area, &openings);
             let error: f64 = uneven.iter().map(Uneven::error).sum();
             if !is_whole && left + error <= tolerance {
                 break;
@@ -101,7 +105,10 @@ impl FinalGather<'_> {
             let least = tolerance / (2 * uneven.len().max(1)) as f64;
             // With the light of surfaces around it where theirs matters little, as at the edges of leaves before the sky: one quarter of four stands
             // for all then.
-            let known = |of: &Uneven| (of.cell, (of.errors[1] <= least).then_some(of.around));
+            let known = |of: &Uneven| {
+                let is_known = of.errors[1] <= least;
+                (of.cell, is_known.then(|| surroundings.surfaces_around(of.cell)))
+            };
             let mut chosen: Vec<(u32, Option<Vec3>)> = match is_whole {
                 true => {
                     let even = |(k, of): (u32, &Cell)| (k, (!of.is_open).then_some(of.surfaces));
@@ -111,6 +118,7 @@ impl FinalGather<'_> {
                 }
                 false => {
                     let mut chosen: Vec<&Uneven> = uneven.iter().filter(|of| of.error() > least).collect();
+                    chosen.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));
                     chosen.retain(|of| {
                         let by_surfaces = of.errors[1] > of.errors[0];
                         for_surfaces += if by_surfaces { 4 } else { 0 };

@@ -29,7 +29,7 @@ use std::array::from_fn;
 const DIRECT_ERROR: f64 = 0.01;
 /// Part of the rays by which elements exchange light. The others gather that light for one element each. In an office and a living
 /// room a seventh and two sevenths leave the same error of the elements within a tenth of it (`scenes/room.py`).
-const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
+pub(super) const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
 
 /// The result of the local pass.
 pub struct LocalPass {

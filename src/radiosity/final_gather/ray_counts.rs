@@ -3,6 +3,7 @@
 use super::element_rays::LeafRays;
 use super::gatherer::FinalGather;
 use super::local_noise::LocalResult;
+use super::local_pass::EXCHANGE_SHARE;
 use super::ray_rows::RayRows;
 use crate::math::sampling::mix;
 use crate::radiosity::deadline::{Deadline, RAY_SHARE};
@@ -49,7 +50,17 @@ impl FinalGather<'_> {
     /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean. Of elements that are
     /// not asked for only the light that they reflect remains, at points.
     pub fn useful_rays(&self, rays: f64) -> f64 {
-        rays.min(self.rays_for(if self.elements { 1.0 } else { self.reflected_part() }))
+        let part = if self.elements { 1.0 } else { self.reflected_part() };
+        rays.min(self.rays_for(part).max(self.rays_for_openings(part)))
+    }
+
+    /// The number of rays with which the surfaces that points see have the light of the sky through openings with half of the error asked for, if `part` of it
+    /// counts: a part p of their rays leaves the scene, which tells their light with a relative variance of (1 - p) / p for each ray, and half of all rays are
+    /// theirs.
+    fn rays_for_openings(&self, part: f64) -> f64 {
+        let open = self.linked.points_view.map(|view| view.open);
+        let open = open.filter(|open| *open > 0.0 && self.has_environment()).unwrap_or(1.0);
+        2.0 * (1.0 - open) / open * (2.0 * part / self.error).powi(2) / EXCHANGE_SHARE
     }
 
     /// The number of rays that brings the error of the elements below the error asked for if `part` of it counts.
@@ -60,7 +71,8 @@ impl FinalGather<'_> {
 
     /// The part to which errors of reflected light count at points: where that is a part r of their light, r / [`USUAL_REFLECTED`].
     fn reflected_part(&self) -> f64 {
-        let reflected = self.linked.reflected_at_points.unwrap_or_else(|| self.reflected_everywhere());
+        let at_points = self.linked.points_view.map(|view| view.reflected);
+        let reflected = at_points.unwrap_or_else(|| self.reflected_everywhere());
         (reflected / USUAL_REFLECTED).min(1.0)
     }
 

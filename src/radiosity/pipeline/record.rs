@@ -72,7 +72,8 @@ pub struct Record {
     /// Those of the local pass, if there was one.
     #[serde(rename = "settled_local")]
     pub local_convergence: Option<Convergence>,
-    /// Whether the error estimate is no larger than [`Options::target_error`], where that is given, and the energy balances.
+    /// Whether the error estimate is no larger than [`Options::target_error`], where that is given, the energy balances and light arrives
+    /// where it should.
     pub target_met: Option<bool>,
     /// Seconds by stage.
     pub seconds: Seconds,

@@ -89,27 +89,14 @@ pub fn solve(
     let (irradiance, points_tally) = stages.points(&gather, points, &plan);
     let (uncertainty, audit, audit_tally) = stages.audit(&gather, &solved, &plan);
     let points_error = stages.points_error((points, &irradiance), &plan);
-    if scene.emitters.is_empty() && scene.environment.is_none() {
-        stages.notes.push(notes::NO_EMITTERS.into());
-    } else if irradiance
-        .iter()
-        .chain([&coarse_light, &solved.mean_irradiance()])
-        .flatten()
-        .all(|&e| e <= solved.linked.dark() || e.is_nan())
-    {
-        stages.notes.push(format!("no light arrives anywhere: {}", model.cause_of_darkness()));
-        stages.notes.extend(model.note_of_coarse_coordinates());
-    } else {
-        stages.notes.extend(model.notes_of_emitters());
-        stages.notes.extend(notes::dark_points(&irradiance, solved.linked.dark()));
-    }
+    let arrives = stages.notes_of_light(&solved, &irradiance, &coarse_light);
     if !solved.is_finite() || irradiance.iter().flatten().any(|v| !v.is_finite()) {
         return Err(Error::Scene(notes::NOT_FINITE.into()));
     }
     let mut tally = solved.linked.tally;
     tally.add(points_tally);
     tally.add(audit_tally);
-    let parts = RecordParts { unlit, steps, tally, audit, uncertainty: &uncertainty, points_error };
+    let parts = RecordParts { unlit, steps, tally, audit, uncertainty: &uncertainty, points_error, arrives };
     let record = stages.record(&solved, parts);
     let mesh = if options.elements { solved.mesh(scene, &uncertainty) } else { RadiosityMesh::default() };
     let outcome = Outcome { mesh, record, irradiance };
@@ -165,6 +152,8 @@ struct RecordParts<'a> {
     audit: ErrorBarAudit,
     uncertainty: &'a [f64],
     points_error: Option<PointsError>,
+    /// Whether the light of all emitters reaches something, and some of it the points.
+    arrives: bool,
 }
 
 /// The stages of one solution, with the seconds and notes that they leave.
@@ -286,6 +275,29 @@ impl Stages<'_> {
         })
     }
 
+    /// Notes of light that reaches nothing, or not the points; whether there are none.
+    fn notes_of_light(&mut self, solved: &Solved, irradiance: &[Rgb], coarse_light: &Rgb) -> bool {
+        let (model, scene, dark) = (self.model, self.scene, solved.linked.dark());
+        let lost = if scene.emitters.is_empty() && scene.environment.is_none() {
+            vec![notes::NO_EMITTERS.into()]
+        } else if irradiance
+            .iter()
+            .chain([coarse_light, &solved.mean_irradiance()])
+            .flatten()
+            .all(|&e| e <= dark || e.is_nan())
+        {
+            self.notes.extend(model.note_of_coarse_coordinates());
+            vec![format!("no light arrives anywhere: {}", model.cause_of_darkness())]
+        } else {
+            self.notes.extend(model.notes_of_coarseness());
+            let dark = notes::dark_points(irradiance, dark);
+            model.notes_of_lost_light().into_iter().chain(dark).collect()
+        };
+        let arrives = lost.is_empty();
+        self.notes.extend(lost);
+        arrives
+    }
+
     /// The error of the irradiance at points.
     fn points_error(&mut self, found: (&[Point], &[Rgb]), plan: &DeadlinePlan) -> Option<PointsError> {
         let (model, options) = (self.model, self.options);
@@ -293,7 +305,7 @@ impl Stages<'_> {
     }
 
     fn record(mut self, solved: &Solved, parts: RecordParts) -> Record {
-        let RecordParts { unlit, steps, tally, audit, uncertainty, points_error } = parts;
+        let RecordParts { unlit, steps, tally, audit, uncertainty, points_error, arrives } = parts;
         let (scene, options, linked) = (self.scene, self.options, &solved.linked);
         let estimate = match options.elements {
             true => ErrorEstimate::of(&audit, error_estimate(linked, uncertainty)),
@@ -323,7 +335,9 @@ impl Stages<'_> {
             ended: steps.ended,
             convergence: steps.convergence,
             local_convergence,
-            target_met: options.target_error.map(|t| balanced && error_estimate.is_some_and(|e| e <= t)),
+            target_met: options
+                .target_error
+                .map(|t| arrives && balanced && error_estimate.is_some_and(|e| e <= t)),
             seconds: self.seconds,
             cache: self.model.report().origin.name().into(),
             links: linked.link_count(),

@@ -50,6 +50,14 @@ pub struct LinkTransportSettings {
 /// below a millionth, and a side of so little light adds less than a thousandth to any mean.
 const MIN_LIT: f64 = 1e-3;
 
+/// What paths from points have found: the part of their light that surfaces reflect, if these have as much light as the points, and the part of the rays from
+/// these surfaces that leave the scene, each by the part of its light that gets to a point.
+#[derive(Clone, Copy)]
+pub struct PointsView {
+    pub reflected: f64,
+    pub open: f64,
+}
+
 /// The elements of a scene with their links and their light.
 pub struct LinkedScene {
     /// The elements with their light, importance, feature sizes and row factors.
@@ -72,8 +80,8 @@ pub struct LinkedScene {
     pub sky_links: Vec<SkyLink>,
     /// Irradiance of a horizontal plane by the sky and the suns, W/m².
     pub(super) beyond: f64,
-    /// Part of the light at points that surfaces reflect, if these have as much light as the points; none if importance does not follow points.
-    pub reflected_at_points: Option<f64>,
+    /// What the points that are asked for see; none if importance does not follow points.
+    pub points_view: Option<PointsView>,
     /// The processes that share the measurement of links.
     pub ranks: Ranks,
     /// Visibility queries so far.
@@ -124,7 +132,7 @@ impl LinkedScene {
             environment: None,
             sky_links: Vec::new(),
             beyond: 0.0,
-            reflected_at_points: None,
+            points_view: None,
             ranks: Ranks::default(),
             tally: Tally::default(),
             last_field: None,
@@ -197,13 +205,12 @@ impl LinkedScene {
         }
     }
 
-    /// Splits all surfaces down to an area (scene units squared, no smaller than the ranges of ids allow), for the local pass: an
-    /// object that covers a part of a surface, as furniture does with a floor, would darken the mean of a large element.
-    /// Splitting ends on an interruption.
+    /// Splits all surfaces down to an area (scene units squared, no smaller than the ranges of ids allow), for the local pass: an object that covers a part of
+    /// a surface, as furniture does with a floor, would darken the mean of a large element. Splitting ends on an interruption.
     pub fn split_all(&mut self, min_area: f64, deadline: &Deadline) {
         self.elements.min_area = min_area;
         // Named surfaces have importance for links: that of others is no less than it should be.
-        let by_points = self.reflected_at_points.is_some();
+        let by_points = self.points_view.is_some();
         deadline.stage("splitting surfaces", self.elements.expected_after_split());
         let mut e = 0;
         while e < self.elements.len() {

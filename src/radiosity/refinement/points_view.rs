@@ -1,9 +1,9 @@
 //! Importance for points: what an error of an element's light counts at the points that are asked for.
 
-use super::linked_scene::LinkedScene;
+use super::linked_scene::{LinkedScene, PointsView};
 use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::elements::Elements;
-use crate::radiosity::surroundings::SideRays;
+use crate::radiosity::surroundings::{ESCAPED, SideRays};
 use crate::ray::EndRule;
 use crate::scene::magnitude;
 use crate::visibility::Exact;
@@ -37,7 +37,7 @@ impl LinkedScene {
     /// Sets importance by what points (relative to the origin of the scene; position, unit normal) see, at once and by reflection: light reaches a
     /// point along the same paths that start from it.
     pub fn look_from(&mut self, points: &[(Vec3, Vec3)], exact: &Exact) {
-        let (paths, ends) = self.paths_from(points, exact);
+        let (paths, open, ends) = self.paths_from(points, exact);
         let Elements { elements, sides, .. } = &self.elements;
         let mut sums = vec![(0.0, 0u32); elements.len()];
         for end in &ends {
@@ -53,7 +53,7 @@ impl LinkedScene {
             return;
         }
         let first: f64 = ends.iter().filter(|end| end.first).map(|end| end.share).sum();
-        self.reflected_at_points = Some(first / paths as f64);
+        self.points_view = Some(PointsView { reflected: first / paths as f64, open });
         let parents: Vec<u32> = elements[..].iter().map(|element| element.parent).collect();
         let parts: Vec<(f64, f64, u32)> = sums
             .iter()
@@ -66,8 +66,8 @@ impl LinkedScene {
         }
     }
 
-    /// The number of paths from points, and their ends.
-    fn paths_from(&self, points: &[(Vec3, Vec3)], exact: &Exact) -> (usize, Vec<PathEnd>) {
+    /// The number of paths from points, [`PointsView::open`], and their ends.
+    fn paths_from(&self, points: &[(Vec3, Vec3)], exact: &Exact) -> (usize, f64, Vec<PathEnd>) {
         let Elements { sides, .. } = &self.elements;
         let tracer = SideRays { elements: &self.elements, exact, length: self.surroundings.length };
         let each = PATHS.div_ceil(points.len().max(1));
@@ -76,7 +76,7 @@ impl LinkedScene {
         let chosen: Vec<(usize, &(Vec3, Vec3))> =
             points.iter().enumerate().filter(|of| drawn(of.0)).collect();
         let of_chunk = |chunk: &[(usize, &(Vec3, Vec3))]| {
-            let (mut packets, mut ends) = (Vec::new(), Vec::new());
+            let (mut packets, mut ends, mut sent, mut gone) = (Vec::new(), Vec::new(), 0.0, 0.0);
             let start = |&(i, &(at, normal)): &(usize, &(Vec3, Vec3))| {
                 let end = EndRule::new(magnitude([at]));
                 (0..each)
@@ -89,9 +89,11 @@ impl LinkedScene {
                     (from, cosine_direction(from.1, p, q))
                 });
                 let (mut next, mut k) = (Vec::new(), 0);
+                sent += if bounce > 0 { paths.iter().map(|(_, share, _)| share).sum() } else { 0.0 };
                 tracer.trace(rays, &mut packets, |met| {
                     let (_, share, seed) = paths[k];
                     k += 1;
+                    gone += if bounce > 0 && met.side == ESCAPED { share } else { 0.0 };
                     let Some(side) = sides.get(met.side as usize) else { return };
                     let share = share * f64::from(side.reflectance.iter().sum::<f32>()) / 3.0;
                     ends.push(PathEnd { side: met.side, share, first: bounce == 0 });
@@ -99,10 +101,12 @@ impl LinkedScene {
                 });
                 paths = next;
             }
-            ends
+            (sent, gone, ends)
         };
-        let made: Vec<Vec<PathEnd>> = chosen.par_chunks(CHUNK).map(of_chunk).collect();
-        (each * chosen.len(), made.into_iter().flatten().collect())
+        let made: Vec<(f64, f64, Vec<PathEnd>)> = chosen.par_chunks(CHUNK).map(of_chunk).collect();
+        let [sent, gone] = [made.iter().map(|of| of.0).sum(), made.iter().map(|of| of.1).sum::<f64>()];
+        let open = if sent > 0.0 { gone / sent } else { 0.0 };
+        (each * chosen.len(), open, made.into_iter().flat_map(|of| of.2).collect())
     }
 }
 

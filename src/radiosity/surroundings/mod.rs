@@ -10,5 +10,5 @@ mod unlit;
 pub use arrived::Arrived;
 pub use emission::{SampledShare, emitted_share};
 pub use probe::{Surroundings, probe, received_shares};
-pub use side_rays::SideRays;
+pub use side_rays::{ESCAPED, SideRays};
 pub use unlit::{Unlit, unlit_sides};

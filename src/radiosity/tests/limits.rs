@@ -97,12 +97,13 @@ fn solutions_of_any_number_of_links_keep_their_power() {
 
 #[test]
 fn a_missed_target_is_recorded() {
-    let target = |target_error: f64, max_links: usize| {
+    let target_at = |points: &[Point], target_error: f64, max_links: usize| {
         // A given number of rays is not raised to meet the target. Small targets need many paths at each element that is audited.
         let rays = Options { error: 0.05, local_rays: Some(100_000), audit: 4, ..coarse() };
         let options = Options { target_error: Some(target_error), max_links, ..rays };
-        solved(&room(true), &[], &options).record
+        solved(&room(true), points, &options).record
     };
+    let target = |target_error, max_links| target_at(&[], target_error, max_links);
     let missed = target(1e-6, 10_000_000);
     assert!(missed.target_met == Some(false) && missed.ended == Ended::Error);
     assert!(missed.warnings.iter().any(|w| w.contains("target_error")), "{:?}", missed.warnings);
@@ -112,6 +113,9 @@ fn a_missed_target_is_recorded() {
             && met.ended == Ended::Target
             && met.error_estimate.is_some_and(|e| e <= 0.5)
     );
+    // Below the floor, where no light arrives.
+    let below = Point { position: DVec3::new(1.0, 1.0, -1.0), normal: DVec3::NEG_Z };
+    assert_eq!(target_at(&[below], 0.5, 10_000_000).target_met, Some(false));
     let full = target(1e-6, 500);
     assert!(full.ended == Ended::Links && full.links <= 500, "{:?} {}", full.ended, full.links);
     assert!(full.warnings.iter().any(|w| w.contains("max_links 500")), "{:?}", full.warnings);

@@ -52,6 +52,29 @@ fn light_of_a_lamp_arrives_on_floors_of_any_size() {
     }
 }
 
+/// A lamp lights a millionth of a floor, where all error is: of elements drawn by area alone the error bars would be checked in the dark.
+#[test]
+fn the_stated_error_is_that_of_the_lit_part() {
+    let (width, lamp) = (2000.0, (DVec3::new(300.0, 200.0, 2.0), 1.0));
+    let scene = lamp_over_floor(width, lamp, 0.0);
+    let options = Options { local_rays: Some(400_000), ..Options::default() };
+    let outcome = solved(&scene, &[], &options);
+    let vertices = &outcome.mesh.vertices;
+    let (mut squares, mut light_squares, mut area, mut light) = (0.0, 0.0, 0.0, 0.0);
+    for e in outcome.mesh.elements.iter().filter(|e| e.object == 0 && e.front) {
+        let centre = e.corners.iter().map(|&c| DVec3::from(vertices[c as usize])).sum::<DVec3>() / 4.0;
+        let want =
+            10.0 * std::f64::consts::PI * point_to_polygon(centre, DVec3::Z, &level(lamp.0, lamp.1, false));
+        squares += e.area * (e.irradiance[0] - want).powi(2);
+        light_squares += e.area * want * want;
+        (area, light) = (area + e.area, light + e.area * e.irradiance[0]);
+    }
+    let [error, level] = [squares, light_squares].map(|squares| (squares * area).sqrt() / light);
+    let stated = outcome.record.error_estimate.expect("an estimate");
+    // Paths know the light of an element to about a hundredth.
+    assert!(stated > 0.3 * error && stated < 0.01 * level, "{stated} stated, {error} of {level}");
+}
+
 /// The back of a lamp lies in the plane of its front, which is a million times as bright as the ground.
 #[test]
 fn a_lamp_far_away_lights_the_ground_and_not_its_own_back() {

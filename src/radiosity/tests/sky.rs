@@ -312,3 +312,20 @@ fn bright_parts_of_a_map_light_points() {
         }
     }
 }
+
+/// Half the sum of the sines of the angles from the zenith to the roofs. Near the horizon the sky of a street is thinner than a cell of a point's rays.
+#[test]
+fn points_of_a_street_have_the_light_of_the_closed_form() {
+    let (half, height, long) = (5.0, 8.0, 3000.0);
+    let wall = |x: f64| vec![[x, -long, 0.0], [x, long, 0.0], [x, long, height], [x, -long, height]];
+    let mut polygons = vec![rectangle([-half, -long], [half, long], |_, _| 0.0)];
+    polygons.extend([-half, half].map(|x| wall(x).into_iter().map(DVec3::from).collect()));
+    let scene = outdoors(0.0, &polygons, "uniform:100", "none");
+    let (place, part) = (4.7, |d: f64| d / d.hypot(height));
+    let want = 50.0 * (part(half - place) + part(half + place));
+    let points = vec![at(DVec3::new(place, 0.0, 0.0), DVec3::Z); 100];
+    let options = Options { elements: false, audit: 0, ..Options::default() };
+    let found: Vec<f64> = solved(&scene, &points, &options).irradiance.into_iter().map(mean).collect();
+    let squares: f64 = found.iter().map(|e| (e / want - 1.0).powi(2)).sum();
+    assert!((squares / 100.0).sqrt() < 3.5e-3, "{:.5}", (squares / 100.0).sqrt());
+}

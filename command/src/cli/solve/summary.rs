@@ -40,7 +40,7 @@ pub fn summary(reported: &Reported) -> String {
     if let Some(a) = &r.audit {
         let _ = writeln!(
             text,
-            "error bars, checked by independent paths at {} elements: {:.0} % of the light lies within one error bar, {:.0} % within two",
+            "error bars, checked by independent paths at {} elements: on {:.0} % of the area light lies within one error bar, on {:.0} % within two",
             a.elements,
             100.0 * a.within_one,
             100.0 * a.within_two
