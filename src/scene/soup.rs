@@ -36,6 +36,8 @@ pub struct Soup {
     pub suns: Vec<Sun>,
     /// Height fields of which the polygons are a simpler form.
     pub ground: Option<FineGround>,
+    /// Metres of a degree of longitude and of latitude from which positions of height fields in degrees follow.
+    pub metres_of_degree: Option<[f64; 2]>,
     /// Repairs made while reading.
     pub repairs: Repairs,
 }

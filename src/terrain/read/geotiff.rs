@@ -1,7 +1,7 @@
 //! Heights from GeoTIFF files.
 
 use super::{Raw, ReadOptions, check_size};
-use crate::terrain::Georeference;
+use crate::terrain::georeference::{GEOGRAPHIC, Georeference, MODEL_TYPE};
 use crate::{Error, Result, error::quote};
 use std::io::Cursor;
 use std::path::Path;
@@ -9,8 +9,6 @@ use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
-/// Key: kind of coordinate system.
-const MODEL_TYPE: u16 = 1024;
 /// Keys: units of geographic angles, of projected lengths and of heights.
 const ANGLES: u16 = 2054;
 const LENGTHS: u16 = 3076;
@@ -168,7 +166,7 @@ fn units(raw: &mut Raw, georeference: &Georeference, options: &ReadOptions) -> R
     }
     let [dx, dy, _] = georeference.scale;
     match georeference.key(MODEL_TYPE) {
-        Some(2) => raw.cell = Some(degrees(raw, georeference)?),
+        Some(GEOGRAPHIC) => raw.cell = Some(degrees(raw, georeference)?),
         Some(3) => return Err("is in geocentric coordinates: project it to metres (`gdalwarp`)".into()),
         _ => {
             let code = georeference.key(LENGTHS).unwrap_or(9001);
