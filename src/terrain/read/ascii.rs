@@ -6,6 +6,9 @@ use crate::terrain::grid::check_cell;
 use crate::{Error, Result, error::quote};
 use std::path::Path;
 
+/// Value of samples without data where a header states none: the default of ESRI.
+const NO_DATA: f64 = -9999.0;
+
 /// Words of a text with their lines, counted from 1.
 struct Words<'a> {
     lines: std::iter::Enumerate<std::str::Lines<'a>>,
@@ -86,6 +89,7 @@ pub fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Raw> {
     let (columns, rows) = (side(path, "ncols", header.columns)?, side(path, "nrows", header.rows)?);
     // A value is a digit and a separator or more.
     check_size(path, columns, rows, text.len().div_ceil(2))?;
+    let no_data = header.no_data.unwrap_or(NO_DATA);
     let mut values = Vec::with_capacity(columns * rows);
     for (line, word) in first.into_iter().chain(&mut words) {
         if values.len() == columns * rows {
@@ -94,7 +98,7 @@ pub fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Raw> {
         }
         // Some programs write holes as `nan`.
         let value = if word.eq_ignore_ascii_case("nan") { f64::NAN } else { number(path, line, word)? };
-        values.push(if Some(value) == header.no_data { f32::NAN } else { value as f32 });
+        values.push(if value == no_data { f32::NAN } else { value as f32 });
     }
     if values.len() < columns * rows {
         let what = format!(

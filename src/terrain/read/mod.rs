@@ -121,6 +121,24 @@ fn from_numpy(path: &Path, array: numpy::Array) -> Result<Raw> {
     })
 }
 
+/// Largest value that may stand for a sample without data, such as -999, -9999, -32768 and -99999.
+const MAX_NO_DATA: f32 = -999.0;
+
+/// A note on the lowest value if it seems to stand for samples without data: it is farther below the others than these are apart.
+fn note_of_lowest(values: &[f32]) -> Option<String> {
+    let known = || values.iter().copied().filter(|v| v.is_finite());
+    let low = known().fold(f32::INFINITY, f32::min);
+    let (next, high) = known()
+        .filter(|v| *v > low)
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(next, high), v| (next.min(v), high.max(v)));
+    (low <= MAX_NO_DATA && next.is_finite() && next - low > high - next).then(|| {
+        let count = known().filter(|v| *v == low).count();
+        format!(
+            "{count} samples have the value {low}, far below all others: if they have no data, state that in the file (`gdal_translate -a_nodata {low}`)"
+        )
+    })
+}
+
 /// Makes heights in m of values.
 fn finish(path: &Path, raw: Raw, options: &ReadOptions) -> Result<Loaded> {
     let Raw { columns, rows, mut values, cell, georeference, unit, mut notes } = raw;
@@ -129,6 +147,7 @@ fn finish(path: &Path, raw: Raw, options: &ReadOptions) -> Result<Loaded> {
         let what = "does not say how far its samples are apart: set `cell` to the distances of columns and rows in m";
         return Err(Error::format(path, None, what));
     };
+    notes.extend(note_of_lowest(&values));
     let scale = options.height_scale.or(unit).unwrap_or(1.0);
     let (no_data, offset) = (options.no_data.map(|v| v as f32), options.height_offset);
     if scale != 1.0 || offset != 0.0 || no_data.is_some() {

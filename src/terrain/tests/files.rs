@@ -48,6 +48,22 @@ fn ascii_grids_are_read() {
 }
 
 #[test]
+fn samples_without_data_are_found_or_named() {
+    let header = HEADER.replace("NODATA_value -9999\n", "");
+    let read =
+        |values: &str| read_as("a.asc", format!("{header}{values}\n").as_bytes(), &plain()).expect("read");
+    let loaded = read("1 2 3 4 -9999 6");
+    assert_eq!(loaded.grid.holes(), 1);
+    let has_note = |loaded: Loaded| loaded.notes.iter().any(|n| n.contains("far below all others"));
+    assert!(has_note(read("1 2 3 4 -32768 6")));
+    for plausible in
+        ["1 2 3 4 -32 6", "-2000 -1990 -1980 -1970 -1960 -1950", "-2000 -2000 -2000 -2000 -2000 -2000"]
+    {
+        assert!(!has_note(read(plausible)), "{plausible}");
+    }
+}
+
+#[test]
 fn bad_ascii_grids_are_refused_by_line() {
     let header = |from: &str, to: &str| HEADER.replace(from, to) + "1 2 3 4 5 6\n";
     for (content, want) in [
