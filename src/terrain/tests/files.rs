@@ -162,6 +162,11 @@ fn units_of_geotiffs_are_used() {
     let feet = read_as("a.tif", &geotiff(&utm(9002), [30.0, 20.0, 0.0], TIE), &plain()).expect("read");
     assert_eq!(feet.grid.height(1, 1), 5.0 * 0.3048);
     assert!(feet.notes.iter().any(|n| n.contains("0.304800 m")), "{:?}", feet.notes);
+    let lengths = [1, 1, 0, 2, 1024, 0, 1, 1, 3076, 0, 1, 9003];
+    let half = read_as("a.tif", &geotiff(&lengths, [30.0, 20.0, 0.0], TIE), &plain()).expect("read");
+    assert!(half.notes.iter().any(|n| n.contains("no unit of heights")), "{:?}", half.notes);
+    let bare = geotiff(&[1, 1, 0, 0], [1e-4, 1e-4, 0.0], [0.0, 0.0, 0.0, 7.0, 46.0, 0.0]);
+    assert!(refusal("a.tif", &bare, &plain()).contains("in degrees"));
     let unknown = geotiff(&utm(9999), [30.0, 20.0, 0.0], TIE);
     assert!(refusal("a.tif", &unknown, &plain()).contains("EPSG:9999: set `height_scale`"));
     let degrees = [1, 1, 0, 2, 1024, 0, 1, 2, 1025, 0, 1, 1];
