@@ -117,6 +117,18 @@ mod tests {
     }
 
     #[test]
+    fn other_axes_and_units_of_scenes_are_refused() {
+        let folder = tempfile::tempdir().expect("scratch folder");
+        let path = folder.path().join("a.asc");
+        std::fs::write(&path, "ncols 2\nnrows 2\ncellsize 9\n1 2 3 4\n").expect("written");
+        let read = |options: &LoadOptions| Scene::load_with(&path, options).map_err(|e| e.to_string());
+        let up = read(&LoadOptions { up: Some(crate::UpAxis::Y), ..LoadOptions::default() });
+        assert!(up.is_err_and(|e| e.contains("axis z")));
+        let unit = read(&LoadOptions { unit: "km".into(), ..LoadOptions::default() });
+        assert!(unit.is_err_and(|e| e.contains("in metres")));
+    }
+
+    #[test]
     fn grids_of_all_units_are_in_metres() {
         let folder = tempfile::tempdir().expect("scratch folder");
         let feet = tile(folder.path(), "feet.tif", 46.0, &[1, 1, 0, 2, 1024, 0, 1, 1, 3076, 0, 1, 9002]);
