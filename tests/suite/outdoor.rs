@@ -102,6 +102,22 @@ fn terrain_computes_maps_of_height_fields() {
     assert!(bad.stderr.lines().count() == 1 && !scratch.path("b").exists(), "{}", bad.stderr);
 }
 
+/// Mean of the only quantity that `terrain slope.asc` computes.
+fn mean_of(scratch: &Scratch, options: &str) -> f64 {
+    scratch.mrvis(&format!("terrain slope.asc --out m --json m.json {options}")).exits(0);
+    scratch.json("m.json")["quantities"][0]["mean"].as_f64().expect("a number")
+}
+
+#[test]
+fn the_north_of_a_sky_turns_sun_and_sky_over_terrain() {
+    let scratch = slope();
+    scratch.write("south.toml", "sun = '180,45:800'\n");
+    scratch.write("turned.toml", "sun = '0,45:800'\nnorth = [0, -1, 0]\n");
+    let light = |sky: &str| mean_of(&scratch, &format!("--output irradiance --sky {sky}"));
+    let found = [light("south.toml"), light("turned.toml")];
+    assert!((found[0] - 800.0).abs() < 3.0 && (found[1] - found[0]).abs() < 1e-3, "{found:?}");
+}
+
 #[test]
 fn height_fields_are_scenes() {
     let scratch = slope();

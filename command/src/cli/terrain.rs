@@ -197,10 +197,11 @@ fn environment(args: &Args, time: Option<&str>) -> Result<Environment> {
     sky.environment(DVec3::Z)
 }
 
-/// The suns and their normal irradiances, means of the channels.
+/// The suns, by azimuths from the first row of the grid, and their normal irradiances, means of the channels.
 fn suns_of(environment: &Environment) -> impl Iterator<Item = (Sun, f64)> + '_ {
     environment.suns().iter().map(|sun| {
-        let [azimuth, elevation] = environment.frame().angles(sun.direction).map(f64::to_radians);
+        let DVec3 { x, y, z } = sun.direction;
+        let (azimuth, elevation) = (x.atan2(y), z.clamp(-1.0, 1.0).asin());
         let half_angle = 0.5 * sun.diameter;
         (Sun { azimuth, elevation, half_angle }, sun.irradiance.iter().sum::<f64>() / 3.0)
     })
@@ -244,7 +245,7 @@ fn light(args: &Args, grid: &Grid, sweep: &SweepOptions) -> Result<Vec<f32>> {
 
 fn light_at(args: &Args, grid: &Grid, sweep: &SweepOptions, time: Option<&str>) -> Result<Vec<f32>> {
     let environment = environment(args, time)?;
-    let sky = |local: DVec3| environment.radiance(environment.frame().world(local)).iter().sum::<f64>() / 3.0;
+    let sky = |direction: DVec3| environment.radiance(direction).iter().sum::<f64>() / 3.0;
     let none = (Sun { azimuth: 0.0, elevation: -1.0, half_angle: 0.0 }, 0.0);
     let mut suns = suns_of(&environment);
     let (sun, direct_normal) = suns.next().unwrap_or(none);
