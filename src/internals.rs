@@ -60,7 +60,7 @@ pub mod export {
 
 /// Sky and sun.
 pub mod sky {
-    pub use crate::sky::Environment;
+    pub use crate::sky::{Environment, SkyModel};
     pub use glam::DVec3;
 }
 

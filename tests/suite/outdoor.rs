@@ -119,6 +119,21 @@ fn the_north_of_a_sky_turns_sun_and_sky_over_terrain() {
 }
 
 #[test]
+fn the_light_of_a_day_follows_the_sun() {
+    let scratch = slope();
+    scratch.write("day.toml", "sky = 'clear:3'\nplace = [47, 11]\ntime = 2026-06-21T12:00:00+01:00\n");
+    let day = "--output irradiance --day=240";
+    let place = "--place 47,11 --time 2026-06-21T12:00+01:00";
+    let found = [format!("{day} --sky day.toml"), format!("{day} --sky clear:3 {place}")]
+        .map(|o| mean_of(&scratch, &o));
+    assert!(found[0] > 5000.0 && found[0] == found[1], "{found:?}");
+    let terrain = "terrain slope.asc --out d --output irradiance --day";
+    scratch.mrvis(&format!("{terrain} --sun 180,60:900 {place}")).exits(2).warns("leave --sun out");
+    scratch.mrvis(&format!("{terrain} --sky clear:3")).exits(2).warns("needs `place` and `time`");
+    scratch.mrvis(&format!("{terrain}=240 --sky perez:600,120 {place}")).exits(0).warns("same at all times");
+}
+
+#[test]
 fn height_fields_are_scenes() {
     let scratch = slope();
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n1055,2055,60,0,-0.7071068,0.7071068\n");

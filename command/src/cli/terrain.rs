@@ -4,7 +4,7 @@ use super::args::{Common, grouped, warn};
 use super::inputs::{Inputs, Output};
 use super::values::{Values, cell, name_of, one_of};
 use super::writable::check_folder;
-use mrvis::internals::sky::{DVec3, Environment};
+use mrvis::internals::sky::{DVec3, Environment, SkyModel};
 use mrvis::internals::terrain::{
     EARTH_RADIUS, Grid, Layer, Light, ReadOptions, Sun, SweepOptions, horizon, irradiance, read,
     sky_view_factor, sunlit, write_geotiff, write_npz, write_png,
@@ -130,11 +130,15 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         height_scale: args.height_scale,
         ..ReadOptions::default()
     };
+    let [sun, place, time] = [&args.sun, &args.place, &args.time].map(|text| text.as_deref());
+    let sky = SkyOptions::of_texts(args.sky.as_deref(), sun, place, time)?;
+    let note_of_day = note_of_day(args, &sky)?;
     let sweep = SweepOptions { earth_radius: args.curvature.map(|factor| factor * EARTH_RADIUS) };
     let start = Instant::now();
     let spinner = common.spinner("reading the height field");
-    let loaded = read(&args.grid, &options)?;
+    let mut loaded = read(&args.grid, &options)?;
     drop(spinner);
+    loaded.notes.extend(note_of_day);
     warn(common, &loaded.notes);
     let grid = &loaded.grid;
     let [dx, dy] = grid.cell();
@@ -151,7 +155,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     for quantity in &args.outputs {
         let _spinner = common.spinner(format!("computing {}", quantity.name()));
         let start = Instant::now();
-        let bands = common.on_threads(|| compute(args, *quantity, grid, &sweep))?;
+        let bands = common.on_threads(|| compute(args, *quantity, grid, (&sky, &sweep)))?;
         let seconds = start.elapsed().as_secs_f64();
         write(args, *quantity, grid, &bands)?;
         let record = summary(*quantity, &bands, seconds, &mut text);
@@ -166,7 +170,12 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn compute(args: &Args, quantity: Quantity, grid: &Grid, sweep: &SweepOptions) -> Result<Bands> {
+fn compute(
+    args: &Args,
+    quantity: Quantity,
+    grid: &Grid,
+    (sky, sweep): (&SkyOptions, &SweepOptions),
+) -> Result<Bands> {
     let name = quantity.name().to_owned();
     Ok(match quantity {
         Quantity::SkyViewFactor => vec![(name, sky_view_factor(grid, args.azimuths, sweep)?)],
@@ -182,19 +191,28 @@ fn compute(args: &Args, quantity: Quantity, grid: &Grid, sweep: &SweepOptions) -
             found.azimuths.into_iter().zip(found.elevations).map(named).collect()
         }
         Quantity::Sunlit => {
-            let environment = environment(args, args.time.as_deref())?;
+            let environment = sky.environment(DVec3::Z)?;
             let sun = suns_of(&environment).next().ok_or_else(|| {
                 Error::Argument("`sunlit` needs a sun: give --sun, or --place and --time".into())
             })?;
             vec![(name, sunlit(grid, &sun.0, sweep)?)]
         }
-        Quantity::Irradiance => vec![(name, light(args, grid, sweep)?)],
+        Quantity::Irradiance => vec![(name, light(args, grid, sweep, sky)?)],
     })
 }
 
-fn environment(args: &Args, time: Option<&str>) -> Result<Environment> {
-    let sky = SkyOptions::of_texts(args.sky.as_deref(), args.sun.as_deref(), args.place.as_deref(), time)?;
-    sky.environment(DVec3::Z)
+/// What is assumed about the light of a day.
+///
+/// # Errors
+/// As [`SkyOptions::at_minute`].
+fn note_of_day(args: &Args, sky: &SkyOptions) -> Result<Option<String>> {
+    if args.day.is_none() || !args.outputs.contains(&Quantity::Irradiance) {
+        return Ok(None);
+    }
+    sky.at_minute(0)?;
+    let is_clear = matches!(sky.sky.0, SkyModel::Clear { .. });
+    let what = "the sun moves, but the irradiances of sky and sun are the same at all times of the day; with --sky clear:TURBIDITY they change";
+    Ok((!is_clear).then(|| what.into()))
 }
 
 /// The suns, by azimuths from the first row of the grid, and their normal irradiances, means of the channels.
@@ -208,43 +226,27 @@ fn suns_of(environment: &Environment) -> impl Iterator<Item = (Sun, f64)> + '_ {
 }
 
 /// Irradiance at the time of the options, or added up over its day.
-fn light(args: &Args, grid: &Grid, sweep: &SweepOptions) -> Result<Vec<f32>> {
+fn light(args: &Args, grid: &Grid, sweep: &SweepOptions, sky: &SkyOptions) -> Result<Vec<f32>> {
     if args.sky.is_none() && args.sun.is_none() {
         return Err(Error::Argument("`irradiance` needs light: give --sky, --sun or both".into()));
     }
     let Some(minutes) = args.day else {
-        return light_at(args, grid, sweep, args.time.as_deref());
+        return light_at(args, grid, sweep, sky);
     };
-    let time = args.time.as_deref().filter(|time| time.len() > 16 && time.is_char_boundary(11));
-    let (Some(time), Some(_)) = (time, &args.place) else {
-        return Err(Error::Argument("--day needs --place and --time as 2026-06-21T12:00+02:00".into()));
-    };
-    let zone =
-        time.find('+').or(time.rfind('-').filter(|at| *at > 10)).or(time.find('Z')).unwrap_or(time.len());
-    let (date, zone) = (&time[..10], &time[zone..]);
-    let under = |sky: &str, time: &str| {
-        let options = SkyOptions::of_texts(Some(sky), None, args.place.as_deref(), Some(time))?;
-        options.environment(DVec3::Z)
-    };
-    // An overcast sky refuses places and times that cannot be, a clear one also the sun below the horizon.
-    under("overcast", time)?;
     let mut sums = vec![0.0f32; grid.heights().len()];
     // The middle of each interval.
     for minute in (0..24 * 60).step_by(minutes as usize).map(|m| m + minutes / 2) {
-        let time = format!("{date}T{:02}:{:02}{zone}", minute / 60 % 24, minute % 60);
         // Below the horizon there is neither sun nor sky.
-        if under("clear:3", &time).is_err() {
-            continue;
-        }
-        let found = light_at(args, grid, sweep, Some(&time))?;
+        let Some(sky) = sky.at_minute(minute)? else { continue };
+        let found = light_at(args, grid, sweep, &sky)?;
         let hours = minutes as f32 / 60.0;
         sums.iter_mut().zip(found).for_each(|(sum, e)| *sum += hours * e);
     }
     Ok(sums)
 }
 
-fn light_at(args: &Args, grid: &Grid, sweep: &SweepOptions, time: Option<&str>) -> Result<Vec<f32>> {
-    let environment = environment(args, time)?;
+fn light_at(args: &Args, grid: &Grid, sweep: &SweepOptions, sky: &SkyOptions) -> Result<Vec<f32>> {
+    let environment = sky.environment(DVec3::Z)?;
     let sky = |direction: DVec3| environment.radiance(direction).iter().sum::<f64>() / 3.0;
     let none = (Sun { azimuth: 0.0, elevation: -1.0, half_angle: 0.0 }, 0.0);
     let mut suns = suns_of(&environment);
