@@ -128,6 +128,15 @@ impl SkyOptions {
         Ok(position.filter(|sun| sun.local.z > 0.0).map(|_| options))
     }
 
+    /// The same where only the directions of suns matter: one whose irradiance is unknown has 1.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_any_sun(&self) -> SkyOptions {
+        let is_placed = self.sun != SunChoice::Auto || self.place.is_some() || self.time.is_some();
+        let any = is_placed.then_some(Amount::Grey(1.0));
+        SkyOptions { direct_normal: self.direct_normal.or(any), ..self.clone() }
+    }
+
     fn wrong(&self, what: String) -> Error {
         match &self.file {
             Some(file) => Error::format(file, None, what),

@@ -134,6 +134,17 @@ fn the_light_of_a_day_follows_the_sun() {
 }
 
 #[test]
+fn sunlit_needs_only_the_direction_of_the_sun() {
+    let scratch = slope();
+    for (sun, part) in
+        [("--place 47,11 --time 2026-06-21T12:00+01:00", 1.0), ("--sun 180,30", 1.0), ("--sun 0,30", 0.0)]
+    {
+        assert_eq!(mean_of(&scratch, &format!("--output sunlit {sun}")), part, "{sun}");
+    }
+    scratch.mrvis("terrain slope.asc --out m --output sunlit").exits(2).warns("give --sun");
+}
+
+#[test]
 fn height_fields_are_scenes() {
     let scratch = slope();
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n1055,2055,60,0,-0.7071068,0.7071068\n");

@@ -191,7 +191,7 @@ fn compute(
             found.azimuths.into_iter().zip(found.elevations).map(named).collect()
         }
         Quantity::Sunlit => {
-            let environment = sky.environment(DVec3::Z)?;
+            let environment = sky.with_any_sun().environment(DVec3::Z)?;
             let sun = suns_of(&environment).next().ok_or_else(|| {
                 Error::Argument("`sunlit` needs a sun: give --sun, or --place and --time".into())
             })?;
