@@ -145,6 +145,15 @@ fn sunlit_needs_only_the_direction_of_the_sun() {
 }
 
 #[test]
+fn the_horizon_has_a_picture_for_each_azimuth() {
+    let scratch = slope();
+    scratch.mrvis("terrain slope.asc --out h --output horizon --format png --azimuths 4").exits(0);
+    for azimuth in ["000.0", "090.0", "180.0", "270.0"] {
+        assert!(scratch.path(&format!("h/horizon-{azimuth}.png")).exists(), "{azimuth}");
+    }
+}
+
+#[test]
 fn height_fields_are_scenes() {
     let scratch = slope();
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n1055,2055,60,0,-0.7071068,0.7071068\n");

@@ -41,7 +41,7 @@ pub struct Args {
     #[arg(long, value_name = "KIND", value_parser = one_of(FORMATS), value_delimiter = ',', default_value = "tif")]
     format: Vec<Format>,
     /// Directions in which the horizon is found, 4 to 1024.
-    #[arg(long, value_name = "N", default_value_t = 32)]
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(4..=1024))]
     azimuths: usize,
     /// The earth curves: with N times its radius; 7/6 = 1.1667 allows for refraction.
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1")]
@@ -102,7 +102,7 @@ enum Format {
 const FORMATS: Values<Format> = &[
     ("tif", "GeoTIFF, georeferenced as the input", Format::Tif),
     ("npz", "NumPy arrays", Format::Npz),
-    ("png", "A picture with a colour scale", Format::Png),
+    ("png", "A picture with a colour scale, of the horizon one for each azimuth", Format::Png),
 ];
 
 impl Quantity {
@@ -110,9 +110,16 @@ impl Quantity {
         name_of(QUANTITIES, self)
     }
 
-    /// The file of this quantity in a format.
-    fn file(self, format: Format) -> String {
-        format!("{}.{}", self.name(), name_of(FORMATS, format))
+    /// The files of this quantity in a format: pictures show one azimuth each.
+    fn files(self, format: Format, azimuths: usize) -> Vec<String> {
+        let (name, extension) = (self.name(), name_of(FORMATS, format));
+        match (self, format) {
+            (Quantity::Horizon, Format::Png) => {
+                let degrees = |k: usize| 360.0 * k as f64 / azimuths as f64;
+                (0..azimuths).map(|k| format!("{name}-{:05.1}.{extension}", degrees(k))).collect()
+            }
+            _ => vec![format!("{name}.{extension}")],
+        }
     }
 }
 
@@ -123,7 +130,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     let _folder = check_folder(&args.out)?;
     common.check_json()?;
-    let names = args.outputs.iter().flat_map(|q| args.format.iter().map(|format| q.file(*format)));
+    let files = |q: &Quantity| {
+        args.format.iter().flat_map(|format| q.files(*format, args.azimuths)).collect::<Vec<_>>()
+    };
+    let names = args.outputs.iter().flat_map(files);
     common.check_outputs(&Inputs::of([args.grid.as_path()]), Output::within("--out", &args.out, names))?;
     let options = ReadOptions {
         cell: args.cell.as_deref().map(cell).transpose()?,
@@ -263,21 +273,29 @@ fn light_at(args: &Args, grid: &Grid, sweep: &SweepOptions, sky: &SkyOptions) ->
 fn write(args: &Args, quantity: Quantity, grid: &Grid, bands: &Bands) -> Result<()> {
     let layers: Vec<Layer> = bands.iter().map(|(name, values)| Layer { name, values }).collect();
     for format in &args.format {
-        let path = args.out.join(quantity.file(*format));
+        let files = quantity.files(*format, bands.len());
+        let paths: Vec<PathBuf> = files.iter().map(|name| args.out.join(name)).collect();
         match format {
-            Format::Tif => write_geotiff(&path, grid, &layers)?,
-            Format::Npz => write_npz(&path, grid, &layers)?,
-            Format::Png => write_png(&path, grid, layers[0], range(quantity, &bands[0].1))?,
+            Format::Tif => write_geotiff(&paths[0], grid, &layers)?,
+            Format::Npz => write_npz(&paths[0], grid, &layers)?,
+            Format::Png => {
+                let range = range(quantity, bands);
+                paths
+                    .iter()
+                    .zip(&layers)
+                    .try_for_each(|(path, layer)| write_png(path, grid, *layer, range))?;
+            }
         }
     }
     Ok(())
 }
 
 /// The values at the ends of the colour scale.
-fn range(quantity: Quantity, values: &[f32]) -> [f32; 2] {
+fn range(quantity: Quantity, bands: &Bands) -> [f32; 2] {
+    let values = bands.iter().flat_map(|(_, values)| values).copied().filter(|v| v.is_finite());
     match quantity {
         Quantity::SkyViewFactor | Quantity::Sunlit => [0.0, 1.0],
-        _ => [0.0, values.iter().copied().filter(|v| v.is_finite()).fold(f32::MIN_POSITIVE, f32::max)],
+        _ => [0.0, values.fold(f32::MIN_POSITIVE, f32::max)],
     }
 }
 
