@@ -51,6 +51,7 @@ fn skies_that_cannot_be_are_refused_in_one_line() {
         ("--sky perez:600,100", "sun"),
         ("--sky perez:600,100 --sun 180,-5", "horizon"),
         ("--sky perez:600,-1 --sun 180,40", "-1"),
+        ("--sky perez:5000,100 --sun 180,40", "outside the atmosphere"),
         ("--sky clear:3 --place 95,11 --time 2026-06-21T12:00Z", "95"),
         ("--sky clear:3 --place 48,11 --time 2026-06-31T12:00Z", "2026-06-31"),
         ("--sky clear:3 --place 48,11", "time"),
