@@ -222,6 +222,13 @@ fn suns_of_gltf_files_shine_beside_a_sky() {
 }
 
 #[test]
+fn suns_of_gltf_files_below_the_horizon_get_a_note() {
+    let scratch = Scratch::new();
+    scratch.write("yard.gltf", YARD.replace("[-0.70710678,0,0,0.70710678]", "[0.70710678,0,0,0.70710678]"));
+    scratch.mrvis("info yard.gltf").exits(0).prints("light comes from below the horizon");
+}
+
+#[test]
 fn generated_terrain_is_read_again() {
     let scratch = Scratch::new();
     scratch.mrvis("generate terrain --count 30 --out hills.tif").exits(0);
