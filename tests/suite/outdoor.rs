@@ -229,6 +229,18 @@ fn suns_of_gltf_files_below_the_horizon_get_a_note() {
 }
 
 #[test]
+fn cameras_that_see_only_sky_see_something() {
+    let scratch = ground();
+    let solve =
+        "solve ground.obj --up z --out s --audit 0 --output image --image-size 20x20 --camera 2,2,1,2,3,9,40";
+    for (sky, is_seen) in [("--sky uniform:100", true), ("--sun 180,45:800", false)] {
+        let solved = scratch.mrvis(&format!("{solve} {sky}")).exits(0);
+        let said = format!("{}{}", solved.stdout, solved.stderr);
+        assert_eq!(!said.contains("sees no lit surface"), is_seen, "{said}");
+    }
+}
+
+#[test]
 fn generated_terrain_is_read_again() {
     let scratch = Scratch::new();
     scratch.mrvis("generate terrain --count 30 --out hills.tif").exits(0);
