@@ -1,7 +1,7 @@
 //! Scenes of several files, and the curvature of the earth.
 
 use super::soup::{Soup, SoupMaterial};
-use super::{UpAxis, read_grid, read_obj, read_ply, sources::Sources};
+use super::{UpAxis, read_grid, read_obj, read_ply, seams, sources::Sources};
 use crate::terrain::{EARTH_RADIUS, ReadOptions};
 use crate::{Error, Result, error::shown};
 use glam::{DAffine3, DVec3};
@@ -54,10 +54,18 @@ pub fn read_added(paths: &[PathBuf], grid: &ReadOptions, max_memory: Option<u64>
     Ok(added)
 }
 
-/// Appends the polygons of the files of the options.
+/// Appends the polygons of the files of the options, and closes gaps between height fields.
 pub(super) fn add(soup: &mut Soup, added: &AddedFiles) {
     for of in &added.soups {
         append(soup, of);
+    }
+    let fillings = seams::fillings(std::mem::take(&mut soup.tiles));
+    if !fillings.is_empty() {
+        let what = "triangles close gaps of one cell between height fields whose cells touch";
+        soup.repairs.messages.push(format!("{} {what}", fillings.len()));
+    }
+    for (corners, [object, material]) in fillings {
+        soup.polygon(object, material, &corners);
     }
 }
 
@@ -80,6 +88,7 @@ fn append(soup: &mut Soup, of: &Soup) {
         soup.ground.get_or_insert_default().append(ground, first);
     }
     soup.positions.extend(&of.positions);
+    soup.tiles.extend(of.tiles.iter().map(|tile| tile.within([object, material])));
     take_degrees(soup, of, [position, object]);
     soup.corners.extend(of.corners.iter().map(|k| position + k));
     soup.ends.extend(of.ends.iter().map(|k| corner + k));
@@ -104,6 +113,7 @@ fn take_degrees(soup: &mut Soup, of: &Soup, first: [u32; 2]) {
         if let Some(ground) = &mut soup.ground {
             ground.transform(first[1], &by);
         }
+        soup.tiles.iter_mut().rev().take(of.tiles.len()).for_each(|tile| tile.transform(&by));
         let percent = 100.0 * (ratio[0] - 1.0).abs();
         if percent > 0.01 {
             let what = "a degree has as many metres as in the first height field";

@@ -1,7 +1,7 @@
 //! Height fields as scenes: two triangles for each four neighbouring samples, in the coordinates of the file in metres.
 
-use super::FineGround;
 use super::soup::{Soup, SoupMaterial};
+use super::{FineGround, seams::Tile};
 use crate::terrain::{self, Grid, ReadOptions};
 use crate::{Result, memory};
 use std::path::Path;
@@ -26,6 +26,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Soup> {
     let material = soup.material(SoupMaterial::diffuse("ground", [REFLECTANCE; 3]));
     let object = soup.object("terrain");
     soup.metres_of_degree = grid.metres_of_degree();
+    soup.tiles = vec![Tile::of(&grid, [object, material])];
     let cells = (grid.columns() - 1) * (grid.rows() - 1);
     if 2 * cells <= FineGround::MAX_TRIANGLES {
         add(&mut soup, &grid, (object, material));
@@ -138,16 +139,19 @@ mod tests {
         options.grid.cell = Some([10.0, 20.0]);
         let [x, y] = size(&Scene::load_with(&feet, &options).expect("a scene"));
         assert!((x - 80.0).abs() < 0.02 && (y - 80.0).abs() < 0.02, "{x} {y}");
-        // Lengths of a degree at 46°: 77.46 km and 111.15 km. The tile to the south begins where the first one ends.
+        // Lengths of a degree at 46°: 77.46 km and 111.15 km. One tile begins where the first one ends, the other far to the south.
         let degrees = [1, 1, 0, 1, 1024, 0, 1, 2];
         let north = tile(folder.path(), "north.tif", 46.0, &degrees);
         let south = tile(folder.path(), "south.tif", 45.0, &degrees);
-        let added = read_added(&[south], &ReadOptions::default(), None).expect("a tile");
+        let next = tile(folder.path(), "next.tif", 45.995, &degrees);
+        let added = read_added(&[next, south], &ReadOptions::default(), None).expect("a tile");
         let scene = Scene::load_with(&north, &LoadOptions { added, ..LoadOptions::default() });
         let scene = scene.expect("a scene");
         let [x, y] = size(&scene);
         assert!((x - 8.0 * 77.46).abs() < 0.1 && (y - 1004.0 * 111.15).abs() < 2.0, "{x} {y}");
         let messages = &scene.repairs.messages;
-        assert!(messages.iter().any(|m| m.contains("as in the first height field")), "{messages:?}");
+        for words in ["as in the first height field", "16 triangles close gaps"] {
+            assert!(messages.iter().any(|m| m.contains(words)), "{messages:?}");
+        }
     }
 }
