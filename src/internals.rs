@@ -67,8 +67,8 @@ pub mod sky {
 /// Height fields.
 pub mod terrain {
     pub use crate::terrain::{
-        EARTH_RADIUS, Grid, Layer, Light, ReadOptions, Sun, SweepOptions, horizon, irradiance, mountains,
-        read, sky_view_factor, sunlit, write_geotiff, write_npz, write_png,
+        EARTH_RADIUS, Georeference, Grid, Layer, Light, Loaded, ReadOptions, Sun, SweepOptions, horizon,
+        irradiance, mountains, read, sky_view_factor, sunlit, write_geotiff, write_npz, write_png,
     };
 }
 

@@ -155,6 +155,26 @@ fn the_horizon_has_a_picture_for_each_azimuth() {
 }
 
 #[test]
+fn meshes_with_vertices_on_a_grid_are_height_fields() {
+    let scratch = slope();
+    let vertex =
+        |k: usize| format!("v {} {} {}\n", 1005 + k % 12 * 10, 2095 - k / 12 * 10, 100 - k / 12 * 10);
+    let vertices: String = (0..120).map(vertex).collect();
+    let face = |k: usize| format!("f {} {} {} {}\n", k + 1, k + 13, k + 14, k + 2);
+    let faces: String = (0..108).filter(|k| k % 12 < 11).map(face).collect();
+    scratch.write("slope.obj", format!("{vertices}{faces}"));
+    let wanted = mean_of(&scratch, "");
+    scratch
+        .mrvis("terrain slope.obj --out o --json o.json")
+        .exits(0)
+        .prints("12 x 10 samples every 10 x 10 m");
+    let found = scratch.json("o.json")["quantities"][0]["mean"].as_f64().expect("a number");
+    assert!((found - wanted).abs() < 1e-6, "{found} {wanted}");
+    scratch.write("bent.obj", format!("{vertices}{faces}").replace("v 1015 ", "v 1018 "));
+    scratch.mrvis("terrain bent.obj --out o").exits(2).warns("not at equal distances");
+}
+
+#[test]
 fn height_fields_are_scenes() {
     let scratch = slope();
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n1055,2055,60,0,-0.7071068,0.7071068\n");

@@ -2,6 +2,7 @@
 
 use super::args::{Common, grouped, warn};
 use super::inputs::{Inputs, Output};
+use super::mesh_grid;
 use super::values::{Values, cell, name_of, one_of};
 use super::writable::check_folder;
 use mrvis::internals::sky::{DVec3, Environment, SkyModel};
@@ -22,7 +23,7 @@ use std::time::Instant;
 #[command(mut_arg("seed", |a| a.hide(true)))]
 #[command(mut_arg("unit", |a| a.hide(true)))]
 pub struct Args {
-    /// The height field.
+    /// The height field: .asc, .tif, .png, .npy or .npz, or .obj or .ply with vertices on a regular grid of x and y.
     #[arg(value_name = "GRID")]
     grid: PathBuf,
     /// Folder for the results (created if missing).
@@ -146,7 +147,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let sweep = SweepOptions { earth_radius: args.curvature.map(|factor| factor * EARTH_RADIUS) };
     let start = Instant::now();
     let spinner = common.spinner("reading the height field");
-    let mut loaded = read(&args.grid, &options)?;
+    let kind = args.grid.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let mut loaded = match kind.as_str() {
+        "obj" | "ply" => mesh_grid::read(&args.grid, &options)?,
+        _ => read(&args.grid, &options)?,
+    };
     drop(spinner);
     loaded.notes.extend(note_of_day);
     warn(common, &loaded.notes);
