@@ -60,15 +60,15 @@ pub mod export {
 
 /// Sky and sun.
 pub mod sky {
-    pub use crate::sky::Environment;
+    pub use crate::sky::{Environment, SkyModel};
     pub use glam::DVec3;
 }
 
 /// Height fields.
 pub mod terrain {
     pub use crate::terrain::{
-        EARTH_RADIUS, Grid, Layer, Light, ReadOptions, Sun, SweepOptions, horizon, irradiance, mountains,
-        read, sky_view_factor, sunlit, write_geotiff, write_npz, write_png,
+        EARTH_RADIUS, Georeference, Grid, Layer, Light, Loaded, ReadOptions, Sun, SweepOptions, horizon,
+        irradiance, mountains, read, sky_view_factor, sunlit, write_geotiff, write_npz, write_png,
     };
 }
 

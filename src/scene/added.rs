@@ -1,10 +1,10 @@
 //! Scenes of several files, and the curvature of the earth.
 
 use super::soup::{Soup, SoupMaterial};
-use super::{UpAxis, read_grid, read_obj, read_ply, sources::Sources};
+use super::{UpAxis, read_grid, read_obj, read_ply, seams, sources::Sources};
 use crate::terrain::{EARTH_RADIUS, ReadOptions};
-use crate::{Error, Result};
-use glam::DVec3;
+use crate::{Error, Result, error::shown};
+use glam::{DAffine3, DVec3};
 use std::collections::HashSet;
 use std::io::BufReader;
 use std::path::PathBuf;
@@ -54,10 +54,18 @@ pub fn read_added(paths: &[PathBuf], grid: &ReadOptions, max_memory: Option<u64>
     Ok(added)
 }
 
-/// Appends the polygons of the files of the options.
+/// Appends the polygons of the files of the options, and closes gaps between height fields.
 pub(super) fn add(soup: &mut Soup, added: &AddedFiles) {
     for of in &added.soups {
         append(soup, of);
+    }
+    let fillings = seams::fillings(std::mem::take(&mut soup.tiles));
+    if !fillings.is_empty() {
+        let what = "triangles close gaps of one cell between height fields whose cells touch";
+        soup.repairs.messages.push(format!("{} {what}", fillings.len()));
+    }
+    for (corners, [object, material]) in fillings {
+        soup.polygon(object, material, &corners);
     }
 }
 
@@ -80,6 +88,8 @@ fn append(soup: &mut Soup, of: &Soup) {
         soup.ground.get_or_insert_default().append(ground, first);
     }
     soup.positions.extend(&of.positions);
+    soup.tiles.extend(of.tiles.iter().map(|tile| tile.within([object, material])));
+    take_degrees(soup, of, [position, object]);
     soup.corners.extend(of.corners.iter().map(|k| position + k));
     soup.ends.extend(of.ends.iter().map(|k| corner + k));
     soup.polygon_object.extend(of.polygon_object.iter().map(|k| object + k));
@@ -91,6 +101,29 @@ fn append(soup: &mut Soup, of: &Soup) {
     soup.suns.extend(of.suns.iter().cloned());
     soup.repairs.add_counts(&of.repairs);
     soup.repairs.messages.extend(of.repairs.messages.iter().cloned());
+}
+
+/// Positions of height fields in degrees follow from the metres of a degree of the first one, so that tiles lie beside each other. `first`: where the
+/// positions and objects of the added soup begin.
+fn take_degrees(soup: &mut Soup, of: &Soup, first: [u32; 2]) {
+    if let (Some(to), Some(from)) = (soup.metres_of_degree, of.metres_of_degree) {
+        let ratio = [0, 1].map(|k| to[k] / from[k]);
+        let by = DAffine3::from_scale(DVec3::new(ratio[0], ratio[1], 1.0));
+        soup.positions[first[0] as usize..].iter_mut().for_each(|p| *p = by.transform_point3(*p));
+        if let Some(ground) = &mut soup.ground {
+            ground.transform(first[1], &by);
+        }
+        soup.tiles.iter_mut().rev().take(of.tiles.len()).for_each(|tile| tile.transform(&by));
+        let percent = 100.0 * (ratio[0] - 1.0).abs();
+        if percent > 0.01 {
+            let what = "a degree has as many metres as in the first height field";
+            let path = shown(&of.path);
+            soup.repairs
+                .messages
+                .push(format!("{path}: {what}: columns are {percent:.2} % nearer or farther"));
+        }
+    }
+    soup.metres_of_degree = soup.metres_of_degree.or(of.metres_of_degree);
 }
 
 /// Gives all corners a texture coordinate if there are none.

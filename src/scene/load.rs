@@ -2,6 +2,7 @@
 
 use super::{
     LoadOptions, Scene, UpAxis, read_gltf, read_grid, read_obj, read_ply, resolve, sources::Sources,
+    unit_in_metres,
 };
 use crate::files::input::{guarded, is_standard_input};
 use crate::threads::Threads;
@@ -67,9 +68,13 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let mut sources = Sources::new(options.max_memory);
     let stem = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let is_grid = read_grid::EXTENSIONS.contains(&stem.as_str());
-    // Height fields have the upward axis z.
-    let upright = LoadOptions { up: options.up.or(Some(UpAxis::Z)), ..options.clone() };
-    let options = if is_grid || options.added.has_grid { &upright } else { options };
+    let upright = LoadOptions { up: Some(UpAxis::Z), ..options.clone() };
+    let options = if is_grid || options.added.has_grid {
+        check_grid(options)?;
+        &upright
+    } else {
+        options
+    };
     let mut scene = if is_standard_input(path) {
         let stream = sources.open(path)?;
         read_stream(path, stream, &mut sources, options)?
@@ -102,6 +107,20 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     (scene.files, scene.unread_files) = sources.lists();
     scene.files.extend(options.luminaires.files.iter().chain(&options.added.files).cloned());
     Ok(scene)
+}
+
+/// Refuses another unit and another upward axis than those of height fields.
+fn check_grid(options: &LoadOptions) -> Result<()> {
+    let what = match () {
+        () if options.up == Some(UpAxis::Y) => {
+            "height fields have the upward axis z: leave option `up` out, and turn other files"
+        }
+        () if unit_in_metres(&options.unit).is_some_and(|metres| metres != 1.0) => {
+            "height fields are in metres: leave option `unit` out, and convert other files to metres"
+        }
+        () => return Ok(()),
+    };
+    Err(Error::Argument(what.into()))
 }
 
 /// Refuses what glTF files have no place for.

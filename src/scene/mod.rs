@@ -37,6 +37,7 @@ mod read_luminaire;
 mod read_obj;
 mod read_ply;
 mod resolve;
+mod seams;
 mod size;
 mod soup;
 mod sources;

@@ -1,6 +1,6 @@
 //! Polygon soup: unchecked input of [`resolve`](super::resolve()).
 
-use super::{FineGround, Placement, Profile, Repairs, StoredCamera, texture::Texture};
+use super::{FineGround, Placement, Profile, Repairs, StoredCamera, seams::Tile, texture::Texture};
 use crate::sky::Sun;
 use glam::DVec3;
 use std::{collections::HashMap, path::PathBuf, sync::Arc};
@@ -36,6 +36,10 @@ pub struct Soup {
     pub suns: Vec<Sun>,
     /// Height fields of which the polygons are a simpler form.
     pub ground: Option<FineGround>,
+    /// Its height fields.
+    pub tiles: Vec<Tile>,
+    /// Metres of a degree of longitude and of latitude from which positions of height fields in degrees follow.
+    pub metres_of_degree: Option<[f64; 2]>,
     /// Repairs made while reading.
     pub repairs: Repairs,
 }

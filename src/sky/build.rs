@@ -58,10 +58,7 @@ impl SkyOptions {
 
     /// The same with the suns of a file, where the description has none and does not say that there is none.
     pub(crate) fn environment_with(&self, up: DVec3, suns: &[Sun]) -> Result<Environment> {
-        let at = |what: String| match &self.file {
-            Some(file) => Error::format(file, None, what),
-            None => Error::Argument(what),
-        };
+        let at = |what: String| self.wrong(what);
         self.check().map_err(at)?;
         let frame = match self.north {
             Some(north) => Frame::new(up, DVec3::from(north)),
@@ -109,6 +106,42 @@ impl SkyOptions {
         let mut environment = Environment::new(frame, sky, suns, ground);
         environment.notes = notes;
         Ok(environment)
+    }
+
+    /// The same at another minute of its day; `None` while the sun is below the horizon.
+    ///
+    /// # Errors
+    /// As [`SkyOptions::environment`], where place and time are not stated, or the direction of the sun is.
+    #[doc(hidden)]
+    pub fn at_minute(&self, minute: u32) -> Result<Option<SkyOptions>> {
+        let wrong = |what: String| self.wrong(what);
+        if let SunChoice::At { .. } = self.sun {
+            let what = "a sun in one direction has no day: leave option `sun` out, so that it moves by `place` and `time`, or leave option `day` out";
+            return Err(wrong(what.into()));
+        }
+        let (Some(_), Some(time)) = (&self.place, &self.time) else {
+            let what = "the light of a day needs `place` and `time`, such as 2026-06-21T12:00+02:00";
+            return Err(wrong(what.into()));
+        };
+        let options = SkyOptions { time: Some(time.at_minute(minute).map_err(wrong)?), ..self.clone() };
+        let position = options.position(&Frame::upright(DVec3::Z)?).map_err(wrong)?;
+        Ok(position.filter(|sun| sun.local.z > 0.0).map(|_| options))
+    }
+
+    /// The same where only the directions of suns matter: one whose irradiance is unknown has 1.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_any_sun(&self) -> SkyOptions {
+        let is_placed = self.sun != SunChoice::Auto || self.place.is_some() || self.time.is_some();
+        let any = is_placed.then_some(Amount::Grey(1.0));
+        SkyOptions { direct_normal: self.direct_normal.or(any), ..self.clone() }
+    }
+
+    fn wrong(&self, what: String) -> Error {
+        match &self.file {
+            Some(file) => Error::format(file, None, what),
+            None => Error::Argument(what),
+        }
     }
 
     fn irradiance_text(&self, [r, g, b]: [f64; 3]) -> String {

@@ -192,5 +192,10 @@ pub(super) fn notes_of_suns(frame: &Frame, title: &str, suns: &[Sun]) -> String 
         )
     };
     let notes: Vec<String> = suns.iter().map(note).collect();
-    format!("{title}: {}", notes.join("; "))
+    let is_below = |sun: &Sun| sun.direction.dot(frame.up) < 0.0;
+    let cure = match title == OF_FILE && suns.iter().any(is_below) {
+        true => "; light comes from below the horizon: turn the node of that sun, or state `sun` as none",
+        false => "",
+    };
+    format!("{title}: {}{cure}", notes.join("; "))
 }

@@ -33,6 +33,8 @@ mod tests;
 
 pub use environment::Environment;
 pub use options::SkyOptions;
+#[cfg(any(test, feature = "internals"))]
+pub use parse::SkyModel;
 pub use sun::Sun;
 #[cfg(test)]
 pub use {
@@ -40,7 +42,6 @@ pub use {
     gradation::Shape,
     map::SkyMap,
     options::Amount,
-    parse::SkyModel,
     position::{Air, Place},
     radiance::{Level, Sky},
 };

@@ -1,5 +1,6 @@
 //! Short texts for sky and sun, as on a command line.
 
+use super::perez::SOLAR_CONSTANT;
 use crate::error::{figure, quote};
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -102,7 +103,16 @@ impl FromStr for SkyText {
     }
 }
 
+/// Largest irradiance outside the atmosphere, W/m²: where the earth is nearest to the sun, .9833 astronomical units.
+const MAX_IRRADIANCE: f64 = SOLAR_CONSTANT / (0.9833 * 0.9833);
+
 fn perez(direct: f64, diffuse: f64) -> Result<SkyModel, String> {
+    if let Some(value) = [direct, diffuse].into_iter().find(|value| *value > MAX_IRRADIANCE) {
+        let value = figure(value);
+        return Err(format!(
+            "{value} W/m² is more than outside the atmosphere: give at most {MAX_IRRADIANCE:.0}"
+        ));
+    }
     let (direct, diffuse) =
         (positive(direct, "direct normal irradiance")?, positive(diffuse, "diffuse horizontal irradiance")?);
     match diffuse > 0.0 {

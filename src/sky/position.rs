@@ -5,7 +5,7 @@ use super::clear::pressure;
 use crate::error::{figure, quote};
 use solar_positioning::{Location, RefractionCorrection, SolarPositions, delta_t, time::JulianDate};
 use std::str::FromStr;
-use toml::value::{Datetime, Offset};
+use toml::value::{Datetime, Offset, Time};
 
 /// A place on the earth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,6 +117,15 @@ impl Moment {
         let local = JulianDate::from_utc(year, month, u32::from(date.day), hour, minute, second, delta_t);
         let local = local.map_err(|e| format!("`{written}` is no time ({e}): correct it"))?;
         Ok(Moment { written, julian: local.julian_date() - f64::from(minutes) / 1440.0, delta_t })
+    }
+}
+
+impl Moment {
+    /// Another minute of the same day.
+    pub(super) fn at_minute(&self, minute: u32) -> Result<Moment, String> {
+        let [hour, minute] = [minute / 60 % 24, minute % 60].map(|n| n as u8);
+        let time = Time { hour, minute, second: None, nanosecond: None };
+        Moment::new(Datetime { time: Some(time), ..self.written })
     }
 }
 

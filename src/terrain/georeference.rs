@@ -1,5 +1,9 @@
 //! Where a grid is on the earth, in the terms of GeoTIFF (OGC 19-008r4).
 
+/// Key: kind of coordinate system.
+pub const MODEL_TYPE: u16 = 1024;
+/// Value of [`MODEL_TYPE`]: longitude and latitude.
+pub const GEOGRAPHIC: u16 = 2;
 /// Key: whether tie points are of corners of pixels (1) or of samples (2).
 const RASTER_TYPE: u16 = 1025;
 

@@ -1,9 +1,10 @@
 //! Heights at the samples of a regular grid.
 
-use super::Georeference;
+use super::georeference::{GEOGRAPHIC, Georeference, MODEL_TYPE};
 use crate::{Error, Result, memory};
+use glam::DVec3;
 #[cfg(test)]
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 /// Largest number of columns or rows: positions along a line of samples, in columns with fractions, are exact to 1/128 of a
 /// column in f32.
@@ -82,8 +83,25 @@ impl Grid {
     }
 
     /// Where the grid is on the earth.
+    #[cfg(any(test, feature = "internals"))]
     pub fn georeference(&self) -> &Georeference {
         &self.georeference
+    }
+
+    /// Metres of a unit of the georeference along x and y.
+    pub fn metres_of_unit(&self) -> [f64; 2] {
+        [0, 1].map(|k| self.cell[k] / self.georeference.scale[k])
+    }
+
+    /// The same for a grid in degrees.
+    pub fn metres_of_degree(&self) -> Option<[f64; 2]> {
+        (self.georeference.key(MODEL_TYPE) == Some(GEOGRAPHIC)).then(|| self.metres_of_unit())
+    }
+
+    /// Position of a sample on the map, m: that of the georeference in metres; z is NaN in a hole.
+    pub fn map_position(&self, column: usize, row: usize) -> DVec3 {
+        let ([x, y], [dx, dy]) = (self.georeference.position(column, row), self.metres_of_unit());
+        DVec3::new(x * dx, y * dy, self.height(column, row).into())
     }
 
     /// Height of a sample, m; NaN in a hole.

@@ -51,6 +51,7 @@ fn skies_that_cannot_be_are_refused_in_one_line() {
         ("--sky perez:600,100", "sun"),
         ("--sky perez:600,100 --sun 180,-5", "horizon"),
         ("--sky perez:600,-1 --sun 180,40", "-1"),
+        ("--sky perez:5000,100 --sun 180,40", "outside the atmosphere"),
         ("--sky clear:3 --place 95,11 --time 2026-06-21T12:00Z", "95"),
         ("--sky clear:3 --place 48,11 --time 2026-06-31T12:00Z", "2026-06-31"),
         ("--sky clear:3 --place 48,11", "time"),
@@ -100,6 +101,77 @@ fn terrain_computes_maps_of_height_fields() {
     let bad = scratch.mrvis("terrain bad.asc --out b").exits(2);
     bad.warns("bad.asc");
     assert!(bad.stderr.lines().count() == 1 && !scratch.path("b").exists(), "{}", bad.stderr);
+}
+
+/// Mean of the only quantity that `terrain slope.asc` computes.
+fn mean_of(scratch: &Scratch, options: &str) -> f64 {
+    scratch.mrvis(&format!("terrain slope.asc --out m --json m.json {options}")).exits(0);
+    scratch.json("m.json")["quantities"][0]["mean"].as_f64().expect("a number")
+}
+
+#[test]
+fn the_north_of_a_sky_turns_sun_and_sky_over_terrain() {
+    let scratch = slope();
+    scratch.write("south.toml", "sun = '180,45:800'\n");
+    scratch.write("turned.toml", "sun = '0,45:800'\nnorth = [0, -1, 0]\n");
+    let light = |sky: &str| mean_of(&scratch, &format!("--output irradiance --sky {sky}"));
+    let found = [light("south.toml"), light("turned.toml")];
+    assert!((found[0] - 800.0).abs() < 3.0 && (found[1] - found[0]).abs() < 1e-3, "{found:?}");
+}
+
+#[test]
+fn the_light_of_a_day_follows_the_sun() {
+    let scratch = slope();
+    scratch.write("day.toml", "sky = 'clear:3'\nplace = [47, 11]\ntime = 2026-06-21T12:00:00+01:00\n");
+    let day = "--output irradiance --day=240";
+    let place = "--place 47,11 --time 2026-06-21T12:00+01:00";
+    let found = [format!("{day} --sky day.toml"), format!("{day} --sky clear:3 {place}")]
+        .map(|o| mean_of(&scratch, &o));
+    assert!(found[0] > 5000.0 && found[0] == found[1], "{found:?}");
+    let terrain = "terrain slope.asc --out d --output irradiance --day";
+    scratch.mrvis(&format!("{terrain} --sun 180,60:900 {place}")).exits(2).warns("leave --sun out");
+    scratch.mrvis(&format!("{terrain} --sky clear:3")).exits(2).warns("needs `place` and `time`");
+    scratch.mrvis(&format!("{terrain}=240 --sky perez:600,120 {place}")).exits(0).warns("same at all times");
+}
+
+#[test]
+fn sunlit_needs_only_the_direction_of_the_sun() {
+    let scratch = slope();
+    for (sun, part) in
+        [("--place 47,11 --time 2026-06-21T12:00+01:00", 1.0), ("--sun 180,30", 1.0), ("--sun 0,30", 0.0)]
+    {
+        assert_eq!(mean_of(&scratch, &format!("--output sunlit {sun}")), part, "{sun}");
+    }
+    scratch.mrvis("terrain slope.asc --out m --output sunlit").exits(2).warns("give --sun");
+}
+
+#[test]
+fn the_horizon_has_a_picture_for_each_azimuth() {
+    let scratch = slope();
+    scratch.mrvis("terrain slope.asc --out h --output horizon --format png --azimuths 4").exits(0);
+    for azimuth in ["000.0", "090.0", "180.0", "270.0"] {
+        assert!(scratch.path(&format!("h/horizon-{azimuth}.png")).exists(), "{azimuth}");
+    }
+}
+
+#[test]
+fn meshes_with_vertices_on_a_grid_are_height_fields() {
+    let scratch = slope();
+    let vertex =
+        |k: usize| format!("v {} {} {}\n", 1005 + k % 12 * 10, 2095 - k / 12 * 10, 100 - k / 12 * 10);
+    let vertices: String = (0..120).map(vertex).collect();
+    let face = |k: usize| format!("f {} {} {} {}\n", k + 1, k + 13, k + 14, k + 2);
+    let faces: String = (0..108).filter(|k| k % 12 < 11).map(face).collect();
+    scratch.write("slope.obj", format!("{vertices}{faces}"));
+    let wanted = mean_of(&scratch, "");
+    scratch
+        .mrvis("terrain slope.obj --out o --json o.json")
+        .exits(0)
+        .prints("12 x 10 samples every 10 x 10 m");
+    let found = scratch.json("o.json")["quantities"][0]["mean"].as_f64().expect("a number");
+    assert!((found - wanted).abs() < 1e-6, "{found} {wanted}");
+    scratch.write("bent.obj", format!("{vertices}{faces}").replace("v 1015 ", "v 1018 "));
+    scratch.mrvis("terrain bent.obj --out o").exits(2).warns("not at equal distances");
 }
 
 #[test]
@@ -167,6 +239,25 @@ fn suns_of_gltf_files_shine_beside_a_sky() {
     let sky = light("--sky uniform:100 --sun none");
     let both = light("--sky uniform:100");
     assert!(sun > 1.0 && (sky - 100.0).abs() < 0.3 && (both - sun - sky).abs() < 0.3, "{sun} {sky} {both}");
+}
+
+#[test]
+fn suns_of_gltf_files_below_the_horizon_get_a_note() {
+    let scratch = Scratch::new();
+    scratch.write("yard.gltf", YARD.replace("[-0.70710678,0,0,0.70710678]", "[0.70710678,0,0,0.70710678]"));
+    scratch.mrvis("info yard.gltf").exits(0).prints("light comes from below the horizon");
+}
+
+#[test]
+fn cameras_that_see_only_sky_see_something() {
+    let scratch = ground();
+    let solve =
+        "solve ground.obj --up z --out s --audit 0 --output image --image-size 20x20 --camera 2,2,1,2,3,9,40";
+    for (sky, is_seen) in [("--sky uniform:100", true), ("--sun 180,45:800", false)] {
+        let solved = scratch.mrvis(&format!("{solve} {sky}")).exits(0);
+        let said = format!("{}{}", solved.stdout, solved.stderr);
+        assert_eq!(!said.contains("sees no lit surface"), is_seen, "{said}");
+    }
 }
 
 #[test]

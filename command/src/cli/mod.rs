@@ -19,6 +19,7 @@ mod job_context;
 mod limits;
 mod manual;
 mod merge;
+mod mesh_grid;
 mod mpi;
 mod oracle;
 mod outputs;

@@ -245,7 +245,8 @@ impl Outputs {
                 continue;
             }
             let width = self.image_size[0];
-            if frame.first.iter().all(Option::is_none) {
+            // Pixels without a surface are black unless they show the sky.
+            if frame.first.iter().all(Option::is_none) && frame.radiance.iter().all(|l| *l == [0.0; 3]) {
                 files.notes.push(self.sees_nothing(camera, scene));
             }
             let view = PageView::of(&stage, solution, (camera, self.image_size), &frame);

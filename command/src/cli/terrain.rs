@@ -2,9 +2,10 @@
 
 use super::args::{Common, grouped, warn};
 use super::inputs::{Inputs, Output};
+use super::mesh_grid;
 use super::values::{Values, cell, name_of, one_of};
 use super::writable::check_folder;
-use mrvis::internals::sky::{DVec3, Environment};
+use mrvis::internals::sky::{DVec3, Environment, SkyModel};
 use mrvis::internals::terrain::{
     EARTH_RADIUS, Grid, Layer, Light, ReadOptions, Sun, SweepOptions, horizon, irradiance, read,
     sky_view_factor, sunlit, write_geotiff, write_npz, write_png,
@@ -22,7 +23,7 @@ use std::time::Instant;
 #[command(mut_arg("seed", |a| a.hide(true)))]
 #[command(mut_arg("unit", |a| a.hide(true)))]
 pub struct Args {
-    /// The height field.
+    /// The height field: .asc, .tif, .png, .npy or .npz, or .obj or .ply with vertices on a regular grid of x and y.
     #[arg(value_name = "GRID")]
     grid: PathBuf,
     /// Folder for the results (created if missing).
@@ -41,7 +42,7 @@ pub struct Args {
     #[arg(long, value_name = "KIND", value_parser = one_of(FORMATS), value_delimiter = ',', default_value = "tif")]
     format: Vec<Format>,
     /// Directions in which the horizon is found, 4 to 1024.
-    #[arg(long, value_name = "N", default_value_t = 32)]
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(4..=1024))]
     azimuths: usize,
     /// The earth curves: with N times its radius; 7/6 = 1.1667 allows for refraction.
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1")]
@@ -102,7 +103,7 @@ enum Format {
 const FORMATS: Values<Format> = &[
     ("tif", "GeoTIFF, georeferenced as the input", Format::Tif),
     ("npz", "NumPy arrays", Format::Npz),
-    ("png", "A picture with a colour scale", Format::Png),
+    ("png", "A picture with a colour scale, of the horizon one for each azimuth", Format::Png),
 ];
 
 impl Quantity {
@@ -110,9 +111,16 @@ impl Quantity {
         name_of(QUANTITIES, self)
     }
 
-    /// The file of this quantity in a format.
-    fn file(self, format: Format) -> String {
-        format!("{}.{}", self.name(), name_of(FORMATS, format))
+    /// The files of this quantity in a format: pictures show one azimuth each.
+    fn files(self, format: Format, azimuths: usize) -> Vec<String> {
+        let (name, extension) = (self.name(), name_of(FORMATS, format));
+        match (self, format) {
+            (Quantity::Horizon, Format::Png) => {
+                let degrees = |k: usize| 360.0 * k as f64 / azimuths as f64;
+                (0..azimuths).map(|k| format!("{name}-{:05.1}.{extension}", degrees(k))).collect()
+            }
+            _ => vec![format!("{name}.{extension}")],
+        }
     }
 }
 
@@ -123,18 +131,29 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     let _folder = check_folder(&args.out)?;
     common.check_json()?;
-    let names = args.outputs.iter().flat_map(|q| args.format.iter().map(|format| q.file(*format)));
+    let files = |q: &Quantity| {
+        args.format.iter().flat_map(|format| q.files(*format, args.azimuths)).collect::<Vec<_>>()
+    };
+    let names = args.outputs.iter().flat_map(files);
     common.check_outputs(&Inputs::of([args.grid.as_path()]), Output::within("--out", &args.out, names))?;
     let options = ReadOptions {
         cell: args.cell.as_deref().map(cell).transpose()?,
         height_scale: args.height_scale,
         ..ReadOptions::default()
     };
+    let [sun, place, time] = [&args.sun, &args.place, &args.time].map(|text| text.as_deref());
+    let sky = SkyOptions::of_texts(args.sky.as_deref(), sun, place, time)?;
+    let note_of_day = note_of_day(args, &sky)?;
     let sweep = SweepOptions { earth_radius: args.curvature.map(|factor| factor * EARTH_RADIUS) };
     let start = Instant::now();
     let spinner = common.spinner("reading the height field");
-    let loaded = read(&args.grid, &options)?;
+    let kind = args.grid.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let mut loaded = match kind.as_str() {
+        "obj" | "ply" => mesh_grid::read(&args.grid, &options)?,
+        _ => read(&args.grid, &options)?,
+    };
     drop(spinner);
+    loaded.notes.extend(note_of_day);
     warn(common, &loaded.notes);
     let grid = &loaded.grid;
     let [dx, dy] = grid.cell();
@@ -151,7 +170,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     for quantity in &args.outputs {
         let _spinner = common.spinner(format!("computing {}", quantity.name()));
         let start = Instant::now();
-        let bands = common.on_threads(|| compute(args, *quantity, grid, &sweep))?;
+        let bands = common.on_threads(|| compute(args, *quantity, grid, (&sky, &sweep)))?;
         let seconds = start.elapsed().as_secs_f64();
         write(args, *quantity, grid, &bands)?;
         let record = summary(*quantity, &bands, seconds, &mut text);
@@ -166,7 +185,12 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn compute(args: &Args, quantity: Quantity, grid: &Grid, sweep: &SweepOptions) -> Result<Bands> {
+fn compute(
+    args: &Args,
+    quantity: Quantity,
+    grid: &Grid,
+    (sky, sweep): (&SkyOptions, &SweepOptions),
+) -> Result<Bands> {
     let name = quantity.name().to_owned();
     Ok(match quantity {
         Quantity::SkyViewFactor => vec![(name, sky_view_factor(grid, args.azimuths, sweep)?)],
@@ -182,69 +206,63 @@ fn compute(args: &Args, quantity: Quantity, grid: &Grid, sweep: &SweepOptions) -
             found.azimuths.into_iter().zip(found.elevations).map(named).collect()
         }
         Quantity::Sunlit => {
-            let environment = environment(args, args.time.as_deref())?;
+            let environment = sky.with_any_sun().environment(DVec3::Z)?;
             let sun = suns_of(&environment).next().ok_or_else(|| {
                 Error::Argument("`sunlit` needs a sun: give --sun, or --place and --time".into())
             })?;
             vec![(name, sunlit(grid, &sun.0, sweep)?)]
         }
-        Quantity::Irradiance => vec![(name, light(args, grid, sweep)?)],
+        Quantity::Irradiance => vec![(name, light(args, grid, sweep, sky)?)],
     })
 }
 
-fn environment(args: &Args, time: Option<&str>) -> Result<Environment> {
-    let sky = SkyOptions::of_texts(args.sky.as_deref(), args.sun.as_deref(), args.place.as_deref(), time)?;
-    sky.environment(DVec3::Z)
+/// What is assumed about the light of a day.
+///
+/// # Errors
+/// As [`SkyOptions::at_minute`].
+fn note_of_day(args: &Args, sky: &SkyOptions) -> Result<Option<String>> {
+    if args.day.is_none() || !args.outputs.contains(&Quantity::Irradiance) {
+        return Ok(None);
+    }
+    sky.at_minute(0)?;
+    let is_clear = matches!(sky.sky.0, SkyModel::Clear { .. });
+    let what = "the sun moves, but the irradiances of sky and sun are the same at all times of the day; with --sky clear:TURBIDITY they change";
+    Ok((!is_clear).then(|| what.into()))
 }
 
-/// The suns and their normal irradiances, means of the channels.
+/// The suns, by azimuths from the first row of the grid, and their normal irradiances, means of the channels.
 fn suns_of(environment: &Environment) -> impl Iterator<Item = (Sun, f64)> + '_ {
     environment.suns().iter().map(|sun| {
-        let [azimuth, elevation] = environment.frame().angles(sun.direction).map(f64::to_radians);
+        let DVec3 { x, y, z } = sun.direction;
+        let (azimuth, elevation) = (x.atan2(y), z.clamp(-1.0, 1.0).asin());
         let half_angle = 0.5 * sun.diameter;
         (Sun { azimuth, elevation, half_angle }, sun.irradiance.iter().sum::<f64>() / 3.0)
     })
 }
 
 /// Irradiance at the time of the options, or added up over its day.
-fn light(args: &Args, grid: &Grid, sweep: &SweepOptions) -> Result<Vec<f32>> {
+fn light(args: &Args, grid: &Grid, sweep: &SweepOptions, sky: &SkyOptions) -> Result<Vec<f32>> {
     if args.sky.is_none() && args.sun.is_none() {
         return Err(Error::Argument("`irradiance` needs light: give --sky, --sun or both".into()));
     }
     let Some(minutes) = args.day else {
-        return light_at(args, grid, sweep, args.time.as_deref());
+        return light_at(args, grid, sweep, sky);
     };
-    let time = args.time.as_deref().filter(|time| time.len() > 16 && time.is_char_boundary(11));
-    let (Some(time), Some(_)) = (time, &args.place) else {
-        return Err(Error::Argument("--day needs --place and --time as 2026-06-21T12:00+02:00".into()));
-    };
-    let zone =
-        time.find('+').or(time.rfind('-').filter(|at| *at > 10)).or(time.find('Z')).unwrap_or(time.len());
-    let (date, zone) = (&time[..10], &time[zone..]);
-    let under = |sky: &str, time: &str| {
-        let options = SkyOptions::of_texts(Some(sky), None, args.place.as_deref(), Some(time))?;
-        options.environment(DVec3::Z)
-    };
-    // An overcast sky refuses places and times that cannot be, a clear one also the sun below the horizon.
-    under("overcast", time)?;
     let mut sums = vec![0.0f32; grid.heights().len()];
     // The middle of each interval.
     for minute in (0..24 * 60).step_by(minutes as usize).map(|m| m + minutes / 2) {
-        let time = format!("{date}T{:02}:{:02}{zone}", minute / 60 % 24, minute % 60);
         // Below the horizon there is neither sun nor sky.
-        if under("clear:3", &time).is_err() {
-            continue;
-        }
-        let found = light_at(args, grid, sweep, Some(&time))?;
+        let Some(sky) = sky.at_minute(minute)? else { continue };
+        let found = light_at(args, grid, sweep, &sky)?;
         let hours = minutes as f32 / 60.0;
         sums.iter_mut().zip(found).for_each(|(sum, e)| *sum += hours * e);
     }
     Ok(sums)
 }
 
-fn light_at(args: &Args, grid: &Grid, sweep: &SweepOptions, time: Option<&str>) -> Result<Vec<f32>> {
-    let environment = environment(args, time)?;
-    let sky = |local: DVec3| environment.radiance(environment.frame().world(local)).iter().sum::<f64>() / 3.0;
+fn light_at(args: &Args, grid: &Grid, sweep: &SweepOptions, sky: &SkyOptions) -> Result<Vec<f32>> {
+    let environment = sky.environment(DVec3::Z)?;
+    let sky = |direction: DVec3| environment.radiance(direction).iter().sum::<f64>() / 3.0;
     let none = (Sun { azimuth: 0.0, elevation: -1.0, half_angle: 0.0 }, 0.0);
     let mut suns = suns_of(&environment);
     let (sun, direct_normal) = suns.next().unwrap_or(none);
@@ -260,21 +278,29 @@ fn light_at(args: &Args, grid: &Grid, sweep: &SweepOptions, time: Option<&str>) 
 fn write(args: &Args, quantity: Quantity, grid: &Grid, bands: &Bands) -> Result<()> {
     let layers: Vec<Layer> = bands.iter().map(|(name, values)| Layer { name, values }).collect();
     for format in &args.format {
-        let path = args.out.join(quantity.file(*format));
+        let files = quantity.files(*format, bands.len());
+        let paths: Vec<PathBuf> = files.iter().map(|name| args.out.join(name)).collect();
         match format {
-            Format::Tif => write_geotiff(&path, grid, &layers)?,
-            Format::Npz => write_npz(&path, grid, &layers)?,
-            Format::Png => write_png(&path, grid, layers[0], range(quantity, &bands[0].1))?,
+            Format::Tif => write_geotiff(&paths[0], grid, &layers)?,
+            Format::Npz => write_npz(&paths[0], grid, &layers)?,
+            Format::Png => {
+                let range = range(quantity, bands);
+                paths
+                    .iter()
+                    .zip(&layers)
+                    .try_for_each(|(path, layer)| write_png(path, grid, *layer, range))?;
+            }
         }
     }
     Ok(())
 }
 
 /// The values at the ends of the colour scale.
-fn range(quantity: Quantity, values: &[f32]) -> [f32; 2] {
+fn range(quantity: Quantity, bands: &Bands) -> [f32; 2] {
+    let values = bands.iter().flat_map(|(_, values)| values).copied().filter(|v| v.is_finite());
     match quantity {
         Quantity::SkyViewFactor | Quantity::Sunlit => [0.0, 1.0],
-        _ => [0.0, values.iter().copied().filter(|v| v.is_finite()).fold(f32::MIN_POSITIVE, f32::max)],
+        _ => [0.0, values.fold(f32::MIN_POSITIVE, f32::max)],
     }
 }
 

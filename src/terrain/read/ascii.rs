@@ -1,10 +1,13 @@
 //! ESRI ASCII grids: a header of names and numbers, then heights row by row from the north.
 
-use super::{Raw, ReadOptions, check_size};
+use super::{Raw, check_size};
 use crate::terrain::Georeference;
 use crate::terrain::grid::check_cell;
 use crate::{Error, Result, error::quote};
 use std::path::Path;
+
+/// Value of samples without data where a header states none: the default of ESRI.
+const NO_DATA: f64 = -9999.0;
 
 /// Words of a text with their lines, counted from 1.
 struct Words<'a> {
@@ -61,7 +64,7 @@ impl Header {
 }
 
 /// Reads a grid.
-pub fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Raw> {
+pub fn read(path: &Path, bytes: &[u8]) -> Result<Raw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes)
         .map_err(|_| Error::format(path, None, "is not text: an ESRI ASCII grid begins with `ncols`"))?;
@@ -86,6 +89,7 @@ pub fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Raw> {
     let (columns, rows) = (side(path, "ncols", header.columns)?, side(path, "nrows", header.rows)?);
     // A value is a digit and a separator or more.
     check_size(path, columns, rows, text.len().div_ceil(2))?;
+    let no_data = header.no_data.unwrap_or(NO_DATA);
     let mut values = Vec::with_capacity(columns * rows);
     for (line, word) in first.into_iter().chain(&mut words) {
         if values.len() == columns * rows {
@@ -94,7 +98,7 @@ pub fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Raw> {
         }
         // Some programs write holes as `nan`.
         let value = if word.eq_ignore_ascii_case("nan") { f64::NAN } else { number(path, line, word)? };
-        values.push(if Some(value) == header.no_data { f32::NAN } else { value as f32 });
+        values.push(if value == no_data { f32::NAN } else { value as f32 });
     }
     if values.len() < columns * rows {
         let what = format!(
@@ -104,18 +108,11 @@ pub fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Raw> {
         );
         return Err(Error::format(path, Some(words.line), what));
     }
-    place(path, &header, columns, rows, values, options)
+    place(path, &header, columns, rows, values)
 }
 
 /// Adds the distances of samples and their place.
-fn place(
-    path: &Path,
-    header: &Header,
-    columns: usize,
-    rows: usize,
-    values: Vec<f32>,
-    options: &ReadOptions,
-) -> Result<Raw> {
+fn place(path: &Path, header: &Header, columns: usize, rows: usize, values: Vec<f32>) -> Result<Raw> {
     let mut raw =
         Raw { columns, rows, values, cell: None, georeference: None, unit: None, notes: Vec::new() };
     let [Some(dx), Some(dy)] = header.cell else {
@@ -125,27 +122,10 @@ fn place(
     check_cell([dx, dy]).map_err(|e| Error::format(path, None, format!("`cellsize`: {e}")))?;
     let corner = header.corner.map(Option::unwrap_or_default);
     let low = [0, 1].map(|k| corner[k] + if header.is_middle[k] { 0.0 } else { 0.5 * [dx, dy][k] });
-    if options.cell.is_none() && is_in_degrees(&raw, low, [dx, dy]) {
-        let what = "its cells seem to be in degrees and its heights in metres: project it to metres (`gdalwarp -t_srs EPSG:326ZZ`, ZZ the UTM zone), or set `cell` to the distances of columns and rows in m";
-        return Err(Error::format(path, None, what));
-    }
     raw.georeference = Some(Georeference::of_samples([low[0], low[1] + (rows - 1) as f64 * dy], [dx, dy]));
     raw.cell = Some([dx, dy]);
     raw.notes.push("the file states no unit: lengths and heights are taken as metres".into());
     Ok(raw)
-}
-
-/// Whether a grid is at a place on a globe in degrees, and higher than it is wide: the range of heights on land exceeds 1 m
-/// within a degree nearly everywhere.
-fn is_in_degrees(raw: &Raw, low: [f64; 2], cell: [f64; 2]) -> bool {
-    let extent = [raw.columns as f64 * cell[0], raw.rows as f64 * cell[1]];
-    let is_on_globe = low[0] >= -180.0 && low[0] + extent[0] <= 361.0 && low[1].abs() <= 90.0;
-    let known = || raw.values.iter().copied().filter(|v| v.is_finite());
-    let range = f64::from(known().fold(f32::NEG_INFINITY, f32::max) - known().fold(f32::INFINITY, f32::min));
-    is_on_globe
-        && low[1] + extent[1] <= 91.0
-        && low != [0.5 * cell[0], 0.5 * cell[1]]
-        && range > extent[0].max(extent[1])
 }
 
 fn number(path: &Path, line: usize, word: &str) -> Result<f64> {

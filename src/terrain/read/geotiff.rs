@@ -1,7 +1,7 @@
 //! Heights from GeoTIFF files.
 
 use super::{Raw, ReadOptions, check_size};
-use crate::terrain::Georeference;
+use crate::terrain::georeference::{GEOGRAPHIC, Georeference, MODEL_TYPE};
 use crate::{Error, Result, error::quote};
 use std::io::Cursor;
 use std::path::Path;
@@ -9,8 +9,6 @@ use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
-/// Key: kind of coordinate system.
-const MODEL_TYPE: u16 = 1024;
 /// Keys: units of geographic angles, of projected lengths and of heights.
 const ANGLES: u16 = 2054;
 const LENGTHS: u16 = 3076;
@@ -168,10 +166,14 @@ fn units(raw: &mut Raw, georeference: &Georeference, options: &ReadOptions) -> R
     }
     let [dx, dy, _] = georeference.scale;
     match georeference.key(MODEL_TYPE) {
-        Some(2) => raw.cell = Some(degrees(raw, georeference)?),
+        Some(GEOGRAPHIC) => raw.cell = Some(degrees(raw, georeference)?),
         Some(3) => return Err("is in geocentric coordinates: project it to metres (`gdalwarp`)".into()),
         _ => {
-            let code = georeference.key(LENGTHS).unwrap_or(9001);
+            let stated = georeference.key(LENGTHS);
+            if stated.is_none() {
+                raw.notes.push("the file states its unit of length at most by the code of its coordinate system: lengths are taken as metres".into());
+            }
+            let code = stated.unwrap_or(9001);
             let metres = metres_of_unit(code).ok_or_else(|| {
                 format!(
                     "its lengths are in the unit EPSG:{code}: set `cell` to the distances of samples in m"
@@ -180,6 +182,9 @@ fn units(raw: &mut Raw, georeference: &Georeference, options: &ReadOptions) -> R
             if metres != 1.0 {
                 raw.notes
                     .push(format!("lengths are in a unit of {metres:.6} m (EPSG:{code}) and are converted"));
+                if raw.unit.is_none() && options.height_scale.is_none() {
+                    raw.notes.push(format!("the file states no unit of heights: they are taken as metres; if they have that of lengths, set option `height_scale` to {metres:.6}"));
+                }
             }
             raw.cell = Some([dx * metres, dy * metres]);
         }

@@ -5,8 +5,9 @@ mod ascii;
 mod geotiff;
 mod picture;
 
+use super::georeference::{Georeference, MODEL_TYPE};
 use super::grid::{MAX_HEIGHT, check_cell, check_sides};
-use super::{Georeference, Grid, numpy};
+use super::{Grid, numpy};
 use crate::{Error, Result, files::input, memory};
 use std::path::Path;
 
@@ -56,7 +57,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let bytes = || input::read(path, memory::usable().unwrap_or(u64::MAX >> 1));
     let raw = input::guarded(path, || match extension.as_str() {
-        "asc" => ascii::read(path, &bytes()?, options),
+        "asc" => ascii::read(path, &bytes()?),
         #[cfg(feature = "geotiff")]
         "tif" | "tiff" => geotiff::read(path, bytes()?, options),
         #[cfg(not(feature = "geotiff"))]
@@ -121,14 +122,53 @@ fn from_numpy(path: &Path, array: numpy::Array) -> Result<Raw> {
     })
 }
 
+/// Largest value that may stand for a sample without data, such as -999, -9999, -32768 and -99999.
+const MAX_NO_DATA: f32 = -999.0;
+
+/// A note on the lowest value if it seems to stand for samples without data: it is farther below the others than these are apart.
+fn note_of_lowest(values: &[f32]) -> Option<String> {
+    let known = || values.iter().copied().filter(|v| v.is_finite());
+    let low = known().fold(f32::INFINITY, f32::min);
+    let (next, high) = known()
+        .filter(|v| *v > low)
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(next, high), v| (next.min(v), high.max(v)));
+    (low <= MAX_NO_DATA && next.is_finite() && next - low > high - next).then(|| {
+        let count = known().filter(|v| *v == low).count();
+        format!(
+            "{count} samples have the value {low}, far below all others: if they have no data, state that in the file (`gdal_translate -a_nodata {low}`)"
+        )
+    })
+}
+
+/// Whether a grid without a coordinate system is at a place on a globe in degrees, and higher than it is wide: the range of heights on land exceeds 1 m
+/// within a degree nearly everywhere.
+fn is_in_degrees(raw: &Raw) -> bool {
+    let Some(georeference) = raw.georeference.as_ref().filter(|g| g.key(MODEL_TYPE).is_none()) else {
+        return false;
+    };
+    let ([west, south], [east, north]) =
+        (georeference.position(0, raw.rows - 1), georeference.position(raw.columns - 1, 0));
+    let is_on_globe = west >= -180.0 && east <= 360.0 && south >= -90.0 && north <= 90.0;
+    // Grids without a place begin at 0, 0 with the corner or the middle of a sample.
+    let is_local = west.abs() <= georeference.scale[0] && south.abs() <= georeference.scale[1];
+    let known = || raw.values.iter().copied().filter(|v| v.is_finite());
+    let range = f64::from(known().fold(f32::NEG_INFINITY, f32::max) - known().fold(f32::INFINITY, f32::min));
+    is_on_globe && !is_local && range > (east - west).max(north - south)
+}
+
 /// Makes heights in m of values.
 fn finish(path: &Path, raw: Raw, options: &ReadOptions) -> Result<Loaded> {
+    if options.cell.is_none() && is_in_degrees(&raw) {
+        let what = "its cells seem to be in degrees and its heights in metres: project it to metres (`gdalwarp -t_srs EPSG:326ZZ`, ZZ the UTM zone), or set `cell` to the distances of columns and rows in m";
+        return Err(Error::format(path, None, what));
+    }
     let Raw { columns, rows, mut values, cell, georeference, unit, mut notes } = raw;
     check_sides(columns, rows).map_err(|e| Error::format(path, None, e))?;
     let Some(cell) = options.cell.or(cell) else {
         let what = "does not say how far its samples are apart: set `cell` to the distances of columns and rows in m";
         return Err(Error::format(path, None, what));
     };
+    notes.extend(note_of_lowest(&values));
     let scale = options.height_scale.or(unit).unwrap_or(1.0);
     let (no_data, offset) = (options.no_data.map(|v| v as f32), options.height_offset);
     if scale != 1.0 || offset != 0.0 || no_data.is_some() {

@@ -48,6 +48,22 @@ fn ascii_grids_are_read() {
 }
 
 #[test]
+fn samples_without_data_are_found_or_named() {
+    let header = HEADER.replace("NODATA_value -9999\n", "");
+    let read =
+        |values: &str| read_as("a.asc", format!("{header}{values}\n").as_bytes(), &plain()).expect("read");
+    let loaded = read("1 2 3 4 -9999 6");
+    assert_eq!(loaded.grid.holes(), 1);
+    let has_note = |loaded: Loaded| loaded.notes.iter().any(|n| n.contains("far below all others"));
+    assert!(has_note(read("1 2 3 4 -32768 6")));
+    for plausible in
+        ["1 2 3 4 -32 6", "-2000 -1990 -1980 -1970 -1960 -1950", "-2000 -2000 -2000 -2000 -2000 -2000"]
+    {
+        assert!(!has_note(read(plausible)), "{plausible}");
+    }
+}
+
+#[test]
 fn bad_ascii_grids_are_refused_by_line() {
     let header = |from: &str, to: &str| HEADER.replace(from, to) + "1 2 3 4 5 6\n";
     for (content, want) in [
@@ -146,6 +162,11 @@ fn units_of_geotiffs_are_used() {
     let feet = read_as("a.tif", &geotiff(&utm(9002), [30.0, 20.0, 0.0], TIE), &plain()).expect("read");
     assert_eq!(feet.grid.height(1, 1), 5.0 * 0.3048);
     assert!(feet.notes.iter().any(|n| n.contains("0.304800 m")), "{:?}", feet.notes);
+    let lengths = [1, 1, 0, 2, 1024, 0, 1, 1, 3076, 0, 1, 9003];
+    let half = read_as("a.tif", &geotiff(&lengths, [30.0, 20.0, 0.0], TIE), &plain()).expect("read");
+    assert!(half.notes.iter().any(|n| n.contains("no unit of heights")), "{:?}", half.notes);
+    let bare = geotiff(&[1, 1, 0, 0], [1e-4, 1e-4, 0.0], [0.0, 0.0, 0.0, 7.0, 46.0, 0.0]);
+    assert!(refusal("a.tif", &bare, &plain()).contains("in degrees"));
     let unknown = geotiff(&utm(9999), [30.0, 20.0, 0.0], TIE);
     assert!(refusal("a.tif", &unknown, &plain()).contains("EPSG:9999: set `height_scale`"));
     let degrees = [1, 1, 0, 2, 1024, 0, 1, 2, 1025, 0, 1, 1];
