@@ -56,7 +56,7 @@ fn skylight_under_leaves_is_averaged_within_its_tolerance() {
         let options = Options { direct_only: true, elements: false, error, ..with(visibility) };
         solved(&scene, points, &options)
     };
-    let truth = direct(&points[..JUDGED], Visibility::Exact, 0.002);
+    let truth = direct(&points[..JUDGED], Visibility::Exact, 0.004);
     let (exact, mr) = (direct(&points, Visibility::Exact, 0.02), direct(&points, Visibility::Mr, 0.02));
     let bundles = |found: &Outcome| found.record.bundles;
     assert!(bundles(&mr).aggregated + bundles(&mr).mixed > MANY as u64, "{:?}", bundles(&mr));
@@ -104,7 +104,7 @@ fn light_of_dense_points_is_interpolated_and_leaks_through_no_wall() {
     };
     let direct = |points: &[Point], visibility, error| solved(&scene, points, &options(visibility, error));
     let free = largest(&solved(&room(0), &points, &options(Visibility::Exact, 0.1)));
-    let truth = direct(&points[..JUDGED], Visibility::Exact, 0.002);
+    let truth = direct(&points[..JUDGED], Visibility::Exact, 0.004);
     let (exact, mr) = (direct(&points, Visibility::Exact, 0.02), direct(&points, Visibility::Mr, 0.02));
     let segments = [&exact, &mr].map(|found| found.record.bundles.segments);
     // Behind the wall both trace all rays.
