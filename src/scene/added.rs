@@ -16,7 +16,7 @@ pub struct AddedFiles {
     soups: Vec<Arc<Soup>>,
     /// All files that were read.
     pub(super) files: Vec<PathBuf>,
-    /// Whether one of them is a height field.
+    /// Whether one of them is a height field: the scene has the upward axis z then, to which glTF files are turned.
     pub(super) has_grid: bool,
 }
 
@@ -39,7 +39,7 @@ pub fn read_added(paths: &[PathBuf], grid: &ReadOptions, max_memory: Option<u64>
             "ply" => read_ply::read(path, &sources.bytes(path)?[..])?,
             _ if is_grid => read_grid::read(path, grid)?,
             _ => {
-                let what = "cannot be added to a scene: .obj, .ply and height fields can (.asc, .tif, .png, .npy, .npz)";
+                let what = "cannot be added to a scene: .obj, .ply and height fields can (.asc, .tif, .png, .npy, .npz); add these to a glTF file";
                 return Err(Error::format(path, None, what));
             }
         };

@@ -125,14 +125,13 @@ fn check_grid(options: &LoadOptions) -> Result<()> {
 
 /// Refuses what glTF files have no place for.
 fn check_gltf(path: &Path, options: &LoadOptions) -> Result<()> {
-    let what = match () {
-        () if options.curvature.is_some() => "the earth does not curve below glTF files: convert it to .obj",
-        () if options.added.has_grid => {
-            "height fields have the upward axis z, glTF files y: convert the glTF file to .obj"
+    match options.curvature {
+        Some(_) => {
+            let what = "the earth does not curve below glTF files: convert it to .obj";
+            Err(Error::format(path, None, what))
         }
-        () => return Ok(()),
-    };
-    Err(Error::format(path, None, what))
+        None => Ok(()),
+    }
 }
 
 /// Reads a scene without an extension, of which `path` is the name. OBJ is checked while it is read, so that what is no scene is not

@@ -1,7 +1,7 @@
 //! Which axis of a scene points upwards.
 
 use super::Scene;
-use glam::Vec3;
+use glam::{DMat3, DVec3, Vec3};
 
 /// The upward axis of a scene's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -95,4 +95,9 @@ impl Scene {
         };
         (if is_y { UpAxis::Y } else { UpAxis::Z }, from)
     }
+}
+
+/// Turns coordinates whose upward axis is y, as in glTF files, to those whose upward axis is z; the inverse turns them back.
+pub(super) fn from_y_to_z() -> DMat3 {
+    DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y)
 }

@@ -1,12 +1,12 @@
 //! Output of a soup with placed meshes as glTF 2.0: one `.glb`, or one `.gltf` with an embedded buffer.
 //!
-//! Coordinates are written unchanged. In glTF y is up, so viewers show scenes with z up lying on their side. Textures
-//! are not written.
+//! Coordinates are written unchanged. In glTF y is up, so viewers show scenes with z up lying on their side without
+//! [`PlacedSoup::with_y_up`]. Textures are not written.
 
-use super::{PlacedSoup, Soup, SoupMaterial};
+use super::{PlacedSoup, Soup, SoupMaterial, up::from_y_to_z};
 use crate::{Error, Result, error::quote, files::WholeFile, math::Aabb};
 use base64::{Engine, engine::general_purpose::STANDARD};
-use glam::Vec3;
+use glam::{DAffine3, Vec3};
 use gltf::binary::{Glb, Header};
 use serde_json::{Value, json};
 use std::{borrow::Cow, collections::HashMap, io::Write, path::Path};
@@ -16,6 +16,17 @@ const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
+
+impl PlacedSoup {
+    /// A scene whose upward axis is z with the upward axis y of glTF files.
+    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
+    pub fn with_y_up(mut self) -> PlacedSoup {
+        let turn = DAffine3::from_mat3(from_y_to_z().inverse());
+        self.soup.positions.iter_mut().for_each(|p| *p = turn.transform_point3(*p));
+        self.placements.iter_mut().for_each(|p| p.transform = turn * p.transform);
+        self
+    }
+}
 
 /// Writes `placed` to `path`: binary if its extension is `glb`, otherwise text with the buffer in base64. Each object
 /// of the soup becomes a node with a mesh, each placed mesh is written once, each visible placement becomes a node.

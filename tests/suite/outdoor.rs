@@ -214,6 +214,21 @@ fn scenes_of_height_fields_and_objects_have_several_files() {
     }
 }
 
+/// Files of instances have the upward axis y, and are turned where a height field is added.
+#[test]
+fn forests_of_instances_stand_upright_on_height_fields() {
+    let scratch = Scratch::new();
+    scratch.write(
+        "hill.asc",
+        format!("ncols 3\nnrows 3\nxllcorner -30\nyllcorner -30\ncellsize 20\n{}", "1 2 1\n".repeat(3)),
+    );
+    scratch.mrvis("generate forest --trees 3 --leaves 20 --instances --out trees.glb").exits(0);
+    for (added, normal) in [("", "normal 0.00 -1.00 0.00"), ("--add hill.asc", "normal 0.00 0.00 -1.00")] {
+        let info = scratch.mrvis(&format!("info trees.glb {added}")).exits(0);
+        assert!(info.stdout.contains(normal), "{}", info.stdout);
+    }
+}
+
 /// A square in the plane y = 0 that faces up, and a directional light that shines straight down.
 const YARD: &str = r#"{"asset":{"version":"2.0"},"extensionsUsed":["KHR_lights_punctual"],
 "extensions":{"KHR_lights_punctual":{"lights":[{"type":"directional","intensity":1000}]}},

@@ -161,7 +161,7 @@ fn flat(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
 fn with_instances(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
     args.common.check_outputs(&Inputs::default(), [Output::new("--out", out)])?;
     let spinner = args.common.spinner(format!("generating {}", kind.name));
-    let placed = placed(spec)?;
+    let placed = placed(spec)?.with_y_up();
     write_gltf(out, &placed, &origin(kind))?;
     drop(spinner);
     let own = placed.soup.polygons();

@@ -14,10 +14,12 @@ use super::{
     LoadOptions, MAX_PLACEMENTS, Repairs, Scene, SoupMaterial, StoredCamera,
     sources::{Sources, TextureKey},
     texture::Texture,
+    up::from_y_to_z,
 };
 use crate::error::{in_words, quote, shown};
 use crate::{Error, Result};
 use base64::{Engine, engine::general_purpose::STANDARD};
+use glam::DMat4;
 use gltf::Gltf;
 use serde::de::{Deserialize, Deserializer, IgnoredAny, SeqAccess, Visitor};
 use std::{
@@ -33,13 +35,18 @@ const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// Extension of materials that light passes through.
 const TRANSMISSION: &str = "KHR_materials_transmission";
 
-/// Reads a glTF or GLB file, of which `path` is the name: one object per node, coordinates as in the file (y up).
+/// Reads a glTF or GLB file, of which `path` is the name: one object per node, coordinates as in the file (y up), or turned to the upward axis z if height
+/// fields are added.
 pub(super) fn read(path: &Path, bytes: &[u8], sources: &mut Sources, options: &LoadOptions) -> Result<Scene> {
     let (document, buffers) = open(path, bytes, sources)?;
     let (repairs, materials, cameras, lights) = Default::default();
     let mut reader = Reader { path, buffers, materials, cameras, lights, hard_spots: 0, repairs };
     reader.read_materials(&document, sources)?;
-    let mut nodes = reader.nodes(&document)?;
+    let root = match options.added.has_grid {
+        true => DMat4::from_mat3(from_y_to_z()),
+        false => DMat4::IDENTITY,
+    };
+    let mut nodes = reader.nodes(&document, root)?;
     sharing::scene(&mut reader, &document, &mut nodes, options)
 }
 

@@ -16,16 +16,16 @@ pub(super) struct MeshNode {
 }
 
 impl Reader<'_> {
-    /// Visits the default scene, or the first, or all nodes if there is none. Each node is visited once, so that
-    /// cycles end.
-    pub fn nodes(&mut self, document: &gltf::Document) -> Result<Vec<MeshNode>> {
+    /// Visits the default scene, or the first, or all nodes if there is none, whose root has the transform `root`. Each node is visited once, so
+    /// that cycles end.
+    pub fn nodes(&mut self, document: &gltf::Document, root: DMat4) -> Result<Vec<MeshNode>> {
         let (mut found, mut names, mut camera_names) =
             (Vec::new(), UniqueNames::default(), UniqueNames::default());
         let mut entered = vec![false; document.nodes().count()];
         let scene = document.default_scene().or_else(|| document.scenes().next());
         let mut stack: Vec<(Node, DMat4)> = match scene {
-            Some(scene) => scene.nodes().map(|n| (n, DMat4::IDENTITY)).collect(),
-            None => document.nodes().map(|n| (n, DMat4::IDENTITY)).collect(),
+            Some(scene) => scene.nodes().map(|n| (n, root)).collect(),
+            None => document.nodes().map(|n| (n, root)).collect(),
         };
         stack.reverse();
         while let Some((node, parent)) = stack.pop() {
