@@ -106,6 +106,12 @@ fn append(soup: &mut Soup, of: &Soup) {
 /// Positions of height fields in degrees follow from the metres of a degree of the first one, so that tiles lie beside each other. `first`: where the
 /// positions and objects of the added soup begin.
 fn take_degrees(soup: &mut Soup, of: &Soup, first: [u32; 2]) {
+    let has_others = soup.tiles.len() > of.tiles.len() && !of.tiles.is_empty();
+    if has_others && soup.metres_of_degree.is_some() != of.metres_of_degree.is_some() {
+        let what = "has another kind of coordinates than a height field before it, degrees or metres: the two do not lie beside each other as on \
+                    the earth; convert one of them (`gdalwarp -t_srs`)";
+        soup.repairs.messages.push(format!("{}: {what}", shown(&of.path)));
+    }
     if let (Some(to), Some(from)) = (soup.metres_of_degree, of.metres_of_degree) {
         let ratio = [0, 1].map(|k| to[k] / from[k]);
         let by = DAffine3::from_scale(DVec3::new(ratio[0], ratio[1], 1.0));

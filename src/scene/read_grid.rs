@@ -139,6 +139,12 @@ mod tests {
         options.grid.cell = Some([10.0, 20.0]);
         let [x, y] = size(&Scene::load_with(&feet, &options).expect("a scene"));
         assert!((x - 80.0).abs() < 0.02 && (y - 80.0).abs() < 0.02, "{x} {y}");
+        // The corner stays.
+        let low = |options: &LoadOptions| {
+            let scene = Scene::load_with(&feet, options).expect("a scene");
+            scene.origin.y + f64::from(scene.world_bounds().min.y)
+        };
+        assert!((low(&options) - 46.0).abs() < 0.1, "{}", low(&options));
         // Lengths of a degree at 46°: 77.46 km and 111.15 km. One tile begins where the first one ends, the other far to the south.
         let degrees = [1, 1, 0, 1, 1024, 0, 1, 2];
         let north = tile(folder.path(), "north.tif", 46.0, &degrees);

@@ -21,6 +21,8 @@ pub struct Grid {
     heights: Vec<f32>,
     cell: [f64; 2],
     georeference: Georeference,
+    /// Whether the distances of samples are not those of the file.
+    is_cell_given: bool,
 }
 
 impl Grid {
@@ -52,7 +54,10 @@ impl Grid {
             }
         }
         match any {
-            true => Ok(Grid { columns, rows, heights, cell, georeference: Georeference::local(rows, cell) }),
+            true => {
+                let georeference = Georeference::local(rows, cell);
+                Ok(Grid { columns, rows, heights, cell, georeference, is_cell_given: false })
+            }
             false => Err(Error::Argument("no sample of the grid has a height: all are holes".into())),
         }
     }
@@ -60,6 +65,11 @@ impl Grid {
     /// The same grid with another georeference, which outputs get.
     pub fn with_georeference(self, georeference: Georeference) -> Grid {
         Grid { georeference, ..self }
+    }
+
+    /// The same grid with distances of samples that are not those of its file.
+    pub fn with_given_cell(self) -> Grid {
+        Grid { is_cell_given: true, ..self }
     }
 
     /// Number of columns.
@@ -89,19 +99,26 @@ impl Grid {
     }
 
     /// Metres of a unit of the georeference along x and y.
-    pub fn metres_of_unit(&self) -> [f64; 2] {
+    fn metres_of_unit(&self) -> [f64; 2] {
         [0, 1].map(|k| self.cell[k] / self.georeference.scale[k])
     }
 
     /// The same for a grid in degrees.
     pub fn metres_of_degree(&self) -> Option<[f64; 2]> {
-        (self.georeference.key(MODEL_TYPE) == Some(GEOGRAPHIC)).then(|| self.metres_of_unit())
+        let is_geographic = self.georeference.key(MODEL_TYPE) == Some(GEOGRAPHIC);
+        (is_geographic && !self.is_cell_given).then(|| self.metres_of_unit())
     }
 
-    /// Position of a sample on the map, m: that of the georeference in metres; z is NaN in a hole.
+    /// Position of a sample on the map, m: that of the georeference in metres; z is NaN in a hole. With other distances than those of the file the first
+    /// sample of the last row stays where it is.
     pub fn map_position(&self, column: usize, row: usize) -> DVec3 {
+        let height = self.height(column, row).into();
+        if self.is_cell_given {
+            let ([x, y], [dx, dy]) = (self.georeference.position(0, self.rows - 1), self.cell);
+            return DVec3::new(x + column as f64 * dx, y + (self.rows - 1 - row) as f64 * dy, height);
+        }
         let ([x, y], [dx, dy]) = (self.georeference.position(column, row), self.metres_of_unit());
-        DVec3::new(x * dx, y * dy, self.height(column, row).into())
+        DVec3::new(x * dx, y * dy, height)
     }
 
     /// Height of a sample, m; NaN in a hole.
@@ -152,6 +169,7 @@ impl Grid {
             heights: transpose(&self.heights, self.columns),
             cell: [self.cell[1], self.cell[0]],
             georeference: Georeference::local(self.columns, [self.cell[1], self.cell[0]]),
+            is_cell_given: false,
         })
     }
 }

@@ -55,12 +55,12 @@ impl FinalGather<'_> {
     }
 
     /// The number of rays with which the surfaces that points see have the light of the sky through openings with half of the error asked for, if `part` of it
-    /// counts: a part p of their rays leaves the scene, which tells their light with a relative variance of (1 - p) / p for each ray, and half of all rays are
+    /// counts: a part p of their rays leaves the scene, which tells that light with a relative variance of (1 - p) / p for each ray, and half of all rays are
     /// theirs.
     fn rays_for_openings(&self, part: f64) -> f64 {
-        let open = self.linked.points_view.map(|view| view.open);
-        let open = open.filter(|open| *open > 0.0 && self.has_environment()).unwrap_or(1.0);
-        2.0 * (1.0 - open) / open * (2.0 * part / self.error).powi(2) / EXCHANGE_SHARE
+        let Some(view) = self.linked.points_view.filter(|view| view.open > 0.0) else { return 0.0 };
+        let part = part * self.linked.part_from_beyond(view.open);
+        2.0 * (1.0 - view.open) / view.open * (2.0 * part / self.error).powi(2) / EXCHANGE_SHARE
     }
 
     /// The number of rays that brings the error of the elements below the error asked for if `part` of it counts.

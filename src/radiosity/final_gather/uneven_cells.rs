@@ -59,6 +59,55 @@ impl Uneven {
     }
 }
 
+/// What some cells have in common.
+#[derive(Clone, Copy)]
+struct Near {
+    /// Range of the light of the sky, blocked or not, W/m².
+    sky: [f32; 2],
+    /// Range of the light of surfaces in blocked cells, W/m².
+    surfaces: [f32; 2],
+    /// Whether one is open, and whether one is blocked.
+    open: bool,
+    blocked: bool,
+}
+
+impl Near {
+    const NOTHING: Near = Near {
+        sky: [f32::INFINITY, f32::NEG_INFINITY],
+        surfaces: [f32::INFINITY, f32::NEG_INFINITY],
+        open: false,
+        blocked: false,
+    };
+
+    fn of(cells: &[Cell]) -> Near {
+        let mut near = Near::NOTHING;
+        cells.iter().for_each(|cell| near.add(cell));
+        near
+    }
+
+    fn add(&mut self, cell: &Cell) {
+        widen(&mut self.sky, [cell.sky; 2]);
+        match cell.is_open {
+            true => self.open = true,
+            false => {
+                widen(&mut self.surfaces, [cell.level_of_surfaces(); 2]);
+                self.blocked = true;
+            }
+        }
+    }
+
+    fn join(&mut self, other: &Near) {
+        widen(&mut self.sky, other.sky);
+        widen(&mut self.surfaces, other.surfaces);
+        (self.open, self.blocked) = (self.open | other.open, self.blocked | other.blocked);
+    }
+}
+
+fn widen([low, high]: &mut [f32; 2], by: [f32; 2]) {
+    *low = if by[0] < *low { by[0] } else { *low };
+    *high = if by[1] > *high { by[1] } else { *high };
+}
+
 /// The cells around each cell of the finest level.
 pub(super) struct Surroundings<'a> {
     levels: &'a [Vec<Cell>],
@@ -120,6 +169,33 @@ impl<'a> Surroundings<'a> {
         }
     }
 
+    /// For each place of a grid of cells of one size, row after row, the cells in reach in its row, its own included.
+    fn rows(&self) -> Vec<Near> {
+        let mut rows = Vec::with_capacity(self.in_rows.len());
+        for cells in self.in_rows.chunks(self.size[0]) {
+            rows.extend((0..cells.len()).map(|i| Near::of(&cells[self.range(i as u32, 0)])));
+        }
+        rows
+    }
+
+    /// The cells around a place.
+    fn near(&self, [i, j]: [u32; 2], rows: &[Near]) -> Near {
+        let mut near = Near::NOTHING;
+        if rows.is_empty() {
+            self.for_each_near([i, j], |cell| near.add(cell));
+            return near;
+        }
+        let [column, own] = [i as usize, j as usize];
+        for row in self.range(j, 1).filter(|row| *row != own) {
+            near.join(&rows[row * self.size[0] + column]);
+        }
+        let first = own * self.size[0];
+        for other in self.range(i, 0).filter(|other| *other != column) {
+            near.add(&self.in_rows[first + other]);
+        }
+        near
+    }
+
     /// Mean light of the surfaces around a cell of the finest level, W/m².
     pub fn surfaces_around(&self, cell: u32) -> Vec3 {
         let (mut sum, mut count) = (Vec3::ZERO, 0u16);
@@ -136,27 +212,12 @@ impl<'a> Surroundings<'a> {
     /// counts. In `openings`, places of the grid's unit square, the sky is seen: cells there and beside them count as beside an open one.
     pub fn uneven(&self, area: f64, openings: &[[f32; 2]]) -> Vec<Uneven> {
         let finest = self.levels.len() - 1;
-        let beside_openings = self.beside(openings);
+        let (beside_openings, rows) = (self.beside(openings), self.rows());
         let mut found: Vec<Uneven> = Vec::new();
         for (k, cell) in self.levels[finest].iter().enumerate() {
-            let nothing = [f32::INFINITY, f32::NEG_INFINITY];
-            // Ranges of the light of the sky, blocked or not, and of surfaces.
-            let [mut sky, mut surfaces] = [nothing; 2];
-            let (mut open, mut blocked) = (beside_openings.binary_search(&cell.place).is_ok(), false);
-            let widen = |[low, high]: &mut [f32; 2], by: f32| {
-                *low = if by < *low { by } else { *low };
-                *high = if by > *high { by } else { *high };
-            };
-            self.for_each_near(cell.place, |near| {
-                widen(&mut sky, near.sky);
-                match near.is_open {
-                    true => open = true,
-                    false => {
-                        widen(&mut surfaces, near.level_of_surfaces());
-                        blocked = true;
-                    }
-                }
-            });
+            let near = self.near(cell.place, &rows);
+            let Near { sky, surfaces, blocked, .. } = near;
+            let open = near.open || beside_openings.binary_search(&cell.place).is_ok();
             let edge = if open && blocked { ERROR_OF_EDGE * f64::from(sky[1]) } else { 0.0 };
             let between = if blocked { ERROR_OF_EDGE * f64::from(surfaces[1] - surfaces[0]) } else { 0.0 };
             // An edge is in one of the cells across it, and so is the difference between the nearest on either side.

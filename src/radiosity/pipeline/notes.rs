@@ -65,6 +65,15 @@ fn in_words(estimate: Option<f64>) -> String {
     estimate.map_or_else(|| "the error is unknown".into(), |e| format!("the estimated error is {e:.4}"))
 }
 
+/// If light does not arrive although a target is set.
+pub fn lost_with_target(options: &Options) -> Option<String> {
+    options.target_error.map(|_| {
+        "the target counts as missed, because light does not arrive where it should (see the note before): without option `target_error` that is \
+         a note alone"
+            .into()
+    })
+}
+
 /// If more of the scene is unlit than objects usually hide.
 pub fn unlit(unlit: &Unlit) -> Option<String> {
     (unlit.area > USUAL_UNLIT_AREA).then(|| {

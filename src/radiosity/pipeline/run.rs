@@ -295,6 +295,7 @@ impl Stages<'_> {
         };
         let arrives = lost.is_empty();
         self.notes.extend(lost);
+        self.notes.extend(notes::lost_with_target(self.options).filter(|_| !arrives));
         arrives
     }
 

@@ -42,6 +42,15 @@ impl LinkedScene {
         }
     }
 
+    /// The part of the light of surfaces that comes from beyond the scene, if a part `open` of their rays leaves it and they have the light of the emitters
+    /// that all surfaces would have on average.
+    pub fn part_from_beyond(&self, open: f64) -> f64 {
+        let Elements { elements, sides, .. } = &self.elements;
+        let emitted: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
+        let (beyond, own) = (open * self.beyond, emitted / elements[0].area);
+        if beyond > 0.0 { beyond / (beyond + own) } else { 0.0 }
+    }
+
     /// What arrives at elements along their own links from beyond the scene, by element.
     pub fn light_from_beyond(&self) -> Vec<(u32, DirectionalIrradiance)> {
         let Some(environment) = &self.environment else { return Vec::new() };

@@ -194,5 +194,6 @@ fn finish(path: &Path, raw: Raw, options: &ReadOptions) -> Result<Loaded> {
         Some(georeference) => grid.with_georeference(georeference),
         None => grid,
     };
+    let grid = if options.cell.is_some() { grid.with_given_cell() } else { grid };
     Ok(Loaded { grid, notes })
 }
