@@ -103,28 +103,11 @@ impl FinalGather<'_> {
                 break;
             }
             let least = tolerance / (2 * uneven.len().max(1)) as f64;
-            // With the light of surfaces around it where theirs matters little, as at the edges of leaves before the sky: one quarter of four stands
-            // for all then.
-            let known = |of: &Uneven| {
-                let is_known = of.errors[1] <= least;
-                (of.cell, is_known.then(|| surroundings.surfaces_around(of.cell)))
-            };
-            let mut chosen: Vec<(u32, Option<Vec3>)> = match is_whole {
-                true => {
-                    let even = |(k, of): (u32, &Cell)| (k, (!of.is_open).then_some(of.surfaces));
-                    let mut all: Vec<_> = (0..).zip(cells).map(even).collect();
-                    uneven.iter().map(known).for_each(|of| all[of.0 as usize] = of);
-                    all
-                }
+            let mut chosen = match is_whole {
+                true => all_cells(cells, &surroundings, &uneven, least),
                 false => {
-                    let mut chosen: Vec<&Uneven> = uneven.iter().filter(|of| of.error() > least).collect();
-                    chosen.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));
-                    chosen.retain(|of| {
-                        let by_surfaces = of.errors[1] > of.errors[0];
-                        for_surfaces += if by_surfaces { 4 } else { 0 };
-                        !by_surfaces || for_surfaces <= MORE_FOR_SURFACES * whole.len()
-                    });
-                    chosen.into_iter().map(known).collect()
+                    let most = MORE_FOR_SURFACES * whole.len();
+                    largest_errors(&surroundings, &uneven, least, (&mut for_surfaces, most))
                 }
             };
             if !is_whole {
@@ -309,6 +292,39 @@ impl FinalGather<'_> {
         };
         places.iter().zip(seen).enumerate().map(cell).collect()
     }
+}
+
+/// A cell to divide, with the light of surfaces around it where theirs matters little, as at the edges of leaves before the sky: one quarter of four stands
+/// for all then.
+type ToDivide = (u32, Option<Vec3>);
+
+fn to_divide(of: &Uneven, surroundings: &Surroundings, least: f64) -> ToDivide {
+    (of.cell, (of.errors[1] <= least).then(|| surroundings.surfaces_around(of.cell)))
+}
+
+/// All cells of the finest level.
+fn all_cells(cells: &[Cell], surroundings: &Surroundings, uneven: &[Uneven], least: f64) -> Vec<ToDivide> {
+    let even = |(k, of): (u32, &Cell)| (k, (!of.is_open).then_some(of.surfaces));
+    let mut all: Vec<ToDivide> = (0..).zip(cells).map(even).collect();
+    uneven.iter().for_each(|of| all[of.cell as usize] = to_divide(of, surroundings, least));
+    all
+}
+
+/// The cells with errors above `least`, the largest first; of those with errors of surfaces so many that their rays are at most a number.
+fn largest_errors(
+    surroundings: &Surroundings,
+    uneven: &[Uneven],
+    least: f64,
+    (for_surfaces, most): (&mut usize, usize),
+) -> Vec<ToDivide> {
+    let mut chosen: Vec<&Uneven> = uneven.iter().filter(|of| of.error() > least).collect();
+    chosen.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));
+    chosen.retain(|of| {
+        let by_surfaces = of.errors[1] > of.errors[0];
+        *for_surfaces += if by_surfaces { 4 } else { 0 };
+        !by_surfaces || *for_surfaces <= most
+    });
+    chosen.into_iter().map(|of| to_divide(of, surroundings, least)).collect()
 }
 
 /// Sum of the light of cells.
