@@ -121,7 +121,8 @@ methods! { ModelParts for Model:
     fn exact(&self) -> Exact;
     fn magnitude(&self) -> f32;
     fn note_of_coarse_coordinates(&self) -> Option<String>;
-    fn notes_of_emitters(&self) -> Vec<String>;
+    fn notes_of_coarseness(&self) -> Vec<String>;
+    fn notes_of_lost_light(&self) -> Vec<String>;
     fn prepared_again(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model>;
     fn reference_of(&self, count: usize, at: impl Fn(usize) -> SurfacePoint, how: (u32, bool, u64)) -> Result<Reference>;
     fn shared_scene(&self) -> Arc<Scene>;

@@ -31,13 +31,6 @@ const AIM: &str = "check `at` and `aim` of its luminaire in the file of luminair
 const TURN: &str = "set option `two_sided_emission`, or reverse the order of the corners of their faces";
 
 impl Model {
-    /// Notes of emitters that are turned, or outside of a space, and of coordinates that are too coarse.
-    pub(crate) fn notes_of_emitters(&self) -> Vec<String> {
-        let mut notes = self.notes_of_lost_light();
-        notes.extend(self.notes_of_coarseness());
-        notes
-    }
-
     /// Notes of emitters that are turned, or outside of a space.
     pub(crate) fn notes_of_lost_light(&self) -> Vec<String> {
         let mut notes = self.notes_of_turned_emitters();

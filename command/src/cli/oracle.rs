@@ -71,7 +71,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let (mean, noise) = (mean(&found), noise(&found));
     let mut warnings = scene.parts().repairs.messages.clone();
     let notes = if mean > 0.0 {
-        model.notes_of_emitters()
+        [model.notes_of_lost_light(), model.notes_of_coarseness()].concat()
     } else {
         Vec::from_iter(model.note_of_coarse_coordinates())
     };
