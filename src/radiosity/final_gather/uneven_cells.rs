@@ -6,9 +6,10 @@ use std::ops::Range;
 /// Part of a cell that is known to be open or blocked only by its ray, as a standard deviation: an edge that is anywhere in two cells is found by
 /// their two rays to √(1/12) = .29 of a cell.
 const ERROR_OF_EDGE: f64 = 0.29;
-/// The same for a difference of radiance: a place at random in the cell errs by √(1/12) of the difference over it. Open cells of the undivided grid have
-/// two places that mirror each other: a quarter of that is left where the difference is not even.
-const ERROR_OF_GRADIENT: [f64; 2] = [0.29 / 4.0, 0.29];
+/// The same for a difference of radiance, which a place at random in a cell meets with √(1/12) of the difference over it: cells of the undivided grid have
+/// two places that mirror each other, and a quarter of that is left where the difference is not even. Smaller cells may have the horizon or the edge of a
+/// bright part of the sky in them.
+const ERROR_OF_GRADIENT: f64 = ERROR_OF_EDGE / 4.0;
 /// Error of the light of the sky at a point, relative to all of its light, over the error asked for.
 pub(super) const TOLERANCE: f64 = 0.1;
 /// Weight of squared errors of the light of surfaces, which is to be known to about the error asked for and not to a tenth of it.
@@ -222,8 +223,9 @@ impl<'a> Surroundings<'a> {
             let between = if blocked { ERROR_OF_EDGE * f64::from(surfaces[1] - surfaces[0]) } else { 0.0 };
             // An edge is in one of the cells across it, and so is the difference between the nearest on either side.
             let across = (2 * self.reach + 1) as f64;
-            let of_cell = if open { ERROR_OF_GRADIENT[usize::from(finest > 0)] / across } else { 0.0 };
-            let gradient = of_cell * f64::from(sky[1] - sky[0]);
+            let of_cell =
+                if finest == 0 { ERROR_OF_GRADIENT / across } else { ERROR_OF_EDGE / across.sqrt() };
+            let gradient = if open { of_cell * f64::from(sky[1] - sky[0]) } else { 0.0 };
             // Mirrored places do not help at the sharp edge of a bright part of the sky, which is in one of two cells.
             let step = match finest {
                 0 => ERROR_OF_EDGE * step_at(&self.levels[0], k, self.columns),

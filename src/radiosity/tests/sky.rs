@@ -313,19 +313,25 @@ fn bright_parts_of_a_map_light_points() {
     }
 }
 
-/// Half the sum of the sines of the angles from the zenith to the roofs. Near the horizon the sky of a street is thinner than a cell of a point's rays.
+/// Points of a street have half the sum of the sines of the angles from the zenith to the roofs; near the horizon its sky is thinner than a cell of a point's
+/// rays. Those of a slope have (1 + cos β) / 2; the horizon crosses their cells.
 #[test]
-fn points_of_a_street_have_the_light_of_the_closed_form() {
+fn points_of_streets_and_slopes_have_the_light_of_the_closed_form() {
     let (half, height, long) = (5.0, 8.0, 3000.0);
     let wall = |x: f64| vec![[x, -long, 0.0], [x, long, 0.0], [x, long, height], [x, -long, height]];
-    let mut polygons = vec![rectangle([-half, -long], [half, long], |_, _| 0.0)];
-    polygons.extend([-half, half].map(|x| wall(x).into_iter().map(DVec3::from).collect()));
-    let scene = outdoors(0.0, &polygons, "uniform:100", "none");
+    let mut street = vec![rectangle([-half, -long], [half, long], |_, _| 0.0)];
+    street.extend([-half, half].map(|x| wall(x).into_iter().map(DVec3::from).collect()));
     let (place, part) = (4.7, |d: f64| d / d.hypot(height));
-    let want = 50.0 * (part(half - place) + part(half + place));
-    let points = vec![at(DVec3::new(place, 0.0, 0.0), DVec3::Z); 100];
+    let slope = vec![rectangle([0.0, 0.0], [3.0, 2.0], |x, _| 0.7 * x)];
+    let normal = DVec3::new(-0.7, 0.0, 1.0).normalize();
     let options = Options { elements: false, audit: 0, ..Options::default() };
-    let found: Vec<f64> = solved(&scene, &points, &options).irradiance.into_iter().map(mean).collect();
-    let squares: f64 = found.iter().map(|e| (e / want - 1.0).powi(2)).sum();
-    assert!((squares / 100.0).sqrt() < 3.5e-3, "{:.5}", (squares / 100.0).sqrt());
+    for (polygons, point, want) in [
+        (street, at(DVec3::new(place, 0.0, 0.0), DVec3::Z), 50.0 * (part(half - place) + part(half + place))),
+        (slope, at(DVec3::new(1.0, 1.2, 0.7), normal), 50.0 * (1.0 + normal.z)),
+    ] {
+        let scene = outdoors(0.0, &polygons, "uniform:100", "none");
+        let found = solved(&scene, &vec![point; 100], &options).irradiance;
+        let squares: f64 = found.iter().map(|e| (mean(*e) / want - 1.0).powi(2)).sum();
+        assert!((squares / 100.0).sqrt() < 3e-3, "{want}: {:.5}", (squares / 100.0).sqrt());
+    }
 }
