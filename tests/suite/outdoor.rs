@@ -223,8 +223,15 @@ fn forests_of_instances_stand_upright_on_height_fields() {
         format!("ncols 3\nnrows 3\nxllcorner -30\nyllcorner -30\ncellsize 20\n{}", "1 2 1\n".repeat(3)),
     );
     scratch.mrvis("generate forest --trees 3 --leaves 20 --instances --out trees.glb").exits(0);
-    for (added, normal) in [("", "normal 0.00 -1.00 0.00"), ("--add hill.asc", "normal 0.00 0.00 -1.00")] {
+    scratch.write("wall.obj", "o wall\nv 9 0 0\nv 9 9 0\nv 9 9 9\nf 1 2 3\n");
+    for (added, normal, objects) in [
+        ("", "normal 0.00 -1.00 0.00", "2"),
+        ("--add wall.obj", "normal 0.00 -1.00 0.00", "3"),
+        ("--add hill.asc", "normal 0.00 0.00 -1.00", "3"),
+    ] {
         let info = scratch.mrvis(&format!("info trees.glb {added}")).exits(0);
+        let count = info.stdout.lines().find_map(|line| line.trim().strip_prefix("objects"));
+        assert_eq!(count.map(str::trim), Some(objects), "{}", info.stdout);
         assert!(info.stdout.contains(normal), "{}", info.stdout);
     }
 }

@@ -9,7 +9,7 @@ use crate::{
     Result,
     math::Aabb,
     scene::{
-        LoadOptions, MAX_STRETCH, Placement, Scene, Soup,
+        LoadOptions, MAX_STRETCH, Placement, Scene, Soup, added,
         keep::MIN_OPACITY,
         moves::move_nodes,
         resolve::{report_transparent, resolve_mesh, resolve_moved},
@@ -49,6 +49,7 @@ pub(super) fn scene(
     }
     let own_soup = |reader: &Reader, plan: &Plan| -> Result<Soup> {
         let mut soup = own_soup(reader, document, plan)?;
+        added::add(&mut soup, &options.added);
         let own = Aabb::of(soup.positions.iter().map(|p| p.as_vec3()));
         reader.add_lights(&mut soup, placed.iter().copied().fold(own, Aabb::union), options)?;
         Ok(soup)
