@@ -6,17 +6,17 @@
 //! elements ([`super::sharing`]).
 
 use super::element_rays::{LeafRays, batches};
-use super::element_samples::{DIRECT, ElementLight, REFLECTED};
+use super::element_samples::{DIRECT, ElementLight, REFLECTED, SharedLight};
 use super::gatherer::{Buffers, FinalGather};
 use super::local_pass::LocalPass;
-use super::neighbours::{Place, Walls};
+use super::neighbours::{Place, Sight, Walls};
 use super::ray_counts::NEEDED_SHARE;
-use super::sharing::{SharedLight, share};
+use super::sharing::share;
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::elements::{Elements, Shape, Side};
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::rgb::{Rgb, mean};
-use crate::radiosity::surroundings::Arrived;
+use crate::radiosity::surroundings::{Arrived, ESCAPED, SideRays};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -26,6 +26,9 @@ const MIN_HALF: u32 = 4;
 const MAX_HALF: u32 = 1024;
 /// Deviation of one ray from the mean light of its element, relative to that light, where it is not known.
 const USUAL_DEVIATION: f64 = 0.5;
+
+/// Elements of one parallel task that look along their normals.
+const CHUNK: usize = 256;
 
 /// Bounds of the factor by which reflected light is changed to keep its power.
 const MAX_REFLECTED_FACTOR: f64 = 2.0;
@@ -190,13 +193,14 @@ impl FinalGather<'_> {
                 || dark && light[i].mean(DIRECT) + light[i].mean(REFLECTED) == 0.0
         };
         let (alone, whole): (Vec<usize>, Vec<usize>) = (0..leaves.len()).partition(|&i| is_alone(i));
-        let places: Vec<Place> = whole.iter().map(|&i| self.place_of(leaves[i])).collect();
-        let of_whole: Vec<ElementLight> = whole.iter().map(|&i| light[i]).collect();
+        let of_whole: Vec<u32> = whole.iter().map(|&i| leaves[i]).collect();
+        let places = self.places_of(&of_whole);
+        let light_of_whole: Vec<ElementLight> = whole.iter().map(|&i| light[i]).collect();
         let areas: Vec<f64> = whole.iter().map(|&i| areas[i]).collect();
-        let sides: Vec<u32> = whole.iter().map(|&i| self.side_of(leaves[i])).collect();
         let needed = NEEDED_SHARE * self.error;
-        let walls = self.walls_at(&whole.iter().map(|&i| leaves[i]).collect::<Vec<u32>>());
-        let shared = share((&places, &walls), (&sides, &areas), &of_whole, needed, &self.ranks, deadline);
+        let walls = self.walls_at(&of_whole);
+        let sight = Sight { walls, blockers: Some(self.linked.engine.exact()) };
+        let shared = share((&places, &areas), &sight, &light_of_whole, needed, &self.ranks, deadline);
         let own = alone.iter().map(|&i| {
             let noise = f64::from(local.results[leaves[i] as usize].noise);
             let own = SharedLight::alone(&light[i]);
@@ -264,10 +268,36 @@ impl FinalGather<'_> {
         (0..).zip(&walls).filter(|(_, bits)| **bits != 0).map(edges).collect()
     }
 
-    fn place_of(&self, leaf: u32) -> Place {
-        let element = &self.linked.elements.elements[leaf as usize];
-        let normal = self.linked.elements.sides[self.side_of(leaf) as usize].normal;
-        Place { centre: element.centre, normal, radius: element.radius }
+    /// Leaves as neighbours are searched for, with the free height that a ray along the normal finds.
+    fn places_of(&self, leaves: &[u32]) -> Vec<Place> {
+        let Elements { elements, sides, .. } = &self.linked.elements;
+        let exact = self.linked.engine.exact();
+        let rays = SideRays {
+            elements: &self.linked.elements,
+            exact: &exact,
+            length: self.linked.surroundings.length,
+        };
+        let of_chunk = |leaves: &[u32]| {
+            let sides = leaves.iter().map(|&e| {
+                let (element, side) = (&elements[e as usize], self.side_of(e));
+                (element.centre, element.radius, side, &sides[side as usize])
+            });
+            let normals =
+                sides.clone().map(|(centre, .., side)| ((centre, side.normal, side.end), side.normal));
+            let mut free = Vec::with_capacity(leaves.len());
+            rays.trace(normals, &mut Vec::new(), |met| {
+                free.push(if met.side == ESCAPED { f32::INFINITY } else { met.from.distance(met.at) });
+            });
+            let place = |((centre, radius, number, side), free): ((Vec3, f32, u32, &Side), f32)| Place {
+                centre,
+                normal: side.normal,
+                radius,
+                side: number,
+                free,
+            };
+            sides.zip(free).map(place).collect::<Vec<Place>>()
+        };
+        leaves.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
     }
 
     /// The light of leaves by their own rays. Leaves that the deadline leaves without rays have none.

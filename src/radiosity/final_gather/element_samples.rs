@@ -2,6 +2,7 @@
 
 use super::gatherer::RayResult;
 use crate::radiosity::rgb::Rgb;
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 /// The two kinds of light that are estimated and shared separately: direct light has shadow edges, reflected light is smooth.
@@ -126,6 +127,26 @@ impl ElementLight {
         let n = parts.len() as f32;
         let level = free.element_sum() / 3.0;
         self.squares[DIRECT] = if all > 0.0 { n * n * level * level * (squares / all) / all } else { 0.0 };
+    }
+}
+
+/// Irradiance of an element after sharing.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct SharedLight {
+    /// W/m².
+    pub irradiance: Rgb,
+    /// Expected square of the error of the mean over the channels, (W/m²)².
+    pub error: f64,
+}
+
+impl SharedLight {
+    /// The light of an element by its own rays alone.
+    pub fn alone(light: &ElementLight) -> SharedLight {
+        let sum = light.halves.iter().flatten().map(|half| 0.5 * *half).sum::<Vec3>();
+        let rays = f64::from(2 * light.rays.max(1));
+        let error = light.squares.iter().map(|squares| f64::from(*squares)).sum::<f64>() / (rays * rays);
+        SharedLight { irradiance: sum.to_array().map(f64::from), error }
     }
 }
 

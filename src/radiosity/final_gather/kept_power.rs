@@ -1,6 +1,7 @@
 //! The power that elements receive, which sharing light with neighbours must not change.
 
 use super::element_samples::{ElementLight, KINDS};
+use super::neighbours::Place;
 use crate::radiosity::rgb::{Rgb, mean};
 use bytemuck::{Pod, Zeroable};
 use std::collections::BTreeMap;
@@ -37,7 +38,7 @@ struct Received {
 /// noise, then on all together. Planes that are fitted to light with a sharp peak, as of a lamp close to a wall, lose some of it.
 pub(super) fn keep_power(
     kind: usize,
-    (sides, areas): (&[u32], &[f64]),
+    (places, areas): (&[Place], &[f64]),
     light: &[ElementLight],
     all: &mut [SharedKinds],
 ) {
@@ -45,7 +46,7 @@ pub(super) fn keep_power(
     for (i, shared) in all.iter().enumerate() {
         let (area, own) = (areas[i], &light[i]);
         let rays = 2.0 * f64::from(own.rays.max(1));
-        let side = by_side.entry(sides[i]).or_default();
+        let side = by_side.entry(places[i].side).or_default();
         side.count += 1;
         side.own += area * own.mean(kind);
         side.variance += area * area * f64::from(own.squares[kind]) / (rays * rays);
@@ -61,7 +62,7 @@ pub(super) fn keep_power(
     let factors: BTreeMap<u32, f64> = by_side.into_iter().map(|(side, of)| (side, factor_of(of))).collect();
     let (mut own, mut sum) = (0.0, 0.0);
     for (i, shared) in all.iter_mut().enumerate() {
-        let factor = factors[&sides[i]];
+        let factor = factors[&places[i].side];
         shared.irradiance[kind].iter_mut().for_each(|e| *e *= factor);
         own += areas[i] * light[i].mean(kind);
         sum += areas[i] * mean(shared.irradiance[kind]);

@@ -1,6 +1,8 @@
 //! Neighbours of an element: the nearest elements of about the same plane and orientation.
 
 use crate::math::Aabb;
+use crate::ray::{LANES, Occluder, Packet};
+use crate::visibility::Exact;
 use glam::Vec3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -26,6 +28,10 @@ pub struct Place {
     pub normal: Vec3,
     /// Radius, scene units.
     pub radius: f32,
+    /// The side of a surface that it lies on.
+    pub side: u32,
+    /// Free height above the centre, scene units.
+    pub free: f32,
 }
 
 impl Place {
@@ -35,6 +41,15 @@ impl Place {
         let half_angle = (0.5 * (1.0 - cosine)).max(0.0).sqrt();
         let height = self.normal.dot(offset).abs();
         cosine >= MIN_COSINE && height <= MAX_BEND * half_angle * offset.length() + MAX_STEP * self.radius
+    }
+
+    /// A segment to another element, below what is above either, that clears the surface between both if that bends evenly or at one edge: an edge between two planes stands at most
+    /// d/2 tan(θ/2) above the line between points at the distance d with the angle θ between their normals.
+    fn segment_to(&self, other: &Place) -> [Vec3; 2] {
+        let cosine = self.normal.dot(other.normal);
+        let bend = 0.5 * ((1.0 - cosine) / (1.0 + cosine)).max(0.0).sqrt();
+        let height = MAX_STEP * self.radius + bend * (other.centre - self.centre).length();
+        [self, other].map(|place| place.centre + height.min(0.5 * place.free) * place.normal)
     }
 
     /// Whether the line to the centre of another element crosses an edge, as seen along the normal.
@@ -48,22 +63,45 @@ impl Place {
 /// Edges along which other surfaces stand, by the number of their element; none for most elements.
 pub type Walls = FxHashMap<u32, Vec<[Vec3; 2]>>;
 
-/// Leaves out of `found`, neighbours of an element with their squared distances, those behind a wall at any of them. `kept` is a buffer.
-pub fn in_sight<'f>(
-    (places, walls): (&[Place], &Walls),
-    of: u32,
-    found: &'f [(f32, u32)],
-    kept: &'f mut Vec<(f32, u32)>,
-) -> &'f [(f32, u32)] {
-    let edges: Vec<[Vec3; 2]> = found.iter().filter_map(|(_, i)| walls.get(i)).flatten().copied().collect();
-    if edges.is_empty() {
-        return found;
+/// What tells whether light arrives at two neighbours from the same room.
+#[derive(Default)]
+pub struct Sight {
+    /// Edges along which other surfaces stand on one side of a surface.
+    pub walls: Walls,
+    /// The surfaces of the scene; none in tests of elements alone.
+    pub blockers: Option<Exact>,
+}
+
+impl Sight {
+    /// Leaves in `kept` the neighbours of an element, `found` with their squared distances, that it sees: none behind a wall at any of them, and none on
+    /// another side that another surface hides. The inside of a board is close to its outside.
+    pub fn visible(&self, places: &[Place], of: u32, found: &[(f32, u32)], kept: &mut Vec<(f32, u32)>) {
+        let walls = &self.walls;
+        let edges: Vec<[Vec3; 2]> =
+            found.iter().filter_map(|(_, i)| walls.get(i)).flatten().copied().collect();
+        let own = &places[of as usize];
+        let is_parted = |i: u32| edges.iter().any(|edge| own.is_parted_by(*edge, &places[i as usize]));
+        kept.clear();
+        kept.extend(found.iter().filter(|(_, i)| *i == of || !is_parted(*i)));
+        let Some(blockers) = &self.blockers else { return };
+        let (mut packet, mut lanes, mut used) = (Packet::EMPTY, [0usize; LANES], 0);
+        let others: Vec<usize> =
+            (0..kept.len()).filter(|&k| places[kept[k].1 as usize].side != own.side).collect();
+        for (n, &k) in others.iter().enumerate() {
+            let [from, to] = own.segment_to(&places[kept[k].1 as usize]);
+            packet.set_between(used, from, to, [0.0, 1.0]);
+            lanes[used] = k;
+            used += 1;
+            if used == LANES || n + 1 == others.len() {
+                let mut blocked = [0];
+                blockers.occluded(std::slice::from_ref(&packet), &mut blocked);
+                let hidden = lanes[..used].iter().enumerate().filter(|(lane, _)| blocked[0] >> lane & 1 != 0);
+                hidden.for_each(|(_, &k)| kept[k].0 = f32::INFINITY);
+                (packet, used) = (Packet::EMPTY, 0);
+            }
+        }
+        kept.retain(|(distance, _)| distance.is_finite());
     }
-    let own = &places[of as usize];
-    let is_hidden = |i: u32| edges.iter().any(|edge| own.is_parted_by(*edge, &places[i as usize]));
-    kept.clear();
-    kept.extend(found.iter().filter(|(_, i)| *i == of || !is_hidden(*i)));
-    kept
 }
 
 /// Buffers of a search: what was found, and what is still to be searched, both with squared distances.
@@ -190,12 +228,22 @@ fn axis(normal: Vec3) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::PrepareOptions;
     use crate::math::sampling::numbers;
+    use crate::model::Model;
+    use crate::scene::testing::{Pieces, facing_down, facing_up};
+    use glam::DVec3;
 
     /// A sheet above another one does not share its light, however far away; the facets of a cylinder do.
     #[test]
     fn sheets_are_told_from_bends() {
-        let place = |centre, normal: Vec3| Place { centre, normal: normal.normalize(), radius: 1.0 };
+        let place = |centre, normal: Vec3| Place {
+            centre,
+            normal: normal.normalize(),
+            radius: 1.0,
+            side: 0,
+            free: 1.0,
+        };
         let own = place(Vec3::ZERO, Vec3::Z);
         let continues = |other: Place| own.continues_at(&other, other.centre);
         assert!(continues(place(Vec3::new(5.0, 0.0, 0.04), Vec3::Z)));
@@ -208,6 +256,41 @@ mod tests {
         assert!(!continues(on_cylinder(0.9)));
     }
 
+    /// Of elements beside a sheet that stands between two boards, those on the board behind it are hidden; those around a convex edge are not.
+    #[test]
+    fn neighbours_behind_a_sheet_are_hidden() {
+        let mut pieces = Pieces::empty();
+        pieces.grey("boards", 0.5);
+        pieces.polygon(&facing_up([-2.0, 0.0], [-1.0, 1.0], 0.0)).polygon(&facing_up(
+            [0.0, 2.0],
+            [-1.0, 1.0],
+            0.0,
+        ));
+        pieces.rectangle(DVec3::new(2.0, -1.0, 0.0), 2.0 * DVec3::Y, DVec3::new(1.0, 0.0, -0.7));
+        pieces.rectangle(DVec3::new(0.0, -1.0, 0.0), 2.0 * DVec3::Y, 0.5 * DVec3::Z);
+        // A sheet above the first board, lower than segments would be raised.
+        pieces.polygon(&facing_down([-2.0, 0.0], [-1.0, 1.0], 0.004));
+        let model = Model::prepare(pieces.scene(), &PrepareOptions::default()).expect("a model");
+        let sight = Sight { walls: Walls::default(), blockers: Some(model.exact()) };
+        let place = |x: f32, z: f32, normal: Vec3, side: u32, free: f32| {
+            let (centre, normal) = (Vec3::new(x, 0.0, z), normal.normalize());
+            Place { centre, normal, radius: 0.2, side, free }
+        };
+        let places = [
+            place(-0.3, 0.0, Vec3::Z, 0, 0.004),
+            place(0.3, 0.0, Vec3::Z, 1, 1.0),
+            place(1.8, 0.0, Vec3::Z, 2, 1.0),
+            place(2.2, -0.14, Vec3::new(0.7, 0.0, 1.0), 3, 1.0),
+        ];
+        let all: Vec<(f32, u32)> = (0..4).map(|i| (0.0, i)).collect();
+        let seen = |of: u32| {
+            let mut kept = Vec::new();
+            sight.visible(&places, of, &all, &mut kept);
+            kept.into_iter().map(|(_, i)| i).collect::<Vec<u32>>()
+        };
+        assert_eq!([0, 1, 3].map(seen), [vec![0], vec![1, 2, 3], vec![1, 2, 3]]);
+    }
+
     /// The nearest elements of random places, against a search through all of them.
     #[test]
     fn nearest_places_are_those_of_an_exhaustive_search() {
@@ -215,7 +298,13 @@ mod tests {
             .map(|k| {
                 let [x, y, z, w] = numbers(9, k);
                 let normal = Vec3::new(0.2 * (w - 0.5), 0.1 * (x - 0.5), if k % 3 == 0 { -1.0 } else { 1.0 });
-                Place { centre: Vec3::new(x, y, 0.02 * z), normal: normal.normalize(), radius: 0.02 }
+                Place {
+                    centre: Vec3::new(x, y, 0.02 * z),
+                    normal: normal.normalize(),
+                    radius: 0.02,
+                    side: 0,
+                    free: 1.0,
+                }
             })
             .collect();
         let around = Neighbourhood::new(&places, || false).expect("there is time");

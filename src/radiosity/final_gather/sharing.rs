@@ -5,11 +5,10 @@
 //! other half says of the element, averaged over the neighbours (Rousselle, Knaus and Zwicker 2012 choose filters in this way). The same
 //! comparison gives the error of the result, noise and bias together. Direct and reflected light have windows of their own.
 
-use super::element_samples::{ElementLight, KINDS};
+use super::element_samples::{ElementLight, KINDS, SharedLight};
 use super::kept_power::{SharedKinds, keep_power};
-use super::neighbours::{Neighbourhood, Place, Search, Walls, in_sight};
+use super::neighbours::{Neighbourhood, Place, Search, Sight};
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::rgb::Rgb;
 use crate::ranks::Ranks;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -37,26 +36,6 @@ const MIN_FOR_PLANE: usize = 6;
 /// See [`MIN_FOR_PLANE`].
 const MIN_FOR_NORMALS: usize = WINDOWS[1];
 
-/// Irradiance of an element after sharing.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C)]
-pub struct SharedLight {
-    /// W/m².
-    pub irradiance: Rgb,
-    /// Expected square of the error of the mean over the channels, (W/m²)².
-    pub error: f64,
-}
-
-impl SharedLight {
-    /// The light of an element by its own rays alone.
-    pub fn alone(light: &ElementLight) -> SharedLight {
-        let sum = light.halves.iter().flatten().map(|half| 0.5 * *half).sum::<Vec3>();
-        let rays = f64::from(2 * light.rays.max(1));
-        let error = light.squares.iter().map(|squares| f64::from(*squares)).sum::<f64>() / (rays * rays);
-        SharedLight { irradiance: sum.to_array().map(f64::from), error }
-    }
-}
-
 /// What the windows give for one element: by kind, window and half, W/m².
 type Fits = [[[Vec3; 2]; WINDOWS.len()]; KINDS];
 
@@ -70,12 +49,12 @@ struct Comparison {
     variance: [[f32; WINDOWS.len()]; KINDS],
 }
 
-/// The irradiance of all elements from the rays of their neighbourhood; after the deadline from their own rays. `sides` and `areas`: the side of
-/// a surface that each element lies on, and its area. Elements whose own rays leave less noise than the part `needed` of their light, and of all
+/// The irradiance of all elements from the rays of their neighbourhood; after the deadline from their own rays. `areas` are those of the elements.
+/// Elements whose own rays leave less noise than the part `needed` of their light, and of all
 /// light on the mean, keep theirs. All elements together receive as much as by their own rays.
 pub fn share(
-    (places, walls): (&[Place], &Walls),
-    (sides, areas): (&[u32], &[f64]),
+    (places, areas): (&[Place], &[f64]),
+    sight: &Sight,
     light: &[ElementLight],
     needed: f64,
     ranks: &Ranks,
@@ -99,11 +78,12 @@ pub fn share(
         let found = match &around {
             Some(around) if is_noisy(i) && !deadline.late() => {
                 let found = around.nearest(i as u32, WINDOWS[WINDOWS.len() - 1], search);
-                in_sight((places, walls), i as u32, found, kept)
+                sight.visible(places, i as u32, found, kept);
+                &kept[..]
             }
             _ => &own,
         };
-        let (fits, compared) = fit(places, light, i, found);
+        let (fits, compared) = fit((places, areas), light, i, found);
         deadline.advance(rows.steps(1));
         let around: Vec<u32> = found.iter().take(COMPARED).map(|f| f.1).collect();
         ((fits, around), compared)
@@ -114,7 +94,7 @@ pub fn share(
     let chosen = rows.numbers().zip(own).with_min_len(256);
     let mut shared: Vec<SharedKinds> =
         rows.gather_numbers(chosen.map(|(i, own)| choose(&own, &compared, light, level, i)).collect());
-    (0..KINDS).for_each(|kind| keep_power(kind, (sides, areas), light, &mut shared));
+    (0..KINDS).for_each(|kind| keep_power(kind, (places, areas), light, &mut shared));
     let sum = |SharedKinds { irradiance: [direct, reflected], error }: SharedKinds| SharedLight {
         irradiance: std::array::from_fn(|k| direct[k] + reflected[k]),
         error,
@@ -128,7 +108,12 @@ const UNKNOWNS: usize = 5;
 type Row = [f64; UNKNOWNS];
 
 /// The fits of all windows around element `i`, and how they compare.
-fn fit(places: &[Place], light: &[ElementLight], i: usize, found: &[(f32, u32)]) -> (Fits, Comparison) {
+fn fit(
+    (places, areas): (&[Place], &[f64]),
+    light: &[ElementLight],
+    i: usize,
+    found: &[(f32, u32)],
+) -> (Fits, Comparison) {
     let own = &places[i];
     let (x, y) = own.normal.any_orthonormal_pair();
     let scale = 1.0 / own.radius.max(f32::MIN_POSITIVE);
@@ -144,7 +129,8 @@ fn fit(places: &[Place], light: &[ElementLight], i: usize, found: &[(f32, u32)])
             let offset = scale * (places[j].centre - own.centre);
             let turn = NORMAL_SCALE * places[j].normal;
             let row: Row = [1.0, offset.dot(x), offset.dot(y), turn.dot(x), turn.dot(y)].map(f64::from);
-            let weighted = row.map(|v| f64::from(light[j].rays) * v);
+            let weight = f64::from(light[j].rays) * (areas[j] / areas[i]).min(1.0);
+            let weighted = row.map(|v| weight * v);
             for (r, line) in matrix.iter_mut().enumerate() {
                 (0..=r).for_each(|c| line[c] += row[r] * weighted[c]);
             }
@@ -289,6 +275,7 @@ impl Compared {
 
 #[cfg(test)]
 mod tests {
+    use super::super::neighbours::Walls;
     use super::*;
     use crate::math::sampling::numbers;
 
@@ -298,7 +285,13 @@ mod tests {
         let (mut places, mut light, mut truth) = (Vec::new(), Vec::new(), Vec::new());
         for k in 0..1600u64 {
             let (x, y) = ((k % 40) as f32, (k / 40) as f32);
-            places.push(Place { centre: Vec3::new(x, y, 0.0), normal: Vec3::Z, radius: 0.71 });
+            places.push(Place {
+                centre: Vec3::new(x, y, 0.0),
+                normal: Vec3::Z,
+                radius: 0.71,
+                side: 0,
+                free: 1.0,
+            });
             // Uniform numbers have the variance 1/12.
             let [a, b, ..] = numbers(3, k).map(|u| of(x, y) + noise * 12f32.sqrt() * (u - 0.5));
             let halves = [[Vec3::splat(a), Vec3::splat(b)], [Vec3::ZERO; 2]];
@@ -317,12 +310,12 @@ mod tests {
     }
 
     fn shared_on_one_side(places: &[Place], light: &[ElementLight]) -> Vec<SharedLight> {
-        shared_beside((places, &Walls::default()), light)
+        shared_beside(places, Walls::default(), light)
     }
 
-    fn shared_beside(places: (&[Place], &Walls), light: &[ElementLight]) -> Vec<SharedLight> {
-        let sides = (&[0; 1600][..], &[1.0; 1600][..]);
-        share(places, sides, light, 0.0, &Ranks::default(), &Deadline::start(&(), None))
+    fn shared_beside(places: &[Place], walls: Walls, light: &[ElementLight]) -> Vec<SharedLight> {
+        let sight = Sight { walls, blockers: None };
+        share((places, &[1.0; 1600]), &sight, light, 0.0, &Ranks::default(), &Deadline::start(&(), None))
     }
 
     #[test]
@@ -383,8 +376,8 @@ mod tests {
             };
             of(19.0) - of(20.0)
         };
-        let shared = |walls| step(&shared_beside((&places, walls), &light));
-        let [with, without] = [&walls, &Walls::default()].map(shared);
+        let shared = |walls| step(&shared_beside(&places, walls, &light));
+        let [with, without] = [walls, Walls::default()].map(shared);
         assert!((with - 0.1).abs() < 0.05 && without < 0.06, "{with} {without}");
     }
 
