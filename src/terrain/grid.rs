@@ -72,6 +72,11 @@ impl Grid {
         Grid { is_cell_given: true, ..self }
     }
 
+    /// Whether the distances of samples are not those of the file.
+    pub fn is_cell_given(&self) -> bool {
+        self.is_cell_given
+    }
+
     /// Number of columns.
     pub fn columns(&self) -> usize {
         self.columns

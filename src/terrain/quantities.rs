@@ -4,6 +4,7 @@ use super::Grid;
 use super::local::{Slopes, Tilt, arctangent};
 use super::sweep::{Azimuths, Row, SweepOptions, each, fold};
 use crate::{Error, Result};
+use std::f64::consts::FRAC_PI_2;
 
 /// Largest number of azimuths: steps of 0.35°, 1 sample in 160 samples of distance.
 const MAX_AZIMUTHS: usize = 1024;
@@ -106,10 +107,17 @@ impl Sun {
         }
     }
 
-    /// Part of the disc above a horizon, a straight level edge, whose elevation has this tangent.
-    pub(super) fn part_above(&self, tangent: f32) -> f32 {
-        let above = (self.elevation - f64::from(tangent).atan()) as f32;
-        let radius = self.half_angle as f32;
+    /// Part of the disc above a horizon, a straight edge with these elevations half a radius to either side of the disc's middle.
+    fn part_above(&self, [left, right]: [f32; 2]) -> f32 {
+        let (radius, middle) = (self.half_angle as f32, self.elevation as f32);
+        if middle - radius >= left.max(right) {
+            return 1.0;
+        } else if middle + radius <= left.min(right) {
+            return 0.0;
+        }
+        // The distance of the middle from an edge that rises by `right - left` over a radius.
+        let steep = if radius > 0.0 { (right - left) / radius } else { 0.0 };
+        let above = (middle - 0.5 * (left + right)) / (1.0 + steep * steep).sqrt();
         if above.abs() >= radius {
             return if above > 0.0 { 1.0 } else { 0.0 };
         }
@@ -126,12 +134,26 @@ impl Sun {
 /// [`Error::Argument`] if an angle is out of range, [`Error::OutOfMemory`].
 pub fn sunlit(grid: &Grid, sun: &Sun, options: &SweepOptions) -> Result<Vec<f32>> {
     sun.check()?;
-    let add = |row: Row, out: &mut [f32]| {
-        let slopes = Slopes::new(row.grid, row.row);
-        for (c, out) in out.iter_mut().enumerate() {
-            let own = Tilt::new(slopes.at(c), row.direction).own_horizon();
-            *out = sun.part_above(row.tangents[c].max(own));
-        }
+    Ok(with_holes(visible_parts(grid, sun, options)?, grid))
+}
+
+/// The values of [`sunlit`] without its checks. Horizons are found half a radius to either side of the sun's middle: the two places of the Gaussian
+/// quadrature over a disc's vertical chords, with equal weights.
+pub(super) fn visible_parts(grid: &Grid, sun: &Sun, options: &SweepOptions) -> Result<Vec<f32>> {
+    let horizon = |azimuth: f64| {
+        fold(grid, Azimuths { count: 1, first: azimuth }, options, |row, out| {
+            let slopes = Slopes::new(row.grid, row.row);
+            for (c, out) in out.iter_mut().enumerate() {
+                let own = Tilt::new(slopes.at(c), row.direction).own_horizon();
+                *out = row.tangents[c].max(own).atan();
+            }
+        })
     };
-    Ok(with_holes(fold(grid, Azimuths { count: 1, first: sun.azimuth }, options, add)?, grid))
+    let aside = (0.5 * sun.half_angle / sun.elevation.cos()).min(FRAC_PI_2);
+    let mut parts = horizon(sun.azimuth - aside)?;
+    let others = if aside > 0.0 { horizon(sun.azimuth + aside)? } else { Vec::new() };
+    for (k, part) in parts.iter_mut().enumerate() {
+        *part = sun.part_above([*part, others.get(k).copied().unwrap_or(*part)]);
+    }
+    Ok(parts)
 }

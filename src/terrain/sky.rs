@@ -2,10 +2,11 @@
 
 use super::Grid;
 use super::local::{Slopes, Tilt, arctangent};
-use super::quantities::{Sun, with_holes};
+use super::quantities::{Sun, visible_parts, with_holes};
 use super::sweep::{Azimuths, Row, SweepOptions, fold};
 use crate::{Error, Result};
 use glam::DVec3;
+use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Light from sun and sky at one time. All light is in one unit: W/m² and W/(m² sr), or lx and cd/m².
@@ -73,14 +74,17 @@ fn direct(grid: &Grid, light: &Light, options: &SweepOptions) -> Result<Vec<f32>
     let sun = &light.sun;
     let (rise, level) = sun.elevation.sin_cos();
     let (rise, level, normal) = (rise as f32, level as f32, light.direct_normal as f32);
-    fold(grid, Azimuths { count: 1, first: sun.azimuth }, options, |row, out| {
-        let slopes = Slopes::new(row.grid, row.row);
-        for (c, out) in out.iter_mut().enumerate() {
-            let tilt = Tilt::new(slopes.at(c), row.direction);
-            let cosine = (tilt.up * rise + tilt.along * level).max(0.0);
-            *out = normal * cosine * sun.part_above(row.tangents[c].max(tilt.own_horizon()));
+    let mut values = visible_parts(grid, sun, options)?;
+    // Rows increase to the south.
+    let direction = [sun.azimuth.sin(), -sun.azimuth.cos()].map(|d| d as f32);
+    values.par_chunks_mut(grid.columns()).enumerate().for_each(|(row, values)| {
+        let slopes = Slopes::new(grid, row);
+        for (c, value) in values.iter_mut().enumerate() {
+            let tilt = Tilt::new(slopes.at(c), direction);
+            *value *= normal * (tilt.up * rise + tilt.along * level).max(0.0);
         }
-    })
+    });
+    Ok(values)
 }
 
 /// The integrals of one sector around an azimuth.

@@ -79,15 +79,27 @@ fn horizons_bound_shadows() {
     }
 }
 
+/// The part of a disc above a skyline, whose elevations depend on the azimuth from the middle of the disc, by vertical chords.
+fn part_above(elevation: f64, radius: f64, skyline: impl Fn(f64) -> f64) -> f64 {
+    let (mut seen, mut all) = (0.0, 0.0);
+    for k in 0..1000 {
+        let x = (f64::from(k) + 0.5) / 500.0 - 1.0;
+        let half = radius * (1.0 - x * x).sqrt();
+        let above = elevation - skyline(x * radius / elevation.cos());
+        seen += (above + half).clamp(0.0, 2.0 * half);
+        all += 2.0 * half;
+    }
+    seen / all
+}
+
 #[test]
 fn half_shadows_are_as_wide_as_the_disc() {
     let (grid, elevation, half) = (wall(), 0.5f64, 0.05f64);
     let lit = sunlit(&grid, &sun(PI / 2.0, elevation, half), &flat()).expect("sunlit");
     let mut half_lit = 0;
     for column in 0..98usize {
-        let horizon = (20.0 / (100.0 - column as f64)).atan();
-        let x = ((elevation - horizon) / half).clamp(-1.0, 1.0);
-        let expected = 0.5 + (x * (1.0 - x * x).sqrt() + x.asin()) / PI;
+        let horizon = |aside: f64| (20.0 * aside.cos() / (100.0 - column as f64)).atan();
+        let expected = part_above(elevation, half, horizon);
         let value = f64::from(lit[25 * 201 + column]);
         assert!((value - expected).abs() < 1e-3, "column {column}: {value} instead of {expected}");
         half_lit += usize::from(value > 0.0 && value < 1.0);
@@ -103,6 +115,21 @@ fn slopes_that_face_away_are_in_shadow() {
         sunlit(&grid, &sun(azimuth, elevation, 0.0), &flat()).expect("sunlit")[10 * 21 + 10]
     };
     assert_eq!([towards(PI / 2.0, 0.1), towards(1.5 * PI, 0.45), towards(1.5 * PI, 0.55)], [1.0, 0.0, 1.0]);
+}
+
+/// A skyline that rises by 45 degrees to the east cuts the disc of the sun askew.
+#[test]
+fn the_visible_part_of_the_sun_follows_the_slope_of_the_skyline() {
+    let height = |i: usize| if i / 301 < 30 { (50.0 + (i % 301) as f32 - 150.0).max(0.0) } else { 0.0 };
+    let grid = Grid::new(301, 151, [1.0; 2], (0..301 * 151).map(height).collect()).expect("a grid");
+    let (distance, radius) = (101.0f64, 0.05f64);
+    let skyline = |azimuth: f64| (50.0 / distance * azimuth.cos() + azimuth.sin()).atan();
+    for above in [-0.8, -0.4, 0.0, 0.4, 0.8] {
+        let elevation = skyline(0.0) + above * radius;
+        let want = part_above(elevation, radius, skyline);
+        let found = sunlit(&grid, &sun(0.0, elevation, radius), &flat()).expect("sunlit")[130 * 301 + 150];
+        assert!((f64::from(found) - want).abs() < 0.02, "{above}: {found} instead of {want}");
+    }
 }
 
 #[test]
