@@ -3,8 +3,8 @@
 use super::soup::{Soup, SoupMaterial};
 use super::{UpAxis, read_grid, read_obj, read_ply, seams, sources::Sources};
 use crate::terrain::{EARTH_RADIUS, ReadOptions};
-use crate::{Error, Result, error::shown};
-use glam::{DAffine3, DVec3};
+use crate::{Error, Result, error::shown, math::Aabb};
+use glam::{DAffine3, DVec3, Vec3};
 use std::collections::HashSet;
 use std::io::BufReader;
 use std::path::PathBuf;
@@ -55,9 +55,17 @@ pub fn read_added(paths: &[PathBuf], grid: &ReadOptions, max_memory: Option<u64>
 }
 
 /// Appends the polygons of the files of the options, and closes gaps between height fields.
-pub(super) fn add(soup: &mut Soup, added: &AddedFiles) {
+///
+/// # Errors
+/// [`Error::Argument`] for several height fields with the distances of samples of the option `cell`.
+pub(super) fn add(soup: &mut Soup, added: &AddedFiles) -> Result<()> {
     for of in &added.soups {
         append(soup, of);
+    }
+    if soup.tiles.len() > 1 && soup.tiles.iter().any(|tile| tile.is_cell_given) {
+        let what = "`cell` with several height fields: where their corners lie is known in the unit of their files alone; write the distances of \
+                    samples and the corners into the files (`gdal_translate -a_ullr`)";
+        return Err(Error::Argument(what.into()));
     }
     let fillings = seams::fillings(std::mem::take(&mut soup.tiles));
     if !fillings.is_empty() {
@@ -67,6 +75,10 @@ pub(super) fn add(soup: &mut Soup, added: &AddedFiles) {
     for (corners, [object, material]) in fillings {
         soup.polygon(object, material, &corners);
     }
+    if !soup.corner_texcoords.is_empty() {
+        soup.fill_texcoords();
+    }
+    Ok(())
 }
 
 fn append(soup: &mut Soup, of: &Soup) {
@@ -76,9 +88,13 @@ fn append(soup: &mut Soup, of: &Soup) {
     let [position, corner, object, material] = counts.map(|n| n as u32);
     let all_texcoords = !soup.corner_texcoords.is_empty() || !of.corner_texcoords.is_empty();
     if all_texcoords {
-        fill_texcoords(soup);
         let mut own = of.clone();
-        fill_texcoords(&mut own);
+        for soup in [&mut *soup, &mut own] {
+            if soup.texcoords.is_empty() {
+                soup.texcoords.push([0.0; 2]);
+            }
+            soup.fill_texcoords();
+        }
         let first = soup.texcoords.len() as u32;
         soup.corner_texcoords.extend(own.corner_texcoords.iter().map(|k| first + k));
         soup.texcoords.extend(own.texcoords);
@@ -90,6 +106,7 @@ fn append(soup: &mut Soup, of: &Soup) {
     soup.positions.extend(&of.positions);
     soup.tiles.extend(of.tiles.iter().map(|tile| tile.within([object, material])));
     take_degrees(soup, of, [position, object]);
+    note_distance(soup, of, position as usize);
     soup.corners.extend(of.corners.iter().map(|k| position + k));
     soup.ends.extend(of.ends.iter().map(|k| corner + k));
     soup.polygon_object.extend(of.polygon_object.iter().map(|k| object + k));
@@ -101,6 +118,25 @@ fn append(soup: &mut Soup, of: &Soup) {
     soup.suns.extend(of.suns.iter().cloned());
     soup.repairs.add_counts(&of.repairs);
     soup.repairs.messages.extend(of.repairs.messages.iter().cloned());
+}
+
+/// Notes that the surfaces of a file, whose positions begin with number `first`, are farther from all before them than both are wide: their coordinates are
+/// likely of two systems.
+fn note_distance(soup: &mut Soup, of: &Soup, first: usize) {
+    let (before, own) = soup.positions.split_at(first);
+    if before.is_empty() || own.is_empty() {
+        return;
+    }
+    let [a, b] = [before, own].map(|positions| Aabb::of(positions.iter().map(|p| p.as_vec3())));
+    let apart = (a.min - b.max).max(b.min - a.max).max(Vec3::ZERO).length();
+    if apart > a.diagonal() + b.diagonal() {
+        let what =
+            "farther than both are wide: check that the coordinates of both are of one system and unit";
+        soup.repairs.messages.push(format!(
+            "{}: its surfaces are {apart:.0} units away from those before, {what}",
+            shown(&of.path)
+        ));
+    }
 }
 
 /// Positions of height fields in degrees follow from the metres of a degree of the first one, so that tiles lie beside each other. `first`: where the
@@ -130,14 +166,6 @@ fn take_degrees(soup: &mut Soup, of: &Soup, first: [u32; 2]) {
         }
     }
     soup.metres_of_degree = soup.metres_of_degree.or(of.metres_of_degree);
-}
-
-/// Gives all corners a texture coordinate if there are none.
-fn fill_texcoords(soup: &mut Soup) {
-    if soup.corner_texcoords.is_empty() {
-        soup.texcoords = vec![[0.0; 2]];
-        soup.corner_texcoords = vec![0; soup.corners.len()];
-    }
 }
 
 /// The name, with a number if it is taken.
@@ -231,11 +259,24 @@ mod tests {
     }
 
     #[test]
+    fn files_of_another_coordinate_system_get_a_note() {
+        for (offset, is_noted) in [(50.0, false), (5e6, true)] {
+            let mut far = square(2.0);
+            far.positions.iter_mut().for_each(|p| p.x += offset);
+            let mut soup = square(20.0);
+            add(&mut soup, &AddedFiles { soups: vec![Arc::new(far)], ..AddedFiles::default() })
+                .expect("added");
+            let notes = &soup.repairs.messages;
+            assert_eq!(notes.iter().any(|m| m.contains("one system and unit")), is_noted, "{notes:?}");
+        }
+    }
+
+    #[test]
     fn files_are_appended_under_names_of_their_own() {
         let mut soup = square(1.0);
         let textured = Soup { texcoords: vec![[0.25; 2]], corner_texcoords: vec![0; 4], ..square(2.0) };
         let soups = vec![Arc::new(textured), Arc::new(square(3.0))];
-        add(&mut soup, &AddedFiles { soups, ..AddedFiles::default() });
+        add(&mut soup, &AddedFiles { soups, ..AddedFiles::default() }).expect("no height fields");
         assert_eq!(soup.objects, ["square", "square 2", "square 3"]);
         assert_eq!(soup.polygon_object, [0, 1, 2]);
         assert_eq!(soup.polygon_material, [0, 1, 2]);

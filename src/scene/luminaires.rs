@@ -22,9 +22,9 @@ const DARK_HALF: f64 = 1e-6;
 const MAX_LUMENS: f64 = 1e15;
 /// Smallest distance of the luminaire's two plates relative to the longer side.
 const MIN_THICKNESS: f64 = 1e-2;
-/// The same relative to the extent of the scene: ten times the height up to which faces count as coplanar, 8 × 2⁻²³ = 1e-6, so that
-/// neither plate hides the other.
-const MIN_SEPARATION: f64 = 1e-5;
+/// The same relative to the extent of the scene: five times the height up to which faces count as coplanar, 8 × 2⁻²³ = 1e-6 of coordinates that are
+/// half of the extent, so that neither plate hides the other.
+const MIN_SEPARATION: f64 = 2.5e-6;
 
 /// Illuminance of a clear night with a quarter moon, lx.
 const NIGHT: f64 = 0.01;
@@ -266,9 +266,7 @@ impl Lamp {
             // c90 = c0 × axis: corners turn counterclockwise about c90 × c0 = axis · |c0|².
             let corners = [centre - u - v, centre - u + v, centre + u + v, centre + u - v];
             soup.polygon(object, material, &corners);
-            if !soup.corner_texcoords.is_empty() || !soup.texcoords.is_empty() {
-                soup.corner_texcoords.extend([0; 4]);
-            }
+            soup.fill_texcoords();
         }
     }
 }

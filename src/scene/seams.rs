@@ -17,6 +17,8 @@ pub struct Tile {
     border: Vec<([i64; 2], DVec3)>,
     /// Object and material in the soup.
     surface: [u32; 2],
+    /// Whether the distances of samples are not those of the file.
+    pub is_cell_given: bool,
 }
 
 impl Tile {
@@ -27,7 +29,7 @@ impl Tile {
         let row = |r: usize| (0..columns).filter(move |&c| !is_inside(c, r)).map(move |c| (c, r));
         let sample = |(c, r)| ([c as i64, r as i64], grid.map_position(c, r));
         let border = (0..rows).flat_map(row).map(sample).collect();
-        Tile { size: [columns as i64, rows as i64], border, surface }
+        Tile { size: [columns as i64, rows as i64], border, surface, is_cell_given: grid.is_cell_given() }
     }
 
     /// The tile in a soup whose objects and materials begin with these numbers.
@@ -123,12 +125,22 @@ mod tests {
             std::fs::write(&path, header + &"7 ".repeat(9)).expect("written");
             path
         };
-        let added = [tile(30, 0), tile(0, 30), tile(30, 30), tile(-35, 0)];
-        let added = read_added(&added, &ReadOptions::default(), None).expect("tiles");
-        let options = LoadOptions { added, ..LoadOptions::default() };
-        let scene = Scene::load_with(tile(0, 0), &options).expect("a scene");
+        let house = folder.path().join("house.obj");
+        std::fs::write(&house, "v 0 0 9\nv 2 0 9\nv 0 2 9\nvt 0 1\nf 1/1 2/1 3/1\n").expect("written");
+        let added = [tile(30, 0), tile(0, 30), tile(30, 30), house, tile(-35, 0)];
+        let scene = |grid: ReadOptions| {
+            let options = LoadOptions {
+                added: read_added(&added, &grid, None).expect("tiles"),
+                grid,
+                ..LoadOptions::default()
+            };
+            Scene::load_with(tile(0, 0), &options)
+        };
+        let given = scene(ReadOptions { cell: Some([20.0; 2]), ..ReadOptions::default() });
+        assert!(given.is_err_and(|e| e.to_string().contains("`cell` with several height fields")));
+        let scene = scene(ReadOptions::default()).expect("a scene");
         let area: f64 = (0..scene.triangles.len() as u32).map(|t| scene.face_area(t)).sum();
-        assert_eq!(area, 50.0 * 50.0 + 20.0 * 20.0);
+        assert_eq!(area, 50.0 * 50.0 + 20.0 * 20.0 + 2.0);
         assert!(scene.repairs.messages.iter().any(|m| m.starts_with("18 triangles close gaps")));
     }
 }

@@ -140,6 +140,13 @@ impl Soup {
         self.indexed_polygon(object, material, first..first + corners.len() as u32);
     }
 
+    /// Gives all corners without texture coordinates the first of them, if there are any.
+    pub fn fill_texcoords(&mut self) {
+        if !self.texcoords.is_empty() {
+            self.corner_texcoords.resize(self.corners.len(), 0);
+        }
+    }
+
     /// Adds a polygon of existing vertices.
     pub fn indexed_polygon(&mut self, object: u32, material: u32, corners: impl IntoIterator<Item = u32>) {
         self.corners.extend(corners);

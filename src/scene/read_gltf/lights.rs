@@ -9,10 +9,14 @@ use crate::sky::Sun;
 use crate::{Result, error::quote, math::Aabb};
 use glam::{DMat4, DVec3};
 use gltf::khr_lights_punctual::{Kind, Light};
+use rayon::prelude::*;
 
-/// Side of the plate of a point or spot light relative to the scene's diagonal: light at ten sides' distance, 2 % of the
-/// diagonal, is that of a point within (1/10)² / 2 = 0.5 %.
+/// Largest side of the plate of a point or spot light relative to the scene's diagonal.
 const PLATE: f64 = 2e-3;
+/// Side of the plate relative to the distance of the nearest surface: light at ten sides' distance is that of a point within (1/10)² / 2 = 0.5 %.
+const NEAR_PLATE: f64 = 0.1;
+/// Smallest side of the plate relative to the scene's diagonal: some times the rounding of coordinates.
+const SMALLEST_PLATE: f64 = 5e-6;
 /// Tabulated angles between the inner and the outer cone of a spot: interpolation loses less than (1/64)² / 4 of its
 /// intensity.
 const CONE_STEPS: usize = 64;
@@ -77,18 +81,21 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Adds emitters for the lights to the polygons of the scene. `bounds`: of all its polygons and placements.
-    pub(super) fn add_lights(&self, soup: &mut Soup, bounds: Aabb, options: &LoadOptions) -> Result<()> {
-        let diagonal = f64::from(bounds.diagonal());
+    /// Adds emitters for the lights to the polygons of the scene. `placed`: the bounds of placements.
+    pub(super) fn add_lights(&self, soup: &mut Soup, placed: &[Aabb], options: &LoadOptions) -> Result<()> {
+        let own = Aabb::of(soup.positions.iter().map(|p| p.as_vec3()));
+        let diagonal = f64::from(placed.iter().copied().fold(own, Aabb::union).diagonal());
         // Without surfaces nothing is lit, and the size of a light is not known.
         if diagonal <= 0.0 {
             return Ok(());
         }
-        for light in &self.lights {
+        // Lights see no lights: plates are added after all distances are known.
+        let distances: Vec<f64> = self.lights.iter().map(|light| nearest(light.at, soup, placed)).collect();
+        for (light, distance) in self.lights.iter().zip(distances) {
             let c0 = if light.aim.x.abs() > 0.9 { DVec3::Y } else { DVec3::X };
             let axes = axes(light.aim, c0).ok_or_else(|| self.wrong("a light without a direction"))?;
             if let Some(distribution) = light.distribution.clone() {
-                let side = PLATE * diagonal;
+                let side = (NEAR_PLATE * distance).clamp(SMALLEST_PLATE * diagonal, PLATE * diagonal);
                 Lamp {
                     name: light.name.clone(),
                     at: light.at,
@@ -114,12 +121,40 @@ impl Reader<'_> {
         if !self.lights.is_empty() {
             let count = counted(self.lights.len(), "light");
             soup.repairs.messages.push(format!(
-                "{count} of KHR_lights_punctual made into emitters: point and spot lights squares of {PLATE} of the scene's \
-                 diagonal, directional lights suns; the property `range`, beyond which a light has no effect, is not used"
+                "{count} of KHR_lights_punctual made into emitters: point and spot lights squares of {NEAR_PLATE} of the \
+                 distance of the nearest surface (at most {PLATE} of the scene's diagonal), directional lights suns; the property `range`, beyond which a light has no effect, is not used"
             ));
         }
         Ok(())
     }
+}
+
+/// Distance of a point from the polygons, or from the bounds of a placement that it lies outside of, scene units.
+fn nearest(at: DVec3, soup: &Soup, placed: &[Aabb]) -> f64 {
+    let of_box = |bounds: &Aabb| f64::from(at.as_vec3().clamp(bounds.min, bounds.max).distance(at.as_vec3()));
+    let boxes = placed.iter().map(of_box).filter(|&d| d > 0.0).fold(f64::INFINITY, f64::min);
+    let of_polygon = |i: usize| {
+        let corners = soup.span(i).map(|k| soup.positions[soup.corners[k] as usize]);
+        let first = corners.clone().next().unwrap_or(at);
+        let pairs = corners.clone().skip(1).zip(corners.skip(2));
+        pairs.map(|(b, c)| distance_from_triangle(at, [first, b, c])).fold(f64::INFINITY, f64::min)
+    };
+    let polygons = (0..soup.polygons()).into_par_iter().map(of_polygon).reduce(|| f64::INFINITY, f64::min);
+    boxes.min(polygons)
+}
+
+fn distance_from_triangle(at: DVec3, corners: [DVec3; 3]) -> f64 {
+    let [a, b, c] = corners;
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let edges = [(a, b), (b, c), (c, a)];
+    if normal != DVec3::ZERO && edges.iter().all(|(p, q)| normal.cross(q - p).dot(at - p) >= 0.0) {
+        return normal.dot(at - a).abs();
+    }
+    let of_edge = |(p, q): (DVec3, DVec3)| {
+        let t = (at - p).dot(q - p) / (q - p).length_squared().max(f64::MIN_POSITIVE);
+        at.distance(p.lerp(q, t.clamp(0.0, 1.0)))
+    };
+    edges.map(of_edge).into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// The intensity of a spot light of one candela: ((cos γ − cos outer) / (cos inner − cos outer))², as the extension

@@ -7,7 +7,6 @@
 use super::{Reader, UniqueNames, nodes::MeshNode};
 use crate::{
     Result,
-    math::Aabb,
     scene::{
         LoadOptions, MAX_STRETCH, Placement, Scene, Soup, added,
         keep::MIN_OPACITY,
@@ -49,9 +48,8 @@ pub(super) fn scene(
     }
     let own_soup = |reader: &Reader, plan: &Plan| -> Result<Soup> {
         let mut soup = own_soup(reader, document, plan)?;
-        added::add(&mut soup, &options.added);
-        let own = Aabb::of(soup.positions.iter().map(|p| p.as_vec3()));
-        reader.add_lights(&mut soup, placed.iter().copied().fold(own, Aabb::union), options)?;
+        added::add(&mut soup, &options.added)?;
+        reader.add_lights(&mut soup, &placed, options)?;
         Ok(soup)
     };
     let mut scene = match resolve_moved(own_soup(reader, &plan)?, options) {

@@ -5,8 +5,10 @@ use crate::model::{Detail, Model, testing::model};
 use crate::path_tracer::{Settings, irradiance};
 use crate::points::{Irradiance, Point};
 use crate::radiosity;
-use crate::scene::{UpAxis, read_placements};
+use crate::scene::{UpAxis, read_added, read_placements};
+use crate::terrain::ReadOptions;
 use glam::{DVec3, dvec3};
+use std::path::PathBuf;
 
 const FLOOR: &str = "v -3 -3 0\nv 3 -3 0\nv 3 3 0\nv -3 3 0\nf 1 2 3 4\n";
 /// Bilateral symmetry, with light upwards; 0.1 m × 0.2 m.
@@ -169,7 +171,9 @@ fn punctual_lights_of_gltf() {
     let positions: [f32; 9] = [-9.0, 0.0, 9.0, 9.0, 0.0, 9.0, 0.0, 0.0, -9.0];
     std::fs::write(folder.path().join("b.bin"), bytemuck::cast_slice::<f32, u8>(&positions))
         .expect("written");
-    let value = |light: &str, place: &str| {
+    let far = folder.path().join("far.obj");
+    std::fs::write(&far, "v -1e4 -50 1e4\nv 1e4 -50 1e4\nv 0 -50 -1e4\nf 1 2 3\n").expect("written");
+    let value_with = |added: &[PathBuf], light: &str, place: &str| {
         let json = format!(
             r#"{{"asset":{{"version":"2.0"}},"extensionsUsed":["KHR_lights_punctual"],
             "extensions":{{"KHR_lights_punctual":{{"lights":[{light}]}}}},"scene":0,"scenes":[{{"nodes":[0,1]}}],
@@ -180,9 +184,11 @@ fn punctual_lights_of_gltf() {
         );
         let path = folder.path().join("a.gltf");
         std::fs::write(&path, json).expect("written");
-        let scene = Scene::load(&path).expect("a scene");
+        let files = read_added(added, &ReadOptions::default(), None).expect("surfaces");
+        let options = LoadOptions { added: files, ..LoadOptions::default() };
+        let scene = Scene::load_with(&path, &options).expect("a scene");
         // Lengths are relative to the floor, not to the distance of the sun.
-        assert!(scene.size() < 26.0, "{}", scene.size());
+        assert!(!added.is_empty() || scene.size() < 26.0, "{}", scene.size());
         let notes = &scene.repairs.messages;
         assert!(notes.iter().any(|m| m.contains("1 light of KHR_lights_punctual made into")), "{notes:?}");
         let model = model(&scene, Detail::Rays);
@@ -195,6 +201,7 @@ fn punctual_lights_of_gltf() {
             .map(|v| v[0] * 179.0)
             .collect::<Vec<f64>>()
     };
+    let value = |light: &str, place: &str| value_with(&[], light, place);
     // The node turns −z to −y; 2 m above the floor.
     let place = r#""translation":[0,2,0],"rotation":[-0.70710678,0,0,0.70710678]"#;
     let near = |found: f64, want: f64, limit: f64| {
@@ -203,6 +210,11 @@ fn punctual_lights_of_gltf() {
     let point = value(r#"{"type":"point","intensity":400,"color":[1,0.5,0]}"#, place);
     near(point[0], 100.0, 0.01);
     near(point[1], 400.0 * 2.0 / 8f64.powf(1.5), 0.01);
+    // Nor does what lies far away.
+    let above_far = value_with(&[far], r#"{"type":"point","intensity":400}"#, place);
+    // Its two plates are 7 cm apart in a scene of 28 km.
+    near(above_far[0], 100.0, 0.05);
+    near(above_far[1], 400.0 * 2.0 / 8f64.powf(1.5), 0.05);
     // The orientation of its node does not matter.
     for place in [r#""translation":[0,2,0]"#, r#""translation":[0,2,0],"rotation":[0,0.6,0,0.8]"#] {
         near(value(r#"{"type":"point","intensity":400}"#, place)[0], 100.0, 0.01);
