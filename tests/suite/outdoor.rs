@@ -1,6 +1,7 @@
 //! Sky, sun and terrain on the command line.
 
 use super::run::Scratch;
+use crate::hostile::refused;
 
 /// A square of 4 by 4 m, up z.
 const GROUND: &str =
@@ -234,6 +235,31 @@ fn forests_of_instances_stand_upright_on_height_fields() {
         assert_eq!(count.map(str::trim), Some(objects), "{}", info.stdout);
         assert!(info.stdout.contains(normal), "{}", info.stdout);
     }
+}
+
+/// Lux of a sky are not multiplied by 179 lm/W, and a sky beside lamps in lumens is in lux.
+#[test]
+fn skies_have_the_photometric_unit_of_lamps() {
+    let scratch = ground();
+    scratch.write("sky.toml", "sky = \"perez:600,120\"\nsun = \"180,45\"\nphotometric = true\n");
+    let solve = |options: &str| {
+        let line = "solve ground.obj --up z --points points.csv --direct-only --audit 0 --out s --sky";
+        scratch.mrvis(&format!("{line} {options}"))
+    };
+    refused(&solve("sky.toml --photometric"), "--photometric=red");
+    let lux = |options: &str| {
+        solve(options).exits(0);
+        let text = scratch.text("s/irradiance.csv");
+        text.lines()
+            .nth(1)
+            .and_then(|l| l.rsplit(',').next())
+            .expect("a value")
+            .parse::<f64>()
+            .expect("a number")
+    };
+    let [file, words] =
+        ["sky.toml", "perez:600,120 --sun 180,45"].map(|sky| lux(&format!("{sky} --photometric=red")));
+    assert!(file > 1e4 && file == words, "{file} {words}");
 }
 
 /// A square in the plane y = 0 that faces up, and a directional light that shines straight down.

@@ -192,7 +192,7 @@ pub struct SceneArgs {
     #[arg(long, value_name = "DX[,DY]", help_heading = TERRAIN)]
     pub cell: Option<String>,
     /// Metres of one unit of height of height fields (of one step of grey in a PNG), instead of the unit of the file.
-    #[arg(long, value_name = "M", help_heading = TERRAIN)]
+    #[arg(long, value_name = "M", allow_hyphen_values = true, help_heading = TERRAIN)]
     pub height_scale: Option<f64>,
     /// Light the scene by a sky: uniform[:E], overcast[:E], cie:N[,E] (types 1 to 16), clear:TURBIDITY, perez:DNI,DHI,
     /// an equirectangular map .exr or .hdr, or sky.toml for all of it; E is the diffuse horizontal irradiance, W/m2.

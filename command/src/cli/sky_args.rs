@@ -1,7 +1,7 @@
 //! The sky and the sun on the command line.
 
 use super::args::SceneArgs;
-use mrvis::{Error, Result, Scene, SkyOptions};
+use mrvis::{Channels, Error, Result, Scene, SkyOptions};
 
 impl SceneArgs {
     /// Refuses a sky and a sun, for commands whose results do not depend on light.
@@ -30,6 +30,17 @@ impl SceneArgs {
             return Ok(());
         }
         let [sky, sun, place, time] = [sky, sun, place, time].map(|text| text.as_deref());
-        scene.set_sky(&SkyOptions::of_texts(sky, sun, place, time)?)
+        let mut options = SkyOptions::of_texts(sky, sun, place, time)?;
+        match self.photometric {
+            Some(Channels::Rgb) if options.photometric => {
+                let what = "--photometric weighs radiometric channels, and the sky has `photometric = true`: give --photometric=red, as all \
+                            channels of such a sky hold lux, or remove that line";
+                return Err(Error::Argument(what.into()));
+            }
+            // One channel holds lumens, lamps' and the sky's.
+            Some(Channels::Red | Channels::Green | Channels::Blue) => options.photometric = true,
+            _ => {}
+        }
+        scene.set_sky(&options)
     }
 }
