@@ -23,6 +23,21 @@ impl EndSamples {
     /// One point in each cell of a four by four grid over the element; on clusters with a preference for sides that face
     /// `towards`. `order` is 0 for the first end of a link and 1 for the second.
     pub fn draw(elements: &Elements, element: u32, towards: Vec3, order: usize, seed: u64) -> EndSamples {
+        let place = |lane: usize| {
+            let cell = if order == 0 { lane } else { PERMUTED[lane] };
+            let [r, s, t, q] = numbers(seed, lane as u64);
+            [((cell & 3) as f32 + r) / 4.0, ((cell >> 2) as f32 + s) / 4.0, t, q]
+        };
+        EndSamples::at(elements, element, towards, place)
+    }
+
+    /// Points for numbers in `[0, 1)` by lane: on a surface two say which point, on a cluster two say which side, and two which of its points.
+    pub fn at(
+        elements: &Elements,
+        element: u32,
+        towards: Vec3,
+        place: impl Fn(usize) -> [f32; 4],
+    ) -> EndSamples {
         let mut ends = EndSamples {
             points: [Vec3::ZERO; LANES],
             normals: [Vec3::ZERO; LANES],
@@ -30,10 +45,8 @@ impl EndSamples {
             density: [0.0; LANES],
         };
         let e = &elements.elements[element as usize];
-        for (lane, permuted) in PERMUTED.into_iter().enumerate() {
-            let cell = if order == 0 { lane } else { permuted };
-            let [r, s, t, q] = numbers(seed, lane as u64);
-            let (u, v) = (((cell & 3) as f32 + r) / 4.0, ((cell >> 2) as f32 + s) / 4.0);
+        for lane in 0..LANES {
+            let [u, v, t, q] = place(lane);
             let (point, side, density) = match &e.shape {
                 Shape::Surface { side, corners } => {
                     (point_on(corners, u, v), &elements.sides[*side as usize], 1.0 / e.area as f32)

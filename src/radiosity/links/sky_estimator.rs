@@ -4,23 +4,25 @@ use super::accuracy::FEW_SEGMENTS_ERROR;
 use super::cluster_pair::{CLUSTER_DEVIATION, shorten_to_box};
 use super::end_samples::{EndSamples, stratified_points};
 use super::estimator::is_behind;
+use super::sky_draft::{Answers, SkyDraft, agreement};
 use super::{Scratch, SkyLink, SkySource, VisibilityEngine, VisibilityQuery};
-use crate::math::sampling::{mix, numbers};
+use crate::math::sampling::{mix, numbers, point_on};
 use crate::radiosity::elements::{Element, Elements, Shape};
 use crate::radiosity::options::Inside;
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{LANES, Packet};
 use crate::sky::Environment;
 use glam::Vec3;
+use sobol_burley::sample_4d;
 
 /// Clusters and surfaces that are looked at for one link; if more may be in the way, the link is traced. As many as between two surfaces.
 const MAX_TESTS: usize = 96;
 /// Largest half angle of a patch that its width at the far end of segments is computed with, radians: beyond it, widths say nothing.
 const MAX_HALF_ANGLE: f32 = 1.0;
-/// Part of the segments of a link that count for the links that replace it, if all had the same answer: they lie in other parts of its ends.
-const INHERITED: f32 = 0.5;
 /// Draws of a direction above the surface's horizon.
 const MAX_DRAWS: u64 = 4;
+/// Binary logarithm of the number of points of a sequence, that of the crate; then another one begins.
+const SEQUENCE_BITS: u32 = 16;
 
 /// Measures links to the sky.
 #[derive(Clone, Copy)]
@@ -52,23 +54,29 @@ pub struct SkyPair {
     pub agreed: f32,
     /// Whether that link is certainly clear.
     pub is_clear: bool,
+    /// Set if the link, which is not certainly clear, is measured for the last time.
+    pub last: Option<Last>,
 }
 
-/// A link before visibility is known.
-pub struct SkyDraft {
-    pair: SkyPair,
-    /// Irradiance without blockers, W/m².
-    free: Rgb,
-    /// The irradiance that deviations are relative to, W/m²: a model without the noise of samples, mean of the channels.
-    scale: f32,
-    /// Standard deviation of the irradiance without blockers over the receiver, relative to `scale`.
-    uneven: f32,
-    /// Standard deviation of the radiance over the source relative to its mean.
-    contrast: f32,
-    /// Weight of each segment.
-    weights: [f32; LANES],
-    /// Whether segment 4 j + i goes from point i to part j of the source.
-    is_grid: bool,
+/// A last measurement, by consecutive points of a sequence that all links share: links of neighbours to one source then have points between those
+/// of each other, and their errors cancel.
+#[derive(Clone, Copy, Default)]
+pub struct Last {
+    /// Number of the first point.
+    pub first: u32,
+    /// Number of segments.
+    pub count: u32,
+    /// [`SkyLink::variation`] and [`SkyLink::noise`] of the link so far, which the points in sequence do not tell.
+    pub variation: f32,
+    pub noise: f32,
+}
+
+impl SkyPair {
+    /// Lanes of a packet of its segments: all, four (see [`lanes`]), or those that are left of a last measurement.
+    fn lanes(&self, number: u32, few: bool, seed: u64) -> impl Iterator<Item = usize> {
+        let left = self.last.map_or(LANES, |last| last.count.saturating_sub(number * LANES as u32) as usize);
+        lanes(few && self.last.is_none(), seed).take(left)
+    }
 }
 
 impl SkyEstimator<'_> {
@@ -76,20 +84,33 @@ impl SkyEstimator<'_> {
     pub fn measure_all(&self, pairs: &[SkyPair], scratch: &mut Scratch) -> Vec<SkyLink> {
         let mut links = Vec::with_capacity(pairs.len());
         let (mut drafts, mut queries) = (Vec::with_capacity(pairs.len()), Vec::with_capacity(pairs.len()));
+        // By query, its draft and the weights of its segments.
+        let mut asked = Vec::with_capacity(pairs.len());
         for pair in pairs {
-            let Some((draft, query)) = self.draft(*pair) else { continue };
-            links.push(draft.link(&Packet::EMPTY, &[0.0; LANES]));
-            if !query.packet.is_empty() {
-                drafts.push((links.len() - 1, draft));
-                queries.push(query);
-            } else if draft.pair.is_clear {
-                scratch.tally.clear += 1;
+            let Some((mut draft, query)) = self.draft(*pair) else { continue };
+            links.push(draft.link());
+            if query.packet.is_empty() {
+                scratch.tally.clear += u64::from(draft.pair.is_clear);
+                continue;
             }
+            let packets = pair.last.map_or(1, |last| last.count.div_ceil(LANES as u32));
+            let mut sum = draft.free;
+            for number in 1..packets {
+                let (free, packet, weights) = self.further_packet(&draft, number);
+                add(&mut sum, 1.0, free);
+                queries.push(VisibilityQuery { packet, ..query });
+                asked.push((drafts.len(), weights));
+            }
+            draft.free = sum.map(|e| e / f64::from(packets));
+            queries.push(query);
+            asked.push((drafts.len(), draft.weights));
+            drafts.push((links.len() - 1, draft));
         }
         self.engine.answer_all(&queries, scratch, |k, transmittances| {
-            let (place, draft) = &drafts[k];
-            links[*place] = draft.link(&queries[k].packet, transmittances);
+            let (draft, weights) = &asked[k];
+            drafts[*draft].1.answers.add(&queries[k].packet, weights, transmittances);
         });
+        drafts.iter().for_each(|(place, draft)| links[*place] = draft.link());
         links
     }
 
@@ -99,14 +120,9 @@ impl SkyEstimator<'_> {
         if element.area <= 0.0 {
             return None;
         }
-        let tag = match pair.source {
-            SkySource::Patch(k) => u64::from(k) << 1,
-            SkySource::Sun(k) => u64::from(k) << 1 | 1,
-        };
-        let seed = mix(self.seed ^ mix(element.ids[0]) ^ mix(!tag).rotate_left(17));
         let (draft, packet) = match &element.shape {
-            Shape::Surface { side, corners } => self.at_surface(pair, element, (*side, corners), seed)?,
-            Shape::Cluster(_) => self.at_cluster(pair, element, seed)?,
+            Shape::Surface { side, corners } => self.at_surface(pair, element, (*side, corners))?,
+            Shape::Cluster(_) => self.at_cluster(pair, element)?,
         };
         let half = pair.source.half_angle(self.environment).min(MAX_HALF_ANGLE);
         let feature_size = self.elements.states[pair.receiver as usize].feature_size;
@@ -118,16 +134,16 @@ impl SkyEstimator<'_> {
         &self,
         mut pair: SkyPair,
         element: &Element,
-        (side, corners): (u32, &[Vec3; 4]),
-        seed: u64,
+        (side_number, corners): (u32, &[Vec3; 4]),
     ) -> Option<(SkyDraft, Packet)> {
-        let side = &self.elements.sides[side as usize];
+        let side = &self.elements.sides[side_number as usize];
         let (source, environment) = (pair.source, self.environment);
         let free = source.irradiance(environment, side.normal);
         if mean(free) <= 0.0 {
             return None;
         }
-        pair.is_clear = pair.is_clear || self.is_clear(element, corners, source);
+        // Only links that are not clear are measured again.
+        pair.is_clear |= pair.last.is_none() && self.is_clear(element, corners, source);
         let mut draft = SkyDraft {
             pair,
             free,
@@ -135,72 +151,166 @@ impl SkyEstimator<'_> {
             uneven: 0.0,
             contrast: source.deviation(environment),
             weights: [0.0; LANES],
-            is_grid: true,
+            is_grid: pair.last.is_none(),
+            answers: Answers::default(),
         };
         let mut packet = Packet::EMPTY;
         if !pair.is_clear {
-            let points = stratified_points(corners, seed);
-            let few = self.few(&draft);
-            for lane in lanes(few, seed) {
-                let direction = (0..MAX_DRAWS)
-                    .map(|draw| self.direction(source, lane, draw, seed))
-                    .find(|direction| direction.dot(side.normal) > 0.0);
-                let Some(direction) = direction else { continue };
-                draft.weights[lane] = direction.dot(side.normal) * source.radiance(environment, direction);
-                let from = side.end.lifted(points[lane & 3], side.normal);
-                packet.set_lifted(lane, from, from + self.length * direction, [side.end; 2]);
-            }
+            let few = self.is_small(&pair, draft.scale);
+            (packet, draft.weights) = self.surface_packet(&pair, (side_number, corners), 0, few);
         }
         Some((draft, packet))
     }
 
-    fn at_cluster(&self, pair: SkyPair, element: &Element, seed: u64) -> Option<(SkyDraft, Packet)> {
-        let Shape::Cluster(c) = element.shape else { return None };
-        let cluster = &self.elements.clusters[c as usize];
+    /// Another packet of segments of a last measurement with their weights, and an estimate of the irradiance without blockers, W/m².
+    fn further_packet(&self, draft: &SkyDraft, number: u32) -> (Rgb, Packet, [f32; LANES]) {
+        match &self.elements.elements[draft.pair.receiver as usize].shape {
+            Shape::Surface { side, corners } => {
+                let (packet, weights) = self.surface_packet(&draft.pair, (*side, corners), number, false);
+                (draft.free, packet, weights)
+            }
+            Shape::Cluster(c) => self.cluster_packet(&draft.pair, *c, number, false),
+        }
+    }
+
+    fn surface_packet(
+        &self,
+        pair: &SkyPair,
+        (side, corners): (u32, &[Vec3; 4]),
+        number: u32,
+        few: bool,
+    ) -> (Packet, [f32; LANES]) {
         let (source, environment) = (pair.source, self.environment);
-        let axis = source.axis(environment);
-        let from = EndSamples::draw(self.elements, pair.receiver, axis, 0, seed);
-        let along = source.along_axes(environment);
-        let model: f64 = along.iter().zip(cluster.projected).map(|(e, p)| e * p).sum();
-        if model <= 0.0 {
+        let side = &self.elements.sides[side as usize];
+        let seed = mix(self.seed_of(pair) ^ u64::from(number));
+        let quarters = stratified_points(corners, seed);
+        let first = |lane: usize| match pair.last {
+            None => (quarters[lane & 3], self.direction(source, lane, 0, seed)),
+            Some(last) => {
+                let [s, t, u, v] = self.number(last, number, lane, 0);
+                (point_on(corners, s, t), source.sample(environment, [u.into(), v.into()]))
+            }
+        };
+        let (mut packet, mut weights) = (Packet::EMPTY, [0.0; LANES]);
+        for lane in pair.lanes(number, few, seed) {
+            let (point, direction) = first(lane);
+            let others = (1..MAX_DRAWS).map(|draw| self.direction(source, lane, draw, seed));
+            let above = std::iter::once(direction).chain(others).find(|d| d.dot(side.normal) > 0.0);
+            let Some(direction) = above else { continue };
+            weights[lane] = direction.dot(side.normal) * source.radiance(environment, direction);
+            let from = side.end.lifted(point, side.normal);
+            packet.set_lifted(lane, from, from + self.length * direction, [side.end; 2]);
+        }
+        (packet, weights)
+    }
+
+    /// Four numbers in `[0, 1)` of a point of a last measurement; those of another set are independent.
+    fn number(&self, last: Last, packet: u32, lane: usize, set: u32) -> [f32; 4] {
+        let place = last.first.wrapping_add(packet * LANES as u32 + lane as u32);
+        let turn = mix(self.seed ^ u64::from(place >> SEQUENCE_BITS)) as u32;
+        sample_4d(place & ((1 << SEQUENCE_BITS) - 1), set, turn)
+    }
+
+    /// Seed of the samples of a pair.
+    fn seed_of(&self, pair: &SkyPair) -> u64 {
+        let tag = match pair.source {
+            SkySource::Patch(k) => u64::from(k) << 1,
+            SkySource::Sun(k) => u64::from(k) << 1 | 1,
+        };
+        mix(self.seed
+            ^ mix(self.elements.elements[pair.receiver as usize].ids[0])
+            ^ mix(!tag).rotate_left(17))
+    }
+
+    /// Segments that a link needs for its own sake.
+    pub fn segments(&self, pair: &SkyPair) -> u32 {
+        let element = &self.elements.elements[pair.receiver as usize];
+        let light = match element.shape {
+            Shape::Surface { side, .. } => {
+                let normal = self.elements.sides[side as usize].normal;
+                mean(pair.source.irradiance(self.environment, normal)) as f32
+            }
+            Shape::Cluster(c) => self.model(pair.source, c, element),
+        };
+        lanes(self.is_small(pair, light), 0).count() as u32
+    }
+
+    /// Irradiance of a cluster without blockers by the areas that it turns to six directions, mean of the channels, W/m².
+    fn model(&self, source: SkySource, cluster: u32, element: &Element) -> f32 {
+        let along = source.along_axes(self.environment);
+        let projected = self.elements.clusters[cluster as usize].projected;
+        let model: f64 = along.iter().zip(projected).map(|(e, p)| e * p).sum();
+        (model / element.area) as f32
+    }
+
+    fn at_cluster(&self, pair: SkyPair, element: &Element) -> Option<(SkyDraft, Packet)> {
+        let Shape::Cluster(c) = element.shape else { return None };
+        let scale = self.model(pair.source, c, element);
+        if scale <= 0.0 {
             return None;
         }
-        let mut free = [0.0; 3];
-        for lane in 0..LANES {
-            let share = 1.0 / (f64::from(from.density[lane]) * LANES as f64 * element.area);
-            add(&mut free, share, source.irradiance(environment, from.normals[lane]));
-        }
-        let mut draft = SkyDraft {
+        let (free, packet, weights) = self.cluster_packet(&pair, c, 0, self.is_small(&pair, scale));
+        let draft = SkyDraft {
             pair,
             free,
-            scale: (model / element.area) as f32,
+            scale,
             uneven: CLUSTER_DEVIATION,
-            contrast: source.deviation(environment),
-            weights: [0.0; LANES],
+            contrast: pair.source.deviation(self.environment),
+            weights,
             is_grid: false,
+            answers: Answers::default(),
         };
-        let few = self.few(&draft);
-        let mut packet = Packet::EMPTY;
-        for lane in lanes(few, seed) {
-            let direction = self.direction(source, lane, 0, seed);
+        Some((draft, packet))
+    }
+
+    fn cluster_packet(
+        &self,
+        pair: &SkyPair,
+        cluster: u32,
+        number: u32,
+        few: bool,
+    ) -> (Rgb, Packet, [f32; LANES]) {
+        let (source, environment) = (pair.source, self.environment);
+        let seed = mix(self.seed_of(pair) ^ u64::from(number));
+        let axis = source.axis(environment);
+        let from = match pair.last {
+            None => EndSamples::draw(self.elements, pair.receiver, axis, 0, seed),
+            Some(last) => EndSamples::at(self.elements, pair.receiver, axis, |lane| {
+                let [of_side, of_point] = [0, 1].map(|set| self.number(last, number, lane, set));
+                [of_side[0], of_side[1], of_point[0], of_point[1]]
+            }),
+        };
+        let area = self.elements.elements[pair.receiver as usize].area;
+        let (mut free, mut packet, mut weights) = ([0.0; 3], Packet::EMPTY, [0.0; LANES]);
+        for lane in 0..LANES {
+            let share = 1.0 / (f64::from(from.density[lane]) * LANES as f64 * area);
+            add(&mut free, share, source.irradiance(environment, from.normals[lane]));
+        }
+        for lane in pair.lanes(number, few, seed) {
+            let direction = match pair.last {
+                None => self.direction(source, lane, 0, seed),
+                Some(last) => {
+                    let [.., u, v] = self.number(last, number, lane, 0);
+                    source.sample(environment, [u.into(), v.into()])
+                }
+            };
             let (normal, rule) = (from.normals[lane], from.rules[lane]);
             let cosine = direction.dot(normal);
             if cosine > 0.0 {
-                draft.weights[lane] = cosine * source.radiance(environment, direction) / from.density[lane];
+                weights[lane] = cosine * source.radiance(environment, direction) / from.density[lane];
                 let start = rule.lifted(from.points[lane], normal);
                 packet.set_lifted(lane, start, start + self.length * direction, [rule; 2]);
             }
         }
         if self.inside != Inside::Visible {
-            shorten_to_box(&cluster.bounds, &mut packet, 0);
+            shorten_to_box(&self.elements.clusters[cluster as usize].bounds, &mut packet, 0);
         }
-        Some((draft, packet))
+        (free, packet, weights)
     }
 
-    /// Whether four segments are enough.
-    fn few(&self, draft: &SkyDraft) -> bool {
-        let deviation = agreement(draft.pair.agreed);
-        draft.pair.worth * draft.scale * deviation < FEW_SEGMENTS_ERROR
+    /// Whether four segments are enough for the visibility of so much light, W/m².
+    fn is_small(&self, pair: &SkyPair, light: f32) -> bool {
+        pair.worth * light * agreement(pair.agreed) < FEW_SEGMENTS_ERROR
     }
 
     /// The direction of a segment. The source has four parts, one for each row of four lanes, and each part four parts, one for each point; those
@@ -273,77 +383,4 @@ fn meets_cone(receiver: &Element, element: &Element, axis: Vec3, half: f32) -> b
 fn lanes(few: bool, seed: u64) -> impl Iterator<Item = usize> {
     let turn = (seed >> 32) as usize & 3;
     (0..LANES).filter(move |lane| !few || lane & 3 == (lane >> 2) ^ turn)
-}
-
-/// Standard deviation of the visibility of a segment that so many equal answers allow: that of two more segments, one visible and one blocked
-/// (Agresti and Coull 1998).
-fn agreement(answers: f32) -> f32 {
-    (answers + 1.0).sqrt() / (answers + 2.0)
-}
-
-impl SkyDraft {
-    /// The link, given the transmittances of its segments. Without segments the link counts as clear.
-    fn link(&self, packet: &Packet, transmittances: &[f32; LANES]) -> SkyLink {
-        if packet.is_empty() {
-            // Without a proof only a sliver of the source is above the receiver's horizon.
-            let noise = if self.pair.is_clear { 0.0 } else { 0.5 };
-            return self.with(1.0, [noise, noise], 0.0);
-        }
-        let (mut sum, mut visible, mut squares) = (0.0, 0.0, 0.0);
-        for lane in packet.lanes() {
-            let (weight, t) = (self.weights[lane], transmittances[lane]);
-            sum += weight;
-            visible += weight * t;
-            squares += weight * t * t;
-        }
-        if sum <= 0.0 {
-            return self.with(1.0, [0.0, 0.0], 0.0);
-        }
-        let transmittance = visible / sum;
-        let n = packet.len() as f32;
-        let found = (squares / sum - transmittance * transmittance).max(0.0).sqrt();
-        let agree = packet
-            .lanes()
-            .all(|l| transmittances[l] == transmittances[packet.active.trailing_zeros() as usize]);
-        let agreed = if agree { n + INHERITED * self.pair.agreed } else { 0.0 };
-        let deviation = found.max(agreement(agreed.max(n)));
-        // Over the receiver the four directions of each point leave an error of half the deviation.
-        let mut parts = [0.5 * deviation, deviation / n.sqrt()];
-        if !agree && self.is_grid && n as usize == LANES {
-            let found = two_ways(transmittances);
-            parts = [parts[0].min(found[0]), parts[1].min(found[1])];
-        }
-        self.with(transmittance, parts, agreed)
-    }
-
-    /// With deviations of visibility, over the receiver and from sampling. Where the source is uneven, fewer samples count.
-    fn with(&self, transmittance: f32, [over, noise]: [f32; 2], agreed: f32) -> SkyLink {
-        let SkyPair { receiver, source, is_clear, .. } = self.pair;
-        SkyLink {
-            receiver,
-            source,
-            irradiance: self.free.map(|e| e as f32 * transmittance),
-            transmittance,
-            variation: self.scale * (self.uneven * transmittance).hypot(over),
-            noise: self.scale * noise * self.contrast.hypot(1.0),
-            agreed,
-            is_clear,
-        }
-    }
-}
-
-/// Standard deviation of visibility over four points, and standard error of its mean over four parts of the source, of values in a table of
-/// parts by points (two-way analysis of variance).
-fn two_ways(values: &[f32; LANES]) -> [f32; 2] {
-    let mean = values.iter().sum::<f32>() / LANES as f32;
-    let square = |v: f32| (v - mean) * (v - mean);
-    let all: f32 = values.iter().map(|v| square(*v)).sum();
-    let points: f32 = (0..4).map(|i| square((0..4).map(|j| values[4 * j + i]).sum::<f32>() / 4.0)).sum();
-    let parts: f32 = (0..4).map(|j| square(values[4 * j..4 * j + 4].iter().sum::<f32>() / 4.0)).sum();
-    // Mean squares of three and of nine degrees of freedom.
-    let rest = (all - 4.0 * (points + parts)).max(0.0) / 9.0;
-    let excess = |squares: f32| (squares / 3.0 - rest / 4.0).max(0.0);
-    let [of_points, of_parts] = [points, parts].map(excess);
-    // What is neither of points nor of parts may be either.
-    [(of_points + rest / 16.0).sqrt(), (of_parts / 4.0 + rest / 16.0).sqrt()]
 }

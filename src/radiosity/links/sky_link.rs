@@ -15,7 +15,7 @@ use glam::Vec3;
 const BLOCKER_DISTANCE: f32 = 0.5;
 
 /// What is at the far end of a link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Deserialize, serde::Serialize)]
 pub enum SkySource {
     /// A patch of the sky or of the ground around the scene.
     Patch(u32),

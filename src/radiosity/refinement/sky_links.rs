@@ -6,7 +6,7 @@ use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{DIRECTIONS, Elements, Shape};
 use crate::radiosity::links::{
-    SkyEstimator, SkyLink, SkyPair, SkySource, Split, VisibilityEngine, VisibilityQuery, sky_link_error,
+    Last, SkyEstimator, SkyLink, SkyPair, SkySource, Split, VisibilityEngine, VisibilityQuery, sky_link_error,
 };
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::Arrived;
@@ -20,6 +20,9 @@ use std::sync::Arc;
 
 /// Smallest projected area of a cluster, as part of its area, by which directional light is divided: below it is rounding.
 const MIN_PROJECTED: f64 = 1e-9;
+
+/// Most segments that the means of sides take beyond those that links need for their own sake: about .05 s.
+const MEAN_SEGMENTS: f64 = 262_144.0;
 
 impl LinkedScene {
     /// Lights the scene by a sky and suns: adds the links of the root to them, and counts their light to the mean irradiance: that of a horizontal
@@ -130,14 +133,7 @@ pub fn sky_parts(linked: &mut LinkedScene, links: &[(SkyLink, Split)]) -> Vec<Sk
 pub fn measure_sky(linked: &mut LinkedScene, pairs: &[SkyPair], threshold: f32, seed: u64) -> Vec<SkyLink> {
     let Some(environment) = linked.environment.clone() else { return Vec::new() };
     let pairs: Vec<SkyPair> = pairs.iter().map(|pair| with_worth(linked, pair, threshold)).collect();
-    let estimator = |engine| SkyEstimator {
-        elements: &linked.elements,
-        environment: &environment,
-        engine,
-        length: linked.surroundings.length,
-        seed,
-        inside: linked.settings.inside,
-    };
+    let estimator = |engine| sky_estimator(linked, &environment, engine, seed);
     let queries = |pairs: &[SkyPair]| -> Vec<VisibilityQuery> {
         pairs.iter().filter_map(|pair| Some(estimator(&linked.engine).draft(*pair)?.1)).collect()
     };
@@ -152,24 +148,79 @@ pub fn measure_sky(linked: &mut LinkedScene, pairs: &[SkyPair], threshold: f32, 
 
 /// Measures the links to the sky that are not certainly clear again, as [`remeasure_links`](super::link_measurement::remeasure_links) does.
 pub fn remeasure_sky_links(linked: &mut LinkedScene, threshold: f32, closing: f64, deadline: &Deadline) {
-    let (certain, uncertain): (Vec<SkyLink>, Vec<SkyLink>) =
+    let (certain, mut uncertain): (Vec<SkyLink>, Vec<SkyLink>) =
         std::mem::take(&mut linked.sky_links).into_iter().partition(|link| link.is_clear);
     let closing = closing * (certain.len() + uncertain.len() + linked.elements.len()) as f64;
     linked.sky_links = certain;
-    for slice in uncertain.chunks(SLICE) {
+    // Neighbours are measured by consecutive points.
+    uncertain.par_sort_by_key(|link| (link.source, link.receiver));
+    let pairs = last_pairs(linked, &uncertain, threshold);
+    for (slice, pairs) in uncertain.chunks(SLICE).zip(pairs.chunks(SLICE)) {
         if deadline.left() <= closing {
             linked.sky_links.extend(slice);
             continue;
         }
-        let pairs: Vec<SkyPair> = slice.iter().map(again).collect();
-        let made = measure_sky(linked, &pairs, threshold, mix(linked.settings.seed));
+        let made = measure_sky(linked, pairs, threshold, mix(linked.settings.seed));
         linked.sky_links.extend(made);
+    }
+}
+
+/// The pairs of links that are measured for the last time, with so many segments that the mean irradiance of each side, and the light of each
+/// cluster, err by sampling no more than an element by one link. Noise of variance σ² / n on parts a of an area A adds up to Σ (a / A)² σ² / n,
+/// which is least for n in proportion to a σ. A dark side counts like any other.
+fn last_pairs(linked: &LinkedScene, links: &[SkyLink], threshold: f32) -> Vec<SkyPair> {
+    let Elements { elements, sides, area, .. } = &linked.elements;
+    let mut pairs: Vec<SkyPair> = links.iter().map(|l| with_worth(linked, &again(l), threshold)).collect();
+    let Some(environment) = &linked.environment else { return pairs };
+    let estimator = sky_estimator(linked, environment, &linked.engine, linked.settings.seed);
+    let least: Vec<u32> = pairs.par_iter().map(|pair| estimator.segments(pair)).collect();
+    // The surface or cluster whose mean a link counts for, by element; a σ of each link, and its sum over those of one mean.
+    let whole_of = |link: &SkyLink| match elements[link.receiver as usize].shape {
+        Shape::Surface { side, .. } => sides[side as usize].element as usize,
+        Shape::Cluster(_) => link.receiver as usize,
+    };
+    let part = |(link, least): (&SkyLink, &u32)| {
+        elements[link.receiver as usize].area * f64::from(link.noise) * f64::from(*least).sqrt()
+    };
+    let parts: Vec<f64> = links.iter().zip(&least).map(part).collect();
+    let mut sums = vec![0.0; elements.len()];
+    links.iter().zip(&parts).for_each(|(link, part)| sums[whole_of(link)] += part);
+    let tolerated = (f64::from(threshold) * linked.mean_irradiance).powi(2) * area;
+    let more = |k: usize| {
+        let of = whole_of(&links[k]);
+        (sums[of] * parts[k] / (tolerated * elements[of].area) - f64::from(least[k])).max(0.0)
+    };
+    let scale = (MEAN_SEGMENTS / (0..links.len()).map(more).sum::<f64>()).min(1.0);
+    let (mut first, mut left) = (0u32, 0.0);
+    for (k, (pair, link)) in pairs.iter_mut().zip(links).enumerate() {
+        left += scale * more(k);
+        let count = least[k] + left as u32;
+        left -= left.floor();
+        pair.last = Some(Last { first, count, variation: link.variation, noise: link.noise });
+        first = first.wrapping_add(count);
+    }
+    pairs
+}
+
+fn sky_estimator<'a>(
+    linked: &'a LinkedScene,
+    environment: &'a Environment,
+    engine: &'a VisibilityEngine,
+    seed: u64,
+) -> SkyEstimator<'a> {
+    SkyEstimator {
+        elements: &linked.elements,
+        environment,
+        engine,
+        length: linked.surroundings.length,
+        seed,
+        inside: linked.settings.inside,
     }
 }
 
 /// A pair of which nothing is known.
 fn new_pair(receiver: u32, source: SkySource) -> SkyPair {
-    SkyPair { receiver, source, worth: f32::INFINITY, agreed: 0.0, is_clear: false }
+    SkyPair { receiver, source, worth: f32::INFINITY, agreed: 0.0, is_clear: false, last: None }
 }
 
 /// The pair of a link, with what is known of it.

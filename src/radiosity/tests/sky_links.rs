@@ -142,6 +142,42 @@ fn a_street_sees_its_part_of_the_sky() {
     }
 }
 
+/// Sky view factors of whole floors: of a street, whose ends add .1 % to that of an infinite one, of a valley, and of a cylinder.
+#[test]
+fn floors_have_the_mean_light_of_closed_forms() {
+    let (half, width, wall) = (DVec3::X * 3000.0, 10.0 * DVec3::Y, 8.0 * DVec3::Z);
+    let [left, right] = [-0.5, 0.5].map(|y| -half + y * width);
+    let street =
+        quads(0.0, &[[left, 2.0 * half, width], [right, 2.0 * half, wall], [left, 2.0 * half, wall]]);
+    let slope = DVec3::new(0.0, 0.8, 0.6) * 10.0;
+    let valley =
+        quads(0.0, &[[-half, 2.0 * half, slope], [half, -2.0 * half, slope * DVec3::new(1.0, -1.0, 1.0)]]);
+    let mut court = Pieces::empty();
+    let corner =
+        |k: u32| 5.0 * DVec3::new((f64::from(k) * PI / 64.0).cos(), (f64::from(k) * PI / 64.0).sin(), 0.0);
+    court.grey("floor", 0.0).polygon(&(0..128).map(corner).collect::<Vec<_>>());
+    court.grey("wall", 0.0);
+    for k in 0..128 {
+        court.rectangle(corner(k), 6.0 * DVec3::Z, corner(k + 1) - corner(k));
+    }
+    let of_cylinder = 1.0 + (6.0f64 / 5.0).powi(2) / 2.0;
+    let forms = [
+        (street, (1.64f64.sqrt() - 0.8) * 1.001),
+        (valley, 0.8),
+        (court.scene(), of_cylinder - (of_cylinder * of_cylinder - 1.0).sqrt()),
+    ];
+    for (k, (scene, want)) in forms.into_iter().enumerate() {
+        let scene = lit(scene, uniform());
+        let square = |seed| {
+            let mesh = solved(&scene, &[], &Options { seed, ..links(0.02) }).mesh;
+            let found = mean_of(&mesh, |e| e.object == 0 && normal_of(&mesh, e).z > 0.5) / PI;
+            (found / want - 1.0).powi(2)
+        };
+        let rms = (1..=4).map(square).sum::<f64>().sqrt() / 2.0;
+        assert!(rms < 3e-3, "{k}: {rms}");
+    }
+}
+
 /// Mean difference and root mean square difference of the light on random points of elements from that of paths, relative to its mean.
 fn against_paths(scene: &Scene, outcome: &Outcome) -> [f64; 2] {
     let mesh = &outcome.mesh;

@@ -1,0 +1,129 @@
+//! A link to the sky whose visibility is still to be asked for, and what its segments find.
+
+use super::SkyLink;
+use super::sky_estimator::{Last, SkyPair};
+use crate::radiosity::rgb::Rgb;
+use crate::ray::{LANES, Packet};
+
+/// Part of the segments of a link that count for the links that replace it, if all had the same answer: they lie in other parts of its ends.
+const INHERITED: f32 = 0.5;
+
+/// A link before visibility is known.
+pub struct SkyDraft {
+    pub(super) pair: SkyPair,
+    /// Irradiance without blockers, W/m².
+    pub(super) free: Rgb,
+    /// The irradiance that deviations are relative to, W/m²: a model without the noise of samples, mean of the channels.
+    pub(super) scale: f32,
+    /// Standard deviation of the irradiance without blockers over the receiver, relative to `scale`.
+    pub(super) uneven: f32,
+    /// Standard deviation of the radiance over the source relative to its mean.
+    pub(super) contrast: f32,
+    /// Weight of each segment of the first packet.
+    pub(super) weights: [f32; LANES],
+    /// Whether its segment 4 j + i goes from point i to part j of the source.
+    pub(super) is_grid: bool,
+    pub(super) answers: Answers,
+}
+
+/// What the segments of a link have found.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Answers {
+    /// Segments.
+    count: f32,
+    /// Sums of their weights, and of those times transmittances and their squares.
+    sum: f32,
+    visible: f32,
+    squares: f32,
+    /// Smallest and largest transmittance; none before the first segment.
+    range: Option<[f32; 2]>,
+    /// Transmittances of a packet with a segment in each lane.
+    table: Option<[f32; LANES]>,
+}
+
+impl Answers {
+    /// Adds those of a packet, by the weights of its segments.
+    pub(super) fn add(&mut self, packet: &Packet, weights: &[f32; LANES], transmittances: &[f32; LANES]) {
+        for lane in packet.lanes() {
+            let (weight, t) = (weights[lane], transmittances[lane]);
+            self.count += 1.0;
+            self.sum += weight;
+            self.visible += weight * t;
+            self.squares += weight * t * t;
+            let [min, max] = self.range.unwrap_or([t, t]);
+            self.range = Some([min.min(t), max.max(t)]);
+        }
+        if packet.len() == LANES {
+            self.table = Some(*transmittances);
+        }
+    }
+}
+
+/// Standard deviation of the visibility of a segment that so many equal answers allow: that of two more segments, one visible and one blocked
+/// (Agresti and Coull 1998).
+pub(super) fn agreement(answers: f32) -> f32 {
+    (answers + 1.0).sqrt() / (answers + 2.0)
+}
+
+impl SkyDraft {
+    /// The link, given the answers of its segments. Without segments the link counts as clear.
+    pub(super) fn link(&self) -> SkyLink {
+        let Answers { count, sum, visible, squares, range, table } = self.answers;
+        let Some([min, max]) = range else {
+            // Without a proof only a sliver of the source is above the receiver's horizon.
+            let noise = if self.pair.is_clear { 0.0 } else { 0.5 };
+            return self.with(1.0, [noise, noise], 0.0);
+        };
+        if sum <= 0.0 {
+            return self.with(1.0, [0.0, 0.0], 0.0);
+        }
+        let transmittance = visible / sum;
+        let found = (squares / sum - transmittance * transmittance).max(0.0).sqrt();
+        let agreed = if min == max { count + INHERITED * self.pair.agreed } else { 0.0 };
+        let deviation = found.max(agreement(agreed.max(count)));
+        // Over the receiver the four directions of each point leave an error of half the deviation.
+        let mut parts = [0.5 * deviation, deviation / count.sqrt()];
+        if let (true, true, Some(table)) = (self.is_grid, min < max, &table) {
+            let found = two_ways(table);
+            parts = [parts[0].min(found[0]), parts[1].min(found[1])];
+        }
+        let link = self.with(transmittance, parts, agreed);
+        match self.pair.last {
+            Some(Last { variation, noise, .. }) => {
+                SkyLink { variation, noise: noise.min(link.noise), ..link }
+            }
+            None => link,
+        }
+    }
+
+    /// With deviations of visibility, over the receiver and from sampling. Where the source is uneven, fewer samples count.
+    fn with(&self, transmittance: f32, [over, noise]: [f32; 2], agreed: f32) -> SkyLink {
+        let SkyPair { receiver, source, is_clear, .. } = self.pair;
+        SkyLink {
+            receiver,
+            source,
+            irradiance: self.free.map(|e| e as f32 * transmittance),
+            transmittance,
+            variation: self.scale * (self.uneven * transmittance).hypot(over),
+            noise: self.scale * noise * self.contrast.hypot(1.0),
+            agreed,
+            is_clear,
+        }
+    }
+}
+
+/// Standard deviation of visibility over four points, and standard error of its mean over four parts of the source, of values in a table of
+/// parts by points (two-way analysis of variance).
+fn two_ways(values: &[f32; LANES]) -> [f32; 2] {
+    let mean = values.iter().sum::<f32>() / LANES as f32;
+    let square = |v: f32| (v - mean) * (v - mean);
+    let all: f32 = values.iter().map(|v| square(*v)).sum();
+    let points: f32 = (0..4).map(|i| square((0..4).map(|j| values[4 * j + i]).sum::<f32>() / 4.0)).sum();
+    let parts: f32 = (0..4).map(|j| square(values[4 * j..4 * j + 4].iter().sum::<f32>() / 4.0)).sum();
+    // Mean squares of three and of nine degrees of freedom.
+    let rest = (all - 4.0 * (points + parts)).max(0.0) / 9.0;
+    let excess = |squares: f32| (squares / 3.0 - rest / 4.0).max(0.0);
+    let [of_points, of_parts] = [points, parts].map(excess);
+    // What is neither of points nor of parts may be either.
+    [(of_points + rest / 16.0).sqrt(), (of_parts / 4.0 + rest / 16.0).sqrt()]
+}
