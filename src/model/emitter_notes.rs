@@ -5,7 +5,7 @@ use super::Model;
 use crate::embree::Hits;
 use crate::error::quote;
 use crate::math::sampling::{cosine_direction, mix, numbers, on_triangle};
-use crate::math::triangle_normal;
+use crate::math::{Aabb, triangle_normal};
 use crate::ray::{LANES, Packet};
 use crate::scene::Emitter;
 use glam::Vec3;
@@ -26,6 +26,9 @@ const MAX_NAMES: usize = 3;
 const MIN_MET_SHARE: f64 = 0.5;
 const MIN_OUTSIDE_SHARE: f64 = 0.8;
 
+/// Distance by which surfaces may lie outside the bounds of a dome, as ground at its foot, relative to their diagonal.
+const DOME_MARGIN: f32 = 0.01;
+
 /// What to change if the light of luminaires, or else of emissive faces, misses everything.
 const AIM: &str = "check `at` and `aim` of its luminaire in the file of luminaires (of glTF, place and turn of the light's node)";
 const TURN: &str = "set option `two_sided_emission`, or reverse the order of the corners of their faces";
@@ -35,7 +38,32 @@ impl Model {
     pub(crate) fn notes_of_lost_light(&self) -> Vec<String> {
         let mut notes = self.notes_of_turned_emitters();
         notes.extend(self.note_of_outside_emitters());
+        notes.extend(self.note_of_dome());
         notes
+    }
+
+    /// A note if an emitter stands around all else under a sky: a dome of faces that stood for a sky before, which hides it.
+    fn note_of_dome(&self) -> Option<String> {
+        let scene = self.scene();
+        scene.environment.as_ref()?;
+        let bounds = |triangles: &[u32]| Aabb::of(triangles.iter().flat_map(|&t| scene.corners(t)));
+        let mut emits = vec![false; scene.triangles.len()];
+        scene.emitters.iter().flat_map(|e| &e.triangles).for_each(|&t| emits[t as usize] = true);
+        let others: Vec<u32> = (0..emits.len() as u32).filter(|&t| !emits[t as usize]).collect();
+        let others = bounds(&others);
+        let margin = Vec3::splat(DOME_MARGIN * others.diagonal());
+        let encloses = |emitter: &&&Emitter| {
+            let Aabb { min, max } = bounds(&emitter.triangles);
+            min.cmple(others.min + margin).all() && max.cmpge(others.max - margin).all()
+        };
+        let flat = others.extent().min_element() <= margin.x;
+        let dome = self.tested_emitters();
+        let dome = dome.iter().filter(|_| !flat).find(encloses)?;
+        Some(format!(
+            "the emitter `{}` encloses all other surfaces, as a dome that stands for a sky does: the light of the sky and the sun ends on its \
+             outside; remove it, or do without `sky` and `sun`",
+            quote(&dome.name)
+        ))
     }
 
     /// Notes of coordinates that are too coarse.
@@ -222,8 +250,10 @@ fn triangle_normal_towards([a, b, c]: [Vec3; 3], towards: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use crate::model::{Detail, Model, testing::model};
-    use crate::scene::LoadOptions;
     use crate::scene::testing::{Pieces, facing_down, facing_up};
+    use crate::scene::{LoadOptions, UpAxis};
+    use crate::sky::SkyOptions;
+    use glam::DVec3;
 
     /// The note about lamps (height, whether it faces up) above a floor.
     fn note(lamps: &[(f64, bool)], options: &LoadOptions) -> Option<String> {
@@ -233,6 +263,29 @@ mod tests {
     /// Lamps above or below the ceiling of a cellar, 3 deep and open at its sides.
     fn with_cellar(lamps: &[(f64, bool)]) -> Model {
         scene_of(10.0, lamps, &LoadOptions::default(), Some(-3.0))
+    }
+
+    #[test]
+    fn domes_under_a_sky_get_a_note() {
+        let noted = |size: f64, has_sky: bool| {
+            let mut pieces = Pieces::empty();
+            pieces.grey("house", 0.5).room(DVec3::new(2.0, 2.0, 3.0), DVec3::new(1.0, 1.0, 0.0));
+            pieces.grey("ground", 0.5).polygon(&facing_up([0.0, 5.0], [0.0, 5.0], 0.0));
+            let [low, high] = [2.5 - size, 2.5 + size];
+            pieces.glowing("dome", 1.0).room(DVec3::new(low, low, 0.0), DVec3::new(high, high, 2.0 * size));
+            let mut scene = pieces.scene_with(&LoadOptions { up: Some(UpAxis::Z), ..LoadOptions::default() });
+            if has_sky {
+                scene
+                    .set_sky(&SkyOptions::of_texts(Some("uniform:100"), None, None, None).expect("a sky"))
+                    .expect("a sky");
+            }
+            let notes = model(&scene, Detail::Rays).notes_of_lost_light();
+            notes.iter().any(|note| note.contains("`dome` encloses all other surfaces"))
+        };
+        assert_eq!(
+            [(3.0, true), (3.0, false), (1.0, true)].map(|(size, sky)| noted(size, sky)),
+            [true, false, false]
+        );
     }
 
     /// Lamps above a floor of this width.
