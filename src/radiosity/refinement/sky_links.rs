@@ -11,6 +11,7 @@ use crate::radiosity::links::{
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::Arrived;
 use crate::radiosity::transport::DirectionalIrradiance;
+use crate::ray::LANES;
 use crate::sky::Environment;
 use crate::visibility::sample_runs;
 use rayon::prelude::*;
@@ -21,8 +22,9 @@ use std::sync::Arc;
 /// Smallest projected area of a cluster, as part of its area, by which directional light is divided: below it is rounding.
 const MIN_PROJECTED: f64 = 1e-9;
 
-/// Most segments that the means of sides take beyond those that links need for their own sake: about .05 s.
-const MEAN_SEGMENTS: f64 = 262_144.0;
+/// Segments that a last measurement has at least if the means of sides need as many: about .05 s. Where links alone take as many, errors of their many
+/// elements cancel.
+const LAST_SEGMENTS: usize = 1 << 18;
 
 impl LinkedScene {
     /// Lights the scene by a sky and suns: adds the links of the root to them, and counts their light to the mean irradiance: that of a horizontal
@@ -172,6 +174,9 @@ fn last_pairs(linked: &LinkedScene, links: &[SkyLink], threshold: f32) -> Vec<Sk
     let Elements { elements, sides, area, .. } = &linked.elements;
     let mut pairs: Vec<SkyPair> = links.iter().map(|l| with_worth(linked, &again(l), threshold)).collect();
     let Some(environment) = &linked.environment else { return pairs };
+    if links.len() * LANES >= LAST_SEGMENTS {
+        return pairs;
+    }
     let estimator = sky_estimator(linked, environment, &linked.engine, linked.settings.seed);
     let least: Vec<u32> = pairs.par_iter().map(|pair| estimator.segments(pair)).collect();
     // The surface or cluster whose mean a link counts for, by element; a σ of each link, and its sum over those of one mean.
@@ -190,7 +195,8 @@ fn last_pairs(linked: &LinkedScene, links: &[SkyLink], threshold: f32) -> Vec<Sk
         let of = whole_of(&links[k]);
         (sums[of] * parts[k] / (tolerated * elements[of].area) - f64::from(least[k])).max(0.0)
     };
-    let scale = (MEAN_SEGMENTS / (0..links.len()).map(more).sum::<f64>()).min(1.0);
+    let room = LAST_SEGMENTS as f64 - least.iter().map(|n| f64::from(*n)).sum::<f64>();
+    let scale = (room / (0..links.len()).map(more).sum::<f64>()).min(1.0);
     let (mut first, mut left) = (0u32, 0.0);
     for (k, (pair, link)) in pairs.iter_mut().zip(links).enumerate() {
         left += scale * more(k);
