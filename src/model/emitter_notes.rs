@@ -29,6 +29,9 @@ const MIN_OUTSIDE_SHARE: f64 = 0.8;
 /// Distance by which surfaces may lie outside the bounds of a dome, as ground at its foot, relative to their diagonal.
 const DOME_MARGIN: f32 = 0.01;
 
+/// Distance up to which an object encloses an emitter as a bulb does, relative to the scene's diagonal: that of rooms is more.
+const ENCLOSED: f32 = 0.02;
+
 /// What to change if the light of luminaires, or else of emissive faces, misses everything.
 const AIM: &str = "check `at` and `aim` of its luminaire in the file of luminaires (of glTF, place and turn of the light's node)";
 const TURN: &str = "set option `two_sided_emission`, or reverse the order of the corners of their faces";
@@ -39,7 +42,45 @@ impl Model {
         let mut notes = self.notes_of_turned_emitters();
         notes.extend(self.note_of_outside_emitters());
         notes.extend(self.note_of_dome());
+        notes.extend(self.note_of_enclosed_emitters());
         notes
+    }
+
+    /// A note if all light of emitters ends on one small object around them, as that of a lamp inside of an opaque bulb does.
+    fn note_of_enclosed_emitters(&self) -> Option<String> {
+        let scene = self.scene();
+        let small = ENCLOSED * self.bounds().diagonal();
+        let enclosed = |emitter: &&Emitter| {
+            let (packets, hits) = self.rays_of_emitter(emitter, 1.0);
+            let mut around = None;
+            for (packet, hits) in packets.iter().zip(&hits) {
+                for lane in 0..LANES {
+                    let triangle = hits.triangle[lane];
+                    let way = hits.t[lane] * (packet.point(lane, 1.0) - packet.point(lane, 0.0)).length();
+                    if triangle == Hits::NOTHING || hits.instance[lane] != 0 || way > small {
+                        return None;
+                    }
+                    let object = scene.triangle_object[triangle as usize];
+                    if emitter.triangles.binary_search(&triangle).is_ok()
+                        || *around.get_or_insert(object) != object
+                    {
+                        return None;
+                    }
+                }
+            }
+            around
+        };
+        let found = |emitter| enclosed(&emitter).map(|around| (emitter, around));
+        let found: Vec<(&Emitter, u32)> = self.tested_emitters().into_par_iter().filter_map(found).collect();
+        let &(first, around) = found.first()?;
+        let object = scene.object_names().nth(around as usize).unwrap_or_default();
+        let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
+        Some(format!(
+            "the emitter `{}`{more} is enclosed by `{}`, which is opaque: its light does not get out; remove that object, make it \
+             transparent, or move the emitter",
+            quote(&first.name),
+            quote(object)
+        ))
     }
 
     /// A note if an emitter stands around all else under a sky: a dome of faces that stood for a sky before, which hides it.
@@ -286,6 +327,23 @@ mod tests {
             [(3.0, true), (3.0, false), (1.0, true)].map(|(size, sky)| noted(size, sky)),
             [true, false, false]
         );
+    }
+
+    #[test]
+    fn lamps_in_opaque_bulbs_get_a_note() {
+        let noted = |size: f64| {
+            let mut pieces = Pieces::empty();
+            pieces.grey("floor", 0.5).polygon(&facing_up([0.0, 5.0], [0.0, 5.0], 0.0));
+            pieces.glowing("lamp", 1.0).polygon(&facing_down([2.49, 2.51], [2.49, 2.51], 2.0));
+            let (low, high) = (
+                DVec3::new(2.5 - size, 2.5 - size, 2.0 - size),
+                DVec3::new(2.5 + size, 2.5 + size, 2.0 + size),
+            );
+            pieces.grey("bulb", 0.5).room(low, high);
+            let notes = model(&pieces.scene(), Detail::Rays).notes_of_lost_light();
+            notes.iter().any(|note| note.contains("`lamp` is enclosed by `bulb`"))
+        };
+        assert_eq!([0.02, 1.0].map(noted), [true, false]);
     }
 
     /// Lamps above a floor of this width.

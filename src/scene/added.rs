@@ -54,13 +54,13 @@ pub fn read_added(paths: &[PathBuf], grid: &ReadOptions, max_memory: Option<u64>
     Ok(added)
 }
 
-/// Appends the polygons of the files of the options, and closes gaps between height fields.
+/// Appends the polygons of the files of the options, and closes gaps between height fields. `placed`: the bounds of meshes that the scene places besides.
 ///
 /// # Errors
 /// [`Error::Argument`] for several height fields with the distances of samples of the option `cell`.
-pub(super) fn add(soup: &mut Soup, added: &AddedFiles) -> Result<()> {
+pub(super) fn add(soup: &mut Soup, added: &AddedFiles, placed: &[Aabb]) -> Result<()> {
     for of in &added.soups {
-        append(soup, of);
+        append(soup, of, placed);
     }
     if soup.tiles.len() > 1 && soup.tiles.iter().any(|tile| tile.is_cell_given) {
         let what = "`cell` with several height fields: where their corners lie is known in the unit of their files alone; write the distances of \
@@ -81,7 +81,7 @@ pub(super) fn add(soup: &mut Soup, added: &AddedFiles) -> Result<()> {
     Ok(())
 }
 
-fn append(soup: &mut Soup, of: &Soup) {
+fn append(soup: &mut Soup, of: &Soup, placed: &[Aabb]) {
     let mut objects: HashSet<String> = soup.objects.iter().cloned().collect();
     let mut materials: HashSet<String> = soup.materials.iter().map(|m| m.name.clone()).collect();
     let counts = [soup.positions.len(), soup.corners.len(), soup.objects.len(), soup.materials.len()];
@@ -106,7 +106,7 @@ fn append(soup: &mut Soup, of: &Soup) {
     soup.positions.extend(&of.positions);
     soup.tiles.extend(of.tiles.iter().map(|tile| tile.within([object, material])));
     take_degrees(soup, of, [position, object]);
-    note_distance(soup, of, position as usize);
+    note_distance(soup, of, (position as usize, placed));
     soup.corners.extend(of.corners.iter().map(|k| position + k));
     soup.ends.extend(of.ends.iter().map(|k| corner + k));
     soup.polygon_object.extend(of.polygon_object.iter().map(|k| object + k));
@@ -120,14 +120,15 @@ fn append(soup: &mut Soup, of: &Soup) {
     soup.repairs.messages.extend(of.repairs.messages.iter().cloned());
 }
 
-/// Notes that the surfaces of a file, whose positions begin with number `first`, are farther from all before them than both are wide: their coordinates are
-/// likely of two systems.
-fn note_distance(soup: &mut Soup, of: &Soup, first: usize) {
+/// Notes that the surfaces of a file, whose positions begin with number `first`, are farther from all before them, `placed` ones included, than both are
+/// wide: their coordinates are likely of two systems.
+fn note_distance(soup: &mut Soup, of: &Soup, (first, placed): (usize, &[Aabb])) {
     let (before, own) = soup.positions.split_at(first);
-    if before.is_empty() || own.is_empty() {
+    if before.is_empty() && placed.is_empty() || own.is_empty() {
         return;
     }
     let [a, b] = [before, own].map(|positions| Aabb::of(positions.iter().map(|p| p.as_vec3())));
+    let a = placed.iter().copied().fold(a, Aabb::union);
     let apart = (a.min - b.max).max(b.min - a.max).max(Vec3::ZERO).length();
     if apart > a.diagonal() + b.diagonal() {
         let what =
@@ -264,7 +265,7 @@ mod tests {
             let mut far = square(2.0);
             far.positions.iter_mut().for_each(|p| p.x += offset);
             let mut soup = square(20.0);
-            add(&mut soup, &AddedFiles { soups: vec![Arc::new(far)], ..AddedFiles::default() })
+            add(&mut soup, &AddedFiles { soups: vec![Arc::new(far)], ..AddedFiles::default() }, &[])
                 .expect("added");
             let notes = &soup.repairs.messages;
             assert_eq!(notes.iter().any(|m| m.contains("one system and unit")), is_noted, "{notes:?}");
@@ -276,7 +277,7 @@ mod tests {
         let mut soup = square(1.0);
         let textured = Soup { texcoords: vec![[0.25; 2]], corner_texcoords: vec![0; 4], ..square(2.0) };
         let soups = vec![Arc::new(textured), Arc::new(square(3.0))];
-        add(&mut soup, &AddedFiles { soups, ..AddedFiles::default() }).expect("no height fields");
+        add(&mut soup, &AddedFiles { soups, ..AddedFiles::default() }, &[]).expect("no height fields");
         assert_eq!(soup.objects, ["square", "square 2", "square 3"]);
         assert_eq!(soup.polygon_object, [0, 1, 2]);
         assert_eq!(soup.polygon_material, [0, 1, 2]);

@@ -238,12 +238,18 @@ pub(super) struct Lamp {
 }
 
 impl Lamp {
+    /// Distance of its plates in a scene of this extent, scene units.
+    pub fn thickness(&self, extent: f64) -> f64 {
+        let [length, width, height] = self.size;
+        height.max(MIN_THICKNESS * length.max(width)).max(MIN_SEPARATION * extent)
+    }
+
     /// Adds its plates: the front emits the directions up to 90° from the axis, the back, one height behind it, the others. `extent`: that
     /// of the scene, scene units.
     pub fn add(self, soup: &mut Soup, extent: f64, options: &LoadOptions) {
         let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
-        let [length, width, height] = self.size;
-        let behind = height.max(MIN_THICKNESS * length.max(width)).max(MIN_SEPARATION * extent);
+        let [length, width, _] = self.size;
+        let behind = self.thickness(extent);
         let halves = self.distribution.halves();
         let total: f64 = halves.iter().sum();
         let distribution = Arc::new(self.distribution);

@@ -30,7 +30,7 @@ use glam::{DVec3, Vec3};
 /// # Errors
 /// See [`Scene::load`].
 pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
-    added::add(&mut soup, &options.added)?;
+    added::add(&mut soup, &options.added, &[])?;
     moves::move_objects(&mut soup, &options.moves, options.up)?;
     resolve_moved(soup, options)
 }

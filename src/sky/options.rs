@@ -107,6 +107,13 @@ impl Default for SkyOptions {
 }
 
 impl SkyOptions {
+    /// Whether the sky is of a model in W/m² that would be in lux with `photometric`.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn is_radiometric(&self) -> bool {
+        !self.photometric && matches!(self.sky.0, SkyModel::Perez { .. } | SkyModel::Clear { .. })
+    }
+
     /// A sky from a short text: `none`, `uniform[:E]`, `overcast[:E]`, `cie:N[,E]`, `clear:TURBIDITY`, `perez:DNI,DHI`, the name of a map `.exr` or
     /// `.hdr`, or of a description `.toml`, which is read now. E is the diffuse horizontal irradiance.
     ///

@@ -30,15 +30,18 @@ impl SceneArgs {
             return Ok(());
         }
         let [sky, sun, place, time] = [sky, sun, place, time].map(|text| text.as_deref());
-        let mut options = SkyOptions::of_texts(sky, sun, place, time)?;
+        let options = SkyOptions::of_texts(sky, sun, place, time)?;
         match self.photometric {
             Some(Channels::Rgb) if options.photometric => {
                 let what = "--photometric weighs radiometric channels, and the sky has `photometric = true`: give --photometric=red, as all \
                             channels of such a sky hold lux, or remove that line";
                 return Err(Error::Argument(what.into()));
             }
-            // One channel holds lumens, lamps' and the sky's.
-            Some(Channels::Red | Channels::Green | Channels::Blue) => options.photometric = true,
+            Some(Channels::Red | Channels::Green | Channels::Blue) if options.is_radiometric() => {
+                let what = "--photometric of one channel takes light in lumens and lux, and the skies `perez` and `clear` are in W/m²: set \
+                            `photometric = true` in a sky.toml, or give --photometric alone";
+                return Err(Error::Argument(what.into()));
+            }
             _ => {}
         }
         scene.set_sky(&options)

@@ -25,6 +25,7 @@ pub use blocker_certificate::BlockerCertificate;
 pub use error_oracle::{Split, link_error};
 pub use estimator::LinkEstimator;
 pub use link::Link;
-pub use sky_estimator::{Last, SkyEstimator, SkyPair};
+pub use sky_draft::{Last, SkyPair};
+pub use sky_estimator::SkyEstimator;
 pub use sky_link::{SkyLink, SkySource, sky_link_error};
 pub use visibility_engine::{Scratch, Tally, VisibilityEngine, VisibilityQuery, sample_bundles};

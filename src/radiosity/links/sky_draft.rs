@@ -1,12 +1,41 @@
 //! A link to the sky whose visibility is still to be asked for, and what its segments find.
 
-use super::SkyLink;
-use super::sky_estimator::{Last, SkyPair};
+use super::{SkyLink, SkySource};
 use crate::radiosity::rgb::Rgb;
 use crate::ray::{LANES, Packet};
 
 /// Part of the segments of a link that count for the links that replace it, if all had the same answer: they lie in other parts of its ends.
 const INHERITED: f32 = 0.5;
+
+/// A link that is to be measured, and how accurately.
+#[derive(Clone, Copy)]
+pub struct SkyPair {
+    /// The element.
+    pub receiver: u32,
+    /// Where its light comes from.
+    pub source: SkySource,
+    /// Error that 1 W/m² would cause, in units of the tolerated error.
+    pub worth: f32,
+    /// What is known from the link that this one replaces: segments if all had the same answer, else 0.
+    pub agreed: f32,
+    /// Whether that link is certainly clear.
+    pub is_clear: bool,
+    /// Set if the link, which is not certainly clear, is measured for the last time.
+    pub last: Option<Last>,
+}
+
+/// A last measurement, by consecutive points of a sequence that all links share: links of neighbours to one source then have points between those
+/// of each other, and their errors cancel.
+#[derive(Clone, Copy, Default)]
+pub struct Last {
+    /// Number of the first point.
+    pub first: u32,
+    /// Number of segments.
+    pub count: u32,
+    /// [`SkyLink::variation`] and [`SkyLink::noise`] of the link so far, which the points in sequence do not tell.
+    pub variation: f32,
+    pub noise: f32,
+}
 
 /// A link before visibility is known.
 pub struct SkyDraft {

@@ -4,12 +4,12 @@ use super::accuracy::FEW_SEGMENTS_ERROR;
 use super::cluster_pair::{CLUSTER_DEVIATION, shorten_to_box};
 use super::end_samples::{EndSamples, stratified_points};
 use super::estimator::is_behind;
-use super::sky_draft::{Answers, SkyDraft, agreement};
+use super::sky_draft::{Answers, Last, SkyDraft, SkyPair, agreement};
 use super::{Scratch, SkyLink, SkySource, VisibilityEngine, VisibilityQuery};
 use crate::math::sampling::{mix, numbers, point_on};
 use crate::radiosity::elements::{Element, Elements, Shape};
 use crate::radiosity::options::Inside;
-use crate::radiosity::rgb::{Rgb, add, mean};
+use crate::radiosity::rgb::{add, mean};
 use crate::ray::{LANES, Packet};
 use crate::sky::Environment;
 use glam::Vec3;
@@ -41,36 +41,6 @@ pub struct SkyEstimator<'a> {
     pub inside: Inside,
 }
 
-/// A link that is to be measured, and how accurately.
-#[derive(Clone, Copy)]
-pub struct SkyPair {
-    /// The element.
-    pub receiver: u32,
-    /// Where its light comes from.
-    pub source: SkySource,
-    /// Error that 1 W/m² would cause, in units of the tolerated error.
-    pub worth: f32,
-    /// What is known from the link that this one replaces: segments if all had the same answer, else 0.
-    pub agreed: f32,
-    /// Whether that link is certainly clear.
-    pub is_clear: bool,
-    /// Set if the link, which is not certainly clear, is measured for the last time.
-    pub last: Option<Last>,
-}
-
-/// A last measurement, by consecutive points of a sequence that all links share: links of neighbours to one source then have points between those
-/// of each other, and their errors cancel.
-#[derive(Clone, Copy, Default)]
-pub struct Last {
-    /// Number of the first point.
-    pub first: u32,
-    /// Number of segments.
-    pub count: u32,
-    /// [`SkyLink::variation`] and [`SkyLink::noise`] of the link so far, which the points in sequence do not tell.
-    pub variation: f32,
-    pub noise: f32,
-}
-
 impl SkyPair {
     /// Lanes of a packet of its segments: all, four (see [`lanes`]), or those that are left of a last measurement.
     fn lanes(&self, number: u32, few: bool, seed: u64) -> impl Iterator<Item = usize> {
@@ -87,21 +57,18 @@ impl SkyEstimator<'_> {
         // By query, its draft and the weights of its segments.
         let mut asked = Vec::with_capacity(pairs.len());
         for pair in pairs {
-            let Some((mut draft, query)) = self.draft(*pair) else { continue };
+            let Some((draft, query)) = self.draft(*pair) else { continue };
             links.push(draft.link());
             if query.packet.is_empty() {
                 scratch.tally.clear += u64::from(draft.pair.is_clear);
                 continue;
             }
             let packets = pair.last.map_or(1, |last| last.count.div_ceil(LANES as u32));
-            let mut sum = draft.free;
             for number in 1..packets {
-                let (free, packet, weights) = self.further_packet(&draft, number);
-                add(&mut sum, 1.0, free);
+                let (packet, weights) = self.further_packet(&draft.pair, number);
                 queries.push(VisibilityQuery { packet, ..query });
                 asked.push((drafts.len(), weights));
             }
-            draft.free = sum.map(|e| e / f64::from(packets));
             queries.push(query);
             asked.push((drafts.len(), draft.weights));
             drafts.push((links.len() - 1, draft));
@@ -162,14 +129,14 @@ impl SkyEstimator<'_> {
         Some((draft, packet))
     }
 
-    /// Another packet of segments of a last measurement with their weights, and an estimate of the irradiance without blockers, W/m².
-    fn further_packet(&self, draft: &SkyDraft, number: u32) -> (Rgb, Packet, [f32; LANES]) {
-        match &self.elements.elements[draft.pair.receiver as usize].shape {
-            Shape::Surface { side, corners } => {
-                let (packet, weights) = self.surface_packet(&draft.pair, (*side, corners), number, false);
-                (draft.free, packet, weights)
+    /// Another packet of segments of a last measurement with their weights.
+    fn further_packet(&self, pair: &SkyPair, number: u32) -> (Packet, [f32; LANES]) {
+        match &self.elements.elements[pair.receiver as usize].shape {
+            Shape::Surface { side, corners } => self.surface_packet(pair, (*side, corners), number, false),
+            Shape::Cluster(c) => {
+                let (_, packet, weights) = self.cluster_packet(pair, *c, number, false);
+                (packet, weights)
             }
-            Shape::Cluster(c) => self.cluster_packet(&draft.pair, *c, number, false),
         }
     }
 
@@ -249,7 +216,12 @@ impl SkyEstimator<'_> {
         if scale <= 0.0 {
             return None;
         }
-        let (free, packet, weights) = self.cluster_packet(&pair, c, 0, self.is_small(&pair, scale));
+        let (from, packet, weights) = self.cluster_packet(&pair, c, 0, self.is_small(&pair, scale));
+        let mut free = [0.0; 3];
+        for (density, normal) in from.density.iter().zip(from.normals) {
+            let share = 1.0 / (f64::from(*density) * LANES as f64 * element.area);
+            add(&mut free, share, pair.source.irradiance(self.environment, normal));
+        }
         let draft = SkyDraft {
             pair,
             free,
@@ -269,7 +241,7 @@ impl SkyEstimator<'_> {
         cluster: u32,
         number: u32,
         few: bool,
-    ) -> (Rgb, Packet, [f32; LANES]) {
+    ) -> (EndSamples, Packet, [f32; LANES]) {
         let (source, environment) = (pair.source, self.environment);
         let seed = mix(self.seed_of(pair) ^ u64::from(number));
         let axis = source.axis(environment);
@@ -280,12 +252,7 @@ impl SkyEstimator<'_> {
                 [of_side[0], of_side[1], of_point[0], of_point[1]]
             }),
         };
-        let area = self.elements.elements[pair.receiver as usize].area;
-        let (mut free, mut packet, mut weights) = ([0.0; 3], Packet::EMPTY, [0.0; LANES]);
-        for lane in 0..LANES {
-            let share = 1.0 / (f64::from(from.density[lane]) * LANES as f64 * area);
-            add(&mut free, share, source.irradiance(environment, from.normals[lane]));
-        }
+        let (mut packet, mut weights) = (Packet::EMPTY, [0.0; LANES]);
         for lane in pair.lanes(number, few, seed) {
             let direction = match pair.last {
                 None => self.direction(source, lane, 0, seed),
@@ -305,7 +272,7 @@ impl SkyEstimator<'_> {
         if self.inside != Inside::Visible {
             shorten_to_box(&self.elements.clusters[cluster as usize].bounds, &mut packet, 0);
         }
-        (free, packet, weights)
+        (from, packet, weights)
     }
 
     /// Whether four segments are enough for the visibility of so much light, W/m².

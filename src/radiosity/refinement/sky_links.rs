@@ -154,8 +154,9 @@ pub fn remeasure_sky_links(linked: &mut LinkedScene, threshold: f32, closing: f6
         std::mem::take(&mut linked.sky_links).into_iter().partition(|link| link.is_clear);
     let closing = closing * (certain.len() + uncertain.len() + linked.elements.len()) as f64;
     linked.sky_links = certain;
-    // Neighbours are measured by consecutive points.
-    uncertain.par_sort_by_key(|link| (link.source, link.receiver));
+    // Neighbours are measured by consecutive points; suns come first, if the time does not suffice for all.
+    uncertain
+        .par_sort_by_key(|link| (matches!(link.source, SkySource::Patch(_)), link.source, link.receiver));
     let pairs = last_pairs(linked, &uncertain, threshold);
     for (slice, pairs) in uncertain.chunks(SLICE).zip(pairs.chunks(SLICE)) {
         if deadline.left() <= closing {

@@ -4,10 +4,10 @@ use super::Reader;
 use crate::scene::luminaires::Lamp;
 use crate::scene::names::counted;
 use crate::scene::profile::{Distribution, axes};
-use crate::scene::{LoadOptions, MAX_COORDINATE, Soup};
+use crate::scene::{LoadOptions, MAX_COORDINATE, Scene, Soup};
 use crate::sky::Sun;
 use crate::{Result, error::quote, math::Aabb};
-use glam::{DMat4, DVec3};
+use glam::{DAffine3, DMat4, DVec3};
 use gltf::khr_lights_punctual::{Kind, Light};
 use rayon::prelude::*;
 
@@ -42,6 +42,8 @@ pub(super) struct PlacedLight {
     strength: f64,
     /// None for a directional light.
     distribution: Option<Distribution>,
+    /// Whether it has two plates, with its place between them.
+    shines_to_all_sides: bool,
 }
 
 impl Reader<'_> {
@@ -76,15 +78,24 @@ impl Reader<'_> {
         };
         let distribution = table.map(|t| Distribution::about_axis(&t));
         if strength > 0.0 && colour != [0.0; 3] {
-            self.lights.push(PlacedLight { name, at, aim, colour, strength, distribution });
+            let shines_to_all_sides = matches!(light.kind(), Kind::Point);
+            self.lights.push(PlacedLight {
+                name,
+                at,
+                aim,
+                colour,
+                strength,
+                distribution,
+                shines_to_all_sides,
+            });
         }
         Ok(())
     }
 
-    /// Adds emitters for the lights to the polygons of the scene. `placed`: the bounds of placements.
-    pub(super) fn add_lights(&self, soup: &mut Soup, placed: &[Aabb], options: &LoadOptions) -> Result<()> {
+    /// Adds emitters for the lights to the polygons of the scene, beside those of meshes that are placed.
+    pub(super) fn add_lights(&self, soup: &mut Soup, placed: &[Placed], options: &LoadOptions) -> Result<()> {
         let own = Aabb::of(soup.positions.iter().map(|p| p.as_vec3()));
-        let diagonal = f64::from(placed.iter().copied().fold(own, Aabb::union).diagonal());
+        let diagonal = f64::from(placed.iter().map(|of| of.bounds).fold(own, Aabb::union).diagonal());
         // Without surfaces nothing is lit, and the size of a light is not known.
         if diagonal <= 0.0 {
             return Ok(());
@@ -96,7 +107,7 @@ impl Reader<'_> {
             let axes = axes(light.aim, c0).ok_or_else(|| self.wrong("a light without a direction"))?;
             if let Some(distribution) = light.distribution.clone() {
                 let side = (NEAR_PLATE * distance).clamp(SMALLEST_PLATE * diagonal, PLATE * diagonal);
-                Lamp {
+                let mut lamp = Lamp {
                     name: light.name.clone(),
                     at: light.at,
                     axes,
@@ -105,8 +116,11 @@ impl Reader<'_> {
                     scale: light.strength,
                     factors: [1.0; 2],
                     colour: light.colour,
+                };
+                if light.shines_to_all_sides {
+                    lamp.at += 0.5 * lamp.thickness(diagonal) * light.aim;
                 }
-                .add(soup, diagonal, options);
+                lamp.add(soup, diagonal, options);
                 continue;
             }
             let irradiance = light.strength / options.photometry().lumens_per_watt;
@@ -129,10 +143,15 @@ impl Reader<'_> {
     }
 }
 
-/// Distance of a point from the polygons, or from the bounds of a placement that it lies outside of, scene units.
-fn nearest(at: DVec3, soup: &Soup, placed: &[Aabb]) -> f64 {
-    let of_box = |bounds: &Aabb| f64::from(at.as_vec3().clamp(bounds.min, bounds.max).distance(at.as_vec3()));
-    let boxes = placed.iter().map(of_box).filter(|&d| d > 0.0).fold(f64::INFINITY, f64::min);
+/// A mesh in a place of the scene.
+pub(super) struct Placed<'a> {
+    pub bounds: Aabb,
+    pub mesh: &'a Scene,
+    pub to_world: DAffine3,
+}
+
+/// Distance of a point from the polygons and the triangles of placed meshes, scene units.
+fn nearest(at: DVec3, soup: &Soup, placed: &[Placed]) -> f64 {
     let of_polygon = |i: usize| {
         let corners = soup.span(i).map(|k| soup.positions[soup.corners[k] as usize]);
         let first = corners.clone().next().unwrap_or(at);
@@ -140,7 +159,16 @@ fn nearest(at: DVec3, soup: &Soup, placed: &[Aabb]) -> f64 {
         pairs.map(|(b, c)| distance_from_triangle(at, [first, b, c])).fold(f64::INFINITY, f64::min)
     };
     let polygons = (0..soup.polygons()).into_par_iter().map(of_polygon).reduce(|| f64::INFINITY, f64::min);
-    boxes.min(polygons)
+    placed.iter().fold(polygons, |nearest, Placed { bounds, mesh, to_world }| {
+        if f64::from(at.as_vec3().clamp(bounds.min, bounds.max).distance(at.as_vec3())) >= nearest {
+            return nearest;
+        }
+        let of_triangle = |t: u32| {
+            distance_from_triangle(at, mesh.corners(t).map(|p| to_world.transform_point3(p.as_dvec3())))
+        };
+        let triangles = (0..mesh.triangles.len() as u32).into_par_iter().map(of_triangle);
+        triangles.reduce(|| nearest, f64::min)
+    })
 }
 
 fn distance_from_triangle(at: DVec3, corners: [DVec3; 3]) -> f64 {
@@ -170,4 +198,27 @@ fn cone(inner: f64, outer: f64) -> Vec<(f64, f64)> {
         table.push((gamma.to_degrees(), part.clamp(0.0, 1.0).powi(2)));
     }
     table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::testing::{Pieces, facing_up};
+    use std::f64::consts::FRAC_PI_4;
+
+    /// A tilted square 5 cm from a point that lies inside its bounds.
+    #[test]
+    fn the_nearest_surface_may_be_placed() {
+        let mut pieces = Pieces::empty();
+        pieces.grey("square", 0.5).polygon(&facing_up([-1.0, 1.0], [-1.0, 1.0], 0.0));
+        let mesh = pieces.scene();
+        let turned = DAffine3::from_rotation_x(FRAC_PI_4);
+        let to_world = DAffine3::from_translation(-0.05 * turned.transform_vector3(DVec3::Z)) * turned;
+        let corners = (0..2).flat_map(|t| mesh.corners(t));
+        let bounds = Aabb::of(corners.map(|p| to_world.transform_point3(p.as_dvec3()).as_vec3()));
+        let placed =
+            [Placed { bounds, mesh: &mesh, to_world: to_world * DAffine3::from_translation(mesh.origin) }];
+        let found = nearest(DVec3::ZERO, &Soup::new("empty"), &placed);
+        assert!((found - 0.05).abs() < 1e-6, "{found}");
+    }
 }

@@ -4,9 +4,10 @@
 //! scene if its mesh emits or becomes an emitter by name (each emitter is a surface of its own), if its transform
 //! would falsify measurements of the mesh ([`MAX_STRETCH`]), or if the scene would have no triangles of its own.
 
-use super::{Reader, UniqueNames, nodes::MeshNode};
+use super::{Reader, UniqueNames, lights::Placed, nodes::MeshNode};
 use crate::{
     Result,
+    math::Aabb,
     scene::{
         LoadOptions, MAX_STRETCH, Placement, Scene, Soup, added,
         keep::MIN_OPACITY,
@@ -33,7 +34,7 @@ pub(super) fn scene(
     if !plan.uses.contains(&Use::Own) {
         plan.copy_first();
     }
-    let mut placed = Vec::new();
+    let mut placed: Vec<Placed> = Vec::new();
     for m in &shared {
         let same = nodes.iter().zip(&plan.uses).filter(|(n, used)| **used == Use::Shared && n.mesh == m.mesh);
         let from_mesh = DAffine3::from_translation(m.scene.origin);
@@ -44,11 +45,18 @@ pub(super) fn scene(
             material: None,
             visible: true,
         };
-        placed.extend(same.map(|(node, _)| of(node).bounds(m.scene.bounds)));
+        let bounds = |node: &MeshNode| of(node).bounds(m.scene.bounds);
+        let placed_by = |node: &MeshNode| Placed {
+            bounds: bounds(node),
+            mesh: &m.scene,
+            to_world: node.world * from_mesh,
+        };
+        placed.extend(same.map(|(node, _)| placed_by(node)));
     }
     let own_soup = |reader: &Reader, plan: &Plan| -> Result<Soup> {
         let mut soup = own_soup(reader, document, plan)?;
-        added::add(&mut soup, &options.added)?;
+        let bounds: Vec<Aabb> = placed.iter().map(|of| of.bounds).collect();
+        added::add(&mut soup, &options.added, &bounds)?;
         reader.add_lights(&mut soup, &placed, options)?;
         Ok(soup)
     };
