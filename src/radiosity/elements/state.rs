@@ -19,8 +19,6 @@ pub struct ElementState {
     pub feature_size: f32,
     /// What errors count here relative to the most important element, in `(0, 1]`; 1 where everything is important.
     pub importance: f32,
-    /// What an error of the irradiance does to the light of important elements if errors everywhere are alike, relative to one there; in `[0, 1]`.
-    pub effect: f32,
     /// Whether another surface stands across the element, so that its mean light is right on neither side of it. Such an element exchanges no
     /// light, and paths that meet it go on from there.
     pub crossed: bool,
@@ -38,7 +36,6 @@ impl ElementState {
         row_target: 1.0,
         feature_size: 0.0,
         importance: 1.0,
-        effect: 1.0,
         crossed: false,
         narrow: false,
     };
@@ -62,7 +59,7 @@ pub struct LightStatistics {
     pub mean: f32,
     /// Standard deviation of the radiosity inside the element, W/m².
     pub deviation: f32,
-    /// What an error of the element's irradiance counts: reflectance times [`ElementState::effect`].
+    /// What an error of the element's irradiance counts: reflectance times importance.
     pub weight: f32,
 }
 

@@ -155,19 +155,8 @@ pub fn propagate_importance(linked: &mut LinkedScene, nodes: &ActiveNodes) {
         }
     }
     let largest = importance.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-    let together = effect_of_errors_together(&linked.elements, &linked.feature_sizes.important);
     for (state, importance) in linked.elements.states.iter_mut().zip(importance) {
         state.importance = (importance / largest).clamp(MIN_IMPORTANCE, 1.0) as f32;
-        state.effect = (together * importance).min(1.0) as f32;
     }
     linked.feature_sizes.assign(&mut linked.elements);
-}
-
-/// What importance is multiplied by for the effect of errors that are alike everywhere, as those of coarse links are: A / A_important. Patches of an
-/// area A_p that see important surfaces of A_i with form factors of importance I change their light by Σ (A_p / A_i) I δ, which is δ over all
-/// patches if I is A_i / A.
-fn effect_of_errors_together(elements: &Elements, important: &[bool]) -> f64 {
-    let sides = elements.sides.iter().zip(important).filter(|(_, is_important)| **is_important);
-    let area: f64 = sides.map(|(side, _)| elements.elements[side.element as usize].area).sum();
-    if area > 0.0 { elements.area / area } else { 1.0 }
 }

@@ -290,6 +290,7 @@ impl LinkedScene {
     pub fn update_oracle_statistics(&mut self) {
         let n = self.elements.len();
         let mut squares = vec![0.0f64; n];
+        let together = self.effect_of_errors_together();
         for e in (0..n).rev() {
             let element = &self.elements.elements[e];
             let mean = mean(self.elements.states[e].radiosity);
@@ -299,7 +300,8 @@ impl LinkedScene {
                     self.elements.sides[side as usize].reflectance.iter().sum::<f32>() / 3.0
                 }
             };
-            let weight = reflectance.max(MIN_WEIGHT) * self.elements.states[e].effect;
+            let weight =
+                reflectance.max(MIN_WEIGHT) * (together * self.elements.states[e].importance).min(1.0);
             if element.is_leaf() {
                 squares[e] = mean * mean;
             } else {
@@ -311,6 +313,16 @@ impl LinkedScene {
             self.elements.states[e].statistics =
                 LightStatistics { mean: mean as f32, deviation: deviation as f32, weight };
         }
+    }
+
+    /// What errors of all other surfaces do to the important ones, over what they would do if they cancelled: √(A / A_important). Patches of
+    /// an area A_p that see important surfaces of A_i with form factors of importance I = A_i / A change their light by Σ (A_p / A_i) I δ = δ
+    /// if their errors δ are alike, and by δ √(A_p / A) if not.
+    fn effect_of_errors_together(&self) -> f32 {
+        let Elements { elements, sides, area, .. } = &self.elements;
+        let is_important = sides.iter().zip(&self.feature_sizes.important).filter(|(_, of)| **of);
+        let important: f64 = is_important.map(|(side, _)| elements[side.element as usize].area).sum();
+        if important > 0.0 { (area / important).sqrt() as f32 } else { 1.0 }
     }
 
     /// Sweeps along the links, then radiosity and irradiance of all elements. Starts from the last sweeps' light.
