@@ -20,9 +20,8 @@ const WINDOWS: [usize; 4] = [1, 9, 25, 49];
 /// Neighbours over which the comparison of windows is averaged, the element included: two rings of a square grid. Their 26
 /// comparisons determine a variance to √(2/26) = 28 %.
 const COMPARED: usize = 13;
-/// Weight, in rays, of the spread of the neighbours when it is mixed with that of an element: that of the fewest rays of an element, twice, as few rays that
-/// miss a window by chance agree with each other. With 4 a room lit through a window has single dark elements; elements of an office err by 3.9 %, those of a
-/// garden by 1.0 to 1.1 % with either.
+/// Weight, in rays, of the spread of the neighbours when it is mixed with that of an element: twice the smallest number of rays of an element, 8. So few
+/// rays may all miss a window by chance, and then have no spread of their own.
 const NEIGHBOUR_RAYS: f64 = 16.0;
 /// A window is rejected if it differs from the element's own rays by more standard deviations than this. The light of few rays is not
 /// normally distributed: at 2.5, where a normal distribution rejects 1.2 %, a quarter of a living room's furniture keeps its noise.

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 const PLATE: f64 = 2e-3;
 /// Side of the plate relative to the distance of the nearest surface: light at ten sides' distance is that of a point within (1/10)² / 2 = 0.5 %.
 const NEAR_PLATE: f64 = 0.1;
-/// Smallest side of the plate relative to the scene's diagonal: some times the rounding of coordinates.
+/// Smallest side of the plate relative to the scene's diagonal: a dozen times the rounding of single-precision coordinates, 4e-7 of them.
 const SMALLEST_PLATE: f64 = 5e-6;
 /// Tabulated angles between the inner and the outer cone of a spot: interpolation loses less than (1/64)² / 4 of its
 /// intensity.
@@ -100,7 +100,7 @@ impl Reader<'_> {
         if diagonal <= 0.0 {
             return Ok(());
         }
-        // Lights see no lights: plates are added after all distances are known.
+        // The plates of other lights do not count as surfaces: all distances are found before plates are added.
         let distances: Vec<f64> = self.lights.iter().map(|light| nearest(light.at, soup, placed)).collect();
         for (light, distance) in self.lights.iter().zip(distances) {
             let c0 = if light.aim.x.abs() > 0.9 { DVec3::Y } else { DVec3::X };
