@@ -164,14 +164,23 @@ mod tests {
     use crate::scene::testing::{Pieces, facing_down, facing_up};
     use glam::DVec3;
 
-    /// A lamp above a floor of this width, and a step of this height on the floor.
+    /// A lamp above a floor of this width, and a step of this height on the floor, both far from other small things, near which the reader divides the
+    /// floor.
     fn scene(width: f64, lamp: f64, step: f64) -> Model {
         let mut pieces = Pieces::empty();
+        let at = 0.8 * width;
         pieces.grey("floor", 0.5).polygon(&facing_up([0.0, width], [0.0, width], 0.0));
-        pieces.grey("step", 0.5).rectangle(DVec3::new(0.2, 0.2, 0.0), 0.5 * DVec3::X, step * DVec3::Z);
-        pieces.glowing("lamp", 10.0).polygon(&facing_down([0.0, 0.5], [0.0, 0.5], lamp));
-        let scene = pieces.scene();
-        model(&scene, Detail::Rays)
+        pieces.grey("step", 0.5).rectangle(
+            DVec3::new(at + 0.2, at + 0.2, 0.0),
+            0.5 * DVec3::X,
+            step * DVec3::Z,
+        );
+        pieces.glowing("lamp", 10.0).polygon(&facing_down([at, at + 0.5], [at, at + 0.5], lamp));
+        pieces.grey("roofs", 0.5);
+        (0..8).for_each(|k| {
+            _ = pieces.polygon(&facing_up([f64::from(k), 0.5 + f64::from(k)], [0.0, 0.5], 40.0))
+        });
+        model(&pieces.scene(), Detail::Rays)
     }
 
     /// Rays start 0.2 above a floor of 100,000, and 2e-5 above one of 10.

@@ -13,6 +13,9 @@ pub(super) fn compact(
     let mut place = vec![u32::MAX; positions.len()];
     triangles.iter().flatten().for_each(|&v| place[v as usize] = 0);
     let referenced = number.iter().filter(|&&v| place[v as usize] == 0).count();
+    // Vertices beyond those of the file were made when faces were divided.
+    let of_file = number.iter().max().map_or(0, |&v| v as usize + 1);
+    let distinct = place[..of_file].iter().filter(|place| **place == 0).count();
     let mut used = Vec::with_capacity(positions.len());
     for (p, place) in positions.into_iter().zip(&mut place).filter(|(_, place)| **place == 0) {
         *place = used.len() as u32;
@@ -20,7 +23,7 @@ pub(super) fn compact(
     }
     triangles.iter_mut().flatten().for_each(|v| *v = place[*v as usize]);
     repairs.unused_vertices += number.len() - referenced;
-    repairs.welded_vertices += referenced - used.len();
+    repairs.welded_vertices += referenced - distinct;
     (used, triangles)
 }
 

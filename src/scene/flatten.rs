@@ -1,6 +1,6 @@
 //! Conversion of placements to triangles.
 
-use super::{Material, Object, Placement, Scene, resolve::has_area};
+use super::{Material, Object, Placement, Scene, faces::has_area};
 use crate::{Error, Result, error::quote, math::Aabb};
 use std::collections::HashMap;
 use std::ops::Range;

@@ -175,6 +175,7 @@ impl Repairs {
             transparent_faces,
             overlapping_objects,
             copied_placements,
+            divided_faces,
             messages: _,
         } = other;
         self.zero_area_faces += zero_area_faces;
@@ -190,5 +191,6 @@ impl Repairs {
         self.transparent_faces += transparent_faces;
         self.overlapping_objects += overlapping_objects;
         self.copied_placements += copied_placements;
+        self.divided_faces += divided_faces;
     }
 }

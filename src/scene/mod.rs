@@ -7,9 +7,11 @@ mod bent;
 mod box_grid;
 mod compact;
 mod connect;
+mod divide;
 mod duplicates;
 mod emitter_sampler;
 mod emitters;
+mod faces;
 mod fine_ground;
 mod flatten;
 mod front;
@@ -184,6 +186,9 @@ pub struct Repairs {
     /// if zero.
     #[serde(skip_serializing_if = "is_zero")]
     pub copied_placements: usize,
+    /// Triangles that were added where faces are too large for the precision that small things near them need. Not serialised if zero.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub divided_faces: usize,
     /// One line for each kind of repair, with names where they help.
     pub messages: Vec<String>,
 }

@@ -10,13 +10,14 @@ use super::{
     added::{self, Curved},
     compact::{compact, used_objects, used_parts},
     connect::{self, Edges, Parts, Sets},
+    divide::divide,
     emitters::{self, Faces},
+    faces::{Triangles, triangulate},
     keep::Kept,
     luminaires, moves, names, overlap,
     power::{self, Surfaces},
-    size::{areas, twice_area},
+    size::areas,
     stack::{Order, stack},
-    triangulate::{Shape, Triangulator},
 };
 use crate::{
     Error, Result,
@@ -43,7 +44,9 @@ pub(super) fn resolve_moved(mut soup: Soup, options: &LoadOptions) -> Result<Sce
     luminaires::add_placed(&mut soup, options);
     let axes = (options.up, power::unit_in_metres(&options.unit).unwrap_or(1.0));
     let curved = options.curvature.map(|factor| Curved::lower(&mut soup, factor, axes)).transpose()?;
-    let (ground, mut scene) = (soup.ground.take(), resolve_as(soup, options, Role::Whole)?);
+    let ground = soup.ground.take();
+    let role = if ground.is_some() { Role::Ground } else { Role::Whole };
+    let mut scene = resolve_as(soup, options, role)?;
     scene.curved = curved;
     scene.refine_ground(ground);
     scene.light_by_suns()?;
@@ -62,6 +65,9 @@ pub(super) fn resolve_mesh(soup: Soup, options: &LoadOptions) -> Result<Scene> {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Role {
     Whole,
+    /// A scene with fine ground, whose polygons are known by number.
+    Ground,
+    /// A shared mesh.
     Mesh,
 }
 
@@ -69,16 +75,9 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let mut repairs = std::mem::take(&mut soup.repairs);
     let mut materials = check_sides(options).and_then(|()| check_materials(&soup, role, &mut repairs))?;
     let origin = origin(&soup)?;
-    let (number, positions) = weld(&seen_from(origin, &std::mem::take(&mut soup.positions)));
+    let (number, mut positions) = weld(&seen_from(origin, &std::mem::take(&mut soup.positions)));
     let kept = Kept::of(&soup, &number, &positions, &mut repairs);
-    let (mut faces, broken) = triangulate(&soup, &kept, &positions, &mut repairs);
-    // A broken polygon leaves a hole, so its edges do not count. A polygon without area leaves none, so they count.
-    let edges =
-        Edges::of((0..kept.polygon.len()).map(|i| if broken[i] { &[] } else { &kept.corners[kept.span(i)] }));
-    let parts = connect::parts(&edges, &kept.object);
-    if faces.triangles.is_empty() {
-        return Err(empty(&soup, &repairs));
-    }
+    let (mut faces, edges, parts) = faces_and_parts(&soup, &kept, &mut positions, role, &mut repairs)?;
     let area = areas(&faces.triangles, &positions);
     power::apply(
         Surfaces {
@@ -146,6 +145,28 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     })
 }
 
+/// The triangles of the kept polygons, divided where they are too coarse, the edges of the polygons and the parts that these connect.
+fn faces_and_parts(
+    soup: &Soup,
+    kept: &Kept,
+    positions: &mut Vec<Vec3>,
+    role: Role,
+    repairs: &mut Repairs,
+) -> Result<(Triangles, Edges, Parts)> {
+    let (mut faces, broken) = triangulate(soup, kept, positions, repairs);
+    // A broken polygon leaves a hole, so its edges do not count. A polygon without area leaves none, so they count.
+    let edges =
+        Edges::of((0..kept.polygon.len()).map(|i| if broken[i] { &[] } else { &kept.corners[kept.span(i)] }));
+    let parts = connect::parts(&edges, &kept.object);
+    if faces.triangles.is_empty() {
+        return Err(empty(soup, repairs));
+    }
+    if role == Role::Whole {
+        divide(&mut faces, &parts, positions, &soup.objects, repairs);
+    }
+    Ok((faces, edges, parts))
+}
+
 /// For each triangle, the area of its part, scene units squared.
 fn area_of_parts(parts: &Parts, polygon: &[u32], area: &[f64]) -> Vec<f64> {
     let mut areas = vec![0.0; parts.closed.len()];
@@ -177,7 +198,7 @@ fn check_materials(soup: &Soup, role: Role, repairs: &mut Repairs) -> Result<Vec
     });
     let materials = materials.collect::<Result<Vec<_>>>()?;
     // The scene that places a mesh has the same materials and counts their repairs.
-    if role == Role::Whole && !clamped.is_empty() {
+    if role != Role::Mesh && !clamped.is_empty() {
         repairs.clamped_reflectances += clamped.len();
         let names = names::some_names(clamped.iter().copied());
         repairs.messages.push(format!("reflectance clamped to 0..{MAX_REFLECTANCE} in {names}"));
@@ -190,8 +211,12 @@ fn seen_from(origin: DVec3, positions: &[DVec3]) -> Vec<Vec3> {
     positions.iter().map(|p| (p - origin).as_vec3()).collect()
 }
 
-/// Offset of the positions: zero unless the scene is far from zero relative to its size; otherwise its centre,
-/// rounded so that the subtraction is exact.
+/// Ratio of a scene to its polygons, by their median, from which the origin is among these: rays start above a face by a hundredth of a polygon of that size
+/// if the face is as large as the scene.
+const MANY_TIMES: f64 = 5e3;
+
+/// Offset of the positions: zero unless the scene is far from zero relative to its size; otherwise its centre. In a scene that is much larger than most of
+/// its polygons, as a lamp on a plain, a median vertex, so that these have small coordinates. Rounded so that the subtraction is exact.
 fn origin(soup: &Soup) -> Result<DVec3> {
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for (i, p) in soup.positions.iter().enumerate() {
@@ -213,12 +238,40 @@ fn origin(soup: &Soup) -> Result<DVec3> {
         let what = format!("all vertices lie within {extent:e} units; scale the scene up");
         return Err(Error::format(&soup.path, None, what));
     }
-    let centre = 0.5 * (min + max);
+    let (centre, step) = (0.5 * (min + max), extent.log2().floor().exp2());
+    if extent > MANY_TIMES * median_size(soup) {
+        let step = step / 4096.0;
+        return Ok((median_vertex(soup) / step).round() * step);
+    }
     if centre.abs().max_element() <= extent {
         return Ok(DVec3::ZERO);
     }
-    let step = extent.log2().floor().exp2();
     Ok((centre / step).round() * step)
+}
+
+/// Median of the largest extents of polygons, scene units.
+fn median_size(soup: &Soup) -> f64 {
+    let starts = std::iter::once(&0).chain(&soup.ends);
+    let size = |(&from, &to): (&u32, &u32)| {
+        let corners = soup.corners[from as usize..to as usize].iter().map(|&v| soup.positions[v as usize]);
+        let (low, high) =
+            corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+        (high - low).max_element()
+    };
+    median(starts.zip(&soup.ends).map(size).collect())
+}
+
+/// The medians of the coordinates of all corners.
+fn median_vertex(soup: &Soup) -> DVec3 {
+    let along =
+        |axis: usize| median(soup.corners.iter().map(|&v| soup.positions[v as usize][axis]).collect());
+    DVec3::new(along(0), along(1), along(2))
+}
+
+/// The lower median; 0 without values.
+fn median(mut values: Vec<f64>) -> f64 {
+    let Some(middle) = values.len().checked_sub(1).map(|last| last / 2) else { return 0.0 };
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 fn empty(soup: &Soup, repairs: &Repairs) -> Error {
@@ -230,97 +283,6 @@ fn empty(soup: &Soup, repairs: &Repairs) -> Error {
     }
     let what = if dropped == 0 { String::new() } else { format!(" ({dropped} unusable ones were dropped)") };
     Error::format(&soup.path, None, format!("no face with an area{what}; is it a scene of polygons?"))
-}
-
-/// Triangles; one entry each.
-#[derive(Default)]
-struct Triangles {
-    triangles: Vec<[u32; 3]>,
-    /// Index of the polygon among the kept ones.
-    polygon: Vec<u32>,
-    object: Vec<u32>,
-    material: Vec<u32>,
-    reflectance: Vec<[f32; 3]>,
-    /// Empty if the soup has none.
-    texcoords: Vec<[[f32; 2]; 3]>,
-}
-
-/// Triangulates all kept polygons; also returns which of them are broken.
-fn triangulate(
-    soup: &Soup,
-    kept: &Kept,
-    positions: &[Vec3],
-    repairs: &mut Repairs,
-) -> (Triangles, Vec<bool>) {
-    let (mut out, mut broken) = (Triangles::default(), vec![false; kept.polygon.len()]);
-    let mut triangulator = Triangulator::new();
-    let mut points = Vec::new();
-    for (i, broken) in broken.iter_mut().enumerate() {
-        let span = kept.span(i);
-        let corners = &kept.corners[span.clone()];
-        points.clear();
-        points.extend(corners.iter().map(|&v| positions[v as usize].as_dvec3()));
-        match triangulator.polygon(&points) {
-            Shape::NoArea => repairs.zero_area_faces += 1,
-            Shape::Broken => {
-                repairs.broken_polygons += 1;
-                *broken = true;
-            }
-            Shape::Convex if corners.len() == 3 => {}
-            Shape::Convex => repairs.polygons_triangulated += 1,
-            Shape::Concave => {
-                repairs.polygons_triangulated += 1;
-                repairs.concave_polygons += 1;
-            }
-        }
-        let polygon = kept.polygon[i] as usize;
-        let (object, material) = (soup.polygon_object[polygon], soup.polygon_material[polygon]);
-        let mut has_area = false;
-        for ordinals in &triangulator.triangles {
-            let triangle = ordinals.map(|k| corners[k as usize]);
-            // Corners in the middle of an edge cause triangles without area; the other triangles fill the polygon.
-            if !self::has_area(triangle.map(|v| positions[v as usize])) {
-                continue;
-            }
-            has_area = true;
-            out.triangles.push(triangle);
-            out.polygon.push(i as u32);
-            out.object.push(object);
-            out.material.push(material);
-            let sources = ordinals.map(|k| kept.source[span.start + k as usize]);
-            if !soup.corner_texcoords.is_empty() {
-                out.texcoords.push(texcoords(soup, sources));
-            }
-            out.reflectance.push(reflectance(soup, &soup.materials[material as usize], sources));
-            repairs.faces_without_material += usize::from(soup.materials[material as usize].missing);
-        }
-        repairs.zero_area_faces += usize::from(!has_area && !triangulator.triangles.is_empty());
-    }
-    (out, broken)
-}
-
-/// Texture coordinates of corners of a soup with texture coordinates.
-fn texcoords(soup: &Soup, corners: [u32; 3]) -> [[f32; 2]; 3] {
-    corners.map(|k| soup.texcoords[soup.corner_texcoords[k as usize] as usize])
-}
-
-/// `Kd` times the mean of the texture over the face. A black `Kd` beside a texture counts as white, because exporters
-/// write it for a texture alone.
-fn reflectance(soup: &Soup, material: &SoupMaterial, corners: [u32; 3]) -> [f32; 3] {
-    let kd = material.reflectance.map(|v| v.clamp(0.0, MAX_REFLECTANCE));
-    let (Some(texture), false) = (&material.texture, soup.corner_texcoords.is_empty()) else { return kd };
-    let uv = texcoords(soup, corners);
-    let (mean, black) = (texture.mean(uv), kd == [0.0; 3]);
-    std::array::from_fn(|c| if black { mean[c] } else { mean[c] * kd[c] }.clamp(0.0, MAX_REFLECTANCE))
-}
-
-/// Whether the height of the triangle exceeds the f32 resolution at its position and relative to its longest edge.
-pub(super) fn has_area(corners: [Vec3; 3]) -> bool {
-    let [a, b, c] = corners.map(|p| p.as_dvec3());
-    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-    let place = a.abs().max(b.abs()).max(c.abs()).max_element();
-    let quantum = 0.5 * f64::from(f32::EPSILON) * (longest + place);
-    twice_area(corners) > quantum * longest
 }
 
 fn group_emitters(

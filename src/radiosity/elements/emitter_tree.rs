@@ -12,8 +12,8 @@ use rayon::prelude::*;
 /// Nodes of a cut: as many as a packet has segments, so that each segment of a packet can have a node of its own.
 const MAX_CUT: usize = 16;
 
-/// Height above a plane, relative to the radii, up to which a surface counts as lying in it: some thousand roundings of f32.
-const COPLANAR: f32 = 1e-3;
+/// Height above a plane, relative to the largest coordinates, up to which a surface counts as lying in it: 16 roundings of f32.
+const COPLANAR: f32 = 16.0 * f32::EPSILON;
 
 /// A receiver for which faces are drawn.
 #[derive(Clone, Copy, Debug)]
@@ -235,7 +235,8 @@ impl Node {
     fn sees(&self, receiver: &Receiver) -> bool {
         let to = self.centre - receiver.centre;
         let sine = self.axis.cross(receiver.normal).length();
-        let least = COPLANAR * (self.radius + receiver.radius);
+        let places = self.centre.abs().max(receiver.centre.abs());
+        let least = COPLANAR * (places.max_element() + self.radius + receiver.radius);
         receiver.normal.dot(to) + sine * self.radius > least
             && -self.axis.dot(to) + sine * receiver.radius > least
     }

@@ -1,0 +1,316 @@
+//! Division of faces whose coordinates are too coarse for small things near them.
+//!
+//! Positions have a rounding error in proportion to their largest coordinate, and rays start above a face by some of its errors: .1 m above a floor
+//! of 100 km. A lamp of 1 m that stands there would light it from below that height. Parts of the floor near the lamp have small
+//! coordinates and no such error.
+
+use super::{
+    Repairs,
+    connect::Parts,
+    faces::{Triangles, has_area},
+    magnitudes::{face_magnitudes, magnitude},
+    names,
+};
+use crate::math::Aabb;
+use glam::Vec3;
+use rustc_hash::FxHashMap;
+use std::collections::VecDeque;
+
+/// Height at which rays start above a face, relative to its largest coordinate (`ray::EndRule::height`).
+const START: f32 = 2e-6;
+/// Largest such height relative to the size of a thing near the face, or to its distance if that is more. Floors of 10 km below a lamp of 1 m
+/// have direct light within .1 % and paths within 1 %.
+const COARSE: f32 = 0.01;
+/// The same for the parts of a face: their neighbours, which count for rounding as well, are up to four times as large.
+const FINE: f32 = 0.25 * COARSE;
+/// Smallest ratio of the largest coordinate of a face to that of a thing for which division helps: parts beside the thing still have its coordinates.
+const MIN_GAIN: f32 = 2.0;
+/// Largest number of things that are compared with faces, evenly spread: limits the time to that of 4,096 boxes a face.
+const MAX_THINGS: usize = 4096;
+/// Largest number of triangles that are added to a scene. A lamp on a floor of 1,000 km needs 300.
+const MAX_ADDED: usize = 1 << 16;
+
+/// Divides the triangles that are too coarse for connected parts of the scene near them, at their longest edges, with all that share these.
+pub(super) fn divide(
+    faces: &mut Triangles,
+    parts: &Parts,
+    positions: &mut Vec<Vec3>,
+    objects: &[String],
+    repairs: &mut Repairs,
+) {
+    let magnitudes = face_magnitudes(positions, &faces.triangles);
+    let things = things(faces, parts, positions, magnitudes.iter().copied().fold(0.0, f32::max));
+    if things.is_empty() {
+        return;
+    }
+    let near = |(t, &magnitude): (usize, &f32)| {
+        let own = Aabb::of(faces.triangles[t].map(|v| positions[v as usize]));
+        let all = 0..things.len() as u32;
+        let near: Vec<u32> =
+            all.filter(|&i| things[i as usize].is_too_small_for(&own, magnitude, COARSE)).collect();
+        (!near.is_empty()).then_some((t as u32, near))
+    };
+    let coarse: Vec<(u32, Vec<u32>)> = magnitudes.iter().enumerate().filter_map(near).collect();
+    if coarse.is_empty() {
+        return;
+    }
+    let before = faces.triangles.len();
+    let mut names: Vec<u32> = coarse.iter().map(|(t, _)| faces.object[*t as usize]).collect();
+    names.sort_unstable();
+    names.dedup();
+    let mut division = Division::new(faces, positions, coarse);
+    division.run(&things);
+    division.finish();
+    repairs.divided_faces += faces.triangles.len() - before;
+    repairs.messages.push(format!(
+        "{} added: faces of {} are so large that rounding of their coordinates would show near small things, and were divided there",
+        names::counted(faces.triangles.len() - before, "triangle"),
+        names::some_names(names.iter().map(|&object| &objects[object as usize]))
+    ));
+}
+
+/// A connected part of the scene.
+struct Thing {
+    bounds: Aabb,
+    size: f32,
+    magnitude: f32,
+}
+
+impl Thing {
+    /// Whether rays that start from a face with these bounds and this largest coordinate start too high for the thing, which division helps.
+    fn is_too_small_for(&self, face: &Aabb, magnitude: f32, coarse: f32) -> bool {
+        let gap = (self.bounds.min - face.max).max(face.min - self.bounds.max).max(Vec3::ZERO);
+        magnitude > MIN_GAIN * self.magnitude && START * magnitude > coarse * gap.length().max(self.size)
+    }
+}
+
+/// The parts of the scene that are too small for a face with this largest coordinate.
+fn things(faces: &Triangles, parts: &Parts, positions: &[Vec3], largest: f32) -> Vec<Thing> {
+    let mut bounds = vec![Aabb::EMPTY; parts.closed.len()];
+    for (corners, &polygon) in faces.triangles.iter().zip(&faces.polygon) {
+        let own = &mut bounds[parts.part[polygon as usize] as usize];
+        *own = own.union(Aabb::of(corners.map(|v| positions[v as usize])));
+    }
+    let thing = |bounds: Aabb| {
+        let size = bounds.diagonal();
+        let magnitude = magnitude([bounds.min, bounds.max]);
+        (size > 0.0 && START * largest > COARSE * size).then_some(Thing { bounds, size, magnitude })
+    };
+    let things: Vec<Thing> =
+        bounds.into_iter().filter(|own| own.min.x <= own.max.x).filter_map(thing).collect();
+    let step = things.len().div_ceil(MAX_THINGS).max(1);
+    things.into_iter().step_by(step).collect()
+}
+
+/// Vertices of an edge, the smaller number first.
+type Edge = [u32; 2];
+
+/// Triangles that are being divided.
+struct Division<'a> {
+    faces: &'a mut Triangles,
+    positions: &'a mut Vec<Vec3>,
+    /// By triangle, the one of the file that it is a part of.
+    whole: Vec<u32>,
+    /// Whether a triangle has not been replaced by its parts.
+    is_left: Vec<bool>,
+    /// By triangle, the things that those of the file were too coarse for.
+    near: Vec<Vec<u32>>,
+    /// Triangles that may have to be divided.
+    queue: VecDeque<u32>,
+    /// Triangles at each edge.
+    at_edge: FxHashMap<Edge, Vec<u32>>,
+    /// The vertex at each position.
+    vertices: FxHashMap<[u32; 3], u32>,
+}
+
+impl Division<'_> {
+    /// `coarse` are triangles with the numbers of the things that they are too coarse for.
+    fn new<'a>(
+        faces: &'a mut Triangles,
+        positions: &'a mut Vec<Vec3>,
+        coarse: Vec<(u32, Vec<u32>)>,
+    ) -> Division<'a> {
+        let count = faces.triangles.len();
+        let mut near = vec![Vec::new(); count];
+        let queue = coarse.iter().map(|(t, _)| *t).collect();
+        coarse.into_iter().for_each(|(t, things)| near[t as usize] = things);
+        let mut at_edge: FxHashMap<Edge, Vec<u32>> = FxHashMap::default();
+        for (t, &corners) in (0..).zip(&faces.triangles) {
+            edges(corners).into_iter().for_each(|edge| at_edge.entry(edge).or_default().push(t));
+        }
+        let vertices =
+            (0..).zip(positions.iter()).map(|(v, p)| (p.to_array().map(f32::to_bits), v)).collect();
+        let (whole, is_left) = ((0..count as u32).collect(), vec![true; count]);
+        Division { faces, positions, whole, is_left, near, queue, at_edge, vertices }
+    }
+
+    /// Divides triangles as long as they are too coarse for some of the things, the largest first.
+    fn run(&mut self, things: &[Thing]) {
+        let most = self.is_left.len() + 2 * MAX_ADDED;
+        while let Some(t) = self.queue.pop_front() {
+            let corners = self.faces.triangles[t as usize].map(|v| self.positions[v as usize]);
+            let (own, magnitude) = (Aabb::of(corners), magnitude(corners));
+            self.near[t as usize].retain(|&i| things[i as usize].is_too_small_for(&own, magnitude, FINE));
+            if self.is_left[t as usize] && !self.near[t as usize].is_empty() && self.is_left.len() < most {
+                self.bisect(t);
+            }
+        }
+    }
+
+    /// Divides a triangle at its longest edge, with the others at that edge; those among them that have a longer edge are divided there first (Rivara
+    /// 1984), so that triangles meet along whole edges. Triangles without two parts of an area stay.
+    fn bisect(&mut self, t: u32) {
+        let edge = self.longest_edge(t);
+        let longer = |own: &Division, &u: &u32| own.longest_edge(u) != edge;
+        while let Some(&u) = self.at_edge[&edge].iter().find(|u| longer(self, u)) {
+            self.bisect(u);
+            if self.is_left[u as usize] {
+                return;
+            }
+        }
+        let [a, b] = edge.map(|v| self.positions[v as usize]);
+        let middle = 0.5 * a + 0.5 * b;
+        let at = |v: u32, side: u32| if v == side { middle } else { self.positions[v as usize] };
+        let parts_have_area = |u: &u32| {
+            let corners = self.faces.triangles[*u as usize];
+            edge.into_iter().all(|side| has_area(corners.map(|v| at(v, side))))
+        };
+        if !self.at_edge[&edge].iter().all(parts_have_area) {
+            return;
+        }
+        let made = self.positions.len() as u32;
+        let vertex = *self.vertices.entry(middle.to_array().map(f32::to_bits)).or_insert(made);
+        if vertex == made {
+            self.positions.push(middle);
+        }
+        for u in self.at_edge.remove(&edge).unwrap_or_default() {
+            self.is_left[u as usize] = false;
+            for other in edges(self.faces.triangles[u as usize]).into_iter().filter(|other| *other != edge) {
+                self.at_edge.entry(other).or_default().retain(|&at| at != u);
+            }
+            edge.into_iter().for_each(|side| self.add_part(u, edge, side, vertex));
+        }
+    }
+
+    /// Adds the part of a triangle in which the middle of an edge replaces one end of it.
+    fn add_part(&mut self, t: u32, edge: Edge, side: u32, middle: u32) {
+        let (made, t) = (self.is_left.len() as u32, t as usize);
+        let faces = &mut *self.faces;
+        let whole = faces.triangles[t];
+        let corners = whole.map(|v| if v == side { middle } else { v });
+        faces.triangles.push(corners);
+        for of in [&mut faces.polygon, &mut faces.object, &mut faces.material] {
+            of.push(of[t]);
+        }
+        faces.reflectance.push(faces.reflectance[t]);
+        if let Some(&uv) = faces.texcoords.get(t) {
+            let ends: Vec<usize> = (0..3).filter(|&k| edge.contains(&whole[k])).collect();
+            let mean = std::array::from_fn(|c| 0.5 * (uv[ends[0]][c] + uv[ends[1]][c]));
+            faces.texcoords.push(std::array::from_fn(|k| if whole[k] == side { mean } else { uv[k] }));
+        }
+        self.whole.push(self.whole[t]);
+        self.is_left.push(true);
+        self.near.push(self.near[t].clone());
+        self.queue.push_back(made);
+        edges(corners).into_iter().for_each(|edge| self.at_edge.entry(edge).or_default().push(made));
+    }
+
+    /// The longest edge of a triangle; of equal ones that with the smallest numbers.
+    fn longest_edge(&self, t: u32) -> Edge {
+        let length = |edge: &Edge| {
+            let [a, b] = edge.map(|v| self.positions[v as usize]);
+            a.distance_squared(b)
+        };
+        let [a, b, c] = edges(self.faces.triangles[t as usize]);
+        let longer =
+            |a: Edge, b: Edge| if length(&b).total_cmp(&length(&a)).then(a.cmp(&b)).is_gt() { b } else { a };
+        longer(longer(a, b), c)
+    }
+
+    /// Leaves the triangles that remain, in the order of those of the file.
+    fn finish(self) {
+        let mut left: Vec<usize> = (0..self.is_left.len()).filter(|&t| self.is_left[t]).collect();
+        left.sort_by_key(|&t| self.whole[t]);
+        let faces = self.faces;
+        faces.triangles = left.iter().map(|&t| faces.triangles[t]).collect();
+        for of in [&mut faces.polygon, &mut faces.object, &mut faces.material] {
+            *of = left.iter().map(|&t| of[t]).collect();
+        }
+        faces.reflectance = left.iter().map(|&t| faces.reflectance[t]).collect();
+        if !faces.texcoords.is_empty() {
+            faces.texcoords = left.iter().map(|&t| faces.texcoords[t]).collect();
+        }
+    }
+}
+
+/// The edges of a triangle.
+fn edges([a, b, c]: [u32; 3]) -> [Edge; 3] {
+    [[a, b], [b, c], [c, a]].map(|[v, w]| [v.min(w), v.max(w)])
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::Scene;
+    use crate::scene::testing::{Pieces, facing_down, facing_up};
+    use glam::DVec3;
+    use std::collections::HashMap;
+
+    /// A floor of this width with a wall along one side, and a lamp of 1 at this height.
+    fn scene(width: f64, height: f64) -> Scene {
+        let half = 0.5 * width;
+        let mut pieces = Pieces::empty();
+        pieces.grey("floor", 0.5).polygon(&facing_up([-half, half], [-half, half], 0.0));
+        pieces.polygon(&[
+            DVec3::new(-half, -half, 0.0),
+            DVec3::new(half, -half, 0.0),
+            DVec3::new(half, -half, 10.0),
+            DVec3::new(-half, -half, 10.0),
+        ]);
+        pieces.glowing("lamp", 10.0).polygon(&facing_down([0.0, 1.0], [0.0, 1.0], height));
+        pieces.scene()
+    }
+
+    /// Parts near the lamp are small, meet along whole edges, and cover the floor and the wall.
+    #[test]
+    fn large_faces_are_divided_near_small_things() {
+        let width = 1e6;
+        let scene = scene(width, 1.0);
+        let triangles = scene.triangles.len();
+        assert!(
+            scene.repairs.divided_faces > 50 && triangles == scene.repairs.divided_faces + 6,
+            "{triangles}"
+        );
+        assert!(scene.repairs.messages.iter().any(|m| m.contains("faces of `floor`")), "{:?}", scene.repairs);
+        assert!(triangles < 400, "{triangles}");
+        let magnitudes = scene.face_magnitudes();
+        let mut uses = HashMap::new();
+        let mut area = 0.0;
+        for (t, corners) in (0..).zip(&scene.triangles) {
+            let places = scene.corners(t).map(|p| p.as_dvec3());
+            area += 0.5 * (places[1] - places[0]).cross(places[2] - places[0]).length();
+            let nearest = places.iter().map(|p| p.length()).fold(f64::INFINITY, f64::min);
+            // Rays start at most .01 above what lies below the lamp, and at 1/100 of the distance elsewhere.
+            let most = 1e4 * nearest.max(1.0);
+            assert!(f64::from(magnitudes[t as usize]) < most, "{places:?} {}", magnitudes[t as usize]);
+            for [a, b] in [[0, 1], [1, 2], [2, 0]].map(|pair: [usize; 2]| pair.map(|k| corners[k])) {
+                *uses.entry([a.min(b), a.max(b)]).or_insert(0) += 1;
+            }
+        }
+        assert!((area / (width * (width + 10.0) + 1.0) - 1.0).abs() < 1e-6, "{area}");
+        let is_border = |edge: &[u32; 2]| {
+            let [a, b] = edge.map(|v| scene.positions[v as usize]);
+            let middle = 0.5 * (a + b);
+            let is_floor = middle.x.abs().max(middle.y.abs()) < 0.499 * width as f32 && middle.z == 0.0;
+            !is_floor
+        };
+        let torn: Vec<_> = uses.iter().filter(|(edge, uses)| **uses != 2 && !is_border(edge)).collect();
+        assert!(torn.is_empty(), "{torn:?}");
+    }
+
+    #[test]
+    fn faces_that_are_fine_enough_stay() {
+        for (width, height) in [(10.0, 2.0), (5e3, 1.0), (1e5, 100.0)] {
+            assert_eq!(scene(width, height).repairs.divided_faces, 0, "{width} {height}");
+        }
+    }
+}
