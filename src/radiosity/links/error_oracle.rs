@@ -28,7 +28,7 @@ pub fn link_error(elements: &Elements, link: &Link, oracle: Oracle) -> (f32, Spl
         [link.a, link.b].map(|e| (&elements.elements[e as usize], elements.states[e as usize].statistics));
     if link.a == link.b {
         let (e, l) = ends[0];
-        let error = link.exchange_area * (l.deviation + CLUSTER_DEVIATION * l.mean) / e.area as f32;
+        let error = link.variation[0] * (l.deviation + CLUSTER_DEVIATION * l.mean) / e.area as f32;
         return (weigh(error, l.weight, e.area, elements.area), Split::A);
     }
     let mut worst = 0.0;

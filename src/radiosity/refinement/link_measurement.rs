@@ -6,6 +6,7 @@ use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::{
     Accuracy, BlockerCertificate, Link, LinkEstimator, Scratch, Tally, VisibilityEngine, VisibilityQuery,
 };
+use crate::radiosity::surroundings::Surroundings;
 use crate::ranks::Ranks;
 use crate::visibility::sample_runs;
 use rayon::prelude::*;
@@ -123,13 +124,16 @@ fn engine_for(linked: &LinkedScene, pairs: &[Pair], threshold: f32) -> Visibilit
 /// The link of a cluster with itself, from the rays of the probe.
 fn inside_link(linked: &LinkedScene, cluster: u32) -> Link {
     let area = linked.elements.elements[cluster as usize].area as f32;
-    let exchange_area = linked.surroundings.enclosed[cluster as usize] * area;
+    let Surroundings { enclosed, enclosed_emission, .. } = &linked.surroundings;
+    let exchange_area = enclosed[cluster as usize] * area;
+    // A small lamp above a large floor, whose light meets no lamp.
+    let of_emission = enclosed_emission[cluster as usize] * area;
     Link {
         a: cluster,
         b: cluster,
         exchange_area,
         transmittance: 1.0,
-        variation: [exchange_area; 2],
+        variation: [exchange_area.max(of_emission); 2],
         noise: INSIDE_NOISE * exchange_area,
         rays: 0,
         certificate: BlockerCertificate::UNKNOWN,

@@ -4,6 +4,7 @@ use super::side_rays::{ESCAPED, Met, SideRays};
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Element, Elements, Entered, Shape, Side};
+use crate::radiosity::rgb::mean;
 use crate::ray::Packet;
 use crate::visibility::Exact;
 use rayon::prelude::*;
@@ -12,6 +13,8 @@ use rayon::prelude::*;
 pub struct Surroundings {
     /// By cluster: part of the light of its sides that meets its own sides, in `[0, 1]`.
     pub enclosed: Vec<f32>,
+    /// By cluster: the same part of the light that its sides emit; 0 without emitters.
+    pub enclosed_emission: Vec<f32>,
     /// By side: whether none of its rays left the scene.
     pub closed: Vec<bool>,
     /// By side: part of its rays that left the scene, in `[0, 1]`.
@@ -30,6 +33,8 @@ const MAX_RAYS: f64 = 256.0;
 /// Rays that all sides share by area: limit the time to 100,000 rays and [`MIN_RAYS`] per side. Without a local pass a
 /// third or three times as many change irradiance by 0.31 % or 0.17 % (`constants.py solve`).
 const SHARED_RAYS: f64 = 1e5;
+/// Rays that emitting sides share by power besides: a tenth of [`SHARED_RAYS`].
+const EMITTED_RAYS: f64 = 1e4;
 /// A side is closed only if so many rays stayed in the scene, its own or those of all sides of its cluster: a side of
 /// which a tenth sees out loses all 24 rays to the inside with a probability of 0.9²⁴ = 8 %.
 const MIN_CLOSED_RAYS: u32 = 24;
@@ -53,6 +58,7 @@ pub fn probe(
     let sides = elements.sides.len();
     let step = sides.div_ceil(LATE_SIDES).max(1);
     let large = elements.area / LATE_SIDES as f64;
+    let power = elements.sides.iter().map(|side| power_of(elements, side)).sum::<f64>();
     deadline.stage("surroundings of surfaces", sides);
     let tracer = SideRays { elements, exact, length };
     let found: Vec<(Vec<ProbeRay>, Vec<Entered>)> = (0..sides)
@@ -65,31 +71,34 @@ pub fn probe(
             let small = elements.elements[elements.sides[s].element as usize].area < large;
             match s % step > 0 && small && deadline.late() {
                 true => (Vec::new(), Vec::new()),
-                false => rays_of_side(&tracer, seed, s, packets),
+                false => rays_of_side(&tracer, (seed, power), s, packets),
             }
         })
         .collect();
     let entered = found.iter().flat_map(|f| &f.1).copied().collect();
     let found: Vec<&Vec<ProbeRay>> = found.iter().map(|f| &f.0).collect();
-    let mut enclosed = vec![0.0; elements.clusters.len()];
-    // By cluster: area of the sides that were traced.
+    // By cluster: area and emitted power of what rays stand for, of those that meet the cluster and of all that were traced.
+    let mut enclosed = vec![[0.0; 2]; elements.clusters.len()];
     let mut traced = enclosed.clone();
     // By leaf cluster: rays, and rays that left the scene.
     let mut rays_of_leaf = vec![(0u32, 0u32); elements.clusters.len()];
     for (s, rays) in found.iter().enumerate() {
         let leaf = elements.elements[elements.sides[s].element as usize].parent as usize;
+        let exitance = mean(elements.sides[s].exitance);
         for &ProbeRay { area, met } in *rays {
-            traced[leaf] += area;
+            let counts = [area, area * exitance];
+            add(&mut traced[leaf], counts);
             rays_of_leaf[leaf].0 += 1;
             rays_of_leaf[leaf].1 += u32::from(met == ESCAPED);
             if met < sides as u32 {
-                enclosed[smallest_holding(elements, leaf, met)] += area;
+                add(&mut enclosed[smallest_holding(elements, leaf, met)], counts);
             }
         }
     }
     for c in (1..enclosed.len()).rev() {
-        enclosed[elements.elements[c].parent as usize] += enclosed[c];
-        traced[elements.elements[c].parent as usize] += traced[c];
+        let (parent, own) = (elements.elements[c].parent as usize, [enclosed[c], traced[c]]);
+        add(&mut enclosed[parent], own[0]);
+        add(&mut traced[parent], own[1]);
     }
     let closed = found
         .iter()
@@ -106,12 +115,18 @@ pub fn probe(
         gone as f32 / rays.len().max(1) as f32
     };
     let escaped = found.iter().map(escaped).collect();
-    let enclosed = enclosed
-        .iter()
-        .zip(&traced)
-        .map(|(area, of)| if *of > 0.0 { (area / of).min(1.0) as f32 } else { 0.0 })
-        .collect();
-    Surroundings { enclosed, closed, escaped, length, entered }
+    let part = |of: f64, all: f64| if all > 0.0 { (of / all).min(1.0) as f32 } else { 0.0 };
+    let parts = |k: usize| enclosed.iter().zip(&traced).map(|(of, all)| part(of[k], all[k])).collect();
+    Surroundings { enclosed: parts(0), enclosed_emission: parts(1), closed, escaped, length, entered }
+}
+
+fn add(sums: &mut [f64; 2], counts: [f64; 2]) {
+    sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+}
+
+/// Power that a side emits, W.
+fn power_of(elements: &Elements, side: &Side) -> f64 {
+    elements.elements[side.element as usize].area * mean(side.exitance)
 }
 
 /// For each of some surfaces the part of its light that meets sides with elements, by a few rays.
@@ -154,19 +169,21 @@ fn smallest_holding(elements: &Elements, leaf: usize, side: u32) -> usize {
     }
 }
 
-/// The rays of a side, and those of them that met a side without an element.
+/// The rays of a side, and those of them that met a side without an element. All sides together emit `power`.
 fn rays_of_side(
     tracer: &SideRays,
-    seed: u64,
+    (seed, power): (u64, f64),
     s: usize,
     packets: &mut Vec<Packet>,
 ) -> (Vec<ProbeRay>, Vec<Entered>) {
     let elements = tracer.elements;
     let side = &elements.sides[s];
     let element = &elements.elements[side.element as usize];
-    let count = (MIN_RAYS + SHARED_RAYS * element.area / elements.area).min(MAX_RAYS) as usize;
-    let mut entered = Vec::new();
     let emits = side.exitance.iter().any(|&m| m > 0.0);
+    let of_emitters = if emits { EMITTED_RAYS * power_of(elements, side) / power } else { 0.0 };
+    let count = MIN_RAYS + SHARED_RAYS * element.area / elements.area + of_emitters;
+    let count = count.min(MAX_RAYS) as usize;
+    let mut entered = Vec::new();
     let mut found = Vec::with_capacity(count);
     let seed = seed ^ (s as u64) << 20;
     rays(tracer, element, count, seed, packets, |Met { side, triangle, from, .. }| {

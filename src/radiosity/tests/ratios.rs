@@ -37,7 +37,7 @@ fn sent(floor: f64, lamp: (DVec3, f64)) -> f64 {
 
 #[test]
 fn light_of_a_lamp_arrives_on_floors_of_any_size() {
-    for width in [1.0, 60.0, 1e5] {
+    for width in [1.0, 60.0, 1e5, 1e6] {
         // Beside the middle, which is a corner of elements.
         let lamp = (DVec3::new(0.113 * width, 0.071 * width, 1.0), 1.0);
         let scene = lamp_over_floor(width, lamp, 0.0);
@@ -102,20 +102,37 @@ fn at_points(scene: &Scene, points: &[Point]) -> [Vec<f64>; 2] {
     [found.iter().map(|v| v[0]).collect(), traced.values.iter().map(|v| v[0]).collect()]
 }
 
-/// Rays start 4 mm above a floor of 4 km; the light is that of the floor.
+/// By coarse links alone the lamp is no part of the mean of what it stands above.
+#[test]
+fn links_bring_the_light_of_a_lamp_to_floors_of_any_size() {
+    for width in [60.0, 5e3, 1e6] {
+        let lamp = (DVec3::new(0.03 * width, 0.01 * width, 1.0), 1.0);
+        let scene = lamp_over_floor(width, lamp, 0.0);
+        let outcome = solved(&scene, &[], &Options { local_rays: Some(0), audit: 0, ..Options::default() });
+        let Ledger { emitted, absorbed, created, .. } = outcome.record.ledger;
+        // The floor absorbs half of the light, and the lamp a tenth of the rest.
+        assert!((absorbed / emitted - 0.525).abs() < 0.04, "{width}: absorbed {absorbed} of {emitted}");
+        assert!(created.abs() < 5e-3 * emitted, "{width}: created {created} of {emitted}");
+    }
+}
+
+/// Rays start 4 mm above a floor of 4 km; the light is that of the floor. They would start 2 m above one of 1,000 km, which is divided.
 #[test]
 fn points_of_large_floors_have_the_light_of_their_place() {
-    let (floor, lamp) = (4000.0, (DVec3::new(700.0, 400.0, 0.7), 0.6));
-    let scene = lamp_over_floor(floor, lamp, 0.0);
-    let beside = [0.0, 0.5, 1.0, 3.0];
-    let place = |x: f64| DVec3::new(lamp.0.x + x, lamp.0.y + 0.1, 0.0);
-    let points = beside.map(|x| Point { position: place(x), normal: DVec3::Z });
-    let [found, traced] = at_points(&scene, &points);
-    for ((x, found), traced) in beside.into_iter().zip(found).zip(traced) {
-        let factor = point_to_polygon(place(x), DVec3::Z, &level(lamp.0, lamp.1, false));
-        let want = 10.0 * std::f64::consts::PI * factor;
-        assert!((found / want - 1.0).abs() < 2e-3, "{x}: {found} instead of {want}");
-        assert!((traced / want - 1.0).abs() < 0.02, "{x}: {traced} instead of {want}");
+    for (floor, lamp) in
+        [(4e3, (DVec3::new(700.0, 400.0, 0.7), 0.6)), (1e6, (DVec3::new(0.2, 0.1, 0.5), 1.0))]
+    {
+        let scene = lamp_over_floor(floor, lamp, 0.0);
+        let beside = [0.0, 0.5, 1.0, 3.0];
+        let place = |x: f64| DVec3::new(lamp.0.x + x, lamp.0.y + 0.1, 0.0);
+        let points = beside.map(|x| Point { position: place(x), normal: DVec3::Z });
+        let [found, traced] = at_points(&scene, &points);
+        for ((x, found), traced) in beside.into_iter().zip(found).zip(traced) {
+            let factor = point_to_polygon(place(x), DVec3::Z, &level(lamp.0, lamp.1, false));
+            let want = 10.0 * std::f64::consts::PI * factor;
+            assert!((found / want - 1.0).abs() < 2e-3, "{floor} {x}: {found} instead of {want}");
+            assert!((traced / want - 1.0).abs() < 0.02, "{floor} {x}: {traced} instead of {want}");
+        }
     }
 }
 
