@@ -92,7 +92,7 @@ struct Light {
 impl Brightest {
     /// Chooses the elements with which the variance of the light at a point times the time for it is smallest. `leaves` are all leaves with their
     /// radiosities, W/m². None are chosen if the rays of a point meet all of them with less noise than the irradiance that they would have if they received
-    /// `tolerated_power`, W, together. An element is the largest surface of about even light.
+    /// `tolerated_power`, W, together. An element is the largest surface of about even light; light that differs on both sides of a wall across a leaf is not.
     ///
     /// One of the `rays` of a point meets a surface of area A, where all have the area S, with the probability A / S on average. With the radiosity B of
     /// the surface and the mean B̄ of all, the surface adds (B - B̄)² A / S to the variance of a ray, less if it covers whole cells of the grid of rays
@@ -100,7 +100,7 @@ impl Brightest {
     /// `shadow_rays`, leave the variance p (1 - p) L² ≤ L² / 4 each, where p is the visible part of the light L of the chosen surfaces. The time is that of
     /// both kinds of rays and of the closed forms of the faces.
     pub fn of(
-        Elements { elements, .. }: &Elements,
+        Elements { elements, states, .. }: &Elements,
         leaves: &[(u32, f64)],
         [rays, shadow_rays]: [usize; 2],
         tolerated_power: f64,
@@ -109,7 +109,8 @@ impl Brightest {
         let mut below = vec![nothing; elements.len()];
         for &(leaf, light) in leaves {
             let area = elements[leaf as usize].area;
-            below[leaf as usize] = Light { range: [light; 2], area, power: area * light };
+            let range = if states[leaf as usize].is_apart() { [0.0, f64::INFINITY] } else { [light; 2] };
+            below[leaf as usize] = Light { range, area, power: area * light };
         }
         // Parents come before their children.
         for e in (1..elements.len()).rev() {
