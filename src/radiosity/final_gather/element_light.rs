@@ -30,8 +30,9 @@ const USUAL_DEVIATION: f64 = 0.5;
 /// Elements of one parallel task that look along their normals.
 const CHUNK: usize = 256;
 
-/// Bounds of the factor by which reflected light is changed to keep its power.
-const MAX_REFLECTED_FACTOR: f64 = 2.0;
+/// Bounds of the factor by which reflected light is changed to keep its power: eight rays of a lamp that stands on a floor find up to three times the light
+/// that the floor sends there.
+const MAX_REFLECTED_FACTOR: f64 = 4.0;
 
 /// What elements have gathered.
 pub struct Gathered {

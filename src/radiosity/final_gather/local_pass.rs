@@ -80,9 +80,9 @@ impl FinalGather<'_> {
         let sampled = self.emitted_share();
         let mut received = sampled.share;
         // The light of leaves that were not traced is not known here.
+        let mut factor = 1.0;
         if untraced == 0 {
             let sum = rows.rows.iter().map(light).sum::<f64>() + light_apart;
-            let factor;
             (factor, received) = self.balance_of_direct_light(sum, &sampled);
             for (half, direct) in direct.iter_mut().enumerate() {
                 for (direct, row) in direct.iter_mut().zip(&rows.rows) {
@@ -113,7 +113,7 @@ impl FinalGather<'_> {
         if all.len() > rows.rows.len() {
             estimate_untraced(&self.linked.elements, &all, &mut results);
         }
-        self.light_apart(&apart, &mut results);
+        self.light_apart(&apart, factor, &mut results);
         weigh_errors(&self.linked.elements, &all, &mut results);
         let needed = self.needed_rays(&all, &results);
         let element_rays = rays.map(|rays| match deadline.limited() {
@@ -138,12 +138,14 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Gives leaves that take no part in the exchange the light that their rays have found, now that the light of others is known.
-    fn light_apart(&self, apart: &RayRows, results: &mut [LocalResult]) {
+    /// Gives leaves that take no part in the exchange the light that their rays have found, that of emitters times a factor, now that the light of others is
+    /// known.
+    fn light_apart(&self, apart: &RayRows, factor: f64, results: &mut [LocalResult]) {
         let Elements { elements, sides, .. } = &self.linked.elements;
         let mut first = 0;
         for row in &apart.rows {
             let mut light = direct_irradiance(row);
+            add(&mut light, factor - 1.0, emitters_irradiance(row));
             for &met in apart.met[first..row.end].iter().filter(|&&met| met != Elements::NONE) {
                 let Shape::Surface { side, .. } = elements[met as usize].shape else { continue };
                 let (side, irradiance) = (&sides[side as usize], results[met as usize].irradiance);
@@ -182,7 +184,7 @@ impl FinalGather<'_> {
         if !matches!(self.linked.engine, VisibilityEngine::Exact(_)) {
             return (1.0, sampled.share);
         }
-        let (own, other) = ((DIRECT_ERROR * found).powi(2), sampled.error.powi(2));
+        let (own, other) = ((DIRECT_ERROR * found.max(sampled.mean)).powi(2), sampled.error.powi(2));
         let share = found + own / (own + other) * (sampled.mean - found);
         (share / found, sampled.share.map(|of| of * share / sampled.mean))
     }
