@@ -5,7 +5,7 @@ use super::Model;
 use crate::embree::Hits;
 use crate::error::quote;
 use crate::math::sampling::{cosine_direction, mix, numbers, on_triangle};
-use crate::math::{Aabb, triangle_normal};
+use crate::math::triangle_normal;
 use crate::ray::{LANES, Packet};
 use crate::scene::Emitter;
 use glam::Vec3;
@@ -26,12 +26,6 @@ const MAX_NAMES: usize = 3;
 const MIN_MET_SHARE: f64 = 0.5;
 const MIN_OUTSIDE_SHARE: f64 = 0.8;
 
-/// Distance by which surfaces may lie outside the bounds of a dome, as ground at its foot, relative to their diagonal.
-const DOME_MARGIN: f32 = 0.01;
-
-/// Distance up to which an object encloses an emitter as a bulb does, relative to the scene's diagonal: that of rooms is more.
-const ENCLOSED: f32 = 0.02;
-
 /// What to change if the light of luminaires, or else of emissive faces, misses everything.
 const AIM: &str = "check `at` and `aim` of its luminaire in the file of luminaires (of glTF, place and turn of the light's node)";
 const TURN: &str = "set option `two_sided_emission`, or reverse the order of the corners of their faces";
@@ -44,67 +38,6 @@ impl Model {
         notes.extend(self.note_of_dome());
         notes.extend(self.note_of_enclosed_emitters());
         notes
-    }
-
-    /// A note if all light of emitters ends on one small object around them, as that of a lamp inside of an opaque bulb does.
-    fn note_of_enclosed_emitters(&self) -> Option<String> {
-        let scene = self.scene();
-        let small = ENCLOSED * self.bounds().diagonal();
-        let enclosed = |emitter: &&Emitter| {
-            let (packets, hits) = self.rays_of_emitter(emitter, 1.0);
-            let mut around = None;
-            for (packet, hits) in packets.iter().zip(&hits) {
-                for lane in 0..LANES {
-                    let triangle = hits.triangle[lane];
-                    let way = hits.t[lane] * (packet.point(lane, 1.0) - packet.point(lane, 0.0)).length();
-                    if triangle == Hits::NOTHING || hits.instance[lane] != 0 || way > small {
-                        return None;
-                    }
-                    let object = scene.triangle_object[triangle as usize];
-                    if emitter.triangles.binary_search(&triangle).is_ok()
-                        || *around.get_or_insert(object) != object
-                    {
-                        return None;
-                    }
-                }
-            }
-            around
-        };
-        let found = |emitter| enclosed(&emitter).map(|around| (emitter, around));
-        let found: Vec<(&Emitter, u32)> = self.tested_emitters().into_par_iter().filter_map(found).collect();
-        let &(first, around) = found.first()?;
-        let object = scene.object_names().nth(around as usize).unwrap_or_default();
-        let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
-        Some(format!(
-            "the emitter `{}`{more} is enclosed by `{}`, which is opaque: its light does not get out; remove that object, make it \
-             transparent, or move the emitter",
-            quote(&first.name),
-            quote(object)
-        ))
-    }
-
-    /// A note if an emitter stands around all else under a sky: a dome of faces that stood for a sky before, which hides it.
-    fn note_of_dome(&self) -> Option<String> {
-        let scene = self.scene();
-        scene.environment.as_ref()?;
-        let bounds = |triangles: &[u32]| Aabb::of(triangles.iter().flat_map(|&t| scene.corners(t)));
-        let mut emits = vec![false; scene.triangles.len()];
-        scene.emitters.iter().flat_map(|e| &e.triangles).for_each(|&t| emits[t as usize] = true);
-        let others: Vec<u32> = (0..emits.len() as u32).filter(|&t| !emits[t as usize]).collect();
-        let others = bounds(&others);
-        let margin = Vec3::splat(DOME_MARGIN * others.diagonal());
-        let encloses = |emitter: &&&Emitter| {
-            let Aabb { min, max } = bounds(&emitter.triangles);
-            min.cmple(others.min + margin).all() && max.cmpge(others.max - margin).all()
-        };
-        let flat = others.extent().min_element() <= margin.x;
-        let dome = self.tested_emitters();
-        let dome = dome.iter().filter(|_| !flat).find(encloses)?;
-        Some(format!(
-            "the emitter `{}` encloses all other surfaces, as a dome that stands for a sky does: the light of the sky and the sun ends on its \
-             outside; remove it, or do without `sky` and `sun`",
-            quote(&dome.name)
-        ))
     }
 
     /// Notes of coordinates that are too coarse.
@@ -344,6 +277,9 @@ mod tests {
             notes.iter().any(|note| note.contains("`lamp` is enclosed by `bulb`"))
         };
         assert_eq!([0.02, 1.0].map(noted), [true, false]);
+        // A floor of 1 km that all rays of a lamp meet is near it and not around it.
+        let notes = with_lamps(1e3, &[(1.0, false)], &LoadOptions::default()).notes_of_lost_light();
+        assert!(notes.iter().all(|note| !note.contains("enclosed")), "{notes:?}");
     }
 
     /// Lamps above a floor of this width.

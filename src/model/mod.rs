@@ -7,6 +7,7 @@
 pub mod cache;
 mod cut;
 mod emitter_notes;
+mod enclosing_notes;
 mod engines;
 mod instance;
 mod mesh;
