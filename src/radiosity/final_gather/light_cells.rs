@@ -24,6 +24,10 @@ const MIN_OPEN: usize = 32;
 /// and its edges have finer ones.
 const MAX_WHOLE: usize = 1 << 12;
 
+/// Smallest error of the light of the sky in a cell, relative to that light: places in the cell that agree by chance have one as well. It matters only where all
+/// agree.
+const MIN_CELL_ERROR: f64 = 0.01;
+
 /// What one ray of a cell has found.
 #[derive(Clone, Copy)]
 enum Seen {
@@ -84,6 +88,8 @@ impl FinalGather<'_> {
         let openings = if is_searched { openings } else { &[] };
         let openings = self.seen_openings(openings, point, hemisphere.frame, buffers);
         let (share, mut sum) = (1.0 / whole.len() as f64, light_of(&levels[0]) / whole.len() as f64);
+        let mut sky = SkyLight::default();
+        sky.add(levels[0].iter(), share, 1.0);
         // Errors of cells that are left as they are.
         let (mut left, mut rays, mut divided, mut for_surfaces) = (0.0, whole.len(), 0, 0);
         for level in 0..MAX_LEVEL {
@@ -125,14 +131,19 @@ impl FinalGather<'_> {
                 let cell = &mut cells[cell as usize];
                 cell.quarters = 4 * k as u32;
                 sum -= cell.light.as_dvec3() * area;
+                sky.add(std::iter::once(&*cell), area, -1.0);
             }
             let chosen: Vec<([u32; 2], Option<Vec3>)> =
                 chosen.iter().map(|&(k, surfaces)| (cells[k as usize].place, surfaces)).collect();
             let quarters = self.quarters(&chosen, level + 1, &hemisphere, point, buffers);
             sum += light_of(&quarters) * (0.25 * area);
+            sky.add(quarters.iter(), 0.25 * area, 1.0);
             levels.push(quarters);
         }
         buffers.scratch.tally.add_rays(rays);
+        if let Some(environment) = self.environment {
+            sum += sky.compared_with(mean(environment.sky_irradiance(point.normal.as_dvec3())));
+        }
         // What is added and taken away again leaves a rounding error.
         sum.max(DVec3::ZERO).to_array()
     }
@@ -246,8 +257,7 @@ impl FinalGather<'_> {
         self.cells(hemisphere, level, (&parts, &surfaces), &seen, point)
     }
 
-    /// Cells at these places of a level, with the radiance of the sky at a place in each, at two in open cells of the undivided grid. If the sky has a map,
-    /// it may have bright parts smaller than a cell, and is looked up at sixteen places in each cell of the first levels.
+    /// Cells at these places of a level, with the light of the sky at two places in each. If the sky has a map, it may have bright parts smaller than a cell, and is looked up at sixteen places in each cell of the first levels.
     fn cells(
         &self,
         hemisphere: &Hemisphere,
@@ -258,37 +268,40 @@ impl FinalGather<'_> {
     ) -> Vec<Cell> {
         let seed = mix(!point.seed ^ u64::from(level) << 32);
         let has_map = self.environment.is_some_and(|of| of.has_map());
-        let sky_in = |place: [u32; 2], is_open: bool| {
+        // The light of the sky in a cell, mean of a few places, and the square of its error, mean over the channels.
+        let sky_in = |place: [u32; 2]| {
             if !self.has_environment() {
-                return Vec3::ZERO;
+                return (Vec3::ZERO, 0.0);
             }
             let [u, v, ..] = numbers(seed, u64::from(place[0]) << 32 | u64::from(place[1]));
             let sky_at = |[u, v]: [f32; 2]| {
                 self.sky_of_ray(hemisphere.direction(level, [place[0] as f32 + u, place[1] as f32 + v]))
             };
-            // The mean of places that mirror each other has no error where the sky is linear over the cell.
-            let mirrored = || 0.5 * (sky_at([u, v]) + sky_at([1.0 - u, 1.0 - v]));
-            match (has_map, level) {
-                (true, 0..3) => {
-                    let side = [4, 4, 2][level as usize];
-                    let part =
-                        |k: u32| [(k % side) as f32 + u, (k / side) as f32 + v].map(|at| at / side as f32);
-                    (0..side * side).map(|k| sky_at(part(k))).sum::<Vec3>() / (side * side) as f32
+            if has_map && level < 3 {
+                let side = [4, 4, 2][level as usize];
+                let part = |k: u32| [(k % side) as f32 + u, (k / side) as f32 + v].map(|at| at / side as f32);
+                let count = (side * side) as f32;
+                let (mut sum, mut squares) = (Vec3::ZERO, 0.0);
+                for sky in (0..side * side).map(|k| sky_at(part(k))) {
+                    (sum, squares) = (sum + sky, squares + (sky.element_sum() / 3.0).powi(2));
                 }
-                (false, 0) if is_open => mirrored(),
-                _ => sky_at([u, v]),
+                let mean = sum / count;
+                return (mean, (squares / count - (mean.element_sum() / 3.0).powi(2)).max(0.0) / count);
             }
+            // The mean of places that mirror each other has no error where the sky is linear over the cell.
+            let (a, b) = (sky_at([u, v]), sky_at([1.0 - u, 1.0 - v]));
+            (0.5 * (a + b), ((a - b).element_sum() / 6.0).powi(2))
         };
         let cell = |(k, (&place, seen)): (usize, (&[u32; 2], &Seen))| {
             let is_open = matches!(seen, Seen::Sky);
-            let sky = sky_in(place, is_open);
+            let (sky, error) = sky_in(place);
             let (light, of_element) = match *seen {
                 Seen::Sky => (sky, sky),
                 Seen::Dark => (Vec3::ZERO, Vec3::ZERO),
                 Seen::Surface(light, of_element) => (light, of_element),
             };
             let surfaces = surfaces.get(k).copied().flatten().unwrap_or(of_element);
-            Cell { place, is_open, light, surfaces, sky: sky.element_sum() / 3.0, quarters: WHOLE }
+            Cell { place, is_open, light, surfaces, sky: sky.element_sum() / 3.0, error, quarters: WHOLE }
         };
         places.iter().zip(seen).enumerate().map(cell).collect()
     }
@@ -325,6 +338,41 @@ fn largest_errors(
         !by_surfaces || *for_surfaces <= most
     });
     chosen.into_iter().map(|of| to_divide(of, surroundings, least)).collect()
+}
+
+/// The light of the sky in the cells of a point.
+#[derive(Clone, Copy, Default)]
+struct SkyLight {
+    /// That of cells through which the sky is seen, W/m².
+    seen: DVec3,
+    /// That of all cells if nothing hid it, mean over the channels, W/m².
+    all: f64,
+    /// Squared errors of both, (W/m²)².
+    errors: [f64; 2],
+}
+
+impl SkyLight {
+    /// Adds cells that are each this part of the hemisphere, or takes them away.
+    fn add<'a>(&mut self, cells: impl Iterator<Item = &'a Cell>, area: f64, sign: f64) {
+        for cell in cells {
+            let (sky, error) = (f64::from(cell.sky), f64::from(cell.error));
+            let error = sign * area * area * (error + (MIN_CELL_ERROR * sky).powi(2));
+            self.all += sign * area * sky;
+            self.errors[1] += error;
+            if cell.is_open {
+                self.seen += sign * area * cell.light.as_dvec3();
+                self.errors[0] += error;
+            }
+        }
+    }
+
+    /// What must be added to the light of the cells, as the light of the open sky is known, mean over the channels, W/m²: the error of all cells times the
+    /// part of its variance that cells through which the sky is seen have.
+    fn compared_with(&self, open: f64) -> DVec3 {
+        let seen = self.seen.element_sum() / 3.0;
+        let part = (self.errors[0] / self.errors[1]).clamp(0.0, 1.0);
+        if seen > 0.0 && self.all > 0.0 { self.seen * (part * (open - self.all) / seen) } else { DVec3::ZERO }
+    }
 }
 
 /// Sum of the light of cells.

@@ -33,6 +33,8 @@ pub(super) struct Cell {
     pub surfaces: Vec3,
     /// Mean over the channels of the light that comes if all of it is open, W/m².
     pub sky: f32,
+    /// Square of its error, (W/m²)².
+    pub error: f32,
     /// Index of the first of its quarters in the next level; [`WHOLE`] if it is not divided.
     pub quarters: u32,
 }
@@ -296,7 +298,15 @@ mod tests {
         let cell = |place: [u32; 2]| {
             let [u, v, ..] = numbers(mix(level), u64::from(place[0]) << 32 | u64::from(place[1]));
             let surfaces = Vec3::splat(if u < 0.4 { 0.0 } else { v });
-            Cell { place, is_open: u < 0.4, light: surfaces, surfaces, sky: sky * v, quarters: WHOLE }
+            Cell {
+                place,
+                is_open: u < 0.4,
+                light: surfaces,
+                surfaces,
+                sky: sky * v,
+                error: 0.0,
+                quarters: WHOLE,
+            }
         };
         places.map(cell).collect()
     }
