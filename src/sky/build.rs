@@ -205,7 +205,7 @@ impl SkyOptions {
             true => Ok(position),
             false => Err(format!(
                 "the sun is {:.2} degrees below the horizon, and the {name} sky needs it above: change `time`, `place` or `sun`, or take another sky",
-                -position.elevation()
+                position.elevation().abs()
             )),
         }
     }
@@ -306,7 +306,7 @@ impl SkyOptions {
         if position.local.z <= 0.0 {
             return Err(format!(
                 "the sun is {:.2} degrees below the horizon: change `time`, `place` or `sun`, or state `sun` as none",
-                -position.elevation()
+                position.elevation().abs()
             ));
         }
         let direction = frame.world(position.local);

@@ -49,7 +49,7 @@ impl FromStr for SkyText {
     /// `none`, `uniform[:E]`, `overcast[:E]`, `cie:N[,E]`, `clear:TURBIDITY`, `perez:DNI,DHI` or the name of a file.
     fn from_str(text: &str) -> Result<SkyText, String> {
         let (name, rest) = text.split_once(':').unwrap_or((text, ""));
-        let values = || if rest.is_empty() { Ok(Vec::new()) } else { numbers(rest) };
+        let values = || if text.contains(':') { numbers(rest) } else { Ok(Vec::new()) };
         let model = match name {
             "none" if rest.is_empty() => (SkyModel::None, None),
             "uniform" | "overcast" => {

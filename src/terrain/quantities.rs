@@ -101,7 +101,11 @@ impl Sun {
                 wrong("elevation", elevation, "-π/2..π/2")
             }
             Sun { half_angle, .. } if !(0.0..=0.1).contains(&half_angle) => {
-                wrong("half_angle", half_angle, "0..0.1")
+                let (diameter, most) = (2.0 * half_angle.to_degrees(), 0.2f64.to_degrees());
+                let what = format!(
+                    "the sun has a diameter of {diameter:.1} degrees: a half shadow on terrain is known up to {most:.1} degrees; lower `sun_diameter`"
+                );
+                Err(Error::Argument(what))
             }
             _ => Ok(()),
         }

@@ -97,6 +97,14 @@ fn terrain_computes_maps_of_height_fields() {
     scratch.mrvis(&format!("terrain slope.asc --out d --json d.json {day} 47,11")).exits(0);
     let energy = scratch.json("d.json")["quantities"][0]["mean"].as_f64().expect("a number");
     assert!((6000.0..9000.0).contains(&energy), "{energy}");
+    // At the midnight sun the last interval ends with the day.
+    let polar = |minutes: u32| {
+        let day = format!("--output irradiance --day={minutes} --sky clear:3 --time 2026-06-21T12:00+01:00");
+        scratch.mrvis(&format!("terrain slope.asc --out d --json d.json {day} --place 80,15")).exits(0);
+        scratch.json("d.json")["quantities"][0]["mean"].as_f64().expect("a number")
+    };
+    let [even, odd] = [120, 200].map(polar);
+    assert!((odd / even - 1.0).abs() < 0.01, "{odd} {even}");
     scratch.mrvis(&format!("terrain slope.asc --out d {day} 947,11")).exits(2).warns("latitude 947");
     scratch.write("bad.asc", "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize -5\n1 2\n3 4\n");
     let bad = scratch.mrvis("terrain bad.asc --out b").exits(2);

@@ -240,6 +240,9 @@ fn suns_of(environment: &Environment) -> impl Iterator<Item = (Sun, f64)> + '_ {
     })
 }
 
+/// Minutes of a day.
+const DAY: u32 = 24 * 60;
+
 /// Irradiance at the time of the options, or added up over its day.
 fn light(args: &Args, grid: &Grid, sweep: &SweepOptions, sky: &SkyOptions) -> Result<Vec<f32>> {
     if args.sky.is_none() && args.sun.is_none() {
@@ -249,8 +252,10 @@ fn light(args: &Args, grid: &Grid, sweep: &SweepOptions, sky: &SkyOptions) -> Re
         return light_at(args, grid, sweep, sky);
     };
     let mut sums = vec![0.0f32; grid.heights().len()];
-    // The middle of each interval.
-    for minute in (0..24 * 60).step_by(minutes as usize).map(|m| m + minutes / 2) {
+    for start in (0..DAY).step_by(minutes as usize) {
+        // The last interval ends with the day.
+        let minutes = minutes.min(DAY - start);
+        let minute = start + minutes / 2;
         // Below the horizon there is neither sun nor sky.
         let Some(sky) = sky.at_minute(minute)? else { continue };
         let found = light_at(args, grid, sweep, &sky)?;
