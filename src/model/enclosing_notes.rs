@@ -50,10 +50,11 @@ impl Model {
             let own = &mut bounds[object as usize];
             *own = own.union(Aabb::of(scene.corners(t)));
         }
-        // A floor below a lamp is larger than what is that near all around it.
+        // A floor below a lamp is larger than what is that near all around it, and so is one below a luminous ceiling.
         let is_around = |&&(emitter, around): &&(&Emitter, u32)| {
             let lamp = Aabb::of(emitter.triangles.iter().flat_map(|&t| scene.corners(t)));
-            bounds[around as usize].diagonal() <= lamp.diagonal() + 2.0 * small
+            lamp.diagonal() <= 2.0 * small
+                && bounds[around as usize].diagonal() <= lamp.diagonal() + 2.0 * small
         };
         let found: Vec<&(&Emitter, u32)> = found.iter().filter(is_around).collect();
         let &&(first, around) = found.first()?;

@@ -1,18 +1,19 @@
 //! Division of faces whose coordinates are too coarse for small things near them.
 //!
 //! Positions have a rounding error in proportion to their largest coordinate, and rays start above a face by some of its errors: .1 m above a floor
-//! of 100 km. A lamp of 1 m that stands there would light it from below that height. Parts of the floor near the lamp have small
-//! coordinates and no such error.
+//! of 100 km. A lamp of 1 m that stands there would light it from below that height. Parts of the floor near the lamp have coordinates as
+//! small as those of the lamp. Division helps near the origin of the scene, therefore, where most of its polygons are.
 
 use super::{
-    Repairs,
+    Repairs, Soup,
     connect::Parts,
     faces::{Triangles, has_area},
-    magnitudes::{face_magnitudes, magnitude},
+    magnitudes::magnitude,
     names,
 };
 use crate::math::Aabb;
 use glam::Vec3;
+use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::VecDeque;
 
@@ -25,8 +26,10 @@ const COARSE: f32 = 0.01;
 const FINE: f32 = 0.25 * COARSE;
 /// Smallest ratio of the largest coordinate of a face to that of a thing for which division helps: parts beside the thing still have its coordinates.
 const MIN_GAIN: f32 = 2.0;
-/// Largest number of things that are compared with faces, evenly spread: limits the time to that of 4,096 boxes a face.
-const MAX_THINGS: usize = 4096;
+/// Largest number of pairs of a face and a thing that are compared: some 0.2 s. Of more, all that emit are compared, and others evenly spread.
+const MAX_PAIRS: usize = 100_000_000;
+/// Largest number of triangles that are divided before another one: edges that grow from triangle to triangle by ever so little make a long chain.
+const MAX_CHAIN: usize = 256;
 /// Largest number of triangles that are added to a scene. A lamp on a floor of 1,000 km needs 300.
 const MAX_ADDED: usize = 1 << 16;
 
@@ -35,38 +38,56 @@ pub(super) fn divide(
     faces: &mut Triangles,
     parts: &Parts,
     positions: &mut Vec<Vec3>,
-    objects: &[String],
+    soup: &Soup,
     repairs: &mut Repairs,
 ) {
-    let magnitudes = face_magnitudes(positions, &faces.triangles);
-    let things = things(faces, parts, positions, magnitudes.iter().copied().fold(0.0, f32::max));
-    if things.is_empty() {
-        return;
-    }
-    let near = |(t, &magnitude): (usize, &f32)| {
-        let own = Aabb::of(faces.triangles[t].map(|v| positions[v as usize]));
-        let all = 0..things.len() as u32;
-        let near: Vec<u32> =
-            all.filter(|&i| things[i as usize].is_too_small_for(&own, magnitude, COARSE)).collect();
-        (!near.is_empty()).then_some((t as u32, near))
-    };
-    let coarse: Vec<(u32, Vec<u32>)> = magnitudes.iter().enumerate().filter_map(near).collect();
-    if coarse.is_empty() {
-        return;
-    }
-    let before = faces.triangles.len();
+    let coarse = coarse(faces, parts, positions, soup);
+    let Some((things, coarse)) = coarse else { return };
     let mut names: Vec<u32> = coarse.iter().map(|(t, _)| faces.object[*t as usize]).collect();
     names.sort_unstable();
     names.dedup();
+    let before = faces.triangles.len();
     let mut division = Division::new(faces, positions, coarse);
     division.run(&things);
     division.finish();
-    repairs.divided_faces += faces.triangles.len() - before;
+    let added = faces.triangles.len() - before;
+    if added == 0 {
+        return;
+    }
+    repairs.divided_faces += added;
     repairs.messages.push(format!(
         "{} added: faces of {} are so large that rounding of their coordinates would show near small things, and were divided there",
-        names::counted(faces.triangles.len() - before, "triangle"),
-        names::some_names(names.iter().map(|&object| &objects[object as usize]))
+        names::counted(added, "triangle"),
+        names::some_names(names.iter().map(|&object| &soup.objects[object as usize]))
     ));
+}
+
+/// Triangles with the numbers of the things that they are too coarse for.
+type Coarse = Vec<(u32, Vec<u32>)>;
+
+/// Things, and the triangles that are too coarse for some of them with the numbers of these; none if there are none.
+fn coarse(faces: &Triangles, parts: &Parts, positions: &[Vec3], soup: &Soup) -> Option<(Vec<Thing>, Coarse)> {
+    let place = |t: &u32| faces.triangles[*t as usize].map(|v| positions[v as usize]);
+    // A face that reaches from its largest coordinate to a thing with less than half of that is about as large.
+    let is_wide = |t: &u32| {
+        let corners = place(t);
+        Aabb::of(corners).extent().max_element() > 0.4 * magnitude(corners)
+    };
+    let wide: Vec<u32> = (0..faces.triangles.len() as u32).filter(is_wide).collect();
+    let largest = wide.iter().map(|t| magnitude(place(t))).fold(0.0, f32::max);
+    let (lamps, others): (Vec<Thing>, Vec<Thing>) =
+        things(faces, parts, positions, soup, largest).into_iter().partition(|thing| thing.emits);
+    let step = (others.len().saturating_mul(wide.len())).div_ceil(MAX_PAIRS).max(1);
+    let things: Vec<Thing> = lamps.into_iter().chain(others.into_iter().step_by(step)).collect();
+    let near = |t: &u32| {
+        let (corners, all) = (place(t), 0..things.len() as u32);
+        let (own, magnitude) = (Aabb::of(corners), magnitude(corners));
+        let is_near = |i: &u32| things[*i as usize].is_too_small_for(&own, magnitude, COARSE);
+        let near: Vec<u32> = all.filter(is_near).collect();
+        (!near.is_empty()).then_some((*t, near))
+    };
+    let coarse: Coarse = wide.par_iter().filter_map(near).collect();
+    (!coarse.is_empty()).then_some((things, coarse))
 }
 
 /// A connected part of the scene.
@@ -74,32 +95,34 @@ struct Thing {
     bounds: Aabb,
     size: f32,
     magnitude: f32,
+    emits: bool,
 }
 
 impl Thing {
     /// Whether rays that start from a face with these bounds and this largest coordinate start too high for the thing, which division helps.
     fn is_too_small_for(&self, face: &Aabb, magnitude: f32, coarse: f32) -> bool {
+        if magnitude <= MIN_GAIN * self.magnitude || START * magnitude <= coarse * self.size {
+            return false;
+        }
         let gap = (self.bounds.min - face.max).max(face.min - self.bounds.max).max(Vec3::ZERO);
-        magnitude > MIN_GAIN * self.magnitude && START * magnitude > coarse * gap.length().max(self.size)
+        START * magnitude > coarse * gap.length()
     }
 }
 
 /// The parts of the scene that are too small for a face with this largest coordinate.
-fn things(faces: &Triangles, parts: &Parts, positions: &[Vec3], largest: f32) -> Vec<Thing> {
-    let mut bounds = vec![Aabb::EMPTY; parts.closed.len()];
-    for (corners, &polygon) in faces.triangles.iter().zip(&faces.polygon) {
-        let own = &mut bounds[parts.part[polygon as usize] as usize];
-        *own = own.union(Aabb::of(corners.map(|v| positions[v as usize])));
+fn things(faces: &Triangles, parts: &Parts, positions: &[Vec3], soup: &Soup, largest: f32) -> Vec<Thing> {
+    let mut all = vec![(Aabb::EMPTY, false); parts.closed.len()];
+    for (t, corners) in faces.triangles.iter().enumerate() {
+        let (bounds, emits) = &mut all[parts.part[faces.polygon[t] as usize] as usize];
+        *bounds = bounds.union(Aabb::of(corners.map(|v| positions[v as usize])));
+        *emits |= soup.materials[faces.material[t] as usize].emission != [0.0; 3];
     }
-    let thing = |bounds: Aabb| {
-        let size = bounds.diagonal();
-        let magnitude = magnitude([bounds.min, bounds.max]);
-        (size > 0.0 && START * largest > COARSE * size).then_some(Thing { bounds, size, magnitude })
+    let thing = |(bounds, emits): (Aabb, bool)| {
+        let (size, magnitude) = (bounds.diagonal(), magnitude([bounds.min, bounds.max]));
+        let is_small = size > 0.0 && START * largest > COARSE * size;
+        is_small.then_some(Thing { bounds, size, magnitude, emits })
     };
-    let things: Vec<Thing> =
-        bounds.into_iter().filter(|own| own.min.x <= own.max.x).filter_map(thing).collect();
-    let step = things.len().div_ceil(MAX_THINGS).max(1);
-    things.into_iter().step_by(step).collect()
+    all.into_iter().filter(|(own, _)| own.min.x <= own.max.x).filter_map(thing).collect()
 }
 
 /// Vertices of an edge, the smaller number first.
@@ -124,12 +147,7 @@ struct Division<'a> {
 }
 
 impl Division<'_> {
-    /// `coarse` are triangles with the numbers of the things that they are too coarse for.
-    fn new<'a>(
-        faces: &'a mut Triangles,
-        positions: &'a mut Vec<Vec3>,
-        coarse: Vec<(u32, Vec<u32>)>,
-    ) -> Division<'a> {
+    fn new<'a>(faces: &'a mut Triangles, positions: &'a mut Vec<Vec3>, coarse: Coarse) -> Division<'a> {
         let count = faces.triangles.len();
         let mut near = vec![Vec::new(); count];
         let queue = coarse.iter().map(|(t, _)| *t).collect();
@@ -157,17 +175,23 @@ impl Division<'_> {
         }
     }
 
-    /// Divides a triangle at its longest edge, with the others at that edge; those among them that have a longer edge are divided there first (Rivara
-    /// 1984), so that triangles meet along whole edges. Triangles without two parts of an area stay.
+    /// Divides a triangle at its longest edge, with the others at that edge. If one of these has a longer edge, it is divided there first, and so on
+    /// (Rivara 1984), so that triangles meet along whole edges. Triangles at the end of a long chain, and those without two parts of an area, stay.
     fn bisect(&mut self, t: u32) {
-        let edge = self.longest_edge(t);
-        let longer = |own: &Division, &u: &u32| own.longest_edge(u) != edge;
-        while let Some(&u) = self.at_edge[&edge].iter().find(|u| longer(self, u)) {
-            self.bisect(u);
-            if self.is_left[u as usize] {
-                return;
+        let mut path = vec![t];
+        while let Some(&t) = path.last() {
+            let edge = self.longest_edge(t);
+            match self.at_edge[&edge].iter().copied().find(|&u| self.longest_edge(u) != edge) {
+                Some(longer) if path.len() < MAX_CHAIN => path.push(longer),
+                Some(_) => return,
+                None if self.divide_at(edge) => _ = path.pop(),
+                None => return,
             }
         }
+    }
+
+    /// Divides all triangles at an edge; none if one of them would have a part without an area.
+    fn divide_at(&mut self, edge: Edge) -> bool {
         let [a, b] = edge.map(|v| self.positions[v as usize]);
         let middle = 0.5 * a + 0.5 * b;
         let at = |v: u32, side: u32| if v == side { middle } else { self.positions[v as usize] };
@@ -176,7 +200,7 @@ impl Division<'_> {
             edge.into_iter().all(|side| has_area(corners.map(|v| at(v, side))))
         };
         if !self.at_edge[&edge].iter().all(parts_have_area) {
-            return;
+            return false;
         }
         let made = self.positions.len() as u32;
         let vertex = *self.vertices.entry(middle.to_array().map(f32::to_bits)).or_insert(made);
@@ -190,6 +214,7 @@ impl Division<'_> {
             }
             edge.into_iter().for_each(|side| self.add_part(u, edge, side, vertex));
         }
+        true
     }
 
     /// Adds the part of a triangle in which the middle of an edge replaces one end of it.

@@ -162,7 +162,7 @@ fn faces_and_parts(
         return Err(empty(soup, repairs));
     }
     if role == Role::Whole {
-        divide(&mut faces, &parts, positions, &soup.objects, repairs);
+        divide(&mut faces, &parts, positions, soup, repairs);
     }
     Ok((faces, edges, parts))
 }

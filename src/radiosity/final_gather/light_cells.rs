@@ -142,7 +142,7 @@ impl FinalGather<'_> {
         }
         buffers.scratch.tally.add_rays(rays);
         if let Some(environment) = self.environment {
-            sum += sky.compared_with(mean(environment.sky_irradiance(point.normal.as_dvec3())));
+            sum += sky.compared_with(environment.sky_irradiance(point.normal.as_dvec3()).into());
         }
         // What is added and taken away again leaves a rounding error.
         sum.max(DVec3::ZERO).to_array()
@@ -301,7 +301,16 @@ impl FinalGather<'_> {
                 Seen::Surface(light, of_element) => (light, of_element),
             };
             let surfaces = surfaces.get(k).copied().flatten().unwrap_or(of_element);
-            Cell { place, is_open, light, surfaces, sky: sky.element_sum() / 3.0, error, quarters: WHOLE }
+            Cell {
+                place,
+                is_open,
+                light,
+                surfaces,
+                sky: sky.element_sum() / 3.0,
+                unblocked: sky,
+                error,
+                quarters: WHOLE,
+            }
         };
         places.iter().zip(seen).enumerate().map(cell).collect()
     }
@@ -345,9 +354,9 @@ fn largest_errors(
 struct SkyLight {
     /// That of cells through which the sky is seen, W/m².
     seen: DVec3,
-    /// That of all cells if nothing hid it, mean over the channels, W/m².
-    all: f64,
-    /// Squared errors of both, (W/m²)².
+    /// That of all cells if nothing hid it, W/m².
+    all: DVec3,
+    /// Squared errors of both, mean over the channels, (W/m²)².
     errors: [f64; 2],
 }
 
@@ -357,7 +366,7 @@ impl SkyLight {
         for cell in cells {
             let (sky, error) = (f64::from(cell.sky), f64::from(cell.error));
             let error = sign * area * area * (error + (MIN_CELL_ERROR * sky).powi(2));
-            self.all += sign * area * sky;
+            self.all += sign * area * cell.unblocked.as_dvec3();
             self.errors[1] += error;
             if cell.is_open {
                 self.seen += sign * area * cell.light.as_dvec3();
@@ -366,12 +375,12 @@ impl SkyLight {
         }
     }
 
-    /// What must be added to the light of the cells, as the light of the open sky is known, mean over the channels, W/m²: the error of all cells times the
-    /// part of its variance that cells through which the sky is seen have.
-    fn compared_with(&self, open: f64) -> DVec3 {
-        let seen = self.seen.element_sum() / 3.0;
+    /// What must be added to the light of the cells, as the light of the open sky is known, W/m²: the error of all cells times the part of its variance that
+    /// cells through which the sky is seen have.
+    fn compared_with(&self, open: DVec3) -> DVec3 {
         let part = (self.errors[0] / self.errors[1]).clamp(0.0, 1.0);
-        if seen > 0.0 && self.all > 0.0 { self.seen * (part * (open - self.all) / seen) } else { DVec3::ZERO }
+        let known = self.seen.max_element() > 0.0 && part.is_finite();
+        if known { part * (open - self.all) } else { DVec3::ZERO }
     }
 }
 

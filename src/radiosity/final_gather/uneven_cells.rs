@@ -33,7 +33,9 @@ pub(super) struct Cell {
     pub surfaces: Vec3,
     /// Mean over the channels of the light that comes if all of it is open, W/m².
     pub sky: f32,
-    /// Square of its error, (W/m²)².
+    /// The same by channel.
+    pub unblocked: Vec3,
+    /// Square of its error, mean over the channels, (W/m²)².
     pub error: f32,
     /// Index of the first of its quarters in the next level; [`WHOLE`] if it is not divided.
     pub quarters: u32,
@@ -304,6 +306,7 @@ mod tests {
                 light: surfaces,
                 surfaces,
                 sky: sky * v,
+                unblocked: Vec3::ZERO,
                 error: 0.0,
                 quarters: WHOLE,
             }

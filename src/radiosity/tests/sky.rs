@@ -313,6 +313,21 @@ fn bright_parts_of_a_map_light_points() {
     }
 }
 
+/// Half of the sky is red and half is blue: each channel of points in the open is that of its own closed form.
+#[test]
+fn points_have_the_colour_of_the_open_sky() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("sky.exr");
+    let value = |u, _| image::Rgb(if u < 64 { [2.0, 1.0, 0.2] } else { [0.2, 1.0, 2.0] });
+    image::Rgb32FImage::from_fn(128, 64, value).save(&path).expect("written");
+    let ground = rectangle([-5.0, -5.0], [5.0, 5.0], |_, _| 0.0);
+    let scene = outdoors(0.0, &[ground], path.to_str().expect("UTF-8"), "none");
+    let points: Vec<Point> = (0..5).map(|k| at(DVec3::new(f64::from(k) - 2.0, 0.3, 0.0), DVec3::Z)).collect();
+    for light in solved(&scene, &points, &Options { elements: false, ..accurate() }).irradiance {
+        light.into_iter().zip([1.1, 1.0, 1.1]).for_each(|(found, want)| near(found, want * PI, 1e-3));
+    }
+}
+
 /// Points of a street have half the sum of the sines of the angles from the zenith to the roofs; near the horizon its sky is thinner than a cell of a point's
 /// rays. Those of a slope have (1 + cos β) / 2; the horizon crosses their cells.
 #[test]
