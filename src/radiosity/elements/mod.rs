@@ -33,7 +33,7 @@ pub use lookup::Lookup;
 pub use profiles::{emission_gain, mean_over};
 pub use side_sampling::SideSampler;
 pub use state::{ElementState, LightStatistics, RowFactors};
-pub use subdivision::{area as surface_area, centres_of_quarters};
+pub use subdivision::{area as surface_area, centres_of_quarters, quarters};
 
 use crate::math::Aabb;
 use crate::ray::EndRule;

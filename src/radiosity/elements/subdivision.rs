@@ -92,7 +92,7 @@ pub fn area(corners: &[Vec3; 4]) -> f64 {
 /// The parts of a quad meet at the midpoint of its first diagonal, which is the edge between its two faces: two parts are similar
 /// to the quad, two are parallelograms, and all lie in the faces even if the quad is slightly bent. (Parts that met at the mean
 /// of the corners would lie behind bent faces, which would hide them.)
-pub(super) fn quarters(c: [Vec3; 4]) -> [[Vec3; 4]; 4] {
+pub fn quarters(c: [Vec3; 4]) -> [[Vec3; 4]; 4] {
     let middle = |i: usize, j: usize| 0.5 * (c[i] + c[j]);
     if is_triangle(&c) {
         let (ab, bc, ca) = (middle(0, 1), middle(1, 2), middle(2, 0));

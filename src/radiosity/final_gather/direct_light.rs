@@ -1,11 +1,12 @@
 //! Direct light at points: Lambert's formula times the visible part, from bundles of shadow rays.
 
 use super::bright_leaves::BrightLeaves;
+use super::face_parts::{Part, part_of};
 use super::gather_point::GatherPoint;
 use super::gatherer::FinalGather;
 use crate::math::sampling::{mix, numbers, pick, point_on};
-use crate::radiosity::elements::emission_gain;
 use crate::radiosity::elements::emitters::Emitter;
+use crate::radiosity::elements::{emission_gain, surface_area};
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{LANES, Packet};
@@ -254,12 +255,13 @@ impl FinalGather<'_> {
             let (u, v) = ((u + shift_u).fract(), (v + shift_v).fract());
             let (f, u, share) = pick(&view.shares, u);
             let face = &emitter_of.faces[f];
-            let y = point_on(&face.corners, u, v);
+            let Part { corners, u, probability } = part_of(&face.corners, u, (at, normal));
+            let y = point_on(&corners, u, v);
             let d = y - at;
             let r2 = d.length_squared().max(f32::MIN_POSITIVE);
             let kernel = (normal.dot(d).max(0.0) / r2) * ((-face.normal.dot(d)).max(0.0) / r2);
             let gain = emission_gain(face.profile.as_deref(), y, face.normal, at);
-            let weight = gain * kernel * face.area / share;
+            let weight = gain * kernel * (surface_area(&corners) as f32) / (share * probability);
             if weight * mean(face.exitance) as f32 > 0.0 {
                 let rules = [end, face.end.seen_from(end)];
                 packet.set_lifted(lane, at, rules[1].lifted(y, face.normal), rules);

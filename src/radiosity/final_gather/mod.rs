@@ -7,6 +7,7 @@ mod element_light;
 mod element_rays;
 mod element_samples;
 mod engine_choice;
+mod face_parts;
 mod gather_point;
 mod gatherer;
 mod kept_power;

@@ -136,6 +136,20 @@ fn points_of_large_floors_have_the_light_of_their_place() {
     }
 }
 
+/// Of a luminous ceiling of 100 m a table hides four metres, which bring half of the light to the floor below it.
+#[test]
+fn a_table_below_a_wide_ceiling_has_its_shadow() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("floor", 0.5).polygon(&level(DVec3::ZERO, 100.0, true));
+    pieces.grey("table", 0.5).polygon(&level(DVec3::new(0.3, 0.2, 0.7), 1.0, true));
+    pieces.glowing("ceiling", 10.0).polygon(&level(3.0 * DVec3::Z, 100.0, false));
+    let place = |x: f64| Point { position: DVec3::new(x, 0.1, 0.0), normal: DVec3::Z };
+    let [found, traced] = at_points(&pieces.scene(), &[0.0, 0.5, 1.0, 3.0].map(place));
+    for (found, traced) in found.into_iter().zip(traced) {
+        assert!((found / traced - 1.0).abs() < 0.04, "{found} instead of {traced}");
+    }
+}
+
 /// Light on the line where a box stands on the floor is that beside the box: in it there is none.
 #[test]
 fn the_foot_of_a_box_has_the_light_beside_it() {
