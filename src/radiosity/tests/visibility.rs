@@ -104,7 +104,7 @@ fn light_of_dense_points_is_interpolated_and_leaks_through_no_wall() {
     };
     let direct = |points: &[Point], visibility, error| solved(&scene, points, &options(visibility, error));
     let free = largest(&solved(&room(0), &points, &options(Visibility::Exact, 0.1)));
-    let truth = direct(&points[..JUDGED], Visibility::Exact, 0.005);
+    let truth = direct(&points[..JUDGED], Visibility::Exact, 0.008);
     let (exact, mr) = (direct(&points, Visibility::Exact, 0.02), direct(&points, Visibility::Mr, 0.02));
     let segments = [&exact, &mr].map(|found| found.record.bundles.segments);
     // Behind the wall both trace all rays.
