@@ -16,6 +16,9 @@ use rayon::prelude::*;
 /// Distance of the segments that look for such surfaces from the edges and the plane of their element, as a part of its diameter: a surface
 /// nearer to an edge leaves less than this part of the element on its other side.
 const INSET: f32 = 1.0 / 128.0;
+/// The same for surfaces that end above the plane of the element, as a sheet a few millimetres clear of the floor: light below it differs on
+/// both sides unless the gap is wide compared with the element.
+const INSET_CLEAR: f32 = 1.0 / 4.0;
 /// Largest number of times that an element of the size of the local pass is split: its parts are then an eighth as wide. Four times
 /// adds twice as many elements, a tenth of those of the Cornell box.
 const MAX_SPLITS: i32 = 3;
@@ -87,10 +90,15 @@ fn area(elements: &Elements, e: u32) -> f64 {
 /// in part.
 fn crossed(elements: &Elements, exact: &Exact, leaves: &[u32]) -> Vec<u32> {
     let parts = large_parts(elements, leaves);
-    let crossed = blocked(elements, exact, &parts, set_edges);
+    let [crossed, clear] = [INSET, INSET_CLEAR].map(|inset| {
+        blocked(elements, exact, &parts, |packet, first, corners, side| {
+            set_edges(packet, first, corners, side, inset)
+        })
+    });
     let covered = covered_quarters(elements, exact, &parts);
     let in_part = |quarters: u32| quarters != 0 && quarters != ALL;
-    let found = parts.into_iter().zip(crossed.into_iter().zip(covered));
+    let edges = crossed.into_iter().zip(clear).map(|(low, high)| low | high);
+    let found = parts.into_iter().zip(edges.zip(covered));
     found.filter(|(_, (edges, quarters))| *edges != 0 || in_part(*quarters)).map(|(e, _)| e).collect()
 }
 
@@ -124,10 +132,11 @@ fn blocked(
     parts.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect()
 }
 
-/// Sets lanes from `first` on to segments above the edges of an element, a little within it.
-fn set_edges(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side) {
-    let (count, middle, above) = frame(corners, side);
-    let inner = |k: usize| middle + above + (1.0 - 2.0 * INSET) * (corners[k % count] - middle);
+/// Sets lanes from `first` on to segments above the edges of an element, within it by this part of its diameter and as far above it: faces that
+/// rise from its edges by up to 135° do not meet them.
+fn set_edges(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side, inset: f32) {
+    let (count, middle, above) = frame(corners, side, inset);
+    let inner = |k: usize| middle + above + (1.0 - 2.0 * inset) * (corners[k % count] - middle);
     for k in 0..count {
         packet.set_between(first + k, inner(k), inner(k + 1), [0.0, 1.0]);
     }
@@ -136,7 +145,7 @@ fn set_edges(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side
 /// Sets lanes from `first` on to segments across the middles of the edges of an element, which begin and end twice as far from the edges as those of
 /// [`set_edges`]: a wall that crosses neither element lies between. The next face of a bowl counts as a wall from an angle of about 30° on.
 fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side) {
-    let (count, middle, above) = frame(corners, side);
+    let (count, middle, above) = frame(corners, side, INSET);
     for k in 0..count {
         let edge = 0.5 * (corners[k] + corners[(k + 1) % count]);
         let inwards = 4.0 * INSET * (middle - edge);
@@ -144,10 +153,10 @@ fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Sid
     }
 }
 
-/// The number of corners of an element, their mean, and the offset of segments from its plane.
-fn frame(corners: &[Vec3; 4], side: &Side) -> (usize, Vec3, Vec3) {
+/// The number of corners of an element, their mean, and the offset of segments from its plane for this part of its diameter.
+fn frame(corners: &[Vec3; 4], side: &Side, part: f32) -> (usize, Vec3, Vec3) {
     let count = if corners[2] == corners[3] { 3 } else { 4 };
     let middle = corners[..count].iter().sum::<Vec3>() / count as f32;
     let diameter = 2.0 * corners.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
-    (count, middle, side.end.height().max(INSET * diameter) * side.normal)
+    (count, middle, side.end.height().max(part * diameter) * side.normal)
 }
