@@ -4,7 +4,7 @@ use super::bright_leaves::BrightLeaves;
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
 use crate::math::on_plane;
-use crate::math::sampling::{cosine_direction, mix, numbers};
+use crate::math::sampling::{cosine_direction, mix, numbers, place_in_cell};
 use crate::model::Model;
 use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
 use crate::radiosity::elements::emitters::Emitters;
@@ -255,11 +255,12 @@ fn grid_of(count: usize) -> [usize; 2] {
 /// At least `count` directions about +z with the density cos/π: one in each cell of a grid, in blocks of 4 by 4.
 fn hemisphere(count: usize, seed: u64) -> Vec<Vec3> {
     let [across, down] = grid_of(count);
+    let [r, s, ..] = numbers(seed, 0);
     (0..across * down * LANES)
         .map(|k| {
             let (block, lane) = (k / LANES, k % LANES);
             let (i, j) = (block % across * 4 + lane % 4, block / across * 4 + lane / 4);
-            let [r, s, ..] = numbers(seed, k as u64);
+            let [r, s] = place_in_cell([i as u32, j as u32], [r, s]);
             let place =
                 |cell: usize, within: f32, blocks: usize| (cell as f32 + within) / (4 * blocks) as f32;
             cosine_direction(Vec3::Z, place(i, r, across), place(j, s, down))

@@ -5,16 +5,20 @@ use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
 use super::uneven_cells::{Cell, Surroundings, TOLERANCE, Uneven, WHOLE, bound_of_errors};
 use crate::embree::Hits;
-use crate::math::sampling::{cosine_direction, mix, numbers};
+use crate::math::sampling::{cosine_direction, mix, numbers, place_in_cell};
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::ray::{LANES, Packet};
 use glam::{DVec3, Vec3};
 
 /// Largest number of halvings of a cell: of 1,024 cells, edges are then known to a 64th of a cell.
 const MAX_LEVEL: u32 = 6;
-/// Rays in divided cells of a point at which no more are divided, but for a grid that is made finer as a whole: leaves are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and
-/// roofs need some hundreds.
-const MAX_RAYS: usize = 1 << 13;
+/// Rays in divided cells of a point at which no more are divided, but for a grid that is made finer as a whole, at [`USUAL_ERROR`]; in proportion to 1 / error². Leaves
+/// are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and roofs need some hundreds.
+const MAX_RAYS: f64 = 8192.0;
+/// The error asked for by default.
+const USUAL_ERROR: f64 = 0.02;
+/// Rays at which no error asked for divides more cells: limits the time of a point to some 50 ms.
+const MAX_RAYS_OF_ALL: f64 = 131_072.0;
 /// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices for the rim of
 /// a sunlit place. Where all cells differ, as in a room full of things, four times as many rays halve the error.
 const MORE_FOR_SURFACES: usize = 4;
@@ -92,6 +96,8 @@ impl FinalGather<'_> {
         sky.add(levels[0].iter(), share, 1.0);
         // Errors of cells that are left as they are.
         let (mut left, mut rays, mut divided, mut for_surfaces) = (0.0, whole.len(), 0, 0);
+        let most_rays =
+            (MAX_RAYS * (USUAL_ERROR / self.error).powi(2)).clamp(MAX_RAYS, MAX_RAYS_OF_ALL) as usize;
         for level in 0..MAX_LEVEL {
             let area = share * 0.25f64.powi(level as i32);
             let cells = &levels[level as usize];
@@ -117,7 +123,7 @@ impl FinalGather<'_> {
                 }
             };
             if !is_whole {
-                chosen.truncate((MAX_RAYS - divided) / 4);
+                chosen.truncate((most_rays - divided) / 4);
                 divided += 4 * chosen.len();
             }
             if chosen.is_empty() {
@@ -247,9 +253,10 @@ impl FinalGather<'_> {
         let packets = &mut buffers.packets;
         packets.clear();
         packets.resize(parts.len().div_ceil(LANES), Packet::EMPTY);
-        for (k, [i, j]) in parts.iter().enumerate() {
-            let [u, v, ..] = numbers(seed, k as u64);
-            let direction = hemisphere.direction(level, [*i as f32 + u, *j as f32 + v]);
+        let [u, v, ..] = numbers(seed, 0);
+        for (k, &[i, j]) in parts.iter().enumerate() {
+            let [u, v] = place_in_cell([i, j], [u, v]);
+            let direction = hemisphere.direction(level, [i as f32 + u, j as f32 + v]);
             let to = point.at + hemisphere.reach * direction;
             packets[k / LANES].set_between(k % LANES, point.at, to, [0.0, 1.0]);
         }
@@ -266,14 +273,15 @@ impl FinalGather<'_> {
         seen: &[Seen],
         point: &GatherPoint,
     ) -> Vec<Cell> {
-        let seed = mix(!point.seed ^ u64::from(level) << 32);
+        let [u, v, ..] = numbers(mix(!point.seed ^ u64::from(level) << 32), 0);
+        let shift = [u, v];
         let has_map = self.environment.is_some_and(|of| of.has_map());
         // The light of the sky in a cell, mean of a few places, and the square of its error, mean over the channels.
         let sky_in = |place: [u32; 2]| {
             if !self.has_environment() {
                 return (Vec3::ZERO, 0.0);
             }
-            let [u, v, ..] = numbers(seed, u64::from(place[0]) << 32 | u64::from(place[1]));
+            let [u, v] = place_in_cell(place, shift);
             let sky_at = |[u, v]: [f32; 2]| {
                 self.sky_of_ray(hemisphere.direction(level, [place[0] as f32 + u, place[1] as f32 + v]))
             };
