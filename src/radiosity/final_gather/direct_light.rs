@@ -1,6 +1,6 @@
 //! Direct light at points: Lambert's formula times the visible part, from bundles of shadow rays.
 
-use super::bright_leaves::BrightLeaves;
+use super::bright_leaves::{BrightLeaves, MIN_SHADOW_RAYS, PART_OF_ERROR};
 use super::face_parts::{Part, part_of};
 use super::gather_point::GatherPoint;
 use super::gatherer::FinalGather;
@@ -14,17 +14,11 @@ use glam::{DVec3, Vec3};
 
 /// Points that are gathered for together, as one task: limits the buffers of a task. 64 points are four packets.
 pub(super) const CHUNK: usize = 64;
-/// Smallest number of shadow rays of a point and an emitter: two packets, whose difference shows whether more rays are
-/// needed. 16 or 64 rays instead change irradiance by less than 0.08 % (`constants.py solve`).
-const MIN_SHADOW_RAYS: usize = 2 * LANES;
 /// Visible part of an emitter below which a point with little other light traces more rays: that of four of [`MIN_SHADOW_RAYS`]. Of 32 rays to a lamp behind
 /// a hole that shows a hundredth of it none passes three times of four, and stopping there would lose a sixth of its light.
 const MAX_HIDDEN_VISIBILITY: f64 = 4.0 / MIN_SHADOW_RAYS as f64;
 /// Expected number of emitters from which no ray has passed to which a point traces all rays in each set. Points of 64 closed cells with 32 lamps take 7 times as long with all lamps.
 const TRACED_AGAIN: f64 = 4.0;
-
-/// Part of the error asked for that the light of one emitter may have: four emitters of equal light add up to all of it.
-const PART_OF_ERROR: f64 = 0.5;
 
 impl FinalGather<'_> {
     /// Direct irradiance at points, W/m², as the mean over so many sets of shadow rays. All points query an emitter together.
