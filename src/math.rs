@@ -6,6 +6,9 @@ pub mod weld;
 use glam::{DAffine3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
+/// Largest radiance, W/(m² sr), and irradiance, W/m², of what emits: squares of sums of light stay within single precision.
+pub const MAX_RADIANCE: f64 = 1e15;
+
 /// An axis-aligned box, `min <= max` on every axis unless it is [`Aabb::EMPTY`]. Scene units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aabb {

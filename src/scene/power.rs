@@ -4,6 +4,7 @@
 use super::Strength;
 use super::{LoadOptions, Material, names::unknown};
 use crate::error::{figure, quote};
+use crate::math::MAX_RADIANCE;
 use crate::{Error, Result};
 use std::collections::HashMap;
 
@@ -93,9 +94,9 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
         }
         let area: f64 = faces.iter().map(|&t| s.triangle_area[t]).sum::<f64>() * metres * metres;
         let radiance = strength.radiance(area * sides, options.photometry().lumens_per_watt) as f32;
-        if !radiance.is_finite() {
+        if f64::from(radiance) > MAX_RADIANCE {
             return Err(Error::Scene(format!(
-                "emitter {}: {} {unit} on {area:e} m² is beyond every number",
+                "emitter {}: {} {unit} on {area:e} m² is a radiance of {radiance:e} W/(m² sr): must be at most {MAX_RADIANCE:e}",
                 quote(name),
                 figure(value)
             )));

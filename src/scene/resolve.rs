@@ -22,7 +22,7 @@ use super::{
 use crate::{
     Error, Result,
     error::quote,
-    math::{Aabb, weld::weld},
+    math::{Aabb, MAX_RADIANCE, weld::weld},
 };
 use glam::{DVec3, Vec3};
 
@@ -185,9 +185,9 @@ fn check_sides(options: &LoadOptions) -> Result<()> {
 fn check_materials(soup: &Soup, role: Role, repairs: &mut Repairs) -> Result<Vec<Material>> {
     let mut clamped = Vec::new();
     let materials = soup.materials.iter().map(|m| {
-        let finite = m.emission.iter().chain(&m.reflectance).all(|v| v.is_finite());
-        if !finite || m.emission.iter().any(|&e| e < 0.0) {
-            let what = "a reflectance or emission that is not a finite number >= 0; mend its Kd and Ke";
+        let finite = m.reflectance.iter().all(|v| v.is_finite());
+        if !finite || m.emission.iter().any(|&e| !(0.0..=MAX_RADIANCE).contains(&f64::from(e))) {
+            let what = format!("a reflectance or emission that is not a number from 0 to {MAX_RADIANCE:e}; mend its Kd and Ke");
             return Err(Error::format(&soup.path, None, format!("material `{}` has {what}", quote(&m.name))));
         }
         let reflectance = m.reflectance.map(|v| v.clamp(0.0, MAX_REFLECTANCE));

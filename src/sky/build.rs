@@ -11,7 +11,8 @@ use super::position::{Air, sun_position};
 use super::radiance::{Level, Sky};
 use super::sun::Sun;
 use super::{cie, clear};
-use crate::error::shown;
+use crate::error::{figure, shown};
+use crate::math::MAX_RADIANCE;
 use crate::{Error, Result};
 use glam::DVec3;
 use std::path::Path;
@@ -302,6 +303,12 @@ impl SkyOptions {
         };
         if irradiance.iter().all(|e| *e == 0.0) {
             return Ok(None);
+        }
+        if let Some(bad) = irradiance.iter().find(|e| **e > MAX_RADIANCE) {
+            return Err(format!(
+                "the irradiance {} of the sun must be at most {MAX_RADIANCE:e} W/m²",
+                figure(*bad)
+            ));
         }
         if position.local.z <= 0.0 {
             return Err(format!(

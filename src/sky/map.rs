@@ -29,6 +29,14 @@ pub struct SkyMap {
     pub repaired: usize,
 }
 
+/// A texel of a Radiance HDR file as Radiance reads it: mantissas of eight bits are cut off when they are written, so that half a step is added to each
+/// (Ward 1991, *Real Pixels*). The largest of the three has its highest bit set.
+fn with_half_steps(texel: [f32; 3]) -> [f32; 3] {
+    let largest = texel.into_iter().fold(0.0, f32::max);
+    let power_of_two = f32::from_bits(largest.to_bits() & f32::INFINITY.to_bits());
+    texel.map(|v| v + power_of_two / 256.0)
+}
+
 impl SkyMap {
     /// Reads an OpenEXR or Radiance HDR file. `north` is the azimuth of its centre column, degrees.
     ///
@@ -51,11 +59,12 @@ impl SkyMap {
         (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIDE), Some(MAX_SIDE));
         limits.max_alloc = Some(limit);
         reader.limits(limits);
+        let is_hdr = reader.format() == Some(ImageFormat::Hdr);
         let undecoded =
             |e| Error::format(path, None, format!("cannot be decoded: {}", quote(&format!("{e}"))));
         let image = input::guarded(path, || reader.decode().map_err(undecoded))?.into_rgb32f();
         let (width, height) = (image.width() as usize, image.height() as usize);
-        let texels = image.pixels().map(|p| p.0).collect();
+        let texels = image.pixels().map(|p| if is_hdr { with_half_steps(p.0) } else { p.0 }).collect();
         SkyMap::new(width, height, texels, north).map_err(|what| Error::format(path, None, what))
     }
 

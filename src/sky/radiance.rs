@@ -3,6 +3,8 @@
 use super::frame::spherical;
 use super::gradation::{GradationTable, Shape};
 use super::map::SkyMap;
+use crate::error::figure;
+use crate::math::MAX_RADIANCE;
 use crate::{Error, Result};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -49,7 +51,8 @@ impl Sky {
     /// horizon, too.
     ///
     /// # Errors
-    /// [`Error::Argument`] if a level is negative or not finite, or is asked of a channel that is black.
+    /// [`Error::Argument`] if a level is negative or not finite, or is asked of a channel that is black, or if the irradiance of the ground is above
+    /// [`MAX_RADIANCE`].
     pub fn new(shape: Shape, map: Option<Arc<SkyMap>>, has_lower_half: bool, level: Level) -> Result<Sky> {
         let has_lower_half = has_lower_half && map.as_ref().is_some_and(|m| m.is_sphere());
         let table = match &shape {
@@ -79,6 +82,12 @@ impl Sky {
             }
             sky.scale[c] = if native[c] > 0.0 { wanted[c] / native[c] } else { 0.0 };
             sky.horizontal[c] = sky.scale[c] * unscaled[c];
+            if sky.horizontal[c] > MAX_RADIANCE {
+                let found = figure(sky.horizontal[c]);
+                return Err(Error::Argument(format!(
+                    "the sky gives {found} W/m² on the ground: must be at most {MAX_RADIANCE:e}; lower its level"
+                )));
+            }
         }
         Ok(sky)
     }
