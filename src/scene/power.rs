@@ -30,10 +30,10 @@ type OfUnit = fn(f64) -> Strength;
 pub fn parse_emitter(text: &str) -> Result<(String, Strength)> {
     let wrong = || {
         let units = "lamp=60W, lamp=800lm, lamp=5000cd/m2";
-        Error::Argument(format!(
-            "emitter {}: write NAME=W, with W >= 0 in watts (lamp=60; lamp=0 switches it off), or with a unit: {units}",
-            quote(text)
-        ))
+        let form = format!(
+            "write NAME=W, with W >= 0 in watts (lamp=60; lamp=0 switches it off), or with a unit: {units}"
+        );
+        Error::argument("emitters", quote(text), form)
     };
     let (name, strength) = text.rsplit_once('=').ok_or_else(wrong)?;
     let strength = strength.trim();
@@ -73,13 +73,12 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
     let sides = if options.two_sided_emission { 2.0 } else { 1.0 };
     for (name, strength) in &options.emitters {
         let (value, unit) = strength.parts();
+        let wrong = |problem: String| {
+            Error::argument("emitters", format!("{}={} {unit}", quote(name), figure(value)), problem)
+        };
         // The limits of `parse_emitter`; options may be set without it.
         if !value.is_finite() || value < 0.0 {
-            return Err(Error::Argument(format!(
-                "emitter {}: {} {unit} is not a number of at least 0",
-                quote(name),
-                figure(value)
-            )));
+            return Err(wrong("must be a number of at least 0".into()));
         }
         let faces: Vec<usize> = (0..s.triangle_object.len())
             .filter(|&t| {
@@ -89,16 +88,12 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
             .collect();
         if faces.is_empty() {
             let materials = s.materials.iter().map(|m| m.name.as_str());
-            return Err(unknown(name, s.objects.iter().map(String::as_str).chain(materials)));
+            return Err(unknown(name, s.objects.iter().map(String::as_str).chain(materials)).of("emitters"));
         }
         let area: f64 = faces.iter().map(|&t| s.triangle_area[t]).sum::<f64>() * metres * metres;
         let radiance = strength.radiance(area * sides, options.photometry().lumens_per_watt) as f32;
         if !radiance.is_finite() {
-            return Err(Error::Scene(format!(
-                "emitter {}: {} {unit} on {area:e} m² is beyond every number",
-                quote(name),
-                figure(value)
-            )));
+            return Err(wrong(format!("on {area:e} m² is beyond every number")));
         }
         let mut lit = HashMap::new();
         for t in faces {
