@@ -1,5 +1,6 @@
 //! The error type of the crate.
 
+use std::fmt::{Display, Formatter};
 use std::path::{Path, PathBuf};
 
 /// Result of all fallible functions of this crate.
@@ -7,47 +8,66 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Errors of this crate. Each message is one line: what failed, where, and the remedy.
 ///
-/// [`Error::category`] sorts them by what a caller can do.
-#[derive(Debug, thiserror::Error)]
+/// [`Error::category`] sorts them by what a caller can do. Texts name options and arguments between `⟨` and `⟩`, which the message
+/// replaces by backticks, and an interface of another language by the names that it has for them.
+#[derive(Debug)]
 #[non_exhaustive]
 pub enum Error {
     /// A file could not be read or written.
-    #[error("{}: {source}", shown(path))]
     Io {
         /// The file or folder.
         path: PathBuf,
         /// The error of the operating system.
-        #[source]
         source: std::io::Error,
     },
     /// A file was read but its content cannot be used.
-    #[error("{}{}: {what}", shown(path), line.map(|l| format!(":{l}")).unwrap_or_default())]
     Format {
         /// The file.
         path: PathBuf,
         /// The line, counted from 1, where the format has lines.
         line: Option<usize>,
+        /// The character of the line, counted from 1, where it is known.
+        column: Option<usize>,
         /// The defect and its remedy.
         what: String,
     },
-    /// The scene was read but cannot be used for the request (empty, no emitter, unknown name).
-    #[error("{0}")]
+    /// The scene was read but cannot be used for the request (empty, no emitter).
     Scene(String),
-    /// An option or argument is out of its range.
-    #[error("{0}")]
-    Argument(String),
+    /// An option or argument has a value that it cannot have.
+    Argument {
+        /// Its name: a field of the options, an argument of the function, or a part of one, such as `points[3].normal`. Empty if several
+        /// do not fit together, which the problem then names.
+        name: String,
+        /// The value; empty if it is not shown.
+        value: String,
+        /// What is wrong with it, or what it must be.
+        problem: String,
+        /// What to do; empty if the problem says it.
+        cure: String,
+    },
     /// The processor, the installed Embree or this version of the crate cannot do what was asked.
-    #[error("{0}")]
     Unsupported(String),
     /// There is not enough memory.
-    #[error("out of memory: {0}")]
     OutOfMemory(String),
     /// The caller stopped the computation before there was a result.
-    #[error("{0}")]
     Cancelled(String),
     /// Embree failed.
-    #[error("Embree: {0}")]
     Embree(String),
+}
+
+impl Display for Error {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.worded(own_word))
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Error::Io { source, .. } => Some(source),
+            _ => None,
+        }
+    }
 }
 
 /// Errors by what a caller can do about them.
@@ -76,7 +96,7 @@ impl Error {
                 ErrorCategory::OutOfMemory
             }
             Error::Io { .. } => ErrorCategory::Io,
-            Error::Format { .. } | Error::Scene(_) | Error::Argument(_) => ErrorCategory::Input,
+            Error::Format { .. } | Error::Scene(_) | Error::Argument { .. } => ErrorCategory::Input,
             Error::Unsupported(_) => ErrorCategory::Unsupported,
             Error::OutOfMemory(_) => ErrorCategory::OutOfMemory,
             Error::Cancelled(_) => ErrorCategory::Cancelled,
@@ -93,8 +113,104 @@ impl Error {
     /// An [`Error::Format`] at `path`, optionally at a line counted from 1.
     #[doc(hidden)]
     pub fn format(path: impl Into<PathBuf>, line: Option<usize>, what: impl Into<String>) -> Self {
-        Error::Format { path: path.into(), line, what: what.into() }
+        Error::Format { path: path.into(), line, column: None, what: what.into() }
     }
+
+    /// An [`Error::Argument`] without a cure.
+    #[doc(hidden)]
+    pub fn argument(name: impl Into<String>, value: impl Display, problem: impl Into<String>) -> Self {
+        let (value, cure) = (value.to_string(), String::new());
+        Error::Argument { name: name.into(), value, problem: problem.into(), cure }
+    }
+
+    /// An [`Error::Argument`] for several arguments that do not fit together, or for what has no name.
+    #[doc(hidden)]
+    pub fn arguments(problem: String) -> Self {
+        Error::argument("", "", problem)
+    }
+
+    /// The error of an argument with this cure.
+    #[doc(hidden)]
+    pub fn with_cure(mut self, text: impl Into<String>) -> Self {
+        if let Error::Argument { cure, .. } = &mut self {
+            *cure = text.into();
+        }
+        self
+    }
+
+    /// The error of an argument, which is this one if it has no name yet.
+    #[doc(hidden)]
+    pub fn of(mut self, argument: &str) -> Self {
+        if let Error::Argument { name, .. } = &mut self
+            && name.is_empty()
+        {
+            *name = argument.into();
+        }
+        self
+    }
+
+    /// The error of a member of the entry `i` of an array.
+    pub(crate) fn in_entry(mut self, array: &str, i: usize) -> Self {
+        if let Error::Argument { name, .. } = &mut self {
+            *name = format!("{array}[{i}].{name}");
+        }
+        self
+    }
+
+    /// The message, in which `word` names options and arguments.
+    #[doc(hidden)]
+    pub fn worded(&self, word: impl Fn(&str) -> String) -> String {
+        let text = match self {
+            Error::Io { path, source } => format!("{}: {source}", shown(path)),
+            Error::Format { path, line, column, what } => {
+                let place = line.iter().chain(column).map(|n| format!(":{n}"));
+                format!("{}{}: {what}", shown(path), place.collect::<String>())
+            }
+            Error::Argument { name, value, problem, cure } => {
+                let after = |sign: &str, text: &str| match text {
+                    "" => String::new(),
+                    text => format!("{sign}{text}"),
+                };
+                let end = after("; ", cure);
+                match name.as_str() {
+                    "" => format!("{problem}{end}"),
+                    name => format!("⟨{name}⟩{}: {problem}{end}", after(" ", value)),
+                }
+            }
+            Error::Scene(text) | Error::Unsupported(text) | Error::Cancelled(text) => text.clone(),
+            Error::OutOfMemory(what) => format!("out of memory: {what}"),
+            Error::Embree(what) => format!("Embree: {what}"),
+        };
+        worded(&text, word)
+    }
+}
+
+/// A message or note in which `word` names the options and arguments that stand between `⟨` and `⟩`.
+pub fn worded(text: &str, word: impl Fn(&str) -> String) -> String {
+    let mut parts = text.split('⟨');
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (name, rest) = part.split_once('⟩').unwrap_or((part, ""));
+        out += &word(name);
+        out += rest;
+    }
+    out
+}
+
+/// How the crate itself names an option or argument.
+pub fn own_word(name: &str) -> String {
+    let (name, entry) = parts_of(name);
+    format!("`{name}`{entry}")
+}
+
+/// Serialises notes as the crate itself words them.
+pub fn in_own_words<S: serde::Serializer>(notes: &[String], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_seq(notes.iter().map(|note| worded(note, own_word)))
+}
+
+/// A name, and which entry or member of an entry of it is meant: `points` and `[3].normal`.
+pub fn parts_of(name: &str) -> (&str, &str) {
+    name.split_at(name.find('[').unwrap_or(name.len()))
 }
 
 /// Whether a terminal or a browser obeys a character instead of showing it: control characters, and the marks that turn the direction of the
@@ -105,10 +221,15 @@ pub fn is_obeyed(c: char) -> bool {
     c.is_control() || turns
 }
 
+/// Whether a character of a user's text stands in a message: not if it is obeyed, or would make a name out of the text.
+fn is_plain(c: &char) -> bool {
+    !is_obeyed(*c) && !matches!(c, '⟨' | '⟩')
+}
+
 /// A path for a message: without control characters; of one with more than [`MAX_QUOTED`] characters the end, which has the name of
 /// the file.
 pub fn shown(path: &Path) -> String {
-    let text: Vec<char> = path.display().to_string().chars().filter(|c| !is_obeyed(*c)).collect();
+    let text: Vec<char> = path.display().to_string().chars().filter(is_plain).collect();
     match text.len().checked_sub(MAX_QUOTED) {
         None | Some(0) => text.into_iter().collect(),
         Some(more) => std::iter::once('…').chain(text.into_iter().skip(more + 1)).collect(),
@@ -120,7 +241,7 @@ pub(crate) const MAX_QUOTED: usize = 80;
 
 /// Text of a file for a message: without control characters, at most [`MAX_QUOTED`] characters.
 pub fn quote(text: &str) -> String {
-    let mut shown = text.chars().filter(|c| !is_obeyed(*c));
+    let mut shown = text.chars().filter(is_plain);
     let mut short: String = shown.by_ref().take(MAX_QUOTED - 1).collect();
     match (shown.next(), shown.next()) {
         (Some(last), None) => short.push(last),
@@ -171,6 +292,22 @@ mod tests {
     }
 
     #[test]
+    fn names_are_words_of_the_interface() {
+        let error = Error::argument("points[3].normal", "0", "is too short").with_cure("raise ⟨max_bytes⟩");
+        assert_eq!(error.to_string(), "`points`[3].normal 0: is too short; raise `max_bytes`");
+        let shouted = error.in_entry("changes", 1).worded(str::to_uppercase);
+        assert_eq!(shouted, "CHANGES[1].POINTS[3].NORMAL 0: is too short; raise MAX_BYTES");
+        let named = |error: Error| error.of("image").to_string();
+        assert_eq!(named(Error::arguments("no texels".into())), "`image`: no texels");
+        assert_eq!(named(Error::argument("texel", "", "no length")), "`texel`: no length");
+        // What a user called something is no name of an option.
+        assert_eq!(Error::Scene(format!("no ⟨unit⟩ `{}`", quote("⟨unit⟩"))).to_string(), "no `unit` `unit`");
+        let column =
+            Error::Format { path: "a.toml".into(), line: Some(3), column: Some(7), what: "x".into() };
+        assert_eq!(column.to_string(), "a.toml:3:7: x");
+    }
+
+    #[test]
     fn quotes_are_short_and_printable() {
         assert_eq!(quote("a\u{1b}[31m b"), "a[31m b");
         assert_eq!(quote(&"é".repeat(80)), "é".repeat(80));
@@ -204,7 +341,7 @@ mod tests {
             (Error::io("a", ErrorKind::NotFound.into()), ErrorCategory::Io),
             (Error::io("a", ErrorKind::OutOfMemory.into()), ErrorCategory::OutOfMemory),
             (Error::format("a.obj", Some(3), "no face"), ErrorCategory::Input),
-            (Error::Argument("s 0".into()), ErrorCategory::Input),
+            (Error::argument("s", 0, "must be above 0"), ErrorCategory::Input),
             (Error::OutOfMemory("Embree".into()), ErrorCategory::OutOfMemory),
             (Error::Embree("unknown".into()), ErrorCategory::Device),
             (Error::Cancelled("stopped".into()), ErrorCategory::Cancelled),

@@ -46,7 +46,7 @@ pub mod embree {
 
 /// Texts of errors.
 pub mod error {
-    pub use crate::error::{in_words, is_obeyed, quote, shown};
+    pub use crate::error::{in_words, is_obeyed, own_word, parts_of, quote, shown, worded};
 }
 
 /// Output of solutions.

@@ -50,9 +50,8 @@ impl Threads {
     /// [`Error::Argument`] beyond [`MAX_THREADS`].
     pub fn new(count: usize) -> Result<Threads> {
         if count > MAX_THREADS {
-            return Err(Error::Argument(format!(
-                "`threads` {count}: must lie in 0..{MAX_THREADS}, 0 for all cores"
-            )));
+            let problem = format!("must lie in 0..{MAX_THREADS}, 0 for all cores");
+            return Err(Error::argument("threads", count, problem));
         }
         Ok(Threads { count, pool: OnceLock::new() })
     }

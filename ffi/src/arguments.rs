@@ -6,12 +6,12 @@ use std::ffi::{CStr, CString, c_char};
 
 /// A required pointer is NULL.
 pub fn null(name: &str) -> Failure {
-    Error::Argument(format!("`{name}` is NULL: it is required")).into()
+    Error::arguments(format!("`{name}` is NULL: it is required")).into()
 }
 
 /// An error of an argument.
 pub fn wrong<T>(what: String) -> Outcome<T> {
-    Err(Error::Argument(what).into())
+    Err(Error::arguments(what).into())
 }
 
 /// Refuses NULL and addresses that do not suit the type.

@@ -50,8 +50,10 @@ unsafe fn mesh_of<'a>(given: &mrv_mesh) -> Outcome<MeshArrays<'a>> {
             // SAFETY: as for this function.
             Positions::F64(unsafe { strided(given.positions_f64, stride, count, "mesh.positions_f64") }?)
         }
-        (true, true) => return wrong("`mesh.positions` is NULL: give it or `positions_f64`".into()),
-        (false, false) => return wrong("`mesh.positions` and `positions_f64` are given: give one".into()),
+        (true, true) => return wrong("`mesh.positions` is NULL: give it or `mesh.positions_f64`".into()),
+        (false, false) => {
+            return wrong("`mesh.positions` and `mesh.positions_f64` are given: give one".into());
+        }
     };
     // SAFETY: as for this function.
     let (name, indices) =
@@ -64,7 +66,7 @@ unsafe fn mesh_of<'a>(given: &mrv_mesh) -> Outcome<MeshArrays<'a>> {
         mesh = mesh.polygon_sizes(unsafe { slice(given.polygon_sizes, polygons, "mesh.polygon_sizes") }?);
     } else if given.polygon_count != 0 && given.polygon_count != polygons {
         return wrong(format!(
-            "`mesh.polygon_count` {}: is {polygons} for so many triangles; for polygons give `polygon_sizes`",
+            "`mesh.polygon_count` {}: is {polygons} for so many triangles; for polygons give `mesh.polygon_sizes`",
             given.polygon_count
         ));
     }

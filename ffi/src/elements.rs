@@ -8,8 +8,9 @@ use super::overlap::{Span, check_apart};
 use super::record::{Record, read, record};
 use super::solve::{mrv_solution, mrv_solve_options};
 use super::status::mrv_status;
-use super::words::{add_record, in_c};
+use super::words::{add_record, word};
 use mrvis::Element;
+use mrvis::internals::{SolutionParts, error::worded};
 use std::ffi::{c_char, c_void};
 
 record!(112: struct mrv_elements {
@@ -139,13 +140,7 @@ pub unsafe extern "C" fn mrv_solution_get_warning(
         let place = unsafe { Place::of(text, "text") }?;
         let all = solution.warnings.get_or_init(|| {
             add_record("options", mrv_solve_options::MEMBERS);
-            solution
-                .solution
-                .report()
-                .warnings
-                .iter()
-                .map(|text| c_text(&in_c("mrv_model_solve", text)))
-                .collect()
+            solution.solution.notes().iter().map(|note| c_text(&worded(note, word))).collect()
         });
         let Some(text) = usize::try_from(index).ok().and_then(|i| all.get(i)) else {
             return wrong(format!("`index` {index}: the solution has {} warnings", all.len()));

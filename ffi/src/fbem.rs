@@ -5,7 +5,6 @@ use super::guard::{Outcome, guard};
 use super::overlap::{Span, check_apart};
 use super::record::{read, record};
 use super::status::mrv_status;
-use mrvis::Error;
 use mrvis::internals::memory;
 use mrvis::metrics::{Fbem, FbemOptions, Features, Filter, Image, Morphology, fbem};
 
@@ -99,10 +98,7 @@ pub unsafe extern "C" fn mrv_fbem(
         let texel = if given.texel == 0.0 { 1.0 } else { given.texel };
         let [reference, approximation] =
             [("images.reference", reference), ("images.approximation", approximation)].map(
-                |(name, texels)| {
-                    Image::new(width, height, texel, texels)
-                        .map_err(|e| Error::Argument(format!("`{name}`: {e}")))
-                },
+                |(name, texels)| Image::new(width, height, texel, texels).map_err(|error| error.of(name)),
             );
         memory::check_room(BYTES_PER_TEXEL * texels as u64, || format!("the errors of {texels} texels"))?;
         let found = fbem(&reference?, &approximation?, sizes, &options)?;

@@ -2,7 +2,7 @@
 
 use super::float_state::FloatState;
 use super::status::{self, MRV_ERROR_INTERNAL, MRV_OK, mrv_status};
-use super::words::{Records, error_in_c, exchange_records};
+use super::words::{Records, exchange_records, word};
 use mrvis::Error;
 use smallvec::SmallVec;
 use std::any::Any;
@@ -62,7 +62,7 @@ pub fn guard(name: &str, body: impl FnOnce(&Call) -> Outcome) -> mrv_status {
     let records_before = exchange_records(Records::new());
     let (status, message) = match catch_unwind(AssertUnwindSafe(|| body(&call))) {
         Ok(Ok(())) => (MRV_OK, None),
-        Ok(Err(Failure::Error(error))) => (status::of(error.category()), Some(error_in_c(name, &error))),
+        Ok(Err(Failure::Error(error))) => (status::of(error.category()), Some(error.worded(word))),
         Ok(Err(Failure::Internal(what))) => (MRV_ERROR_INTERNAL, Some(what)),
         Err(panic) => {
             call.used.borrow().iter().for_each(|object| object.refuse());

@@ -151,5 +151,5 @@ fn listed<H: Opaque>(
         None => "no live handle, perhaps released already".into(),
     };
     let want = H::NAME;
-    Err(Error::Argument(format!("`{name}` {handle:p} is {what}: give a {want}")).into())
+    Err(Error::arguments(format!("`{name}` {handle:p} is {what}: give a {want}")).into())
 }

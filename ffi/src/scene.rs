@@ -7,6 +7,8 @@ use super::guard::{Outcome, guard};
 use super::handle::{give, handle, object};
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
+use super::words::word;
+use mrvis::internals::{SceneParts, error::worded};
 use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, Strength, UpAxis};
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
@@ -290,7 +292,7 @@ pub unsafe extern "C" fn mrv_scene_get_name(
                 scene.object_names().map(c_text).collect(),
                 scene.material_names().map(c_text).collect(),
                 scene.emitter_names().map(c_text).collect(),
-                scene.repairs().iter().map(|text| c_text(text)).collect(),
+                scene.parts().repairs.messages.iter().map(|note| c_text(&worded(note, word))).collect(),
                 scene.cameras().map(|(name, _)| c_text(name)).collect(),
             ]
         });

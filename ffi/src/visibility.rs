@@ -182,7 +182,9 @@ unsafe fn segments_of<'a>(
     let mut bundles = length(given.bundle_count, "segments.bundle_count")?;
     let offsets = if given.offsets.is_null() {
         if bundles > 1 {
-            return wrong(format!("`segments.offsets` is NULL with `bundle_count` {bundles}: give offsets"));
+            return wrong(format!(
+                "`segments.offsets` is NULL with `segments.bundle_count` {bundles}: give offsets"
+            ));
         }
         bundles = 1;
         &one[..]
@@ -218,7 +220,9 @@ unsafe fn segments_of<'a>(
 unsafe fn answers_of<'a>(wanted: &mrv_answers, bundles: usize, segments: usize) -> Outcome<Answers<'a>> {
     if wanted.lo.is_null() != wanted.hi.is_null() {
         let missing = if wanted.lo.is_null() { "lo" } else { "hi" };
-        return wrong(format!("`answers.{missing}` is NULL: give both `lo` and `hi` or none"));
+        return wrong(format!(
+            "`answers.{missing}` is NULL: give both `answers.lo` and `answers.hi` or none"
+        ));
     }
     // SAFETY: as for this function.
     let mut answers =

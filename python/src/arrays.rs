@@ -208,6 +208,20 @@ pub enum Floats<'py> {
     Each(PyReadonlyArrayDyn<'py, f32>),
 }
 
+impl Floats<'_> {
+    /// Refuses an array of another number of entries than `of` has.
+    pub fn check(&self, py: Python<'_>, name: &str, (count, of): (usize, &str)) -> PyResult<()> {
+        match self {
+            Floats::Each(each) if each.len() != count => {
+                let entries = each.len();
+                let what = format!("`{name}` has {entries} entries for {count} {of}: give one each, or one");
+                Err(input(py, what))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 /// One number, or an array of shape (N,): C-contiguous float32 is borrowed, others are copied.
 pub fn floats<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
     let is_array = value.cast::<PyUntypedArray>().is_ok_and(|array| array.ndim() > 0);

@@ -1,78 +1,48 @@
 //! Errors of the crate as exceptions of `mrvis._types`, and words of the crate as words of the package.
 
+use mrvis::internals::error::{own_word, parts_of, worded};
 use pyo3::PyErrArguments;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use std::any::Any;
 
-/// Names in messages of the crate, and what stands for them in the package.
-const WORDS: [(&str, &str); 16] = [
-    ("`Detail::Optics`", "`detail=\"optics\"`"),
-    ("`Detail::Clusters`", "`detail=\"clusters\"`"),
-    ("`Detail::Rays`", "`detail=\"rays\"`"),
-    ("`Scene::flattened`", "`Scene.flattened()`"),
-    ("the engine `MultiResolution`", "the engine `mr`"),
-    ("the engine `Average`", "the engine `average`"),
-    ("`feature_sizes`[0]", "`feature_size`"),
-    ("`feature_sizes`", "`feature_size`"),
-    ("`emitter_sizes`", "`emitter_size`"),
-    ("`face_materials`", "`material`"),
-    ("`to_source`", "`source`"),
+/// Names of the crate, and what stands for them in the package.
+const WORDS: [(&str, &str); 11] = [
+    ("Detail::Optics", "`detail=\"optics\"`"),
+    ("Detail::Clusters", "`detail=\"clusters\"`"),
+    ("Detail::Rays", "`detail=\"rays\"`"),
+    ("Engine::MultiResolution", "`mr`"),
+    ("Engine::Average", "`average`"),
+    ("Scene::flattened", "`Scene.flattened()`"),
+    ("face_materials", "`material`"),
+    ("to_source", "`source`"),
+    ("sizes", "`size`"),
     // The package has no such option.
-    (", or raise option `max_memory`", ""),
-    (" or raise option `max_memory`", ""),
-    ("option `emitters`", "`emitters` to where the scene is made,"),
-    ("option `two_sided_emission`", "`two_sided_emission=True` where the scene is made"),
-    ("option `", "`"),
+    ("max_memory", "the free memory"),
+    ("LoadOptions::max_memory", "the free memory"),
 ];
 
-/// How messages of the crate begin that describe an argument, and how they then name it.
-const BEGINNINGS: [(&str, &str); 9] = [
-    ("feature size ", "`feature_sizes` "),
-    ("the feature size ", "`size` "),
-    ("the exponent ", "`exponent` "),
-    ("the unoccluded value ", "`white` "),
-    ("the shadow threshold ", "`threshold` "),
-    ("the texel size ", "`texel` "),
-    ("no scene is called ", "`name`: no scene is called "),
-    ("receiver ", "`receivers`: "),
-    ("emitter ", "`emitters`: "),
-];
+/// What the package calls an option or argument of the crate.
+fn word(name: &str) -> String {
+    let (base, entry) = parts_of(name);
+    let own = WORDS.iter().find(|(own, _)| *own == base).map(|(_, word)| format!("{word}{entry}"));
+    own.unwrap_or_else(|| match base {
+        // One size or an array of them is the same argument; sizes by name are not.
+        "feature_sizes" | "emitter_sizes" if !entry.is_empty() => {
+            format!("`{}`{entry}", base.trim_end_matches('s'))
+        }
+        // Changes of instances are arguments of several methods; the number of the instance follows.
+        "changes" => entry.rsplit("].").next().map(own_word).unwrap_or_default(),
+        _ => match base.strip_prefix("LoadOptions::") {
+            Some(option) => format!("`{option}` where the scene is made"),
+            None => own_word(name),
+        },
+    })
+}
 
-/// Options that the crate names by their fields in front of their values, as in `max_links 0: must lie in 1..100`.
-const FIELDS: [&str; 12] = [
-    "audit",
-    "error",
-    "feature_size",
-    "max_links",
-    "max_seconds",
-    "min_area",
-    "points",
-    "rays",
-    "reference_rays",
-    "seed",
-    "target_error",
-    "threads",
-];
-
-/// A message of the crate in words of the package.
-fn in_words(text: String) -> String {
-    // Changes of instances are arguments of several methods; the message goes on with the number of the instance.
-    let changed = text.strip_prefix("`changes`[").and_then(|rest| rest.split_once("]: "));
-    let text = changed.map(|(_, what)| what.to_owned()).unwrap_or(text);
-    let mut text = WORDS.iter().fold(text, |text, (from, to)| text.replace(from, to));
-    let mut words = text.split([' ', ':']);
-    if let (Some(field), Some(value)) = (words.next(), words.next())
-        && FIELDS.contains(&field)
-        && value.parse::<f64>().is_ok()
-    {
-        text = format!("`{field}`{}", &text[field.len()..]);
-        text = text.replace("and rays ", "and `rays` ").replace("with rays ", "with `rays` ");
-    }
-    match BEGINNINGS.iter().find(|(from, _)| text.starts_with(from)) {
-        Some((from, to)) => format!("{to}{}", &text[from.len()..]),
-        None => text,
-    }
+/// Notes of the crate in words of the package.
+pub fn notes(all: &[String]) -> Vec<String> {
+    all.iter().map(|note| worded(note, word)).collect()
 }
 
 /// An exception of `mrvis._types`.
@@ -114,7 +84,7 @@ pub fn translated(py: Python<'_>, error: &mrvis::Error) -> PyErr {
         Io => "IoError",
         _ => "Error",
     };
-    exception(py, class, in_words(error.to_string()))
+    exception(py, class, error.worded(word))
 }
 
 /// A panic of the crate as an `Error`.

@@ -2,7 +2,7 @@
 
 use crate::arguments::{keywords, unknown, value, word};
 use crate::arrays::image;
-use crate::errors::{Raise, input};
+use crate::errors::Raise;
 use crate::solution::class;
 use crate::work::long;
 use mrvis::metrics::{FbemOptions, Features, Filter, Image, Morphology};
@@ -49,11 +49,7 @@ fn measured<'py>(
     for (name, given) in images {
         let (width, height, data) = image(name, given)?;
         let checked = Image::new(width, height, options.texel, data);
-        // The side of a texel is an argument of its own.
-        pixels.push(checked.raise(py).map_err(|error| match error.value(py).to_string() {
-            text if text.starts_with('`') => error,
-            text => input(py, format!("`{name}`: {text}")),
-        })?);
+        pixels.push(checked.map_err(|error| error.of(name)).raise(py)?);
     }
     let sizes = sizes.to_vec();
     let found = long(py, None, move |_| mrvis::metrics::fbem(&pixels[0], &pixels[1], &sizes, &options.fbem))?;

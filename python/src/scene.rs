@@ -2,9 +2,10 @@
 
 use crate::arguments::{is_whole, keywords, not_pickled, unknown, value, vector, whole};
 use crate::arrays::{Numbers, Points, numbers, points};
-use crate::errors::{Raise, input};
+use crate::errors::{Raise, input, notes};
 use crate::solution::camera_out;
 use crate::work::{Watch, long, short};
+use mrvis::internals::SceneParts;
 use mrvis::{LoadOptions, MeshArrays, Positions, Scene, SceneBuilder, Strength};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -184,7 +185,7 @@ impl PyScene {
     /// Repairs made while reading, one sentence each.
     #[getter]
     fn repairs(&self) -> Vec<String> {
-        self.scene.repairs().to_vec()
+        notes(&self.scene.parts().repairs.messages)
     }
 
     fn __repr__(&self) -> String {

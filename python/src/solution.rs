@@ -2,10 +2,11 @@
 
 use crate::arguments::{keywords, not_pickled, unknown, value, whole, word};
 use crate::arrays::{points_f64, rows_out};
-use crate::errors::input;
+use crate::errors::{input, notes};
 use crate::source::Normals;
 use crate::visibility::ENGINES;
 use crate::work::long;
+use mrvis::internals::SolutionParts;
 use mrvis::{Camera, Element, ImageOptions, Solution, SolveOptions, SurfacePoint};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -268,7 +269,7 @@ impl PySolution {
     /// What a user should know, one sentence each.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.solution.report().warnings.clone()
+        notes(self.solution.notes())
     }
 
     /// Whether progress stopped it before the error was reached.

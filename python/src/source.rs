@@ -83,13 +83,8 @@ impl<'py> SourceAsk<'py> {
                 _ => return unknown("source_visibility", &name),
             }
         }
-        if let Some(Floats::Each(sizes)) = &ask.feature_size
-            && sizes.as_slice()?.len() != ask.points.len()
-        {
-            let (sizes, points) = (sizes.as_slice()?.len(), ask.points.len());
-            let what =
-                format!("`feature_size` has {sizes} entries for {points} `points`: give one each, or one");
-            return Err(input(ask.py, what));
+        if let Some(sizes) = &ask.feature_size {
+            sizes.check(ask.py, "feature_size", (ask.points.len(), "`points`"))?;
         }
         Ok(ask)
     }

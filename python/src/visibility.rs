@@ -240,6 +240,10 @@ impl<'py> Ask<'py> {
         let count = origins.count().or(targets.count()).unwrap_or(1);
         let offsets = self.bundles.offsets(py, count)?;
         let (from, to) = (origins.strided(count).raise(py)?, targets.strided(count).raise(py)?);
+        let entries = offsets.len().saturating_sub(1);
+        for (name, sizes) in [("feature_size", &self.feature_size), ("emitter_size", &self.emitter_size)] {
+            sizes.as_ref().map_or(Ok(()), |sizes| sizes.check(py, name, (entries, "bundles")))?;
+        }
         let mut segments = Segments::new(from, to, &offsets).relative_to(relative_to);
         segments = match &self.feature_size {
             None => segments,
@@ -251,7 +255,6 @@ impl<'py> Ask<'py> {
             Some(Floats::All(size)) => segments.emitter_size(*size),
             Some(Floats::Each(sizes)) => segments.emitter_sizes(sizes.as_slice()?),
         };
-        let entries = offsets.len().saturating_sub(1);
         let mut clear = output(py, "out", out, entries)?;
         let room = |wanted: bool, count: usize| if wanted { vec![0.0f32; count] } else { Vec::new() };
         let (mut lo, mut hi) = (room(self.intervals, entries), room(self.intervals, entries));

@@ -277,10 +277,10 @@ def test_instances_come_and_go():
     fewer = more.without_instances([1])
     assert clear(fewer) == [1, 0] and fewer.instances[1].removed and clear(model) == [0, 1]
     for call, message in [
-        (lambda: fewer.without_instances([1]), "instance 1 does not exist"),
-        (lambda: model.moved({0: np.eye(4)}), "instance 0 holds"),
+        (lambda: fewer.without_instances([1]), "^`instance` 1: does not exist"),
+        (lambda: model.moved({0: np.eye(4)}), "^`instance` 0: the scene"),
         (lambda: model.moved({-1: np.eye(4)}), "`transforms` -1"),
-        (lambda: model.shown({9: True}), "instance 9 does not exist"),
+        (lambda: model.shown({9: True}), "^`instance` 9: does not exist"),
         (lambda: model.with_instance(7, "c", np.eye(4)), "mesh 7 must lie"),
         (lambda: model.with_instance(1, "c", np.eye(4), material=5), "material 5 must be"),
     ]:

@@ -108,8 +108,8 @@ impl Model {
     /// or receives light; [`Error::Cancelled`] if the caller's progress stops it, which is asked between its stages.
     pub fn bench(&self, options: &BenchOptions) -> Result<BenchReport> {
         if self.detail() < Detail::Optics {
-            return Err(Error::Argument(
-                "the benchmark needs optics: prepare the model with `Detail::Optics`".into(),
+            return Err(Error::arguments(
+                "the benchmark needs optics: prepare the model with ⟨Detail::Optics⟩".into(),
             ));
         }
         let more = Options { clusters: self.optics_options(), ..Options::default() };

@@ -37,13 +37,13 @@ impl FormFactorOptions {
             [("rays", settings.rays, 1, 1 << 20), ("pair_rays", settings.largest_bundle, 4, 1 << 22)]
         {
             if !(min..=max).contains(&value) {
-                return Err(Error::Argument(format!("`{name}` {value}: must lie in {min}..{max}")));
+                return Err(Error::argument(name, value, format!("must lie in {min}..{max}")));
             }
         }
         let (bytes, limit) = (memory_bound(facets, &settings), self.max_bytes.or_else(memory::usable));
         if let Some(limit) = limit.filter(|&limit| bytes > limit) {
             return Err(Error::OutOfMemory(format!(
-                "the matrix of {facets} polygons could take {bytes} bytes: raise `max_bytes` (now {limit}) or lower `rays`"
+                "the matrix of {facets} polygons could take {bytes} bytes: raise ⟨max_bytes⟩ (now {limit}) or lower ⟨rays⟩"
             )));
         }
         Ok(settings)
@@ -76,7 +76,7 @@ impl FormFactors {
     /// [`Error::Argument`] for another extension, [`Error::Io`] if the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        let format = Format::of(path).map_err(|error| Error::Argument(format!("`path` {error}")))?;
+        let format = Format::of(path)?;
         write(path, self, format, None)
     }
 }

@@ -5,6 +5,7 @@ use crate::error::quote;
 use crate::scene::MAX_COORDINATE;
 use crate::{Error, Result};
 use glam::DVec3;
+use std::fmt::Display;
 
 /// Positions of vertices in an array of the caller.
 #[derive(Clone, Copy, Debug)]
@@ -119,59 +120,59 @@ impl<'a> MeshArrays<'a> {
 
     /// Checks everything that the rooms behind rely on. `materials`: how many there are.
     pub(super) fn check(&self, materials: usize) -> Result<()> {
-        let wrong = |what: String| Err(Error::Argument(format!("mesh `{}`: {what}", quote(self.name))));
+        let wrong = |name: &str, i: usize, value: &dyn Display, problem: String| {
+            let value = format!("{value} of mesh `{}`", quote(self.name));
+            Err(Error::argument(format!("{name}[{i}]"), value, problem))
+        };
+        let do_not_fit = |what: String| Err(Error::arguments(format!("mesh `{}`: {what}", quote(self.name))));
         let (vertices, corners, polygons) = (self.positions.len(), self.indices.len(), self.polygons());
         if polygons == 0 {
-            return wrong("`indices` is empty: a mesh needs at least one polygon".into());
+            return do_not_fit("⟨indices⟩ is empty: a mesh needs at least one polygon".into());
         }
         match self.sizes {
             None if corners % 3 != 0 => {
-                return wrong(format!(
-                    "`indices` holds {corners} corners, no multiple of 3: give `polygon_sizes` for polygons"
+                return do_not_fit(format!(
+                    "⟨indices⟩ holds {corners} corners, no multiple of 3: give ⟨polygon_sizes⟩ for polygons"
                 ));
             }
             None => {}
             Some(sizes) => {
                 if let Some(i) = sizes.iter().position(|&n| n < 3) {
-                    return wrong(format!(
-                        "`polygon_sizes`[{i}] {}: a polygon has at least 3 corners",
-                        sizes[i]
-                    ));
+                    return wrong("polygon_sizes", i, &sizes[i], "a polygon has at least 3 corners".into());
                 }
                 let sum: u64 = sizes.iter().map(|&n| u64::from(n)).sum();
                 if sum != corners as u64 {
-                    return wrong(format!(
-                        "`polygon_sizes` sum to {sum}, but `indices` holds {corners} corners: they must agree"
+                    return do_not_fit(format!(
+                        "⟨polygon_sizes⟩ sum to {sum}, but ⟨indices⟩ holds {corners} corners: they must agree"
                     ));
                 }
             }
         }
         if let Some(i) = self.indices.iter().position(|&v| v as usize >= vertices) {
-            return wrong(format!(
-                "`indices`[{i}] {}: must be below {vertices}, the number of `positions`",
-                self.indices[i]
-            ));
+            let problem = format!("must be below {vertices}, the number of ⟨positions⟩");
+            return wrong("indices", i, &self.indices[i], problem);
         }
         let lies = |p: DVec3| p.is_finite() && p.abs().max_element() <= MAX_COORDINATE;
         if let Some((i, p)) = self.positions.iter().enumerate().find(|&(_, p)| !lies(p)) {
-            return wrong(format!("`positions`[{i}] {p}: must be finite, at most {MAX_COORDINATE:e}"));
+            return wrong("positions", i, &p, format!("must be finite, at most {MAX_COORDINATE:e}"));
         }
         let (name, used) = match &self.materials {
-            Materials::All(material) => ("material".to_owned(), std::slice::from_ref(material)),
-            Materials::Each(each) if each.len() == polygons => ("face_materials".into(), *each),
+            Materials::All(material) => ("material", std::slice::from_ref(material)),
+            Materials::Each(each) if each.len() == polygons => ("face_materials", *each),
             Materials::Each(each) => {
                 let entries = each.len();
-                return wrong(format!(
-                    "`face_materials` has {entries} entries for {polygons} polygons: give one each"
+                return do_not_fit(format!(
+                    "⟨face_materials⟩ has {entries} entries for {polygons} polygons: give one each"
                 ));
             }
         };
         match used.iter().position(|&m| m as usize >= materials) {
             None => Ok(()),
-            Some(i) => wrong(format!(
-                "`{name}`[{i}] {}: there are {materials} materials; add them before the meshes that use them",
-                used[i]
-            )),
+            Some(i) => {
+                let problem =
+                    format!("there are {materials} materials; add them before the meshes that use them");
+                wrong(name, i, &used[i], problem)
+            }
         }
     }
 }

@@ -40,5 +40,5 @@ fn positive(name: &str, value: f32) -> Result<f32> {
     if value.is_finite() && value > 0.0 {
         return Ok(value);
     }
-    Err(Error::Argument(format!("`{name}` {value}: must be a finite number above 0")))
+    Err(Error::argument(name, value, "must be a finite number above 0"))
 }

@@ -101,29 +101,29 @@ impl<'a> Query<'a> {
             let lies =
                 relative.is_finite() && relative.abs().max_element() <= super::segments::MAX_COORDINATE;
             let cure = "give finite coordinates of the scene's file";
-            lies.then_some(relative).ok_or_else(|| Error::Argument(format!("`{name}` {p:?}: {cure}")))
+            lies.then_some(relative).ok_or_else(|| Error::argument(name, format!("{p:?}"), cure))
         };
         let position = point("position", self.position)?;
         let normal = DVec3::from_array(self.normal).normalize_or_zero().as_vec3();
         if !(normal.is_finite() && normal != Vec3::ZERO) {
-            return Err(Error::Argument(format!(
-                "`normal` {:?}: must be finite and longer than 0",
-                self.normal
-            )));
+            let normal = format!("{:?}", self.normal);
+            return Err(Error::argument("normal", normal, "must be finite and longer than 0"));
         }
         let rule = model.end_at(position, normal);
         let from = rule.lifted(position, normal);
         if self.rays == 0 || self.rays > MAX_RAYS {
-            return Err(Error::Argument(format!("`rays` {}: must lie in 1..{MAX_RAYS}", self.rays)));
+            return Err(Error::argument("rays", self.rays, format!("must lie in 1..{MAX_RAYS}")));
         }
         let size = self.feature_size.map(|s| positive("feature_size", s)).transpose()?;
         let chosen = self.visibility.chosen(size.is_some())?;
         let (ends, emitter_size, hull) = match self.target {
-            None => return Err(Error::Argument("there is no target: call `to_source` or `to_point`".into())),
+            None => {
+                return Err(Error::arguments("there is no target: call ⟨to_source⟩ or ⟨to_point⟩".into()));
+            }
             Some(Target::Point(p)) => {
                 let to = point("to_point", p)?;
                 if to == position {
-                    return Err(Error::Argument(format!("`to_point` {p:?}: is the point itself")));
+                    return Err(Error::argument("to_point", format!("{p:?}"), "this is the point itself"));
                 }
                 let there = model.end_at(to, (to - position).normalize_or_zero()).seen_from(rule);
                 (vec![(to, there)], 0.0, &[][..])
@@ -131,9 +131,8 @@ impl<'a> Query<'a> {
             Some(Target::Source(source)) => {
                 let sampler = model.samplers().get(source).ok_or_else(|| {
                     let count = model.sources().len();
-                    Error::Argument(format!(
-                        "`to_source` {source}: the model has {count} sources, counted from 0"
-                    ))
+                    let problem = format!("the model has {count} sources, counted from 0");
+                    Error::argument("to_source", source, problem)
                 })?;
                 let all = scene.two_sided_emission;
                 if !all && !sampler.faces(from) {

@@ -54,10 +54,8 @@ impl SceneBuilder {
         for (what, values, max) in [("reflectance", reflectance, 1.0), ("emission", emission, f32::MAX)] {
             if let Some(value) = values.iter().find(|v| !(0.0..=max).contains(*v)) {
                 let range = if max == 1.0 { "lie in 0..1" } else { "be finite and at least 0" };
-                return Err(Error::Argument(format!(
-                    "`{what}` {value} of material `{}`: must {range}",
-                    quote(name)
-                )));
+                let value = format!("{value} of material `{}`", quote(name));
+                return Err(Error::argument(what, value, format!("must {range}")));
             }
         }
         check_name("material", name, &self.materials)?;
@@ -95,7 +93,7 @@ impl SceneBuilder {
         for material in &mut soup.polygon_material {
             let used = &all[*material as usize];
             if used.emission != [0.0; 3] {
-                return Err(Error::Argument(format!(
+                return Err(Error::arguments(format!(
                     "shared mesh `{}`: its material `{}` emits; add it as an object, emitters are not shared",
                     quote(mesh.name),
                     quote(&used.name)
@@ -120,29 +118,29 @@ impl SceneBuilder {
     /// unequal scale of more than 1 %.
     pub fn add_instance(&mut self, mesh: u32, name: &str, transform: [[f64; 4]; 3]) -> Result<()> {
         let transform = affine(&transform);
-        let wrong = |what: String| Err(Error::Argument(format!("instance `{}`: {what}", quote(name))));
+        let of = format!("of instance `{}`", quote(name));
         check_name("instance", name, &self.objects)?;
         if mesh as usize >= self.placed.meshes.len() {
             let count = self.placed.meshes.len();
-            return wrong(format!(
-                "`mesh` {mesh}: there are {count} shared meshes; add it before its instances"
-            ));
+            let problem = format!("there are {count} shared meshes; add it before its instances");
+            return Err(Error::argument("mesh", format!("{mesh} {of}"), problem));
         }
         if self.placed.placements.len() == MAX_PLACEMENTS {
-            return wrong(format!("a scene has at most {MAX_PLACEMENTS} instances: join some into meshes"));
+            let problem = format!("a scene has at most {MAX_PLACEMENTS} instances: join some into meshes");
+            return Err(Error::argument("mesh", of, problem));
         }
         if !transform.is_finite() {
-            return wrong("`transform` holds a value that is not finite".into());
+            return Err(Error::argument("transform", of, "a value is not finite"));
         }
         if transform.matrix3.determinant() == 0.0 {
-            return wrong("`transform` makes the mesh flat or a point: its scale must not be 0".into());
+            let problem = "the mesh would be flat or a point: its scale must not be 0";
+            return Err(Error::argument("transform", of, problem));
         }
         let ratio = stretch(transform.matrix3);
         if ratio > MAX_STRETCH {
-            return wrong(format!(
-                "`transform` has shear or unequal scale (ratio {ratio:.3}, at most {MAX_STRETCH}): transform the positions \
-                 and add them as an object"
-            ));
+            let problem = format!("shear or unequal scale (ratio {ratio:.3}, at most {MAX_STRETCH})");
+            let cure = "transform the positions and add them as an object";
+            return Err(Error::argument("transform", of, problem).with_cure(cure));
         }
         let placement = Placement { mesh, transform, name: name.into(), material: None, visible: true };
         self.placed.placements.push(placement);
@@ -171,11 +169,10 @@ impl SceneBuilder {
             };
             let is_shared = |p: &Placement| p.name == *name || named(&placed.meshes[p.mesh as usize]);
             if let Some(instance) = placed.placements.iter().find(|p| is_shared(p)) {
-                return Err(Error::Argument(format!(
-                    "emitter `{}`: the instance `{}` would emit; add it as an object, emitters are not shared",
-                    quote(name),
-                    quote(&instance.name)
-                )));
+                let problem = format!("the instance `{}` would emit", quote(&instance.name));
+                let cure = "add it as an object, emitters are not shared";
+                let name = format!("`{}`", quote(name));
+                return Err(Error::argument("emitters", name, problem).with_cure(cure));
             }
         }
         Threads::new(options.threads)?.run(|| resolve_placed(placed, options))?
@@ -184,20 +181,18 @@ impl SceneBuilder {
 
 fn check_name(what: &str, name: &str, known: &HashSet<String>) -> Result<()> {
     if name.is_empty() {
-        return Err(Error::Argument(format!("`name` of the {what} is empty: give it one")));
+        return Err(Error::argument("name", format!("of the {what}"), "must not be empty"));
     }
     if known.contains(name) {
-        return Err(Error::Argument(format!(
-            "`name` `{}` of a second {what}: this name is taken; names are unique",
-            quote(name)
-        )));
+        let value = format!("`{}` of a second {what}", quote(name));
+        return Err(Error::argument("name", value, "this name is taken; names are unique"));
     }
     Ok(())
 }
 
 /// The number of the next entry of a list.
 fn index(what: &str, count: usize) -> Result<u32> {
-    u32::try_from(count).map_err(|_| Error::Argument(format!("more than {} {what}", u32::MAX)))
+    u32::try_from(count).map_err(|_| Error::arguments(format!("more than {} {what}", u32::MAX)))
 }
 
 /// Makes room for so many vertices, corners and polygons.
@@ -206,8 +201,8 @@ fn reserve(soup: &mut Soup, name: &str, counts: [usize; 3]) -> Result<()> {
     let what = ["positions", "indices", "polygon_sizes"];
     for ((what, have), more) in what.into_iter().zip(have).zip(counts) {
         if have.checked_add(more).is_none_or(|sum| sum > u32::MAX as usize) {
-            return Err(Error::Argument(format!(
-                "mesh `{}`: with {more} `{what}` the scene has more than {}: split it, or place shared meshes",
+            return Err(Error::arguments(format!(
+                "mesh `{}`: with {more} ⟨{what}⟩ the scene has more than {}: split it, or place shared meshes",
                 quote(name),
                 u32::MAX
             )));

@@ -29,9 +29,7 @@ impl<'a, T: Copy> Strided<'a, T> {
     pub fn new(data: &'a [T], stride: usize, count: usize) -> Result<Strided<'a, T>> {
         let stride = if stride == 0 { 3 } else { stride };
         if stride < 3 {
-            return Err(Error::Argument(format!(
-                "`stride` {stride}: must be 0 (packed) or at least 3 numbers"
-            )));
+            return Err(Error::argument("stride", stride, "must be 0 (packed) or at least 3 numbers"));
         }
         check_length("data", data.len(), stride, 3, count)?;
         Ok(Strided::interleaved(data, stride, count))
@@ -87,9 +85,8 @@ impl<'a, T: Copy> Strided<'a, T> {
 fn check_length(name: &str, length: usize, stride: usize, size: usize, count: usize) -> Result<()> {
     let needed = count.checked_sub(1).map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(size));
     if needed.is_none_or(|needed| needed > length) {
-        return Err(Error::Argument(format!(
-            "`{name}` holds {length} numbers: too few for {count} positions with a stride of {stride}"
-        )));
+        let problem = format!("too few for {count} positions with a stride of {stride}");
+        return Err(Error::argument(name, format!("of {length} numbers"), problem));
     }
     Ok(())
 }
@@ -127,17 +124,18 @@ impl Sizes<'_> {
             Sizes::Each(sizes) if sizes.len() == bundles => sizes,
             Sizes::Each(sizes) => {
                 let count = sizes.len();
-                return Err(Error::Argument(format!("`{name}` has {count} entries for {bundles} bundles")));
+                let problem = format!("there are {bundles} bundles");
+                return Err(Error::argument(name, format!("of {count} entries"), problem));
             }
         };
         let Some(k) = sizes.iter().position(|&size| !(size.is_finite() && in_range(size))) else {
             return Ok(());
         };
         let name = match self {
-            Sizes::All(_) => format!("`{}`", name.trim_end_matches('s')),
-            Sizes::Each(_) => format!("`{name}`[{k}]"),
+            Sizes::All(_) => name.trim_end_matches('s').into(),
+            Sizes::Each(_) => format!("{name}[{k}]"),
         };
-        Err(Error::Argument(format!("{name} {}: must be {must}", sizes[k])))
+        Err(Error::argument(name, sizes[k], format!("must be {must}")))
     }
 }
 
@@ -234,27 +232,28 @@ impl<'a> Segments<'a> {
 
     /// Checks everything that engines rely on.
     pub(super) fn check(&self, frame: &Frame, parallel: bool) -> Result<()> {
-        let argument = |what: String| Err(Error::Argument(what));
         let (segments, bundles) = (self.origins.len(), self.bundle_count());
         if self.targets.len() != segments {
-            return argument(format!(
-                "`targets` has {} positions for {segments} `origins`",
+            return Err(Error::arguments(format!(
+                "⟨targets⟩ has {} positions for {segments} ⟨origins⟩",
                 self.targets.len()
-            ));
+            )));
         }
         match (self.bundles.first(), self.bundles.last()) {
             (Some(0), Some(&last)) if last == segments as u64 => {}
             _ => {
-                return argument(format!(
-                    "`bundles`: the first offset must be 0 and the last {segments}, the number of segments"
-                ));
+                let problem =
+                    format!("the first offset must be 0 and the last {segments}, the number of segments");
+                return Err(Error::argument("bundles", "", problem));
             }
         }
         if let Some(k) = self.bundles.windows(2).position(|w| w[1] < w[0] || w[1] - w[0] > MAX_BUNDLE) {
             let [from, to] = [self.bundles[k], self.bundles[k + 1]];
-            return argument(format!(
-                "`bundles`[{}] {to} after {from}: offsets must ascend, by {MAX_BUNDLE} segments at most",
-                k + 1
+            let problem = format!("offsets must ascend, by {MAX_BUNDLE} segments at most");
+            return Err(Error::argument(
+                format!("bundles[{}]", k + 1),
+                format!("{to} after {from}"),
+                problem,
             ));
         }
         if let Some(sizes) = &self.feature_sizes {
@@ -262,7 +261,7 @@ impl<'a> Segments<'a> {
         }
         self.emitter_sizes.check("emitter_sizes", bundles, |s| s >= 0.0, "a finite number not below 0")?;
         if !frame.shift.is_finite() {
-            return argument(format!("`relative_to` {:?}: must be finite", self.relative_to));
+            return Err(Error::argument("relative_to", format!("{:?}", self.relative_to), "must be finite"));
         }
         let lies = |p: Vec3| p.is_finite() && p.abs().max_element() <= MAX_COORDINATE;
         let bad = |i: usize| {
@@ -276,13 +275,13 @@ impl<'a> Segments<'a> {
         let Some(i) = first else { return Ok(()) };
         let (from, to) = (self.origins.at(i), self.targets.at(i));
         if lies(frame.ends(i).0) && lies(frame.ends(i).1) {
-            return argument(format!("segment {i} from {from} to {to}: has no length"));
+            let problem = format!("the segment from {from} has no length");
+            return Err(Error::argument(format!("targets[{i}]"), to, problem));
         }
         let name = if lies(frame.ends(i).0) { "targets" } else { "origins" };
         let value = if name == "targets" { to } else { from };
-        argument(format!(
-            "`{name}`[{i}] {value}: must be finite, at most {MAX_COORDINATE:e} from the scene's origin"
-        ))
+        let problem = format!("must be finite, at most {MAX_COORDINATE:e} from the scene's origin");
+        Err(Error::argument(format!("{name}[{i}]"), value, problem))
     }
 }
 
@@ -361,10 +360,8 @@ impl<'a> Answers<'a> {
             ("segments", self.segments.as_ref().map(|s| s.len()), segments),
         ] {
             if have.is_some_and(|have| have != want) {
-                return Err(Error::Argument(format!(
-                    "`{name}` has {} entries, must have {want}",
-                    have.unwrap_or(0)
-                )));
+                let have = format!("of {} entries", have.unwrap_or(0));
+                return Err(Error::argument(name, have, format!("must have {want}")));
             }
         }
         Ok(())

@@ -34,7 +34,7 @@ impl Camera {
     fn checked(&self, origin: DVec3) -> Result<export::Camera> {
         let [eye, target, up] = [self.eye, self.target, self.up].map(DVec3::from_array);
         let wrong = |name: &str, value: String, must: &str| {
-            Err(Error::Argument(format!("`camera.{name}` {value}: must {must}")))
+            Err(Error::argument(format!("camera.{name}"), value, format!("must {must}")))
         };
         let lies = |p: DVec3| {
             p.is_finite() && (p - origin).abs().max_element() <= f64::from(super::segments::MAX_COORDINATE)
@@ -50,7 +50,7 @@ impl Camera {
             return wrong(
                 "target",
                 format!("{:?}", self.target),
-                "be finite, at most 1e12 from the scene's origin, and away from `eye`",
+                "be finite, at most 1e12 from the scene's origin, and away from ⟨camera.eye⟩",
             );
         }
         let up_unit = up.normalize_or_zero();
@@ -83,15 +83,14 @@ impl ImageOptions {
     fn check(&self, numbers: usize) -> Result<()> {
         let [columns, rows] = self.size;
         if !self.size.iter().all(|n| (1..=MAX_SIDE).contains(n)) || columns * rows > MAX_PIXELS {
-            return Err(Error::Argument(format!(
-                "`size` {columns} x {rows}: must lie in 1..{MAX_SIDE} each, at most {MAX_PIXELS} pixels"
-            )));
+            let problem = format!("must lie in 1..{MAX_SIDE} each, at most {MAX_PIXELS} pixels");
+            return Err(Error::argument("size", format!("{columns} x {rows}"), problem));
         }
         if numbers != 3 * columns * rows {
-            return Err(Error::Argument(format!(
-                "`radiance` has {numbers} entries, must have {}: 3 for each of {columns} x {rows} pixels",
-                3 * columns * rows
-            )));
+            let have = format!("of {numbers} entries");
+            let problem =
+                format!("must have {}: 3 for each of {columns} x {rows} pixels", 3 * columns * rows);
+            return Err(Error::argument("radiance", have, problem));
         }
         Ok(())
     }
@@ -246,7 +245,7 @@ impl Solution {
     /// [`Error::Cancelled`] if the caller's progress stops it; [`Error::Embree`] or [`Error::OutOfMemory`].
     pub fn lightmap(&self, texels: usize) -> Result<Lightmap> {
         if !(1..=1 << 26).contains(&texels) {
-            return Err(Error::Argument(format!("`texels` {texels}: must lie in 1..{}", 1 << 26)));
+            return Err(Error::argument("texels", texels, format!("must lie in 1..{}", 1 << 26)));
         }
         let (inner, progress) = self.watched();
         self.model().on_threads(|| {
@@ -268,10 +267,7 @@ impl Solution {
         let (scene, mesh) = (inner.scene(), &inner.mesh);
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         if !["vtu", "ply", "glb"].contains(&&*extension) {
-            return Err(Error::Argument(format!(
-                "`path` {}: the extension must be .vtu, .ply or .glb",
-                shown(path)
-            )));
+            return Err(Error::argument("path", shown(path), "the extension must be .vtu, .ply or .glb"));
         }
         self.model().on_threads(|| {
             if progress.stopped() {

@@ -7,7 +7,7 @@ use crate::points::Point;
 use crate::progress::{Progress, Watcher};
 use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::radiosity::{self, Options, Record};
-use crate::{Error, Result, memory};
+use crate::{Error, Result, error::own_word, error::worded, memory};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
@@ -115,21 +115,20 @@ pub struct SurfacePoint {
 impl SurfacePoint {
     /// The point, if rays can begin there. `origin`: that of the scene.
     fn checked(&self, index: usize, origin: DVec3) -> Result<Point> {
+        let wrong = |name: &str, value: [f64; 3], problem: String| {
+            Error::argument(name, format!("{value:?}"), problem).in_entry("points", index)
+        };
         let position = DVec3::from_array(self.position);
         let normal = DVec3::from_array(self.normal).normalize_or_zero();
         let largest = (position - origin).abs().max_element();
         if !position.is_finite() || largest > f64::from(MAX_COORDINATE) {
-            return Err(Error::Argument(format!(
-                "`points`[{index}].position {:?}: must be finite, at most {MAX_COORDINATE:e} from the scene's origin; give \
-                 coordinates of the scene's file",
-                self.position
-            )));
+            let problem = format!("must be finite, at most {MAX_COORDINATE:e} from the scene's origin");
+            return Err(
+                wrong("position", self.position, problem).with_cure("give coordinates of the scene's file")
+            );
         }
         if normal == DVec3::ZERO {
-            return Err(Error::Argument(format!(
-                "`points`[{index}].normal {:?}: must be finite and longer than 0",
-                self.normal
-            )));
+            return Err(wrong("normal", self.normal, "must be finite and longer than 0".into()));
         }
         Ok(Point { position, normal })
     }
@@ -205,8 +204,8 @@ impl Model {
         let needed = options.prepare().detail;
         if self.detail() < needed {
             let have = self.detail();
-            return Err(Error::Argument(format!(
-                "the model holds `Detail::{have:?}`: prepare it with `Detail::{needed:?}` to solve with this engine"
+            return Err(Error::arguments(format!(
+                "the model holds ⟨Detail::{have:?}⟩: prepare it with ⟨Detail::{needed:?}⟩ to solve with this engine"
             )));
         }
         let (outcome, solved) =
@@ -274,6 +273,12 @@ impl Solution {
         vertices.iter().map(move |p| (origin + p.as_dvec3()).to_array())
     }
 
+    /// The warnings of the report, with names of options between `⟨` and `⟩`.
+    #[cfg(feature = "internals")]
+    pub(crate) fn notes(&self) -> &[String] {
+        &self.inner.record.warnings
+    }
+
     /// What is known of the solution as a whole.
     pub fn report(&self) -> &SolveReport {
         &self.inner.report
@@ -301,7 +306,7 @@ pub struct SolveReport {
 impl SolveReport {
     fn of(record: &Record) -> SolveReport {
         let &Record { mean_irradiance, error_estimate, elements, links, interrupted, .. } = record;
-        let warnings = record.warnings.clone();
+        let warnings = record.warnings.iter().map(|note| worded(note, own_word)).collect();
         SolveReport { mean_irradiance, error_estimate, elements, links, warnings, interrupted }
     }
 }

@@ -233,15 +233,15 @@ fn wrong_arguments_are_named_and_nothing_is_written() {
     refuse(&Segments::new(&a[..], &b[..], &[0, 5, 4]), "`bundles`[2] 4");
     refuse(&Segments::new(&a[..], &with(2, f32::NAN)[..], &two), "`targets`[2]");
     refuse(&Segments::new(&with(3, f32::INFINITY)[..], &a[..], &two), "`origins`[3]");
-    refuse(&Segments::new(&a[..], &a[..], &two), "segment 0");
+    refuse(&Segments::new(&a[..], &a[..], &two), "`targets`[0]");
     refuse(&Segments::new(&a[..], &b[..], &two).feature_size(0.0), "`feature_size` 0");
-    refuse(&Segments::new(&a[..], &b[..], &two).feature_sizes(&[1.0]), "`feature_sizes` has 1");
+    refuse(&Segments::new(&a[..], &b[..], &two).feature_sizes(&[1.0]), "`feature_sizes` of 1 entries");
     refuse(&Segments::new(&a[..], &b[..], &two).emitter_sizes(&[1.0, -1.0]), "`emitter_sizes`[1] -1");
     refuse(&Segments::new(&a[..], &b[..], &two).relative_to([f64::NAN; 3]), "`relative_to`");
     let mut short = [0.0; 1];
     let segments = Segments::new(&a[..], &b[..], &two);
     let error = visibility.answer_into(&segments, &mut Answers::new(&mut short)).unwrap_err();
-    assert!(error.to_string().contains("`transmittance` has 1 entries, must have 2"), "{error}");
+    assert!(error.to_string().contains("`transmittance` of 1 entries: must have 2"), "{error}");
     assert!(Strided::new(&[0.0; 8], 2, 1).is_err() && Strided::new(&[0.0; 8], 3, 3).is_err());
     assert!(Strided::new(&[0.0; 8], usize::MAX, 3).is_err());
     assert_eq!(Strided::<f32>::new(&[], 0, 0).unwrap().len(), 0);

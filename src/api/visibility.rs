@@ -53,15 +53,13 @@ impl Visibility {
     pub(super) fn chosen(&self, sized: bool) -> Result<Chosen> {
         let need = |engine: Option<MultiResolution>, name: &str| {
             if !sized {
-                let what =
-                    format!("`feature_size` is missing: the engine `{name}` needs one, a length above 0");
-                return Err(Error::Argument(what));
+                let problem = format!("the engine ⟨Engine::{name}⟩ needs one, a length above 0");
+                return Err(Error::argument("feature_size", "", problem));
             }
             self.model.check_clusters(name)?;
             engine.ok_or_else(|| {
-                Error::Argument(format!(
-                    "the engine `{name}` needs optics: prepare the model with `Detail::Optics`"
-                ))
+                let cure = "prepare the model with ⟨Detail::Optics⟩";
+                Error::argument("engine", format!("⟨Engine::{name}⟩"), "needs optics").with_cure(cure)
             })
         };
         let multi_resolution = || self.model.multi_resolution().cloned();

@@ -134,7 +134,7 @@ impl Timer {
     /// The threads cannot be started.
     pub fn new(threads: usize) -> Result<Timer> {
         let pool = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build());
-        let pool = pool.transpose().map_err(|e| Error::Argument(format!("threads {threads}: {e}")))?;
+        let pool = pool.transpose().map_err(|e| Error::argument("threads", threads, e.to_string()))?;
         Ok(Timer { pool })
     }
 

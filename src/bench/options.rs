@@ -94,37 +94,31 @@ impl Options {
         ];
         for (name, count, max) in counts {
             if count == 0 || count > max {
-                return Err(Error::Argument(format!("{name} {count}: must lie in 1..{max}")));
+                return Err(Error::argument(name, count, format!("must lie in 1..{max}")));
             }
         }
         if let Some(map) = self.map.filter(|&map| map > MAX_MAP) {
-            return Err(Error::Argument(format!("map {map}: must be at most {MAX_MAP} texels")));
+            return Err(Error::argument("map", map, format!("must be at most {MAX_MAP} texels")));
         }
         let segments = self.points as f64 * self.rays as f64;
         if segments > MAX_SEGMENTS {
-            return Err(Error::Argument(format!(
-                "points {} with rays {} are {segments:.0e} segments to each emitter, more than {MAX_SEGMENTS:.0e}: lower option \
-                 `points` or option `rays`",
+            return Err(Error::arguments(format!(
+                "⟨points⟩ {} with ⟨rays⟩ {} are {segments:.0e} segments to each emitter, more than {MAX_SEGMENTS:.0e}: lower ⟨points⟩ or \
+                 ⟨rays⟩",
                 self.points, self.rays
             )));
         }
         let usable = |s: f64| s.is_finite() && s > 0.0 && (s as f32).is_normal();
         if let Some(s) = self.feature_sizes.iter().find(|&&s| !usable(s)) {
-            return Err(Error::Argument(format!(
-                "feature_size {s}: must be a length above 0 in scene units"
-            )));
+            return Err(Error::argument("feature_size", s, "must be a length above 0 in scene units"));
         }
         if !(0.0..=1.0).contains(&self.audit) {
-            return Err(Error::Argument(format!(
-                "audit {}: must be a part of the bundles, in 0..1",
-                self.audit
-            )));
+            return Err(Error::argument("audit", self.audit, "must be a part of the bundles, in 0..1"));
         }
         let tolerance = self.clusters.tolerance;
         if !(tolerance > 0.0 && tolerance <= 1.0) {
-            return Err(Error::Argument(format!(
-                "tolerance {tolerance}: must be an error of the transmission above 0, at most 1"
-            )));
+            let problem = "must be an error of the transmission above 0, at most 1";
+            return Err(Error::argument("tolerance", tolerance, problem));
         }
         Ok(())
     }
@@ -136,8 +130,8 @@ impl Options {
         if sources == 0 {
             let names: Vec<String> = scene.objects.iter().take(4).map(|o| quote(&o.name)).collect();
             return Err(Error::Scene(format!(
-                "{}: nothing emits light; add option `emitters` with the name of an object, group or material and its \
-                 power in watts (there are `{}`{}), or option `sky` or `sun`",
+                "{}: nothing emits light; add ⟨LoadOptions::emitters⟩ with the name of an object, group or material and its \
+                 power in watts (there are `{}`{}), or ⟨sky⟩ or ⟨sun⟩",
                 shown(&scene.path),
                 names.join("`, `"),
                 if scene.objects.len() > names.len() { ", …" } else { "" },
@@ -145,13 +139,11 @@ impl Options {
         }
         let diagonal = f64::from(scene.world_bounds().diagonal());
         if let Some(s) = self.feature_sizes.iter().find(|&&s| s > 10.0 * diagonal) {
-            return Err(Error::Argument(format!(
-                "feature_size {s}: the whole scene is only {diagonal:.3} {} across",
-                scene.unit
-            )));
+            let problem = format!("the whole scene is only {diagonal:.3} {} across", scene.unit);
+            return Err(Error::argument("feature_size", s, problem));
         }
         for name in &self.receivers {
-            scene.faces_named_placed(scene.placed(), name)?;
+            scene.faces_named_placed(scene.placed(), name).map_err(|error| error.of("receivers"))?;
         }
         self.check_memory(sources, self.max_memory.or_else(memory::usable))
     }
@@ -160,9 +152,9 @@ impl Options {
     fn check_memory(&self, emitters: usize, usable: Option<u64>) -> Result<()> {
         let bytes = self.bytes(emitters);
         match usable {
-            Some(usable) if bytes > usable as f64 => Err(Error::Argument(format!(
-                "points {} with {emitters} emitters and rays {} need about {:.1} GB of memory, {:.1} GB may be used: \
-                 lower option `points` or option `rays`, or raise option `max_memory`",
+            Some(usable) if bytes > usable as f64 => Err(Error::arguments(format!(
+                "⟨points⟩ {} with {emitters} emitters and ⟨rays⟩ {} need about {:.1} GB of memory, {:.1} GB may be used: \
+                 lower ⟨points⟩ or ⟨rays⟩, or raise ⟨max_memory⟩",
                 self.points,
                 self.rays,
                 bytes / 1e9,
@@ -198,7 +190,7 @@ mod tests {
         assert!(!fits(65_536, 100, 1.0) && fits(65_536, 100, 1.5));
         let message =
             Options { rays: 65_536, ..Options::default() }.check_memory(1, Some(1_000_000)).unwrap_err();
-        assert!(message.to_string().contains("rays 65536"), "{message}");
+        assert!(message.to_string().contains("`rays` 65536"), "{message}");
     }
 
     #[test]

@@ -223,11 +223,8 @@ fn by_name(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
         let mut patches = patches(&scene, &faces);
         patches.extend(relief(&scene, &faces, patches.iter()));
         if patches.len() < wanted {
-            return Err(Error::Scene(format!(
-                "receiver `{}` is named {wanted} times but has {} planar patches",
-                quote(name),
-                patches.len()
-            )));
+            let problem = format!("named {wanted} times, but it has {} planar patches", patches.len());
+            return Err(Error::argument("receivers", format!("`{}`", quote(name)), problem));
         }
         // Nearly rectangular patches only, if there are enough; else those with a rectangle inside.
         if patches.iter().filter(|p| p.filled() >= MIN_FILLED_PART).count() >= wanted {
@@ -322,7 +319,7 @@ fn faces_named(model: &Model, name: &str) -> Result<(Arc<Scene>, Vec<u32>)> {
         (1..model.instances().len() as u32).filter(|&i| model.instances()[i as usize].is_present()).collect();
     let placed = present.iter().map(|&i| (&*model.instances()[i as usize].name, model.mesh_of(i)));
     let scene = model.shared_scene();
-    let (place, faces) = scene.faces_named_placed(placed, name)?;
+    let (place, faces) = scene.faces_named_placed(placed, name).map_err(|error| error.of("receivers"))?;
     let surfaces = place.map(|place| {
         let i = present[place];
         Arc::new(model.mesh_of(i).transformed(&model.instances()[i as usize].affine()))

@@ -29,12 +29,12 @@ fn unlit(model: &Model, options: &Options) -> Result<Error> {
     let path = shown(&model.scene().path);
     let found = Workload::new(model, points, options.seed);
     Ok(match found.pairs.is_empty() {
-        false => Error::Argument(format!(
-            "points {}: none of them faces an emitter, though surfaces of the scene do; ask for more (option `points`)",
-            options.points
-        )),
+        false => {
+            let problem = "none of them faces an emitter, though surfaces of the scene do";
+            Error::argument("points", options.points, problem).with_cure("ask for more")
+        }
         true if found.is_under_a_sky() => Error::Scene(format!(
-            "{path}: no surface faces the sky: all of them face downwards; turn them around, or the upward axis (option `up`)"
+            "{path}: no surface faces the sky: all of them face downwards; turn them around, or the upward axis (⟨LoadOptions::up⟩)"
         )),
         true => Error::Scene(format!("{path}: no surface faces an emitter: {}", model.cause_of_darkness())),
     })

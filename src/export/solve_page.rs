@@ -13,6 +13,7 @@ mod tests;
 
 use super::false_colours::{Bands, hatched};
 use crate::Result;
+use crate::error::{own_word, worded};
 use crate::image_io::Picture;
 use crate::page::{bytes, count, data_url, document, figure, file_name, percent, properties, seconds};
 use crate::plot::number;
@@ -148,7 +149,7 @@ fn headline(record: &Record, name: &str, shown: Shown) -> Markup {
             @if record.warnings.len() > SHORT_NOTES {
                 p.warning { (record.warnings.len()) " notes are at the end of this page." }
             } @else {
-                @for warning in &record.warnings { p.warning { (warning) } }
+                @for warning in &record.warnings { p.warning { (worded(warning, own_word)) } }
             }
         }
     }
@@ -160,7 +161,7 @@ fn notes(record: &Record) -> Markup {
         @if record.warnings.len() > SHORT_NOTES {
             section {
                 h2 { "Notes" }
-                @for warning in &record.warnings { p.note { (warning) } }
+                @for warning in &record.warnings { p.note { (worded(warning, own_word)) } }
             }
         }
     }

@@ -11,11 +11,11 @@ pub(super) fn encode(
     format: ImageFormat,
     progress: &dyn Progress,
 ) -> Result<Vec<u8>> {
-    let picture = picture.ok_or_else(|| Error::Argument("the image is too large for a file".into()))?;
+    let picture = picture.ok_or_else(|| Error::arguments("the image is too large for a file".into()))?;
     let mut bytes = Cursor::new(Vec::new());
     let mut out = Stoppable { out: &mut bytes, progress };
     picture
         .write_to(&mut out, format)
-        .map_err(|e| Error::Argument(format!("the image cannot be encoded: {e}")))?;
+        .map_err(|e| Error::arguments(format!("the image cannot be encoded: {e}")))?;
     Ok(bytes.into_inner())
 }

@@ -53,7 +53,7 @@ impl Picture {
     /// [`Error::Argument`] if the number of pixels is not `width * height`, or a side is zero or too large.
     pub fn png(&self) -> Result<Vec<u8>> {
         if self.pixels.len() != self.width * self.height || self.pixels.is_empty() {
-            return Err(Error::Argument(format!("{} pixels do not make a picture", self.pixels.len())));
+            return Err(Error::arguments(format!("{} pixels do not make a picture", self.pixels.len())));
         }
         let sides = u32::try_from(self.width).ok().zip(u32::try_from(self.height).ok());
         let picture = sides.and_then(|(w, h)| RgbImage::from_raw(w, h, self.pixels.as_flattened().to_vec()));
@@ -100,7 +100,7 @@ pub fn false_colour(t: f32) -> [u8; 3] {
 /// [`Error::Argument`] if mask and image differ in columns or rows.
 pub fn mask_overlay(image: &Image, white: f32, mask: &BitImage) -> Result<Picture> {
     if (mask.width(), mask.height()) != (image.width(), image.height()) {
-        return Err(Error::Argument("the mask and the image differ in size".into()));
+        return Err(Error::arguments("the mask and the image differ in size".into()));
     }
     let mut picture = grey(image, white);
     for (i, pixel) in picture.pixels.iter_mut().enumerate() {

@@ -62,7 +62,7 @@ pub fn read_image(path: &Path, channel: Channel, texel: f64) -> Result<Image<'st
     let data = values(decoded, channel, linear);
     // Checked here because a bad `texel` is an error of the caller, and later errors are errors of the file.
     if !(texel.is_finite() && texel > 0.0) {
-        return Err(Error::Argument(format!("the texel size {texel} is not a positive length")));
+        return Err(Error::argument("texel", texel, "the side of a texel must be a positive length"));
     }
     Image::new(width, height, texel, data).map_err(|e| Error::format(path, None, e.to_string()))
 }

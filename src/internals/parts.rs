@@ -136,6 +136,7 @@ methods! { ModelParts for Model:
 }
 
 methods! { SolutionParts for Solution:
+    fn notes(&self) -> &[String];
     fn irradiance_of(&self, count: usize, at: impl Fn(usize) -> SurfacePoint) -> Result<Vec<[f64; 3]>>;
 }
 

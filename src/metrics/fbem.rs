@@ -63,13 +63,14 @@ pub fn fbem(
     options: &FbemOptions,
 ) -> Result<Vec<Fbem>> {
     if !(options.exponent.is_finite() && options.exponent >= 1.0) {
-        return Err(Error::Argument(format!(
-            "the exponent {} of the norm is not at least 1",
-            options.exponent
-        )));
+        return Err(Error::argument(
+            "exponent",
+            options.exponent,
+            "the exponent of the norm must be at least 1",
+        ));
     }
     if let Some(size) = sizes.iter().find(|s| !(s.is_finite() && **s >= 0.0)) {
-        return Err(Error::Argument(format!("the feature size {size} is not a length of at least 0")));
+        return Err(Error::argument("sizes", size, "a feature size is a length of at least 0"));
     }
     let differences = difference(reference, approximation)?;
     let mut features = FeatureSet::new(reference, &options.features)?;

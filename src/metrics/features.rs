@@ -41,16 +41,14 @@ impl FeatureOptions {
     /// [`Error::Argument`] if `white` or `threshold` is out of its range.
     pub(crate) fn check(&self) -> Result<()> {
         if !(self.white.is_finite() && self.white > 0.0) {
-            return Err(Error::Argument(format!(
-                "the unoccluded value {} is not greater than 0",
-                self.white
-            )));
+            return Err(Error::argument("white", self.white, "the unoccluded value must be greater than 0"));
         }
         if !(0.0..1.0).contains(&self.threshold) {
-            return Err(Error::Argument(format!(
-                "the shadow threshold {} is not within [0, 1)",
-                self.threshold
-            )));
+            return Err(Error::argument(
+                "threshold",
+                self.threshold,
+                "the shadow threshold must lie within [0, 1)",
+            ));
         }
         Ok(())
     }

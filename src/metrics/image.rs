@@ -29,7 +29,7 @@ impl<'a> Image<'a> {
         data: impl Into<Cow<'a, [f32]>>,
     ) -> Result<Image<'a>> {
         let data = data.into();
-        let argument = |what: String| Err(Error::Argument(what));
+        let argument = |what: String| Err(Error::arguments(what));
         if width == 0 || height == 0 {
             return argument(format!("an image of {width} x {height} texels is empty"));
         }
@@ -40,7 +40,7 @@ impl<'a> Image<'a> {
             ));
         }
         if !(texel.is_finite() && texel > 0.0) {
-            return argument(format!("the texel size {texel} is not a positive length"));
+            return Err(Error::argument("texel", texel, "the side of a texel must be a positive length"));
         }
         if let Some(i) = data.iter().position(|v| !v.is_finite()) {
             return argument(format!("texel {},{} holds {}, not a number", i % width, i / width, data[i]));
@@ -91,8 +91,8 @@ impl<'a> Image<'a> {
         if (self.width, self.height) == (other.width, other.height) {
             return Ok(());
         }
-        Err(Error::Argument(format!(
-            "the reference has {} x {} texels, the approximation {} x {}: compare images of the same size",
+        Err(Error::arguments(format!(
+            "⟨reference⟩ has {} x {} texels, ⟨approximation⟩ {} x {}: compare images of the same size",
             self.width, self.height, other.width, other.height
         )))
     }

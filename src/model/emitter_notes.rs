@@ -28,7 +28,8 @@ const MIN_OUTSIDE_SHARE: f64 = 0.8;
 
 /// What to change if the light of luminaires, or else of emissive faces, misses everything.
 const AIM: &str = "check `at` and `aim` of its luminaire in the file of luminaires (of glTF, place and turn of the light's node)";
-const TURN: &str = "set option `two_sided_emission`, or reverse the order of the corners of their faces";
+const TURN: &str =
+    "set ⟨LoadOptions::two_sided_emission⟩, or reverse the order of the corners of their faces";
 
 impl Model {
     /// Notes of emitters that are turned, or outside of a space.

@@ -79,26 +79,24 @@ impl Instance {
     /// [`Error::Argument`] if the transform is not finite, falsifies measured clusters of the mesh, or places it beyond the range of
     /// coordinates; if the material is none of `materials` or emits.
     pub(super) fn check(&self, index: usize, mesh: &Scene, materials: &[Material]) -> Result<()> {
+        let wrong = |problem: String| Err(Error::argument("instance", index, problem));
         if let Some(m) = self.material
             && materials.get(m as usize).is_none_or(|material| material.emission != [0.0; 3])
         {
-            return Err(Error::Argument(format!(
-                "instance {index}: material {m} must be one of the scene's {} materials and must not emit: emitters are \
-                 triangles of the scene's own",
+            return wrong(format!(
+                "material {m} must be one of the scene's {} materials and must not emit: emitters are triangles of the scene's own",
                 materials.len()
-            )));
+            ));
         }
         if !self.affine().is_finite() {
-            return Err(Error::Argument(format!(
-                "instance {index}: its transform holds a value that is not finite"
-            )));
+            return wrong("its transform holds a value that is not finite".into());
         }
         let stretch = stretch(self.affine().matrix3);
         if stretch > MAX_STRETCH {
-            return Err(Error::Argument(format!(
-                "instance {index}: its transform has shear or unequal scale (ratio {stretch:.3}, at most {MAX_STRETCH}): its \
-                 clusters would be wrong; place a mesh of its own, with the transform applied to its vertices"
-            )));
+            return wrong(format!(
+                "its transform has shear or unequal scale (ratio {stretch:.3}, at most {MAX_STRETCH}): its clusters would be wrong; \
+                 place a mesh of its own, with the transform applied to its vertices"
+            ));
         }
         let bounds = self.bounds(mesh);
         let farthest = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
@@ -107,9 +105,9 @@ impl Instance {
             || farthest > MAX_COORDINATE
             || f64::from(bounds.extent().max_element()) < min_extent
         {
-            return Err(Error::Argument(format!(
-                "instance {index}: its transform places the mesh beyond {MAX_COORDINATE:e} or shrinks it below {min_extent:.1e}"
-            )));
+            return wrong(format!(
+                "its transform places the mesh beyond {MAX_COORDINATE:e} or shrinks it below {min_extent:.1e}"
+            ));
         }
         Ok(())
     }

@@ -234,7 +234,7 @@ impl Model {
         match self.instances().iter().skip(1).filter(|instance| instance.is_present()).count() {
             0 => Ok(()),
             n => Err(Error::Scene(format!(
-                "{what} does not work on placed meshes, and `model` has {n}: prepare `Scene::flattened`",
+                "{what} does not work on placed meshes, and ⟨model⟩ has {n}: prepare ⟨Scene::flattened⟩",
             ))),
         }
     }

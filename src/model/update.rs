@@ -34,11 +34,8 @@ impl Model {
         let mut instances = inner.instances.clone();
         let mut changed = BTreeSet::new();
         for (i, change) in changes.iter().enumerate() {
-            let applied = apply(&mut instances, inner, change).map_err(|error| match error {
-                Error::Argument(what) => Error::Argument(format!("`changes`[{i}]: {what}")),
-                other => other,
-            });
-            changed.insert(applied?);
+            let applied = apply(&mut instances, inner, change);
+            changed.insert(applied.map_err(|error| error.in_entry("changes", i))?);
         }
         let changed: Vec<u32> = changed.into_iter().collect();
         let before =
@@ -79,13 +76,12 @@ impl Model {
 fn apply(instances: &mut Vec<Instance>, inner: &Inner, change: &InstanceChange) -> Result<u32> {
     let (count, meshes) = (instances.len(), inner.meshes.len());
     let mesh = |instance: &Instance| inner.meshes[instance.mesh as usize].scene.as_ref();
+    let wrong = |i: usize, problem: String| Error::argument("instance", i, problem);
     let at = |index: u32| match index as usize {
-        0 => Err(Error::Argument(
-            "instance 0 holds the scene's own triangles and light sources: it cannot change".into(),
-        )),
-        i if i >= count || instances[i].removed => Err(Error::Argument(format!(
-            "instance {i} does not exist (there are {count}, removed ones included)"
-        ))),
+        0 => Err(wrong(0, "the scene's own triangles and light sources cannot change".into())),
+        i if i >= count || instances[i].removed => {
+            Err(wrong(i, format!("does not exist (there are {count}, removed ones included)")))
+        }
         i => Ok(i),
     };
     match change {
@@ -98,10 +94,8 @@ fn apply(instances: &mut Vec<Instance>, inner: &Inner, change: &InstanceChange) 
         }
         InstanceChange::Add(instance) => {
             if instance.mesh == 0 || instance.mesh as usize >= meshes {
-                return Err(Error::Argument(format!(
-                    "instance {count}: mesh {} must lie in 1..{meshes} (mesh 0 holds the scene's own triangles)",
-                    instance.mesh
-                )));
+                let own = "mesh 0 holds the scene's own triangles";
+                return Err(wrong(count, format!("mesh {} must lie in 1..{meshes} ({own})", instance.mesh)));
             }
             instance.check(count, mesh(instance), &inner.scene.materials)?;
             instances.push(Instance { removed: false, ..instance.clone() });

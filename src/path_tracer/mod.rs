@@ -54,7 +54,7 @@ pub fn irradiance(
     progress: &dyn Progress,
 ) -> Result<Irradiance> {
     if settings.samples < 2 {
-        return Err(Error::Argument(format!("`samples` {}: must be at least 2", settings.samples)));
+        return Err(Error::argument("samples", settings.samples, "must be at least 2"));
     }
     progress.stage("following paths", points.len() as u64);
     let surfaces = Surfaces::new(model);

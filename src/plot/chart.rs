@@ -108,7 +108,7 @@ impl Plot {
         let mut svg = String::new();
         {
             let root = SVGBackend::with_string(&mut svg, (width, height)).into_drawing_area();
-            self.draw(&root).map_err(|e| Error::Argument(format!("the plot cannot be drawn: {e}")))?;
+            self.draw(&root).map_err(|e| Error::arguments(format!("the plot cannot be drawn: {e}")))?;
         }
         for (colour, name) in HUES.iter().chain([&INK, &FAINT]) {
             let hex = format!("#{:02X}{:02X}{:02X}", colour.0, colour.1, colour.2);

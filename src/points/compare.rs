@@ -42,7 +42,7 @@ impl Comparison {
 pub fn compare(reference: &Irradiance, test: &Irradiance) -> Result<Comparison> {
     let (a, b) = (&reference.points, &test.points);
     if a.len() != b.len() {
-        return Err(Error::Argument(format!(
+        return Err(Error::arguments(format!(
             "the reference has {} points, the test {}: compare irradiance at the same points",
             a.len(),
             b.len()
@@ -52,7 +52,7 @@ pub fn compare(reference: &Irradiance, test: &Irradiance) -> Result<Comparison> 
     let high = a.iter().fold(glam::DVec3::NEG_INFINITY, |m, p| m.max(p.position));
     let close = 1e-5 * (high - low).length().max(high.abs().max_element()).max(f64::MIN_POSITIVE);
     if let Some(i) = (0..a.len()).find(|&i| a[i].position.distance(b[i].position) > close) {
-        return Err(Error::Argument(format!(
+        return Err(Error::arguments(format!(
             "point {} is at {} in the reference and at {} in the test: compare irradiance at the same points",
             i + 1,
             a[i].position,

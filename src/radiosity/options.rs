@@ -156,14 +156,12 @@ impl Options {
         ];
         for (name, value) in above_zero {
             if let Some(v) = value.filter(|v| !v.is_finite() || *v <= 0.0) {
-                return Err(Error::Argument(format!("{name} {v}: must be a number above 0")));
+                return Err(Error::argument(name, v, "must be a number above 0"));
             }
         }
         if let Some((name, s)) = self.feature_sizes.iter().find(|(_, s)| !s.is_finite() || *s <= 0.0) {
-            return Err(Error::Argument(format!(
-                "feature size {s} of `{}`: must be a number above 0",
-                quote(name)
-            )));
+            let value = format!("{s} of `{}`", quote(name));
+            return Err(Error::argument("feature_sizes", value, "must be a number above 0"));
         }
         let [light, gather] = [self.light_rays, self.gather_rays].map(|n| n.unwrap_or(1));
         for (name, value, min, max) in [
@@ -174,14 +172,12 @@ impl Options {
             ("audit", self.audit, 0, 1 << 20),
         ] {
             if value < min || value > max {
-                return Err(Error::Argument(format!("{name} {value}: must lie in {min}..{max}")));
+                return Err(Error::argument(name, value, format!("must lie in {min}..{max}")));
             }
         }
         if !(MIN_MIN_AREA..=1.0).contains(&self.min_area) {
-            return Err(Error::Argument(format!(
-                "min_area {:e}: is a part of the scene's area, in {MIN_MIN_AREA:e}..1",
-                self.min_area
-            )));
+            let problem = format!("is a part of the scene's area, in {MIN_MIN_AREA:e}..1");
+            return Err(Error::argument("min_area", format!("{:e}", self.min_area), problem));
         }
         Ok(())
     }

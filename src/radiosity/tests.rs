@@ -134,7 +134,7 @@ fn without_light_everything_is_black() {
     assert!(outcome.irradiance.iter().flatten().all(|&v| v == 0.0));
     assert!(outcome.mesh.elements.iter().all(|e| e.irradiance == [0.0; 3]));
     assert!(
-        outcome.record.warnings.iter().any(|w| w.contains("option `emitters`")),
+        outcome.record.warnings.iter().any(|w| w.contains("⟨LoadOptions::emitters⟩")),
         "{:?}",
         outcome.record.warnings
     );

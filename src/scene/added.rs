@@ -63,9 +63,9 @@ pub(super) fn add(soup: &mut Soup, added: &AddedFiles, placed: &[Aabb]) -> Resul
         append(soup, of, placed);
     }
     if soup.tiles.len() > 1 && soup.tiles.iter().any(|tile| tile.is_cell_given) {
-        let what = "`cell` with several height fields: where their corners lie is known in the unit of their files alone; write the distances of \
+        let what = "⟨cell⟩ with several height fields: where their corners lie is known in the unit of their files alone; write the distances of \
                     samples and the corners into the files (`gdal_translate -a_ullr`)";
-        return Err(Error::Argument(what.into()));
+        return Err(Error::arguments(what.into()));
     }
     let fillings = seams::fillings(std::mem::take(&mut soup.tiles));
     if !fillings.is_empty() {
@@ -195,13 +195,11 @@ impl Curved {
     pub fn lower(soup: &mut Soup, factor: f64, (up, metres): (Option<UpAxis>, f64)) -> Result<Curved> {
         // Refraction makes the radius seem up to some times as large, and never smaller than half.
         if !(0.5..=1e3).contains(&factor) {
-            return Err(Error::Argument(format!(
-                "`curvature` {factor}: must lie in 0.5..1000 radii of the earth"
-            )));
+            return Err(Error::argument("curvature", factor, "must lie in 0.5..1000 radii of the earth"));
         }
         let Some(up) = up else {
-            let what = "`curvature` needs the upward axis: set `up`, unless the scene is a height field";
-            return Err(Error::Argument(what.into()));
+            let cure = "set ⟨up⟩, unless the scene is a height field";
+            return Err(Error::argument("curvature", factor, "needs the upward axis").with_cure(cure));
         };
         let (low, high) = soup
             .positions

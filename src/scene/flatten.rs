@@ -100,7 +100,7 @@ impl Scene {
         if !self.placements.is_empty() && (triangles > max || vertices > indices || polygons > indices) {
             return Err(Error::Scene(format!(
                 "{} placements of {} meshes would become {triangles} triangles with {vertices} vertices, more than \
-                 `max_triangles` {max} or {indices} vertices: place fewer or simplify the meshes",
+                 ⟨max_triangles⟩ {max} or {indices} vertices: place fewer or simplify the meshes",
                 self.placements.len(),
                 self.shared.len(),
             )));

@@ -2,6 +2,7 @@
 
 use super::{Scene, generate};
 use crate::Result;
+use crate::error::{own_word, worded};
 use crate::threads::Threads;
 use generate::Spec;
 
@@ -97,7 +98,7 @@ impl Scene {
     }
 
     /// Repairs and assumptions made while reading, one sentence each; empty for a clean file.
-    pub fn repairs(&self) -> &[String] {
-        &self.repairs.messages
+    pub fn repairs(&self) -> Vec<String> {
+        self.repairs.messages.iter().map(|message| worded(message, own_word)).collect()
     }
 }

@@ -37,7 +37,7 @@ impl Scene {
     pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Scene> {
         let path = path.as_ref();
         if let Some(sides) = options.sides.filter(|sides| !(1..=2).contains(sides)) {
-            return Err(Error::Argument(format!("`sides` {sides}: must be 1 or 2")));
+            return Err(Error::argument("sides", sides, "must be 1 or 2"));
         }
         Threads::new(options.threads)?.run(|| guarded(path, || read(path, options)))?
     }
@@ -54,10 +54,7 @@ impl Scene {
         options: &LoadOptions,
     ) -> Result<Scene> {
         if !["obj", "gltf", "glb", "ply"].contains(&format) {
-            return Err(Error::Argument(format!(
-                "`format` {}: must be obj, gltf, glb or ply",
-                quote(format)
-            )));
+            return Err(Error::argument("format", quote(format), "must be obj, gltf, glb or ply"));
         }
         Threads::new(options.threads)?.run(|| read_from_memory(folder, format, data, options))?
     }
@@ -113,14 +110,14 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
 fn check_grid(options: &LoadOptions) -> Result<()> {
     let what = match () {
         () if options.up == Some(UpAxis::Y) => {
-            "height fields have the upward axis z: leave option `up` out, and turn other files"
+            "height fields have the upward axis z: leave ⟨up⟩ out, and turn other files"
         }
         () if unit_in_metres(&options.unit).is_some_and(|metres| metres != 1.0) => {
-            "height fields are in metres: leave option `unit` out, and convert other files to metres"
+            "height fields are in metres: leave ⟨unit⟩ out, and convert other files to metres"
         }
         () => return Ok(()),
     };
-    Err(Error::Argument(what.into()))
+    Err(Error::arguments(what.into()))
 }
 
 /// Refuses what glTF files have no place for.

@@ -215,7 +215,7 @@ fn too_large(extents: DVec3, flux: f64, luminaires: usize) -> Option<String> {
     (is_a_room && lux < NIGHT).then(|| {
         let some = counted(luminaires, "luminaire");
         format!(
-            "{some} of {flux:.0} lm in a scene of {length:.0} m x {width:.0} m, {lux:.1e} lx: is the file in millimetres? use option `unit` mm"
+            "{some} of {flux:.0} lm in a scene of {length:.0} m x {width:.0} m, {lux:.1e} lx: is the file in millimetres? set ⟨LoadOptions::unit⟩ to mm"
         )
     })
 }

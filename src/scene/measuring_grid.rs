@@ -59,10 +59,10 @@ impl Scene {
     /// # Errors
     /// Nothing has this name, the surface is not plane, or the grid has no point or too many.
     pub(crate) fn measuring_grid(&self, name: &str, spacing: f64, height: f64) -> Result<MeasuringGrid> {
-        let wrong = |what: String| Err(Error::Scene(format!("grid on `{}`: {what}", quote(name))));
-        let Some(mut plane) = self.plane_of(self.faces_named(name)?) else {
+        let wrong = |what: String| Err(Error::argument("grid", format!("`{}`", quote(name)), what));
+        let Some(mut plane) = self.plane_of(self.faces_named(name).map_err(|error| error.of("grid"))?) else {
             return wrong(
-                "the surface is curved or lies in several planes; give points of your own with option `points`"
+                "the surface is curved or lies in several planes; give points of your own with ⟨points⟩"
                     .into(),
             );
         };
@@ -333,7 +333,7 @@ mod tests {
         let scene = furnished(0.0);
         for (name, spacing, words) in [
             ("flor", 1.0, "did you mean `floor`?"),
-            ("bowl", 1.0, "option `points`"),
+            ("bowl", 1.0, "`points`"),
             ("floor", 1e-3, "more than 4,000,000; widen the spacing"),
         ] {
             let error = scene.measuring_grid(name, spacing, 0.0).expect_err("refused").to_string();

@@ -93,6 +93,7 @@ pub use {
 };
 
 use crate::Result;
+use crate::error::in_own_words;
 use crate::math::{Aabb, triangle_area, triangle_normal};
 use crate::sky::{Environment, SkyOptions, Sun};
 use glam::{DVec3, Vec3};
@@ -190,6 +191,7 @@ pub struct Repairs {
     #[serde(skip_serializing_if = "is_zero")]
     pub divided_faces: usize,
     /// One line for each kind of repair, with names where they help.
+    #[serde(serialize_with = "in_own_words")]
     pub messages: Vec<String>,
 }
 

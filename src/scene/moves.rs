@@ -28,7 +28,7 @@ impl Move {
     pub fn parse(text: &str) -> Result<Move> {
         let wrong = || {
             let form = "write NAME=X,Y,Z or NAME=X,Y,Z,DEGREES, as in chair=0.5,0,0 or chair=0.5,0,0,90";
-            Error::Argument(format!("option `move`: {}: {form}", quote(text)))
+            Error::argument("move", quote(text), form)
         };
         let (name, numbers) = text.rsplit_once('=').ok_or_else(wrong)?;
         let numbers: Option<Vec<f64>> = numbers.split(',').map(|n| n.trim().parse().ok()).collect();
@@ -47,9 +47,9 @@ impl Move {
             _ if self.degrees == 0.0 => DMat3::IDENTITY,
             Some(up) => DMat3::from_axis_angle(up.vector().as_dvec3(), self.degrees.to_radians()),
             None => {
-                let cure = "the upward axis of this scene is not stated; state it (option `up`)";
-                let (name, degrees) = (quote(&self.name), figure(self.degrees));
-                return Err(Error::Argument(format!("option `move`: {name} by {degrees} degrees: {cure}")));
+                let turn = format!("{} by {} degrees", quote(&self.name), figure(self.degrees));
+                let problem = "the upward axis of this scene is not stated";
+                return Err(Error::argument("move", turn, problem).with_cure("state it with ⟨up⟩"));
             }
         };
         Ok(DAffine3 { matrix3: turn, translation: centre + self.by - turn * centre })
@@ -124,7 +124,8 @@ pub(super) fn move_nodes(
 
 fn unknown<'a, S: AsRef<str> + ?Sized + 'a>(motion: &Move, names: impl Iterator<Item = &'a S>) -> Error {
     let (name, known) = (quote(&motion.name), some_names(names));
-    Error::Scene(format!("option `move`: no object or node is called `{name}`; there are {known}"))
+    let problem = format!("no object or node is called `{name}`");
+    Error::argument("move", "", problem).with_cure(format!("there are {known}"))
 }
 
 /// Centre of the bounding box; the origin without points.

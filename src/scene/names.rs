@@ -7,20 +7,16 @@ use crate::{Error, error::quote};
 const SIMILAR: f64 = 0.7;
 const MAX_COMPARED: usize = 100_000;
 
-/// The error for an unknown name.
+/// The error for an unknown name; it has no name of an option yet.
 pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Error {
     let names: Vec<&str> = names.take(MAX_COMPARED).collect();
     let similar = names.iter().map(|n| (strsim::jaro_winkler(name, n), n));
-    if let Some((likeness, similar)) = similar.max_by(|a, b| a.0.total_cmp(&b.0))
-        && likeness > SIMILAR
-    {
-        let (name, similar) = (quote(name), quote(similar));
-        return Error::Scene(format!(
-            "no object, group or material is called `{name}`; did you mean `{similar}`?"
-        ));
-    }
-    let some = some_names(names.into_iter());
-    Error::Scene(format!("no object, group or material is called `{}`; there are {some}", quote(name)))
+    let similar = similar.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(likeness, _)| *likeness > SIMILAR);
+    let cure = match similar {
+        Some((_, similar)) => format!("did you mean `{}`?", quote(similar)),
+        None => format!("there are {}", some_names(names.into_iter())),
+    };
+    Error::arguments(format!("no object, group or material is called `{}`", quote(name))).with_cure(cure)
 }
 
 /// A number with its noun: "1 face", "2 faces".

@@ -31,10 +31,10 @@ type OfUnit = fn(f64) -> Strength;
 pub fn parse_emitter(text: &str) -> Result<(String, Strength)> {
     let wrong = || {
         let units = "lamp=60W, lamp=800lm, lamp=5000cd/m2";
-        Error::Argument(format!(
-            "emitter {}: write NAME=W, with W >= 0 in watts (lamp=60; lamp=0 switches it off), or with a unit: {units}",
-            quote(text)
-        ))
+        let form = format!(
+            "write NAME=W, with W >= 0 in watts (lamp=60; lamp=0 switches it off), or with a unit: {units}"
+        );
+        Error::argument("emitters", quote(text), form)
     };
     let (name, strength) = text.rsplit_once('=').ok_or_else(wrong)?;
     let strength = strength.trim();
@@ -74,13 +74,12 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
     let sides = if options.two_sided_emission { 2.0 } else { 1.0 };
     for (name, strength) in &options.emitters {
         let (value, unit) = strength.parts();
+        let wrong = |problem: String| {
+            Error::argument("emitters", format!("{}={} {unit}", quote(name), figure(value)), problem)
+        };
         // The limits of `parse_emitter`; options may be set without it.
         if !value.is_finite() || value < 0.0 {
-            return Err(Error::Argument(format!(
-                "emitter {}: {} {unit} is not a number of at least 0",
-                quote(name),
-                figure(value)
-            )));
+            return Err(wrong("must be a number of at least 0".into()));
         }
         let faces: Vec<usize> = (0..s.triangle_object.len())
             .filter(|&t| {
@@ -90,16 +89,13 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
             .collect();
         if faces.is_empty() {
             let materials = s.materials.iter().map(|m| m.name.as_str());
-            return Err(unknown(name, s.objects.iter().map(String::as_str).chain(materials)));
+            return Err(unknown(name, s.objects.iter().map(String::as_str).chain(materials)).of("emitters"));
         }
         let area: f64 = faces.iter().map(|&t| s.triangle_area[t]).sum::<f64>() * metres * metres;
         let radiance = strength.radiance(area * sides, options.photometry().lumens_per_watt) as f32;
         if f64::from(radiance) > MAX_RADIANCE {
-            return Err(Error::Scene(format!(
-                "emitter {}: {} {unit} on {area:e} m² is a radiance of {radiance:e} W/(m² sr): must be at most {MAX_RADIANCE:e}",
-                quote(name),
-                figure(value)
-            )));
+            let most = format!("must be at most {MAX_RADIANCE:e}");
+            return Err(wrong(format!("on {area:e} m² is a radiance of {radiance:e} W/(m² sr): {most}")));
         }
         let mut lit = HashMap::new();
         for t in faces {

@@ -178,7 +178,7 @@ fn area_of_parts(parts: &Parts, polygon: &[u32], area: &[f64]) -> Vec<f64> {
 fn check_sides(options: &LoadOptions) -> Result<()> {
     match options.sides {
         None | Some(1 | 2) => Ok(()),
-        Some(_) => Err(Error::Argument("sides must be 1 (closed solids) or 2 (sheets)".into())),
+        Some(_) => Err(Error::argument("sides", "", "must be 1 (closed solids) or 2 (sheets)")),
     }
 }
 

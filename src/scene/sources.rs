@@ -80,8 +80,8 @@ impl Sources {
 
     fn open_up_to(&mut self, path: &Path, limit: u64) -> Result<Input> {
         if self.is_closed {
-            return Err(Error::Argument(format!(
-                "the scene names the file `{}`: give `folder`, where it is looked for, or leave it out of the scene",
+            return Err(Error::arguments(format!(
+                "the scene names the file `{}`: give ⟨folder⟩, where it is looked for, or leave it out of the scene",
                 shown(path)
             )));
         }
@@ -120,7 +120,7 @@ impl Sources {
         let left = self.limit.saturating_sub(self.texture_bytes);
         let decoded = read(self).and_then(|bytes| guarded(&file, || Texture::decode(&file, &bytes, left)));
         let texture = match decoded {
-            Err(error @ (Error::OutOfMemory(_) | Error::Argument(_))) => return Err(error),
+            Err(error @ (Error::OutOfMemory(_) | Error::Argument { .. })) => return Err(error),
             Err(error) => {
                 let why = match &error {
                     Error::Io { source, .. } => source.to_string(),

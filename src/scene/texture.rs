@@ -47,7 +47,7 @@ impl Texture {
         if needed > limit {
             return Err(Error::OutOfMemory(format!(
                 "the texture {} of {width} x {height} texels needs {:.1} GB, {:.1} GB are left: make the textures \
-                 smaller or raise option `max_memory`",
+                 smaller or raise ⟨LoadOptions::max_memory⟩",
                 shown(file),
                 needed as f64 / 1e9,
                 limit as f64 / 1e9

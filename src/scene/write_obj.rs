@@ -1,7 +1,7 @@
 //! Output of a soup as OBJ and MTL.
 
 use super::Soup;
-use crate::{Error, Result, files::WholeFile};
+use crate::{Error, Result, error::shown, files::WholeFile};
 use std::{
     io::Write,
     path::{Path, PathBuf},
@@ -19,7 +19,7 @@ pub fn mtl_path(obj: &Path) -> PathBuf {
 /// The files cannot be written.
 pub fn write_obj(path: &Path, soup: &Soup, comments: &[&str]) -> Result<()> {
     if path.file_name().is_none() || path.extension().is_some_and(|e| e == "mtl") {
-        return Err(Error::Argument(format!("{}: the name of an .obj file is needed", path.display())));
+        return Err(Error::argument("path", shown(path), "the name of an .obj file is needed"));
     }
     let library = mtl_path(path);
     let (mut mtl, mut obj) = (WholeFile::create(&library)?, WholeFile::create(path)?);

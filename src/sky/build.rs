@@ -59,21 +59,21 @@ impl SkyOptions {
 
     /// The same with the suns of a file, where the description has none and does not say that there is none.
     pub(crate) fn environment_with(&self, up: DVec3, suns: &[Sun]) -> Result<Environment> {
-        let at = |what: String| self.wrong(what);
+        let at = |what: String| self.wrong(Error::arguments(what));
         self.check().map_err(at)?;
         let frame = match self.north {
             Some(north) => Frame::new(up, DVec3::from(north)),
             None => Frame::upright(up),
         };
-        let frame = frame.map_err(|e| at(e.to_string()))?;
+        let frame = frame.map_err(|error| self.wrong(error))?;
         let position = self.position(&frame).map_err(at)?;
         let model = self.model(position.as_ref()).map_err(at)?;
         let mut notes = vec![frame.note()];
         notes.push(model.note.clone());
         let map = match (&self.sky.0, &self.map) {
-            (SkyModel::Map(_), Some(_)) => return Err(at("`sky` is a map already: remove `map`".into())),
+            (SkyModel::Map(_), Some(_)) => return Err(at("⟨sky⟩ is a map already: remove ⟨map⟩".into())),
             (SkyModel::None, Some(_)) => {
-                return Err(at("`map` has no sky to multiply: state `sky`, or the map as `sky`".into()));
+                return Err(at("⟨map⟩ has no sky to multiply: state ⟨sky⟩, or the map as ⟨sky⟩".into()));
             }
             (SkyModel::Map(path), None) | (_, Some(path)) => Some(self.read_map(path, &mut notes)?),
             _ => None,
@@ -82,7 +82,8 @@ impl SkyOptions {
         let mut sky = match self.sky.0 {
             SkyModel::None => None,
             _ => Some(
-                Sky::new(model.shape, map, is_alone, self.level(&model)).map_err(|e| at(e.to_string()))?,
+                Sky::new(model.shape, map, is_alone, self.level(&model))
+                    .map_err(|error| self.wrong(error))?,
             ),
         };
         if let Some(sky) = &sky {
@@ -115,13 +116,13 @@ impl SkyOptions {
     /// As [`SkyOptions::environment`], where place and time are not stated, or the direction of the sun is.
     #[doc(hidden)]
     pub fn at_minute(&self, minute: u32) -> Result<Option<SkyOptions>> {
-        let wrong = |what: String| self.wrong(what);
+        let wrong = |what: String| self.wrong(Error::arguments(what));
         if let SunChoice::At { .. } = self.sun {
-            let what = "a sun in one direction has no day: leave option `sun` out, so that it moves by `place` and `time`, or leave option `day` out";
+            let what = "a sun in one direction has no day: leave ⟨sun⟩ out, so that it moves by ⟨place⟩ and ⟨time⟩, or leave ⟨day⟩ out";
             return Err(wrong(what.into()));
         }
         let (Some(_), Some(time)) = (&self.place, &self.time) else {
-            let what = "the light of a day needs `place` and `time`, such as 2026-06-21T12:00+02:00";
+            let what = "the light of a day needs ⟨place⟩ and ⟨time⟩, such as 2026-06-21T12:00+02:00";
             return Err(wrong(what.into()));
         };
         let options = SkyOptions { time: Some(time.at_minute(minute).map_err(wrong)?), ..self.clone() };
@@ -138,10 +139,10 @@ impl SkyOptions {
         SkyOptions { direct_normal: self.direct_normal.or(any), ..self.clone() }
     }
 
-    fn wrong(&self, what: String) -> Error {
+    fn wrong(&self, error: Error) -> Error {
         match &self.file {
-            Some(file) => Error::format(file, None, what),
-            None => Error::Argument(what),
+            Some(file) => Error::format(file, None, error.to_string()),
+            None => error,
         }
     }
 
@@ -177,7 +178,7 @@ impl SkyOptions {
                 SunDirection::Angles([azimuth, elevation]) => frame.direction(azimuth, elevation),
                 SunDirection::Vector(v) => DVec3::from(v)
                     .try_normalize()
-                    .ok_or("`sun` 0,0,0 is no direction: give a vector towards the sun")?,
+                    .ok_or("⟨sun⟩ 0,0,0 is no direction: give a vector towards the sun")?,
             };
             return Ok(Some(Position { local: frame.local(direction), outside: SOLAR_CONSTANT }));
         }
@@ -185,10 +186,10 @@ impl SkyOptions {
             (Some(place), Some(time)) => (place, time),
             (None, None) => return Ok(None),
             (Some(_), None) => {
-                return Err("`place` without `time`: state both, the sun's position follows from them".into());
+                return Err("⟨place⟩ without ⟨time⟩: state both, the sun's position follows from them".into());
             }
             (None, Some(_)) => {
-                return Err("`time` without `place`: state both, the sun's position follows from them".into());
+                return Err("⟨time⟩ without ⟨place⟩: state both, the sun's position follows from them".into());
             }
         };
         let air = Air { pressure: self.pressure, temperature: self.temperature };
@@ -200,12 +201,12 @@ impl SkyOptions {
     /// The sun of a sky that cannot be without.
     fn needed<'a>(&self, position: Option<&'a Position>, name: &str) -> Result<&'a Position, String> {
         let position = position.ok_or_else(|| {
-            format!("the {name} sky needs the sun: state `place` and `time`, or `sun` as AZIMUTH,ELEVATION")
+            format!("the {name} sky needs the sun: state ⟨place⟩ and ⟨time⟩, or ⟨sun⟩ as AZIMUTH,ELEVATION")
         })?;
         match position.local.z > 0.0 {
             true => Ok(position),
             false => Err(format!(
-                "the sun is {:.2} degrees below the horizon, and the {name} sky needs it above: change `time`, `place` or `sun`, or take another sky",
+                "the sun is {:.2} degrees below the horizon, and the {name} sky needs it above: change ⟨time⟩, ⟨place⟩ or ⟨sun⟩, or take another sky",
                 position.elevation().abs()
             )),
         }
@@ -286,7 +287,7 @@ impl SkyOptions {
         let Some(position) = position else {
             return match self.direct_normal {
                 Some(_) => Err(
-                    "`direct_normal` without a sun: state `place` and `time`, or `sun` as AZIMUTH,ELEVATION"
+                    "⟨direct_normal⟩ without a sun: state ⟨place⟩ and ⟨time⟩, or ⟨sun⟩ as AZIMUTH,ELEVATION"
                         .into(),
                 ),
                 None => Ok(None),
@@ -297,7 +298,7 @@ impl SkyOptions {
             // A direction may be meant for the sky alone.
             let shapes_sky = matches!(self.sky.0, SkyModel::Cie(_));
             return match is_asked && !shapes_sky {
-                true => Err("the irradiance of the sun is unknown: state `direct_normal`, or `sun` as AZIMUTH,ELEVATION:E".into()),
+                true => Err("the irradiance of the sun is unknown: state ⟨direct_normal⟩, or ⟨sun⟩ as AZIMUTH,ELEVATION:E".into()),
                 false => Ok(None),
             };
         };
@@ -312,7 +313,7 @@ impl SkyOptions {
         }
         if position.local.z <= 0.0 {
             return Err(format!(
-                "the sun is {:.2} degrees below the horizon: change `time`, `place` or `sun`, or state `sun` as none",
+                "the sun is {:.2} degrees below the horizon: change ⟨time⟩, ⟨place⟩ or ⟨sun⟩, or state ⟨sun⟩ as none",
                 position.elevation().abs()
             ));
         }

@@ -27,16 +27,13 @@ impl Frame {
     pub fn new(up: DVec3, north: DVec3) -> Result<Frame> {
         let unit = |v: DVec3, name: &str| {
             v.try_normalize().ok_or_else(|| {
-                Error::Argument(format!(
-                    "`{name}` {v} is no direction: give three numbers that are not all 0"
-                ))
+                Error::argument(name, v, "no direction").with_cure("give three numbers that are not all 0")
             })
         };
         let (up, north) = (unit(up, "up")?, unit(north, "north")?);
         if up.dot(north).abs() > MAX_NORTH_SLOPE {
-            return Err(Error::Argument(format!(
-                "`north` {north} is not horizontal: give a direction perpendicular to the upward axis {up}"
-            )));
+            let cure = format!("give a direction perpendicular to the upward axis {up}");
+            return Err(Error::argument("north", north, "not horizontal").with_cure(cure));
         }
         let north = north.reject_from_normalized(up).normalize();
         Ok(Frame { up, north, east: north.cross(up) })

@@ -214,11 +214,11 @@ impl SkyOptions {
     pub(super) fn check(&self) -> Result<(), String> {
         let is_reflectance = |v: &f64| (0.0..=1.0).contains(v);
         if let Some(bad) = self.ground.and_then(|g| g.rgb().into_iter().find(|v| !is_reflectance(v))) {
-            return Err(format!("`ground` {} is no reflectance: give 0 to 1", figure(bad)));
+            return Err(format!("⟨ground⟩ {} is no reflectance: give 0 to 1", figure(bad)));
         }
         if !(self.sun_diameter > 0.0 && self.sun_diameter <= 90.0) {
             return Err(format!(
-                "`sun_diameter` {} is not above 0 and at most 90 degrees",
+                "⟨sun_diameter⟩ {} is not above 0 and at most 90 degrees",
                 figure(self.sun_diameter)
             ));
         }
@@ -231,12 +231,12 @@ impl SkyOptions {
         ] {
             if !(low..=high).contains(&value) {
                 let high = figure(high);
-                return Err(format!("`{name}` {} is not between {low} and {high} {unit}", figure(value)));
+                return Err(format!("⟨{name}⟩ {} is not between {low} and {high} {unit}", figure(value)));
             }
         }
         let levels = [self.diffuse_horizontal.is_some(), self.zenith.is_some(), self.sky.1.is_some()];
         if levels.iter().filter(|given| **given).count() > 1 {
-            return Err("the level of the sky is stated twice: keep one of `diffuse_horizontal`, `zenith` and the number in `sky`".into());
+            return Err("the level of the sky is stated twice: keep one of ⟨diffuse_horizontal⟩, ⟨zenith⟩ and the number in ⟨sky⟩".into());
         }
         for amount in [self.direct_normal, self.diffuse_horizontal].into_iter().flatten() {
             amount.rgb().into_iter().try_for_each(|v| positive(v, "irradiance").map(drop))?;
@@ -247,7 +247,7 @@ impl SkyOptions {
 
 /// A value of the option `name`.
 fn parsed<T: FromStr<Err = String>>(name: &str, text: &str) -> Result<T> {
-    text.parse().map_err(|what| Error::Argument(format!("`{name}` {}: {what}", quote(text))))
+    text.parse().map_err(|what| Error::argument(name, quote(text), what))
 }
 
 fn from_text<'de, D: Deserializer<'de>, T: FromStr<Err: Display>>(source: D) -> Result<T, D::Error> {

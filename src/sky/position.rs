@@ -161,7 +161,7 @@ pub(super) fn sun_position(place: &Place, moment: &Moment, air: &Air) -> Result<
     let refraction =
         RefractionCorrection::new(air.pressure.unwrap_or_else(|| pressure(place.altitude)), air.temperature);
     let refraction = refraction
-        .map_err(|e| format!("`pressure` or `temperature` of the air cannot be ({e}): correct it"))?;
+        .map_err(|e| format!("⟨pressure⟩ or ⟨temperature⟩ of the air cannot be ({e}): correct it"))?;
     let location = Location { latitude: place.latitude, longitude: place.longitude };
     let position = || {
         let prepared =

@@ -66,7 +66,9 @@ impl Sky {
             Level::Horizontal(value) | Level::Zenith(value) | Level::Times(value) => [value; 3],
         };
         if let Some(bad) = wanted.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
-            return Err(Error::Argument(format!("the level {bad} of the sky is not a number of at least 0")));
+            return Err(Error::arguments(format!(
+                "the level {bad} of the sky is not a number of at least 0"
+            )));
         }
         let native = match level {
             Level::Horizontal(_) => [luminance(unscaled); 3],
@@ -76,7 +78,7 @@ impl Sky {
         };
         for c in 0..3 {
             if native[c] <= 0.0 && wanted[c] > 0.0 {
-                return Err(Error::Argument(
+                return Err(Error::arguments(
                     "the sky is black where its level is stated: give a map with some light there, or no level".into(),
                 ));
             }
@@ -84,7 +86,7 @@ impl Sky {
             sky.horizontal[c] = sky.scale[c] * unscaled[c];
             if sky.horizontal[c] > MAX_RADIANCE {
                 let found = figure(sky.horizontal[c]);
-                return Err(Error::Argument(format!(
+                return Err(Error::arguments(format!(
                     "the sky gives {found} W/m² on the ground: must be at most {MAX_RADIANCE:e}; lower its level"
                 )));
             }

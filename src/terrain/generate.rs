@@ -10,7 +10,7 @@ use rayon::prelude::*;
 /// # Errors
 /// [`Error::Argument`](crate::Error::Argument) as for [`Grid::new`].
 pub fn of(columns: usize, rows: usize, cell: f64, height: impl Fn(f64, f64) -> f64 + Sync) -> Result<Grid> {
-    super::grid::check_sides(columns, rows).map_err(crate::Error::Argument)?;
+    super::grid::check_sides(columns, rows).map_err(crate::Error::arguments)?;
     let (x0, y0) = (0.5 * (columns - 1) as f64, 0.5 * (rows - 1) as f64);
     let mut heights = vec![0.0f32; columns * rows];
     heights.par_chunks_mut(columns).enumerate().for_each(|(r, line)| {

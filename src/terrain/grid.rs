@@ -33,11 +33,11 @@ impl Grid {
     /// [`Error::Argument`] if the number of heights is not `columns * rows`, a side is less than 2 or more than [`MAX_SIDE`], a
     /// distance is not positive and finite, no sample has a height, or a height is beyond [`MAX_HEIGHT`].
     pub fn new(columns: usize, rows: usize, cell: [f64; 2], mut heights: Vec<f32>) -> Result<Grid> {
-        check_sides(columns, rows).map_err(Error::Argument)?;
-        check_cell(cell).map_err(Error::Argument)?;
+        check_sides(columns, rows).map_err(Error::arguments)?;
+        check_cell(cell).map_err(Error::arguments)?;
         if heights.len() != columns * rows {
             let n = heights.len();
-            return Err(Error::Argument(format!(
+            return Err(Error::arguments(format!(
                 "{n} heights do not make {columns} columns and {rows} rows"
             )));
         }
@@ -45,7 +45,7 @@ impl Grid {
         for h in &mut heights {
             match h.is_finite() {
                 true if h.abs() > MAX_HEIGHT => {
-                    return Err(Error::Argument(format!(
+                    return Err(Error::arguments(format!(
                         "the height {h} m is beyond {MAX_HEIGHT:e} m: state its unit, or the value of samples without data"
                     )));
                 }
@@ -58,7 +58,7 @@ impl Grid {
                 let georeference = Georeference::local(rows, cell);
                 Ok(Grid { columns, rows, heights, cell, georeference, is_cell_given: false })
             }
-            false => Err(Error::Argument("no sample of the grid has a height: all are holes".into())),
+            false => Err(Error::arguments("no sample of the grid has a height: all are holes".into())),
         }
     }
 

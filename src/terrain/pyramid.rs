@@ -95,7 +95,7 @@ impl<'a> Pyramid<'a> {
     pub fn first_hit(&self, origin: DVec3, direction: DVec3, max: f64) -> Result<Option<f64>> {
         let is_ray = origin.is_finite() && direction.is_finite() && direction != DVec3::ZERO;
         if !is_ray || max.is_nan() || max < 0.0 {
-            return Err(Error::Argument(format!(
+            return Err(Error::arguments(format!(
                 "a ray from {origin} along {direction} up to {max}: needs finite coordinates, a direction and a length"
             )));
         }

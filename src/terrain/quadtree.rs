@@ -74,9 +74,9 @@ impl<'a> Quadtree<'a> {
         mut error: impl FnMut(&Node) -> f64,
         max_error: f64,
     ) -> Result<Quadtree<'a>> {
-        check_sides(grid.columns(), grid.rows()).map_err(Error::Argument)?;
+        check_sides(grid.columns(), grid.rows()).map_err(Error::arguments)?;
         if max_error.is_nan() {
-            return Err(Error::Argument("`max_error` is no number".into()));
+            return Err(Error::argument("max_error", max_error, "must be a number"));
         }
         let size = (grid.columns() - 1).max(grid.rows() - 1).next_power_of_two() as u32;
         let root = Node { first: [0, 0], size, parent: NONE, children: NONE };

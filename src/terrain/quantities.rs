@@ -12,7 +12,7 @@ const MAX_AZIMUTHS: usize = 1024;
 pub(super) fn check(azimuths: usize) -> Result<()> {
     match azimuths {
         4..=MAX_AZIMUTHS => Ok(()),
-        n => Err(Error::Argument(format!("`azimuths` {n}: must lie in 4..{MAX_AZIMUTHS}"))),
+        n => Err(Error::argument("azimuths", n, format!("must lie in 4..{MAX_AZIMUTHS}"))),
     }
 }
 
@@ -93,7 +93,7 @@ impl Sun {
     pub(super) fn check(&self) -> Result<()> {
         let right = std::f64::consts::FRAC_PI_2;
         let wrong = |name: &str, value: f64, range: &str| {
-            Err(Error::Argument(format!("`{name}` {value}: must lie in {range} radians")))
+            Err(Error::argument(name, value, format!("must lie in {range} radians")))
         };
         match *self {
             Sun { azimuth, .. } if !azimuth.is_finite() => wrong("azimuth", azimuth, "0..2π"),
@@ -103,9 +103,9 @@ impl Sun {
             Sun { half_angle, .. } if !(0.0..=0.1).contains(&half_angle) => {
                 let (diameter, most) = (2.0 * half_angle.to_degrees(), 0.2f64.to_degrees());
                 let what = format!(
-                    "the sun has a diameter of {diameter:.1} degrees: a half shadow on terrain is known up to {most:.1} degrees; lower `sun_diameter`"
+                    "the sun has a diameter of {diameter:.1} degrees: a half shadow on terrain is known up to {most:.1} degrees; lower ⟨sun_diameter⟩"
                 );
-                Err(Error::Argument(what))
+                Err(Error::arguments(what))
             }
             _ => Ok(()),
         }

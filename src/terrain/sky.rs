@@ -42,7 +42,7 @@ pub fn irradiance(grid: &Grid, light: &Light, azimuths: usize, options: &SweepOp
     light.sun.check()?;
     if !(light.direct_normal >= 0.0 && light.direct_normal.is_finite()) {
         let value = light.direct_normal;
-        return Err(Error::Argument(format!("`direct_normal` {value}: must be 0 or more and finite")));
+        return Err(Error::argument("direct_normal", value, "must be 0 or more and finite"));
     }
     let directions = Azimuths { count: azimuths, first: PI / azimuths as f64 };
     let sectors: Vec<Sector> =
@@ -100,7 +100,7 @@ fn sector(sky: &(dyn Fn(DVec3) -> f64 + Sync), azimuth: f64, count: usize) -> Re
             let (east, north) = (azimuth + angle * ((k as f64 + 0.5) / SUBSECTORS as f64 - 0.5)).sin_cos();
             let value = sky(DVec3::new(level * east, level * north, rise));
             if !(value >= 0.0 && value.is_finite()) {
-                return Err(Error::Argument(format!(
+                return Err(Error::arguments(format!(
                     "the sky has the radiance {value} at an elevation of {:.1}°: must be 0 or more and finite",
                     elevation.to_degrees()
                 )));

@@ -28,11 +28,11 @@ fn check(grid: &Grid, layers: &[Layer]) -> Result<()> {
     let samples = grid.heights().len();
     match layers.iter().find(|l| l.values.len() != samples) {
         Some(Layer { name, values }) => {
-            Err(Error::Argument(format!("`{name}` has {} values, the grid {samples} samples", values.len())))
+            Err(Error::arguments(format!("`{name}` has {} values, the grid {samples} samples", values.len())))
         }
         // The number of bands has 16 bits.
         None if layers.is_empty() || layers.len() > usize::from(u16::MAX) => {
-            Err(Error::Argument(format!("{} layers: a file has 1 to {}", layers.len(), u16::MAX)))
+            Err(Error::arguments(format!("{} layers: a file has 1 to {}", layers.len(), u16::MAX)))
         }
         None => Ok(()),
     }
@@ -165,7 +165,7 @@ pub fn write_png(path: &Path, grid: &Grid, layer: Layer, range: [f32; 2]) -> Res
     check(grid, &[layer])?;
     let [low, high] = range;
     if low >= high || !(high - low).is_finite() {
-        return Err(Error::Argument(format!("the range {low}..{high} of the picture is empty")));
+        return Err(Error::arguments(format!("the range {low}..{high} of the picture is empty")));
     }
     let colour = |v: &f32| if v.is_nan() { [255; 3] } else { false_colour((v - low) / (high - low)) };
     let pixels = layer.values.iter().map(colour).collect();

@@ -74,8 +74,8 @@ static void nulls(void) {
     changes[i].kind = MRV_CHANGE_SHOW;
     changes[i].instance = i == 0 ? 0 : 999;
   }
-  WRONG(mrv_model_update(model, changes, 2, &m), "`changes`[0]: instance 0 holds");
-  WRONG(mrv_model_update(model, changes + 1, 1, &m), "`changes`[0]: instance 999 does not exist");
+  WRONG(mrv_model_update(model, changes, 2, &m), "`changes`[0].instance 0: the scene");
+  WRONG(mrv_model_update(model, changes + 1, 1, &m), "`changes`[0].instance 999: does not exist");
   WRONG(mrv_visibility_answer(NULL, 0, &segments, &answers, NULL), "model");
   WRONG(mrv_visibility_answer(model, 0, NULL, &answers, NULL), "segments");
   WRONG(mrv_visibility_answer(model, 0, &segments, NULL, NULL), "answers");
@@ -360,7 +360,7 @@ static void batches(void) {
     TRY(bad.bundle_count = 0, "`segments.offsets`: the first");
     TRY(bad.offsets = NULL, "offsets");
     TRY(bad.origins.x = (const float *)(const void *)((const char *)b.origins + 1), "multiple of 4");
-    TRY(bad.feature_sizes = NULL, "`segments.feature_size` is missing: MRV_ENGINE_MULTI_RESOLUTION");
+    TRY(bad.feature_sizes = NULL, "`segments.feature_size`: the engine MRV_ENGINE_MULTI_RESOLUTION");
     TRY((bad.feature_sizes = NULL, bad.feature_size = -1), "`segments.feature_size` -1");
     TRY((bad.emitter_sizes = NULL, bad.emitter_size = NAN), "`segments.emitter_size` NaN");
     TRY(bad.relative_to[1] = INFINITY, "`segments.relative_to`");
@@ -602,7 +602,7 @@ static void images(void) {
   } while (0)
   TRY_IMAGES(bad.reference = NULL, "reference");
   TRY_IMAGES(bad.approximation = NULL, "approximation");
-  TRY_IMAGES(bad.width = 0, "`images.width`");
+  TRY_IMAGES(bad.width = 0, "`images.reference`: an image of 0 x ");
   TRY_IMAGES(bad.width = bad.height = UINT64_MAX, "reference");
   TRY_IMAGES(bad.texel = -1, "`images.texel` -1");
   TRY_IMAGES(bad.white = -1, "`images.white` -1");

@@ -118,7 +118,7 @@ fn other_commands_refuse_alike() {
         ("generate forest --trees 0 --out x.obj", "trees"),
         ("generate cornell --out file/x.obj", "file/x."),
         ("generate cornell --out x.glb", "must end in .obj"),
-        ("generate cornell --instances --out x.glb", "has no instances"),
+        ("generate cornell --instances --out x.glb", "--instances: `cornell` has none"),
         ("generate forest --instances --out x.obj", "must end in .gltf or .glb"),
         ("generate forest --species 2 --out x.glb", "--instances"),
     ]);

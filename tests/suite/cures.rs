@@ -41,7 +41,7 @@ fn few_points_of_a_bench_are_no_fault_of_the_scene() {
     let ceiling = "o ceiling\nusemtl grey\nv -40 -40 9\nv 40 -40 9\nv 40 40 9\nv -40 40 9\nf 8 9 10 11\n";
     scratch.write("scene.obj", format!("{SCENE}{ceiling}"));
     let bench = scratch.mrvis("bench scene.obj --points 1 --reference-rays 16 --map 0 --feature-size 1");
-    refused(&bench, "ask for more (--points)");
+    refused(&bench, "--points 1: none of them faces an emitter");
     assert!(!bench.stderr.contains("reverse") && !bench.stderr.contains("winding"), "{}", bench.stderr);
 }
 

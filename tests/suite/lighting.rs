@@ -29,7 +29,7 @@ fn a_grid_of_points_needs_no_file() {
     scratch
         .mrvis(&format!("{solve} --grid bowl:0.5:0.8"))
         .exits(2)
-        .warns("--grid: grid on `bowl`")
+        .warns("--grid `bowl`: the surface is curved")
         .warns("--points");
     let solved = scratch.mrvis(&format!("{solve} --grid floor:0.5:0.8")).exits(0);
     // Points of a grid above its surface are meant to be there; the point of the file is on the floor.
@@ -154,7 +154,7 @@ fn rooms_in_millimetres_are_questioned() {
         scratch.write("room.obj", lines.concat() + "f 1 2 3 4\nf 1 5 6 2\n");
         scratch.mrvis("info room.obj --luminaires lum.toml").stdout
     };
-    assert!(room(3000.0).contains("is the file in millimetres? use --unit mm"), "{}", room(3000.0));
+    assert!(room(3000.0).contains("is the file in millimetres? set --unit to mm"), "{}", room(3000.0));
     // A room of 3 m, and a hall of 100 m.
     assert!(!room(3.0).contains("millimetres") && !room(100.0).contains("millimetres"));
 }

@@ -139,7 +139,7 @@ fn the_light_of_a_day_follows_the_sun() {
     assert!(found[0] > 5000.0 && found[0] == found[1], "{found:?}");
     let terrain = "terrain slope.asc --out d --output irradiance --day";
     scratch.mrvis(&format!("{terrain} --sun 180,60:900 {place}")).exits(2).warns("leave --sun out");
-    scratch.mrvis(&format!("{terrain} --sky clear:3")).exits(2).warns("needs `place` and `time`");
+    scratch.mrvis(&format!("{terrain} --sky clear:3")).exits(2).warns("needs --place and --time");
     scratch.mrvis(&format!("{terrain}=240 --sky perez:600,120 {place}")).exits(0).warns("same at all times");
 }
 

@@ -1,6 +1,5 @@
 //! The text of a job file, and errors that name a place in it.
 
-use mrvis::internals::error::shown;
 use mrvis::internals::files::input;
 use mrvis::{Error, Result};
 use std::ops::Range;
@@ -38,6 +37,7 @@ impl TomlSource {
         let before = &self.text[..span.start.min(self.text.len())];
         let line = 1 + before.matches('\n').count();
         let column = 1 + before.rsplit('\n').next().unwrap_or_default().chars().count();
-        Error::Argument(format!("{}:{line}:{column}: {what}", shown(&self.path)))
+        let (path, line, column) = (self.path.clone(), Some(line), Some(column));
+        Error::Format { path, line, column, what: what.to_string() }
     }
 }

@@ -228,7 +228,7 @@ impl SceneArgs {
     pub fn without_light(&self) -> Result<()> {
         self.photometric.map_or(Ok(()), |_| {
             let what = "has no effect here: nothing that this command writes is light";
-            Err(Error::Argument(format!("--photometric {what}; omit it")))
+            Err(Error::arguments(format!("--photometric {what}; omit it")))
         })
     }
 
@@ -290,8 +290,8 @@ const MAX_COPIED_TRIANGLES: u64 = 20_000_000;
 
 /// Writes warnings to standard error, one per line. A closed standard error is ignored.
 pub fn warn(common: &Common, messages: &[String]) {
-    for message in messages.iter().filter(|_| !common.quiet) {
-        super::say(&format!("mrvis: warning: {}", printable(&with_flags(message))));
+    for message in with_flags(messages).iter().filter(|_| !common.quiet) {
+        super::say(&format!("mrvis: warning: {}", printable(message)));
     }
 }
 

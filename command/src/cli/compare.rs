@@ -26,7 +26,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     if let Some(t) = args.tolerance.filter(|t| !(t.is_finite() && *t >= 0.0)) {
-        return Err(Error::Argument(format!("--tolerance {t}: must be a number not below 0")));
+        return Err(Error::arguments(format!("--tolerance {t}: must be a number not below 0")));
     }
     args.common.check_outputs(&Inputs::of([args.reference.as_path(), &args.test]), [])?;
     let found = compare(&read_irradiance(&args.reference)?, &read_irradiance(&args.test)?)?;

@@ -89,7 +89,7 @@ const COMPONENTS: Values<Channel> = &[
 /// An image cannot be read, the images differ in size, an option is out of range, or an output is not writable.
 pub fn run(args: &Args) -> Result<ExitCode> {
     if args.tolerance.is_some_and(|t| t.is_nan() || t < 0.0) {
-        return Err(Error::Argument("--tolerance must be a number of at least 0".into()));
+        return Err(Error::arguments("--tolerance must be a number of at least 0".into()));
     }
     let inputs = Inputs::of([args.reference.as_path(), &args.approximation]);
     let json = args.json.iter().filter(|path| *path != Path::new("-"));

@@ -1,6 +1,7 @@
 //! `mrvis form-factors SCENE --out FILE`: the matrix of obstructed form factors.
 
 use super::args::{Common, SceneArgs, file_name, grouped, warn};
+use super::flags::with_flags;
 use super::inputs::{Inputs, Output};
 use super::job_context;
 use super::limits::{self, GIB};
@@ -90,7 +91,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     args.mpi.on_first(|| check_file(&args.out))?;
     common.check_json()?;
     if let Some(v) = args.tolerance.filter(|v| !(v.is_finite() && *v >= 0.0)) {
-        return Err(Error::Argument(format!("--tolerance {v}: must be a number not below 0")));
+        return Err(Error::arguments(format!("--tolerance {v}: must be a number not below 0")));
     }
     let scene = args.scene.load_flat(common)?;
     let inputs = Inputs::of(scene.parts().files.iter().map(PathBuf::as_path));
@@ -100,7 +101,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let settings = args.settings(facets.count());
     let bound = memory_bound(facets.count(), &settings);
     if limits::bytes(common.max_memory).is_some_and(|limit| bound > limit) {
-        return Err(Error::Argument(format!(
+        return Err(Error::arguments(format!(
             "the matrix of {} facets could take {}: raise --max-memory{}",
             grouped(facets.count()),
             size(bound),
@@ -141,7 +142,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             "every": settings.every, "enforce": settings.enforce, "seed": settings.seed,
         },
         "report": report,
-        "warnings": scene.parts().repairs.messages,
+        "warnings": with_flags(&scene.parts().repairs.messages),
     });
     args.mpi.add_sharing(&mut json);
     common.write_json(&json)?;

@@ -67,7 +67,7 @@ impl Args {
         } else {
             (has_extension(out, &["obj"]), ".obj")
         };
-        let message = || Error::Argument(format!("--out {}: must end in {what}", out.display()));
+        let message = || Error::arguments(format!("--out {}: must end in {what}", out.display()));
         if right { Ok(()) } else { Err(message()) }
     }
 

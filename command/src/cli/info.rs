@@ -280,7 +280,7 @@ fn repairs(out: &mut String, s: &Scene) -> std::fmt::Result {
         return writeln!(out, "nothing had to be repaired");
     }
     writeln!(out, "repaired or assumed")?;
-    r.messages.iter().try_for_each(|m| writeln!(out, "  {}", with_flags(m)))
+    with_flags(&r.messages).iter().try_for_each(|m| writeln!(out, "  {m}"))
 }
 
 /// Objects with their numbers of triangles, in descending order.

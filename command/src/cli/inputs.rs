@@ -58,14 +58,14 @@ impl Inputs {
         for output in outputs {
             let Output { option, path } = &output;
             if path.canonicalize().is_ok_and(|full| self.0.contains(&full)) {
-                return Err(Error::Argument(format!(
+                return Err(Error::arguments(format!(
                     "{}: is read by this command and would be replaced; choose another place for {option}",
                     shown(path)
                 )));
             }
             let Some(place) = output.place() else { continue };
             if let Some((_, other)) = places.iter().find(|(known, _)| *known == place) {
-                return Err(Error::Argument(format!(
+                return Err(Error::arguments(format!(
                     "{}: {other} and {option} would replace each other's file; choose another place for one of them",
                     shown(path)
                 )));

@@ -37,7 +37,6 @@ use clap::{
     FromArgMatches, Parser, Subcommand,
     error::{ContextKind, ContextValue},
 };
-use flags::with_flags;
 use mrvis::internals::error::{in_words, is_obeyed};
 use mrvis::internals::model::embree_version;
 use mrvis::{Error, Result};
@@ -205,7 +204,7 @@ fn parse_and_run() -> ExitCode {
 }
 
 fn failed(error: &Error) -> ExitCode {
-    let (sign, text) = (mpi::sign(), with_flags(&one_line(error)));
+    let (sign, text) = (mpi::sign(), one_line(error));
     // A closed standard error is ignored.
     say(&format!("mrvis: {sign}{text}"));
     mpi::end_after_error();
@@ -232,9 +231,9 @@ fn usage(error: &clap::Error) -> String {
 /// Longest message, characters: a screen of 80 x 24.
 const MAX_MESSAGE: usize = 1900;
 
-/// The error and its causes on one line, without repetition.
+/// The error and its causes on one line, with flags, without repetition.
 fn one_line(error: &Error) -> String {
-    let mut text = error.to_string();
+    let mut text = error.worded(flags::word);
     let mut cause = error.source();
     while let Some(e) = cause {
         let next = e.to_string();

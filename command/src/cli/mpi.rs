@@ -102,7 +102,7 @@ impl MpiArgs {
         if !(self.mpi && is_given) {
             return Ok(());
         }
-        Err(Error::Argument(format!(
+        Err(Error::arguments(format!(
             "{option}: not with --mpi, as ranks would end their parts at different places; omit one of them"
         )))
     }

@@ -1,6 +1,7 @@
 //! `mrvis reference SCENE --points FILE`: irradiance by path tracing.
 
 use super::args::{Common, SceneArgs, file_name, grouped, warn};
+use super::flags::with_flags;
 use super::inputs::{Inputs, Output};
 use super::job_context;
 use super::mpi::MpiArgs;
@@ -94,7 +95,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         "seconds": seconds,
         "mean": mean,
         "noise": noise,
-        "warnings": warnings,
+        "warnings": with_flags(&warnings),
     });
     let luminous = photometry
         .map(|p| (p, found.values.iter().map(|v| p.of(*v)).sum::<f64>() / points.len().max(1) as f64));

@@ -14,7 +14,7 @@ impl SceneArgs {
         match named.into_iter().find(|(_, text)| text.is_some()) {
             Some((name, _)) => {
                 let what = "has no effect here: what this command computes does not depend on light";
-                Err(Error::Argument(format!("{name} {what}; omit it")))
+                Err(Error::arguments(format!("{name} {what}; omit it")))
             }
             None => Ok(()),
         }
@@ -35,12 +35,12 @@ impl SceneArgs {
             Some(Channels::Rgb) if options.photometric => {
                 let what = "--photometric weighs radiometric channels, and the sky has `photometric = true`: give --photometric=red, as all \
                             channels of such a sky hold lux, or remove that line";
-                return Err(Error::Argument(what.into()));
+                return Err(Error::arguments(what.into()));
             }
             Some(Channels::Red | Channels::Green | Channels::Blue) if options.is_radiometric() => {
                 let what = "--photometric of one channel takes light in lumens and lux, and the skies `perez` and `clear` are in W/m²: set \
                             `photometric = true` in a sky.toml, or give --photometric alone";
-                return Err(Error::Argument(what.into()));
+                return Err(Error::arguments(what.into()));
             }
             _ => {}
         }

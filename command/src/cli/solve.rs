@@ -166,7 +166,7 @@ impl Args {
 /// Options of the solver. The views of cameras and the points of grids are added when the scene is loaded.
 fn options(args: &Args) -> Result<Options> {
     if args.direct_only && !args.has_points() && !args.outputs.gathers(false) {
-        return Err(Error::Argument(
+        return Err(Error::arguments(
             "--direct-only applies to points and to pictures with --gather, and none are asked for: give --points or --grid, or --gather with \
              --output image"
                 .into(),
@@ -279,7 +279,7 @@ fn write(
     if record.interrupted {
         record.warnings.push("interrupted: this is the consistent solution reached so far".into());
     }
-    record.warnings.iter_mut().for_each(|warning| *warning = with_flags(warning));
+    record.warnings = with_flags(&record.warnings);
     let photometric = photometry.map(|p| Luminous::of(p, &record));
     let scene = solution.model().scene();
     let surfaces = if record.options.elements { surfaces(scene, photometry, &mesh) } else { Vec::new() };
@@ -301,7 +301,7 @@ fn write(
     let notes = RefCell::new(Vec::new());
     let gather = |points: &[Point], part: f64| {
         let PointLight { irradiance, note } = solution.irradiance_within(points, part, watch);
-        notes.borrow_mut().extend(note.map(|note| with_flags(&note)));
+        notes.borrow_mut().extend(with_flags(note.as_slice()));
         irradiance
     };
     let with_points = args.has_points();

@@ -1,6 +1,7 @@
 //! `mrvis terrain GRID --out DIR`: what all samples of a height field see of sky and sun.
 
 use super::args::{Common, grouped, warn};
+use super::flags::with_flags;
 use super::inputs::{Inputs, Output};
 use super::mesh_grid;
 use super::values::{Values, cell, name_of, one_of};
@@ -180,7 +181,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     common.print(&text)?;
     common.write_json(&json!({
         "grid": args.grid, "columns": grid.columns(), "rows": grid.rows(), "cell_m": grid.cell(),
-        "holes": grid.holes(), "azimuths": args.azimuths, "quantities": records, "notes": loaded.notes,
+        "holes": grid.holes(), "azimuths": args.azimuths, "quantities": records, "notes": with_flags(&loaded.notes),
     }))?;
     Ok(ExitCode::SUCCESS)
 }
@@ -208,7 +209,7 @@ fn compute(
         Quantity::Sunlit => {
             let environment = sky.with_any_sun().environment(DVec3::Z)?;
             let sun = suns_of(&environment).next().ok_or_else(|| {
-                Error::Argument("`sunlit` needs a sun: give --sun, or --place and --time".into())
+                Error::arguments("`sunlit` needs a sun: give --sun, or --place and --time".into())
             })?;
             vec![(name, sunlit(grid, &sun.0, sweep)?)]
         }
@@ -246,7 +247,7 @@ const DAY: u32 = 24 * 60;
 /// Irradiance at the time of the options, or added up over its day.
 fn light(args: &Args, grid: &Grid, sweep: &SweepOptions, sky: &SkyOptions) -> Result<Vec<f32>> {
     if args.sky.is_none() && args.sun.is_none() {
-        return Err(Error::Argument("`irradiance` needs light: give --sky, --sun or both".into()));
+        return Err(Error::arguments("`irradiance` needs light: give --sky, --sun or both".into()));
     }
     let Some(minutes) = args.day else {
         return light_at(args, grid, sweep, sky);

@@ -70,6 +70,6 @@ pub fn cell(text: &str) -> Result<[f64; 2]> {
     match parsed.as_deref() {
         Some([both]) => Ok([*both; 2]),
         Some([dx, dy]) => Ok([*dx, *dy]),
-        _ => Err(Error::Argument(format!("--cell {text}: give one distance in m, or two: DX,DY"))),
+        _ => Err(Error::arguments(format!("--cell {text}: give one distance in m, or two: DX,DY"))),
     }
 }

@@ -238,7 +238,7 @@ pub fn chosen(names: &[String]) -> Result<Vec<&'static Entry>> {
     let known = |name: &str| ENTRIES.iter().any(|entry| entry.names.contains(&name));
     if let Some(unknown) = names.iter().find(|name| !known(name)) {
         let all: Vec<&str> = ENTRIES.iter().flat_map(|entry| entry.names).copied().collect();
-        return Err(Error::Argument(format!("there is no item `{unknown}`; there are {}", all.join(", "))));
+        return Err(Error::arguments(format!("there is no item `{unknown}`; there are {}", all.join(", "))));
     }
     let wanted = |entry: &&Entry| names.is_empty() || names.iter().any(|n| entry.names.contains(&n.as_str()));
     Ok(ENTRIES.iter().filter(wanted).collect())

@@ -41,7 +41,7 @@ fn benchmarks_have_a_record_and_a_page() {
         assert!(message.contains(part), "{message}");
     };
     says(model_of(Detail::Clusters).bench(&options), "prepare the model with `Detail::Optics`");
-    says(optics.bench(&BenchOptions { points: 0, ..options.clone() }), "points 0");
+    says(optics.bench(&BenchOptions { points: 0, ..options.clone() }), "`points` 0");
     says(optics.bench(&BenchOptions { receivers: vec!["nobody".into()], ..options.clone() }), "nobody");
     assert!(matches!(optics.with_progress(stop_when(|_| true)).bench(&options), Err(Error::Cancelled(_))));
 }

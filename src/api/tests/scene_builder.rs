@@ -154,14 +154,14 @@ fn instances_alone_make_a_scene() {
 fn wrong_arrays_are_named() {
     let square = || MeshArrays::new("a", &SQUARE[..], &[0, 1, 2]);
     let add = |mesh: &MeshArrays| with_materials().add_object(mesh);
-    says(add(&MeshArrays::new("a", &SQUARE[..], &[0, 1, 4])), "`indices`[2] 4: must be below 4");
+    says(add(&MeshArrays::new("a", &SQUARE[..], &[0, 1, 4])), "`indices`[2] 4 of mesh `a`: must be below 4");
     says(add(&MeshArrays::new("a", &SQUARE[..], &[0, 1, 2, 3])), "no multiple of 3");
     says(add(&MeshArrays::new("a", &SQUARE[..], &[])), "`indices` is empty");
     says(add(&square().polygon_sizes(&[4])), "`polygon_sizes` sum to 4");
     says(add(&square().polygon_sizes(&[3, 0])), "`polygon_sizes`[1] 0");
-    says(add(&square().material(2)), "`material`[0] 2: there are 2 materials");
+    says(add(&square().material(2)), "`material`[0] 2 of mesh `a`: there are 2 materials");
     says(add(&square().face_materials(&[0, 0])), "2 entries for 1 polygons");
-    says(add(&MeshArrays::new("", &SQUARE[..], &[0, 1, 2])), "is empty");
+    says(add(&MeshArrays::new("", &SQUARE[..], &[0, 1, 2])), "must not be empty");
     let bad = [[0.0f64; 3], [0.0, f64::NAN, 0.0], [0.0; 3]];
     says(add(&MeshArrays::new("a", &bad[..], &[0, 1, 2])), "`positions`[1]");
     let far = Strided::new(&[0.0, 0.0, 2e12], 0, 1).unwrap();

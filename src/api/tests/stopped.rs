@@ -179,7 +179,7 @@ fn parameters_of_generated_scenes_count() {
     assert!(count(&options) > few && Scene::generate_with("no such", &options).is_err());
     options.light_size = Some(-1.0);
     let error = Scene::generate_with("cubes", &options).expect_err("a size").to_string();
-    assert!(error.contains("light_size -1"), "{error}");
+    assert!(error.contains("`light_size` -1"), "{error}");
 }
 
 #[test]

@@ -159,8 +159,8 @@ pub fn compute(
     model.check_single("the form factor matrix")?;
     model.check_clusters("the form factor matrix")?;
     if settings.rays == 0 || settings.bundle < 4 || settings.largest_bundle < settings.bundle {
-        return Err(Error::Argument(
-            "rays must be at least 1, bundle at least 4 and largest_bundle at least bundle".into(),
+        return Err(Error::arguments(
+            "⟨rays⟩ must be at least 1, ⟨bundle⟩ at least 4 and ⟨largest_bundle⟩ at least ⟨bundle⟩".into(),
         ));
     }
     if facets.count() > discover::Partner::MAX_FACETS {

@@ -1,7 +1,7 @@
 //! Matrices in files.
 
 use super::{FormFactors, Labels};
-use crate::error::is_obeyed;
+use crate::error::{is_obeyed, shown};
 use crate::files::npz::NpzWriter;
 use crate::files::{WholeFile, csv_text};
 use crate::{Error, Result};
@@ -31,9 +31,7 @@ impl Format {
             "npz" => Ok(Format::Npz),
             "csv" => Ok(Format::Csv),
             "mtx" => Ok(Format::Mtx),
-            _ => {
-                Err(Error::Argument(format!("{}: the extension must be .npz, .csv or .mtx", path.display())))
-            }
+            _ => Err(Error::argument("path", shown(path), "the extension must be .npz, .csv or .mtx")),
         }
     }
 }

@@ -132,7 +132,7 @@ fn instances_do_not_emit() {
     scene.placements[1].material = scene.materials.iter().position(lamp).map(|m| m as u32);
     let options = super::super::PrepareOptions { detail: Detail::Rays, ..Default::default() };
     let refused = Model::prepare(scene, &options).err().expect("an instance emits").to_string();
-    assert!(refused.contains("instance 2") && refused.contains("must not emit"), "{refused}");
+    assert!(refused.contains("`instance` 2") && refused.contains("must not emit"), "{refused}");
     let spec = Spec { trees: 3, leaves: 20, instances: true, ..Spec::new("forest") };
     let mut placed = generate::placed(&spec).expect("a forest");
     placed.placements[1].material = Some(99);

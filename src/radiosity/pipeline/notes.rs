@@ -1,5 +1,5 @@
-//! Notes for the user about a solution that is not all that was asked for. Options are named by their field: first in the
-//! message with the value, or as option `field`.
+//! Notes for the user about a solution that is not all that was asked for. Options are named by their
+//! field, between `⟨` and `⟩`.
 
 use crate::radiosity::audit::Ledger;
 use crate::radiosity::deadline::Deadline;
@@ -26,12 +26,12 @@ pub fn ended(
     let why = match ended {
         Ended::Error | Ended::Target | Ended::Interrupted | Ended::Nothing => return None,
         Ended::Time => limit(options),
-        Ended::Links => format!("max_links {}", options.max_links),
+        Ended::Links => format!("⟨max_links⟩ {}", options.max_links),
     };
     let bound = last.map_or(f64::INFINITY, |i| i.error_bound);
     let (error, estimate) = (options.error, in_words(estimate));
     Some(format!(
-        "{why} ended refinement before option `error` {error} was reached: links with errors below {bound:.1e} are as they were, \
+        "{why} ended refinement before ⟨error⟩ {error} was reached: links with errors below {bound:.1e} are as they were, \
          {estimate}"
     ))
 }
@@ -42,8 +42,8 @@ pub fn imbalance(ledger: &Ledger, estimate: Option<f64>) -> Option<String> {
     let allowed = estimate.unwrap_or(0.0).max(MAX_IMBALANCE);
     (part.abs() > allowed).then(|| {
         format!(
-            "the energy does not balance: {:.1} % of the emitted power {}, more than the estimated error of {:.1} %; a smaller option `error` or \
-             option `min_area` brings it down",
+            "the energy does not balance: {:.1} % of the emitted power {}, more than the estimated error of {:.1} %; a smaller ⟨error⟩ or \
+             ⟨min_area⟩ brings it down",
             100.0 * part.abs(),
             if part > 0.0 { "arrives without having been sent" } else { "is lost on its way" },
             100.0 * allowed
@@ -56,7 +56,7 @@ pub fn missed(options: &Options, estimate: Option<f64>) -> Option<String> {
     let target = options.target_error.filter(|target| estimate.is_none_or(|e| e > *target))?;
     let estimate = in_words(estimate);
     Some(format!(
-        "target_error {target} was missed: {estimate}; a smaller option `error` or option `min_area`, more time or \
+        "⟨target_error⟩ {target} was missed: {estimate}; a smaller ⟨error⟩ or ⟨min_area⟩, more time or \
          more links bring it down"
     ))
 }
@@ -68,7 +68,7 @@ fn in_words(estimate: Option<f64>) -> String {
 /// If light does not arrive although a target is set.
 pub fn lost_with_target(options: &Options) -> Option<String> {
     options.target_error.map(|_| {
-        "the target counts as missed, because light does not arrive where it should (see the note before): without option `target_error` that is \
+        "the target counts as missed, because light does not arrive where it should (see the note before): without ⟨target_error⟩ that is \
          a note alone"
             .into()
     })
@@ -95,14 +95,14 @@ pub fn fewer_local_rays(part: Option<f64>, all: f64, deadline: &Deadline) -> Opt
         None => format!("the fewest rays it can, instead of {all:.1e}"),
     };
     let why = why(deadline);
-    Some(format!("{why}: the local pass traced {fewer}; elements are noisier than option `error` says"))
+    Some(format!("{why}: the local pass traced {fewer}; elements are noisier than ⟨error⟩ says"))
 }
 
 /// If some of the leaves have fewer rays than planned.
 pub fn hurried(hurried: usize, all: usize, deadline: &Deadline) -> Option<String> {
     (hurried > 0).then(|| {
         format!(
-            "{}: {hurried} of {all} elements have fewer rays than planned; they are noisier than option `error` says",
+            "{}: {hurried} of {all} elements have fewer rays than planned; they are noisier than ⟨error⟩ says",
             why(deadline)
         )
     })
@@ -121,7 +121,7 @@ pub fn untraced(untraced: usize, all: usize, deadline: &Deadline) -> Option<Stri
 
 /// What has cut the rays short.
 fn why(deadline: &Deadline) -> &'static str {
-    if deadline.interrupted() { "an interruption" } else { "option `max_seconds`" }
+    if deadline.interrupted() { "an interruption" } else { "⟨max_seconds⟩" }
 }
 
 /// If preparation used up the time.
@@ -129,7 +129,7 @@ pub fn late_preparation(options: &Options, deadline: &Deadline) -> Option<String
     let limit = options.max_seconds.filter(|_| deadline.late() && !deadline.interrupted())?;
     let taken = deadline.elapsed();
     Some(format!(
-        "max_seconds {limit}: reading and preparing the scene took {taken:.1} s; this is the coarsest light there is"
+        "⟨max_seconds⟩ {limit}: reading and preparing the scene took {taken:.1} s; this is the coarsest light there is"
     ))
 }
 
@@ -138,7 +138,7 @@ pub fn bounded(leaves: usize) -> Option<String> {
     (leaves > 0).then(|| {
         format!(
             "the links of {leaves} elements bring more light than form factors can: cut down, so that light does not grow \
-             without end (option `rows` balanced, option `inside` visible or a smaller option `error` avoid it)"
+             without end (⟨rows⟩ balanced, ⟨inside⟩ visible or a smaller ⟨error⟩ avoid it)"
         )
     })
 }
@@ -166,18 +166,18 @@ pub fn dark_points(irradiance: &[Rgb], dark: f64) -> Option<String> {
 
 /// The time limit as notes name it.
 pub fn limit(options: &Options) -> String {
-    format!("max_seconds {}", options.max_seconds.unwrap_or_default())
+    format!("⟨max_seconds⟩ {}", options.max_seconds.unwrap_or_default())
 }
 
 /// If links alone give the light of luminaires.
-pub const DIFFUSE_LUMINAIRES: &str = "without a local pass (option `local_rays` 0, option `direct_only`) elements see luminaires as diffuse \
+pub const DIFFUSE_LUMINAIRES: &str = "without a local pass (⟨local_rays⟩ 0, ⟨direct_only⟩) elements see luminaires as diffuse \
      emitters; direct light at points has their distribution";
 
 /// If links alone give the light of elements across which walls stand.
 pub fn walls_across_elements(count: usize) -> Option<String> {
     (count > 0).then(|| {
         format!(
-            "walls stand across {count} elements, whose light is a mean over both sides of them: without a local pass (option `local_rays` 0) \
+            "walls stand across {count} elements, whose light is a mean over both sides of them: without a local pass (⟨local_rays⟩ 0) \
              some of it reaches rooms that should be dark"
         )
     })
@@ -185,7 +185,7 @@ pub fn walls_across_elements(count: usize) -> Option<String> {
 
 /// If the scene has no emitters.
 pub const NO_EMITTERS: &str =
-    "nothing emits light: everything is black (option `emitters` makes something emit)";
+    "nothing emits light: everything is black (⟨LoadOptions::emitters⟩ makes something emit)";
 
 /// If the light of a scene overflows.
 pub const NOT_FINITE: &str = "the light in this scene is beyond all numbers: give it in other units of length or power, so that \

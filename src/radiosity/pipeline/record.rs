@@ -1,5 +1,6 @@
 //! What is written down about a solution.
 
+use crate::error::in_own_words;
 use crate::model::summary::SceneSummary;
 pub use crate::progress::timed;
 use crate::radiosity::audit::{ErrorBarAudit, ErrorSource, Ledger, PointsError};
@@ -61,6 +62,7 @@ pub struct Record {
     /// The scene.
     pub scene: SceneSummary,
     /// Notes for the user.
+    #[serde(serialize_with = "in_own_words")]
     pub warnings: Vec<String>,
     /// Steps of refinement.
     pub iterations: Vec<Iteration>,

@@ -51,9 +51,10 @@ pub fn apply_importance(
             }
         }
     }
+    let faces = |option, name| scene.faces_named(name).map_err(|error| error.of(option));
     let mut named_sizes = vec![f32::INFINITY; scene.triangles.len()];
     for (name, size) in &options.feature_sizes {
-        scene.faces_named(name)?.into_iter().for_each(|t| named_sizes[t as usize] = *size);
+        faces("feature_sizes", name)?.into_iter().for_each(|t| named_sizes[t as usize] = *size);
     }
     for (side, own) in linked.elements.sides.iter().zip(&mut linked.feature_sizes.by_side) {
         let named = named_sizes[side.triangles[0] as usize];
@@ -61,7 +62,7 @@ pub fn apply_importance(
     }
     for name in &options.importance {
         let mut named = vec![false; scene.triangles.len()];
-        scene.faces_named(name)?.into_iter().for_each(|t| named[t as usize] = true);
+        faces("importance", name)?.into_iter().for_each(|t| named[t as usize] = true);
         let sides = linked.elements.sides.iter().zip(&mut chosen);
         sides.for_each(|(side, chosen)| *chosen |= named[side.triangles[0] as usize]);
     }

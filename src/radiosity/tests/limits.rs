@@ -80,7 +80,7 @@ fn time_limits_bound_the_time() {
         // Without a limit it would take hours.
         let Record { ended, warnings, ledger, .. } = solved(&scene, &points, &options).record;
         assert_eq!(ended, Ended::Time);
-        assert!(warnings.iter().any(|w| w.contains("max_seconds 0.5 ended refinement")), "{warnings:?}");
+        assert!(warnings.iter().any(|w| w.contains("⟨max_seconds⟩ 0.5 ended refinement")), "{warnings:?}");
         assert!(ledger.created.abs() < 1e-2 * ledger.emitted, "{ledger:?}");
     }
 }
@@ -118,7 +118,7 @@ fn a_missed_target_is_recorded() {
     assert_eq!(target_at(&[below], 0.5, 10_000_000).target_met, Some(false));
     let full = target(1e-6, 500);
     assert!(full.ended == Ended::Links && full.links <= 500, "{:?} {}", full.ended, full.links);
-    assert!(full.warnings.iter().any(|w| w.contains("max_links 500")), "{:?}", full.warnings);
+    assert!(full.warnings.iter().any(|w| w.contains("⟨max_links⟩ 500")), "{:?}", full.warnings);
     let audited = Options { audit: 20, error: 0.3, ..coarse() };
     assert_eq!(solved(&room(true), &[], &audited).record.target_met, None);
 }
@@ -243,7 +243,7 @@ fn light_at_more_points_keeps_to_the_time() {
     };
     let some = limited(0.02, 12_000);
     let note = some.note.expect("a note");
-    assert!(note.starts_with("max_seconds 0.02: light at pixels by "), "{note}");
+    assert!(note.starts_with("⟨max_seconds⟩ 0.02: light at pixels by "), "{note}");
     let some = some.irradiance.expect("light");
     assert!(some.len() == 12_000 && some.iter().all(|e| e[0] > 0.0 && e[0].is_finite()));
     // There is no time for the smallest number of rays of each of three million points, nor for any when time is up.

@@ -10,7 +10,7 @@ mod shapes;
 mod urban;
 
 use super::{LoadOptions, MAX_PLACEMENTS, PlacedSoup, Scene, Soup, instances::resolve_placed, resolve};
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote};
 
 #[cfg(test)]
 pub use forest::ground_and_sky;
@@ -139,28 +139,32 @@ impl Spec {
     pub fn kind(&self) -> Result<&'static Kind> {
         KINDS.iter().find(|k| k.name == self.name).ok_or_else(|| {
             let names: Vec<&str> = KINDS.iter().map(|k| k.name).collect();
-            Error::Argument(format!("no scene is called `{}`; there are {}", self.name, names.join(", ")))
+            let problem = format!("no scene is called `{}`", quote(&self.name));
+            Error::argument("name", "", problem).with_cure(format!("there are {}", names.join(", ")))
         })
     }
 
     fn check_instances(&self) -> Result<()> {
         if self.name != "forest" {
-            return Err(Error::Argument(format!("`{}` has no instances: only `forest` has", self.name)));
+            return Err(Error::argument(
+                "instances",
+                "",
+                format!("`{}` has none: only `forest` has", self.name),
+            ));
         }
         // The ground, the light and each tree are a node of the file.
         let trees = MAX_PLACEMENTS - 2;
         if self.trees > trees {
-            let what = format!("{} trees: a scene has at most {trees} instances", self.trees);
-            return Err(Error::Argument(what));
+            let problem = format!("a scene has at most {trees} instances");
+            return Err(Error::argument("trees", self.trees, problem));
         }
         if self.species == 0 || self.species > self.trees {
-            let what =
-                format!("{} species: must lie in 1..={}, the number of trees", self.species, self.trees);
-            return Err(Error::Argument(what));
+            let problem = format!("must lie in 1..={}, the number of ⟨trees⟩", self.trees);
+            return Err(Error::argument("species", self.species, problem));
         }
         if self.species.saturating_mul(self.leaves) > MAX_ITEMS {
-            return Err(Error::Argument(format!(
-                "more than {MAX_ITEMS} leaves are stored: ask for fewer species or leaves"
+            return Err(Error::arguments(format!(
+                "more than {MAX_ITEMS} leaves are stored: lower ⟨species⟩ or ⟨leaves⟩"
             )));
         }
         Ok(())
@@ -170,17 +174,17 @@ impl Spec {
         let counts = [("count", self.count.unwrap_or(1)), ("trees", self.trees), ("leaves", self.leaves)];
         for (name, n) in counts {
             if n == 0 || n > MAX_ITEMS {
-                return Err(Error::Argument(format!("{name} {n}: must lie in 1..{MAX_ITEMS}")));
+                return Err(Error::argument(name, n, format!("must lie in 1..{MAX_ITEMS}")));
             }
         }
         if self.instances {
             self.check_instances()?;
         } else if self.name == "forest" && self.trees.saturating_mul(self.leaves) > MAX_ITEMS {
-            return Err(Error::Argument(format!("more than {MAX_ITEMS} leaves: lower trees or leaves")));
+            return Err(Error::arguments(format!("more than {MAX_ITEMS} leaves: lower ⟨trees⟩ or ⟨leaves⟩")));
         }
         if self.light_size.is_some_and(|s| !s.is_finite() || s <= 0.0 || s > 1e6) {
             let size = self.light_size.unwrap_or(0.0);
-            return Err(Error::Argument(format!("light_size {size}: must lie in 0..1e6, above 0")));
+            return Err(Error::argument("light_size", size, "must lie in 0..1e6, above 0"));
         }
         Ok(())
     }
@@ -196,7 +200,7 @@ pub fn soup(spec: &Spec) -> Result<Soup> {
     spec.check()?;
     if spec.instances {
         let what = "a scene of instances is no list of polygons: write it as .gltf or .glb";
-        return Err(Error::Argument(what.into()));
+        return Err(Error::arguments(what.into()));
     }
     let mut soup = (kind.make)(spec)?;
     round(&mut soup);
@@ -211,7 +215,7 @@ pub fn placed(spec: &Spec) -> Result<PlacedSoup> {
     spec.kind()?;
     spec.check()?;
     if !spec.instances {
-        return Err(Error::Argument("the specification does not ask for instances".into()));
+        return Err(Error::arguments("the specification does not ask for instances".into()));
     }
     let mut placed = forest::placed(spec);
     round(&mut placed.soup);

@@ -59,9 +59,9 @@ fn trees_are_placed_at_random() {
         let text = generate::build(&spec).expect_err(want).to_string();
         assert!(text.contains(want), "{text}");
     };
-    check(generate::Spec { name: "cubes".into(), ..spec() }, "`cubes` has no instances");
-    check(generate::Spec { species: 31, ..spec() }, "31 species: must lie in 1..=30");
-    check(generate::Spec { trees: 3_000_000, ..spec() }, "3000000 trees: a scene has at most");
+    check(generate::Spec { name: "cubes".into(), ..spec() }, "`cubes` has none");
+    check(generate::Spec { species: 31, ..spec() }, "`species` 31: must lie in 1..=30");
+    check(generate::Spec { trees: 3_000_000, ..spec() }, "`trees` 3000000: a scene has at most");
     check(generate::Spec { leaves: 90_000_000, ..spec() }, "leaves are stored");
     assert!(generate::soup(&spec()).is_err() && generate::placed(&generate::Spec::new("forest")).is_err());
 }

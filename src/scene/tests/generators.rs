@@ -64,8 +64,8 @@ fn wrong_requests_are_refused() {
         assert!(text.contains(want), "{text}");
     };
     check(Spec::new("wood"), "no scene is called `wood`; there are cube-groups");
-    check(Spec { count: Some(0), ..Spec::new("cubes") }, "count 0");
-    check(Spec { trees: 1 << 20, leaves: 1 << 20, ..Spec::new("forest") }, "lower trees");
+    check(Spec { count: Some(0), ..Spec::new("cubes") }, "`count` 0");
+    check(Spec { trees: 1 << 20, leaves: 1 << 20, ..Spec::new("forest") }, "lower `trees`");
     check(Spec { light_size: Some(f64::NAN), ..Spec::new("cubes") }, "light_size");
 }
 

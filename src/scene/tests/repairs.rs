@@ -222,7 +222,10 @@ fn emitters_are_surfaces() {
     assert_eq!(names(&off), ["b"]);
     let wrong = LoadOptions { emitters: vec![("sun".into(), Strength::Watts(1.0))], ..Default::default() };
     let text = message(load_with(obj, &[], &wrong));
-    assert_eq!(text, "no object, group or material is called `sun`; there are `lamp`, `box`, `(none)`");
+    assert_eq!(
+        text,
+        "`emitters`: no object, group or material is called `sun`; there are `lamp`, `box`, `(none)`"
+    );
 }
 
 #[test]

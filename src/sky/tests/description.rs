@@ -19,7 +19,7 @@ fn message([sky, sun, place, time]: [&str; 4]) -> String {
         options.environment(DVec3::Z)
     };
     let error = options().expect_err(&format!("{sky} {sun} {place} {time}"));
-    assert!(matches!(error, Error::Argument(_)), "{error:?}");
+    assert!(matches!(error, Error::Argument { .. }), "{error:?}");
     error.to_string()
 }
 

@@ -154,7 +154,7 @@ fn units(raw: &mut Raw, georeference: &Georeference, options: &ReadOptions) -> R
     if let Some(code) = georeference.key(HEIGHTS) {
         let metres = metres_of_unit(code);
         if metres.is_none() && options.height_scale.is_none() {
-            return Err(format!("its heights are in the unit EPSG:{code}: set `height_scale` to its metres"));
+            return Err(format!("its heights are in the unit EPSG:{code}: set ⟨height_scale⟩ to its metres"));
         }
         if let Some(metres) = metres.filter(|m| *m != 1.0 && options.height_scale.is_none()) {
             raw.notes.push(format!("heights are in a unit of {metres:.6} m (EPSG:{code}) and are converted"));
@@ -176,14 +176,14 @@ fn units(raw: &mut Raw, georeference: &Georeference, options: &ReadOptions) -> R
             let code = stated.unwrap_or(9001);
             let metres = metres_of_unit(code).ok_or_else(|| {
                 format!(
-                    "its lengths are in the unit EPSG:{code}: set `cell` to the distances of samples in m"
+                    "its lengths are in the unit EPSG:{code}: set ⟨cell⟩ to the distances of samples in m"
                 )
             })?;
             if metres != 1.0 {
                 raw.notes
                     .push(format!("lengths are in a unit of {metres:.6} m (EPSG:{code}) and are converted"));
                 if raw.unit.is_none() && options.height_scale.is_none() {
-                    raw.notes.push(format!("the file states no unit of heights: they are taken as metres; if they have that of lengths, set option `height_scale` to {metres:.6}"));
+                    raw.notes.push(format!("the file states no unit of heights: they are taken as metres; if they have that of lengths, set ⟨height_scale⟩ to {metres:.6}"));
                 }
             }
             raw.cell = Some([dx * metres, dy * metres]);

@@ -78,16 +78,17 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
 
 fn check(options: &ReadOptions) -> Result<()> {
     if let Some(cell) = options.cell {
-        check_cell(cell).map_err(|e| Error::Argument(format!("`cell`: {e}")))?;
+        check_cell(cell).map_err(|e| Error::argument("cell", "", e))?;
     }
     if let Some(scale) = options.height_scale.filter(|s| !s.is_finite() || *s == 0.0) {
-        return Err(Error::Argument(format!("`height_scale` {scale}: must be finite and not 0")));
+        return Err(Error::argument("height_scale", scale, "must be finite and not 0"));
     }
     match options.height_offset.abs() <= f64::from(MAX_HEIGHT) {
         true => Ok(()),
         false => {
             let offset = options.height_offset;
-            Err(Error::Argument(format!("`height_offset` {offset} m: at most {MAX_HEIGHT:e} m up or down")))
+            let problem = format!("at most {MAX_HEIGHT:e} m up or down");
+            Err(Error::argument("height_offset", format!("{offset} m"), problem))
         }
     }
 }
@@ -159,13 +160,13 @@ fn is_in_degrees(raw: &Raw) -> bool {
 /// Makes heights in m of values.
 fn finish(path: &Path, raw: Raw, options: &ReadOptions) -> Result<Loaded> {
     if options.cell.is_none() && is_in_degrees(&raw) {
-        let what = "its cells seem to be in degrees and its heights in metres: project it to metres (`gdalwarp -t_srs EPSG:326ZZ`, ZZ the UTM zone), or set `cell` to the distances of columns and rows in m";
+        let what = "its cells seem to be in degrees and its heights in metres: project it to metres (`gdalwarp -t_srs EPSG:326ZZ`, ZZ the UTM zone), or set ⟨cell⟩ to the distances of columns and rows in m";
         return Err(Error::format(path, None, what));
     }
     let Raw { columns, rows, mut values, cell, georeference, unit, mut notes } = raw;
     check_sides(columns, rows).map_err(|e| Error::format(path, None, e))?;
     let Some(cell) = options.cell.or(cell) else {
-        let what = "does not say how far its samples are apart: set `cell` to the distances of columns and rows in m";
+        let what = "does not say how far its samples are apart: set ⟨cell⟩ to the distances of columns and rows in m";
         return Err(Error::format(path, None, what));
     };
     notes.extend(note_of_lowest(&values));
@@ -180,7 +181,7 @@ fn finish(path: &Path, raw: Raw, options: &ReadOptions) -> Result<Loaded> {
         }
     }
     let grid = Grid::new(columns, rows, cell, values).map_err(|e| match e {
-        Error::Argument(what) => Error::format(path, None, what),
+        Error::Argument { problem, .. } => Error::format(path, None, problem),
         other => other,
     })?;
     match grid.holes() {

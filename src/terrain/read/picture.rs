@@ -12,7 +12,7 @@ const MAX_VALUES_OF_BYTE: usize = 8 * 1032;
 /// Reads a grey picture of 8 or 16 bits.
 pub fn read(path: &Path, bytes: Vec<u8>, options: &ReadOptions) -> Result<Raw> {
     if options.height_scale.is_none() {
-        let what = "a picture does not say what its grey values mean: set `height_scale` to the metres of one step of grey";
+        let what = "a picture does not say what its grey values mean: set ⟨height_scale⟩ to the metres of one step of grey";
         return Err(Error::format(path, None, what));
     }
     let broken = |e: image::ImageError| Error::format(path, None, format!("cannot be read as PNG: {e}"));

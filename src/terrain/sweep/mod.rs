@@ -40,7 +40,7 @@ impl SweepOptions {
         match self.earth_radius {
             // Smaller bodies than an asteroid: grids do not describe them.
             Some(r) if !(r >= 1e3 && r.is_finite()) => {
-                Err(Error::Argument(format!("`earth_radius` {r} m: must be at least 1000 m")))
+                Err(Error::argument("earth_radius", format!("{r} m"), "must be at least 1000 m"))
             }
             _ => Ok(()),
         }

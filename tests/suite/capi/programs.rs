@@ -115,7 +115,7 @@ fn check_words(message: &str) {
     let arguments = crate::run::words(ARGUMENTS);
     let (function, what) = message.split_once(": ").unwrap_or_else(|| panic!("{message}"));
     assert!(words.contains(function) && function.starts_with("mrv_"), "{message}");
-    assert!(!what.contains("::") && !what.contains("option `"), "a name of the crate: {message}");
+    assert!(!what.contains("::") && !what.contains('⟨'), "a name of the crate: {message}");
     // What is wrong: an argument, or an entry or member of it.
     let argument = |quoted: &str| {
         let end = quoted.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(quoted.len());

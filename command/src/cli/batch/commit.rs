@@ -87,7 +87,7 @@ pub fn commit(
 
 /// The error of a batch that stops because a file could not be written for lack of space.
 pub fn make_room(what: &str) -> Error {
-    Error::Argument(format!(
+    Error::arguments(format!(
         "{what}: make room and run the same command again, which goes on where it stopped"
     ))
 }

@@ -3,7 +3,7 @@
 use super::words::Line;
 use crate::batch::{HashedFile, Limits};
 use crate::cli::shared_scenes::SharedScenes;
-use crate::cli::{interruption, job_context, one_line, with_flags};
+use crate::cli::{interruption, job_context, one_line};
 use mrvis::internals::threads::Threads;
 use mrvis::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -37,7 +37,7 @@ impl Ended {
 
     /// The end of a job whose files cannot be written or read.
     pub fn with_error(error: &Error) -> Ended {
-        Ended { is_full: is_full(error), ..Ended::failed(with_flags(&one_line(error))) }
+        Ended { is_full: is_full(error), ..Ended::failed(one_line(error)) }
     }
 }
 

@@ -244,7 +244,7 @@ fn selected(jobs: &[Job], only: &[String]) -> Result<BTreeSet<usize>> {
         if waiting.len() == before {
             let known = jobs.iter().flat_map(|job| job.tags.iter().chain([&job.name])).map(String::as_str);
             let similar = suggestion(wanted, known);
-            return Err(Error::Argument(format!(
+            return Err(Error::arguments(format!(
                 "--only {}: no job has this tag or name{similar}",
                 quote(wanted)
             )));

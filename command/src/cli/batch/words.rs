@@ -222,7 +222,7 @@ impl Grammar {
             _ => Ok(()),
         };
         let fault = |e: Error| {
-            let text = crate::cli::flags::with_flags(&e.to_string());
+            let text = e.worded(crate::cli::flags::word);
             source.error(&job.span, format!("job `{}`: {text}", job.name))
         };
         checked.map_err(fault)?;

@@ -11,7 +11,7 @@ use mrvis::internals::plot::number;
 use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::Record;
 use mrvis::internals::scene::{MeasuringGrid, Photometry};
-use mrvis::{Error, Result, Scene};
+use mrvis::{Result, Scene};
 use serde::Serialize;
 
 /// A grid as it is asked for.
@@ -77,10 +77,7 @@ impl Grids {
     pub fn of(asked: &[GridArg], scene: &Scene) -> Result<Grids> {
         let grid = |asked: &GridArg| {
             let GridArg { surface, spacing, height } = asked;
-            let grid = scene.measuring_grid(surface, *spacing, *height).map_err(|error| match error {
-                Error::Scene(what) => Error::Argument(format!("--grid: {what}")),
-                other => other,
-            })?;
+            let grid = scene.measuring_grid(surface, *spacing, *height)?;
             Ok((asked.clone(), grid))
         };
         asked.iter().map(grid).collect::<Result<_>>().map(Grids)

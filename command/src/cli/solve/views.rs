@@ -20,7 +20,7 @@ pub fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
         }
     };
     if views.is_empty() {
-        return Err(Error::Argument(
+        return Err(Error::arguments(
             "--importance-camera: the scene has no camera; give one with --camera".into(),
         ));
     }

@@ -80,7 +80,7 @@ pub fn prepare(scene: Arc<Scene>, options: &Options, watch: &Watch) -> Result<Mo
         None => job_context::prepare(scene, &options.prepare(), &until),
     };
     prepared.map_err(|error| match (error, options.max_seconds) {
-        (Error::Cancelled(_), Some(seconds)) if !watch.stopped() => Error::Argument(format!(
+        (Error::Cancelled(_), Some(seconds)) if !watch.stopped() => Error::arguments(format!(
             "--max-seconds {seconds}: the time was up before the clusters were measured; allow more (they are kept for the \
              next run) or take --visibility exact"
         )),
