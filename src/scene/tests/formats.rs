@@ -77,6 +77,18 @@ fn obj_errors_name_the_line() {
     let mtl = [("a.mtl", "newmtl a\nKe inf 0 0\n".as_bytes())];
     let text = load_with(&format!("mtllib a.mtl\n{SQUARE}f 1 2 3\n"), &mtl, &LoadOptions::default());
     assert!(text.expect_err("infinite").to_string().ends_with("a.mtl:2: `inf 0 0` is not a finite number"));
+    // Light that leaves single precision.
+    let with = |emission: &str, emitters: &[&str]| {
+        let mtl = format!("newmtl a\nKe {emission} 0 0\n");
+        let emitters =
+            emitters.iter().map(|text| crate::scene::parse_emitter(text).expect("an emitter")).collect();
+        let options = LoadOptions { emitters, ..LoadOptions::default() };
+        let text = format!("mtllib a.mtl\n{SQUARE}usemtl a\nf 1 2 3\n");
+        load_with(&text, &[("a.mtl", mtl.as_bytes())], &options).map_err(|e| e.to_string())
+    };
+    assert!(with("1e15", &[]).is_ok());
+    assert!(with("1e16", &[]).is_err_and(|e| e.contains("from 0 to 1e15; mend its Kd and Ke")));
+    assert!(with("1", &["a=1e20"]).is_err_and(|e| e.contains("must be at most 1e15")));
 }
 
 #[test]
