@@ -10,17 +10,6 @@ pub fn numbers(seed: u64, item: u64) -> [f32; 4] {
     [unit(first), unit(first << 24), unit(second), unit(second << 24)]
 }
 
-/// A place in a cell of a grid, in `[0, 1]` of its width and height, for a shift in `[0, 1)` that is common to all cells: along every line of cells the places
-/// are spread evenly, so that cells at an edge together tell the part of them that lies before it. Of random places the error is 1.3 times as large
-/// for edges, twice for edges along the grid, and three times for smooth functions. The steps are those of the additive sequence in two dimensions
-/// with the lowest discrepancy known, 1/g and 1/g² with g³ = g + 1 (Roberts 2018), turned by 90° from one coordinate to the other.
-pub fn place_in_cell([i, j]: [u32; 2], shift: [f32; 2]) -> [f32; 2] {
-    const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
-    let [i, j] = [f64::from(i), f64::from(j)];
-    let steps = [STEPS[0] * i + STEPS[1] * j, STEPS[1] * i - STEPS[0] * j];
-    std::array::from_fn(|k| (f64::from(shift[k]) + steps[k]).rem_euclid(1.0) as f32)
-}
-
 /// Hash of a 64-bit number: one step of SplitMix64.
 pub fn mix(v: u64) -> u64 {
     let v = v.wrapping_add(0x9e37_79b9_7f4a_7c15);

@@ -4,7 +4,7 @@ use super::bright_leaves::BrightLeaves;
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
 use crate::math::on_plane;
-use crate::math::sampling::{cosine_direction, mix, numbers, place_in_cell};
+use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::model::Model;
 use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
 use crate::radiosity::elements::emitters::Emitters;
@@ -148,10 +148,8 @@ impl<'a> FinalGather<'a> {
         let gathered = options.gather_rays();
         let environment = scene.environment.as_deref();
         let sets = if options.direct_only && environment.is_none() { 0 } else { DIRECTION_SETS };
-        // Rays to the sky decide whether the cells around theirs are divided, and must not tell where the others are.
-        let evenly = environment.is_none();
-        let set = |k: usize| hemisphere(gathered, mix(options.seed ^ mix(k as u64)), evenly);
-        let hemispheres = (0..sets).map(set).collect();
+        let hemispheres =
+            (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ mix(k as u64)))).collect();
         let shadow_rays = (MORE_WHERE_BRIGHT * options.light_rays()).min(MAX_SHADOW_RAYS) as u32;
         let table = (0..shadow_rays).map(|i| [sample(i, 0, 7), sample(i, 1, 7)]).collect();
         let reflected =
@@ -254,18 +252,14 @@ fn grid_of(count: usize) -> [usize; 2] {
     [across, blocks.div_ceil(across)]
 }
 
-/// At least `count` directions about +z with the density cos/π: one in each cell of a grid, in blocks of 4 by 4, at random or spread `evenly`
-/// over neighbouring cells.
-fn hemisphere(count: usize, seed: u64, evenly: bool) -> Vec<Vec3> {
+/// At least `count` directions about +z with the density cos/π: one in each cell of a grid, in blocks of 4 by 4.
+fn hemisphere(count: usize, seed: u64) -> Vec<Vec3> {
     let [across, down] = grid_of(count);
-    let [shift_i, shift_j, ..] = numbers(seed, 0);
     (0..across * down * LANES)
         .map(|k| {
             let (block, lane) = (k / LANES, k % LANES);
             let (i, j) = (block % across * 4 + lane % 4, block / across * 4 + lane / 4);
             let [r, s, ..] = numbers(seed, k as u64);
-            let [r, s] =
-                if evenly { place_in_cell([i as u32, j as u32], [shift_i, shift_j]) } else { [r, s] };
             let place =
                 |cell: usize, within: f32, blocks: usize| (cell as f32 + within) / (4 * blocks) as f32;
             cosine_direction(Vec3::Z, place(i, r, across), place(j, s, down))

@@ -6,7 +6,7 @@ use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
 use super::uneven_cells::{Cell, Surroundings, TOLERANCE, Uneven, WHOLE, bound_of_errors};
 use crate::embree::Hits;
-use crate::math::sampling::{cosine_direction, mix, numbers, place_in_cell};
+use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::ray::{LANES, Packet};
 use glam::{DVec3, Vec3};
@@ -267,9 +267,8 @@ impl FinalGather<'_> {
         let packets = &mut buffers.packets;
         packets.clear();
         packets.resize(parts.len().div_ceil(LANES), Packet::EMPTY);
-        let [u, v, ..] = numbers(seed, 0);
         for (k, &[i, j]) in parts.iter().enumerate() {
-            let [u, v] = place_in_cell([i, j], [u, v]);
+            let [u, v, ..] = numbers(seed, u64::from(i) << 32 | u64::from(j));
             let direction = hemisphere.direction(level, [i as f32 + u, j as f32 + v]);
             let to = point.at + hemisphere.reach * direction;
             packets[k / LANES].set_between(k % LANES, point.at, to, [0.0, 1.0]);
@@ -287,15 +286,14 @@ impl FinalGather<'_> {
         seen: &[Seen],
         point: &GatherPoint,
     ) -> Vec<Cell> {
-        let [u, v, ..] = numbers(mix(!point.seed ^ u64::from(level) << 32), 0);
-        let shift = [u, v];
+        let seed = mix(!point.seed ^ u64::from(level) << 32);
         let has_map = self.environment.is_some_and(|of| of.has_map());
         // The light of the sky in a cell, mean of a few places, and the square of its error, mean over the channels.
         let sky_in = |place: [u32; 2]| {
             if !self.has_environment() {
                 return (Vec3::ZERO, 0.0);
             }
-            let [u, v] = place_in_cell(place, shift);
+            let [u, v, ..] = numbers(seed, u64::from(place[0]) << 32 | u64::from(place[1]));
             let sky_at = |[u, v]: [f32; 2]| {
                 self.sky_of_ray(hemisphere.direction(level, [place[0] as f32 + u, place[1] as f32 + v]))
             };
