@@ -119,7 +119,8 @@ impl Error {
     /// An [`Error::Argument`] without a cure.
     #[doc(hidden)]
     pub fn argument(name: impl Into<String>, value: impl Display, problem: impl Into<String>) -> Self {
-        let (value, cure) = (value.to_string(), String::new());
+        let value = value.to_string().chars().map(unmarked).collect();
+        let cure = String::new();
         Error::Argument { name: name.into(), value, problem: problem.into(), cure }
     }
 
@@ -185,16 +186,27 @@ impl Error {
     }
 }
 
-/// A message or note in which `word` names the options and arguments that stand between `⟨` and `⟩`.
+/// A message or note in which `word` names the options and arguments that stand between `⟨` and `⟩`. Other text between them stays.
 pub fn worded(text: &str, word: impl Fn(&str) -> String) -> String {
     let mut parts = text.split('⟨');
     let mut out = parts.next().unwrap_or_default().to_owned();
+    let is_part_of_name = |c: char| c.is_ascii_alphanumeric() || "_:.[]".contains(c);
     for part in parts {
-        let (name, rest) = part.split_once('⟩').unwrap_or((part, ""));
-        out += &word(name);
-        out += rest;
+        match part.split_once('⟩').filter(|(name, _)| name.chars().all(is_part_of_name)) {
+            Some((name, rest)) => out += &format!("{}{rest}", word(name)),
+            None => out += &format!("⟨{part}"),
+        }
     }
     out
+}
+
+/// A character of a user's text as it stands in a message: the marks of names of options become similar ones.
+fn unmarked(c: char) -> char {
+    match c {
+        '⟨' => '‹',
+        '⟩' => '›',
+        c => c,
+    }
 }
 
 /// How the crate itself names an option or argument.
@@ -221,15 +233,11 @@ pub fn is_obeyed(c: char) -> bool {
     c.is_control() || turns
 }
 
-/// Whether a character of a user's text stands in a message: not if it is obeyed, or would make a name out of the text.
-fn is_plain(c: &char) -> bool {
-    !is_obeyed(*c) && !matches!(c, '⟨' | '⟩')
-}
-
 /// A path for a message: without control characters; of one with more than [`MAX_QUOTED`] characters the end, which has the name of
 /// the file.
 pub fn shown(path: &Path) -> String {
-    let text: Vec<char> = path.display().to_string().chars().filter(is_plain).collect();
+    let text: Vec<char> =
+        path.display().to_string().chars().filter(|c| !is_obeyed(*c)).map(unmarked).collect();
     match text.len().checked_sub(MAX_QUOTED) {
         None | Some(0) => text.into_iter().collect(),
         Some(more) => std::iter::once('…').chain(text.into_iter().skip(more + 1)).collect(),
@@ -241,7 +249,7 @@ pub(crate) const MAX_QUOTED: usize = 80;
 
 /// Text of a file for a message: without control characters, at most [`MAX_QUOTED`] characters.
 pub fn quote(text: &str) -> String {
-    let mut shown = text.chars().filter(is_plain);
+    let mut shown = text.chars().filter(|c| !is_obeyed(*c)).map(unmarked);
     let mut short: String = shown.by_ref().take(MAX_QUOTED - 1).collect();
     match (shown.next(), shown.next()) {
         (Some(last), None) => short.push(last),
@@ -253,7 +261,7 @@ pub fn quote(text: &str) -> String {
 
 /// A message of a reader of text or of options, without the names that the language has for numbers.
 pub fn in_words(text: &str) -> String {
-    let mut text = text.to_owned();
+    let mut text: String = text.chars().map(unmarked).collect();
     for bits in ["8", "16", "32", "64", "128", "size"] {
         for kind in ["u", "i"] {
             text = text.replace(&format!("expected {kind}{bits}"), "expected a whole number");
@@ -301,7 +309,12 @@ mod tests {
         assert_eq!(named(Error::arguments("no texels".into())), "`image`: no texels");
         assert_eq!(named(Error::argument("texel", "", "no length")), "`texel`: no length");
         // What a user called something is no name of an option.
-        assert_eq!(Error::Scene(format!("no ⟨unit⟩ `{}`", quote("⟨unit⟩"))).to_string(), "no `unit` `unit`");
+        assert_eq!(
+            Error::Scene(format!("no ⟨unit⟩ `{}`", quote("⟨unit⟩"))).to_string(),
+            "no `unit` `‹unit›`"
+        );
+        assert_eq!(Error::argument("cell", "⟨up⟩", "is wrong").to_string(), "`cell` ‹up›: is wrong");
+        assert_eq!(worded("a ⟨b and ⟨c d⟩ raise ⟨error⟩", own_word), "a ⟨b and ⟨c d⟩ raise `error`");
         let column =
             Error::Format { path: "a.toml".into(), line: Some(3), column: Some(7), what: "x".into() };
         assert_eq!(column.to_string(), "a.toml:3:7: x");

@@ -94,8 +94,10 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
         let area: f64 = faces.iter().map(|&t| s.triangle_area[t]).sum::<f64>() * metres * metres;
         let radiance = strength.radiance(area * sides, options.photometry().lumens_per_watt) as f32;
         if f64::from(radiance) > MAX_RADIANCE {
-            let most = format!("must be at most {MAX_RADIANCE:e}");
-            return Err(wrong(format!("on {area:e} m² is a radiance of {radiance:e} W/(m² sr): {most}")));
+            return Err(wrong(format!(
+                "on {} m² this is a radiance of {radiance:.3e} W/(m² sr), which must be at most {MAX_RADIANCE:e}",
+                figure(area)
+            )));
         }
         let mut lit = HashMap::new();
         for t in faces {

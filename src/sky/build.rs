@@ -11,7 +11,7 @@ use super::position::{Air, sun_position};
 use super::radiance::{Level, Sky};
 use super::sun::Sun;
 use super::{cie, clear};
-use crate::error::{figure, shown};
+use crate::error::shown;
 use crate::math::MAX_RADIANCE;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -306,10 +306,7 @@ impl SkyOptions {
             return Ok(None);
         }
         if let Some(bad) = irradiance.iter().find(|e| **e > MAX_RADIANCE) {
-            return Err(format!(
-                "the irradiance {} of the sun must be at most {MAX_RADIANCE:e} W/m²",
-                figure(*bad)
-            ));
+            return Err(format!("the irradiance {bad:.3e} W/m² of the sun must be at most {MAX_RADIANCE:e}"));
         }
         if position.local.z <= 0.0 {
             return Err(format!(

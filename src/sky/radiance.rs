@@ -3,7 +3,6 @@
 use super::frame::spherical;
 use super::gradation::{GradationTable, Shape};
 use super::map::SkyMap;
-use crate::error::figure;
 use crate::math::MAX_RADIANCE;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -84,10 +83,11 @@ impl Sky {
             }
             sky.scale[c] = if native[c] > 0.0 { wanted[c] / native[c] } else { 0.0 };
             sky.horizontal[c] = sky.scale[c] * unscaled[c];
-            if sky.horizontal[c] > MAX_RADIANCE {
-                let found = figure(sky.horizontal[c]);
+            // A level that is stated comes back rounded.
+            if sky.horizontal[c] > (1.0 + 1e-9) * MAX_RADIANCE {
                 return Err(Error::arguments(format!(
-                    "the sky gives {found} W/m² on the ground: must be at most {MAX_RADIANCE:e}; lower its level"
+                    "the sky gives {:.3e} W/m² on the ground: must be at most {MAX_RADIANCE:e}; lower its level",
+                    sky.horizontal[c]
                 )));
             }
         }

@@ -14,6 +14,10 @@ pub fn word(name: &str) -> String {
         "LoadOptions::emitters" => return "--emitter NAME=W".into(),
         "emitters" => "emitter",
         "receivers" => "receiver",
+        "path" => "out",
+        "exponent" => "p",
+        "sizes" => "s",
+        "name" => return "NAME".into(),
         name => name.strip_prefix("LoadOptions::").unwrap_or(name),
     };
     let flag = field.replace('_', "-");

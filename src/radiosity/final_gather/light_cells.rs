@@ -1,7 +1,6 @@
 //! Light of surfaces and sky at a point: a grid of rays, one for each cell of a hemisphere of equal cosine weight, and finer cells where neighbours
 //! differ, as at the edges of a window, of a bright part of the sky or of a sunlit wall.
 
-use super::divided_grid::DividedGrid;
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
 use super::uneven_cells::{Cell, Surroundings, TOLERANCE, Uneven, WHOLE, bound_of_errors};
@@ -18,7 +17,7 @@ const MAX_LEVEL: u32 = 6;
 const MAX_RAYS: f64 = 8192.0;
 /// The error asked for by default.
 const USUAL_ERROR: f64 = 0.02;
-/// Rays at which no error asked for divides more cells: limits the time of a point to some 50 ms.
+/// Rays at which no error asked for divides more cells: limits the time of a point to some 0.1 s.
 const MAX_RAYS_OF_ALL: f64 = 131_072.0;
 /// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices for the rim of
 /// a sunlit place. Where all cells differ, as in a room full of things, four times as many rays halve the error.
@@ -28,6 +27,10 @@ const MIN_OPEN: usize = 32;
 /// Cells of a grid that is not made finer as a whole any more. An opening that is seen as a thousandth of the light of an open sky has four cells then,
 /// and its edges have finer ones.
 const MAX_WHOLE: usize = 1 << 12;
+
+/// Smallest error of the light of the sky in a cell, relative to that light: places in the cell that agree by chance have one as well. It matters only where all
+/// agree.
+const MIN_CELL_ERROR: f64 = 0.01;
 
 /// What one ray of a cell has found.
 #[derive(Clone, Copy)]
@@ -80,30 +83,30 @@ impl FinalGather<'_> {
         let hemisphere = self.hemisphere_of(point);
         let whole = hemisphere.places();
         let seen = self.trace_whole(&hemisphere, point, buffers);
-        let mut grid = DividedGrid::new(self.cells(&hemisphere, 0, (&whole, &[]), &seen, point));
-        let first = &grid.levels()[0];
+        let mut levels = vec![self.cells(&hemisphere, 0, (&whole, &[]), &seen, point)];
         // Where all rays met sides that no light reaches, as from below the ground, or the sky is dark, no opening is searched for.
-        let is_dark =
-            seen.iter().all(|seen| matches!(seen, Seen::Dark)) || first.iter().all(|cell| cell.sky == 0.0);
+        let is_dark = seen.iter().all(|seen| matches!(seen, Seen::Dark))
+            || levels[0].iter().all(|cell| cell.sky == 0.0);
         // Cells with an opening are divided, whether or not their ray or one beside it passes it.
-        let is_searched = !is_dark && first.iter().filter(|cell| cell.is_open).count() < MIN_OPEN;
+        let is_searched = !is_dark && levels[0].iter().filter(|cell| cell.is_open).count() < MIN_OPEN;
         let openings = if is_searched { openings } else { &[] };
         let openings = self.seen_openings(openings, point, hemisphere.frame, buffers);
+        let (share, mut sum) = (1.0 / whole.len() as f64, light_of(&levels[0]) / whole.len() as f64);
+        let mut sky = SkyLight::default();
+        sky.add(levels[0].iter(), share, 1.0);
         // Errors of cells that are left as they are.
-        let (mut left, mut divided, mut for_surfaces) = (0.0, 0, 0);
-        let most_rays =
-            (MAX_RAYS * (USUAL_ERROR / self.error).powi(2)).clamp(MAX_RAYS, MAX_RAYS_OF_ALL) as usize;
-        for level in 0..MAX_LEVEL as usize {
-            let area = grid.area(level);
-            let cells = &grid.levels()[level];
+        let (mut left, mut rays, mut divided, mut for_surfaces) = (0.0, whole.len(), 0, 0);
+        for level in 0..MAX_LEVEL {
+            let area = share * 0.25f64.powi(level as i32);
+            let cells = &levels[level as usize];
             let open = cells.iter().filter(|cell| cell.is_open && cell.sky > 0.0).count();
-            let is_undivided = cells.len() == whole.len() << (2 * level);
-            let is_whole = is_undivided && cells.len() < MAX_WHOLE && open < MIN_OPEN && !is_dark;
-            let tolerance = (TOLERANCE * self.error * (known + mean(grid.light().to_array()))).powi(2);
+            let is_undivided = cells.len() == whole.len() << (2 * level) && cells.len() < MAX_WHOLE;
+            let is_whole = is_undivided && open < MIN_OPEN && !is_dark;
+            let tolerance = (TOLERANCE * self.error * (known + mean(sum.to_array()))).powi(2);
             if level == 0 && !is_whole && openings.is_empty() && bound_of_errors(cells, area) <= tolerance {
                 break;
             }
-            let surroundings = Surroundings::new(grid.levels(), hemisphere.size);
+            let surroundings = Surroundings::new(&levels, hemisphere.size);
             let uneven = surroundings.uneven(area, &openings);
             let error: f64 = uneven.iter().map(Uneven::error).sum();
             if !is_whole && left + error <= tolerance {
@@ -118,54 +121,40 @@ impl FinalGather<'_> {
                 }
             };
             if !is_whole {
-                chosen.truncate((most_rays - divided) / 4);
+                chosen.truncate((self.most_divided() - divided) / 4);
                 divided += 4 * chosen.len();
             }
             if chosen.is_empty() {
                 break;
             }
             left += uneven.iter().map(Uneven::error).filter(|e| !is_whole && *e <= least).sum::<f64>();
-            let mut is_uneven = Vec::new();
-            if is_undivided && !is_whole {
-                is_uneven = vec![false; cells.len()];
-                uneven.iter().for_each(|of| is_uneven[of.cell as usize] = true);
+            chosen.sort_unstable_by_key(|(cell, _)| *cell);
+            rays += 4 * chosen.len();
+            let cells = &mut levels[level as usize];
+            for (k, &(cell, _)) in chosen.iter().enumerate() {
+                let cell = &mut cells[cell as usize];
+                cell.quarters = 4 * k as u32;
+                sum -= cell.light.as_dvec3() * area;
+                sky.add(std::iter::once(&*cell), area, -1.0);
             }
-            // Along strips of sky that are thinner than cells, from cell to cell.
-            while !chosen.is_empty() {
-                self.divide(&mut grid, level, chosen, (&hemisphere, point), buffers);
-                let size = hemisphere.size.map(|n| n << level);
-                let more = if is_uneven.is_empty() {
-                    Vec::new()
-                } else {
-                    grid.along_strips(level, size, &is_uneven)
-                };
-                chosen = more.into_iter().map(|cell| (cell, None)).take((most_rays - divided) / 4).collect();
-                divided += 4 * chosen.len();
-            }
+            let chosen: Vec<([u32; 2], Option<Vec3>)> =
+                chosen.iter().map(|&(k, surfaces)| (cells[k as usize].place, surfaces)).collect();
+            let quarters = self.quarters(&chosen, level + 1, &hemisphere, point, buffers);
+            sum += light_of(&quarters) * (0.25 * area);
+            sky.add(quarters.iter(), 0.25 * area, 1.0);
+            levels.push(quarters);
         }
-        buffers.scratch.tally.add_rays(grid.levels().iter().map(Vec::len).sum());
-        let mut light = grid.light();
+        buffers.scratch.tally.add_rays(rays);
         if let Some(environment) = self.environment {
-            light += grid.compared_with(environment.sky_irradiance(point.normal.as_dvec3()).into());
+            sum += sky.compared_with(environment.sky_irradiance(point.normal.as_dvec3()).into());
         }
         // What is added and taken away again leaves a rounding error.
-        light.max(DVec3::ZERO).to_array()
+        sum.max(DVec3::ZERO).to_array()
     }
 
-    /// Divides cells of a level into quarters.
-    fn divide(
-        &self,
-        grid: &mut DividedGrid,
-        level: usize,
-        mut chosen: Vec<ToDivide>,
-        (hemisphere, point): (&Hemisphere, &GatherPoint),
-        buffers: &mut Buffers,
-    ) {
-        chosen.sort_unstable_by_key(|(cell, _)| *cell);
-        let places = grid.divide(level, chosen.iter().map(|(cell, _)| *cell));
-        let of: Vec<([u32; 2], Option<Vec3>)> =
-            places.into_iter().zip(chosen).map(|(place, (_, surfaces))| (place, surfaces)).collect();
-        grid.add(level + 1, self.quarters(&of, level as u32 + 1, hemisphere, point, buffers));
+    /// The largest number of rays in divided cells of a point.
+    fn most_divided(&self) -> usize {
+        (MAX_RAYS * (USUAL_ERROR / self.error).powi(2)).clamp(MAX_RAYS, MAX_RAYS_OF_ALL) as usize
     }
 
     /// The grid of a point, turned by a random angle about its normal.
@@ -267,9 +256,9 @@ impl FinalGather<'_> {
         let packets = &mut buffers.packets;
         packets.clear();
         packets.resize(parts.len().div_ceil(LANES), Packet::EMPTY);
-        for (k, &[i, j]) in parts.iter().enumerate() {
-            let [u, v, ..] = numbers(seed, u64::from(i) << 32 | u64::from(j));
-            let direction = hemisphere.direction(level, [i as f32 + u, j as f32 + v]);
+        for (k, [i, j]) in parts.iter().enumerate() {
+            let [u, v, ..] = numbers(seed, k as u64);
+            let direction = hemisphere.direction(level, [*i as f32 + u, *j as f32 + v]);
             let to = point.at + hemisphere.reach * direction;
             packets[k / LANES].set_between(k % LANES, point.at, to, [0.0, 1.0]);
         }
@@ -367,4 +356,44 @@ fn largest_errors(
         !by_surfaces || *for_surfaces <= most
     });
     chosen.into_iter().map(|of| to_divide(of, surroundings, least)).collect()
+}
+
+/// The light of the sky in the cells of a point.
+#[derive(Clone, Copy, Default)]
+struct SkyLight {
+    /// That of cells through which the sky is seen, W/m².
+    seen: DVec3,
+    /// That of all cells if nothing hid it, W/m².
+    all: DVec3,
+    /// Squared errors of both, mean over the channels, (W/m²)².
+    errors: [f64; 2],
+}
+
+impl SkyLight {
+    /// Adds cells that are each this part of the hemisphere, or takes them away.
+    fn add<'a>(&mut self, cells: impl Iterator<Item = &'a Cell>, area: f64, sign: f64) {
+        for cell in cells {
+            let (sky, error) = (f64::from(cell.sky), f64::from(cell.error));
+            let error = sign * area * area * (error + (MIN_CELL_ERROR * sky).powi(2));
+            self.all += sign * area * cell.unblocked.as_dvec3();
+            self.errors[1] += error;
+            if cell.is_open {
+                self.seen += sign * area * cell.light.as_dvec3();
+                self.errors[0] += error;
+            }
+        }
+    }
+
+    /// What must be added to the light of the cells, as the light of the open sky is known, W/m²: the error of all cells times the part of its variance that
+    /// cells through which the sky is seen have.
+    fn compared_with(&self, open: DVec3) -> DVec3 {
+        let part = (self.errors[0] / self.errors[1]).clamp(0.0, 1.0);
+        let known = self.seen.max_element() > 0.0 && part.is_finite();
+        if known { part * (open - self.all) } else { DVec3::ZERO }
+    }
+}
+
+/// Sum of the light of cells.
+fn light_of(cells: &[Cell]) -> DVec3 {
+    cells.iter().map(|cell| cell.light.as_dvec3()).sum()
 }

@@ -3,7 +3,6 @@
 
 mod bright_leaves;
 mod direct_light;
-mod divided_grid;
 mod element_light;
 mod element_rays;
 mod element_samples;

@@ -34,7 +34,7 @@ fn wrong_values_are_named_with_a_cure() {
         (["cie:2.5", "", "", ""], ["2.5 is no type", "1 to 16"]),
         (["cie", "", "", ""], ["`cie:N`", "1 to 16"]),
         (["uniform:-3", "", "", ""], ["-3", "at least 0"]),
-        (["uniform:1e16", "", "", ""], ["10000000000000000", "at most 1e15"]),
+        (["uniform:1e16", "", "", ""], ["1.000e16", "at most 1e15"]),
         (["uniform:NaN", "", "", ""], ["`NaN`", "not a finite number"]),
         (["clear:99", "", "", ""], ["99", "between 1 and 12"]),
         (["perez:100", "", "", ""], ["`perez:DNI,DHI`", "W/m²"]),
