@@ -18,6 +18,7 @@ pub fn word(name: &str) -> String {
         "exponent" => "p",
         "sizes" => "s",
         "name" => return "NAME".into(),
+        "earth_radius" => return "--curvature times the radius of the earth,".into(),
         name => name.strip_prefix("LoadOptions::").unwrap_or(name),
     };
     let flag = field.replace('_', "-");
@@ -40,6 +41,7 @@ mod tests {
             ("a.obj: dark; add ⟨LoadOptions::emitters⟩", "a.obj: dark; add --emitter NAME=W"),
             ("set ⟨LoadOptions::two_sided_emission⟩", "set --two-sided-emission"),
             ("error bars: 3", "error bars: 3"),
+            ("⟨exponent⟩ 0: below 1", "--p 0: below 1"),
             ("⟨indices[3]⟩ and `sofa`", "`indices`[3] and `sofa`"),
             ("", ""),
         ] {

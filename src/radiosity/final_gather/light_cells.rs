@@ -16,7 +16,7 @@ const MAX_LEVEL: u32 = 6;
 /// are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and roofs need some hundreds.
 const MAX_RAYS: f64 = 8192.0;
 /// The error asked for by default.
-const USUAL_ERROR: f64 = 0.02;
+pub(super) const USUAL_ERROR: f64 = 0.02;
 /// Rays at which no error asked for divides more cells: limits the time of a point to some 0.1 s.
 const MAX_RAYS_OF_ALL: f64 = 131_072.0;
 /// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices for the rim of
