@@ -12,12 +12,12 @@ use glam::{DVec3, Vec3};
 
 /// Largest number of halvings of a cell: of 1,024 cells, edges are then known to a 64th of a cell.
 const MAX_LEVEL: u32 = 6;
-/// Rays in divided cells of a point at which no more are divided, but for a grid that is made finer as a whole, at [`USUAL_ERROR`]; in proportion to 1 / error². Leaves
-/// are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and roofs need some hundreds.
+/// Largest number of rays in the divided cells of a point for [`USUAL_ERROR`]; for a smaller error in proportion to 1 / error². Grids that are made finer as a
+/// whole are not limited. Leaves are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and roofs need some hundreds.
 const MAX_RAYS: f64 = 8192.0;
-/// The error asked for by default.
+/// The error asked for by default, relative to the mean irradiance.
 pub(super) const USUAL_ERROR: f64 = 0.02;
-/// Rays at which no error asked for divides more cells: limits the time of a point to some 0.1 s.
+/// Largest number of these rays for any error: limits the time of a point to some 0.1 s.
 const MAX_RAYS_OF_ALL: f64 = 131_072.0;
 /// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices for the rim of
 /// a sunlit place. Where all cells differ, as in a room full of things, four times as many rays halve the error.

@@ -16,8 +16,8 @@ use rayon::prelude::*;
 /// Distance of the segments that look for such surfaces from the edges and the plane of their element, as a part of its diameter: a surface
 /// nearer to an edge leaves less than this part of the element on its other side.
 const INSET: f32 = 1.0 / 128.0;
-/// The same for surfaces that end above the plane of the element, as a sheet a few millimetres clear of the floor: light below it differs on
-/// both sides unless the gap is wide compared with the element.
+/// The same part for segments that look for surfaces which end above the element, as a sheet a few millimetres clear of the floor: light on the
+/// element differs on both sides of it if the gap is narrower than this. With 1/8, light 2 cm behind a lit sheet that is 3 mm clear is 24 % too bright.
 const INSET_CLEAR: f32 = 1.0 / 4.0;
 /// Largest number of times that an element of the size of the local pass is split: its parts are then an eighth as wide. Four times
 /// adds twice as many elements, a tenth of those of the Cornell box.
