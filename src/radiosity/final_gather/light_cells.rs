@@ -3,7 +3,8 @@
 
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
-use super::uneven_cells::{Cell, Surroundings, TOLERANCE, Uneven, WHOLE, bound_of_errors};
+use super::sky_light::SkyLight;
+use super::uneven_cells::{Cell, Surroundings, TOLERANCE, USUAL_ERROR, Uneven, WHOLE, bound_of_errors};
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::rgb::{Rgb, mean};
@@ -15,22 +16,29 @@ const MAX_LEVEL: u32 = 6;
 /// Largest number of rays in the divided cells of a point for [`USUAL_ERROR`]; for a smaller error in proportion to 1 / error². Grids that are made finer as a
 /// whole are not limited. Leaves are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and roofs need some hundreds.
 const MAX_RAYS: f64 = 8192.0;
-/// The error asked for by default, relative to the mean irradiance.
-pub(super) const USUAL_ERROR: f64 = 0.02;
 /// Largest number of these rays for any error: limits the time of a point to some 0.1 s.
 const MAX_RAYS_OF_ALL: f64 = 131_072.0;
 /// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices for the rim of
 /// a sunlit place. Where all cells differ, as in a room full of things, four times as many rays halve the error.
 const MORE_FOR_SURFACES: usize = 4;
+/// Squared error of the sky's light over the tolerated one down to which cells are divided further where it is cheap: where the next level has at most
+/// [`CHEAP_RAYS`] times the rays so far. Edges along lines, as of roofs and windows, need about as many rays again for a third of the error, edges in all
+/// cells, as of leaves, three times as many for half of it.
+const CHEAP_TOLERANCE: f64 = 0.25;
+const CHEAP_RAYS: usize = 2;
 /// Fewest cells that see the sky: a grid with fewer is made finer as a whole, because a window that is smaller than a cell may be missed.
-const MIN_OPEN: usize = 32;
+const MIN_OPEN: usize = 64;
 /// Cells of a grid that is not made finer as a whole any more. An opening that is seen as a thousandth of the light of an open sky has four cells then,
 /// and its edges have finer ones.
 const MAX_WHOLE: usize = 1 << 12;
 
-/// Smallest error of the light of the sky in a cell, relative to that light: places in the cell that agree by chance have one as well. It matters only where all
-/// agree.
-const MIN_CELL_ERROR: f64 = 0.01;
+/// The ray of a cell.
+#[derive(Clone, Copy)]
+struct CellRay {
+    /// Of any length.
+    direction: Vec3,
+    seen: Seen,
+}
 
 /// What one ray of a cell has found.
 #[derive(Clone, Copy)]
@@ -82,10 +90,10 @@ impl FinalGather<'_> {
     ) -> Rgb {
         let hemisphere = self.hemisphere_of(point);
         let whole = hemisphere.places();
-        let seen = self.trace_whole(&hemisphere, point, buffers);
-        let mut levels = vec![self.cells(&hemisphere, 0, (&whole, &[]), &seen, point)];
+        let whole_rays = self.trace_whole(&hemisphere, point, buffers);
+        let mut levels = vec![self.cells(&hemisphere, 0, (&whole, &[]), &whole_rays, point)];
         // Where all rays met sides that no light reaches, as from below the ground, or the sky is dark, no opening is searched for.
-        let is_dark = seen.iter().all(|seen| matches!(seen, Seen::Dark))
+        let is_dark = whole_rays.iter().all(|ray| matches!(ray.seen, Seen::Dark))
             || levels[0].iter().all(|cell| cell.sky == 0.0);
         // Cells with an opening are divided, whether or not their ray or one beside it passes it.
         let is_searched = !is_dark && levels[0].iter().filter(|cell| cell.is_open).count() < MIN_OPEN;
@@ -107,11 +115,10 @@ impl FinalGather<'_> {
                 break;
             }
             let surroundings = Surroundings::new(&levels, hemisphere.size);
-            let uneven = surroundings.uneven(area, &openings);
-            let error: f64 = uneven.iter().map(Uneven::error).sum();
-            if !is_whole && left + error <= tolerance {
-                break;
-            }
+            let mut uneven = surroundings.uneven(area, &openings);
+            let next =
+                if is_whole { Some(tolerance) } else { next_tolerance(&mut uneven, left, tolerance, rays) };
+            let Some(tolerance) = next else { break };
             let least = tolerance / (2 * uneven.len().max(1)) as f64;
             let mut chosen = match is_whole {
                 true => all_cells(cells, &surroundings, &uneven, least),
@@ -167,7 +174,12 @@ impl FinalGather<'_> {
     }
 
     /// What the rays of the undivided grid have found, row after row. Their directions are stored in blocks of 4 by 4 cells.
-    fn trace_whole(&self, hemisphere: &Hemisphere, point: &GatherPoint, buffers: &mut Buffers) -> Vec<Seen> {
+    fn trace_whole(
+        &self,
+        hemisphere: &Hemisphere,
+        point: &GatherPoint,
+        buffers: &mut Buffers,
+    ) -> Vec<CellRay> {
         let [x, y, z] = hemisphere.frame.map(|axis| hemisphere.reach * axis);
         let directions = &self.hemispheres[(point.seed % self.hemispheres.len() as u64) as usize];
         let packets = &mut buffers.packets;
@@ -195,7 +207,7 @@ impl FinalGather<'_> {
 
     /// What the first rays of `buffers.packets` find, one for each of `surfaces`. Where the light of surfaces is known about, one ray in four counts four
     /// times.
-    fn seen(&self, surfaces: &[Option<Vec3>], seed: u64, buffers: &mut Buffers) -> Vec<Seen> {
+    fn seen(&self, surfaces: &[Option<Vec3>], seed: u64, buffers: &mut Buffers) -> Vec<CellRay> {
         let Buffers { packets, hits, vertices, .. } = buffers;
         hits.clear();
         hits.resize(packets.len(), Hits::NONE);
@@ -203,39 +215,43 @@ impl FinalGather<'_> {
         vertices.clear();
         // Rays that end too near go on as paths.
         let mut near = Vec::new();
-        let mut seen: Vec<Seen> = (0..surfaces.len())
+        let mut see = |k: usize| {
+            let (packet, hits, lane) = (&packets[k / LANES], &hits[k / LANES], k % LANES);
+            if hits.triangle[lane] == Hits::NOTHING {
+                return Seen::Sky;
+            }
+            let weight = if surfaces[k].is_some() { 4.0 } else { 1.0 };
+            if surfaces[k].is_some() && k % 4 != (mix(seed ^ (k as u64 / 4)) % 4) as usize {
+                return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
+            }
+            let Some(met) = self.met(packet, hits, lane) else { return Seen::Dark };
+            if self.direct_only || self.is_bright(met.leaf) {
+                return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
+            }
+            let of_element = Vec3::from(self.reflected[met.leaf as usize]);
+            let distance = packet.point(lane, 0.0).distance(packet.point(lane, hits.t[lane]));
+            let light = self.reflected_or_next(met, distance, near.len() as u32);
+            let light = light.unwrap_or_else(|vertex| {
+                near.push(k);
+                vertices.push(PathVertex { share: weight * vertex.share, ..vertex });
+                Vec3::ZERO
+            });
+            Seen::Surface(weight * light, of_element)
+        };
+        let mut rays: Vec<CellRay> = (0..surfaces.len())
             .map(|k| {
-                let (packet, hits, lane) = (&packets[k / LANES], &hits[k / LANES], k % LANES);
-                if hits.triangle[lane] == Hits::NOTHING {
-                    return Seen::Sky;
-                }
-                let weight = if surfaces[k].is_some() { 4.0 } else { 1.0 };
-                if surfaces[k].is_some() && k % 4 != (mix(seed ^ (k as u64 / 4)) % 4) as usize {
-                    return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
-                }
-                let Some(met) = self.met(packet, hits, lane) else { return Seen::Dark };
-                if self.direct_only || self.is_bright(met.leaf) {
-                    return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
-                }
-                let of_element = Vec3::from(self.reflected[met.leaf as usize]);
-                let distance = packet.point(lane, 0.0).distance(packet.point(lane, hits.t[lane]));
-                let light = self.reflected_or_next(met, distance, near.len() as u32);
-                let light = light.unwrap_or_else(|vertex| {
-                    near.push(k);
-                    vertices.push(PathVertex { share: weight * vertex.share, ..vertex });
-                    Vec3::ZERO
-                });
-                Seen::Surface(weight * light, of_element)
+                let (packet, lane) = (&packets[k / LANES], k % LANES);
+                CellRay { direction: packet.point(lane, 1.0) - packet.point(lane, 0.0), seen: see(k) }
             })
             .collect();
         let mut sums = vec![[0.0; 3]; near.len()];
         self.follow(seed, false, &mut sums, buffers);
         for (k, sum) in near.into_iter().zip(sums) {
-            if let Seen::Surface(light, _) = &mut seen[k] {
+            if let Seen::Surface(light, _) = &mut rays[k].seen {
                 *light = Vec3::from(sum.map(|s| s as f32));
             }
         }
-        seen
+        rays
     }
 
     /// The quarters of cells, given by their places and the light of surfaces in them if it is known, by one ray each.
@@ -262,8 +278,8 @@ impl FinalGather<'_> {
             let to = point.at + hemisphere.reach * direction;
             packets[k / LANES].set_between(k % LANES, point.at, to, [0.0, 1.0]);
         }
-        let seen = self.seen(&surfaces, seed, buffers);
-        self.cells(hemisphere, level, (&parts, &surfaces), &seen, point)
+        let rays = self.seen(&surfaces, seed, buffers);
+        self.cells(hemisphere, level, (&parts, &surfaces), &rays, point)
     }
 
     /// Cells at these places of a level, with the light of the sky at two places in each. If the sky has a map, it may have bright parts smaller than a cell, and is looked up at sixteen places in each cell of the first levels.
@@ -272,21 +288,24 @@ impl FinalGather<'_> {
         hemisphere: &Hemisphere,
         level: u32,
         (places, surfaces): (&[[u32; 2]], &[Option<Vec3>]),
-        seen: &[Seen],
+        rays: &[CellRay],
         point: &GatherPoint,
     ) -> Vec<Cell> {
         let seed = mix(!point.seed ^ u64::from(level) << 32);
         let has_map = self.environment.is_some_and(|of| of.has_map());
-        // The light of the sky in a cell, mean of a few places, and the square of its error, mean over the channels.
-        let sky_in = |place: [u32; 2]| {
-            if !self.has_environment() {
-                return (Vec3::ZERO, 0.0);
-            }
+        // The light of the sky in a cell, mean of a few places, and the square of its error, mean over the channels. A cell across the horizon has that of
+        // its ray: the ground often hides just what is below the horizon, and the product of two means would count half of its edge twice.
+        let sky_in = |place: [u32; 2], ray: Vec3| {
+            let Some(environment) = self.environment else { return (Vec3::ZERO, 0.0) };
+            let up = environment.frame().up.as_vec3();
             let [u, v, ..] = numbers(seed, u64::from(place[0]) << 32 | u64::from(place[1]));
-            let sky_at = |[u, v]: [f32; 2]| {
-                self.sky_of_ray(hemisphere.direction(level, [place[0] as f32 + u, place[1] as f32 + v]))
+            let mut is_across = false;
+            let mut sky_at = |[u, v]: [f32; 2]| {
+                let direction = hemisphere.direction(level, [place[0] as f32 + u, place[1] as f32 + v]);
+                is_across |= (direction.dot(up) >= 0.0) != (ray.dot(up) >= 0.0);
+                self.sky_of_ray(direction)
             };
-            if has_map && level < 3 {
+            let (mean, error) = if has_map && level < 3 {
                 let side = [4, 4, 2][level as usize];
                 let part = |k: u32| [(k % side) as f32 + u, (k / side) as f32 + v].map(|at| at / side as f32);
                 let count = (side * side) as f32;
@@ -295,16 +314,18 @@ impl FinalGather<'_> {
                     (sum, squares) = (sum + sky, squares + (sky.element_sum() / 3.0).powi(2));
                 }
                 let mean = sum / count;
-                return (mean, (squares / count - (mean.element_sum() / 3.0).powi(2)).max(0.0) / count);
-            }
-            // The mean of places that mirror each other has no error where the sky is linear over the cell.
-            let (a, b) = (sky_at([u, v]), sky_at([1.0 - u, 1.0 - v]));
-            (0.5 * (a + b), ((a - b).element_sum() / 6.0).powi(2))
+                (mean, (squares / count - (mean.element_sum() / 3.0).powi(2)).max(0.0) / count)
+            } else {
+                // The mean of places that mirror each other has no error where the sky is linear over the cell.
+                let (a, b) = (sky_at([u, v]), sky_at([1.0 - u, 1.0 - v]));
+                (0.5 * (a + b), ((a - b).element_sum() / 6.0).powi(2))
+            };
+            (if is_across { self.sky_of_ray(ray) } else { mean }, error)
         };
-        let cell = |(k, (&place, seen)): (usize, (&[u32; 2], &Seen))| {
-            let is_open = matches!(seen, Seen::Sky);
-            let (sky, error) = sky_in(place);
-            let (light, of_element) = match *seen {
+        let cell = |(k, (&place, ray)): (usize, (&[u32; 2], &CellRay))| {
+            let is_open = matches!(ray.seen, Seen::Sky);
+            let (sky, error) = sky_in(place, ray.direction);
+            let (light, of_element) = match ray.seen {
                 Seen::Sky => (sky, sky),
                 Seen::Dark => (Vec3::ZERO, Vec3::ZERO),
                 Seen::Surface(light, of_element) => (light, of_element),
@@ -321,7 +342,7 @@ impl FinalGather<'_> {
                 quarters: WHOLE,
             }
         };
-        places.iter().zip(seen).enumerate().map(cell).collect()
+        places.iter().zip(rays).enumerate().map(cell).collect()
     }
 }
 
@@ -331,6 +352,19 @@ type ToDivide = (u32, Option<Vec3>);
 
 fn to_divide(of: &Uneven, surroundings: &Surroundings, least: f64) -> ToDivide {
     (of.cell, (of.errors[1] <= least).then(|| surroundings.surfaces_around(of.cell)))
+}
+
+/// The tolerated sum of squared errors for the next division, after so many rays and with the errors of cells that are `left` as they are; none if no cell is
+/// to be divided. If all that is tolerated is met, only cells with errors of the sky are kept.
+fn next_tolerance(uneven: &mut Vec<Uneven>, left: f64, tolerance: f64, rays: usize) -> Option<f64> {
+    let error: f64 = uneven.iter().map(Uneven::error).sum();
+    if left + error > tolerance {
+        return Some(tolerance);
+    }
+    uneven.retain(|of| of.errors[0] > of.errors[1]);
+    let of_sky: f64 = uneven.iter().map(|of| of.errors[0]).sum();
+    let finer = CHEAP_TOLERANCE * tolerance;
+    (of_sky > finer && 4 * uneven.len() <= CHEAP_RAYS * rays).then_some(finer)
 }
 
 /// All cells of the finest level.
@@ -356,41 +390,6 @@ fn largest_errors(
         !by_surfaces || *for_surfaces <= most
     });
     chosen.into_iter().map(|of| to_divide(of, surroundings, least)).collect()
-}
-
-/// The light of the sky in the cells of a point.
-#[derive(Clone, Copy, Default)]
-struct SkyLight {
-    /// That of cells through which the sky is seen, W/m².
-    seen: DVec3,
-    /// That of all cells if nothing hid it, W/m².
-    all: DVec3,
-    /// Squared errors of both, mean over the channels, (W/m²)².
-    errors: [f64; 2],
-}
-
-impl SkyLight {
-    /// Adds cells that are each this part of the hemisphere, or takes them away.
-    fn add<'a>(&mut self, cells: impl Iterator<Item = &'a Cell>, area: f64, sign: f64) {
-        for cell in cells {
-            let (sky, error) = (f64::from(cell.sky), f64::from(cell.error));
-            let error = sign * area * area * (error + (MIN_CELL_ERROR * sky).powi(2));
-            self.all += sign * area * cell.unblocked.as_dvec3();
-            self.errors[1] += error;
-            if cell.is_open {
-                self.seen += sign * area * cell.light.as_dvec3();
-                self.errors[0] += error;
-            }
-        }
-    }
-
-    /// What must be added to the light of the cells, as the light of the open sky is known, W/m²: the error of all cells times the part of its variance that
-    /// cells through which the sky is seen have.
-    fn compared_with(&self, open: DVec3) -> DVec3 {
-        let part = (self.errors[0] / self.errors[1]).clamp(0.0, 1.0);
-        let known = self.seen.max_element() > 0.0 && part.is_finite();
-        if known { part * (open - self.all) } else { DVec3::ZERO }
-    }
 }
 
 /// Sum of the light of cells.

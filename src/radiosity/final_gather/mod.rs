@@ -20,6 +20,7 @@ mod paths;
 mod points;
 mod ray_counts;
 mod ray_rows;
+mod rim;
 mod sharing;
 mod sky_light;
 mod smooth_light;

@@ -3,7 +3,7 @@
 use super::element_rays::LeafRays;
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, RayResult};
-use super::light_cells::USUAL_ERROR;
+use super::uneven_cells::{Cell, USUAL_ERROR};
 use crate::math::sampling::{mix, numbers};
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::Rgb;
@@ -24,6 +24,10 @@ const MIN_SUN_RAYS: usize = LANES;
 const CHECKED: f64 = 0.25;
 /// Rays at these points, unless they disagree: they all miss a gap of a twentieth of the disc once in seven hundred times.
 const AGREED_RAYS: usize = 8 * MIN_SUN_RAYS;
+
+/// Smallest error of the light of the sky in a cell, relative to that light: places in the cell that agree by chance have one as well. It matters only where all
+/// agree.
+const MIN_CELL_ERROR: f64 = 0.01;
 
 impl FinalGather<'_> {
     /// The suns of the scene.
@@ -199,5 +203,40 @@ impl FinalGather<'_> {
         // Where few of many rays disagree with the first, what they change is smaller than what the first have found, but by rare chance.
         let visible = agreed.map_or(visible, |first| (first + (visible - first) / checked).max(0.0));
         free.map(|e| visible * e)
+    }
+}
+
+/// The light of the sky in the cells of a point.
+#[derive(Clone, Copy, Default)]
+pub(super) struct SkyLight {
+    /// That of cells through which the sky is seen, W/m².
+    seen: DVec3,
+    /// That of all cells if nothing hid it, W/m².
+    all: DVec3,
+    /// Squared errors of both, mean over the channels, (W/m²)².
+    errors: [f64; 2],
+}
+
+impl SkyLight {
+    /// Adds cells that are each this part of the hemisphere, or takes them away.
+    pub fn add<'a>(&mut self, cells: impl Iterator<Item = &'a Cell>, area: f64, sign: f64) {
+        for cell in cells {
+            let (sky, error) = (f64::from(cell.sky), f64::from(cell.error));
+            let error = sign * area * area * (error + (MIN_CELL_ERROR * sky).powi(2));
+            self.all += sign * area * cell.unblocked.as_dvec3();
+            self.errors[1] += error;
+            if cell.is_open {
+                self.seen += sign * area * cell.light.as_dvec3();
+                self.errors[0] += error;
+            }
+        }
+    }
+
+    /// What must be added to the light of the cells, as the light of the open sky is known, W/m²: the error of all cells times the part of its variance that
+    /// cells through which the sky is seen have.
+    pub fn compared_with(&self, open: DVec3) -> DVec3 {
+        let part = (self.errors[0] / self.errors[1]).clamp(0.0, 1.0);
+        let known = self.seen.max_element() > 0.0 && part.is_finite();
+        if known { part * (open - self.all) } else { DVec3::ZERO }
     }
 }

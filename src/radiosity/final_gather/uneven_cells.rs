@@ -1,5 +1,6 @@
 //! Which cells of a point's grid of rays differ from their neighbours, and are divided.
 
+use super::rim::Rim;
 use glam::Vec3;
 use std::ops::Range;
 
@@ -10,6 +11,8 @@ const ERROR_OF_EDGE: f64 = 0.29;
 /// two places that mirror each other, and a quarter of that is left where the difference is not even. Smaller cells may have the horizon or the edge of a
 /// bright part of the sky in them.
 const ERROR_OF_GRADIENT: f64 = ERROR_OF_EDGE / 4.0;
+/// The error asked for by default, relative to the mean irradiance.
+pub(super) const USUAL_ERROR: f64 = 0.02;
 /// Error of the light of the sky at a point, relative to all of its light, over the error asked for.
 pub(super) const TOLERANCE: f64 = 0.1;
 /// Weight of squared errors of the light of surfaces, which is to be known to about the error asked for and not to a tenth of it.
@@ -214,16 +217,18 @@ impl<'a> Surroundings<'a> {
 
     /// The cells of the finest level, each of `area`, whose neighbours differ from each other. The ray of a cell does not say whether it is divided: of
     /// cells that are open in part, those whose ray happens to be blocked would be left so. Where a neighbour is not divided as often, its larger cell
-    /// counts. In `openings`, places of the grid's unit square, the sky is seen: cells there and beside them count as beside an open one.
+    /// counts; along the rim of the hemisphere, cells further away do. In `openings`, places of the grid's unit square, the sky is seen: cells there and beside them count as beside an open one.
     pub fn uneven(&self, area: f64, openings: &[[f32; 2]]) -> Vec<Uneven> {
         let finest = self.levels.len() - 1;
         let (beside_openings, rows) = (self.beside(openings), self.rows());
+        let rim = Rim::new(self.size, self.levels[finest].iter().map(|cell| (cell.place, cell.is_open)));
         let mut found: Vec<Uneven> = Vec::new();
         for (k, cell) in self.levels[finest].iter().enumerate() {
             let near = self.near(cell.place, &rows);
             let Near { sky, surfaces, blocked, .. } = near;
             let open = near.open || beside_openings.binary_search(&cell.place).is_ok();
-            let edge = if open && blocked { ERROR_OF_EDGE * f64::from(sky[1]) } else { 0.0 };
+            let is_edge = open && blocked || rim.is_mixed_about(cell.place, cell.is_open);
+            let edge = if is_edge { ERROR_OF_EDGE * f64::from(sky[1]) } else { 0.0 };
             let between = if blocked { ERROR_OF_EDGE * f64::from(surfaces[1] - surfaces[0]) } else { 0.0 };
             // An edge is in one of the cells across it, and so is the difference between the nearest on either side.
             let across = (2 * self.reach + 1) as f64;
