@@ -15,8 +15,6 @@ mod georeference;
 mod grid;
 mod local;
 mod numpy;
-#[cfg(test)]
-mod pyramid;
 mod quadtree;
 #[allow(dead_code)] // Without the command, for the solver.
 mod quantities;
@@ -48,6 +46,6 @@ pub use write::{Layer, write_geotiff, write_npz, write_png};
 #[cfg(test)]
 use {
     generate::{canyon, courtyard, fractal, plane, valley},
-    pyramid::Pyramid,
+    local::{Slopes, Tilt},
     quadtree::{Node, Quadtree, Side},
 };
