@@ -10,8 +10,8 @@ use crate::radiosity::options::{Inside, Options, Oracle, RowSums};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{Surroundings, received_shares};
 use crate::radiosity::transport::{
-    ActiveNodes, Convergence, Field, LinkTransport, Method, NodeIrradiance, cap_row_sums, link_row_sums,
-    normalise_link_rows, pushed, short_rows, solve,
+    ActiveNodes, Convergence, Field, LinkTransport, NodeIrradiance, cap_row_sums, link_row_sums,
+    normalise_link_rows, pushed, short_rows, sweeps,
 };
 use crate::ranks::Ranks;
 use crate::scene::Scene;
@@ -334,8 +334,8 @@ impl LinkedScene {
         deadline: &Deadline,
     ) -> Convergence {
         let transport = LinkTransport::new(&self.elements, nodes);
-        let method = Method::Sweeps { tolerance, max_sweeps };
-        let (field, convergence) = solve(&transport, self.last_field.take(), method, deadline);
+        let (field, convergence) =
+            sweeps(&transport, self.last_field.take(), tolerance, max_sweeps, deadline);
         let found = NodeIrradiance::from_field(&field, nodes.clusters);
         let irradiance = nodes.expand(&self.elements, &found.clusters, &found.surfaces);
         let beyond = nodes.beyond.as_ref();

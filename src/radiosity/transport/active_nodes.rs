@@ -133,11 +133,6 @@ impl ActiveNodes {
         &self.others[self.starts[node] as usize..self.starts[node + 1] as usize]
     }
 
-    /// Number of link ends: two a link, one for the inside of a cluster.
-    pub fn link_ends(&self) -> usize {
-        self.others.len()
-    }
-
     /// Irradiance of a surface node by light from beyond the scene, W/m².
     pub fn beyond_at(&self, surface: usize) -> Rgb {
         self.beyond.as_ref().map_or([0.0; 3], |beyond| beyond.surfaces[surface])
