@@ -7,7 +7,7 @@ use crate::radiosity::audit::{AuditSize, link_uncertainty};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::final_gather::FinalGather;
-use crate::radiosity::links::{Accuracy, BlockerCertificate, Link, Scratch, Split, Tally};
+use crate::radiosity::links::{Accuracy, Link, Scratch, Split, Tally};
 use crate::radiosity::pipeline::{engine_for, total_area};
 use crate::radiosity::refinement::{
     LinkedScene, Replaced, apply_importance, estimator, link_errors, propagate_importance, refine,
@@ -337,14 +337,7 @@ fn clusters_do_not_shine_alike_to_all_sides() {
 fn pairs_do_not_depend_on_their_company() {
     refined(&forest(), &with(Visibility::Exact), |linked| {
         let estimator = estimator(linked, linked.settings.seed);
-        let accuracy = Accuracy {
-            worth: 10.0,
-            feature_size: 0.1,
-            deviation: 0.5,
-            certificate: BlockerCertificate::UNKNOWN,
-            blocked: false,
-            first_receives: true,
-        };
+        let accuracy = Accuracy { feature_size: 0.1, ..Accuracy::unknown(10.0) };
         let pairs: Vec<_> =
             linked.links.iter().filter(|l| l.a != l.b).take(300).map(|l| ([l.a, l.b], accuracy)).collect();
         let scratch = &mut Scratch::default();
