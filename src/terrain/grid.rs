@@ -96,7 +96,6 @@ impl Grid {
     }
 
     /// Where the grid is on the earth.
-    #[cfg(any(test, feature = "internals"))]
     pub fn georeference(&self) -> &Georeference {
         &self.georeference
     }

@@ -37,7 +37,6 @@ const MAX_DIAGONAL: f64 = 5e9;
 ///
 /// # Errors
 /// Options are out of range, or Embree refuses.
-#[cfg(any(test, feature = "internals"))]
 pub fn run(model: &Model, points: &[Point], options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     solve(model, points, options, progress).map(|(outcome, _)| outcome)
 }
