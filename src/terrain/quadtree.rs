@@ -4,8 +4,6 @@
 //! edge, across, and down to the node that shares the edge.
 
 use super::Grid;
-use super::grid::check_sides;
-use crate::{Error, Result};
 
 /// No node.
 const NONE: u32 = u32::MAX;
@@ -66,18 +64,7 @@ pub struct Quadtree<'a> {
 impl<'a> Quadtree<'a> {
     /// Splits nodes, from the root on, of which `error` exceeds `max_error`, down to single cells; neighbours are split as far as
     /// the restriction needs.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] if `max_error` is NaN.
-    pub fn refine(
-        grid: &'a Grid,
-        mut error: impl FnMut(&Node) -> f64,
-        max_error: f64,
-    ) -> Result<Quadtree<'a>> {
-        check_sides(grid.columns(), grid.rows()).map_err(Error::arguments)?;
-        if max_error.is_nan() {
-            return Err(Error::argument("max_error", max_error, "must be a number"));
-        }
+    pub fn refine(grid: &'a Grid, mut error: impl FnMut(&Node) -> f64, max_error: f64) -> Quadtree<'a> {
         let size = (grid.columns() - 1).max(grid.rows() - 1).next_power_of_two() as u32;
         let root = Node { first: [0, 0], size, parent: NONE, children: NONE };
         let mut tree = Quadtree { grid, nodes: vec![root] };
@@ -92,7 +79,7 @@ impl<'a> Quadtree<'a> {
             let children = tree.nodes[i].children as usize;
             open.extend((children..children + 4).rev());
         }
-        Ok(tree)
+        tree
     }
 
     /// All nodes, those beyond the grid included.

@@ -5,20 +5,12 @@ use crate::Error;
 
 /// The first error of a sky, sun, place and time as texts; empty texts are left out.
 fn message([sky, sun, place, time]: [&str; 4]) -> String {
-    let options = || -> crate::Result<Environment> {
-        let mut options = SkyOptions::parse(sky)?;
-        if !sun.is_empty() {
-            options = options.with_sun(sun)?;
-        }
-        if !place.is_empty() {
-            options = options.with_place(place)?;
-        }
-        if !time.is_empty() {
-            options = options.with_time(time)?;
-        }
-        options.environment(DVec3::Z)
-    };
-    let error = options().expect_err(&format!("{sky} {sun} {place} {time}"));
+    let [first, second, third, fourth] =
+        [sky, sun, place, time].map(|text| Some(text).filter(|t| !t.is_empty()));
+    let options = SkyOptions::of_texts(first, second, third, fourth);
+    let error = options
+        .and_then(|options| options.environment(DVec3::Z))
+        .expect_err(&format!("{sky} {sun} {place} {time}"));
     assert!(matches!(error, Error::Argument { .. }), "{error:?}");
     error.to_string()
 }

@@ -46,15 +46,6 @@ fn clipped_patches_agree_with_brute_force() {
 }
 
 #[test]
-fn hemispheres_have_closed_forms() {
-    let (upper, lower) = (Extent { z: [0.0, 1.0], v: [0.0, TAU] }, Extent { z: [-1.0, 0.0], v: [0.0, TAU] });
-    for normal in directions(400).chain([DVec3::Z, DVec3::X, DVec3::NEG_Z]) {
-        assert!((upper.projected(normal) - PI * (1.0 + normal.z) / 2.0).abs() < 1e-7, "{normal}");
-        assert!((lower.projected(normal) - PI * (1.0 - normal.z) / 2.0).abs() < 1e-7, "{normal}");
-    }
-}
-
-#[test]
 fn patches_add_up() {
     let mut options = SkyOptions::parse("perez:700,100").and_then(|o| o.with_sun("140,40")).expect("options");
     options.ground = Some(Amount::Grey(0.3));

@@ -113,8 +113,7 @@ pub fn read(path: &Path, bytes: &[u8]) -> Result<Raw> {
 
 /// Adds the distances of samples and their place.
 fn place(path: &Path, header: &Header, columns: usize, rows: usize, values: Vec<f32>) -> Result<Raw> {
-    let mut raw =
-        Raw { columns, rows, values, cell: None, georeference: None, unit: None, notes: Vec::new() };
+    let mut raw = Raw { columns, rows, values, ..Raw::default() };
     let [Some(dx), Some(dy)] = header.cell else {
         // The caller refuses the file unless an option states the distances.
         return Ok(raw);
