@@ -3,7 +3,7 @@
 use super::lit_sides::lit_sides;
 use super::quads::quads;
 use super::subdivision::surface;
-use super::{Cluster, Column, DIRECTIONS, Element, ElementState, Elements, Shape, Side, SideSampler, facing};
+use super::{Cluster, DIRECTIONS, Element, ElementState, Elements, Shape, Side, SideSampler, facing};
 use crate::clusters::{Hierarchy, Tree};
 use crate::math::{Aabb, triangle_normal};
 use crate::model::face_magnitudes;
@@ -181,8 +181,8 @@ impl Build {
         }
         let area = elements[0].area;
         Elements {
-            states: Column::new(vec![ElementState::DARK; elements.len()]),
-            elements: Column::new(elements),
+            states: vec![ElementState::DARK; elements.len()],
+            elements,
             clusters: made,
             sides,
             sides_of_triangle,
