@@ -94,11 +94,6 @@ impl Environment {
         &self.suns
     }
 
-    /// Radiance of the ground below the horizon, W/(m² sr).
-    pub fn ground_radiance(&self) -> [f64; 3] {
-        self.ground
-    }
-
     /// Whether no light comes from below the horizon.
     pub fn is_dark_below(&self) -> bool {
         let has_lower_half = self.sky.as_ref().is_some_and(|sky| sky.has_lower_half());

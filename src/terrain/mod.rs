@@ -38,5 +38,5 @@ pub use write::{Layer, write_geotiff, write_npz, write_png};
 use {
     generate::{canyon, courtyard, fractal, plane, valley},
     local::{Slopes, Tilt},
-    quadtree::{Node, Quadtree, Side},
+    quadtree::{Node, Quadtree},
 };

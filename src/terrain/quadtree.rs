@@ -137,19 +137,6 @@ impl<'a> Quadtree<'a> {
         Some(self.children(across).map_or(across, |children| children[mirrored]))
     }
 
-    /// The leaves across an edge: one that is as large or larger, or two that are half as large. Leaves beyond the border are
-    /// left out.
-    #[cfg(test)]
-    pub fn leaves_across(&self, leaf: usize, side: Side) -> impl Iterator<Item = usize> + '_ {
-        let across = self.neighbour(leaf, side);
-        let bit = 1usize << side.axis();
-        let near = if side.is_far() { 0 } else { bit };
-        let split = across.and_then(|a| self.children(a));
-        let whole = across.filter(|_| split.is_none());
-        let parts = split.into_iter().flatten().enumerate().filter(move |(k, _)| k & bit == near);
-        whole.into_iter().chain(parts.map(|(_, child)| child).filter(|&c| self.is_on_grid(c)))
-    }
-
     /// Splits a leaf, and before it the neighbours that are larger.
     fn split(&mut self, node: usize) {
         if !self.nodes[node].is_leaf() {

@@ -109,7 +109,8 @@ fn files_describe_everything() {
     let options = SkyOptions::parse(&path.display().to_string()).expect("a description");
     assert_eq!(options.sky.0, SkyModel::Perez { direct: 600.0, diffuse: 120.0 });
     let sky = options.environment(DVec3::Y).expect("a sky");
-    assert!(sky.suns()[0].irradiance[0] > 5e4 && sky.ground_radiance()[2] > sky.ground_radiance()[0]);
+    let ground = sky.radiance(DVec3::NEG_Y);
+    assert!(sky.suns()[0].irradiance[0] > 5e4 && ground[2] > ground[0]);
     assert_near(sky.suns()[0].diameter, 2f64.to_radians(), 1e-12);
     for (text, line, what) in [
         ("sky = \"uniform\"\nclouds = 3\n", 2, "unknown field `clouds`"),

@@ -18,26 +18,6 @@ fn grids() -> Vec<Grid> {
 }
 
 #[test]
-fn neighbours_differ_by_one_level() {
-    for grid in grids() {
-        let tree = Quadtree::refine(&grid, near_a_place, 0.3);
-        let mut pairs = 0;
-        for leaf in tree.leaves() {
-            for side in Side::ALL {
-                let opposite = Side::ALL[Side::ALL.iter().position(|s| *s == side).expect("a side") ^ 1];
-                for across in tree.leaves_across(leaf, side) {
-                    let (a, b) = (tree.nodes()[leaf].size, tree.nodes()[across].size);
-                    assert!(a <= 2 * b && b <= 2 * a, "{a} beside {b}");
-                    assert!(tree.leaves_across(across, opposite).any(|back| back == leaf));
-                    pairs += 1;
-                }
-            }
-        }
-        assert!(pairs > 0 || grid.columns() <= 3);
-    }
-}
-
-#[test]
 fn leaves_cover_the_grid_once() {
     for grid in grids() {
         let tree = Quadtree::refine(&grid, near_a_place, 0.3);
