@@ -19,9 +19,6 @@ pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
 }
 
 /// Writes a JSON file.
-///
-/// # Errors
-/// It cannot be written.
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     WholeFile::write(path, json_text(value).map_err(|e| Error::format(path, None, e.to_string()))?)
 }
@@ -182,9 +179,6 @@ impl WholeFile {
     }
 
     /// Writes a complete file.
-    ///
-    /// # Errors
-    /// [`Error::Io`] as for [`WholeFile::create`] and [`WholeFile::commit`].
     pub fn write(target: &Path, content: impl AsRef<[u8]>) -> Result<()> {
         let mut file = WholeFile::create(target)?;
         file.write_all(content.as_ref()).map_err(|e| Error::io(target, e))?;

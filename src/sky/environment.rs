@@ -65,9 +65,6 @@ impl Environment {
     }
 
     /// Suns alone, in a scene with this upward axis.
-    ///
-    /// # Errors
-    /// [`Error::Argument`](crate::Error::Argument) if `up` is no direction.
     pub fn of_suns(up: DVec3, suns: Vec<Sun>) -> Result<Environment> {
         let frame = Frame::upright(up)?;
         let notes = vec![frame.note(), notes_of_suns(&frame, OF_FILE, &suns)];

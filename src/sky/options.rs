@@ -153,27 +153,18 @@ impl SkyOptions {
     }
 
     /// The sun from a short text: `auto`, `none`, `AZIMUTH,ELEVATION` in degrees or `X,Y,Z`, the last two with `:E` for a normal irradiance.
-    ///
-    /// # Errors
-    /// [`Error::Argument`].
     pub(crate) fn with_sun(mut self, text: &str) -> Result<SkyOptions> {
         self.sun = parsed("sun", text)?;
         Ok(self)
     }
 
     /// The place as `LATITUDE,LONGITUDE` or `LATITUDE,LONGITUDE,ALTITUDE`: degrees north and east, metres.
-    ///
-    /// # Errors
-    /// [`Error::Argument`].
     pub(crate) fn with_place(mut self, text: &str) -> Result<SkyOptions> {
         self.place = Some(parsed("place", text)?);
         Ok(self)
     }
 
     /// The time as in `2026-06-21T12:00+02:00` or `2026-06-21T10:00Z`.
-    ///
-    /// # Errors
-    /// [`Error::Argument`].
     pub(crate) fn with_time(mut self, text: &str) -> Result<SkyOptions> {
         self.time = Some(parsed("time", text)?);
         Ok(self)

@@ -166,9 +166,6 @@ fn spread(
 }
 
 /// For each facet the partners with higher numbers, ascending, found from either side, with the hits of both.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`] if `progress` stops it.
 pub fn upper(found: &[Found], progress: &dyn Progress) -> Result<Vec<Vec<Partner>>> {
     let mut upper: Vec<Vec<Partner>> = vec![Vec::new(); found.len()];
     for (i, f) in (0u32..).zip(found) {

@@ -53,9 +53,6 @@ impl Facets {
     }
 
     /// The facets of a scene: groups its triangles by the polygons that they came from.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`] if `progress` stops it.
     pub fn new_unless(scene: &Scene, progress: &dyn Progress) -> Result<Facets> {
         let polygon = &scene.triangle_polygon;
         let mut first: Vec<u32> = (0..polygon.len())

@@ -250,9 +250,6 @@ pub struct Transmittance {
 /// Discovery rays are stratified, which makes discovery more likely than with independent rays, by a few percent where
 /// few rays are expected; the number of rays that hit a class is unbiased regardless (ratio estimator; Cochran 1977,
 /// chapter 6). [`BALANCE_PRIOR_RAYS`] are added to both counts, so that classes with few hits hardly change.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`] if `progress` stops it.
 pub fn balance(rows: &mut [Row], progress: &dyn Progress) -> Result<()> {
     let mut tally: Tally = Default::default();
     for row in &*rows {

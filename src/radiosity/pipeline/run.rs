@@ -42,9 +42,6 @@ pub fn run(model: &Model, points: &[Point], options: &Options, progress: &dyn Pr
 }
 
 /// Like [`run()`], with a [`Solution`] that answers irradiance at more points afterwards.
-///
-/// # Errors
-/// Those of [`run()`].
 pub fn solve(
     model: &Model,
     points: &[Point],
