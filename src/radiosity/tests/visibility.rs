@@ -7,10 +7,10 @@ use crate::radiosity::audit::{AuditSize, link_uncertainty};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::final_gather::FinalGather;
-use crate::radiosity::links::{Accuracy, Link, Scratch, Split, Tally};
+use crate::radiosity::links::{Link, Tally};
 use crate::radiosity::pipeline::{engine_for, total_area};
 use crate::radiosity::refinement::{
-    LinkedScene, Replaced, apply_importance, estimator, link_errors, propagate_importance, refine,
+    LinkedScene, apply_importance, link_errors, propagate_importance, refine,
 };
 use crate::radiosity::surroundings::probe;
 use crate::scene::generate::{Spec, build};
@@ -119,18 +119,23 @@ fn with(visibility: Visibility) -> Options {
     Options { visibility, error: 0.05, audit: 0, ..Options::default() }
 }
 
-/// A scene after refinement.
-pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut LinkedScene) -> R) -> R {
-    let deadline = Deadline::start(&(), None);
-    let model = model_for(scene, options);
-    let exact = model.exact();
+/// The elements of a model with the link of the root.
+pub(super) fn linked(model: &Model, options: &Options) -> LinkedScene {
+    let (scene, exact) = (model.scene(), model.exact());
     let min_area = options.min_area * total_area(scene);
     let elements = Elements::build(scene, model.base().hierarchy(), min_area, &[]);
     let length = 2.0 * scene.bounds.diagonal();
     let found = probe(&elements, &exact, length, 1, &Deadline::start(&(), None));
-    let engine = engine_for(&model, &elements, options);
-    let mut linked = LinkedScene::new(elements, found, engine, options);
-    apply_importance(&mut linked, scene, options, &exact).expect("names of the scene");
+    let engine = engine_for(model, &elements, options);
+    LinkedScene::new(elements, found, engine, options)
+}
+
+/// A scene after refinement.
+pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut LinkedScene) -> R) -> R {
+    let deadline = Deadline::start(&(), None);
+    let model = model_for(scene, options);
+    let mut linked = linked(&model, options);
+    apply_importance(&mut linked, scene, options, &model.exact()).expect("names of the scene");
     for _ in 0..3 {
         let errors = [link_errors(&linked), Vec::new()];
         refine(&mut linked, &errors, 1e-3, false, &|_| false, &());
@@ -214,23 +219,6 @@ fn links_cover_each_pair_once() {
             let held = links.iter().enumerate().find(|(j, k)| *j != i && within(k));
             assert!(held.is_none(), "{l:?} is part of {held:?}");
         }
-    });
-}
-
-/// Links that survive are not asked for again.
-#[test]
-fn visibility_is_kept_with_the_link() {
-    refined(&room(true), &with(Visibility::Exact), |linked| {
-        let before = (linked.tally, linked.links.clone());
-        let errors = [link_errors(linked), Vec::new()];
-        assert_eq!(refine(linked, &errors, f32::INFINITY, false, &|_| false, &()), Replaced::default());
-        assert_eq!((linked.tally, linked.links.clone()), before);
-        // One link more than refined: only its parts are measured.
-        let worst = errors[0].iter().filter(|(_, split)| *split != Split::Neither);
-        let worst = worst.map(|(error, _)| *error).fold(0.0, f32::max);
-        let refined = refine(linked, &errors, 0.999 * worst, true, &|_| false, &()).links;
-        let asked = linked.tally.segments - before.0.segments;
-        assert!(refined >= 1 && asked <= 16 * 64 * refined as u64, "{refined} {asked}");
     });
 }
 
@@ -329,24 +317,5 @@ fn clusters_do_not_shine_alike_to_all_sides() {
         };
         let (top, bottom) = (irradiance(Vec3::Z), irradiance(-Vec3::Z));
         assert!(top > 5.0 * bottom, "{top} {bottom}");
-    });
-}
-
-/// Pairs asked for together get the links that they get alone.
-#[test]
-fn pairs_do_not_depend_on_their_company() {
-    refined(&forest(), &with(Visibility::Exact), |linked| {
-        let estimator = estimator(linked, linked.settings.seed);
-        let accuracy = Accuracy { feature_size: 0.1, ..Accuracy::unknown(10.0) };
-        let pairs: Vec<_> =
-            linked.links.iter().filter(|l| l.a != l.b).take(300).map(|l| ([l.a, l.b], accuracy)).collect();
-        let scratch = &mut Scratch::default();
-        let together = estimator.measure_all(&pairs, scratch);
-        let alone: Vec<Link> = pairs
-            .iter()
-            .filter_map(|([a, b], accuracy)| estimator.measure(*a, *b, *accuracy, scratch))
-            .collect();
-        assert!(together.len() > 100);
-        assert_eq!(together, alone);
     });
 }
