@@ -144,7 +144,7 @@ impl Environment {
 
     /// Irradiance of an unobstructed plane with a unit normal by sky and ground, W/m², to 0.05 %.
     pub fn sky_irradiance(&self, normal: DVec3) -> [f64; 3] {
-        self.patches.irradiance(normal)
+        self.patches.irradiance_to(0.0, normal)
     }
 
     /// The same from a table, for many planes: it adds at most a thousandth of the irradiance of a horizontal plane if the sky has no sun in it.

@@ -203,7 +203,7 @@ impl Stages<'_> {
             convergence: refined.convergence,
         };
         if idle {
-            return (Solved::without_elements(refined), steps);
+            return (Solved { linked: refined.linked, closing: Closing::Nothing }, steps);
         }
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();

@@ -1,7 +1,6 @@
 //! Properties of whole solutions with each visibility engine.
 
 use super::*;
-use crate::bench::side_by_side::side_by_side;
 use crate::model::cache::CacheLocation;
 use crate::radiosity::audit::{AuditSize, link_uncertainty};
 use crate::radiosity::deadline::Deadline;
@@ -172,27 +171,6 @@ fn measured_clusters_are_kept_for_those_who_need_them() {
     assert_eq!(origin, "hit");
     assert_eq!(before.irradiance, after.irradiance);
     assert!(first.irradiance != after.irradiance, "nothing was averaged");
-}
-
-#[test]
-fn engines_are_compared_side_by_side() {
-    let scene = forest();
-    let points = ground(&scene, 200);
-    let at_points = |visibility| Options { feature_size: Some(0.1), elements: false, ..with(visibility) };
-    let outcome = solved(&scene, &points, &at_points(Visibility::Mr));
-    let v =
-        side_by_side(&model_for(&scene, &outcome.record.options), &points, &outcome, Visibility::Exact, &())
-            .expect("a solution");
-    let exact = solved(&scene, &points, &at_points(Visibility::Exact));
-    assert_eq!((v.visibility, v.links), (Visibility::Exact, exact.record.links));
-    assert_eq!(v.difference.points, 200);
-    assert!(v.difference.rms > 0.0 && v.difference.rms < 0.1, "{:?}", v.difference);
-    assert!(v.difference.bias.abs() < 0.03, "{:?}", v.difference);
-    assert!((v.speedup / (v.seconds.work() / outcome.record.seconds.work()) - 1.0).abs() < 1e-9);
-    // Averages answer more segments without rays than exact visibility.
-    let [mr, exact] = [outcome.record.bundles, v.bundles].map(|of| of.exact_rays as f64 / of.segments as f64);
-    assert!(mr < exact, "{mr} {exact}");
-    assert!(outcome.record.bundles.aggregated > 0 && v.bundles.aggregated == 0);
 }
 
 #[test]
