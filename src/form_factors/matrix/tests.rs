@@ -131,7 +131,7 @@ fn a_room_cut_into_facets_has_sums_of_closed_forms() {
 /// forms and transmittances.
 fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
     let facets = Facets::new(scene);
-    let traced = Traced::new(&model(scene, Detail::Rays), &facets);
+    let traced = Traced::new(&model(scene, Detail::Rays));
     let mut counts = vec![0.0; facets.count()];
     let from = facets.get(i);
     let mut random = (0u64..)
@@ -153,7 +153,7 @@ fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
         let mut hits = [Hits::NONE];
         traced.first_hits(&[packet], &mut hits);
         for t in hits[0].triangle {
-            counts[traced.facet[t as usize] as usize] += 1.0 / rays as f64;
+            counts[facets.of_triangle(t) as usize] += 1.0 / rays as f64;
         }
     }
     counts
