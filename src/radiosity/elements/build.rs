@@ -36,14 +36,8 @@ impl Elements {
         };
         let of_face = |&[front, back]: &[u32; 2]| [lit(front, true), lit(back, false)];
         let lit: Vec<[bool; 2]> = self.sides_of_triangle.iter().map(of_face).collect();
-        let dark = unlit.iter().filter_map(|&side| {
-            let side = &self.sides[side as usize];
-            match self.elements[side.element as usize].shape {
-                Shape::Surface { corners, .. } => Some((side.clone(), corners)),
-                Shape::Cluster(_) => None,
-            }
-        });
-        let dark = dark.collect();
+        let sides = unlit.iter().map(|&side| &self.sides[side as usize]);
+        let dark = sides.map(|side| (side.clone(), *self.corners(side))).collect();
         Elements { dark, ..Elements::of_lit(scene, hierarchy, self.min_area, &lit) }
     }
 

@@ -1,8 +1,8 @@
 //! Emitting faces: closed forms use all faces of an emitter, single rays use one face drawn at random.
 
+use super::Elements;
 use super::emitter_face::{EmitterFace, power_of};
 use super::emitter_tree::{Cut, EmitterTree, Receiver};
-use super::{Elements, Shape};
 use crate::math::sampling::point_on;
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::scene::Scene;
@@ -39,8 +39,7 @@ impl Emitters {
             scene.emitters.iter().map(|e| Emitter { faces: Vec::new(), width: e.min_width }).collect();
         let mut sides: Vec<(u32, u32, u32)> = Vec::new();
         for (s, side) in (0u32..).zip(&elements.sides).filter(|(_, s)| s.exitance.iter().any(|&m| m > 0.0)) {
-            let element = &elements.elements[side.element as usize];
-            let Shape::Surface { corners, .. } = element.shape else { continue };
+            let corners = *elements.corners(side);
             let emitter = scene.triangle_emitter[side.triangles[0] as usize];
             let faces = &mut emitters[emitter as usize].faces;
             sides.push((emitter, faces.len() as u32, s));
@@ -51,7 +50,7 @@ impl Emitters {
                 normal: side.normal,
                 end: side.end,
                 exitance: side.exitance,
-                area: element.area as f32,
+                area: elements.elements[side.element as usize].area as f32,
                 profile: side.profile.clone(),
             });
         }

@@ -167,6 +167,14 @@ impl Elements {
         self.sides.iter().any(|side| side.profile.is_some())
     }
 
+    /// The corners of a side, counterclockwise; a triangle repeats its third.
+    pub fn corners(&self, side: &Side) -> &[Vec3; 4] {
+        match &self.elements[side.element as usize].shape {
+            Shape::Surface { corners, .. } => corners,
+            Shape::Cluster(_) => unreachable!("sides are surfaces"),
+        }
+    }
+
     /// Number of elements.
     pub fn len(&self) -> usize {
         self.elements.len()

@@ -4,7 +4,7 @@ use super::*;
 use crate::model::cache::CacheLocation;
 use crate::radiosity::audit::{AuditSize, link_uncertainty};
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::elements::Elements;
 use crate::radiosity::final_gather::FinalGather;
 use crate::radiosity::links::{Link, Tally};
 use crate::radiosity::pipeline::{engine_for, total_area};
@@ -283,13 +283,8 @@ fn clusters_do_not_shine_alike_to_all_sides() {
         let irradiance = |normal: Vec3| {
             let sides = linked.elements.sides.iter();
             let mut found = sides.filter(|s| s.normal.dot(normal) > 0.99 && s.exitance == [0.0; 3]);
-            let side = found.find(|s| {
-                let Shape::Surface { corners, .. } = linked.elements.elements[s.element as usize].shape
-                else {
-                    return false;
-                };
-                corners.iter().all(|c| c.abs().max_element() < 1.0)
-            });
+            let is_small = |c: &Vec3| c.abs().max_element() < 1.0;
+            let side = found.find(|s| linked.elements.corners(s).iter().all(is_small));
             side.map(|s| linked.elements.states[s.element as usize].irradiance[0])
                 .expect("a side of the block")
         };
