@@ -64,10 +64,7 @@ impl Elements {
 }
 
 /// One side with its corners.
-struct NewSide {
-    side: Side,
-    corners: [glam::Vec3; 4],
-}
+type NewSide = (Side, [glam::Vec3; 4]);
 
 /// One cluster element with its range of sides.
 struct NewCluster {
@@ -137,14 +134,14 @@ impl Build {
             }
             (elements[c].first_child, elements[c].children) = (elements.len() as u32, (to - from) as u16);
             for s in from..to {
-                let NewSide { side, corners } = &mut new_sides[s as usize];
+                let (side, corners) = &mut new_sides[s as usize];
                 side.element = elements.len() as u32;
                 elements.push(Element { parent: c as u32, ..surface(s, *corners) });
             }
         }
         let mut sides: Vec<Side> = Vec::new();
-        for new in new_sides {
-            sides.push(new.side);
+        for (side, _) in new_sides {
+            sides.push(side);
         }
         let areas = sides.iter().map(|s| elements[s.element as usize].area);
         let samples = SideSampler::new(areas.zip(sides.iter().map(|s| facing(s.normal))));
@@ -215,7 +212,7 @@ fn sides_of((scene, magnitudes): (&Scene, &[f32]), faces: &[u32], lit: &[[bool; 
                 profile: material.profile.clone().filter(|_| front),
                 element: 0,
             };
-            made.push(NewSide { side, corners: if front { corners } else { turned } });
+            made.push((side, if front { corners } else { turned }));
         }
     }
     made

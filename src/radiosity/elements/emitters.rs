@@ -7,6 +7,7 @@ use crate::math::sampling::point_on;
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::scene::Scene;
 use glam::Vec3;
+use rustc_hash::FxHashMap;
 
 /// One emitter of the scene.
 #[derive(Default)]
@@ -70,18 +71,8 @@ impl Emitters {
         });
         let powers = powers.collect();
         let mut places = vec![Elements::NONE; count];
-        // By emitter and face the number, at the sum of the faces of earlier emitters.
-        let mut starts = Vec::with_capacity(emitters.len());
-        emitters.iter().fold(0, |start, e| {
-            starts.push(start);
-            start + e.faces.len()
-        });
-        let index = |e: u32, k: u32| starts[e as usize] + k as usize;
-        let mut numbers = vec![0; numbered.len()];
-        numbered.into_iter().for_each(|(e, k, number)| numbers[index(e, k)] = number);
-        for (place, &(e, k)) in (0u32..).zip(&lit) {
-            places[numbers[index(e, k)] as usize] = place;
-        }
+        let place: FxHashMap<(u32, u32), u32> = lit.iter().copied().zip(0..).collect();
+        numbered.into_iter().for_each(|(e, k, number)| places[number as usize] = place[&(e, k)]);
         let width = emitters.iter().map(|e| e.width).fold(f32::MAX, f32::min);
         Emitters { width, tree, lit, powers, places, emitters }
     }

@@ -7,10 +7,8 @@ mod point_query;
 mod record;
 mod run;
 
-#[cfg(test)]
-pub use engine::engine_for;
 pub use point_query::{PointLight, Solution};
 pub use record::{Outcome, Record, Seconds};
-#[cfg(test)]
-pub use run::total_area;
 pub use run::{run, solve};
+#[cfg(test)]
+pub use {engine::engine_for, run::total_area};

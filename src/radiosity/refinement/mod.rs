@@ -17,11 +17,11 @@ mod schedule;
 mod sky_links;
 
 pub use importance::apply_importance;
-#[cfg(test)]
-pub use importance::propagate_importance;
-#[cfg(test)]
-pub use link_measurement::remeasure_links;
 pub use linked_scene::LinkedScene;
-#[cfg(test)]
-pub use refine::{link_errors, refine};
 pub use schedule::{Coarse, Ended, Iteration, LinkClosing, Refined};
+#[cfg(test)]
+pub use {
+    importance::propagate_importance,
+    link_measurement::remeasure_links,
+    refine::{link_errors, refine},
+};
