@@ -27,33 +27,8 @@ impl Node {
     }
 }
 
-/// An edge of a square.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// Towards decreasing columns.
-    West,
-    /// Towards increasing columns.
-    East,
-    /// Towards decreasing rows.
-    North,
-    /// Towards increasing rows.
-    South,
-}
-
-impl Side {
-    /// All sides.
-    pub const ALL: [Side; 4] = [Side::West, Side::East, Side::North, Side::South];
-
-    /// 0 for an edge of constant column, 1 for one of constant row.
-    fn axis(self) -> usize {
-        usize::from(matches!(self, Side::North | Side::South))
-    }
-
-    /// Whether it is towards increasing columns or rows.
-    fn is_far(self) -> bool {
-        matches!(self, Side::East | Side::South)
-    }
-}
+/// An edge of a square: 0 for one of constant column, 1 for one of constant row, and whether it is towards increasing columns or rows.
+pub type Side = (usize, bool);
 
 /// The tree. Node 0 is the root; children come after their parents.
 pub struct Quadtree<'a> {
@@ -122,15 +97,15 @@ impl<'a> Quadtree<'a> {
         self.is_on_grid(across).then_some(across)
     }
 
-    fn across(&self, node: usize, side: Side) -> Option<usize> {
+    fn across(&self, node: usize, side @ (axis, is_far): Side) -> Option<usize> {
         let Node { parent, .. } = self.nodes[node];
         if parent == NONE {
             return None;
         }
         let siblings = self.nodes[parent as usize].children as usize;
-        let bit = 1 << side.axis();
+        let bit = 1 << axis;
         let (place, mirrored) = (node - siblings, (node - siblings) ^ bit);
-        if (place & bit != 0) != side.is_far() {
+        if (place & bit != 0) != is_far {
             return Some(siblings + mirrored);
         }
         let across = self.across(parent as usize, side)?;
@@ -143,7 +118,7 @@ impl<'a> Quadtree<'a> {
             return;
         }
         let Node { first, size, .. } = self.nodes[node];
-        for side in Side::ALL {
+        for side in [(0, false), (0, true), (1, false), (1, true)] {
             if let Some(across) = self.neighbour(node, side).filter(|&a| self.nodes[a].size > size) {
                 self.split(across);
             }
