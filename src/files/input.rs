@@ -73,9 +73,6 @@ impl Input {
     }
 
     /// All bytes.
-    ///
-    /// # Errors
-    /// [`Error::Io`], or [`Error::Format`] beyond the limit.
     pub fn bytes(mut self) -> Result<Vec<u8>> {
         let expected = match &self.source {
             Source::File(_, size) => *size,
@@ -107,9 +104,6 @@ impl Read for Input {
 }
 
 /// All bytes of a regular file or of standard input; see [`Input::open`].
-///
-/// # Errors
-/// As [`Input::open`] and [`Input::bytes`].
 pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
     Input::open(path, limit)?.bytes()
 }
@@ -148,9 +142,6 @@ fn too_large(path: &Path, size: &str, limit: u64) -> Error {
 }
 
 /// The result of reading a file by `read`; a panic of the code that decodes it becomes an error of this file.
-///
-/// # Errors
-/// That of `read`, or [`Error::Format`] after a panic.
 pub fn guarded<T>(path: &Path, read: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|panic| {
         let why = panic.downcast_ref::<String>().map(String::as_str);

@@ -3,3 +3,5 @@
 
 pub mod analytic;
 pub mod matrix;
+#[cfg(test)]
+pub mod testing;

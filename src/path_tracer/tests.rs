@@ -1,5 +1,6 @@
 use super::*;
-use crate::form_factors::analytic::{parallel_rectangles, point_to_polygon};
+use crate::form_factors::analytic::point_to_polygon;
+use crate::form_factors::testing::{obstructed, opposed_rectangles};
 use crate::model::{Detail, testing::model};
 use crate::scene::testing::{Pieces, on_threads};
 use crate::scene::{Scene, SoupMaterial};
@@ -97,7 +98,7 @@ fn point_files_far_from_zero_keep_their_digits() {
     let points: Vec<Point> =
         grid(8, 0.0, DVec3::Z).into_iter().map(|p| Point { position: p.position + far, ..p }).collect();
     let (value, error) = mean(&run(&scene, &points, 256, false));
-    let want = PI * parallel_rectangles([[0.0, 1.0]; 2], [[0.0, 1.0]; 2], 1.0);
+    let want = PI * opposed_rectangles([1.0; 2], 1.0);
     // 64 midpoints approximate the mean over the area.
     assert!((value - want).abs() < 4.0 * error + 2e-3 * want, "{value} ± {error} instead of {want}");
 }
@@ -131,16 +132,6 @@ fn one_bounce_between_parallel_squares() {
         [sum / cells.len() as f64; 3]
     };
     check(&found, want, 0.1);
-}
-
-/// Published value of a partly blocked pair: the first column that has one.
-fn obstructed(id: &str, quantity: &str) -> f64 {
-    let text = include_str!("../../tests/validation/viewfactors_obstructed.csv");
-    let mut reader =
-        csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes());
-    let row = reader.records().map(|r| r.expect("a row")).find(|r| &r[0] == id && &r[2] == quantity);
-    let row = row.expect("the row is there");
-    row[5].parse().or_else(|_| row[3].parse()).expect("a number")
 }
 
 /// Mean irradiance of a unit square at `z = 0` from a unit square at `z = 1` of radiance 1/π with a black plate

@@ -1,8 +1,6 @@
 //! Comparison of two irradiance files.
 
-#[cfg(any(test, feature = "internals"))]
 use super::Irradiance;
-#[cfg(any(test, feature = "internals"))]
 use crate::{Error, Result};
 
 /// Differences between two irradiance files over all points and channels.
@@ -27,7 +25,6 @@ pub struct Comparison {
 
 impl Comparison {
     /// Percentages that [`Comparison::percentiles`] belong to.
-    #[cfg(any(test, feature = "internals"))]
     pub const SHARES: [f64; 4] = [50.0, 90.0, 99.0, 100.0];
 }
 
@@ -38,7 +35,6 @@ impl Comparison {
 /// # Errors
 /// [`Error::Argument`] unless both hold the same points in the same order; positions may differ by 1e-5 of the points'
 /// extent (rounded digits).
-#[cfg(any(test, feature = "internals"))]
 pub fn compare(reference: &Irradiance, test: &Irradiance) -> Result<Comparison> {
     let (a, b) = (&reference.points, &test.points);
     if a.len() != b.len() {

@@ -41,9 +41,6 @@ pub fn read_irradiance(path: &Path) -> Result<Irradiance> {
 }
 
 /// Reads the content of an irradiance file.
-///
-/// # Errors
-/// As for [`read_irradiance`].
 pub fn irradiance_of(path: &Path, file: impl Read) -> Result<Irradiance> {
     let mut out = Irradiance::default();
     let columns: Vec<&str> = POINT.into_iter().chain(VALUE).collect();

@@ -8,9 +8,6 @@ use std::path::Path;
 /// Writes an irradiance file, completely or not at all. Numbers have the fewest digits that read back as the same f64.
 /// `illuminance` gives the value of a last column, `E_lx`, from RGB.
 ///
-/// # Errors
-/// [`Error::Io`] if the file cannot be written.
-///
 /// # Panics
 /// If the entries of `irradiance` differ in length.
 pub fn write_irradiance(

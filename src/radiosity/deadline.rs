@@ -26,7 +26,6 @@ pub const RAY_SHARE: f64 = 0.5;
 pub const GATHER_SHARE: f64 = 0.8;
 /// Part of the time of a point query that its rays are planned for: the estimate comes from a sample of points, so
 /// that a fifth is kept for its error.
-#[cfg(any(test, feature = "reports"))]
 pub const QUERY_SHARE: f64 = 0.8;
 
 /// The time limit of a piece of work. Inner loops ask for it every few milliseconds.

@@ -24,15 +24,7 @@ mod surroundings;
 mod tests;
 mod transport;
 
-#[cfg(feature = "reports")]
 pub(crate) use audit::Ledger;
-#[cfg(any(test, feature = "reports"))]
 pub use audit::Powers;
-#[cfg(any(test, feature = "internals"))]
-pub use options::{Inside, Oracle, RowSums, View};
-pub use options::{Options, Visibility};
-#[cfg(any(test, feature = "reports"))]
-pub use pipeline::Seconds;
-pub use pipeline::{Outcome, Record, Solution, solve};
-#[cfg(any(test, feature = "internals"))]
-pub use pipeline::{PointLight, run};
+pub use options::{Inside, Options, Oracle, RowSums, View, Visibility};
+pub use pipeline::{Outcome, PointLight, Record, Seconds, Solution, run, solve};

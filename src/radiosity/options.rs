@@ -24,7 +24,6 @@ pub enum Visibility {
 pub enum RowSums {
     /// No normalisation: the sums that sampling gave. The record always reports them; solving with them shows what
     /// normalisation changes.
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     Sampled,
     /// Along links each leaf has one factor for what it gathers and what it sends (Sinkhorn and Knopp 1967); by rays it exchanges what its sum
     /// lacks with itself. Exchange stays reciprocal, and no energy is created.
@@ -39,7 +38,6 @@ pub enum Inside {
     /// Surfaces face all directions alike and hide nothing: the cluster kernel of Sillion (1995), a quarter of the area.
     Isotropic,
     /// Surfaces have orientations and hide nothing: more light arrives than the silhouette of the cluster lets in.
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     Oriented,
     /// Segments end on the surfaces: surfaces that the cluster hides receive nothing, and no energy is created.
     #[default]
@@ -54,7 +52,6 @@ pub enum Oracle {
     #[default]
     Error,
     /// All irradiance that the link carries: BF refinement [Hanrahan, Salzman and Aupperle 1991].
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     Bf,
 }
 

@@ -80,7 +80,7 @@ pub(crate) fn add_coarse(
     // A position in f64, one in f32, Embree's, and its tree.
     memory::check_room(80 * (columns * rows) as u64, || "samples of the terrain".into())?;
     let position = |column: usize, row: usize| grid.map_position(column, row);
-    let (mesh, pieces) = terrain::coarse(grid, triangles)?;
+    let (mesh, pieces) = terrain::coarse(grid, triangles);
     let (vertex, polygon) = (soup.positions.len() as u32, soup.polygons() as u32);
     soup.positions.extend(mesh.vertices.iter().map(|v| position(v[0] as usize, v[1] as usize)));
     for corners in &mesh.triangles {

@@ -65,9 +65,6 @@ impl Environment {
     }
 
     /// Suns alone, in a scene with this upward axis.
-    ///
-    /// # Errors
-    /// [`Error::Argument`](crate::Error::Argument) if `up` is no direction.
     pub fn of_suns(up: DVec3, suns: Vec<Sun>) -> Result<Environment> {
         let frame = Frame::upright(up)?;
         let notes = vec![frame.note(), notes_of_suns(&frame, OF_FILE, &suns)];
@@ -92,11 +89,6 @@ impl Environment {
     /// The suns.
     pub fn suns(&self) -> &[Sun] {
         &self.suns
-    }
-
-    /// Radiance of the ground below the horizon, W/(m² sr).
-    pub fn ground_radiance(&self) -> [f64; 3] {
-        self.ground
     }
 
     /// Whether no light comes from below the horizon.
@@ -152,7 +144,7 @@ impl Environment {
 
     /// Irradiance of an unobstructed plane with a unit normal by sky and ground, W/m², to 0.05 %.
     pub fn sky_irradiance(&self, normal: DVec3) -> [f64; 3] {
-        self.patches.irradiance(normal)
+        self.patches.irradiance_to(0.0, normal)
     }
 
     /// The same from a table, for many planes: it adds at most a thousandth of the irradiance of a horizontal plane if the sky has no sun in it.

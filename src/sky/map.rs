@@ -69,9 +69,6 @@ impl SkyMap {
     }
 
     /// A map of rows of texels, W/(m² sr) or relative, from the top.
-    ///
-    /// # Errors
-    /// What is wrong with it, in words.
     pub fn new(width: usize, height: usize, texels: Vec<[f32; 3]>, north: f64) -> Result<SkyMap, String> {
         let span = match width {
             _ if height > 0 && width == 2 * height => PI,

@@ -33,7 +33,6 @@ mod tests;
 
 pub use environment::Environment;
 pub use options::SkyOptions;
-#[cfg(any(test, feature = "internals"))]
 pub use parse::SkyModel;
 pub use sun::Sun;
 #[cfg(test)]

@@ -30,79 +30,57 @@ impl Amount {
     }
 }
 
-/// Sky and sun as a user describes them. All fields of `sky.toml` have the names of the fields here.
-#[derive(Clone, Debug, serde::Deserialize)]
-#[serde(default, deny_unknown_fields)]
-#[non_exhaustive]
-pub struct SkyOptions {
-    /// The radiance of the sky.
-    #[serde(deserialize_with = "sky")]
-    pub sky: (SkyModel, Option<f64>),
-    /// A map that multiplies the model.
-    pub map: Option<PathBuf>,
-    /// Azimuth of the centre column of a map, degrees; default 0, north.
-    pub map_north: f64,
-    /// The sun.
-    #[serde(deserialize_with = "from_text")]
-    pub sun: SunChoice,
-    /// Angular diameter of the sun, degrees, above 0, at most 90; default 0.533.
-    pub sun_diameter: f64,
-    /// The place for the sun's position.
-    #[serde(deserialize_with = "place")]
-    pub place: Option<Place>,
-    /// The time for the sun's position.
-    #[serde(deserialize_with = "time")]
-    pub time: Option<Moment>,
-    /// Normal irradiance of the sun, W/m² (lx if photometric).
-    #[serde(deserialize_with = "amount")]
-    pub direct_normal: Option<Amount>,
-    /// Horizontal irradiance of the sky alone, W/m² (lx if photometric). Without any level the skies `uniform`, `overcast` and `cie` have 1, so that
-    /// irradiances are daylight factors, and a map alone has its own values. It replaces the
-    /// irradiance of `perez` and `clear`, as three numbers for their colour.
-    #[serde(deserialize_with = "amount")]
-    pub diffuse_horizontal: Option<Amount>,
-    /// Radiance at the zenith, W/(m² sr) (cd/m² if photometric), instead of `diffuse_horizontal`.
-    pub zenith: Option<f64>,
-    /// Diffuse reflectance of the ground below the horizon, 0 to 1; default 0: black.
-    #[serde(deserialize_with = "amount")]
-    pub ground: Option<Amount>,
-    /// Direction of north in scene coordinates, horizontal; default +y below +z, −z below +y.
-    pub north: Option<[f64; 3]>,
-    /// Dew point, °C, for the luminous efficacy; default 11: 2 cm of precipitable water, as in Radiance's gendaylit.
-    pub dew_point: f64,
-    /// Pressure of the air, hPa, for refraction; default: standard atmosphere at the altitude.
-    pub pressure: Option<f64>,
-    /// Temperature of the air, °C, for refraction; default 12.
-    pub temperature: f64,
-    /// Whether light is in lx and cd/m² instead of W/m² and W/(m² sr). Irradiances of `perez` and `clear` then become illuminances by the luminous
-    /// efficacies of Perez; all other values are in these units.
-    pub photometric: bool,
-    /// The file that this was read from.
-    #[serde(skip)]
-    pub(super) file: Option<PathBuf>,
-}
-
-impl Default for SkyOptions {
-    fn default() -> SkyOptions {
-        SkyOptions {
-            sky: (SkyModel::None, None),
-            map: None,
-            map_north: 0.0,
-            sun: SunChoice::Auto,
-            sun_diameter: SUN_DIAMETER,
-            place: None,
-            time: None,
-            direct_normal: None,
-            diffuse_horizontal: None,
-            zenith: None,
-            ground: None,
-            north: None,
-            dew_point: 11.0,
-            pressure: None,
-            temperature: Air::default().temperature,
-            photometric: false,
-            file: None,
-        }
+options! {
+    /// Sky and sun as a user describes them. All fields of `sky.toml` have the names of the fields here.
+    #[derive(Clone, Debug, serde::Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    #[non_exhaustive]
+    pub struct SkyOptions {
+        /// The radiance of the sky.
+        #[serde(deserialize_with = "sky")]
+        pub sky: (SkyModel, Option<f64>) = (SkyModel::None, None),
+        /// A map that multiplies the model.
+        pub map: Option<PathBuf> = None,
+        /// Azimuth of the centre column of a map, degrees; default 0, north.
+        pub map_north: f64 = 0.0,
+        /// The sun.
+        #[serde(deserialize_with = "from_text")]
+        pub sun: SunChoice = SunChoice::Auto,
+        /// Angular diameter of the sun, degrees, above 0, at most 90; default 0.533.
+        pub sun_diameter: f64 = SUN_DIAMETER,
+        /// The place for the sun's position.
+        #[serde(deserialize_with = "place")]
+        pub place: Option<Place> = None,
+        /// The time for the sun's position.
+        #[serde(deserialize_with = "time")]
+        pub time: Option<Moment> = None,
+        /// Normal irradiance of the sun, W/m² (lx if photometric).
+        #[serde(deserialize_with = "amount")]
+        pub direct_normal: Option<Amount> = None,
+        /// Horizontal irradiance of the sky alone, W/m² (lx if photometric). Without any level the skies `uniform`, `overcast` and `cie` have 1, so that
+        /// irradiances are daylight factors, and a map alone has its own values. It replaces the
+        /// irradiance of `perez` and `clear`, as three numbers for their colour.
+        #[serde(deserialize_with = "amount")]
+        pub diffuse_horizontal: Option<Amount> = None,
+        /// Radiance at the zenith, W/(m² sr) (cd/m² if photometric), instead of `diffuse_horizontal`.
+        pub zenith: Option<f64> = None,
+        /// Diffuse reflectance of the ground below the horizon, 0 to 1; default 0: black.
+        #[serde(deserialize_with = "amount")]
+        pub ground: Option<Amount> = None,
+        /// Direction of north in scene coordinates, horizontal; default +y below +z, −z below +y.
+        pub north: Option<[f64; 3]> = None,
+        /// Dew point, °C, for the luminous efficacy; default 11: 2 cm of precipitable water, as in Radiance's gendaylit.
+        pub dew_point: f64 = 11.0,
+        /// Pressure of the air, hPa, for refraction; default: standard atmosphere at the altitude.
+        pub pressure: Option<f64> = None,
+        /// Temperature of the air, °C, for refraction; default 12.
+        pub temperature: f64 = Air::default().temperature,
+        /// Whether light is in lx and cd/m² instead of W/m² and W/(m² sr). Irradiances of `perez` and `clear` then become illuminances by the luminous
+        /// efficacies of Perez; all other values are in these units.
+        pub photometric: bool = false,
+        /// The file that this was read from.
+        #[serde(skip)]
+        pub(super) file: Option<PathBuf> = None,
     }
 }
 
@@ -175,27 +153,18 @@ impl SkyOptions {
     }
 
     /// The sun from a short text: `auto`, `none`, `AZIMUTH,ELEVATION` in degrees or `X,Y,Z`, the last two with `:E` for a normal irradiance.
-    ///
-    /// # Errors
-    /// [`Error::Argument`].
     pub(crate) fn with_sun(mut self, text: &str) -> Result<SkyOptions> {
         self.sun = parsed("sun", text)?;
         Ok(self)
     }
 
     /// The place as `LATITUDE,LONGITUDE` or `LATITUDE,LONGITUDE,ALTITUDE`: degrees north and east, metres.
-    ///
-    /// # Errors
-    /// [`Error::Argument`].
     pub(crate) fn with_place(mut self, text: &str) -> Result<SkyOptions> {
         self.place = Some(parsed("place", text)?);
         Ok(self)
     }
 
     /// The time as in `2026-06-21T12:00+02:00` or `2026-06-21T10:00Z`.
-    ///
-    /// # Errors
-    /// [`Error::Argument`].
     pub(crate) fn with_time(mut self, text: &str) -> Result<SkyOptions> {
         self.time = Some(parsed("time", text)?);
         Ok(self)

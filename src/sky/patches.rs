@@ -256,12 +256,8 @@ impl Patches {
         }
     }
 
-    /// Irradiance of a plane with a unit normal in scene coordinates, W/m², by the mean radiance of the finest patches.
-    pub fn irradiance(&self, normal: DVec3) -> [f64; 3] {
-        self.irradiance_to(0.0, normal)
-    }
-
-    /// The same, but patches on the plane's horizon are not clipped if all their light gives a plane at most a part `detail` of the irradiance of a
+    /// Irradiance of a plane with a unit normal in scene coordinates, W/m², by the mean radiance of the finest patches. Patches on the plane's horizon are
+    /// not clipped if all their light gives a plane at most a part `detail` of the irradiance of a
     /// horizontal one when they are half the side of a square above its horizon. Each then errs by less than half of that, most by a tenth.
     pub fn irradiance_to(&self, detail: f64, normal: DVec3) -> [f64; 3] {
         let of = |c: usize| self.roots().map(|k| self.patch(k).flow[c].dot(self.frame.up).abs()).sum::<f64>();
@@ -271,7 +267,7 @@ impl Patches {
         sum
     }
 
-    /// The part of [`Patches::irradiance`] by one patch.
+    /// The part of [`Patches::irradiance_to`] a detail of 0 by one patch.
     pub fn irradiance_of(&self, k: u32, normal: DVec3) -> [f64; 3] {
         let mut sum = [0.0; 3];
         self.add_irradiance(k, normal, [0.0; 3], &mut sum);

@@ -1,8 +1,7 @@
 //! Large grids as fewer triangles: the leaves of a restricted quadtree, smaller where the ground is rough.
 
 use super::Grid;
-use super::quadtree::{Node, Quadtree, Side};
-use crate::Result;
+use super::quadtree::{Node, Quadtree};
 use glam::Vec3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -43,10 +42,7 @@ pub struct Piece {
 
 /// The triangles and pieces of a grid with about so many triangles, where they are nearest to the samples. Cells that are in no piece have their own two
 /// triangles.
-///
-/// # Errors
-/// [`Error::Argument`](crate::Error::Argument) if the sides of the grid are out of range.
-pub fn coarse(grid: &Grid, triangles: usize) -> Result<(Mesh, Vec<Piece>)> {
+pub fn coarse(grid: &Grid, triangles: usize) -> (Mesh, Vec<Piece>) {
     let levels = errors(grid);
     let (mut finite, with_holes): (Vec<f32>, Vec<f32>) =
         levels.iter().flat_map(|level| &level.errors).copied().partition(|error| error.is_finite());
@@ -68,7 +64,7 @@ pub fn coarse(grid: &Grid, triangles: usize) -> Result<(Mesh, Vec<Piece>)> {
         let [column, row] = node.first.map(|at| (at / node.size) as usize);
         f64::from(level.errors[row * level.columns + column])
     };
-    let tree = Quadtree::refine(grid, error, limit)?;
+    let tree = Quadtree::refine(grid, error, limit);
     let mesh = tree.mesh();
     let mut pieces: Vec<Piece> = Vec::new();
     let mut start = 0;
@@ -83,7 +79,7 @@ pub fn coarse(grid: &Grid, triangles: usize) -> Result<(Mesh, Vec<Piece>)> {
         }
     }
     pieces.par_iter_mut().for_each(|piece| piece.error = piece.largest_distance(grid, &mesh));
-    Ok((mesh, pieces))
+    (mesh, pieces)
 }
 
 impl Piece {
@@ -226,10 +222,10 @@ impl Quadtree<'_> {
         let mut polygon = Vec::with_capacity(8);
         let mut apex = 0;
         let sides = [
-            (Side::South, [west, south], [middle[0], south], middle[0] < east),
-            (Side::East, [east, south], [east, middle[1]], middle[1] < south),
-            (Side::North, [east, north], [middle[0], north], middle[0] < east),
-            (Side::West, [west, north], [west, middle[1]], middle[1] < south),
+            ((1, true), [west, south], [middle[0], south], middle[0] < east),
+            ((0, true), [east, south], [east, middle[1]], middle[1] < south),
+            ((1, false), [east, north], [middle[0], north], middle[0] < east),
+            ((0, false), [west, north], [west, middle[1]], middle[1] < south),
         ];
         for (side, corner, between, is_inside) in sides {
             polygon.push(corner);

@@ -6,9 +6,6 @@ use rayon::prelude::*;
 
 /// A grid of `columns × rows` samples at the distance `cell` in m, whose heights are a function of the distances from the middle
 /// towards east and north, m.
-///
-/// # Errors
-/// [`Error::Argument`](crate::Error::Argument) as for [`Grid::new`].
 pub fn of(columns: usize, rows: usize, cell: f64, height: impl Fn(f64, f64) -> f64 + Sync) -> Result<Grid> {
     super::grid::check_sides(columns, rows).map_err(crate::Error::arguments)?;
     let (x0, y0) = (0.5 * (columns - 1) as f64, 0.5 * (rows - 1) as f64);
@@ -23,9 +20,6 @@ pub fn of(columns: usize, rows: usize, cell: f64, height: impl Fn(f64, f64) -> f
 
 /// A square plane that falls towards `azimuth` (radians from north over east) with `inclination` (radians). Sky view factor of
 /// all samples: (1 + cos inclination)/2.
-///
-/// # Errors
-/// As for [`of`].
 #[cfg(test)]
 pub fn plane(side: usize, cell: f64, inclination: f64, azimuth: f64) -> Result<Grid> {
     let fall = inclination.tan();
@@ -35,9 +29,6 @@ pub fn plane(side: usize, cell: f64, inclination: f64, azimuth: f64) -> Result<G
 /// A V-shaped valley from south to north, whose sides rise with `inclination` (radians) to the east and west borders. Sky view
 /// factor of a sample of a side, from which the top of the other side has the elevation e across the valley: (1 + cos(inclination
 /// + e))/2; at the bottom: cos inclination.
-///
-/// # Errors
-/// As for [`of`].
 #[cfg(test)]
 pub fn valley(columns: usize, rows: usize, cell: f64, inclination: f64) -> Result<Grid> {
     of(columns, rows, cell, |x, _| x.abs() * inclination.tan())
@@ -46,9 +37,6 @@ pub fn valley(columns: usize, rows: usize, cell: f64, inclination: f64) -> Resul
 /// A street from south to north, `width` m wide, between walls of `height` m that rise within the distance of two samples; the
 /// walls reach the border. Sky view factor on the floor, where the walls have elevations e and f across the street: (cos e + cos
 /// f)/2.
-///
-/// # Errors
-/// As for [`of`].
 #[cfg(test)]
 pub fn canyon(columns: usize, rows: usize, cell: f64, width: f64, height: f64) -> Result<Grid> {
     // The wall's top edge is at half the width, also if rounding moves a sample.
@@ -57,18 +45,12 @@ pub fn canyon(columns: usize, rows: usize, cell: f64, width: f64, height: f64) -
 
 /// A round courtyard of `radius` m between walls of `height` m. Sky view factor in the middle of the floor: radius²/(radius² +
 /// height²).
-///
-/// # Errors
-/// As for [`of`].
 #[cfg(test)]
 pub fn courtyard(side: usize, cell: f64, radius: f64, height: f64) -> Result<Grid> {
     of(side, side, cell, |x, y| if x.hypot(y) >= radius * (1.0 - 1e-9) { height } else { 0.0 })
 }
 
 /// Mountains and valleys on a square of `side × side` samples, 20 m apart: [`fractal`] whose slopes are mostly between 10 and 35 degrees.
-///
-/// # Errors
-/// As for [`of`].
 pub fn mountains(side: usize, seed: u64) -> Result<Grid> {
     const CELL: f64 = 20.0;
     fractal(side, side, CELL, 0.5 * side as f64 * CELL, 0.45, seed)
@@ -76,9 +58,6 @@ pub fn mountains(side: usize, seed: u64) -> Result<Grid> {
 
 /// Rough terrain: a sum of smooth noises, each with half the wavelength of the one before, down to two samples, and `roughness`
 /// (0..1) times its amplitude. The longest wavelength is the shorter side, its amplitude `relief` m.
-///
-/// # Errors
-/// As for [`of`].
 pub fn fractal(
     columns: usize,
     rows: usize,

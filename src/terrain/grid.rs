@@ -3,8 +3,6 @@
 use super::georeference::{GEOGRAPHIC, Georeference, MODEL_TYPE};
 use crate::{Error, Result, memory};
 use glam::DVec3;
-#[cfg(test)]
-use glam::Vec3;
 
 /// Largest number of columns or rows: positions along a line of samples, in columns with fractions, are exact to 1/128 of a
 /// column in f32.
@@ -98,7 +96,6 @@ impl Grid {
     }
 
     /// Where the grid is on the earth.
-    #[cfg(any(test, feature = "internals"))]
     pub fn georeference(&self) -> &Georeference {
         &self.georeference
     }
@@ -134,34 +131,6 @@ impl Grid {
     /// Number of samples without a height.
     pub fn holes(&self) -> usize {
         self.heights.iter().filter(|h| h.is_nan()).count()
-    }
-
-    /// Position of a sample, m; z is NaN in a hole.
-    #[cfg(test)]
-    pub fn position(&self, column: usize, row: usize) -> DVec3 {
-        let north = (self.rows - 1 - row) as f64;
-        DVec3::new(column as f64 * self.cell[0], north * self.cell[1], f64::from(self.height(column, row)))
-    }
-
-    /// Unit normal of the surface at a sample, from the central differences of its neighbours; at borders and beside holes from
-    /// the differences on one side. Horizontal if there are none.
-    #[cfg(test)]
-    pub fn normal(&self, column: usize, row: usize) -> Vec3 {
-        let at = |c: usize, r: usize| self.height(c, r);
-        let here = at(column, row);
-        let east = slope(
-            column.checked_sub(1).map_or(f32::NAN, |c| at(c, row)),
-            here,
-            if column + 1 < self.columns { at(column + 1, row) } else { f32::NAN },
-            1.0 / self.cell[0] as f32,
-        );
-        let south = slope(
-            row.checked_sub(1).map_or(f32::NAN, |r| at(column, r)),
-            here,
-            if row + 1 < self.rows { at(column, row + 1) } else { f32::NAN },
-            1.0 / self.cell[1] as f32,
-        );
-        Vec3::new(-east, south, 1.0).normalize()
     }
 
     /// The grid with columns and rows exchanged, without georeference: its x axis points to the south of this grid, its rows lie

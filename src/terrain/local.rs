@@ -32,7 +32,8 @@ impl<'a> Slopes<'a> {
         Slopes { above, here: line(row), below, scale: grid.cell().map(|d| 1.0 / d as f32) }
     }
 
-    /// Slopes along increasing columns and rows at a column, see [`Grid::normal`].
+    /// Slopes along increasing columns and rows at a column, from the central differences of its neighbours; at borders and beside holes from the
+    /// differences on one side, 0 if there are none.
     #[inline]
     pub fn at(&self, c: usize) -> [f32; 2] {
         let get = |line: &[f32], c: usize| line.get(c).copied().unwrap_or(f32::NAN);

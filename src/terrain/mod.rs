@@ -9,45 +9,34 @@
 //! are in radians from north over east.
 
 mod coarse;
-#[cfg(any(test, feature = "internals"))]
 mod generate;
 mod georeference;
 mod grid;
 mod local;
 mod numpy;
-#[cfg(test)]
-mod pyramid;
 mod quadtree;
-#[allow(dead_code)] // Without the command, for the solver.
 mod quantities;
 mod read;
-#[allow(dead_code)] // Without the command, for the solver.
 mod sky;
-#[allow(dead_code)] // Without the command, for the solver.
 mod sweep;
 #[cfg(test)]
 mod tests;
-#[cfg(any(test, feature = "internals"))]
+#[cfg(feature = "internals")]
 mod write;
 
 pub use coarse::{Mesh, Piece, coarse, triangle_at};
-#[cfg(any(test, feature = "internals"))]
 pub use generate::mountains;
 pub use georeference::Georeference;
 pub use grid::Grid;
-#[cfg(any(test, feature = "internals"))]
 pub use quantities::{Sun, horizon, sky_view_factor, sunlit};
 pub use read::{Loaded, ReadOptions, read};
-#[cfg(any(test, feature = "internals"))]
 pub use sky::{Light, irradiance};
-pub use sweep::EARTH_RADIUS;
-#[cfg(any(test, feature = "internals"))]
-pub use sweep::SweepOptions;
-#[cfg(any(test, feature = "internals"))]
+pub use sweep::{EARTH_RADIUS, SweepOptions};
+#[cfg(feature = "internals")]
 pub use write::{Layer, write_geotiff, write_npz, write_png};
 #[cfg(test)]
 use {
     generate::{canyon, courtyard, fractal, plane, valley},
-    pyramid::Pyramid,
-    quadtree::{Node, Quadtree, Side},
+    local::{Slopes, Tilt},
+    quadtree::{Node, Quadtree},
 };

@@ -16,9 +16,6 @@ pub struct Array {
 }
 
 /// Reads a `.npy` file of real numbers.
-///
-/// # Errors
-/// [`Error::Format`] with `path`.
 pub fn read_npy(path: &Path, bytes: &[u8]) -> Result<Array> {
     let fail = |what: String| Error::format(path, None, what);
     let cut = || fail("is cut off, or no NumPy array".into());
@@ -98,9 +95,6 @@ fn decoder(kind: &str) -> Option<(usize, Decode)> {
 }
 
 /// Reads the only array of two dimensions of an archive, or the one named `heights`, `elevation`, `dem` or `z`.
-///
-/// # Errors
-/// [`Error::Format`] with `path`.
 pub fn read_npz(path: &Path, bytes: &[u8]) -> Result<Array> {
     let broken = |e: rawzip::Error| Error::format(path, None, format!("cannot be read as an archive: {e}"));
     let archive = rawzip::ZipArchive::from_slice(bytes).map_err(broken)?;

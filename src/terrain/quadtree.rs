@@ -4,8 +4,6 @@
 //! edge, across, and down to the node that shares the edge.
 
 use super::Grid;
-use super::grid::check_sides;
-use crate::{Error, Result};
 
 /// No node.
 const NONE: u32 = u32::MAX;
@@ -29,33 +27,8 @@ impl Node {
     }
 }
 
-/// An edge of a square.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// Towards decreasing columns.
-    West,
-    /// Towards increasing columns.
-    East,
-    /// Towards decreasing rows.
-    North,
-    /// Towards increasing rows.
-    South,
-}
-
-impl Side {
-    /// All sides.
-    pub const ALL: [Side; 4] = [Side::West, Side::East, Side::North, Side::South];
-
-    /// 0 for an edge of constant column, 1 for one of constant row.
-    fn axis(self) -> usize {
-        usize::from(matches!(self, Side::North | Side::South))
-    }
-
-    /// Whether it is towards increasing columns or rows.
-    fn is_far(self) -> bool {
-        matches!(self, Side::East | Side::South)
-    }
-}
+/// An edge of a square: 0 for one of constant column, 1 for one of constant row, and whether it is towards increasing columns or rows.
+pub type Side = (usize, bool);
 
 /// The tree. Node 0 is the root; children come after their parents.
 pub struct Quadtree<'a> {
@@ -66,18 +39,7 @@ pub struct Quadtree<'a> {
 impl<'a> Quadtree<'a> {
     /// Splits nodes, from the root on, of which `error` exceeds `max_error`, down to single cells; neighbours are split as far as
     /// the restriction needs.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] if `max_error` is NaN.
-    pub fn refine(
-        grid: &'a Grid,
-        mut error: impl FnMut(&Node) -> f64,
-        max_error: f64,
-    ) -> Result<Quadtree<'a>> {
-        check_sides(grid.columns(), grid.rows()).map_err(Error::arguments)?;
-        if max_error.is_nan() {
-            return Err(Error::argument("max_error", max_error, "must be a number"));
-        }
+    pub fn refine(grid: &'a Grid, mut error: impl FnMut(&Node) -> f64, max_error: f64) -> Quadtree<'a> {
         let size = (grid.columns() - 1).max(grid.rows() - 1).next_power_of_two() as u32;
         let root = Node { first: [0, 0], size, parent: NONE, children: NONE };
         let mut tree = Quadtree { grid, nodes: vec![root] };
@@ -92,7 +54,7 @@ impl<'a> Quadtree<'a> {
             let children = tree.nodes[i].children as usize;
             open.extend((children..children + 4).rev());
         }
-        Ok(tree)
+        tree
     }
 
     /// All nodes, those beyond the grid included.
@@ -135,32 +97,19 @@ impl<'a> Quadtree<'a> {
         self.is_on_grid(across).then_some(across)
     }
 
-    fn across(&self, node: usize, side: Side) -> Option<usize> {
+    fn across(&self, node: usize, side @ (axis, is_far): Side) -> Option<usize> {
         let Node { parent, .. } = self.nodes[node];
         if parent == NONE {
             return None;
         }
         let siblings = self.nodes[parent as usize].children as usize;
-        let bit = 1 << side.axis();
+        let bit = 1 << axis;
         let (place, mirrored) = (node - siblings, (node - siblings) ^ bit);
-        if (place & bit != 0) != side.is_far() {
+        if (place & bit != 0) != is_far {
             return Some(siblings + mirrored);
         }
         let across = self.across(parent as usize, side)?;
         Some(self.children(across).map_or(across, |children| children[mirrored]))
-    }
-
-    /// The leaves across an edge: one that is as large or larger, or two that are half as large. Leaves beyond the border are
-    /// left out.
-    #[cfg(test)]
-    pub fn leaves_across(&self, leaf: usize, side: Side) -> impl Iterator<Item = usize> + '_ {
-        let across = self.neighbour(leaf, side);
-        let bit = 1usize << side.axis();
-        let near = if side.is_far() { 0 } else { bit };
-        let split = across.and_then(|a| self.children(a));
-        let whole = across.filter(|_| split.is_none());
-        let parts = split.into_iter().flatten().enumerate().filter(move |(k, _)| k & bit == near);
-        whole.into_iter().chain(parts.map(|(_, child)| child).filter(|&c| self.is_on_grid(c)))
     }
 
     /// Splits a leaf, and before it the neighbours that are larger.
@@ -169,7 +118,7 @@ impl<'a> Quadtree<'a> {
             return;
         }
         let Node { first, size, .. } = self.nodes[node];
-        for side in Side::ALL {
+        for side in [(0, false), (0, true), (1, false), (1, true)] {
             if let Some(across) = self.neighbour(node, side).filter(|&a| self.nodes[a].size > size) {
                 self.split(across);
             }

@@ -4,21 +4,12 @@
 //! F(q→p)`. The form factor of a point is that of a differential area around the point; its value equals the
 //! irradiance at the point for unit radiosity of the polygon. Occlusion is not considered here.
 
-#[cfg(test)]
-mod discs;
 mod far;
 mod pair;
 mod polygon;
-#[cfg(test)]
-mod rectangles;
 #[cfg(test)]
 mod tests;
 
 pub(crate) use far::point_to_far_polygon;
 pub use pair::{clip, polygon_to_polygon};
 pub use polygon::point_to_polygon;
-#[cfg(test)]
-pub use {
-    discs::{coaxial_discs, point_to_disc, point_to_sphere},
-    rectangles::{parallel_rectangles, perpendicular_rectangles},
-};

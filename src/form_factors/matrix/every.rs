@@ -4,7 +4,7 @@
 //! pairs are one low-discrepancy sequence, so that errors cancel in row sums. Large pairs get bundles of their own.
 
 use super::facets::Facet;
-use super::pair::{Buffers, CHANCE_CLASSES, Pairs, Row, Transmittance, exchange, mix_pair};
+use super::pair::{Buffers, CHANCE_CLASSES, Pairs, Row, Transmittance, exchange, mix_pair, segment};
 use crate::math::sampling::mix;
 use crate::ray::{LANES, Packet};
 
@@ -141,10 +141,9 @@ impl Pairs<'_> {
         let mut sequence = Sequence::new(self.settings.seed << 32 ^ u64::from(i));
         let (mut packet, mut owners, mut used) = (Packet::EMPTY, [(0usize, 0f64); LANES], 0);
         let mut trace = |packet: &mut Packet, owners: &[(usize, f64)], candidates: &mut [Candidate]| {
-            let mut blocked = [0];
-            self.traced.blocked(std::slice::from_ref(packet), &mut blocked);
+            let blocked = self.traced.blocked(packet);
             for (lane, &(k, weight)) in owners.iter().enumerate() {
-                candidates[k].tally.add(weight, blocked[0] >> lane & 1 == 0);
+                candidates[k].tally.add(weight, blocked >> lane & 1 == 0);
             }
             *rays += owners.len() as u64;
             *packet = Packet::EMPTY;
@@ -161,7 +160,8 @@ impl Pairs<'_> {
                 _ => 1,
             };
             for _ in 0..wanted {
-                let Some(weight) = self.segment((a, b), &mut sequence, &mut packet, used) else { continue };
+                let drawn = (0..MAX_DRAWS).find_map(|_| segment((a, b), sequence.next(), &mut packet, used));
+                let Some(weight) = drawn else { continue };
                 owners[used] = (k, weight);
                 used += 1;
                 if used == LANES {
@@ -173,32 +173,6 @@ impl Pairs<'_> {
         if used > 0 {
             trace(&mut packet, &owners[..used], candidates);
         }
-    }
-
-    /// Puts a ray between the fronts into a lane of a packet; returns its weight (transported flux), or `None` if no
-    /// draw finds points that face each other.
-    #[inline]
-    fn segment(
-        &self,
-        (a, b): (&Facet, &Facet),
-        sequence: &mut Sequence,
-        packet: &mut Packet,
-        lane: usize,
-    ) -> Option<f64> {
-        for _ in 0..MAX_DRAWS {
-            let [s, t, u, v] = sequence.next();
-            let ((p, m), (q, n)) = (a.point(s, t), b.point(u, v));
-            let to = (q - p).as_dvec3();
-            let (here, there) = (a.normal(m).dot(to), -b.normal(n).dot(to));
-            if here > 0.0 && there > 0.0 {
-                let rules = [a.end, b.end.seen_from(a.end)];
-                let start = rules[0].lifted(p, a.normal(m).as_vec3());
-                let end = rules[1].lifted(q, b.normal(n).as_vec3());
-                packet.set_lifted(lane, start, end, rules);
-                return Some(here * there / to.length_squared().powi(2));
-            }
-        }
-        None
     }
 }
 

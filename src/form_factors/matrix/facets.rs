@@ -48,15 +48,11 @@ pub(super) struct Facet {
 
 impl Facets {
     /// The facets of a scene.
-    #[cfg(any(test, feature = "internals"))]
     pub fn new(scene: &Scene) -> Facets {
         Facets::new_unless(scene, &()).expect("nobody stops")
     }
 
     /// The facets of a scene: groups its triangles by the polygons that they came from.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`] if `progress` stops it.
     pub fn new_unless(scene: &Scene, progress: &dyn Progress) -> Result<Facets> {
         let polygon = &scene.triangle_polygon;
         let mut first: Vec<u32> = (0..polygon.len())
@@ -94,7 +90,6 @@ impl Facets {
     }
 
     /// Object and material of each facet.
-    #[cfg(any(test, feature = "internals"))]
     pub fn labels(&self, scene: &Scene) -> Labels {
         let of = |list: &[u32]| (0..self.count()).map(|facet| list[self.triangle(facet)]).collect();
         Labels {

@@ -168,14 +168,15 @@ pub fn compute(
     }
     go_on(progress)?;
     progress.stage("form factors", 2 * facets.count() as u64);
-    let traced = Traced::new(model, facets);
+    let traced = Traced::new(model);
+    let pairs = pair::Pairs { traced: &traced, facets, settings, progress };
     let rows = model.ranks().rows(facets.count());
     let advance = || progress.advance(rows.steps(1) as u64);
     let found: Vec<discover::Found> = rows
         .numbers()
         .map_init(discover::Buffers::default, |buffers, i| {
             go_on(progress)?;
-            let found = discover::partners(&traced, facets, settings, i as u32, buffers, progress);
+            let found = pairs.partners(i as u32, buffers);
             advance();
             Ok(found)
         })
@@ -184,7 +185,6 @@ pub fn compute(
     let partners = discover::upper(&found, progress)?;
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
-    let pairs = pair::Pairs { traced: &traced, facets, settings, progress };
     let upper: Vec<pair::Row> = rows
         .numbers()
         .map_init(pair::Buffers::default, |buffers, i| {

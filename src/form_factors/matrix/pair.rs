@@ -65,7 +65,7 @@ fn chance(c: f64) -> usize {
     ((2.0 * c.log2()).floor() + 9.0).clamp(0.0, CHANCE_CLASSES as f64) as usize
 }
 
-/// Data shared by all pairs.
+/// Data shared by all facets and pairs.
 pub struct Pairs<'a> {
     pub traced: &'a Traced,
     pub facets: &'a Facets,
@@ -198,30 +198,20 @@ impl Pairs<'_> {
         let mut packet = Packet::EMPTY;
         let mut weights = [0f64; LANES];
         let mut trace = |packet: &mut Packet, weights: &mut [f64; LANES]| {
-            let mut blocked = [0];
-            self.traced.blocked(std::slice::from_ref(packet), &mut blocked);
-            any_blocked |= blocked[0] != 0;
+            let blocked = self.traced.blocked(packet);
+            any_blocked |= blocked != 0;
             for (lane, w) in weights.iter_mut().enumerate() {
                 all += *w;
                 squares += *w * *w;
-                clear += if blocked[0] >> lane & 1 == 0 { *w } else { 0.0 };
+                clear += if blocked >> lane & 1 == 0 { *w } else { 0.0 };
                 *w = 0.0;
             }
             *packet = Packet::EMPTY;
         };
-        for (k, [s, t, u, v]) in table.shifted(key).enumerate() {
-            let ((p, m), (q, n)) = (a.point(s, t), b.point(u, v));
-            let to = (q - p).as_dvec3();
-            let (here, there) = (a.normal(m).dot(to), -b.normal(n).dot(to));
-            if here > 0.0 && there > 0.0 {
-                let lane = k % LANES;
-                weights[lane] = here * there / to.length_squared().powi(2);
-                let rules = [a.end, b.end.seen_from(a.end)];
-                let start = rules[0].lifted(p, a.normal(m).as_vec3());
-                let end = rules[1].lifted(q, b.normal(n).as_vec3());
-                packet.set_lifted(lane, start, end, rules);
-            }
-            if k % LANES == LANES - 1 && !packet.is_empty() {
+        for (k, at) in table.shifted(key).enumerate() {
+            let lane = k % LANES;
+            weights[lane] = segment((a, b), at, &mut packet, lane).unwrap_or(0.0);
+            if lane == LANES - 1 && !packet.is_empty() {
                 trace(&mut packet, &mut weights);
             }
         }
@@ -239,6 +229,27 @@ impl Pairs<'_> {
     }
 }
 
+/// Puts a ray between points of the fronts of two facets into a lane of a packet; returns its weight (transported flux), or `None`
+/// if the points do not face each other.
+#[inline]
+pub fn segment(
+    (a, b): (&Facet, &Facet),
+    [s, t, u, v]: [f32; 4],
+    packet: &mut Packet,
+    lane: usize,
+) -> Option<f64> {
+    let ((p, m), (q, n)) = (a.point(s, t), b.point(u, v));
+    let to = (q - p).as_dvec3();
+    let (here, there) = (a.normal(m).dot(to), -b.normal(n).dot(to));
+    (here > 0.0 && there > 0.0).then(|| {
+        let rules = [a.end, b.end.seen_from(a.end)];
+        let start = rules[0].lifted(p, a.normal(m).as_vec3());
+        let end = rules[1].lifted(q, b.normal(n).as_vec3());
+        packet.set_lifted(lane, start, end, rules);
+        here * there / to.length_squared().powi(2)
+    })
+}
+
 #[derive(Clone, Copy)]
 pub struct Transmittance {
     pub value: f64,
@@ -250,9 +261,6 @@ pub struct Transmittance {
 /// Discovery rays are stratified, which makes discovery more likely than with independent rays, by a few percent where
 /// few rays are expected; the number of rays that hit a class is unbiased regardless (ratio estimator; Cochran 1977,
 /// chapter 6). [`BALANCE_PRIOR_RAYS`] are added to both counts, so that classes with few hits hardly change.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`] if `progress` stops it.
 pub fn balance(rows: &mut [Row], progress: &dyn Progress) -> Result<()> {
     let mut tally: Tally = Default::default();
     for row in &*rows {

@@ -1,6 +1,6 @@
 //! The traced scene, and sample points on facets.
 
-use super::facets::{Facet, Facets};
+use super::facets::Facet;
 use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::math::sampling::mix;
 use crate::math::triangle_normal;
@@ -20,18 +20,15 @@ pub struct Traced {
     scene: CommittedScene,
     /// Unit normals of triangles.
     pub normals: Vec<Vec3>,
-    /// Facet of each triangle.
-    pub facet: Vec<u32>,
 }
 
 impl Traced {
-    pub fn new(model: &Model, facets: &Facets) -> Traced {
+    pub fn new(model: &Model) -> Traced {
         let scene = model.scene();
         let corners = (0..scene.triangles.len() as u32).map(|t| scene.corners(t));
         Traced {
             scene: model.traced().clone(),
             normals: corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect(),
-            facet: (0..scene.triangles.len() as u32).map(|t| facets.of_triangle(t)).collect(),
         }
     }
 
@@ -39,9 +36,17 @@ impl Traced {
         self.scene.first_hits(TRAVERSAL, packets, hits);
     }
 
-    pub fn blocked(&self, packets: &[Packet], blocked: &mut [u32]) {
-        let width = if packets.iter().all(|p| p.active >> 4 == 0) { 4 } else { TRAVERSAL.width };
-        self.scene.occluded_by(Traversal { width, ..TRAVERSAL }, u32::MAX, packets, blocked);
+    /// The lanes of a packet that are blocked.
+    pub fn blocked(&self, packet: &Packet) -> u32 {
+        let width = if packet.active >> 4 == 0 { 4 } else { TRAVERSAL.width };
+        let mut blocked = [0];
+        self.scene.occluded_by(
+            Traversal { width, ..TRAVERSAL },
+            u32::MAX,
+            std::slice::from_ref(packet),
+            &mut blocked,
+        );
+        blocked[0]
     }
 }
 

@@ -74,9 +74,6 @@ impl FormFactors {
 }
 
 /// The matrix of groups: `F(G→H) = Σ_{i in G} A_i Σ_{j in H} F_ij / A_G`.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`] if `progress` stops it.
 pub fn by_groups(
     faces: FormFactors,
     scene: &Scene,
@@ -142,9 +139,6 @@ pub enum Grouping {
 }
 
 /// Assembles the full matrix from its upper half, adjusted if [`Settings::enforce`] is set, with its statistics.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`] if `progress` stops it.
 pub fn assemble(
     facets: &Facets,
     mut upper: Vec<Row>,

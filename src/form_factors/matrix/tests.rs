@@ -1,7 +1,8 @@
 use super::rays::Traced;
 use super::*;
 use crate::embree::Hits;
-use crate::form_factors::analytic::perpendicular_rectangles;
+use crate::form_factors::analytic::polygon_to_polygon;
+use crate::form_factors::testing::{obstructed, opposed_rectangles, quad, unobstructed};
 use crate::model::{Detail, testing::model};
 use crate::ray::Packet;
 use crate::scene::Scene;
@@ -49,27 +50,14 @@ fn polygons_that_see_all_of_each_other_have_closed_forms() {
     ]);
     let (m, report) = run(&scene, |_| ());
     assert_eq!(m.len(), 3, "a quad is one facet");
-    near(
-        m.get(0, 1),
-        perpendicular_rectangles([[0.0, 2.0], [0.0, 1.0]], [[0.0, 1.5], [0.0, 1.0]]),
-        1e-6,
-        "floor",
-    );
+    let (floor, wall) =
+        (quad(DVec3::ZERO, 2.0 * DVec3::X, DVec3::Y), quad(DVec3::ZERO, DVec3::Y, 1.5 * DVec3::Z));
+    near(m.get(0, 1), polygon_to_polygon(&floor, &wall), 1e-6, "floor");
     near(m.get(1, 0) * 1.5, m.get(0, 1) * 2.0, 1e-6, "reciprocity");
     near(m.get(1, 0), m.get(1, 2), 1e-6, "symmetry");
     // The rest escapes, as measured by discovery rays.
     assert!(report.row_sum_error < 2e-3, "{}", report.row_sum_error);
     assert_eq!((report.closed_rows, report.closure_steps > 1), (0, false), "open rows are left alone");
-}
-
-/// Published value of an obstructed case.
-fn published(id: &str, quantity: &str) -> f64 {
-    let text = include_str!("../../../tests/validation/viewfactors_obstructed.csv");
-    let mut reader =
-        csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes());
-    let row = reader.records().map(|r| r.expect("a row")).find(|r| &r[0] == id && &r[2] == quantity);
-    let row = row.expect("the row is there");
-    row[5].parse().or_else(|_| row[3].parse()).expect("a number")
 }
 
 #[test]
@@ -83,14 +71,14 @@ fn published_obstructed_pairs_at_default_settings() {
         ])
     };
     let (shapiro, _) = run(&plates(dvec3(0.25, 0.25, 0.75), 0.5), |_| ());
-    let facing = |quantity| published("facet_shapiro", quantity);
+    let facing = |quantity| obstructed("facet_shapiro", quantity);
     near(shapiro.get(1, 0), facing("F(y=1 -> y=0)"), 5e-3, "blocked");
     near(shapiro.get(3, 0), facing("F(obstruction side facing y=0 -> y=0)"), 1e-3, "below");
     near(shapiro.get(2, 1), facing("F(obstruction side facing y=1 -> y=1)"), 1e-3, "above");
     let (corner, _) = run(&plates(dvec3(0.0, 0.0, 0.5), 0.5), |_| ());
-    near(corner.get(0, 1), published("view3d_square_obstruction", "F(z=0 -> z=1)"), 5e-3, "corner");
+    near(corner.get(0, 1), obstructed("view3d_square_obstruction", "F(z=0 -> z=1)"), 5e-3, "corner");
     let (centred, _) = run(&plates(dvec3(0.25, 0.25, 0.5), 0.5), |_| ());
-    near(centred.get(0, 1), published("centred_half_obstruction", "F12"), 5e-3, "centred");
+    near(centred.get(0, 1), obstructed("centred_half_obstruction", "F12"), 5e-3, "centred");
     let (all, _) = run(&plates(dvec3(-0.1, -0.1, 0.5), 1.2), |_| ());
     assert_eq!(all.get(0, 1), 0.0, "fully blocked");
 }
@@ -143,7 +131,7 @@ fn a_room_cut_into_facets_has_sums_of_closed_forms() {
 /// forms and transmittances.
 fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
     let facets = Facets::new(scene);
-    let traced = Traced::new(&model(scene, Detail::Rays), &facets);
+    let traced = Traced::new(&model(scene, Detail::Rays));
     let mut counts = vec![0.0; facets.count()];
     let from = facets.get(i);
     let mut random = (0u64..)
@@ -165,7 +153,7 @@ fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
         let mut hits = [Hits::NONE];
         traced.first_hits(&[packet], &mut hits);
         for t in hits[0].triangle {
-            counts[traced.facet[t as usize] as usize] += 1.0 / rays as f64;
+            counts[facets.of_triangle(t) as usize] += 1.0 / rays as f64;
         }
     }
     counts

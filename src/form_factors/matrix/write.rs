@@ -23,9 +23,6 @@ pub enum Format {
 
 impl Format {
     /// The format of a file name extension.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] if the extension is not `npz`, `csv` or `mtx`.
     pub fn of(path: &Path) -> Result<Format> {
         match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
             "npz" => Ok(Format::Npz),
@@ -43,9 +40,6 @@ impl Labels {
 }
 
 /// Writes a matrix, completely or not at all. `labels`: those of the facets, if the rows are facets.
-///
-/// # Errors
-/// [`Error::Io`] if the file cannot be written.
 pub fn write(path: &Path, matrix: &FormFactors, format: Format, labels: Option<&Labels>) -> Result<()> {
     let mut file = WholeFile::create(path)?;
     let written = match format {

@@ -4,7 +4,7 @@ use super::solved::{Closing, Solved};
 use crate::radiosity::elements::{RowFactors, Shape};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::Arrived;
-#[cfg(any(test, feature = "reports"))]
+#[cfg(feature = "reports")]
 use crate::scene::Photometry;
 use crate::scene::unit_in_metres;
 
@@ -40,7 +40,6 @@ pub struct Ledger {
     pub closed_area: f64,
     /// The powers of each channel, in [`Ledger::unit`].
     #[serde(skip)]
-    #[cfg_attr(not(feature = "reports"), allow(dead_code))]
     pub(crate) channels: Powers<Rgb>,
 }
 
@@ -183,7 +182,7 @@ impl Ledger {
 
     /// The luminous powers and their unit: lm, or lx times scene units squared where the length of a scene unit is not known.
     /// Without `photometry` the means of the channels.
-    #[cfg(any(test, feature = "reports"))]
+    #[cfg(feature = "reports")]
     pub fn shown(&self, photometry: Option<Photometry>) -> (Powers<f64>, String) {
         match photometry {
             None => (self.channels.map(mean), self.unit.clone()),

@@ -41,12 +41,8 @@ impl ErrorEstimate {
     pub fn of(audit: &ErrorBarAudit, bars: f64) -> Option<ErrorEstimate> {
         if audit.elements >= MIN_AUDITED {
             let ErrorBarAudit { expected_rms: rms, rms_upper, .. } = *audit;
-            let known = rms.is_finite() && rms_upper.is_finite();
-            return known.then_some(ErrorEstimate {
-                rms,
-                upper: Some(rms_upper),
-                source: ErrorSource::Audit,
-            });
+            let found = ErrorEstimate { rms, upper: Some(rms_upper), source: ErrorSource::Audit };
+            return (rms.is_finite() && rms_upper.is_finite()).then_some(found);
         }
         // False for numbers that are none.
         let known = bars <= MAX_FROM_BARS;

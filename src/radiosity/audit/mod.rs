@@ -7,9 +7,7 @@ mod points_error;
 mod solved;
 mod uncertainty;
 
-pub use energy_ledger::Ledger;
-#[cfg(any(test, feature = "reports"))]
-pub use energy_ledger::Powers;
+pub use energy_ledger::{Ledger, Powers};
 pub use error_bars::{AuditSize, ErrorBarAudit};
 pub use estimate::{ErrorEstimate, ErrorSource};
 pub use points_error::PointsError;

@@ -67,11 +67,6 @@ impl Solved {
         self.linked.set_irradiance(light.into_iter());
     }
 
-    /// A scene without light of its elements.
-    pub fn without_elements(refined: Refined) -> Solved {
-        Solved { linked: refined.linked, closing: Closing::Nothing }
-    }
-
     /// The final light of the local pass.
     pub fn by_rays(mut linked: LinkedScene, local: LocalPass) -> Solved {
         linked.tally.add(local.tally);

@@ -3,7 +3,7 @@
 use super::lit_sides::lit_sides;
 use super::quads::quads;
 use super::subdivision::surface;
-use super::{Cluster, Column, DIRECTIONS, Element, ElementState, Elements, Shape, Side, SideSampler, facing};
+use super::{Cluster, DIRECTIONS, Element, ElementState, Elements, Shape, Side, SideSampler, facing};
 use crate::clusters::{Hierarchy, Tree};
 use crate::math::{Aabb, triangle_normal};
 use crate::model::face_magnitudes;
@@ -36,14 +36,8 @@ impl Elements {
         };
         let of_face = |&[front, back]: &[u32; 2]| [lit(front, true), lit(back, false)];
         let lit: Vec<[bool; 2]> = self.sides_of_triangle.iter().map(of_face).collect();
-        let dark = unlit.iter().filter_map(|&side| {
-            let side = &self.sides[side as usize];
-            match self.elements[side.element as usize].shape {
-                Shape::Surface { corners, .. } => Some((side.clone(), corners)),
-                Shape::Cluster(_) => None,
-            }
-        });
-        let dark = dark.collect();
+        let sides = unlit.iter().map(|&side| &self.sides[side as usize]);
+        let dark = sides.map(|side| (side.clone(), *self.corners(side))).collect();
         Elements { dark, ..Elements::of_lit(scene, hierarchy, self.min_area, &lit) }
     }
 
@@ -70,10 +64,7 @@ impl Elements {
 }
 
 /// One side with its corners.
-struct NewSide {
-    side: Side,
-    corners: [glam::Vec3; 4],
-}
+type NewSide = (Side, [glam::Vec3; 4]);
 
 /// One cluster element with its range of sides.
 struct NewCluster {
@@ -143,14 +134,14 @@ impl Build {
             }
             (elements[c].first_child, elements[c].children) = (elements.len() as u32, (to - from) as u16);
             for s in from..to {
-                let NewSide { side, corners } = &mut new_sides[s as usize];
+                let (side, corners) = &mut new_sides[s as usize];
                 side.element = elements.len() as u32;
                 elements.push(Element { parent: c as u32, ..surface(s, *corners) });
             }
         }
         let mut sides: Vec<Side> = Vec::new();
-        for new in new_sides {
-            sides.push(new.side);
+        for (side, _) in new_sides {
+            sides.push(side);
         }
         let areas = sides.iter().map(|s| elements[s.element as usize].area);
         let samples = SideSampler::new(areas.zip(sides.iter().map(|s| facing(s.normal))));
@@ -181,8 +172,8 @@ impl Build {
         }
         let area = elements[0].area;
         Elements {
-            states: Column::new(vec![ElementState::DARK; elements.len()]),
-            elements: Column::new(elements),
+            states: vec![ElementState::DARK; elements.len()],
+            elements,
             clusters: made,
             sides,
             sides_of_triangle,
@@ -221,7 +212,7 @@ fn sides_of((scene, magnitudes): (&Scene, &[f32]), faces: &[u32], lit: &[[bool; 
                 profile: material.profile.clone().filter(|_| front),
                 element: 0,
             };
-            made.push(NewSide { side, corners: if front { corners } else { turned } });
+            made.push((side, if front { corners } else { turned }));
         }
     }
     made

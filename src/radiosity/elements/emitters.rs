@@ -1,12 +1,13 @@
 //! Emitting faces: closed forms use all faces of an emitter, single rays use one face drawn at random.
 
+use super::Elements;
 use super::emitter_face::{EmitterFace, power_of};
 use super::emitter_tree::{Cut, EmitterTree, Receiver};
-use super::{Elements, Shape};
 use crate::math::sampling::point_on;
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::scene::Scene;
 use glam::Vec3;
+use rustc_hash::FxHashMap;
 
 /// One emitter of the scene.
 #[derive(Default)]
@@ -39,8 +40,7 @@ impl Emitters {
             scene.emitters.iter().map(|e| Emitter { faces: Vec::new(), width: e.min_width }).collect();
         let mut sides: Vec<(u32, u32, u32)> = Vec::new();
         for (s, side) in (0u32..).zip(&elements.sides).filter(|(_, s)| s.exitance.iter().any(|&m| m > 0.0)) {
-            let element = &elements.elements[side.element as usize];
-            let Shape::Surface { corners, .. } = element.shape else { continue };
+            let corners = *elements.corners(side);
             let emitter = scene.triangle_emitter[side.triangles[0] as usize];
             let faces = &mut emitters[emitter as usize].faces;
             sides.push((emitter, faces.len() as u32, s));
@@ -51,7 +51,7 @@ impl Emitters {
                 normal: side.normal,
                 end: side.end,
                 exitance: side.exitance,
-                area: element.area as f32,
+                area: elements.elements[side.element as usize].area as f32,
                 profile: side.profile.clone(),
             });
         }
@@ -71,18 +71,8 @@ impl Emitters {
         });
         let powers = powers.collect();
         let mut places = vec![Elements::NONE; count];
-        // By emitter and face the number, at the sum of the faces of earlier emitters.
-        let mut starts = Vec::with_capacity(emitters.len());
-        emitters.iter().fold(0, |start, e| {
-            starts.push(start);
-            start + e.faces.len()
-        });
-        let index = |e: u32, k: u32| starts[e as usize] + k as usize;
-        let mut numbers = vec![0; numbered.len()];
-        numbered.into_iter().for_each(|(e, k, number)| numbers[index(e, k)] = number);
-        for (place, &(e, k)) in (0u32..).zip(&lit) {
-            places[numbers[index(e, k)] as usize] = place;
-        }
+        let place: FxHashMap<(u32, u32), u32> = lit.iter().copied().zip(0..).collect();
+        numbered.into_iter().for_each(|(e, k, number)| places[number as usize] = place[&(e, k)]);
         let width = emitters.iter().map(|e| e.width).fold(f32::MAX, f32::min);
         Emitters { width, tree, lit, powers, places, emitters }
     }

@@ -35,12 +35,10 @@ impl Lookup {
     /// For the present elements.
     pub fn new(elements: &Elements) -> Lookup {
         let frames = elements.sides.iter().map(|side| {
-            let Shape::Surface { corners: c, .. } = elements.elements[side.element as usize].shape else {
-                unreachable!("a side is a surface")
-            };
+            let c = elements.corners(side);
             let (x, y) = side.normal.any_orthonormal_pair();
             let flat = |v: Vec3| Vec2::new(v.dot(x), v.dot(y));
-            let triangle = is_triangle(&c);
+            let triangle = is_triangle(c);
             let edges = if triangle {
                 [[c[1] - c[0], c[2] - c[0]]; 2]
             } else {

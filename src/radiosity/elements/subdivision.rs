@@ -118,19 +118,3 @@ pub fn centres_of_quarters(corners: &[Vec3; 4]) -> [Vec3; 4] {
     let at = |u: f32, v: f32| (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * d + u * c);
     [at(0.25, 0.25), at(0.75, 0.25), at(0.75, 0.75), at(0.25, 0.75)]
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The mean over the centres of the quarters is exact for linear functions.
-    #[test]
-    fn quarters_have_the_centre_of_the_whole() {
-        let [a, b, c] = [Vec3::ZERO, Vec3::new(2.0, 0.5, 0.0), Vec3::new(0.3, 1.5, 1.0)];
-        for corners in [[a, b, c, c], [a, b, b + c, c]] {
-            let mean = centres_of_quarters(&corners).iter().sum::<Vec3>() / 4.0;
-            let centre = if corners[2] == corners[3] { (a + b + c) / 3.0 } else { 0.5 * (b + c) };
-            assert!((mean - centre).length() < 1e-6, "{mean} {centre}");
-        }
-    }
-}

@@ -19,9 +19,7 @@ use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{Arrived, SampledShare, emitted_share};
-use crate::radiosity::transport::{
-    Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
-};
+use crate::radiosity::transport::{Convergence, Field, MatrixRow, RayTransport, TransportMatrix, krylov};
 use glam::Vec3;
 use std::array::from_fn;
 
@@ -95,7 +93,7 @@ impl FinalGather<'_> {
         let along_links = |row: &RayRow| states[row.leaf as usize].irradiance;
         let start = deadline.late().then(|| rows.rows.iter().map(along_links).collect());
         let transport = RayTransport::new(self.exchange(&rows), direct);
-        let (first, convergence) = solve(&transport, start, Method::Krylov, deadline);
+        let (first, convergence) = krylov(&transport, start, deadline);
         let light = transport.both(first);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
         for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {

@@ -31,6 +31,5 @@ mod untraced;
 pub use element_light::ElementSamples;
 pub use gatherer::{Buffers, FinalGather, PathVertex};
 pub use local_pass::LocalPass;
-#[cfg(any(test, feature = "reports"))]
 pub use points::with_fewer_rays;
 pub use ray_counts::LATE_RAYS;

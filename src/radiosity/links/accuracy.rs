@@ -30,6 +30,20 @@ pub struct Accuracy {
 }
 
 impl Accuracy {
+    /// That of a pair of which nothing is known, with features of one scene unit.
+    #[cfg(test)]
+    pub fn unknown(worth: f32) -> Accuracy {
+        let certificate = BlockerCertificate::UNKNOWN;
+        Accuracy {
+            worth,
+            feature_size: 1.0,
+            deviation: 0.5,
+            certificate,
+            blocked: false,
+            first_receives: true,
+        }
+    }
+
     /// The query for segments between ends of these widths (scene units).
     pub(super) fn query(&self, packet: Packet, [a, b]: [f32; 2]) -> VisibilityQuery {
         let emitter_size = if self.first_receives { b } else { a };

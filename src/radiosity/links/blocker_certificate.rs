@@ -196,9 +196,7 @@ pub(super) fn certify(
     let shaft = Shaft::new(corners, normals, rules);
     let test = |side: u32| -> Option<BlockerCertificate> {
         let s = &elements.sides[side as usize];
-        let Shape::Surface { corners, .. } = &elements.elements[s.element as usize].shape else {
-            return None;
-        };
+        let corners = elements.corners(s);
         if !shaft.meets(corners, s.normal) {
             return None;
         }

@@ -54,12 +54,8 @@ impl EndSamples {
                 Shape::Cluster(c) => {
                     let cluster = &elements.clusters[*c as usize];
                     let side = &elements.sides[elements.samples().pick(cluster, towards, u, v) as usize];
-                    let corners = match &elements.elements[side.element as usize].shape {
-                        Shape::Surface { corners, .. } => *corners,
-                        Shape::Cluster(_) => [e.centre; 4],
-                    };
                     let density = elements.samples().density(cluster, towards, side.normal);
-                    (point_on(&corners, t, q), side, density)
+                    (point_on(elements.corners(side), t, q), side, density)
                 }
             };
             (ends.points[lane], ends.normals[lane]) = (point, side.normal);

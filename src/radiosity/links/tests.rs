@@ -13,14 +13,7 @@ use glam::DVec3;
 /// Links of the first and the second surface of a scene, both ways, by `sides` that face each other.
 fn exchange_area(pieces: Pieces, worth: f32, seed: u64) -> Option<(Link, f64)> {
     staged_with(pieces, seed, |estimator, [a, b]| {
-        let accuracy = Accuracy {
-            worth,
-            feature_size: 1.0,
-            deviation: 0.5,
-            certificate: BlockerCertificate::UNKNOWN,
-            blocked: false,
-            first_receives: true,
-        };
+        let accuracy = Accuracy::unknown(worth);
         let link = estimator.measure(a, b, accuracy, &mut Scratch::default())?;
         let back = estimator.measure(b, a, accuracy, &mut Scratch::default()).expect("both ways or none");
         assert!(link.exchange_area == back.exchange_area, "{link:?} {back:?}");
@@ -79,8 +72,7 @@ fn free_couplings_are_those_of_the_closed_forms() {
     for distance in [0.5, 1.0, 2.0, 5.0, 20.0] {
         let (link, area) = exchange_area(opposed(distance), 1e3, 1).expect("they face each other");
         let factor = f64::from(link.exchange_area) / area;
-        let want =
-            crate::form_factors::analytic::parallel_rectangles([[0.0, 1.0]; 2], [[0.0, 1.0]; 2], distance);
+        let want = crate::form_factors::testing::opposed_rectangles([1.0; 2], distance);
         assert!((factor / want - 1.0).abs() < 2e-3, "{distance}: {factor} {want}");
         assert_eq!(link.transmittance, 1.0);
     }
@@ -136,14 +128,7 @@ fn features_are_those_of_the_end_that_receives() {
     staged(unequal(), |estimator, [low, high]| {
         for (a, b) in [(low, high), (high, low)] {
             for first_receives in [true, false] {
-                let accuracy = Accuracy {
-                    worth: 1e3,
-                    feature_size: 0.3,
-                    deviation: 0.5,
-                    certificate: BlockerCertificate::UNKNOWN,
-                    blocked: false,
-                    first_receives,
-                };
+                let accuracy = Accuracy { feature_size: 0.3, first_receives, ..Accuracy::unknown(1e3) };
                 let (_, query) = estimator.draft(a, b, accuracy).expect("they face each other");
                 let receiver = if first_receives { a } else { b };
                 // Segments start at the receiver; the other end is the emitter, and its width counts.
@@ -164,18 +149,9 @@ fn few_segments_where_visibility_is_certain() {
     pieces.object("mote").quad(DVec3::new(0.011, 0.017, 0.5), DVec3::X * 1e-4, DVec3::Y * 1e-4);
     staged(pieces, |estimator, [low, high]| {
         let rays = |worth: f32, deviation: f32| {
-            let accuracy = Accuracy {
-                worth,
-                feature_size: 1.0,
-                deviation,
-                certificate: BlockerCertificate::UNKNOWN,
-                blocked: false,
-                first_receives: true,
-            };
-            estimator
-                .measure(low, high, accuracy, &mut Scratch::default())
-                .expect("they face each other")
-                .rays
+            let accuracy = Accuracy { deviation, ..Accuracy::unknown(worth) };
+            let link = estimator.measure(low, high, accuracy, &mut Scratch::default());
+            link.expect("they face each other").rays
         };
         // The exchange area times a factor of 1 to 5, times the deviation of the visibility.
         assert_eq!([rays(5.0, 0.5), rays(5.0, 0.05), rays(1e3, 0.05), rays(0.1, 0.5)], [16, 4, 16, 4]);

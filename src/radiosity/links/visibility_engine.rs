@@ -1,7 +1,7 @@
 //! The visibility engines behind one query: the transmittance of sixteen segments.
 
 use crate::math::sampling::{mix, numbers, point_on};
-use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::elements::Elements;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Exact, LeafMode, Method, MultiResolution, Work, Workspace};
 use std::sync::Arc;
@@ -185,15 +185,13 @@ pub fn sample_bundles(elements: &Elements, count: usize, seed: u64) -> Vec<(Pack
     let pick = |share: f32| {
         let at = running.partition_point(|&a| a <= f64::from(share) * sum).min(running.len() - 1);
         let side = &elements.sides[at];
-        let Shape::Surface { corners, .. } = &elements.elements[side.element as usize].shape else {
-            return None;
-        };
-        Some((corners, (side.normal, side.end), elements.elements[side.element as usize].radius))
+        let width = elements.elements[side.element as usize].radius;
+        (elements.corners(side), (side.normal, side.end), width)
     };
     let pair = |k: usize| {
         let [u, v, p, q] = numbers(seed, k as u64);
         let ((ca, (na, here), _), (cb, (nb, there), width)) =
-            (pick(u)?, pick((v + k as f32 / count as f32).fract())?);
+            (pick(u), pick((v + k as f32 / count as f32).fract()));
         let d = point_on(cb, q, p) - point_on(ca, p, q);
         (na.dot(d) > 0.0 && nb.dot(d) < 0.0).then(|| {
             let mut packet = Packet::EMPTY;

@@ -7,16 +7,8 @@ mod point_query;
 mod record;
 mod run;
 
+pub use point_query::{PointLight, Solution};
+pub use record::{Outcome, Record, Seconds};
+pub use run::{run, solve};
 #[cfg(test)]
-pub use engine::engine_for;
-#[cfg(any(test, feature = "internals"))]
-pub use point_query::PointLight;
-pub use point_query::Solution;
-#[cfg(any(test, feature = "reports"))]
-pub use record::Seconds;
-pub use record::{Outcome, Record};
-#[cfg(any(test, feature = "internals"))]
-pub use run::run;
-pub use run::solve;
-#[cfg(test)]
-pub use run::total_area;
+pub use {engine::engine_for, run::total_area};

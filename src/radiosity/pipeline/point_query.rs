@@ -1,17 +1,12 @@
 //! A finished solution: answers irradiance at points at any time.
 
-#[cfg(any(test, feature = "reports"))]
 use super::notes;
 use crate::model::Model;
 use crate::points::Point;
 use crate::progress::Progress;
 use crate::radiosity::audit::Solved;
-use crate::radiosity::deadline::Deadline;
-#[cfg(any(test, feature = "reports"))]
-use crate::radiosity::deadline::QUERY_SHARE;
-use crate::radiosity::final_gather::FinalGather;
-#[cfg(any(test, feature = "reports"))]
-use crate::radiosity::final_gather::with_fewer_rays;
+use crate::radiosity::deadline::{Deadline, QUERY_SHARE};
+use crate::radiosity::final_gather::{FinalGather, with_fewer_rays};
 use crate::radiosity::options::Options;
 use crate::radiosity::rgb::Rgb;
 use crate::scene::Scene;
@@ -27,17 +22,14 @@ pub struct Solution {
     pub(super) solved: Solved,
     pub(in crate::radiosity) options: Options,
     /// The time limit of the whole solution.
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub(in crate::radiosity) deadline: Deadline<'static>,
 }
 
 /// Irradiance at points within a time limit.
-#[cfg(any(test, feature = "reports"))]
 pub struct PointLight {
     /// Irradiance at the points, W/m²; none after an interruption, or if there was no time for the smallest number of rays of each point.
     pub irradiance: Option<Vec<Rgb>>,
     /// A note for the user if fewer rays were traced than asked for.
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub note: Option<String>,
 }
 
@@ -50,40 +42,29 @@ impl Solution {
     /// Irradiance at points relative to the scene's origin, with unit normals, W/m², with all rays; none if `progress` has
     /// stopped.
     pub fn irradiance(&self, points: &[(Vec3, Vec3)], progress: &dyn Progress) -> Option<Vec<Rgb>> {
-        let gather = FinalGather::new(&self.model, &self.solved.linked, &self.options);
-        progress.stage("light at points", points.len() as u64);
-        let direct = gather.direct_light_for(points);
-        let mut found = Vec::with_capacity(points.len());
-        let step = (RAYS_PER_CHECK / rays_per_point(&self.options)).max(1);
-        for first in (0..points.len()).step_by(step) {
-            if progress.stopped() {
-                return None;
-            }
-            let part = first..points.len().min(first + step);
-            found.extend(gather.irradiance_of(points, part, &direct, &|n| progress.advance(n as u64)).0);
-        }
-        Some(found)
+        self.gathered(points, "light at points", Deadline::start(progress, None)).irradiance
     }
 
     /// Irradiance at points (file coordinates) within a part, in `(0, 1]`, of the time that is left of [`Options::max_seconds`]: by
     /// fewer rays if there is no time for all of them.
-    #[cfg(any(test, feature = "internals"))]
     pub fn irradiance_within(&self, points: &[Point], part: f64, progress: &dyn Progress) -> PointLight {
-        self.gathered(points, self.deadline.for_caller(progress).part(part))
+        self.gathered_at(points, self.deadline.for_caller(progress).part(part))
     }
 
     /// Irradiance at points (file coordinates), W/m², with all rays, whatever time limit the solution had; none if `progress` has stopped.
-    #[cfg(any(test, feature = "reports"))]
     pub fn irradiance_unless(&self, points: &[Point], progress: &dyn Progress) -> Option<Vec<Rgb>> {
-        self.gathered(points, Deadline::start(progress, None)).irradiance
+        self.gathered_at(points, Deadline::start(progress, None)).irradiance
     }
 
-    #[cfg(any(test, feature = "reports"))]
-    fn gathered(&self, points: &[Point], deadline: Deadline) -> PointLight {
-        let points = relative(self.model.scene(), points);
+    fn gathered_at(&self, pixels: &[Point], deadline: Deadline) -> PointLight {
+        self.gathered(&relative(self.model.scene(), pixels), "light at pixels", deadline)
+    }
+
+    /// Irradiance at points relative to the scene's origin, with unit normals, in a stage of this name.
+    fn gathered(&self, points: &[(Vec3, Vec3)], stage: &str, deadline: Deadline) -> PointLight {
         let gather = |options: &Options| FinalGather::new(&self.model, &self.solved.linked, options);
         let all = gather(&self.options);
-        let possible = all.possible_part(&points, &deadline.part(QUERY_SHARE));
+        let possible = all.possible_part(points, &deadline.part(QUERY_SHARE));
         let rays = rays_per_point;
         let min_part = rays(&with_fewer_rays(&self.options, 0.0)) as f64 / rays(&self.options) as f64;
         if possible < min_part {
@@ -92,15 +73,15 @@ impl Solution {
         let hurried = with_fewer_rays(&self.options, possible.min(1.0));
         let gather = if possible < 1.0 { gather(&hurried) } else { all };
         let mut irradiance = Vec::with_capacity(points.len());
-        deadline.stage("light at pixels", points.len());
-        let direct = gather.direct_light_for(&points);
+        deadline.stage(stage, points.len());
+        let direct = gather.direct_light_for(points);
         let step = (RAYS_PER_CHECK / rays(&hurried)).max(1);
         for first in (0..points.len()).step_by(step) {
             if deadline.with_grace().late() {
                 return self.nothing(points.len(), &deadline);
             }
             let part = first..points.len().min(first + step);
-            irradiance.extend(gather.irradiance_of(&points, part, &direct, &|n| deadline.advance(n)).0);
+            irradiance.extend(gather.irradiance_of(points, part, &direct, &|n| deadline.advance(n)).0);
         }
         let note = (possible < 1.0).then(|| {
             let (few, many) = (rays(&hurried), rays(&self.options));
@@ -109,7 +90,6 @@ impl Solution {
         PointLight { irradiance: Some(irradiance), note }
     }
 
-    #[cfg(any(test, feature = "reports"))]
     fn nothing(&self, points: usize, deadline: &Deadline) -> PointLight {
         let why = if deadline.interrupted() { "interrupted".into() } else { notes::limit(&self.options) };
         let note =

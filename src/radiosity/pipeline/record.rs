@@ -38,7 +38,6 @@ pub struct Seconds {
 
 impl Seconds {
     /// Sum of all stages except reading the scene and the audit.
-    #[cfg(any(test, feature = "reports"))]
     pub fn work(&self) -> f64 {
         let Seconds { load: _, embree, hierarchy, characterise, elements, solve, local, points, audit: _ } =
             self;
@@ -118,6 +117,5 @@ pub struct Outcome {
     /// About the solution.
     pub record: Record,
     /// Irradiance at the points asked for, W/m².
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub irradiance: Vec<Rgb>,
 }

@@ -37,15 +37,11 @@ const MAX_DIAGONAL: f64 = 5e9;
 ///
 /// # Errors
 /// Options are out of range, or Embree refuses.
-#[cfg(any(test, feature = "internals"))]
 pub fn run(model: &Model, points: &[Point], options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     solve(model, points, options, progress).map(|(outcome, _)| outcome)
 }
 
 /// Like [`run()`], with a [`Solution`] that answers irradiance at more points afterwards.
-///
-/// # Errors
-/// Those of [`run()`].
 pub fn solve(
     model: &Model,
     points: &[Point],
@@ -207,7 +203,7 @@ impl Stages<'_> {
             convergence: refined.convergence,
         };
         if idle {
-            return (Solved::without_elements(refined), steps);
+            return (Solved { linked: refined.linked, closing: Closing::Nothing }, steps);
         }
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();

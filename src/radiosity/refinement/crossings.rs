@@ -4,14 +4,13 @@
 //! Light differs on both sides of such a line, so that the mean over the element is right on neither. These elements are split a few times
 //! along the line; what remains of them takes no part in the exchange of light, and paths that meet it go on from there.
 
-use super::gaps::{ALL, covered_quarters};
+use super::gaps::{ALL, blocked, covered_quarters};
 use super::linked_scene::LinkedScene;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape, Side};
-use crate::ray::{LANES, Occluder, Packet};
+use crate::ray::Packet;
 use crate::visibility::Exact;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Distance of the segments that look for such surfaces from the edges and the plane of their element, as a part of its diameter: a surface
 /// nearer to an edge leaves less than this part of the element on its other side.
@@ -26,8 +25,6 @@ const MAX_SPLITS: i32 = 3;
 const MAX_ADDED: f64 = 1.0;
 /// Elements that may be added to any scene.
 const MIN_ROOM: usize = 1 << 13;
-/// Elements of one parallel task: four share a packet.
-const CHUNK: usize = LANES / 4;
 
 impl LinkedScene {
     /// Splits the parts of large surfaces that other surfaces stand across, and marks what remains of them
@@ -109,27 +106,6 @@ fn large_parts(elements: &Elements, leaves: &[u32]) -> Vec<u32> {
         matches!(element.shape, Shape::Surface { side, .. } if side >= elements.large_from && element.level > 0)
     };
     leaves.iter().filter(large).copied().collect()
-}
-
-/// By element, which of the segments are blocked that `set` puts in up to four lanes of a packet from one on.
-fn blocked(
-    elements: &Elements,
-    exact: &Exact,
-    parts: &[u32],
-    set: impl Fn(&mut Packet, usize, &[Vec3; 4], &Side) + Sync,
-) -> Vec<u32> {
-    let of_chunk = |parts: &[u32]| {
-        let mut packet = Packet::EMPTY;
-        for (k, &e) in parts.iter().enumerate() {
-            let Shape::Surface { side, corners } = elements.elements[e as usize].shape else { continue };
-            set(&mut packet, 4 * k, &corners, &elements.sides[side as usize]);
-        }
-        let mut blocked = [0];
-        exact.occluded(std::slice::from_ref(&packet), &mut blocked);
-        let [blocked] = blocked;
-        (0..parts.len()).map(move |k| (blocked >> (4 * k)) & ALL)
-    };
-    parts.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect()
 }
 
 /// Sets lanes from `first` on to segments above the edges of an element, within it by this part of its diameter and as far above it: faces that

@@ -5,10 +5,12 @@
 //! These elements take no part in the exchange of light, and paths that meet them go on from there.
 
 use super::linked_scene::LinkedScene;
-use crate::radiosity::elements::{Elements, Shape, centres_of_quarters};
+use crate::math::Aabb;
+use crate::radiosity::elements::{Elements, Shape, Side, centres_of_quarters};
 use crate::radiosity::rgb::mean;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::Exact;
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Width of a gap that counts as narrow, as a part of the radius of the element. Over an endless gap of width w, the part (w / r)² of diffuse
@@ -16,7 +18,7 @@ use rayon::prelude::*;
 const NARROW: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// The bits of all quarters.
 pub const ALL: u32 = 0xf;
-/// Elements of one parallel task: each has four segments of a packet.
+/// Elements of one parallel task: each has up to four segments of a packet.
 const CHUNK: usize = LANES / 4;
 
 impl LinkedScene {
@@ -51,23 +53,31 @@ impl LinkedScene {
 
 /// By element, the quarters that have another surface right above their centres, a bit each.
 pub fn covered_quarters(elements: &Elements, exact: &Exact, leaves: &[u32]) -> Vec<u32> {
+    blocked(elements, exact, leaves, |packet, first, corners, side| {
+        let radius = 0.5 * Aabb::of(*corners).diagonal();
+        for (k, at) in centres_of_quarters(corners).into_iter().enumerate() {
+            let from = side.end.lifted(at, side.normal);
+            packet.set_between(first + k, from, from + NARROW * radius * side.normal, [0.0, 1.0]);
+        }
+    })
+}
+
+/// By element, which of the segments are blocked that `set` puts in up to four lanes of a packet from one on.
+pub fn blocked(
+    elements: &Elements,
+    exact: &Exact,
+    leaves: &[u32],
+    set: impl Fn(&mut Packet, usize, &[Vec3; 4], &Side) + Sync,
+) -> Vec<u32> {
     let of_chunk = |leaves: &[u32]| {
         let mut packet = Packet::EMPTY;
-        leaves.iter().enumerate().for_each(|(k, &e)| set_normals(&mut packet, 4 * k, elements, e));
+        for (k, &e) in leaves.iter().enumerate() {
+            let Shape::Surface { side, corners } = elements.elements[e as usize].shape else { continue };
+            set(&mut packet, 4 * k, &corners, &elements.sides[side as usize]);
+        }
         let mut blocked = [0];
         exact.occluded(std::slice::from_ref(&packet), &mut blocked);
         (0..leaves.len()).map(move |k| blocked[0] >> (4 * k) & ALL)
     };
     leaves.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect()
-}
-
-/// Sets lanes from `first` on to segments from the quarters of a leaf along its normal.
-fn set_normals(packet: &mut Packet, first: usize, elements: &Elements, leaf: u32) {
-    let element = &elements.elements[leaf as usize];
-    let Shape::Surface { side, corners } = element.shape else { return };
-    let side = &elements.sides[side as usize];
-    for (k, at) in centres_of_quarters(&corners).into_iter().enumerate() {
-        let from = side.end.lifted(at, side.normal);
-        packet.set_between(first + k, from, from + NARROW * element.radius * side.normal, [0.0, 1.0]);
-    }
 }

@@ -29,9 +29,6 @@ const FEATURE_PIXELS: f64 = 2.0;
 const PICTURE_ROWS: usize = 480;
 
 /// Assigns importance and feature sizes to sides: by the names in the options, and by what their cameras see.
-///
-/// # Errors
-/// A name in the options does not occur in the scene.
 pub fn apply_importance(
     linked: &mut LinkedScene,
     scene: &Scene,

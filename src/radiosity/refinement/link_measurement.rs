@@ -105,7 +105,7 @@ pub fn remeasure_links(linked: &mut LinkedScene, threshold: f32, closing: f64, d
 }
 
 /// The estimator of the scene's links.
-pub fn estimator(linked: &LinkedScene, seed: u64) -> LinkEstimator<'_> {
+fn estimator(linked: &LinkedScene, seed: u64) -> LinkEstimator<'_> {
     LinkEstimator { elements: &linked.elements, engine: &linked.engine, seed, inside: linked.settings.inside }
 }
 

@@ -6,12 +6,12 @@ use crate::radiosity::elements::emitter_tree::Receiver;
 use crate::radiosity::elements::emitters::Emitters;
 use crate::radiosity::elements::{Elements, LightStatistics, RowFactors, Shape, Side};
 use crate::radiosity::links::{BlockerCertificate, Link, SkyLink, Tally, VisibilityEngine};
-use crate::radiosity::options::{Inside, Options, Oracle, RowSums};
+use crate::radiosity::options::Options;
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{Surroundings, received_shares};
 use crate::radiosity::transport::{
-    ActiveNodes, Convergence, Field, LinkTransport, Method, NodeIrradiance, cap_row_sums, link_row_sums,
-    normalise_link_rows, pushed, short_rows, solve,
+    ActiveNodes, Convergence, Field, LinkTransport, NodeIrradiance, link_row_sums, normalise_link_rows,
+    pushed, short_rows, sweeps,
 };
 use crate::ranks::Ranks;
 use crate::scene::Scene;
@@ -30,21 +30,6 @@ const MAX_VARIATION: f32 = 2e-5;
 
 /// Elements that are split between two looks at the caller: 2¹² take about 1 ms.
 const SPLIT_SLICE: usize = 1 << 12;
-
-/// How links are measured, refined and normalised: the part of [`Options`] that they need.
-#[derive(Clone, Copy, Debug)]
-pub struct LinkTransportSettings {
-    /// What light does inside clusters.
-    pub inside: Inside,
-    /// Which quantity of a link decides about its refinement.
-    pub oracle: Oracle,
-    /// How row sums are normalised.
-    pub row_sums: RowSums,
-    /// Links at which refinement ends.
-    pub max_links: usize,
-    /// Seed of all samples.
-    pub seed: u64,
-}
 
 /// Light on a side, as a part of the mean over all sides, below which it counts as dark: what passes through the edges of a closed room is
 /// below a millionth, and a side of so little light adds less than a thousandth to any mean.
@@ -68,8 +53,8 @@ pub struct LinkedScene {
     pub surroundings: Surroundings,
     /// The visibility engine.
     pub engine: VisibilityEngine,
-    /// How links are treated.
-    pub settings: LinkTransportSettings,
+    /// How links are measured, refined and normalised.
+    pub settings: Options,
     /// What determines the feature sizes of receivers.
     pub feature_sizes: FeatureSizes,
     /// Mean irradiance that the emitted power and the mean reflectance imply, W/m²: errors are relative to this.
@@ -118,7 +103,6 @@ impl LinkedScene {
             rays: 0,
             certificate: BlockerCertificate::UNKNOWN,
         };
-        let Options { inside, oracle, row_sums, max_links, seed, .. } = *options;
         let by_side = vec![f32::INFINITY; elements.sides.len()];
         let feature_sizes = FeatureSizes { given: options.feature_size, by_side, important: Vec::new() };
         let mut scene = LinkedScene {
@@ -126,7 +110,7 @@ impl LinkedScene {
             links: vec![root],
             surroundings,
             engine,
-            settings: LinkTransportSettings { inside, oracle, row_sums, max_links, seed },
+            settings: options.clone(),
             feature_sizes,
             mean_irradiance: if absorbed > 0.0 { power / absorbed } else { 0.0 },
             environment: None,
@@ -334,8 +318,8 @@ impl LinkedScene {
         deadline: &Deadline,
     ) -> Convergence {
         let transport = LinkTransport::new(&self.elements, nodes);
-        let method = Method::Sweeps { tolerance, max_sweeps };
-        let (field, convergence) = solve(&transport, self.last_field.take(), method, deadline);
+        let (field, convergence) =
+            sweeps(&transport, self.last_field.take(), tolerance, max_sweeps, deadline);
         let found = NodeIrradiance::from_field(&field, nodes.clusters);
         let irradiance = nodes.expand(&self.elements, &found.clusters, &found.surfaces);
         let beyond = nodes.beyond.as_ref();
@@ -352,22 +336,12 @@ impl LinkedScene {
         convergence
     }
 
-    /// Row sums of the form factors along links, before multiplication by each element's own gather factor.
-    pub fn row_sums(&self, nodes: &ActiveNodes) -> Vec<f64> {
-        link_row_sums(&self.elements, nodes)
-    }
-
-    /// Lets rows with a sum above 1 gather as if it were 1.
-    pub fn cap_row_sums(&mut self, nodes: &mut ActiveNodes) {
-        cap_row_sums(&mut self.elements, nodes);
-    }
-
     /// Normalises the row sums of leaves from which no light leaves the scene. Short rows get their target from rays first. Returns the row sums
     /// before, and the number of leaves whose light would have grown without end and was bounded.
     pub fn normalise_rows(&mut self, deadline: &Deadline) -> (Vec<f64>, usize) {
         self.elements.states.iter_mut().for_each(|s| s.factors = RowFactors::ONE);
         let mut nodes = self.active_nodes();
-        let sampled = self.row_sums(&nodes);
+        let sampled = link_row_sums(&self.elements, &nodes);
         self.assign_row_targets(&sampled);
         let closed = &self.surroundings.closed;
         let rows = (self.settings.row_sums, &sampled[..]);

@@ -16,14 +16,12 @@ mod refine;
 mod schedule;
 mod sky_links;
 
-#[cfg(test)]
-pub use feature_sizes::MIN_IMPORTANCE;
 pub use importance::apply_importance;
-#[cfg(test)]
-pub use importance::propagate_importance;
-#[cfg(test)]
-pub use link_measurement::{estimator, remeasure_links};
 pub use linked_scene::LinkedScene;
-#[cfg(test)]
-pub use refine::{Replaced, link_errors, refine};
 pub use schedule::{Coarse, Ended, Iteration, LinkClosing, Refined};
+#[cfg(test)]
+pub use {
+    importance::propagate_importance,
+    link_measurement::remeasure_links,
+    refine::{link_errors, refine},
+};

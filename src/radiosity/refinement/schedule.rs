@@ -9,7 +9,7 @@ use crate::progress::Progress;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::Options;
 use crate::radiosity::surroundings::Arrived;
-use crate::radiosity::transport::Convergence;
+use crate::radiosity::transport::{Convergence, cap_row_sums, link_row_sums};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -266,7 +266,7 @@ impl Refined {
         let replaced = refine(linked, &errors, threshold, once, &over, progress);
         let refining = start.elapsed().as_secs_f64();
         let mut nodes = linked.active_nodes();
-        linked.cap_row_sums(&mut nodes);
+        cap_row_sums(&mut linked.elements, &mut nodes);
         let max_sweeps = if once { 1 } else { MAX_STEP_SWEEPS };
         self.convergence = linked.iterate(&nodes, STEP_TOLERANCE, max_sweeps, deadline);
         propagate_importance(linked, &nodes);
@@ -298,7 +298,7 @@ impl Refined {
         let (sampled, bounded) = linked.normalise_rows(deadline);
         let nodes = linked.active_nodes();
         let convergence = linked.iterate(&nodes, FINAL_TOLERANCE, MAX_FINAL_SWEEPS, deadline);
-        let used = linked.row_sums(&nodes);
+        let used = link_row_sums(&linked.elements, &nodes);
         linked.update_oracle_statistics();
         LinkClosing { sampled, used, bounded, bytes: nodes.bytes(), convergence, arrived: linked.arrived() }
     }

@@ -2,7 +2,7 @@
 
 use super::side_rays::{ESCAPED, SideRays};
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
-use crate::radiosity::elements::{Elements, Shape, Side, emission_gain};
+use crate::radiosity::elements::{Elements, Side, emission_gain};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::LANES;
 use crate::visibility::Exact;
@@ -72,13 +72,11 @@ pub fn emitted_share(elements: &Elements, exact: &Exact, length: f32, seed: u64)
 
 /// Rays of a side that meet sides with elements, and all its rays.
 fn rays(tracer: &SideRays, side: &Side, count: usize, grid: usize, seed: u64) -> [usize; 2] {
-    let Shape::Surface { corners, .. } = tracer.elements.elements[side.element as usize].shape else {
-        return [0, 0];
-    };
+    let corners = tracer.elements.corners(side);
     let directions = directions(side, count, grid, seed);
     let rays = directions.iter().enumerate().map(|(i, direction)| {
         let [u, v, ..] = spread(seed, i);
-        ((point_on(&corners, u, v), side.normal, side.end), *direction)
+        ((point_on(corners, u, v), side.normal, side.end), *direction)
     });
     let mut met = 0;
     tracer.trace(rays, &mut Vec::new(), |found| met += usize::from(found.side < ESCAPED));

@@ -8,7 +8,7 @@ use crate::math::on_plane;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::emitter_face::EmitterFace;
 use crate::radiosity::elements::emitters::Emitters;
-use crate::radiosity::elements::{Elements, Shape, Side};
+use crate::radiosity::elements::{Elements, Side};
 use crate::ray::LANES;
 use crate::scene::Scene;
 use crate::visibility::Exact;
@@ -101,15 +101,12 @@ impl Paths<'_> {
     fn around(&self, side: usize, seed: u64) -> Vec<usize> {
         let elements = self.rays.elements;
         let Side { normal, end, .. } = elements.sides[side];
-        let Shape::Surface { corners, .. } = elements.elements[elements.sides[side].element as usize].shape
-        else {
-            return Vec::new();
-        };
+        let corners = elements.corners(&elements.sides[side]);
         let mut seen = Vec::new();
         for k in 0..LOOK_PACKETS {
             let points = std::array::from_fn(|lane| {
                 let [u, v, ..] = numbers(mix(!seed ^ side as u64), (k * LANES + lane) as u64);
-                Some((point_on(&corners, u, v), normal, end))
+                Some((point_on(corners, u, v), normal, end))
             });
             let next = self.step(&points, mix(seed ^ mix((side * LOOK_PACKETS + k) as u64)));
             seen.extend(next.into_iter().flatten().map(|(side, _)| side as usize));

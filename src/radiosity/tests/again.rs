@@ -2,11 +2,7 @@
 
 use super::*;
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::Elements;
-use crate::radiosity::links::VisibilityEngine;
-use crate::radiosity::pipeline::total_area;
-use crate::radiosity::refinement::{LinkedScene, link_errors, refine, remeasure_links};
-use crate::radiosity::surroundings::probe;
+use crate::radiosity::refinement::{link_errors, refine, remeasure_links};
 
 const SEEDS: u64 = 300;
 
@@ -25,16 +21,10 @@ fn under(scene: &Scene, seeds: std::ops::RangeInclusive<u64>, again: bool) -> Ve
     let mut options = Options { error: 0.3, min_area: 1e-4, ..Options::default() };
     let deadline = Deadline::start(&(), None);
     let model = model_for(scene, &options);
-    let exact = model.exact();
-    let elements =
-        Elements::build(scene, model.base().hierarchy(), options.min_area * total_area(scene), &[]);
     let mut by_seed = Vec::new();
     for seed in seeds {
         options.seed = seed;
-        let length = 2.0 * scene.bounds.diagonal();
-        let found = probe(&elements, &exact, length, 1, &Deadline::start(&(), None));
-        let engine = VisibilityEngine::Exact(exact.clone());
-        let mut linked = LinkedScene::new(elements.clone(), found, engine, &options);
+        let mut linked = visibility::linked(&model, &options);
         const THRESHOLD: f32 = 5e-3;
         for _ in 0..3 {
             let errors = [link_errors(&linked), Vec::new()];

@@ -3,7 +3,6 @@
 use super::visibility::{forest, ground, refined};
 use super::*;
 use crate::radiosity::elements::Shape;
-use crate::radiosity::refinement::MIN_IMPORTANCE;
 
 const SIZE: f32 = 0.05;
 const PAINTED: f32 = 0.02;
@@ -133,45 +132,4 @@ fn points_have_the_feature_size_of_their_surface() {
     assert!(light(Options { feature_sizes: named("ground", SIZE), ..all(20.0 * SIZE) }) == fine);
     assert!(light(Options { feature_sizes: named("ground", 20.0 * SIZE), ..all(SIZE) }) == coarse);
     assert!(light(Options { feature_sizes: named("bark", SIZE), ..all(20.0 * SIZE) }) == coarse);
-}
-
-/// The squares of errors count by the squares of their importance: a cluster has the root mean square of its parts, and errors of all
-/// surfaces together weigh √(A / A_important) times as much on the important ones as if they cancelled.
-#[test]
-fn importance_of_clusters_is_the_root_mean_square_of_their_parts() {
-    let scene = forest();
-    let ground = scene.faces_named("ground").expect("a name");
-    refined(&scene, &ground_matters(), |linked| {
-        let (elements, states) = (&linked.elements.elements, &linked.elements.states);
-        let (mut compared, mut important) = (0, 0.0);
-        for (e, element) in elements.iter().enumerate() {
-            if let Shape::Surface { side, .. } = element.shape {
-                let of_ground = ground.contains(&linked.elements.sides[side as usize].triangles[0]);
-                important += if of_ground && element.is_leaf() { element.area } else { 0.0 };
-                continue;
-            }
-            let of_part = |c: usize| elements[c].area * f64::from(states[c].importance).powi(2);
-            let mean = (element.child_range().map(of_part).sum::<f64>() / element.area).sqrt() as f32;
-            // Parts whose importance was raised to the smallest one hide the mean.
-            if element.child_range().all(|c| f64::from(states[c].importance) > 1.001 * MIN_IMPORTANCE) {
-                compared += 1;
-                assert!((states[e].importance / mean - 1.0).abs() < 1e-3, "{} {mean}", states[e].importance);
-            }
-        }
-        assert!(compared > 50, "{compared}");
-        let together = (linked.elements.area / important).sqrt() as f32;
-        let weights = elements.iter().zip(states.iter()).filter_map(|(element, state)| match element.shape {
-            Shape::Surface { side, .. } => {
-                let [r, g, b] = linked.elements.sides[side as usize].reflectance;
-                Some((state.statistics.weight, (r + g + b) / 3.0 * (together * state.importance).min(1.0)))
-            }
-            Shape::Cluster(_) => None,
-        });
-        let mut weighed = 0;
-        for (found, want) in weights.filter(|(_, want)| *want > 0.05) {
-            weighed += 1;
-            assert!((found / want - 1.0).abs() < 1e-3, "{found} {want}");
-        }
-        assert!(together > 1.5 && weighed > 100, "{together} {weighed}");
-    });
 }

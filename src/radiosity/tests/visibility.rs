@@ -1,16 +1,15 @@
 //! Properties of whole solutions with each visibility engine.
 
 use super::*;
-use crate::bench::side_by_side::side_by_side;
 use crate::model::cache::CacheLocation;
 use crate::radiosity::audit::{AuditSize, link_uncertainty};
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::elements::Elements;
 use crate::radiosity::final_gather::FinalGather;
-use crate::radiosity::links::{Accuracy, BlockerCertificate, Link, Scratch, Split, Tally};
+use crate::radiosity::links::{Link, Tally};
 use crate::radiosity::pipeline::{engine_for, total_area};
 use crate::radiosity::refinement::{
-    LinkedScene, Replaced, apply_importance, estimator, link_errors, propagate_importance, refine,
+    LinkedScene, apply_importance, link_errors, propagate_importance, refine,
 };
 use crate::radiosity::surroundings::probe;
 use crate::scene::generate::{Spec, build};
@@ -119,18 +118,23 @@ fn with(visibility: Visibility) -> Options {
     Options { visibility, error: 0.05, audit: 0, ..Options::default() }
 }
 
-/// A scene after refinement.
-pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut LinkedScene) -> R) -> R {
-    let deadline = Deadline::start(&(), None);
-    let model = model_for(scene, options);
-    let exact = model.exact();
+/// The elements of a model with the link of the root.
+pub(super) fn linked(model: &Model, options: &Options) -> LinkedScene {
+    let (scene, exact) = (model.scene(), model.exact());
     let min_area = options.min_area * total_area(scene);
     let elements = Elements::build(scene, model.base().hierarchy(), min_area, &[]);
     let length = 2.0 * scene.bounds.diagonal();
     let found = probe(&elements, &exact, length, 1, &Deadline::start(&(), None));
-    let engine = engine_for(&model, &elements, options);
-    let mut linked = LinkedScene::new(elements, found, engine, options);
-    apply_importance(&mut linked, scene, options, &exact).expect("names of the scene");
+    let engine = engine_for(model, &elements, options);
+    LinkedScene::new(elements, found, engine, options)
+}
+
+/// A scene after refinement.
+pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut LinkedScene) -> R) -> R {
+    let deadline = Deadline::start(&(), None);
+    let model = model_for(scene, options);
+    let mut linked = linked(&model, options);
+    apply_importance(&mut linked, scene, options, &model.exact()).expect("names of the scene");
     for _ in 0..3 {
         let errors = [link_errors(&linked), Vec::new()];
         refine(&mut linked, &errors, 1e-3, false, &|_| false, &());
@@ -170,27 +174,6 @@ fn measured_clusters_are_kept_for_those_who_need_them() {
 }
 
 #[test]
-fn engines_are_compared_side_by_side() {
-    let scene = forest();
-    let points = ground(&scene, 200);
-    let at_points = |visibility| Options { feature_size: Some(0.1), elements: false, ..with(visibility) };
-    let outcome = solved(&scene, &points, &at_points(Visibility::Mr));
-    let v =
-        side_by_side(&model_for(&scene, &outcome.record.options), &points, &outcome, Visibility::Exact, &())
-            .expect("a solution");
-    let exact = solved(&scene, &points, &at_points(Visibility::Exact));
-    assert_eq!((v.visibility, v.links), (Visibility::Exact, exact.record.links));
-    assert_eq!(v.difference.points, 200);
-    assert!(v.difference.rms > 0.0 && v.difference.rms < 0.1, "{:?}", v.difference);
-    assert!(v.difference.bias.abs() < 0.03, "{:?}", v.difference);
-    assert!((v.speedup / (v.seconds.work() / outcome.record.seconds.work()) - 1.0).abs() < 1e-9);
-    // Averages answer more segments without rays than exact visibility.
-    let [mr, exact] = [outcome.record.bundles, v.bundles].map(|of| of.exact_rays as f64 / of.segments as f64);
-    assert!(mr < exact, "{mr} {exact}");
-    assert!(outcome.record.bundles.aggregated > 0 && v.bundles.aggregated == 0);
-}
-
-#[test]
 fn average_visibility_is_never_handed_over() {
     let scene = forest();
     let Tally { aggregated, handed_over, .. } =
@@ -214,23 +197,6 @@ fn links_cover_each_pair_once() {
             let held = links.iter().enumerate().find(|(j, k)| *j != i && within(k));
             assert!(held.is_none(), "{l:?} is part of {held:?}");
         }
-    });
-}
-
-/// Links that survive are not asked for again.
-#[test]
-fn visibility_is_kept_with_the_link() {
-    refined(&room(true), &with(Visibility::Exact), |linked| {
-        let before = (linked.tally, linked.links.clone());
-        let errors = [link_errors(linked), Vec::new()];
-        assert_eq!(refine(linked, &errors, f32::INFINITY, false, &|_| false, &()), Replaced::default());
-        assert_eq!((linked.tally, linked.links.clone()), before);
-        // One link more than refined: only its parts are measured.
-        let worst = errors[0].iter().filter(|(_, split)| *split != Split::Neither);
-        let worst = worst.map(|(error, _)| *error).fold(0.0, f32::max);
-        let refined = refine(linked, &errors, 0.999 * worst, true, &|_| false, &()).links;
-        let asked = linked.tally.segments - before.0.segments;
-        assert!(refined >= 1 && asked <= 16 * 64 * refined as u64, "{refined} {asked}");
     });
 }
 
@@ -317,43 +283,12 @@ fn clusters_do_not_shine_alike_to_all_sides() {
         let irradiance = |normal: Vec3| {
             let sides = linked.elements.sides.iter();
             let mut found = sides.filter(|s| s.normal.dot(normal) > 0.99 && s.exitance == [0.0; 3]);
-            let side = found.find(|s| {
-                let Shape::Surface { corners, .. } = linked.elements.elements[s.element as usize].shape
-                else {
-                    return false;
-                };
-                corners.iter().all(|c| c.abs().max_element() < 1.0)
-            });
+            let is_small = |c: &Vec3| c.abs().max_element() < 1.0;
+            let side = found.find(|s| linked.elements.corners(s).iter().all(is_small));
             side.map(|s| linked.elements.states[s.element as usize].irradiance[0])
                 .expect("a side of the block")
         };
         let (top, bottom) = (irradiance(Vec3::Z), irradiance(-Vec3::Z));
         assert!(top > 5.0 * bottom, "{top} {bottom}");
-    });
-}
-
-/// Pairs asked for together get the links that they get alone.
-#[test]
-fn pairs_do_not_depend_on_their_company() {
-    refined(&forest(), &with(Visibility::Exact), |linked| {
-        let estimator = estimator(linked, linked.settings.seed);
-        let accuracy = Accuracy {
-            worth: 10.0,
-            feature_size: 0.1,
-            deviation: 0.5,
-            certificate: BlockerCertificate::UNKNOWN,
-            blocked: false,
-            first_receives: true,
-        };
-        let pairs: Vec<_> =
-            linked.links.iter().filter(|l| l.a != l.b).take(300).map(|l| ([l.a, l.b], accuracy)).collect();
-        let scratch = &mut Scratch::default();
-        let together = estimator.measure_all(&pairs, scratch);
-        let alone: Vec<Link> = pairs
-            .iter()
-            .filter_map(|([a, b], accuracy)| estimator.measure(*a, *b, *accuracy, scratch))
-            .collect();
-        assert!(together.len() > 100);
-        assert_eq!(together, alone);
     });
 }

@@ -23,6 +23,7 @@ pub enum NodeKind {
 }
 
 /// The active nodes: parents before children, clusters before surfaces.
+#[derive(Default)]
 pub struct ActiveNodes {
     /// The element of each node.
     pub elements: Vec<u32>,
@@ -61,17 +62,7 @@ impl ActiveNodes {
                 below[elements.elements[e].parent as usize] = true;
             }
         }
-        let mut active = ActiveNodes {
-            elements: Vec::new(),
-            nodes: vec![Self::NONE; n],
-            parents: Vec::new(),
-            kinds: Vec::new(),
-            reflections: Vec::new(),
-            clusters: 0,
-            starts: Vec::new(),
-            others: Vec::new(),
-            beyond: None,
-        };
+        let mut active = ActiveNodes { nodes: vec![Self::NONE; n], ..ActiveNodes::default() };
         let mut aggregated = 0;
         for (e, element) in elements.elements.iter().enumerate() {
             let parent = element.parent as usize;
@@ -131,11 +122,6 @@ impl ActiveNodes {
     #[inline]
     pub fn links_of(&self, node: usize) -> &[(u32, f32)] {
         &self.others[self.starts[node] as usize..self.starts[node + 1] as usize]
-    }
-
-    /// Number of link ends: two a link, one for the inside of a cluster.
-    pub fn link_ends(&self) -> usize {
-        self.others.len()
     }
 
     /// Irradiance of a surface node by light from beyond the scene, W/m².

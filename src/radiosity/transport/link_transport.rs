@@ -1,10 +1,9 @@
 //! Transport along links.
 
+use super::Field;
 use super::active_nodes::{ActiveNodes, NodeKind};
-use super::cluster_reflection::BASIS;
 use super::directional::{CLUSTER_UNKNOWNS, NodeIrradiance};
 use super::gather_push_pull::{NodeRadiosity, gather};
-use super::operator::{Field, Transport};
 use crate::radiosity::elements::{DIRECTIONS, Elements, RowFactors, Shape};
 use crate::radiosity::rgb::Rgb;
 
@@ -24,10 +23,16 @@ impl<'a> LinkTransport<'a> {
         LinkTransport { elements, nodes, weights }
     }
 
-    /// Gathers the reflection of `irradiance` and, if `emits`, what emitters send and what arrives from beyond the scene. Row factors correct
-    /// the exchange between elements: the light of surfaces from beyond the scene does not change with them.
-    fn gathered(&self, irradiance: &NodeIrradiance, emits: bool) -> Field {
+    /// Irradiance that emitters and light from beyond the scene cause directly.
+    pub fn direct(&self) -> Field {
+        self.bounce(&vec![[0.0; 3]; self.weights.len()])
+    }
+
+    /// Irradiance after one more bounce: by the reflection of `irradiance`, by emitters, and from beyond the scene. Row factors correct the
+    /// exchange between elements: the light of surfaces from beyond the scene does not change with them.
+    pub fn bounce(&self, irradiance: &Field) -> Field {
         let nodes = self.nodes;
+        let irradiance = NodeIrradiance::from_field(irradiance, nodes.clusters);
         let surfaces: Vec<Rgb> = (nodes.clusters..nodes.elements.len())
             .map(|p| {
                 let e = nodes.elements[p] as usize;
@@ -36,51 +41,26 @@ impl<'a> LinkTransport<'a> {
                 let RowFactors { gathers, sends } = self.elements.states[e].factors;
                 let (gathers, sends) = (f64::from(gathers), f64::from(sends));
                 let incident = irradiance.surfaces[p - nodes.clusters];
-                let (exitance, beyond) = match emits {
-                    true => (s.exitance, nodes.beyond_at(p - nodes.clusters)),
-                    false => ([0.0; 3], [0.0; 3]),
-                };
+                let beyond = nodes.beyond_at(p - nodes.clusters);
                 std::array::from_fn(|k| {
                     let incident = gathers * incident[k] + (1.0 - gathers) * beyond[k];
-                    sends * (exitance[k] + f64::from(s.reflectance[k]) * incident)
+                    sends * (s.exitance[k] + f64::from(s.reflectance[k]) * incident)
                 })
             })
             .collect();
         let outgoing = NodeRadiosity::pull(self.elements, nodes, &surfaces, |p, r| {
-            let cluster = &nodes.reflections[r];
-            cluster.sent(&irradiance.clusters[p], if emits { cluster.emit } else { [[0.0; 3]; BASIS] })
+            nodes.reflections[r].sent(&irradiance.clusters[p], nodes.reflections[r].emit)
         });
         let mut arriving = gather(self.elements, nodes, &outgoing);
-        if let Some(beyond) = nodes.beyond.as_ref().filter(|_| emits) {
+        if let Some(beyond) = &nodes.beyond {
             arriving.add(beyond);
         }
         arriving.to_field()
     }
 
-    fn shaped(&self, irradiance: &Field) -> NodeIrradiance {
-        NodeIrradiance::from_field(irradiance, self.nodes.clusters)
-    }
-}
-
-impl Transport for LinkTransport<'_> {
-    fn direct(&self) -> Field {
-        self.gathered(&self.shaped(&vec![[0.0; 3]; self.weights.len()]), true)
-    }
-
-    fn reflected(&self, irradiance: &Field) -> Field {
-        self.gathered(&self.shaped(irradiance), false)
-    }
-
-    fn bounce(&self, irradiance: &Field) -> Field {
-        self.gathered(&self.shaped(irradiance), true)
-    }
-
-    fn weights(&self) -> &[f64] {
+    /// Weight of each unknown in sums over the scene.
+    pub fn weights(&self) -> &[f64] {
         &self.weights
-    }
-
-    fn terms(&self) -> usize {
-        self.nodes.link_ends()
     }
 }
 

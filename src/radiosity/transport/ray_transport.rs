@@ -1,6 +1,6 @@
 //! Transport along the rays of the local pass.
 
-use super::operator::{Field, Transport};
+use super::Field;
 use super::transport_matrix::TransportMatrix;
 use crate::radiosity::rgb::add;
 
@@ -40,33 +40,31 @@ impl RayTransport {
         [self.received(0, &second), second]
     }
 
+    /// Irradiance that emitters cause directly, by the first half.
+    pub fn direct(&self) -> Field {
+        self.received(0, &self.direct[1])
+    }
+
+    /// Irradiance that the reflection of `irradiance` causes, by the first half.
+    pub fn reflected(&self, irradiance: &Field) -> Field {
+        self.halves[0].reflected(&self.halves[1].reflected(irradiance))
+    }
+
+    /// Weight of each unknown in sums over the scene.
+    pub fn weights(&self) -> &[f64] {
+        &self.halves[0].area
+    }
+
+    /// Terms that one application of both halves adds up.
+    pub fn terms(&self) -> usize {
+        self.halves.iter().map(TransportMatrix::entries).sum()
+    }
+
     /// The light by a half, from that by the other one.
     fn received(&self, half: usize, other: &Field) -> Field {
         let mut sum = self.halves[half].reflected(other);
         sum.iter_mut().zip(&self.direct[half]).for_each(|(sum, direct)| add(sum, 1.0, *direct));
         sum
-    }
-}
-
-impl Transport for RayTransport {
-    fn direct(&self) -> Field {
-        self.received(0, &self.direct[1])
-    }
-
-    fn reflected(&self, irradiance: &Field) -> Field {
-        self.halves[0].reflected(&self.halves[1].reflected(irradiance))
-    }
-
-    fn bounce(&self, irradiance: &Field) -> Field {
-        self.received(0, &self.received(1, irradiance))
-    }
-
-    fn weights(&self) -> &[f64] {
-        &self.halves[0].area
-    }
-
-    fn terms(&self) -> usize {
-        self.halves.iter().map(TransportMatrix::entries).sum()
     }
 }
 

@@ -1,8 +1,8 @@
 //! Row normalisation of transport: form factors of an element from which no light leaves the scene sum up to 1 (`docs/method.md`, Form
 //! factors and closure).
 //!
-//! Every bounce multiplies the sampling errors of row sums. [`balance`] scales what a row gathers and what it sends by the same
-//! factor (Sinkhorn and Knopp 1967), so that exchange stays reciprocal; the caller corrects the remainder where light is gathered.
+//! Every bounce multiplies the sampling errors of row sums. [`LinkRows::balance`] scales what a row gathers and what it sends by the same
+//! factor (Sinkhorn and Knopp 1967), so that exchange stays reciprocal.
 //! A sum is found by one gather of radiosity 1 through all levels of the tree. Links may add up to more than 1
 //! where they are coarse, and such rows are bounded afterwards. Rows of rays ([`super::TransportMatrix`]) are not scaled: the light
 //! that is solved on few rays would depend on factors of the same rays.
@@ -19,24 +19,17 @@ use crate::radiosity::elements::{Elements, RowFactors, Shape};
 use crate::radiosity::options::RowSums;
 use crate::radiosity::rgb::Rgb;
 
-/// How Sinkhorn scaling proceeds, and when it ends.
-pub struct BalanceRule {
-    /// Largest number of rounds.
-    pub max_rounds: usize,
-    /// Rounds that are made even after the deadline.
-    pub min_rounds: usize,
-    /// Exponents ω of the corrections of the factors, used in turn.
-    pub exponents: &'static [f64],
-    /// Mean error of the row sums at which the rounds end, weighted by area, relative to their mean. Rows at a limit do not count.
-    pub tolerance: f64,
-    /// Smallest and largest factor.
-    pub limits: [f32; 2],
-}
-
-/// For links. Both ends change, so each takes the square root; coarse links overlap, and larger exponents oscillate. The tolerance is
-/// a thirtieth of the error of 1e-3 that rays leave; a factor above 2 would amplify a row of which half is missing.
-pub const LINK_ROWS: BalanceRule =
-    BalanceRule { max_rounds: 20, min_rounds: 2, exponents: &[0.5], tolerance: 3e-5, limits: [1e-4, 2.0] };
+/// Largest number of rounds of Sinkhorn scaling, and rounds that are made even after the deadline.
+const MAX_ROUNDS: usize = 20;
+const MIN_ROUNDS: usize = 2;
+/// Exponent of the corrections of the factors: both ends of a link change, so each takes the square root. Coarse links overlap, and larger
+/// exponents oscillate.
+const EXPONENT: f64 = 0.5;
+/// Mean error of the row sums at which the rounds end, weighted by area, relative to their mean: a thirtieth of the error of 1e-3 that rays leave.
+/// Rows at a limit do not count.
+const TOLERANCE: f64 = 3e-5;
+/// Smallest and largest factor: one above 2 would amplify a row of which half is missing.
+const FACTORS: [f32; 2] = [1e-4, 2.0];
 
 /// A closed leaf whose row sum is at most this is not normalised, because a factor above 10 would mostly amplify noise.
 /// 0.05 or 0.2 instead change irradiance without a local pass by less than 0.02 % (`constants.py solve`).
@@ -52,48 +45,6 @@ const SHORT_ROW_SUM: f64 = 0.8;
 /// Largest part of its light that a row with a sum above 1 may return after one reflection: the light of such rows
 /// grows to at most 1 / (1 − 0.98) = 50 times its source.
 const MAX_RETURNED: f64 = 0.98;
-
-/// Rows whose sums [`balance`] brings to their targets.
-pub trait BalancedRows {
-    /// The sums of all rows with the present factors.
-    fn sums(&self) -> Vec<f64>;
-    /// The sum that row `i` should have, if that is known and a factor can bring `sum` to it; and the weight of the row's error.
-    fn target(&self, i: usize, sum: f64) -> Option<(f64, f64)>;
-    /// The factor of row `i` in both directions.
-    fn factor(&mut self, i: usize) -> &mut f32;
-    /// The factors have changed.
-    fn changed(&mut self) {}
-}
-
-/// Brings row sums to their targets by factors of both directions, as far as that converges (Sinkhorn and Knopp 1967), starting from
-/// `sums`. Returns the sums with the factors found.
-pub fn balance(
-    rows: &mut impl BalancedRows,
-    mut sums: Vec<f64>,
-    rule: &BalanceRule,
-    deadline: &Deadline,
-) -> Vec<f64> {
-    let [min, max] = rule.limits;
-    for round in 0..rule.max_rounds {
-        let exponent = rule.exponents[round % rule.exponents.len()];
-        let (mut error, mut all) = (0.0, 0.0);
-        for (i, &sum) in sums.iter().enumerate() {
-            let Some((target, weight)) = rows.target(i, sum) else { continue };
-            let factor = rows.factor(i);
-            *factor = (*factor * (target / sum).powf(exponent) as f32).clamp(min, max);
-            if *factor > min && *factor < max {
-                error += weight * (sum - target).abs();
-                all += weight * target;
-            }
-        }
-        rows.changed();
-        sums = rows.sums();
-        if error <= rule.tolerance * all || (round + 1 >= rule.min_rounds && deadline.late()) {
-            break;
-        }
-    }
-    sums
-}
 
 /// The sum of each surface element's form factors along its links before multiplication by its own gather factor: the irradiance
 /// that radiosity 1 everywhere would cause.
@@ -136,7 +87,8 @@ struct LinkRows<'a> {
     closed: &'a [bool],
 }
 
-impl BalancedRows for LinkRows<'_> {
+impl LinkRows<'_> {
+    /// The sums of all rows with the present factors.
     fn sums(&self) -> Vec<f64> {
         let sums = link_row_sums(self.elements, self.nodes);
         sums.iter()
@@ -145,6 +97,7 @@ impl BalancedRows for LinkRows<'_> {
             .collect()
     }
 
+    /// The sum that a row should have, if that is known and a factor can bring `sum` to it; and the weight of the row's error.
     fn target(&self, e: usize, sum: f64) -> Option<(f64, f64)> {
         let element = &self.elements.elements[e];
         let Shape::Surface { side, .. } = element.shape else { return None };
@@ -153,13 +106,35 @@ impl BalancedRows for LinkRows<'_> {
         (is_closed || sum > MAX_OPEN_ROW_SUM).then(|| (self.elements.states[e].row_target.into(), weight))
     }
 
-    fn factor(&mut self, e: usize) -> &mut f32 {
-        &mut self.elements.states[e].factors.gathers
-    }
-
-    fn changed(&mut self) {
-        self.elements.states.iter_mut().for_each(|s| s.factors.sends = s.factors.gathers);
-        self.nodes.update_factors(self.elements);
+    /// Brings row sums to their targets by factors of both directions, as far as that converges (Sinkhorn and Knopp 1967), starting from
+    /// `sums`. The remainder is corrected where light is gathered. Returns the sums with the factors found.
+    fn balance(&mut self, mut sums: Vec<f64>, deadline: &Deadline) -> Vec<f64> {
+        let [min, max] = FACTORS;
+        for round in 1..=MAX_ROUNDS {
+            let (mut error, mut all) = (0.0, 0.0);
+            for (e, &sum) in sums.iter().enumerate() {
+                let Some((target, weight)) = self.target(e, sum) else { continue };
+                let factor = &mut self.elements.states[e].factors.gathers;
+                *factor = (*factor * (target / sum).powf(EXPONENT) as f32).clamp(min, max);
+                if *factor > min && *factor < max {
+                    error += weight * (sum - target).abs();
+                    all += weight * target;
+                }
+            }
+            self.elements.states.iter_mut().for_each(|s| s.factors.sends = s.factors.gathers);
+            self.nodes.update_factors(self.elements);
+            sums = self.sums();
+            if error <= TOLERANCE * all || (round >= MIN_ROUNDS && deadline.late()) {
+                break;
+            }
+        }
+        for (e, sum) in sums.iter_mut().enumerate() {
+            if let Some((target, _)) = self.target(e, *sum) {
+                self.elements.states[e].factors.gathers *= (target / *sum) as f32;
+                *sum = target;
+            }
+        }
+        sums
     }
 }
 
@@ -179,15 +154,7 @@ pub fn normalise_link_rows(
 ) -> usize {
     let mut sums = sampled.to_vec();
     if row_sums == RowSums::Balanced {
-        let mut rows = LinkRows { elements, nodes, closed };
-        sums = balance(&mut rows, sums, &LINK_ROWS, deadline);
-        // The remainder is corrected where light is gathered.
-        for (e, sum) in sums.iter_mut().enumerate() {
-            if let Some((target, _)) = rows.target(e, *sum) {
-                *rows.factor(e) *= (target / *sum) as f32;
-                *sum = target;
-            }
-        }
+        sums = LinkRows { elements, nodes, closed }.balance(sums, deadline);
     }
     bound_growing_rows(elements, &sums)
 }

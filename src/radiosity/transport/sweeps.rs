@@ -1,6 +1,6 @@
 //! Jacobi sweeps with a coarse-level correction.
 
-use super::operator::{Convergence, Field, Transport};
+use super::{Convergence, Field, LinkTransport};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::rgb::Rgb;
 
@@ -15,15 +15,15 @@ const MAX_SCALE: f64 = 50.0;
 const LATE_CHANGE: f64 = 1e-3;
 const LATE_SWEEPS: usize = 16;
 
-/// Sweeps until the irradiance changes by less than `tolerance` of itself (mean by the weights of the unknowns), at most
+/// The irradiance `E = direct + K E` along links, from a first guess; without one from direct light. Sweeps until it changes by less than `tolerance` of itself (mean by the weights of the unknowns), at most
 /// `max_sweeps` times, and after the deadline only a few times.
 ///
 /// Every sweep reads the last sweep's light (Jacobi), so that the result does not depend on threads. Relaxing one unknown at a
-/// time, in turn or by its residual (Southwell), needs more work and one thread (test in `krylov`). After each sweep all
+/// time, in turn or by its residual (Southwell), needs more work and one thread. After each sweep all
 /// reflected light is scaled, by channel, to the sum that its energy balance implies: a coarse level of one unknown, which
 /// removes the slow uniform mode of bright scenes and bounds links that reflect more than they receive.
 pub fn sweeps(
-    transport: &dyn Transport,
+    transport: &LinkTransport,
     start: Option<Field>,
     tolerance: f64,
     max_sweeps: usize,

@@ -1,6 +1,6 @@
 //! Exchange of light between leaves that rays join.
 
-use super::operator::Field;
+use super::Field;
 use crate::radiosity::options::RowSums;
 use crate::radiosity::rgb::add;
 use crate::ranks::Ranks;

@@ -5,20 +5,12 @@ use crate::Error;
 
 /// The first error of a sky, sun, place and time as texts; empty texts are left out.
 fn message([sky, sun, place, time]: [&str; 4]) -> String {
-    let options = || -> crate::Result<Environment> {
-        let mut options = SkyOptions::parse(sky)?;
-        if !sun.is_empty() {
-            options = options.with_sun(sun)?;
-        }
-        if !place.is_empty() {
-            options = options.with_place(place)?;
-        }
-        if !time.is_empty() {
-            options = options.with_time(time)?;
-        }
-        options.environment(DVec3::Z)
-    };
-    let error = options().expect_err(&format!("{sky} {sun} {place} {time}"));
+    let [first, second, third, fourth] =
+        [sky, sun, place, time].map(|text| Some(text).filter(|t| !t.is_empty()));
+    let options = SkyOptions::of_texts(first, second, third, fourth);
+    let error = options
+        .and_then(|options| options.environment(DVec3::Z))
+        .expect_err(&format!("{sky} {sun} {place} {time}"));
     assert!(matches!(error, Error::Argument { .. }), "{error:?}");
     error.to_string()
 }
@@ -117,7 +109,8 @@ fn files_describe_everything() {
     let options = SkyOptions::parse(&path.display().to_string()).expect("a description");
     assert_eq!(options.sky.0, SkyModel::Perez { direct: 600.0, diffuse: 120.0 });
     let sky = options.environment(DVec3::Y).expect("a sky");
-    assert!(sky.suns()[0].irradiance[0] > 5e4 && sky.ground_radiance()[2] > sky.ground_radiance()[0]);
+    let ground = sky.radiance(DVec3::NEG_Y);
+    assert!(sky.suns()[0].irradiance[0] > 5e4 && ground[2] > ground[0]);
     assert_near(sky.suns()[0].diameter, 2f64.to_radians(), 1e-12);
     for (text, line, what) in [
         ("sky = \"uniform\"\nclouds = 3\n", 2, "unknown field `clouds`"),

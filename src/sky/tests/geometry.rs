@@ -46,15 +46,6 @@ fn clipped_patches_agree_with_brute_force() {
 }
 
 #[test]
-fn hemispheres_have_closed_forms() {
-    let (upper, lower) = (Extent { z: [0.0, 1.0], v: [0.0, TAU] }, Extent { z: [-1.0, 0.0], v: [0.0, TAU] });
-    for normal in directions(400).chain([DVec3::Z, DVec3::X, DVec3::NEG_Z]) {
-        assert!((upper.projected(normal) - PI * (1.0 + normal.z) / 2.0).abs() < 1e-7, "{normal}");
-        assert!((lower.projected(normal) - PI * (1.0 - normal.z) / 2.0).abs() < 1e-7, "{normal}");
-    }
-}
-
-#[test]
 fn patches_add_up() {
     let mut options = SkyOptions::parse("perez:700,100").and_then(|o| o.with_sun("140,40")).expect("options");
     options.ground = Some(Amount::Grey(0.3));
@@ -146,14 +137,6 @@ fn patches_are_compact_and_within_their_cones() {
         // Bounds are by samples: a corner that was not sampled differs by less than a tenth of the range.
         let slack = 0.1 * (patch.max[0] - patch.min[0]) + 1e-9;
         assert!(value >= patch.min[0] - slack && value <= patch.max[0] + slack, "{patch:?} {value}");
-    }
-    // Cosines by cones and by clipping are the same.
-    for normal in directions(40) {
-        let sum: f64 = (0..patches.all().len() as u32)
-            .filter(|k| patches.children(*k).is_empty())
-            .map(|k| patches.projected(k, normal))
-            .sum();
-        assert!((sum - PI * (1.0 + normal.z) / 2.0).abs() < 2e-6, "{normal}: {sum}");
     }
 }
 

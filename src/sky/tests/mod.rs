@@ -65,10 +65,3 @@ fn assert_near(value: f64, wanted: f64, relative: f64) {
         error / wanted.abs()
     );
 }
-
-#[test]
-fn environments_are_shared_between_threads() {
-    fn is_shared<T: Send + Sync + Clone + std::fmt::Debug>() {}
-    is_shared::<Environment>();
-    is_shared::<SkyOptions>();
-}

@@ -9,27 +9,6 @@ use std::path::Path;
 /// Value of samples without data where a header states none: the default of ESRI.
 const NO_DATA: f64 = -9999.0;
 
-/// Words of a text with their lines, counted from 1.
-struct Words<'a> {
-    lines: std::iter::Enumerate<std::str::Lines<'a>>,
-    words: std::str::SplitAsciiWhitespace<'a>,
-    line: usize,
-}
-
-impl<'a> Iterator for Words<'a> {
-    type Item = (usize, &'a str);
-
-    fn next(&mut self) -> Option<(usize, &'a str)> {
-        loop {
-            if let Some(word) = self.words.next() {
-                return Some((self.line, word));
-            }
-            let (line, text) = self.lines.next()?;
-            (self.line, self.words) = (line + 1, text.split_ascii_whitespace());
-        }
-    }
-}
-
 /// What a header says.
 #[derive(Default)]
 struct Header {
@@ -68,7 +47,10 @@ pub fn read(path: &Path, bytes: &[u8]) -> Result<Raw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes)
         .map_err(|_| Error::format(path, None, "is not text: an ESRI ASCII grid begins with `ncols`"))?;
-    let mut words = Words { lines: text.lines().enumerate(), words: "".split_ascii_whitespace(), line: 0 };
+    // With their lines, counted from 1.
+    let mut words = (1..)
+        .zip(text.lines())
+        .flat_map(|(line, text)| text.split_ascii_whitespace().map(move |word| (line, word)));
     let mut header = Header::default();
     let first = loop {
         let Some((line, name)) = words.next() else { break None };
@@ -91,7 +73,7 @@ pub fn read(path: &Path, bytes: &[u8]) -> Result<Raw> {
     check_size(path, columns, rows, text.len().div_ceil(2))?;
     let no_data = header.no_data.unwrap_or(NO_DATA);
     let mut values = Vec::with_capacity(columns * rows);
-    for (line, word) in first.into_iter().chain(&mut words) {
+    for (line, word) in first.into_iter().chain(words) {
         if values.len() == columns * rows {
             let what = format!("more than the {} values of {columns} columns and {rows} rows", values.len());
             return Err(Error::format(path, Some(line), what));
@@ -106,15 +88,14 @@ pub fn read(path: &Path, bytes: &[u8]) -> Result<Raw> {
             values.len(),
             columns * rows
         );
-        return Err(Error::format(path, Some(words.line), what));
+        return Err(Error::format(path, Some(text.lines().count()), what));
     }
     place(path, &header, columns, rows, values)
 }
 
 /// Adds the distances of samples and their place.
 fn place(path: &Path, header: &Header, columns: usize, rows: usize, values: Vec<f32>) -> Result<Raw> {
-    let mut raw =
-        Raw { columns, rows, values, cell: None, georeference: None, unit: None, notes: Vec::new() };
+    let mut raw = Raw { columns, rows, values, ..Raw::default() };
     let [Some(dx), Some(dy)] = header.cell else {
         // The caller refuses the file unless an option states the distances.
         return Ok(raw);

@@ -58,8 +58,7 @@ pub fn read(path: &Path, bytes: Vec<u8>, options: &ReadOptions) -> Result<Raw> {
         let hole = hole as f32;
         values.iter_mut().filter(|v| **v == hole).for_each(|v| *v = f32::NAN);
     }
-    let mut raw =
-        Raw { columns, rows, values, cell: None, georeference: None, unit: None, notes: Vec::new() };
+    let mut raw = Raw { columns, rows, values, ..Raw::default() };
     if let Some(georeference) = georeference(&mut file).map_err(fail)? {
         units(&mut raw, &georeference, options).map_err(fail)?;
         raw.georeference = Some(georeference);

@@ -34,6 +34,7 @@ pub struct Loaded {
 }
 
 /// Values of a file before they are heights in m.
+#[derive(Default)]
 struct Raw {
     columns: usize,
     rows: usize,
@@ -112,15 +113,8 @@ fn from_numpy(path: &Path, array: numpy::Array) -> Result<Raw> {
         let what = format!("an array of {} dimensions; heights need 2: rows and columns", array.shape.len());
         return Err(Error::format(path, None, what));
     };
-    Ok(Raw {
-        columns,
-        rows,
-        values: array.values,
-        cell: None,
-        georeference: None,
-        unit: None,
-        notes: vec!["the first row of the array is taken as the north".into()],
-    })
+    let notes = vec!["the first row of the array is taken as the north".into()];
+    Ok(Raw { columns, rows, values: array.values, notes, ..Raw::default() })
 }
 
 /// Largest value that may stand for a sample without data, such as -999, -9999, -32768 and -99999.

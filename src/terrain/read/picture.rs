@@ -22,7 +22,8 @@ pub fn read(path: &Path, bytes: Vec<u8>, options: &ReadOptions) -> Result<Raw> {
     reader.no_limits();
     let decoder = reader.into_decoder().map_err(broken)?;
     let (columns, rows) = decoder.dimensions();
-    check_size(path, columns as usize, rows as usize, possible)?;
+    let (columns, rows) = (columns as usize, rows as usize);
+    check_size(path, columns, rows, possible)?;
     let mut notes = Vec::new();
     let values = match DynamicImage::from_decoder(decoder).map_err(broken)? {
         DynamicImage::ImageLuma16(image) => image.as_raw().iter().map(|&v| f32::from(v)).collect(),
@@ -38,13 +39,5 @@ pub fn read(path: &Path, bytes: Vec<u8>, options: &ReadOptions) -> Result<Raw> {
             return Err(Error::format(path, None, what));
         }
     };
-    Ok(Raw {
-        columns: columns as usize,
-        rows: rows as usize,
-        values,
-        cell: None,
-        georeference: None,
-        unit: None,
-        notes,
-    })
+    Ok(Raw { columns, rows, values, notes, ..Raw::default() })
 }

@@ -47,9 +47,6 @@ struct Profile {
 
 impl Lines {
     /// Lines over a grid and the transposed grid, without horizons.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) if the horizons do not fit.
     pub fn new(grid: &Grid) -> Result<Lines> {
         let places = (grid.columns() + 1) * (grid.rows() + 1);
         let size = 2 * std::mem::size_of::<[f32; 2]>() * places;

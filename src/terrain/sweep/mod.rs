@@ -109,9 +109,6 @@ pub fn fold(
 }
 
 /// What `make` derives from the horizons of each sample in each azimuth: `columns * rows` values for each.
-///
-/// # Errors
-/// As for [`fold`].
 pub fn each(
     grid: &Grid,
     azimuths: Azimuths,

@@ -18,29 +18,9 @@ fn grids() -> Vec<Grid> {
 }
 
 #[test]
-fn neighbours_differ_by_one_level() {
-    for grid in grids() {
-        let tree = Quadtree::refine(&grid, near_a_place, 0.3).expect("a tree");
-        let mut pairs = 0;
-        for leaf in tree.leaves() {
-            for side in Side::ALL {
-                let opposite = Side::ALL[Side::ALL.iter().position(|s| *s == side).expect("a side") ^ 1];
-                for across in tree.leaves_across(leaf, side) {
-                    let (a, b) = (tree.nodes()[leaf].size, tree.nodes()[across].size);
-                    assert!(a <= 2 * b && b <= 2 * a, "{a} beside {b}");
-                    assert!(tree.leaves_across(across, opposite).any(|back| back == leaf));
-                    pairs += 1;
-                }
-            }
-        }
-        assert!(pairs > 0 || grid.columns() <= 3);
-    }
-}
-
-#[test]
 fn leaves_cover_the_grid_once() {
     for grid in grids() {
-        let tree = Quadtree::refine(&grid, near_a_place, 0.3).expect("a tree");
+        let tree = Quadtree::refine(&grid, near_a_place, 0.3);
         let mut covered = vec![0; (grid.columns() - 1) * (grid.rows() - 1)];
         for leaf in tree.leaves() {
             let [columns, rows] = tree.samples(leaf);
@@ -56,7 +36,7 @@ fn leaves_cover_the_grid_once() {
 fn meshes_have_no_cracks() {
     for grid in grids() {
         for max_error in [0.1, 0.3, 1.0, 1e9] {
-            let tree = Quadtree::refine(&grid, near_a_place, max_error).expect("a tree");
+            let tree = Quadtree::refine(&grid, near_a_place, max_error);
             let mesh = tree.mesh();
             let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
             let mut area = 0.0;
@@ -87,10 +67,9 @@ fn meshes_have_no_cracks() {
 #[test]
 fn full_trees_have_a_leaf_for_each_cell() {
     let grid = &grids()[5];
-    let tree = Quadtree::refine(grid, |_| 1.0, 0.0).expect("a tree");
+    let tree = Quadtree::refine(grid, |_| 1.0, 0.0);
     assert_eq!(tree.leaves().count(), 33 * 66);
     assert_eq!(tree.mesh().triangles.len(), 2 * 33 * 66);
-    assert!(Quadtree::refine(grid, |_| 1.0, f64::NAN).is_err());
 }
 
 #[test]
@@ -102,7 +81,7 @@ fn coarse_triangles_are_few_and_near_the_samples() {
     let whole = 2 * 128 * 99;
     let mut before = f32::INFINITY;
     for wanted in [500, 2000, 8000] {
-        let (mesh, pieces) = coarse(&grid, wanted).expect("triangles");
+        let (mesh, pieces) = coarse(&grid, wanted);
         let found = mesh.triangles.len();
         assert!(found > wanted / 2 && found < 2 * wanted, "{found} instead of {wanted} of {whole}");
         let largest = pieces.iter().map(|piece| piece.error).fold(0.0, f32::max);
@@ -138,9 +117,9 @@ fn coarse_triangles_are_few_and_near_the_samples() {
     // Ground with holes in half of it has as many triangles.
     let half = (0..129 * 100).map(|k| if k % 129 < 64 { f32::NAN } else { rough.heights()[k] }).collect();
     let half = Grid::new(129, 100, [1.0; 2], half).expect("a grid");
-    let found = coarse(&half, 2000).expect("triangles").0.triangles.len();
+    let found = coarse(&half, 2000).0.triangles.len();
     assert!((1000..4000).contains(&found), "{found}");
     // A plane has few.
-    let (mesh, pieces) = coarse(&plane(33, 1.0, 0.5, 0.7).expect("a grid"), 1000).expect("triangles");
+    let (mesh, pieces) = coarse(&plane(33, 1.0, 0.5, 0.7).expect("a grid"), 1000);
     assert!(mesh.triangles.len() < 40 && pieces.iter().all(|piece| piece.error < 1e-4), "{pieces:?}");
 }

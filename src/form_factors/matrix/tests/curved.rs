@@ -82,23 +82,17 @@ fn tube(radius: f64, sides: u32, inward: bool) -> Vec<Vec<DVec3>> {
 /// Prisms with the cross-section of a cylinder converge to the cylinder with the square of the angle per side.
 #[test]
 fn coaxial_cylinders_converge_to_published_values() {
-    let text = include_str!("../../../../tests/validation/viewfactors_unobstructed.csv");
-    let mut reader =
-        csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes());
-    let mut tried = 0;
-    for row in reader.records().map(|r| r.expect("a row")).filter(|r| r[0].starts_with("coaxial-cylinders")) {
-        let number = |k: usize| row[k].parse::<f64>().expect("a number");
-        let (inner, outer, want) = (number(2), number(3), number(6));
+    let published = unobstructed("coaxial-cylinders");
+    assert_eq!(published.len(), 7);
+    for (name, [inner, outer, ..], want) in published {
         let off = |sides: u32| {
             let m = between(&solids(&[tube(inner, sides, false), tube(outer, sides, true)]));
             near(m.get(1, 0) * outer, m.get(0, 1) * inner, 1e-5, "reciprocity");
             m.get(0, 1) / want - 1.0
         };
         let (coarse, fine) = (off(12), off(48));
-        assert!(fine.abs() < 1e-3 && fine.abs() < 0.2 * coarse.abs() + 2e-4, "{}: {coarse} {fine}", &row[0]);
-        tried += 1;
+        assert!(fine.abs() < 1e-3 && fine.abs() < 0.2 * coarse.abs() + 2e-4, "{name}: {coarse} {fine}");
     }
-    assert_eq!(tried, 7);
 }
 
 /// A two-dimensional case as long plates. The finite length changes factors by some thousandths: the blocked factor is
@@ -113,14 +107,10 @@ fn a_published_case_in_two_dimensions() {
         (2.0 * DVec3::Y, long, 5.0 * DVec3::X),
     ]);
     let (m, _) = run(&scene, |s| s.enforce = false);
-    let open = crate::form_factors::analytic::parallel_rectangles(
-        [[0.0, 10.0], [0.0, length]],
-        [[0.0, 10.0], [0.0, length]],
-        5.0,
-    );
+    let open = opposed_rectangles([10.0, length], 5.0);
     // Crossed strings without the blocker.
     let open_strings = 1.25f64.sqrt() - 0.5;
-    near(m.get(0, 1) / open, published("lbnl_2d_block1", "F12") / open_strings, 5e-3, "blocked");
+    near(m.get(0, 1) / open, obstructed("lbnl_2d_block1", "F12") / open_strings, 5e-3, "blocked");
     near(m.get(1, 2), 0.372015325, 5e-3, "above");
     near(m.get(2, 1), 0.744030651, 5e-3, "below");
     assert_eq!(m.get(0, 2), 0.0, "its back");
