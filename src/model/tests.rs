@@ -55,10 +55,7 @@ fn blocked(model: &Model, packets: &[Packet]) -> Vec<u32> {
 fn transmittances(model: &Model, packets: &[Packet], s: f32) -> Vec<f32> {
     let engine = model.engine(model.widest_packets(), LeafMode::Average).expect("optics");
     let width = 0.2 * model.bounds().extent().min_element();
-    let bundles: Vec<Bundle> = packets
-        .iter()
-        .map(|p| Bundle { packets: std::slice::from_ref(p), emitter_size: width, emitter: &[] })
-        .collect();
+    let bundles: Vec<Bundle> = packets.iter().map(|p| Bundle::of_packet(p, width)).collect();
     let mut found = Vec::new();
     engine.answers(&bundles, s, &mut Workspace::default(), |a| found.push(a.transmittance));
     found

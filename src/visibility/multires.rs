@@ -288,7 +288,7 @@ impl MultiResolution {
         s: f32,
         workspace: &mut Workspace,
     ) -> (Answer, [f32; LANES]) {
-        let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: e, emitter: &[] };
+        let bundle = Bundle::of_packet(packet, e);
         let mut found = None;
         self.answers_lanes(&[bundle], &[s], workspace, |_, answer, lanes| found = Some((answer, *lanes)));
         found.expect("one bundle, one answer")
