@@ -6,7 +6,7 @@
 //! horizontally by the disc's half width at dy. Counts of 4- and 8-neighbour erosions bracket the squared distance to
 //! a factor of two; bisection finds it. [`crate::optics`] measures up to millions of such images per scene.
 
-use super::{BitImage, Morphology, NO_BACKGROUND, Outside};
+use super::{BitImage, NO_BACKGROUND, Outside};
 
 /// Largest number of columns and rows that [`Discs`] accepts.
 pub(super) const MAX_SIDE: usize = 64;
@@ -98,19 +98,6 @@ impl Discs {
             }
         }
         false
-    }
-}
-
-/// Number of erosions until no object is left, with 4 neighbours for [`Morphology::Paper4`] and 8 otherwise; `None`
-/// when that never happens. The image has at most [`MAX_SIDE`] columns and rows.
-pub(super) fn erosions_until_empty(image: &BitImage, mode: Morphology, outside: Outside) -> Option<u32> {
-    let (height, inside) = (image.height(), image.last_word_mask());
-    let (plane, fill) = plane(image, outside);
-    match mode {
-        _ if image.is_empty() => Some(0),
-        _ if endless(&plane, fill) => None,
-        Morphology::Paper4 => Some(erosions(&plane, height, inside, fill, DIAMOND)),
-        Morphology::Paper8 | Morphology::Euclid => Some(erosions(&plane, height, inside, fill, SQUARE)),
     }
 }
 

@@ -5,7 +5,7 @@
 //! integers (A. Meijster, J. Roerdink, W. Hesselink 2000). Linear time in the number of pixels.
 
 use super::disc::{Discs, MAX_SIDE};
-use super::{BitImage, Morphology, NO_BACKGROUND, Outside, disc, erode};
+use super::{BitImage, NO_BACKGROUND, Outside};
 
 /// Euclidean distance transform with its working memory: make one per thread and reuse it.
 ///
@@ -17,7 +17,6 @@ pub struct Edt {
     columns: Vec<u32>,
     sites: Vec<(usize, usize)>,
     squared: Vec<u32>,
-    planes: [BitImage; 2],
 }
 
 /// Diameter in pixels, 2·√d², of the largest disc in an object whose innermost pixel has this squared distance; 0
@@ -68,19 +67,6 @@ impl Edt {
     /// Diameter in pixels of the largest disc that fits into the object; see [`diameter`].
     pub fn max_inscribed_diameter(&mut self, image: &BitImage, outside: Outside) -> f32 {
         diameter(self.max_squared_distance(image, outside))
-    }
-
-    /// Size in pixels of the largest region of the object as `mode` measures it: [`Edt::max_inscribed_diameter`], or
-    /// twice the number of erosions until the object is empty. 0 without object, infinite without background.
-    pub fn largest_size(&mut self, image: &BitImage, mode: Morphology, outside: Outside) -> f32 {
-        let steps = match mode {
-            Morphology::Euclid => return self.max_inscribed_diameter(image, outside),
-            _ if image.width() <= MAX_SIDE && image.height() <= MAX_SIDE => {
-                disc::erosions_until_empty(image, mode, outside)
-            }
-            _ => erode::erosions_until_empty(image, &mut self.planes, mode, outside),
-        };
-        steps.map_or(f32::INFINITY, |n| 2.0 * n as f32)
     }
 
     /// Fills `columns` with the distance of each pixel to the nearest background pixel of its column,
@@ -207,24 +193,7 @@ mod tests {
         }
     }
 
-    proptest! {
-        /// The erosion counts for small images equal the general ones.
-        #[test]
-        fn small_images_erode_like_large_ones(
-            w in 1usize..65,
-            h in 1usize..65,
-            rectangles in prop::collection::vec((0usize..64, 0usize..64, 1usize..30, 1usize..30), 0..8),
-            inverted: bool,
-        ) {
-            let image = blobs(w, h, &rectangles, inverted);
-            for mode in [Morphology::Paper4, Morphology::Paper8] {
-                for outside in [Outside::Free, Outside::Blocked] {
-                    let general = erode::erosions_until_empty(&image, &mut Default::default(), mode, outside);
-                    prop_assert_eq!(disc::erosions_until_empty(&image, mode, outside), general);
-                }
-            }
-        }
-    }
+    proptest! {}
 
     #[test]
     fn empty_images_have_no_size() {

@@ -1,7 +1,7 @@
 //! Opening: erosion, then expansion by as much. Regions smaller than a size vanish, others nearly keep their shape
 //! [SD95 sec 2.4].
 
-use super::erode::{erode_by, expand_by};
+use super::erode::{erode_by, erosions_until_empty, expand_by};
 use super::{BitImage, Edt, Morphology, Outside};
 
 /// Openings of one image by many sizes. Background lies outside the image: an object at the border is measured by its
@@ -62,7 +62,10 @@ impl Opener {
 
     /// Size in pixels of the largest object: the opening by any smaller size is not empty.
     pub fn largest(&mut self) -> f32 {
-        self.edt.largest_size(&self.image, self.mode, Outside::Free)
+        match self.mode {
+            Morphology::Euclid => self.edt.max_inscribed_diameter(&self.image, Outside::Free),
+            counts => 2.0 * erosions_until_empty(&self.image, counts) as f32,
+        }
     }
 
     fn open_by_disc(&mut self, radius: f64) -> BitImage {
