@@ -14,7 +14,5 @@ mod sys;
 mod tests;
 
 pub use device::Device;
-#[cfg(any(test, feature = "reports"))]
-pub use scene::Options;
 pub use scene::{CommittedScene, SceneBuilder, Traversal};
 pub use sys::{GridPiece, Hits};

@@ -50,10 +50,6 @@ enumeration! {
 enumeration! {
     /// Flags of a scene, joined by "or".
     RTCSceneFlags {
-        /// None.
-        RTC_SCENE_FLAG_NONE = 0,
-        /// Less memory at a lower speed.
-        RTC_SCENE_FLAG_COMPACT = 2,
         /// Conservative tests, without cracks between triangles.
         RTC_SCENE_FLAG_ROBUST = 4,
     }
@@ -188,8 +184,6 @@ unsafe extern "C" {
     pub fn rtcReleaseGeometry(geometry: RTCGeometry);
     /// Says that a geometry is complete.
     pub fn rtcCommitGeometry(geometry: RTCGeometry);
-    /// Sets the mask that is compared with those of rays.
-    pub fn rtcSetGeometryMask(geometry: RTCGeometry, mask: c_uint);
     /// Allocates a buffer of `count` items of `stride` bytes for a geometry, to be filled; null if that fails.
     pub fn rtcSetNewGeometryBuffer(
         geometry: RTCGeometry,
@@ -221,7 +215,6 @@ unsafe extern "C" {
         count: usize,
         width: c_int,
         coherent: c_int,
-        mask: u32,
         occluded: *mut u32,
     );
     /// What the lanes of packets hit first; see `shim.h`.
@@ -231,7 +224,6 @@ unsafe extern "C" {
         count: usize,
         width: c_int,
         coherent: c_int,
-        mask: u32,
         hits: *mut Hits,
         places: *mut [[f32; LANES]; 2],
     );

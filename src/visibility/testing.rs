@@ -23,8 +23,8 @@ impl Stage {
         hierarchy.check(&scene).expect("hierarchy");
         let optics = optics::measure(&scene, &hierarchy.micro, how);
         let device = Device::new(1).expect("device");
-        let mut builder = SceneBuilder::new(&device, Default::default()).expect("builder");
-        builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
+        let mut builder = SceneBuilder::new(&device).expect("builder");
+        builder.add_triangles(&scene.positions, &scene.triangles).expect("triangles");
         let traced = builder.commit().expect("scene");
         Stage { scene, hierarchy, optics, traced }
     }

@@ -41,7 +41,7 @@ impl Traced {
 
     pub fn blocked(&self, packets: &[Packet], blocked: &mut [u32]) {
         let width = if packets.iter().all(|p| p.active >> 4 == 0) { 4 } else { TRAVERSAL.width };
-        self.scene.occluded_by(Traversal { width, ..TRAVERSAL }, u32::MAX, packets, blocked);
+        self.scene.occluded_by(Traversal { width, ..TRAVERSAL }, packets, blocked);
     }
 }
 

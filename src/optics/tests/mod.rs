@@ -35,8 +35,8 @@ fn options() -> Options {
 
 fn committed(scene: &Scene) -> CommittedScene {
     let device = Device::new(1).expect("device");
-    let mut builder = SceneBuilder::new(&device, Default::default()).expect("builder");
-    builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
+    let mut builder = SceneBuilder::new(&device).expect("builder");
+    builder.add_triangles(&scene.positions, &scene.triangles).expect("triangles");
     builder.commit().expect("scene")
 }
 

@@ -44,9 +44,8 @@ fn staged_with<R>(pieces: Pieces, seed: u64, see: impl FnOnce(&LinkEstimator, [u
         }
         next += 1;
     }
-    let mut builder =
-        SceneBuilder::new(&Device::new(1).expect("Embree"), Default::default()).expect("a scene");
-    builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
+    let mut builder = SceneBuilder::new(&Device::new(1).expect("Embree")).expect("a scene");
+    builder.add_triangles(&scene.positions, &scene.triangles).expect("triangles");
     let traced = builder.commit().expect("committed");
     let estimator = LinkEstimator {
         elements: &elements,

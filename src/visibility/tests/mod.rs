@@ -49,7 +49,7 @@ impl Stage {
     /// Blocked lanes by Embree.
     fn exact(&self, packet: &Packet) -> u32 {
         let mut blocked = [0];
-        self.traced.occluded_by(SINGLE, u32::MAX, std::slice::from_ref(packet), &mut blocked);
+        self.traced.occluded_by(SINGLE, std::slice::from_ref(packet), &mut blocked);
         blocked[0]
     }
 
