@@ -276,8 +276,7 @@ impl Model {
 
     /// Largest coordinate magnitude, scene units: the scale of rounding errors.
     pub(crate) fn magnitude(&self) -> f32 {
-        let bounds = self.bounds();
-        bounds.min.abs().max(bounds.max.abs()).max_element()
+        self.bounds().magnitude()
     }
 
     /// The rule of an end on a face of an instance.

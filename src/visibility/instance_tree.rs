@@ -169,7 +169,7 @@ impl InstanceTree {
         let before = before.and_then(|tree| tree.root.first());
         let root: Vec<Branch> = placed::update(before, &changes, &measure).into_iter().collect();
         let bounds = root.iter().fold(instances.own, |all, root| all.union(root.bounds()));
-        let magnitude = bounds.min.abs().max(bounds.max.abs()).max_element();
+        let magnitude = bounds.magnitude();
         InstanceTree { magnitude, entry: Lanes::of(&root), root }
     }
 
