@@ -84,6 +84,16 @@ macro_rules! operations {
 }
 use operations;
 
+/// A bfloat16 that is at least `v`, which is not negative.
+pub const fn half_up(v: f32) -> u16 {
+    (v.to_bits().saturating_add(0xffff) >> 16) as u16
+}
+
+/// The bfloat16 nearest to `v`, which is not negative.
+pub fn half_nearest(v: f32) -> u16 {
+    (v.to_bits().saturating_add(0x8000) >> 16) as u16
+}
+
 /// exp(-x) for x >= 0 with an error below 1e-5: (1 + y + y²/2 + y³/6 + y⁴/24)^-64 with y = x/64. Bit-identical on every
 /// instruction set. x above 80 counts as 80.
 #[inline(always)]
