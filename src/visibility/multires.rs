@@ -138,13 +138,11 @@ impl MultiResolution {
         bundles: &[Bundle],
         s: f32,
         workspace: &mut Workspace,
-        mut each: impl FnMut(Answer),
+        each: impl FnMut(Answer),
     ) {
         // Without exact rays walks have no limit.
         self.walk_all(bundles, Sizes::All(s), self.leaf == LeafMode::Exact, workspace);
-        for (k, bundle) in bundles.iter().enumerate() {
-            each(self.finish(*bundle, k, workspace));
-        }
+        self.finish_all(bundles, workspace, each);
     }
 
     /// The visible fractions of several bundles without aggregation: exact visibility with certificates.
@@ -152,11 +150,14 @@ impl MultiResolution {
     /// A bundle whose shaft is empty is clear, one whose shaft a single triangle covers is blocked, both without rays
     /// (docs/method.md, Certificates and intervals). Of the rest, few triangles are tested against all segments at
     /// once; with many, Embree traces the bundle.
-    pub fn certified(&self, bundles: &[Bundle], workspace: &mut Workspace, mut each: impl FnMut(Answer)) {
+    pub fn certified(&self, bundles: &[Bundle], workspace: &mut Workspace, each: impl FnMut(Answer)) {
         self.walk_all(bundles, Sizes::Nothing, true, workspace);
-        for (k, bundle) in bundles.iter().enumerate() {
-            each(self.finish(*bundle, k, workspace));
-        }
+        self.finish_all(bundles, workspace, each);
+    }
+
+    /// The answers of walks, or those of Embree where walks were abandoned.
+    fn finish_all(&self, bundles: &[Bundle], workspace: &mut Workspace, mut each: impl FnMut(Answer)) {
+        bundles.iter().enumerate().for_each(|(k, bundle)| each(self.finish(*bundle, k, workspace)));
     }
 
     /// The visible fraction of a bundle by exact rays; for bundles for which [`MultiResolution::pays`] is false.
