@@ -19,15 +19,6 @@ pub struct Edt {
     squared: Vec<u32>,
 }
 
-/// Diameter in pixels, 2·√d², of the largest disc in an object whose innermost pixel has this squared distance; 0
-/// without object, infinite for [`NO_BACKGROUND`]. The [room](super) states the accuracy.
-pub fn diameter(max_squared_distance: u32) -> f32 {
-    match max_squared_distance {
-        NO_BACKGROUND => f32::INFINITY,
-        squared => 2.0 * (squared as f32).sqrt(),
-    }
-}
-
 impl Edt {
     /// A transform without allocated memory.
     pub fn new() -> Self {
@@ -55,18 +46,19 @@ impl Edt {
         &self.squared
     }
 
-    /// The largest of [`Edt::squared_distances`]. Images of at most 64 x 64 pixels take a faster algorithm that
-    /// allocates no memory after its first use.
-    pub fn max_squared_distance(&mut self, image: &BitImage, outside: Outside) -> u32 {
+    /// The largest of [`Edt::squared_distances`] where outside of the image is background. Images of at most 64 x 64 pixels take a faster
+    /// algorithm that allocates no memory after its first use.
+    pub fn max_squared_distance(&mut self, image: &BitImage) -> u32 {
         if image.width() <= MAX_SIDE && image.height() <= MAX_SIDE {
-            return self.discs.max_squared_distance(image, outside);
+            return self.discs.max_squared_distance(image);
         }
-        self.squared_distances(image, outside).iter().copied().max().unwrap_or(0)
+        self.squared_distances(image, Outside::Free).iter().copied().max().unwrap_or(0)
     }
 
-    /// Diameter in pixels of the largest disc that fits into the object; see [`diameter`].
-    pub fn max_inscribed_diameter(&mut self, image: &BitImage, outside: Outside) -> f32 {
-        diameter(self.max_squared_distance(image, outside))
+    /// Diameter in pixels, 2·√d², of the largest disc in an object whose innermost pixel has this squared distance; 0 without object. The
+    /// [room](super) states the accuracy.
+    pub fn max_inscribed_diameter(&mut self, image: &BitImage) -> f32 {
+        2.0 * (self.max_squared_distance(image) as f32).sqrt()
     }
 
     /// Fills `columns` with the distance of each pixel to the nearest background pixel of its column,
@@ -188,7 +180,9 @@ mod tests {
             for outside in [Outside::Free, Outside::Blocked] {
                 let expected = naive(&image, outside);
                 prop_assert_eq!(edt.squared_distances(&image, outside), &expected[..]);
-                prop_assert_eq!(edt.max_squared_distance(&image, outside), expected.into_iter().max().unwrap());
+                if outside == Outside::Free {
+                    prop_assert_eq!(edt.max_squared_distance(&image), expected.into_iter().max().unwrap());
+                }
             }
         }
     }
@@ -199,12 +193,10 @@ mod tests {
     fn empty_images_have_no_size() {
         let mut edt = Edt::new();
         for (w, h) in [(0, 0), (0, 5), (5, 0), (5, 5), (100, 3)] {
-            assert_eq!(edt.max_inscribed_diameter(&BitImage::new(w, h), Outside::Free), 0.0);
-            assert_eq!(edt.max_inscribed_diameter(&BitImage::new(w, h), Outside::Blocked), 0.0);
+            assert_eq!(edt.max_inscribed_diameter(&BitImage::new(w, h)), 0.0);
         }
         let full = BitImage::new(9, 70).complement();
-        assert_eq!(edt.max_inscribed_diameter(&full, Outside::Blocked), f32::INFINITY);
-        assert_eq!(edt.max_inscribed_diameter(&full, Outside::Free), 10.0);
+        assert_eq!(edt.max_inscribed_diameter(&full), 10.0);
     }
 
     #[test]
@@ -215,7 +207,7 @@ mod tests {
             for (ox, oy) in [(0.01, 0.01), (0.47, 0.47), (0.25, 0.01), (0.4, 0.1), (0.13, 0.77)] {
                 let image =
                     BitImage::from_fn(64, 64, |x, y| object(x as f64 - 31.0 + ox, y as f64 - 31.0 + oy));
-                let size = edt.max_inscribed_diameter(&image, Outside::Free);
+                let size = edt.max_inscribed_diameter(&image);
                 assert!((size - expect).abs() < tolerance, "{size} for {expect} at {ox} {oy}");
             }
         };
@@ -229,7 +221,7 @@ mod tests {
         }
         for a in 1..60usize {
             let image = BitImage::from_fn(64, 64, |x, y| (2..2 + a).contains(&x) && (1..1 + a).contains(&y));
-            assert_eq!(edt.max_inscribed_diameter(&image, Outside::Free), (a + a % 2) as f32);
+            assert_eq!(edt.max_inscribed_diameter(&image), (a + a % 2) as f32);
         }
     }
 }

@@ -63,7 +63,7 @@ impl Opener {
     /// Size in pixels of the largest object: the opening by any smaller size is not empty.
     pub fn largest(&mut self) -> f32 {
         match self.mode {
-            Morphology::Euclid => self.edt.max_inscribed_diameter(&self.image, Outside::Free),
+            Morphology::Euclid => self.edt.max_inscribed_diameter(&self.image),
             counts => 2.0 * erosions_until_empty(&self.image, counts) as f32,
         }
     }
