@@ -232,11 +232,6 @@ pub mod scene {
     };
 }
 
-/// Instruction sets.
-pub mod simd {
-    pub use crate::simd::Isa;
-}
-
 /// Pools of threads.
 pub mod threads {
     pub use crate::threads::{MAX_THREADS, Threads, in_callback, is_in_callback};
@@ -244,7 +239,6 @@ pub mod threads {
 
 /// Visibility engines.
 pub mod visibility {
-    pub use crate::visibility::steps::Step;
     pub use crate::visibility::{
         Answer, Bundle, Cut, Exact, LeafMode, Mode, MultiResolution, Sums, Workspace, fastest_traversal,
     };

@@ -81,12 +81,8 @@ impl SceneBuilder {
         let handle = Handle { raw, device: device.clone() };
         // Conservative box and edge tests: no cracks between adjacent triangles, at a somewhat lower speed. Embree ignores flags after a
         // commit.
-        let flags = sys::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST;
         // SAFETY: `raw` is a live, uncommitted scene.
-        unsafe {
-            sys::rtcSetSceneFlags(raw, flags);
-            sys::rtcSetSceneBuildQuality(raw, sys::RTCBuildQuality::RTC_BUILD_QUALITY_MEDIUM);
-        }
+        unsafe { sys::rtcSetSceneFlags(raw, sys::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST) };
         device.check()?;
         Ok(SceneBuilder { handle, grid: None })
     }

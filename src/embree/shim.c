@@ -21,7 +21,6 @@ CONSTANT(RTC_DEVICE_PROPERTY_NATIVE_RAY4_SUPPORTED, 32);
 CONSTANT(RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED, 33);
 CONSTANT(RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED, 34);
 CONSTANT(RTC_SCENE_FLAG_ROBUST, 4);
-CONSTANT(RTC_BUILD_QUALITY_MEDIUM, 1);
 CONSTANT(RTC_GEOMETRY_TYPE_TRIANGLE, 0);
 CONSTANT(RTC_GEOMETRY_TYPE_GRID, 2);
 CONSTANT(RTC_GEOMETRY_TYPE_INSTANCE, 121);
@@ -43,7 +42,6 @@ FUNCTION(rtcSetDeviceMemoryMonitorFunction, void, RTCDevice, bool (*)(void *, ss
 FUNCTION(rtcNewScene, RTCScene, RTCDevice);
 FUNCTION(rtcReleaseScene, void, RTCScene);
 FUNCTION(rtcSetSceneFlags, void, RTCScene, unsigned);
-FUNCTION(rtcSetSceneBuildQuality, void, RTCScene, unsigned);
 FUNCTION(rtcSetSceneProgressMonitorFunction, void, RTCScene, bool (*)(void *, double), void *);
 FUNCTION(rtcCommitScene, void, RTCScene);
 FUNCTION(rtcAttachGeometryByID, void, RTCScene, RTCGeometry, unsigned);

@@ -30,8 +30,6 @@ mod route;
 mod routes;
 mod shaft;
 mod slabs;
-#[cfg(feature = "internals")]
-pub mod steps;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]

@@ -7,8 +7,6 @@ use super::cut::Cut;
 use super::exact::Exact;
 use super::instance_tree::InstanceTree;
 use super::route::Route;
-#[cfg(feature = "internals")]
-use super::steps::Steps;
 use super::wide::WideTree;
 use crate::embree::{CommittedScene, Traversal};
 use crate::optics;
@@ -99,7 +97,7 @@ impl MultiResolution {
     }
 
     /// Selects another instruction set; unavailable ones are replaced by portable code.
-    #[cfg(any(test, feature = "internals"))]
+    #[cfg(test)]
     #[must_use]
     pub fn with_isa(mut self, isa: Isa) -> Self {
         self.isa = if isa.available() { isa } else { Isa::Portable };
@@ -110,12 +108,6 @@ impl MultiResolution {
     #[cfg(any(test, feature = "reports"))]
     pub fn isa(&self) -> Isa {
         self.isa
-    }
-
-    /// Single steps of a walk for a bundle's packets, for benchmarks.
-    #[cfg(feature = "internals")]
-    pub fn steps<'s>(&'s self, packets: &'s [Packet]) -> Steps<'s> {
-        Steps::new((&self.tree, self.instances.as_deref()), self.magnitude, self.isa, packets)
     }
 
     /// Size of the traversal structure in bytes: the trees of all meshes, each once, and the groups of instances.
