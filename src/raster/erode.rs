@@ -60,6 +60,7 @@ pub fn expand_by(image: &BitImage, steps: usize, mode: Morphology) -> BitImage {
 }
 
 /// Number of erosions until no object pixel is left. Pixels outside the image count as background.
+#[cfg(any(test, feature = "internals"))]
 pub(super) fn erosions_until_empty(image: &BitImage, mode: Morphology) -> u32 {
     let (mut a, mut b) = (image.clone(), image.clone());
     let mut steps = 0;

@@ -1,7 +1,7 @@
 //! Opening: erosion, then expansion by as much. Regions smaller than a size vanish, others nearly keep their shape
 //! [SD95 sec 2.4].
 
-use super::erode::{erode_by, erosions_until_empty, expand_by};
+use super::erode::{erode_by, expand_by};
 use super::{BitImage, Edt, Morphology, Outside};
 
 /// Openings of one image by many sizes. Background lies outside the image: an object at the border is measured by its
@@ -61,10 +61,11 @@ impl Opener {
     }
 
     /// Size in pixels of the largest object: the opening by any smaller size is not empty.
+    #[cfg(any(test, feature = "internals"))]
     pub fn largest(&mut self) -> f32 {
         match self.mode {
             Morphology::Euclid => self.edt.max_inscribed_diameter(&self.image),
-            counts => 2.0 * erosions_until_empty(&self.image, counts) as f32,
+            counts => 2.0 * super::erode::erosions_until_empty(&self.image, counts) as f32,
         }
     }
 

@@ -10,7 +10,7 @@ use super::route::Route;
 use super::wide::WideTree;
 use crate::embree::{CommittedScene, Traversal};
 use crate::optics;
-#[cfg(any(test, feature = "internals"))]
+#[cfg(test)]
 use crate::ray::Packet;
 use crate::simd::{Isa, LANES, dispatch};
 use std::sync::Arc;
