@@ -161,13 +161,9 @@ impl Pieces {
             None => self.soup.material(SoupMaterial::light("light", [1.0; 3])),
         };
         self.light = Some(material);
-        let object = self.soup.object(format!("light {}", self.soup.objects.len()));
-        let (u, v) = (0.5 * u, 0.5 * v);
-        self.soup.polygon(
-            object,
-            material,
-            &[centre - u - v, centre + u - v, centre + u + v, centre - u + v],
-        );
+        let kept = std::mem::replace(&mut self.material, material);
+        self.object(&format!("light {}", self.soup.objects.len())).quad(centre, u, v);
+        self.material = kept;
         self
     }
 

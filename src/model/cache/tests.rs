@@ -280,16 +280,6 @@ proptest! {
         prop_assert!(load_bytes(&bytes).is_err());
     }
 
-    #[test]
-    fn cut_and_spliced_files_are_found(a in 0.0..1.0f64, b in 0.0..1.0f64) {
-        let bytes = &example().1;
-        let [a, b] = [a, b].map(|x| (x * bytes.len() as f64) as usize);
-        prop_assert!(load_bytes(&bytes[..a]).is_err());
-        if a != b {
-            prop_assert!(load_bytes(&[&bytes[..a], &bytes[b..]].concat()).is_err());
-        }
-    }
-
     /// Forged content with a correct checksum is refused without a panic.
     #[test]
     fn forged_bits_do_no_harm(place in 0.0..1.0f64, flip in 1u8..) {
