@@ -41,11 +41,8 @@ fn beside(scene: &Scene) -> CacheLocation {
 
 /// Prepared clusters and their origin, cached beside the scene.
 fn ask(scene: &Scene) -> (PreparedClusters, Origin, Option<String>) {
-    ask_for(scene, &Options::default())
-}
-
-fn ask_for(scene: &Scene, options: &Options) -> (PreparedClusters, Origin, Option<String>) {
-    load_or_make(scene, &beside(scene), options, || made(scene, options))
+    let options = Options::default();
+    load_or_make(scene, &beside(scene), &options, || made(scene, &options))
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {
