@@ -14,13 +14,6 @@ fn point(rng: &mut Pcg64Mcg) -> Vec3 {
     Vec3::new(unit(rng), unit(rng), unit(rng))
 }
 
-fn committed(positions: &[Vec3], triangles: &[[u32; 3]]) -> CommittedScene {
-    let device = Device::new(1).unwrap();
-    let mut builder = SceneBuilder::new(&device).unwrap();
-    builder.add_triangles(positions, triangles).unwrap();
-    builder.commit().unwrap()
-}
-
 /// Random triangles: pairs with a shared edge, axis-aligned coplanar ones, slivers, and others.
 fn random_scene(rng: &mut Pcg64Mcg, count: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut positions: Vec<Vec3> = Vec::new();

@@ -126,7 +126,6 @@ impl EmitterSampler {
         Facing { sampler: self, sums: Cow::Owned(sums) }
     }
 
-    /// All faces.
     pub fn all(&self) -> Facing<'_> {
         Facing { sampler: self, sums: Cow::Borrowed(&self.sums) }
     }

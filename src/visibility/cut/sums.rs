@@ -54,7 +54,6 @@ pub struct Sums {
     pub transmittance: f32,
     /// Sum of their squares.
     pub square: f32,
-    /// Number of segments.
     pub segments: u32,
     /// Segments that met an aggregated child.
     pub aggregated: u32,
