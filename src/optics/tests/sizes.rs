@@ -70,27 +70,6 @@ fn size_of_a_plate_by_direction() {
     }
 }
 
-/// 5 x 5 discs of radius 0.45 at distance 1: blocker size 0.9, gap size √2 - 0.9 between four discs.
-#[test]
-fn size_of_a_cloud_of_discs() {
-    let mut discs = Pieces::new();
-    for (i, j) in (0..25).map(|k| (f64::from(k % 5), f64::from(k / 5))) {
-        let rim = (0..24).map(|k| f64::from(k) * std::f64::consts::TAU / 24.0);
-        // At different heights: seen from above the discs form one layer.
-        let z = (3.0 * i + j) % 2.0;
-        let corners: Vec<DVec3> =
-            rim.map(|t| DVec3::new(i + 0.45 * t.cos(), j + 0.45 * t.sin(), z)).collect();
-        discs.polygon(&corners);
-    }
-    let optics = whole(discs, &options());
-    let pixel = 4.9 / 64.0;
-    let z = 2;
-    assert!((optics.blocker_size[z] - 0.9).abs() < 2.0 * pixel, "blocked {}", optics.blocker_size[z]);
-    assert!((optics.gap_size[z] - (2f32.sqrt() - 0.9)).abs() < 2.0 * pixel, "free {}", optics.gap_size[z]);
-    let cover = 25.0 * std::f32::consts::PI * 0.45 * 0.45 / (4.9 * 4.9);
-    assert!((optics.coverage[z] - cover).abs() < 0.03, "coverage {} against {cover}", optics.coverage[z]);
-}
-
 /// Two unit plates, each of sixteen faces, with a slit of 0.3 between them.
 #[test]
 fn size_of_a_wall_with_a_slit() {

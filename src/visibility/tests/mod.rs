@@ -64,12 +64,17 @@ impl Stage {
         corners[0] + u * (1.0 - v) * (corners[1] - corners[0]) + u * v * (corners[2] - corners[0])
     }
 
+    /// Triangles that do not belong to the first emitter.
+    fn surfaces(&self) -> Vec<u32> {
+        let emitter = &self.scene.emitters[0].triangles;
+        (0..self.scene.triangles.len() as u32).filter(|t| !emitter.contains(t)).collect()
+    }
+
     /// Packets of `lanes` segments from points on surfaces to points on the first emitter.
     fn bundles(&self, seed: u64, count: usize, lanes: usize) -> Vec<Packet> {
         let mut random = Pcg64Mcg::new(seed.into());
         let emitter = &self.scene.emitters[0].triangles;
-        let surfaces: Vec<u32> =
-            (0..self.scene.triangles.len() as u32).filter(|t| !emitter.contains(t)).collect();
+        let surfaces = self.surfaces();
         let ends = end_rule(&self.scene);
         (0..count)
             .map(|_| {

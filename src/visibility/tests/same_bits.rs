@@ -17,8 +17,7 @@ fn groups_answer_as_their_bundles_do() {
         let emitter = &stage.scene.emitters[0].triangles;
         let ends = end_rule(&stage.scene);
         let mut random = Pcg64Mcg::new(12);
-        let surfaces: Vec<u32> =
-            (0..stage.scene.triangles.len() as u32).filter(|t| !emitter.contains(t)).collect();
+        let surfaces = stage.surfaces();
         let mut packets = Vec::new();
         for _ in 0..20 {
             // Several points around one point of a surface.
