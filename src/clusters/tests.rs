@@ -9,15 +9,13 @@ use rand_pcg::Pcg64Mcg;
 
 /// Checks the clusters of all builders; returns those of the default one.
 fn check(scene: &Scene) -> Hierarchy {
-    let [hierarchy, ..] = Builder::ALL.map(|builder| check_of(builder, scene));
-    hierarchy
-}
-
-fn check_of(builder: Builder, scene: &Scene) -> Hierarchy {
-    let hierarchy = build(scene, &Options { builder, ..Options::default() });
-    if let Err(broken) = hierarchy.check(scene) {
-        panic!("{} by {}: {broken}", scene.path.display(), builder.name());
-    }
+    let [hierarchy, ..] = Builder::ALL.map(|builder| {
+        let hierarchy = build(scene, &Options { builder, ..Options::default() });
+        if let Err(broken) = hierarchy.check(scene) {
+            panic!("{} by {}: {broken}", scene.path.display(), builder.name());
+        }
+        hierarchy
+    });
     hierarchy
 }
 

@@ -187,8 +187,6 @@ mod tests {
         }
     }
 
-    proptest! {}
-
     #[test]
     fn empty_images_have_no_size() {
         let mut edt = Edt::new();

@@ -109,15 +109,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn a_square_needs_half_its_side() {
-        for a in 1..20usize {
-            let image =
-                BitImage::from_fn(100, 40, |x, y| (60..60 + a).contains(&x) && (5..5 + a).contains(&y));
-            for mode in [Morphology::Paper4, Morphology::Paper8] {
-                assert_eq!(erosions_until_empty(&image, mode), a.div_ceil(2) as u32);
-            }
-        }
-    }
 }
