@@ -39,37 +39,28 @@ pub(super) fn erode(from: &BitImage, to: &mut BitImage, mode: Morphology, outsid
     }
 }
 
-/// Erodes `image` by `steps` steps.
-pub(super) fn erode_by(image: &BitImage, steps: usize, mode: Morphology, outside: Outside) -> BitImage {
+/// Erodes `image` by at most so many steps, until no object pixel is left; with the number of steps.
+pub(super) fn erode_by(
+    image: &BitImage,
+    most: usize,
+    mode: Morphology,
+    outside: Outside,
+) -> (BitImage, usize) {
     let (mut a, mut b) = (image.clone(), BitImage::new(image.width(), image.height()));
-    for _ in 0..steps {
+    let mut steps = 0;
+    while steps < most && !a.is_empty() {
         erode(&a, &mut b, mode, outside);
         std::mem::swap(&mut a, &mut b);
-        if a.is_empty() {
-            break;
-        }
+        steps += 1;
     }
-    a
+    (a, steps)
 }
 
 /// Expands `image` by `steps` steps: an erosion of the background. Pixels outside the image count as background.
 pub fn expand_by(image: &BitImage, steps: usize, mode: Morphology) -> BitImage {
-    let mut result = erode_by(&image.complement(), steps, mode, Outside::Blocked);
+    let (mut result, _) = erode_by(&image.complement(), steps, mode, Outside::Blocked);
     result.invert();
     result
-}
-
-/// Number of erosions until no object pixel is left. Pixels outside the image count as background.
-#[cfg(any(test, feature = "internals"))]
-pub(super) fn erosions_until_empty(image: &BitImage, mode: Morphology) -> u32 {
-    let (mut a, mut b) = (image.clone(), image.clone());
-    let mut steps = 0;
-    while !a.is_empty() {
-        erode(&a, &mut b, mode, Outside::Free);
-        std::mem::swap(&mut a, &mut b);
-        steps += 1;
-    }
-    steps
 }
 
 #[cfg(test)]

@@ -55,7 +55,7 @@ impl Opener {
             }
             Morphology::Paper8 | Morphology::Paper4 => {
                 let steps = (radius as usize).min(width + height);
-                erode_by(&self.image, steps, self.mode, Outside::Free)
+                erode_by(&self.image, steps, self.mode, Outside::Free).0
             }
         }
     }
@@ -65,7 +65,7 @@ impl Opener {
     pub fn largest(&mut self) -> f32 {
         match self.mode {
             Morphology::Euclid => self.edt.max_inscribed_diameter(&self.image),
-            counts => 2.0 * super::erode::erosions_until_empty(&self.image, counts) as f32,
+            counts => 2.0 * erode_by(&self.image, usize::MAX, counts, Outside::Free).1 as f32,
         }
     }
 
