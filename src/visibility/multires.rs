@@ -240,12 +240,9 @@ impl MultiResolution {
             certified: if certain { segments } else { 0 },
         };
         let n = (segments as f32).max(1.0);
-        let method = match (walked.tested, walked.aggregated > 0) {
-            _ if walked.covered => Method::Covered,
-            (false, false) => Method::Clear,
-            (true, false) => Method::Exact,
-            (false, true) => Method::Aggregated,
-            (true, true) => Method::Mixed,
+        let method = match walked.covered {
+            true => Method::Covered,
+            false => Method::of(walked.tested, walked.aggregated > 0),
         };
         // A bundle without segments is unoccluded.
         let clear = walked.clear || segments == 0;

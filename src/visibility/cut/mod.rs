@@ -150,12 +150,6 @@ impl Sums {
                 [sums.variance / n, sums.single / n, sums.model / n],
             ),
         };
-        let method = match (sums.blocks > 0, sums.aggregated > 0) {
-            (false, false) => Method::Clear,
-            (true, false) => Method::Exact,
-            (false, true) => Method::Aggregated,
-            (true, true) => Method::Mixed,
-        };
         let segments = u64::from(sums.segments);
         let cost = Cost {
             segments,
@@ -164,6 +158,7 @@ impl Sums {
             aggregated: sums.aggregated.into(),
             ..Cost::default()
         };
+        let method = Method::of(sums.blocks > 0, sums.aggregated > 0);
         Answer { transmittance, lo, hi, method, cost }
     }
 }
