@@ -145,7 +145,7 @@ impl Isa {
     }
 
     /// Whether this machine supports the instruction set.
-    #[cfg(any(test, feature = "internals"))]
+    #[cfg(test)]
     pub fn available(self) -> bool {
         let best = Isa::detect();
         self == Isa::Portable || self == best || (self == Isa::Avx2 && best == Isa::Avx512)
