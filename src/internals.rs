@@ -232,11 +232,6 @@ pub mod scene {
     };
 }
 
-/// Instruction sets.
-pub mod simd {
-    pub use crate::simd::Isa;
-}
-
 /// Pools of threads.
 pub mod threads {
     pub use crate::threads::{MAX_THREADS, Threads, in_callback, is_in_callback};
@@ -244,15 +239,12 @@ pub mod threads {
 
 /// Visibility engines.
 pub mod visibility {
-    pub use crate::visibility::steps::Step;
-    pub use crate::visibility::{
-        Answer, Bundle, Cut, Exact, LeafMode, Mode, MultiResolution, Sums, Workspace, fastest_traversal,
-    };
+    pub use crate::visibility::{Bundle, Exact, LeafMode, MultiResolution, Workspace};
 }
 
 use crate::embree::{CommittedScene, Traversal};
 use crate::model::Model;
-use crate::visibility::{Cut, LeafMode, MultiResolution};
+use crate::visibility::{LeafMode, MultiResolution};
 
 /// The multi-resolution engine over a model with optics, without a budget.
 ///
@@ -260,11 +252,6 @@ use crate::visibility::{Cut, LeafMode, MultiResolution};
 /// If the model was prepared without optics.
 pub fn multi_resolution(model: &Model, traversal: Traversal, leaf: LeafMode) -> MultiResolution {
     model.engine(traversal, leaf).expect("optics")
-}
-
-/// The distance cut of a model, if it has one.
-pub fn cut(model: &Model) -> Option<Cut> {
-    model.cut().map(|cut| (*cut).clone())
 }
 
 /// The Embree scene of a model.

@@ -3,7 +3,7 @@
 pub mod sampling;
 pub mod weld;
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{BVec3, DAffine3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Largest radiance, W/(m² sr), and irradiance, W/m², of what emits: squares of sums of light stay within single precision.
@@ -48,6 +48,22 @@ impl Aabb {
         self.extent().length()
     }
 
+    /// Largest absolute coordinate of a corner.
+    pub fn magnitude(self) -> f32 {
+        self.min.abs().max(self.max.abs()).max_element()
+    }
+
+    /// The eight corners.
+    pub fn corners(self) -> [Vec3; 8] {
+        std::array::from_fn(|k| Vec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), self.max, self.min))
+    }
+
+    /// The box around the eight transformed corners, which is larger than the box of transformed contents if they are turned.
+    #[must_use]
+    pub fn transformed(self, transform: &DAffine3) -> Aabb {
+        Aabb::of(self.corners().map(|corner| transform.transform_point3(corner.as_dvec3()).as_vec3()))
+    }
+
     /// Distance of a point from the box; zero inside.
     pub fn distance(self, point: Vec3) -> f32 {
         (self.min - point).max(point - self.max).max(Vec3::ZERO).length()
@@ -64,7 +80,7 @@ impl Aabb {
     /// pixel of the silhouettes, the second keeps neighbouring f32 coordinates apart.
     #[must_use]
     pub fn thickened(self) -> Aabb {
-        let rounding = f32::EPSILON * self.min.abs().max(self.max.abs()).max_element();
+        let rounding = f32::EPSILON * self.magnitude();
         let minimum = (1e-3 * self.diagonal()).max(16.0 * rounding);
         let missing = (Vec3::splat(minimum) - self.extent()).max(Vec3::ZERO);
         Aabb { min: self.min - 0.5 * missing, max: self.max + 0.5 * missing }

@@ -1,6 +1,6 @@
 //! Large planar surfaces: kept outside the clusters and always tested exactly (docs/method.md, Clusters).
 
-use crate::raster::{BitImage, Edt, Outside, fill_triangle};
+use crate::raster::{BitImage, Edt, fill_triangle};
 use crate::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -66,5 +66,5 @@ fn inscribed(scene: &Scene, patch: &[u32]) -> f32 {
     for &t in patch {
         fill_triangle(&mut image, scene.corners(t).map(|p| (flat(p) - low) / pixel + 1.0));
     }
-    Edt::new().max_inscribed_diameter(&image, Outside::Free) * pixel
+    Edt::new().max_inscribed_diameter(&image) * pixel
 }

@@ -81,7 +81,6 @@ pub struct Group<I, G> {
     key: Key,
     /// Place of the first digit that differs; meaningless in a group that holds its items itself.
     place: u32,
-    /// Number of items.
     items: usize,
     /// Its items, or its groups and single items, at most [`FAN_OUT`], in the order of their keys.
     pub children: Vec<Child<I, G>>,
@@ -115,7 +114,6 @@ impl<I, G> Child<I, G> {
         }
     }
 
-    /// Number of items.
     fn items(&self) -> usize {
         match self {
             Child::Item(_) => 1,
@@ -143,7 +141,6 @@ impl<I, G> Child<I, G> {
 /// A change at one key.
 #[derive(Debug)]
 pub struct Change<I> {
-    /// The key.
     pub key: Key,
     /// Whether the tree has an item of this key.
     pub is_there: bool,

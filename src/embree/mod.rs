@@ -14,7 +14,13 @@ mod sys;
 mod tests;
 
 pub use device::Device;
-#[cfg(any(test, feature = "reports"))]
-pub use scene::Options;
 pub use scene::{CommittedScene, SceneBuilder, Traversal};
 pub use sys::{GridPiece, Hits};
+
+/// The scene of these triangles.
+#[cfg(test)]
+pub fn committed(positions: &[glam::Vec3], triangles: &[[u32; 3]]) -> CommittedScene {
+    let mut builder = SceneBuilder::new(&Device::new(1).expect("a device")).expect("a builder");
+    builder.add_triangles(positions, triangles).expect("triangles");
+    builder.commit().expect("a scene")
+}

@@ -9,18 +9,6 @@ use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock};
 
-options! {
-    /// Options of an Embree scene.
-    #[derive(Clone, Copy, Debug)]
-    pub struct Options {
-        /// Conservative box and edge tests: no cracks between adjacent triangles, at a somewhat lower speed
-        /// (Embree's `RTC_SCENE_FLAG_ROBUST`).
-        pub robust: bool = true,
-        /// Compact nodes: less memory at a lower speed (Embree's `RTC_SCENE_FLAG_COMPACT`).
-        pub compact: bool = false,
-    }
-}
-
 /// Traversal of packets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Traversal {
@@ -74,24 +62,16 @@ impl Drop for Handle {
 }
 
 impl SceneBuilder {
-    /// Starts an empty scene. Flags are set first because Embree ignores them after a commit.
+    /// Starts an empty scene.
     ///
     /// # Errors
     /// [`Error::Embree`] if Embree reports an error.
-    pub fn new(device: &Device, options: Options) -> Result<SceneBuilder> {
+    pub fn new(device: &Device) -> Result<SceneBuilder> {
         keep_scheduler();
-        SceneBuilder::started(device, options)
+        SceneBuilder::started(device)
     }
 
-    fn started(device: &Device, options: Options) -> Result<SceneBuilder> {
-        use sys::RTCSceneFlags as F;
-        let mut flags = F::RTC_SCENE_FLAG_NONE;
-        if options.robust {
-            flags.0 |= F::RTC_SCENE_FLAG_ROBUST.0;
-        }
-        if options.compact {
-            flags.0 |= F::RTC_SCENE_FLAG_COMPACT.0;
-        }
+    fn started(device: &Device) -> Result<SceneBuilder> {
         // SAFETY: the device is live; a null scene is caught by `check` and before use.
         let raw = unsafe { sys::rtcNewScene(device.inner.raw) };
         device.check()?;
@@ -99,21 +79,20 @@ impl SceneBuilder {
             return Err(Error::Embree("the scene could not be created".into()));
         }
         let handle = Handle { raw, device: device.clone() };
+        // Conservative box and edge tests: no cracks between adjacent triangles, at a somewhat lower speed. Embree ignores flags after a
+        // commit.
         // SAFETY: `raw` is a live, uncommitted scene.
-        unsafe {
-            sys::rtcSetSceneFlags(raw, flags);
-            sys::rtcSetSceneBuildQuality(raw, sys::RTCBuildQuality::RTC_BUILD_QUALITY_MEDIUM);
-        }
+        unsafe { sys::rtcSetSceneFlags(raw, sys::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST) };
         device.check()?;
         Ok(SceneBuilder { handle, grid: None })
     }
 
-    /// Adds a geometry of triangles, visible to rays with `mask & ray mask != 0`. The slices are copied.
+    /// Adds a geometry of triangles. The slices are copied.
     ///
     /// # Errors
     /// [`Error::Embree`] if an index is out of range, a position is not finite or exceeds Embree's range (1.8e18), or
     /// Embree reports an error.
-    pub fn add_triangles(&mut self, positions: &[Vec3], triangles: &[[u32; 3]], mask: u32) -> Result<()> {
+    pub fn add_triangles(&mut self, positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<()> {
         if triangles.is_empty() {
             return Ok(());
         }
@@ -130,7 +109,7 @@ impl SceneBuilder {
             12,
             bytemuck::cast_slice(triangles),
         );
-        self.add_geometry(sys::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE, &coordinates, index, mask, 0)
+        self.add_geometry(sys::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE, &coordinates, index, 0)
     }
 
     /// Adds rectangles of the samples of a grid, with two triangles for each four neighbours: from the first sample of a row, the second
@@ -160,7 +139,7 @@ impl SceneBuilder {
             12,
             bytemuck::cast_slice(pieces),
         );
-        self.add_geometry(sys::RTCGeometryType::RTC_GEOMETRY_TYPE_GRID, positions, index, 1, 1)?;
+        self.add_geometry(sys::RTCGeometryType::RTC_GEOMETRY_TYPE_GRID, positions, index, 1)?;
         self.grid = Some(triangle);
         Ok(())
     }
@@ -171,7 +150,6 @@ impl SceneBuilder {
         kind: sys::RTCGeometryType,
         positions: &[[f32; 3]],
         index: (sys::RTCBufferType, sys::RTCFormat, usize, &[u8]),
-        mask: u32,
         id: u32,
     ) -> Result<()> {
         let device = &self.handle.device;
@@ -196,7 +174,6 @@ impl SceneBuilder {
         // SAFETY: `geometry` and the scene are live; attaching retains the geometry, so it is released here.
         unsafe {
             if filled.is_ok() {
-                sys::rtcSetGeometryMask(geometry, mask);
                 sys::rtcCommitGeometry(geometry);
                 sys::rtcAttachGeometryByID(self.handle.raw, geometry, id);
             }
@@ -236,7 +213,6 @@ impl SceneBuilder {
                 sys::RTCFormat::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR,
                 columns.as_ptr().cast(),
             );
-            sys::rtcSetGeometryMask(geometry, 1);
             sys::rtcCommitGeometry(geometry);
             sys::rtcAttachGeometryByID(self.handle.raw, geometry, index);
             sys::rtcReleaseGeometry(geometry);
@@ -277,7 +253,7 @@ fn keep_scheduler() {
     static KEPT: OnceLock<Option<CommittedScene>> = OnceLock::new();
     KEPT.get_or_init(|| {
         let device = Device::new(1).ok()?;
-        SceneBuilder::started(&device, Options::default()).and_then(SceneBuilder::commit).ok()
+        SceneBuilder::started(&device).and_then(SceneBuilder::commit).ok()
     });
 }
 
@@ -293,11 +269,11 @@ extern "C" fn on_progress(user: *mut c_void, _part: f64) -> bool {
 }
 
 impl CommittedScene {
-    /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`, tested against geometries selected by `mask`.
+    /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`.
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn occluded_by(&self, traversal: Traversal, mask: u32, packets: &[Packet], blocked: &mut [u32]) {
+    pub fn occluded_by(&self, traversal: Traversal, packets: &[Packet], blocked: &mut [u32]) {
         assert_eq!(packets.len(), blocked.len());
         // SAFETY: the scene is committed and live; `Packet` has the layout and alignment of `mrvis_packet`
         // (asserted in `sys`); both slices hold `packets.len()` items.
@@ -308,13 +284,12 @@ impl CommittedScene {
                 packets.len(),
                 traversal.width as i32,
                 i32::from(traversal.coherent),
-                mask,
                 blocked.as_mut_ptr(),
             );
         }
     }
 
-    /// Finds the first triangle that each segment hits. All geometries are visible.
+    /// Finds the first triangle that each segment hits.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -330,7 +305,6 @@ impl CommittedScene {
                     packets.len(),
                     traversal.width as i32,
                     i32::from(traversal.coherent),
-                    u32::MAX,
                     hits.as_mut_ptr(),
                     places,
                 );
@@ -353,6 +327,6 @@ impl CommittedScene {
 
 impl Occluder for CommittedScene {
     fn occluded(&self, packets: &[Packet], blocked: &mut [u32]) {
-        self.occluded_by(Traversal::SINGLE, u32::MAX, packets, blocked);
+        self.occluded_by(Traversal::SINGLE, packets, blocked);
     }
 }

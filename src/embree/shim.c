@@ -20,10 +20,7 @@ CONSTANT(RTC_DEVICE_PROPERTY_VERSION, 0);
 CONSTANT(RTC_DEVICE_PROPERTY_NATIVE_RAY4_SUPPORTED, 32);
 CONSTANT(RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED, 33);
 CONSTANT(RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED, 34);
-CONSTANT(RTC_SCENE_FLAG_NONE, 0);
-CONSTANT(RTC_SCENE_FLAG_COMPACT, 2);
 CONSTANT(RTC_SCENE_FLAG_ROBUST, 4);
-CONSTANT(RTC_BUILD_QUALITY_MEDIUM, 1);
 CONSTANT(RTC_GEOMETRY_TYPE_TRIANGLE, 0);
 CONSTANT(RTC_GEOMETRY_TYPE_GRID, 2);
 CONSTANT(RTC_GEOMETRY_TYPE_INSTANCE, 121);
@@ -45,14 +42,12 @@ FUNCTION(rtcSetDeviceMemoryMonitorFunction, void, RTCDevice, bool (*)(void *, ss
 FUNCTION(rtcNewScene, RTCScene, RTCDevice);
 FUNCTION(rtcReleaseScene, void, RTCScene);
 FUNCTION(rtcSetSceneFlags, void, RTCScene, unsigned);
-FUNCTION(rtcSetSceneBuildQuality, void, RTCScene, unsigned);
 FUNCTION(rtcSetSceneProgressMonitorFunction, void, RTCScene, bool (*)(void *, double), void *);
 FUNCTION(rtcCommitScene, void, RTCScene);
 FUNCTION(rtcAttachGeometryByID, void, RTCScene, RTCGeometry, unsigned);
 FUNCTION(rtcNewGeometry, RTCGeometry, RTCDevice, unsigned);
 FUNCTION(rtcReleaseGeometry, void, RTCGeometry);
 FUNCTION(rtcCommitGeometry, void, RTCGeometry);
-FUNCTION(rtcSetGeometryMask, void, RTCGeometry, unsigned);
 FUNCTION(rtcSetNewGeometryBuffer, void *, RTCGeometry, unsigned, unsigned, unsigned, size_t, size_t);
 FUNCTION(rtcSetGeometryInstancedScene, void, RTCGeometry, RTCScene);
 FUNCTION(rtcSetGeometryTransform, void, RTCGeometry, unsigned, unsigned, const void *);
@@ -81,6 +76,9 @@ _Static_assert(offsetof(mrvis_hits, t) == 128, "mrvis_hits layout");
 
 int mrvis_headers_version(void) { return RTC_VERSION; }
 
+/* The mask of rays that meet all geometries. */
+#define ALL_GEOMETRIES 0xffffffffu
+
 /* Traces lanes [first, first + W) of a packet as Embree packets and adds the blocked lanes to `result`. */
 #define TRACE_WIDE(W, ALIGN)                                                                                \
     for (int first = 0; first < 16; first += W) {                                                           \
@@ -100,7 +98,7 @@ int mrvis_headers_version(void) { return RTC_VERSION; }
         for (int i = 0; i < W; i++) {                                                                       \
             valid[i] = (lanes >> i) & 1 ? -1 : 0;                                                           \
             ray.time[i] = 0.0f;                                                                             \
-            ray.mask[i] = mask;                                                                             \
+            ray.mask[i] = ALL_GEOMETRIES;                                                                   \
             ray.id[i] = 0;                                                                                  \
             ray.flags[i] = 0;                                                                               \
         }                                                                                                   \
@@ -108,8 +106,7 @@ int mrvis_headers_version(void) { return RTC_VERSION; }
         for (int i = 0; i < W; i++) result |= (uint32_t)(valid[i] && ray.tfar[i] < 0.0f) << (first + i);    \
     }
 
-static uint32_t trace_single(RTCScene scene, const mrvis_packet *p, uint32_t mask,
-                             struct RTCOccludedArguments *args) {
+static uint32_t trace_single(RTCScene scene, const mrvis_packet *p, struct RTCOccludedArguments *args) {
     uint32_t result = 0;
     for (uint32_t left = p->active; left; left &= left - 1) {
         const int i = __builtin_ctz(left);
@@ -121,7 +118,7 @@ static uint32_t trace_single(RTCScene scene, const mrvis_packet *p, uint32_t mas
         memcpy(&ray.org_x, head, sizeof head);
         memcpy(&ray.dir_x, tail, sizeof tail);
         ray.tfar = p->far_t[i];
-        ray.mask = mask;
+        ray.mask = ALL_GEOMETRIES;
         rtcOccluded1(scene, &ray, args);
         result |= (uint32_t)(ray.tfar < 0.0f) << i;
     }
@@ -129,7 +126,7 @@ static uint32_t trace_single(RTCScene scene, const mrvis_packet *p, uint32_t mas
 }
 
 void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
-                    uint32_t mask, uint32_t *occluded) {
+                    uint32_t *occluded) {
 #if defined(__SSE2__)
     const unsigned int csr = _mm_getcsr();
     _mm_setcsr(csr | 0x8040u); /* FTZ | DAZ */
@@ -144,7 +141,7 @@ void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, i
         case 16: TRACE_WIDE(16, 64) break;
         case 8: TRACE_WIDE(8, 32) break;
         case 4: TRACE_WIDE(4, 16) break;
-        default: result = trace_single(scene, p, mask, &args); break;
+        default: result = trace_single(scene, p, &args); break;
         }
         occluded[k] = result;
     }
@@ -180,7 +177,7 @@ static inline uint32_t triangle_of(unsigned int geometry, unsigned int primitive
         for (int i = 0; i < W; i++) {                                                                       \
             valid[i] = (lanes >> i) & 1 ? -1 : 0;                                                           \
             query.ray.time[i] = 0.0f;                                                                       \
-            query.ray.mask[i] = mask;                                                                       \
+            query.ray.mask[i] = ALL_GEOMETRIES;                                                             \
             query.ray.id[i] = 0;                                                                            \
             query.ray.flags[i] = 0;                                                                         \
             query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;                                                  \
@@ -198,7 +195,7 @@ static inline uint32_t triangle_of(unsigned int geometry, unsigned int primitive
         }                                                                                                   \
     }
 
-static void hit_single(RTCScene scene, const mrvis_packet *p, uint32_t mask, struct RTCIntersectArguments *args,
+static void hit_single(RTCScene scene, const mrvis_packet *p, struct RTCIntersectArguments *args,
                        mrvis_hits *hits, float *places) {
     for (uint32_t left = p->active; left; left &= left - 1) {
         const int i = __builtin_ctz(left);
@@ -209,7 +206,7 @@ static void hit_single(RTCScene scene, const mrvis_packet *p, uint32_t mask, str
         memcpy(&query.ray.org_x, head, sizeof head);
         memcpy(&query.ray.dir_x, tail, sizeof tail);
         query.ray.tfar = p->far_t[i];
-        query.ray.mask = mask;
+        query.ray.mask = ALL_GEOMETRIES;
         query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
         query.hit.primID = RTC_INVALID_GEOMETRY_ID;
         query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
@@ -223,7 +220,7 @@ static void hit_single(RTCScene scene, const mrvis_packet *p, uint32_t mask, str
 }
 
 void mrvis_first_hits(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
-                      uint32_t mask, mrvis_hits *hits, float *places) {
+                      mrvis_hits *hits, float *places) {
 #if defined(__SSE2__)
     const unsigned int csr = _mm_getcsr();
     _mm_setcsr(csr | 0x8040u); /* FTZ | DAZ */
@@ -238,7 +235,7 @@ void mrvis_first_hits(RTCScene scene, const mrvis_packet *packets, size_t count,
         case 16: HIT_WIDE(16, 64) break;
         case 8: HIT_WIDE(8, 32) break;
         case 4: HIT_WIDE(4, 16) break;
-        default: hit_single(scene, p, mask, &args, hits + k, places ? places + 32 * k : places); break;
+        default: hit_single(scene, p, &args, hits + k, places ? places + 32 * k : places); break;
         }
     }
 #if defined(__SSE2__)

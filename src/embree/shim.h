@@ -23,11 +23,11 @@ typedef struct {
 int mrvis_headers_version(void);
 
 /* Traces `count` packets for any hit. Bit i of occluded[k] is set if lane i of packets[k] is active and blocked.
- * `width` is 1, 4, 8 or 16 rays per call; `coherent` selects Embree's traversal for coherent rays; `mask` selects
- * geometries. Flush-to-zero and denormals-are-zero are set during the call, as Embree recommends, and restored:
- * Rust code must not change the floating-point mode. */
+ * `width` is 1, 4, 8 or 16 rays per call; `coherent` selects Embree's traversal for coherent rays. Flush-to-zero
+ * and denormals-are-zero are set during the call, as Embree recommends, and restored: Rust code must not change the
+ * floating-point mode. */
 void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
-                    uint32_t mask, uint32_t *occluded);
+                    uint32_t *occluded);
 
 /* First hits of 16 segments: triangle index within the first geometry (0xffffffff without a hit) and parameter t. */
 typedef struct {
@@ -39,5 +39,5 @@ typedef struct {
 /* Traces `count` packets for their first hits. Arguments as in mrvis_occluded. At a hit of a piece of a grid the highest bit of the triangle is set,
  * the others are the number of the piece. If `places` is not null, it gets the coordinates u and v of the hits: 32 numbers for each packet. */
 void mrvis_first_hits(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
-                      uint32_t mask, mrvis_hits *hits, float *places);
+                      mrvis_hits *hits, float *places);
 #endif

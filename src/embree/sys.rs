@@ -50,20 +50,8 @@ enumeration! {
 enumeration! {
     /// Flags of a scene, joined by "or".
     RTCSceneFlags {
-        /// None.
-        RTC_SCENE_FLAG_NONE = 0,
-        /// Less memory at a lower speed.
-        RTC_SCENE_FLAG_COMPACT = 2,
         /// Conservative tests, without cracks between triangles.
         RTC_SCENE_FLAG_ROBUST = 4,
-    }
-}
-
-enumeration! {
-    /// Effort of building a tree.
-    RTCBuildQuality {
-        /// Embree's default.
-        RTC_BUILD_QUALITY_MEDIUM = 1,
     }
 }
 
@@ -107,11 +95,9 @@ enumeration! {
 
 /// A handle of Embree points to something that Rust does not know.
 macro_rules! handle {
-    ($(#[$about:meta])* $name:ident, $target:ident) => {
-        $(#[$about])*
+    ($name:ident, $target:ident) => {
         pub type $name = *mut $target;
 
-        /// Known to Embree alone.
         #[repr(C)]
         pub struct $target {
             _private: [u8; 0],
@@ -119,18 +105,9 @@ macro_rules! handle {
     };
 }
 
-handle! {
-    /// A device, which everything else belongs to.
-    RTCDevice, RTCDeviceTy
-}
-handle! {
-    /// A scene.
-    RTCScene, RTCSceneTy
-}
-handle! {
-    /// A geometry, which may be attached to scenes.
-    RTCGeometry, RTCGeometryTy
-}
+handle! { RTCDevice, RTCDeviceTy }
+handle! { RTCScene, RTCSceneTy }
+handle! { RTCGeometry, RTCGeometryTy }
 
 /// Called at errors with the pointer given for it, a code and a text.
 pub type RTCErrorFunction = extern "C" fn(*mut c_void, RTCError, *const c_char);
@@ -144,11 +121,9 @@ pub type RTCProgressMonitorFunction = extern "C" fn(*mut c_void, f64) -> bool;
 unsafe extern "C" {
     /// Creates a device as a NUL-terminated text describes it; null if that fails.
     pub fn rtcNewDevice(config: *const c_char) -> RTCDevice;
-    /// Gives a device back.
     pub fn rtcReleaseDevice(device: RTCDevice);
     /// Takes the error of this thread; without a device, of the creation of one.
     pub fn rtcGetDeviceError(device: RTCDevice) -> RTCError;
-    /// Asks something of a device.
     pub fn rtcGetDeviceProperty(device: RTCDevice, property: RTCDeviceProperty) -> isize;
     /// Sets the function that is told of errors.
     pub fn rtcSetDeviceErrorFunction(
@@ -163,33 +138,23 @@ unsafe extern "C" {
         user: *mut c_void,
     );
 
-    /// Creates an empty scene.
     pub fn rtcNewScene(device: RTCDevice) -> RTCScene;
-    /// Gives a scene back.
     pub fn rtcReleaseScene(scene: RTCScene);
-    /// Sets the flags of a scene, before its commit.
     pub fn rtcSetSceneFlags(scene: RTCScene, flags: RTCSceneFlags);
-    /// Sets the effort of building the tree.
-    pub fn rtcSetSceneBuildQuality(scene: RTCScene, quality: RTCBuildQuality);
     /// Sets the function that is told of the progress of a commit.
     pub fn rtcSetSceneProgressMonitorFunction(
         scene: RTCScene,
         function: Option<RTCProgressMonitorFunction>,
         user: *mut c_void,
     );
-    /// Builds the tree of a scene.
     pub fn rtcCommitScene(scene: RTCScene);
     /// Adds a geometry to a scene, which keeps it, under the given number.
     pub fn rtcAttachGeometryByID(scene: RTCScene, geometry: RTCGeometry, id: c_uint);
 
-    /// Creates a geometry.
     pub fn rtcNewGeometry(device: RTCDevice, kind: RTCGeometryType) -> RTCGeometry;
-    /// Gives a geometry back.
     pub fn rtcReleaseGeometry(geometry: RTCGeometry);
     /// Says that a geometry is complete.
     pub fn rtcCommitGeometry(geometry: RTCGeometry);
-    /// Sets the mask that is compared with those of rays.
-    pub fn rtcSetGeometryMask(geometry: RTCGeometry, mask: c_uint);
     /// Allocates a buffer of `count` items of `stride` bytes for a geometry, to be filled; null if that fails.
     pub fn rtcSetNewGeometryBuffer(
         geometry: RTCGeometry,
@@ -199,9 +164,7 @@ unsafe extern "C" {
         stride: usize,
         count: usize,
     ) -> *mut c_void;
-    /// Sets the scene that an instance places.
     pub fn rtcSetGeometryInstancedScene(geometry: RTCGeometry, scene: RTCScene);
-    /// Sets the transform of an instance.
     pub fn rtcSetGeometryTransform(
         geometry: RTCGeometry,
         time_step: c_uint,
@@ -221,7 +184,6 @@ unsafe extern "C" {
         count: usize,
         width: c_int,
         coherent: c_int,
-        mask: u32,
         occluded: *mut u32,
     );
     /// What the lanes of packets hit first; see `shim.h`.
@@ -231,7 +193,6 @@ unsafe extern "C" {
         count: usize,
         width: c_int,
         coherent: c_int,
-        mask: u32,
         hits: *mut Hits,
         places: *mut [[f32; LANES]; 2],
     );

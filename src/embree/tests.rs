@@ -14,13 +14,6 @@ fn point(rng: &mut Pcg64Mcg) -> Vec3 {
     Vec3::new(unit(rng), unit(rng), unit(rng))
 }
 
-fn committed(positions: &[Vec3], triangles: &[[u32; 3]]) -> CommittedScene {
-    let device = Device::new(1).unwrap();
-    let mut builder = SceneBuilder::new(&device, Options::default()).unwrap();
-    builder.add_triangles(positions, triangles, 1).unwrap();
-    builder.commit().unwrap()
-}
-
 /// Random triangles: pairs with a shared edge, axis-aligned coplanar ones, slivers, and others.
 fn random_scene(rng: &mut Pcg64Mcg, count: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut positions: Vec<Vec3> = Vec::new();
@@ -123,7 +116,7 @@ fn brute_force_and_every_packet_mode_agree_on_100_000_segments() {
                 .map(|(width, coherent)| {
                     let traversal = Traversal { width, coherent };
                     let mut blocked = vec![0; packets.len()];
-                    scene.occluded_by(traversal, 1, &packets, &mut blocked);
+                    scene.occluded_by(traversal, &packets, &mut blocked);
                     (traversal, blocked)
                 })
                 .collect();
@@ -157,7 +150,7 @@ fn brute_force_and_every_packet_mode_agree_on_100_000_segments() {
 }
 
 #[test]
-fn inactive_lanes_and_masked_geometry_are_clear() {
+fn inactive_lanes_are_clear() {
     let positions = [Vec3::new(-9.0, -9.0, 0.5), Vec3::new(9.0, -9.0, 0.5), Vec3::new(0.0, 9.0, 0.5)];
     let scene = committed(&positions, &[[0, 1, 2]]);
     let mut packet = Packet::EMPTY;
@@ -167,22 +160,20 @@ fn inactive_lanes_and_masked_geometry_are_clear() {
     for width in [1, 4, 8, 16] {
         let mut blocked = [0];
         let traversal = Traversal { width, coherent: false };
-        scene.occluded_by(traversal, 1, std::slice::from_ref(&packet), &mut blocked);
+        scene.occluded_by(traversal, std::slice::from_ref(&packet), &mut blocked);
         assert_eq!(blocked[0], packet.active);
-        scene.occluded_by(traversal, 2, std::slice::from_ref(&packet), &mut blocked);
-        assert_eq!(blocked[0], 0);
     }
 }
 
 #[test]
 fn bad_buffers_are_refused() {
     let device = Device::new(1).unwrap();
-    let mut builder = SceneBuilder::new(&device, Options::default()).unwrap();
+    let mut builder = SceneBuilder::new(&device).unwrap();
     let fine = [Vec3::ZERO, Vec3::X, Vec3::Y];
-    assert!(builder.add_triangles(&fine, &[[0, 1, 3]], 1).is_err());
-    assert!(builder.add_triangles(&[Vec3::ZERO, Vec3::NAN, Vec3::Y], &[[0, 1, 2]], 1).is_err());
-    assert!(builder.add_triangles(&[Vec3::ZERO, Vec3::X * 1e30, Vec3::Y], &[[0, 1, 2]], 1).is_err());
-    builder.add_triangles(&fine, &[[0, 1, 2]], 1).unwrap();
+    assert!(builder.add_triangles(&fine, &[[0, 1, 3]]).is_err());
+    assert!(builder.add_triangles(&[Vec3::ZERO, Vec3::NAN, Vec3::Y], &[[0, 1, 2]]).is_err());
+    assert!(builder.add_triangles(&[Vec3::ZERO, Vec3::X * 1e30, Vec3::Y], &[[0, 1, 2]]).is_err());
+    builder.add_triangles(&fine, &[[0, 1, 2]]).unwrap();
     let (scene, mut packet, mut blocked) = (builder.commit().unwrap(), Packet::EMPTY, [0]);
     packet.set(0, Vec3::new(0.2, 0.2, 1.0), Vec3::new(0.2, 0.2, -1.0), EndRule::new(1.0));
     scene.occluded(&[packet], &mut blocked);
@@ -194,8 +185,8 @@ fn scenes_outlive_the_device_handle_and_count_bytes() {
     let device = Device::new(1).unwrap();
     assert!(device.version().starts_with("4."));
     let scene = {
-        let mut builder = SceneBuilder::new(&device, Options::default()).unwrap();
-        builder.add_triangles(&[Vec3::ZERO, Vec3::X, Vec3::Y], &[[0, 1, 2]], 1).unwrap();
+        let mut builder = SceneBuilder::new(&device).unwrap();
+        builder.add_triangles(&[Vec3::ZERO, Vec3::X, Vec3::Y], &[[0, 1, 2]]).unwrap();
         builder.commit().unwrap()
     };
     assert!(device.bytes() > 0);
@@ -284,9 +275,9 @@ fn pieces_of_grids_are_hit_as_their_triangles() {
         }
     }
     let device = Device::new(1).unwrap();
-    let mut builder = SceneBuilder::new(&device, Options::default()).unwrap();
+    let mut builder = SceneBuilder::new(&device).unwrap();
     let lonely = [Vec3::new(0.0, 0.0, -9.0), Vec3::new(1.0, 0.0, -9.0), Vec3::new(0.0, -1.0, -9.0)];
-    builder.add_triangles(&lonely, &[[0, 1, 2]], 1).unwrap();
+    builder.add_triangles(&lonely, &[[0, 1, 2]]).unwrap();
     let sizes: Vec<[f32; 2]> = size.iter().map(|s| s.map(|n| f32::from(n - 1_u16))).collect();
     let face = move |piece: u32, [u, v]: [f32; 2]| {
         let [columns, rows] = sizes[piece as usize];

@@ -6,7 +6,7 @@
 
 use super::Mesh;
 use crate::Result;
-use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Traversal};
+use crate::embree::{CommittedScene, Device, Hits, SceneBuilder, Traversal};
 use crate::progress::Progress;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::ray::{LANES, Occluder, Packet};
@@ -89,8 +89,8 @@ impl<'a> Stage<'a> {
             let of = |t: &u32| solution.elements[mesh.element[*t as usize] as usize].front == front;
             let chosen: Vec<u32> = (0..mesh.triangles.len() as u32).filter(of).collect();
             let triangles: Vec<[u32; 3]> = chosen.iter().map(|&t| mesh.triangles[t as usize]).collect();
-            let mut builder = SceneBuilder::new(&device, Options::default())?;
-            builder.add_triangles(&mesh.positions, &triangles, 1)?;
+            let mut builder = SceneBuilder::new(&device)?;
+            builder.add_triangles(&mesh.positions, &triangles)?;
             Ok((builder.commit()?, chosen))
         };
         let crossed = solution.elements.iter().map(|e| e.crossed).collect();

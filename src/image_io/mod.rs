@@ -4,7 +4,6 @@
 //! display; the function that makes a picture documents the mapping of values. Files are written beside their target
 //! and renamed, so that no reader sees a partial file.
 
-mod encode;
 mod picture;
 #[cfg(any(test, feature = "internals"))]
 mod read;

@@ -1,11 +1,11 @@
 //! Pictures: mappings from values to colours.
 
-use image::{DynamicImage, ImageFormat, RgbImage};
-
-use super::encode::encode;
 use crate::metrics::Image;
+use crate::progress::{Progress, Stoppable};
 use crate::raster::BitImage;
 use crate::{Error, Result};
+use image::{DynamicImage, ImageFormat, RgbImage};
+use std::io::Cursor;
 
 /// Colour map for signed values: blue for negative, near white for zero, red for positive (after *RdBu* of C. Brewer),
 /// linear in sRGB between anchors.
@@ -65,6 +65,21 @@ impl Picture {
         let pixels = image.data().iter().map(|&v| colour(v)).collect();
         Picture { width: image.width(), height: image.height(), pixels }
     }
+}
+
+/// Encodes a picture in memory, unless `progress` stops it; `None` is an image that is too large.
+pub(super) fn encode(
+    picture: Option<DynamicImage>,
+    format: ImageFormat,
+    progress: &dyn Progress,
+) -> Result<Vec<u8>> {
+    let picture = picture.ok_or_else(|| Error::arguments("the image is too large for a file".into()))?;
+    let mut bytes = Cursor::new(Vec::new());
+    let mut out = Stoppable { out: &mut bytes, progress };
+    picture
+        .write_to(&mut out, format)
+        .map_err(|e| Error::arguments(format!("the image cannot be encoded: {e}")))?;
+    Ok(bytes.into_inner())
 }
 
 /// The sRGB component of a linear value, both in [0, 1] (IEC 61966-2-1).

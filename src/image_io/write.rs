@@ -5,8 +5,7 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageFormat, Rgb32FImage};
 
-use super::Picture;
-use super::encode::encode;
+use super::picture::{Picture, encode};
 use crate::files::WholeFile;
 use crate::metrics::Image;
 use crate::progress::{Progress, Stoppable};
@@ -18,23 +17,6 @@ use crate::{Error, Result};
 /// [`Error::Io`] with `path` if the folder is missing or not writable, or the disk is full; `path` is then unchanged.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     WholeFile::write(path, bytes)
-}
-
-/// Encodes the image as an OpenEXR file of 32-bit floats: three equal channels R, G, B, values unchanged. The texel
-/// side is not stored.
-///
-/// # Errors
-/// [`Error::Argument`] if the image is too large for the format.
-pub fn exr_bytes(image: &Image) -> Result<Vec<u8>> {
-    let data: Vec<f32> = image.data().iter().flat_map(|&v| [v; 3]).collect();
-    encode(
-        u32::try_from(image.width())
-            .ok()
-            .zip(u32::try_from(image.height()).ok())
-            .and_then(|(w, h)| Rgb32FImage::from_raw(w, h, data).map(DynamicImage::ImageRgb32F)),
-        ImageFormat::OpenExr,
-        &(),
-    )
 }
 
 /// Writes `width` columns of linear RGB, row by row from the top, as an OpenEXR file of 32-bit floats.
@@ -53,9 +35,11 @@ pub fn write_exr_rgb(path: &Path, width: usize, pixels: &[[f32; 3]], progress: &
     file.commit()
 }
 
-/// Writes [`exr_bytes`] to `path`, with the errors of both.
+/// Writes the image as an OpenEXR file of 32-bit floats: three equal channels R, G, B, values unchanged. The texel side is not stored.
+/// Errors as for [`write_exr_rgb`].
 pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
-    write_atomically(path, &exr_bytes(image)?)
+    let pixels: Vec<[f32; 3]> = image.data().iter().map(|&v| [v; 3]).collect();
+    write_exr_rgb(path, image.width(), &pixels, &())
 }
 
 /// Writes the picture to `path` as an 8-bit PNG. Errors as for [`Picture::png`] and [`write_atomically`].

@@ -1,5 +1,6 @@
 //! Merging of equal positions.
 
+use super::sampling::mix;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -50,12 +51,6 @@ pub fn weld(positions: &[Vec3]) -> (Vec<u32>, Vec<Vec3>) {
 
 /// A hash of three numbers.
 fn hash([x, y, z]: [u32; 3]) -> u32 {
-    // Finaliser of splitmix64 (Steele, Lea and Flood 2014), once with two numbers and once with the third.
-    let mix = |v: u64| {
-        let z = (v ^ (v >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    };
     (mix(mix(u64::from(x) << 32 | u64::from(y)).wrapping_add(u64::from(z))) >> 32) as u32
 }
 

@@ -189,15 +189,6 @@ mod tests {
     }
 
     #[test]
-    fn discs_have_the_texels_of_the_opening() {
-        let disc = Disc::new(6.0);
-        assert_eq!(disc.reach, [3, 2, 2, 0]);
-        let ramp = Image::from_fn(9, 9, 1.0, |x, y| (x + y) as f32).expect("image");
-        assert_eq!(disc.mean(&ramp, (4, 4)), 8.0);
-        assert_eq!((Disc::new(0.0).mean(&ramp, (0, 8)), Disc::new(f64::NAN).mean(&ramp, (2, 1))), (8.0, 3.0));
-    }
-
-    #[test]
     fn a_gap_that_is_closed_is_missed() {
         let gap = |v: f32| {
             Image::from_fn(40, 40, 1.0, |x, _| if (18..24).contains(&x) { v } else { 0.0 }).expect("image")

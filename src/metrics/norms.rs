@@ -28,7 +28,7 @@ pub fn norms(reference: &Image, approximation: &Image) -> Result<Norms> {
     let mean = |f: fn(f64) -> f64| d.iter().map(|&d| f(d)).sum::<f64>() / d.len() as f64;
     Ok(Norms {
         l1: mean(f64::abs),
-        l2: mean_power(&d, 2.0).sqrt(),
+        l2: mean(|d| d * d).sqrt(),
         bias: mean(|d| d),
         max: d.iter().fold(0.0, |m, d| d.abs().max(m)),
     })
@@ -39,12 +39,6 @@ pub fn difference(reference: &Image, approximation: &Image) -> Result<Vec<f64>> 
     reference.check_same_sides(approximation)?;
     let pairs = approximation.data().iter().zip(reference.data());
     Ok(pairs.map(|(&a, &r)| f64::from(a) - f64::from(r)).collect())
-}
-
-/// Mean of |d|^p.
-#[cfg(any(test, feature = "reports"))]
-pub(super) fn mean_power(differences: &[f64], p: f64) -> f64 {
-    differences.iter().map(|&d| power(d, p)).sum::<f64>() / differences.len() as f64
 }
 
 /// |d|^p.

@@ -4,7 +4,7 @@ use super::mesh::Mesh;
 use crate::math::{Aabb, affine, rows};
 use crate::scene::{MAX_COORDINATE, MAX_STRETCH, MIN_EXTENT, Material, Scene, magnitude, stretch};
 use crate::{Error, Result};
-use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
+use glam::{Affine3A, DAffine3, DMat3, Vec3};
 use std::sync::Arc;
 
 /// A placed mesh.
@@ -49,11 +49,7 @@ impl Instance {
 
     /// The box around the eight transformed corners of the box of its mesh.
     pub(crate) fn bounds(&self, mesh: &Scene) -> Aabb {
-        let Aabb { min, max } = mesh.bounds;
-        Aabb::of((0..8).map(|i| {
-            let pick = |k: usize| f64::from(if i >> k & 1 == 0 { min[k] } else { max[k] });
-            self.affine().transform_point3(DVec3::new(pick(0), pick(1), pick(2))).as_vec3()
-        }))
+        mesh.bounds.transformed(&self.affine())
     }
 
     /// The unit normal of a face whose normal in the frame of the mesh is `normal`.
@@ -99,7 +95,7 @@ impl Instance {
             ));
         }
         let bounds = self.bounds(mesh);
-        let farthest = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
+        let farthest = f64::from(bounds.magnitude());
         let min_extent = MIN_EXTENT.max(f64::from(f32::EPSILON) * farthest);
         if farthest.is_nan()
             || farthest > MAX_COORDINATE

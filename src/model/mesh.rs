@@ -105,14 +105,14 @@ pub(super) fn commit(
     scene: &Scene,
     stopped: &(dyn Fn() -> bool + Sync),
 ) -> Result<CommittedScene> {
-    let mut builder = SceneBuilder::new(device, Default::default())?;
+    let mut builder = SceneBuilder::new(device)?;
     match &scene.fine_ground {
-        None => builder.add_triangles(&scene.positions, &scene.triangles, 1)?,
+        None => builder.add_triangles(&scene.positions, &scene.triangles)?,
         Some(ground) => {
             // Faces that stand for the ground keep their numbers, without area.
             let met = |(t, &[a, b, c]): (u32, &[u32; 3])| if ground.replaces(t) { [a; 3] } else { [a, b, c] };
             let triangles: Vec<[u32; 3]> = (0..).zip(&scene.triangles).map(met).collect();
-            builder.add_triangles(&scene.positions, &triangles, 1)?;
+            builder.add_triangles(&scene.positions, &triangles)?;
             let piece = |of: &Piece| GridPiece { first: of.first, stride: of.stride, size: of.size };
             let pieces: Vec<GridPiece> = ground.pieces().iter().map(piece).collect();
             let of = ground.clone();

@@ -80,6 +80,25 @@ struct Inner {
     engines: Engines,
 }
 
+impl Inner {
+    /// The same model, to be changed: what is kept between queries is made again.
+    fn copied(&self) -> Inner {
+        Inner {
+            scene: self.scene.clone(),
+            device: self.device.clone(),
+            meshes: self.meshes.clone(),
+            instances: self.instances.clone(),
+            top: None,
+            sources: self.sources.clone(),
+            revision: self.revision,
+            options: self.options.clone(),
+            report: self.report.clone(),
+            threads: self.threads.clone(),
+            engines: Engines::default(),
+        }
+    }
+}
+
 impl Model {
     /// The scene that was prepared.
     pub fn scene(&self) -> &Scene {
@@ -276,8 +295,7 @@ impl Model {
 
     /// Largest coordinate magnitude, scene units: the scale of rounding errors.
     pub(crate) fn magnitude(&self) -> f32 {
-        let bounds = self.bounds();
-        bounds.min.abs().max(bounds.max.abs()).max_element()
+        self.bounds().magnitude()
     }
 
     /// The rule of an end on a face of an instance.

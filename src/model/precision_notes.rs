@@ -143,7 +143,6 @@ impl Model {
     }
 }
 
-/// A length with two digits.
 fn two_digits(length: f32) -> String {
     figure(format!("{length:.1e}").parse().unwrap_or(f64::from(length)))
 }

@@ -196,20 +196,7 @@ impl Model {
         options: &PrepareOptions,
         report: PrepareReport,
     ) -> Result<Model> {
-        let Inner { scene, device, instances, sources, revision, threads, .. } = &*self.inner;
-        let mut inner = Inner {
-            scene: scene.clone(),
-            device: device.clone(),
-            meshes,
-            instances: instances.clone(),
-            top: None,
-            sources: sources.clone(),
-            revision: *revision,
-            options: options.clone(),
-            report,
-            threads: threads.clone(),
-            engines: Default::default(),
-        };
+        let mut inner = Inner { meshes, options: options.clone(), report, ..self.inner.copied() };
         inner.top = top_level(&mut inner)?;
         Ok(Model { inner: Arc::new(inner), ranks: Ranks::default(), watcher: Watcher::default() })
     }

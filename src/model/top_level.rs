@@ -41,7 +41,7 @@ impl TopLevel {
         options: &optics::Options,
         before: Option<&Before>,
     ) -> Result<TopLevel> {
-        let mut builder = SceneBuilder::new(device, Default::default())?;
+        let mut builder = SceneBuilder::new(device)?;
         for (i, instance) in present(instances) {
             let mesh = &meshes[instance.mesh as usize];
             builder.add_instance(&mesh.traced, instance.transform_f32(), i)?;

@@ -53,19 +53,7 @@ impl Model {
             })??),
         };
         Ok(Model {
-            inner: Arc::new(Inner {
-                scene: inner.scene.clone(),
-                device: inner.device.clone(),
-                meshes: inner.meshes.clone(),
-                instances,
-                top,
-                sources: inner.sources.clone(),
-                revision: inner.revision + 1,
-                options: inner.options.clone(),
-                report: inner.report.clone(),
-                threads: inner.threads.clone(),
-                engines: Default::default(),
-            }),
+            inner: Arc::new(Inner { instances, top, revision: inner.revision + 1, ..inner.copied() }),
             ranks: self.ranks.clone(),
             watcher: Default::default(),
         })

@@ -153,12 +153,9 @@ impl Silhouette {
         along: Vec3,
     ) {
         let size = self.frame.size;
-        let corner = |i: usize| {
-            let pick = |k: usize| if i >> k & 1 == 0 { part.min[k] } else { part.max[k] };
-            self.frame.project(to_world.transform_point3(Vec3::new(pick(0), pick(1), pick(2))))
-        };
-        let (lo, hi) = (0..8)
-            .map(corner)
+        let corners = part.corners().map(|corner| self.frame.project(to_world.transform_point3(corner)));
+        let (lo, hi) = corners
+            .into_iter()
             .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
         let length = along.length();
         let first = lo.floor().max(Vec2::ZERO).as_uvec2();

@@ -16,7 +16,6 @@ use axes::{PROBES, view};
 
 use crate::clusters::Tree;
 use crate::math::{Aabb, triangle_area};
-use crate::raster::Morphology;
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -42,8 +41,6 @@ options! {
     /// Options of [`measure`].
     #[derive(Clone, Copy, Debug)]
     pub struct Options {
-        /// Measure of blocker and gap sizes: the inscribed disc, or the paper's erosion counts.
-        pub morphology: Morphology = Morphology::Euclid,
         /// Source of the extinction.
         pub extinction: Extinction = Extinction::default(),
         /// Root mean square error of a cluster's transmittance that the averaging width allows, above 0, dimensionless. At
@@ -62,7 +59,7 @@ pub struct ClusterOptics {
     /// Relative gradient of the extinction across the box, 1/length: at offset x from the centre the extinction is
     /// `max(0, 1 + slope · x)` times [`ClusterOptics::extinction`]. Zero for [`Extinction::Analytic`].
     pub slope: Vec3,
-    /// Diameter of the largest disc inside the silhouette (number of erosions in [SD95 sec 3.3]); length.
+    /// Diameter of the largest disc inside the silhouette (the paper counts erosions [SD95 sec 3.3]); length.
     pub blocker_size: [f32; AXIS_COUNT],
     /// Diameter of the largest disc inside the free part of the projected box; length. 0 where `coverage` is at most
     /// 1/2.

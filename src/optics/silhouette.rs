@@ -4,7 +4,7 @@ use super::averaging_width::{CELL_PIXELS, Cells, count_in_cell};
 use super::axes::{AXIS_COUNT, PROBE_COUNT};
 use super::{Extinction, OPAQUE_DEPTH, Options};
 use crate::math::Aabb;
-use crate::raster::{BitImage, Edt, Morphology, Opener, Outside, fill_triangle};
+use crate::raster::{BitImage, Edt, fill_triangle};
 use crate::scene::Scene;
 use glam::{UVec2, Vec2, Vec3};
 
@@ -197,13 +197,9 @@ impl Measure {
                 self.cells.fitted_extinction().min(OPAQUE_DEPTH / bounds.extent().min_element())
             }
         };
-        let mut diameter = |image: &BitImage| match options.morphology {
-            Morphology::Euclid => self.edt.max_inscribed_diameter(image, Outside::Free),
-            counts => Opener::new(image.clone(), counts).largest(),
-        };
         Measured {
-            blocker_size: diameter(&silhouette.contents) * pixel,
-            gap_size: if coverage > 0.5 { diameter(&self.gaps) * pixel } else { 0.0 },
+            blocker_size: self.edt.max_inscribed_diameter(&silhouette.contents) * pixel,
+            gap_size: if coverage > 0.5 { self.edt.max_inscribed_diameter(&self.gaps) * pixel } else { 0.0 },
             coverage,
             extinction,
             averaging_width: self.cells.averaging_width(extinction, options.tolerance) * pixel,

@@ -117,7 +117,7 @@ impl<'a> Surfaces<'a> {
 
     /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`.
     pub fn blocked(&self, packets: &[Packet], blocked: &mut [u32]) {
-        self.traced.occluded_by(TRAVERSAL, u32::MAX, packets, blocked);
+        self.traced.occluded_by(TRAVERSAL, packets, blocked);
     }
 
     /// First hits of `packets`.

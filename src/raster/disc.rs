@@ -6,12 +6,12 @@
 //! horizontally by the disc's half width at dy. Counts of 4- and 8-neighbour erosions bracket the squared distance to
 //! a factor of two; bisection finds it. [`crate::optics`] measures up to millions of such images per scene.
 
-use super::{BitImage, Morphology, NO_BACKGROUND, Outside};
+use super::BitImage;
 
 /// Largest number of columns and rows that [`Discs`] accepts.
 pub(super) const MAX_SIDE: usize = 64;
 
-/// Rows of an image, with one row of surroundings above and below.
+/// Rows of an image, with a row of background above and below.
 type Plane = [u64; MAX_SIDE + 2];
 
 /// Working memory: the rows eroded horizontally by 0, 1, 2, … pixels, and the half widths of the disc.
@@ -22,29 +22,27 @@ pub(super) struct Discs {
 }
 
 impl Discs {
-    /// Largest squared distance from an object pixel to the nearest background pixel, pixels²; 0 without object pixels,
-    /// [`NO_BACKGROUND`] without background. The image has at most [`MAX_SIDE`] columns and rows.
-    pub(super) fn max_squared_distance(&mut self, image: &BitImage, outside: Outside) -> u32 {
-        let (height, inside) = (image.height(), image.last_word_mask());
-        let (plane, fill) = plane(image, outside);
+    /// Largest squared distance from an object pixel to the nearest background pixel, pixels²; 0 without object pixels. Outside of the
+    /// image, which has at most [`MAX_SIDE`] columns and rows, is background.
+    pub(super) fn max_squared_distance(&mut self, image: &BitImage) -> u32 {
         if image.is_empty() {
             return 0;
         }
-        if endless(&plane, fill) {
-            return NO_BACKGROUND;
-        }
+        let height = image.height();
+        let mut plane = [0; MAX_SIDE + 2];
+        plane[1..=height].copy_from_slice(image.words());
         // Chebyshev radius c and city-block radius k bound the Euclidean radius d of the innermost pixel:
         // c ≤ d ≤ √2·c and k/√2 ≤ d ≤ k.
-        let c = erosions(&plane, height, inside, fill, SQUARE);
-        let k = erosions(&plane, height, inside, fill, DIAMOND);
+        let c = erosions(&plane, height, SQUARE);
+        let k = erosions(&plane, height, DIAMOND);
         let (mut low, mut high) = ((c * c).max((k * k).div_ceil(2)), (2 * c * c).min(k * k));
         if low < high {
-            self.erode_rows(&plane[1..=height], (high - 1).isqrt(), fill);
+            self.erode_rows(&plane[1..=height], (high - 1).isqrt());
         }
         // Find the least n for which no disc of squared radius n fits.
         while low < high {
             let n = low.midpoint(high);
-            if self.disc_fits(n, height, inside, fill) {
+            if self.disc_fits(n, height) {
                 low = n + 1;
             } else {
                 high = n;
@@ -54,7 +52,7 @@ impl Discs {
     }
 
     /// Fills `eroded` with the rows eroded horizontally by 0..=`widest` pixels to each side.
-    fn erode_rows(&mut self, rows: &[u64], widest: u32, fill: u64) {
+    fn erode_rows(&mut self, rows: &[u64], widest: u32) {
         let height = rows.len();
         self.eroded.clear();
         self.eroded.resize(height * (widest as usize + 1), 0);
@@ -62,13 +60,13 @@ impl Discs {
         for w in 1..=widest as usize {
             let (done, next) = self.eroded.split_at_mut(w * height);
             for (out, &row) in next[..height].iter_mut().zip(&done[(w - 1) * height..]) {
-                *out = thin(row, fill);
+                *out = thin(row);
             }
         }
     }
 
     /// Whether a disc of squared radius n fits into the object, centred on some pixel of the image.
-    fn disc_fits(&mut self, n: u32, height: usize, inside: u64, fill: u64) -> bool {
+    fn disc_fits(&mut self, n: u32, height: usize) -> bool {
         let radius = n.isqrt();
         self.half_widths.clear();
         let mut w = radius;
@@ -79,55 +77,21 @@ impl Discs {
             self.half_widths.push(w);
         }
         let radius = radius as usize;
-        // With background outside, the disc must lie entirely inside the image.
-        let rows = if fill == 0 { radius..height.saturating_sub(radius) } else { 0..height };
-        let widest = &self.eroded[self.half_widths[0] as usize * height..][..height];
-        for y in rows {
-            let mut fits = widest[y] & inside;
+        let eroded = |dy: usize| &self.eroded[self.half_widths[dy] as usize * height..][..height];
+        // The disc must lie entirely inside the image.
+        (radius..height.saturating_sub(radius)).any(|y| {
+            let mut fits = eroded(0)[y];
             // Test the largest dy first: after the widest row these reject most positions.
             for dy in (1..=radius).rev() {
                 if fits == 0 {
                     break;
                 }
-                let row = &self.eroded[self.half_widths[dy] as usize * height..][..height];
-                fits &= if y >= dy { row[y - dy] } else { fill };
-                fits &= if y + dy < height { row[y + dy] } else { fill };
+                let row = eroded(dy);
+                fits &= row[y - dy] & row[y + dy];
             }
-            if fits != 0 {
-                return true;
-            }
-        }
-        false
+            fits != 0
+        })
     }
-}
-
-/// Number of erosions until no object is left, with 4 neighbours for [`Morphology::Paper4`] and 8 otherwise; `None`
-/// when that never happens. The image has at most [`MAX_SIDE`] columns and rows.
-pub(super) fn erosions_until_empty(image: &BitImage, mode: Morphology, outside: Outside) -> Option<u32> {
-    let (height, inside) = (image.height(), image.last_word_mask());
-    let (plane, fill) = plane(image, outside);
-    match mode {
-        _ if image.is_empty() => Some(0),
-        _ if endless(&plane, fill) => None,
-        Morphology::Paper4 => Some(erosions(&plane, height, inside, fill, DIAMOND)),
-        Morphology::Paper8 | Morphology::Euclid => Some(erosions(&plane, height, inside, fill, SQUARE)),
-    }
-}
-
-/// The rows of the image with surroundings, and the word that represents the surroundings.
-fn plane(image: &BitImage, outside: Outside) -> (Plane, u64) {
-    let inside = image.last_word_mask();
-    let fill = if outside == Outside::Blocked { !0u64 } else { 0 };
-    let mut plane = [fill; MAX_SIDE + 2];
-    for (row, word) in plane[1..].iter_mut().zip(image.words()) {
-        *row = word | (fill & !inside);
-    }
-    (plane, fill)
-}
-
-/// Whether everything is object, including the surroundings.
-fn endless(plane: &Plane, fill: u64) -> bool {
-    fill != 0 && plane.iter().all(|&row| row == !0)
 }
 
 /// One erosion step of a row: from the rows above and below, and from the horizontally eroded rows above, here, below.
@@ -139,27 +103,26 @@ const DIAMOND: Step = |[above, below], [_, here, _]| above & here & below;
 
 /// Erodes a row horizontally by one pixel.
 #[inline]
-fn thin(row: u64, fill: u64) -> u64 {
-    row & (row << 1 | (fill & 1)) & (row >> 1 | (fill & 1 << 63))
+fn thin(row: u64) -> u64 {
+    row & row << 1 & row >> 1
 }
 
-/// Number of erosions until no pixel of the image is object. Requires background in the image or outside.
+/// Number of erosions until no pixel of the image is object.
 #[inline(always)]
-fn erosions(plane: &Plane, height: usize, inside: u64, fill: u64, step: Step) -> u32 {
-    let (mut from, mut to) = (*plane, [fill; MAX_SIDE + 2]);
-    let mut thinned = [fill; MAX_SIDE + 2];
+fn erosions(plane: &Plane, height: usize, step: Step) -> u32 {
+    let (mut from, mut to, mut thinned) = (*plane, [0; MAX_SIDE + 2], [0; MAX_SIDE + 2]);
     let mut count = 0;
     loop {
         count += 1;
         for (t, &row) in thinned[1..=height].iter_mut().zip(&from[1..=height]) {
-            *t = thin(row, fill);
+            *t = thin(row);
         }
         let mut left = 0;
         for y in 1..=height {
             to[y] = step([from[y - 1], from[y + 1]], [thinned[y - 1], thinned[y], thinned[y + 1]]);
             left |= to[y];
         }
-        if left & inside == 0 {
+        if left == 0 {
             return count;
         }
         std::mem::swap(&mut from, &mut to);

@@ -5,7 +5,7 @@
 //! integers (A. Meijster, J. Roerdink, W. Hesselink 2000). Linear time in the number of pixels.
 
 use super::disc::{Discs, MAX_SIDE};
-use super::{BitImage, Morphology, NO_BACKGROUND, Outside, disc, erode};
+use super::{BitImage, NO_BACKGROUND, Outside};
 
 /// Euclidean distance transform with its working memory: make one per thread and reuse it.
 ///
@@ -17,16 +17,6 @@ pub struct Edt {
     columns: Vec<u32>,
     sites: Vec<(usize, usize)>,
     squared: Vec<u32>,
-    planes: [BitImage; 2],
-}
-
-/// Diameter in pixels, 2·√d², of the largest disc in an object whose innermost pixel has this squared distance; 0
-/// without object, infinite for [`NO_BACKGROUND`]. The [room](super) states the accuracy.
-pub fn diameter(max_squared_distance: u32) -> f32 {
-    match max_squared_distance {
-        NO_BACKGROUND => f32::INFINITY,
-        squared => 2.0 * (squared as f32).sqrt(),
-    }
 }
 
 impl Edt {
@@ -56,31 +46,19 @@ impl Edt {
         &self.squared
     }
 
-    /// The largest of [`Edt::squared_distances`]. Images of at most 64 x 64 pixels take a faster algorithm that
-    /// allocates no memory after its first use.
-    pub fn max_squared_distance(&mut self, image: &BitImage, outside: Outside) -> u32 {
+    /// The largest of [`Edt::squared_distances`] where outside of the image is background. Images of at most 64 x 64 pixels take a faster
+    /// algorithm that allocates no memory after its first use.
+    pub fn max_squared_distance(&mut self, image: &BitImage) -> u32 {
         if image.width() <= MAX_SIDE && image.height() <= MAX_SIDE {
-            return self.discs.max_squared_distance(image, outside);
+            return self.discs.max_squared_distance(image);
         }
-        self.squared_distances(image, outside).iter().copied().max().unwrap_or(0)
+        self.squared_distances(image, Outside::Free).iter().copied().max().unwrap_or(0)
     }
 
-    /// Diameter in pixels of the largest disc that fits into the object; see [`diameter`].
-    pub fn max_inscribed_diameter(&mut self, image: &BitImage, outside: Outside) -> f32 {
-        diameter(self.max_squared_distance(image, outside))
-    }
-
-    /// Size in pixels of the largest region of the object as `mode` measures it: [`Edt::max_inscribed_diameter`], or
-    /// twice the number of erosions until the object is empty. 0 without object, infinite without background.
-    pub fn largest_size(&mut self, image: &BitImage, mode: Morphology, outside: Outside) -> f32 {
-        let steps = match mode {
-            Morphology::Euclid => return self.max_inscribed_diameter(image, outside),
-            _ if image.width() <= MAX_SIDE && image.height() <= MAX_SIDE => {
-                disc::erosions_until_empty(image, mode, outside)
-            }
-            _ => erode::erosions_until_empty(image, &mut self.planes, mode, outside),
-        };
-        steps.map_or(f32::INFINITY, |n| 2.0 * n as f32)
+    /// Diameter in pixels, 2·√d², of the largest disc in an object whose innermost pixel has this squared distance; 0 without object. The
+    /// [room](super) states the accuracy.
+    pub fn max_inscribed_diameter(&mut self, image: &BitImage) -> f32 {
+        2.0 * (self.max_squared_distance(image) as f32).sqrt()
     }
 
     /// Fills `columns` with the distance of each pixel to the nearest background pixel of its column,
@@ -202,25 +180,8 @@ mod tests {
             for outside in [Outside::Free, Outside::Blocked] {
                 let expected = naive(&image, outside);
                 prop_assert_eq!(edt.squared_distances(&image, outside), &expected[..]);
-                prop_assert_eq!(edt.max_squared_distance(&image, outside), expected.into_iter().max().unwrap());
-            }
-        }
-    }
-
-    proptest! {
-        /// The erosion counts for small images equal the general ones.
-        #[test]
-        fn small_images_erode_like_large_ones(
-            w in 1usize..65,
-            h in 1usize..65,
-            rectangles in prop::collection::vec((0usize..64, 0usize..64, 1usize..30, 1usize..30), 0..8),
-            inverted: bool,
-        ) {
-            let image = blobs(w, h, &rectangles, inverted);
-            for mode in [Morphology::Paper4, Morphology::Paper8] {
-                for outside in [Outside::Free, Outside::Blocked] {
-                    let general = erode::erosions_until_empty(&image, &mut Default::default(), mode, outside);
-                    prop_assert_eq!(disc::erosions_until_empty(&image, mode, outside), general);
+                if outside == Outside::Free {
+                    prop_assert_eq!(edt.max_squared_distance(&image), expected.into_iter().max().unwrap());
                 }
             }
         }
@@ -230,12 +191,10 @@ mod tests {
     fn empty_images_have_no_size() {
         let mut edt = Edt::new();
         for (w, h) in [(0, 0), (0, 5), (5, 0), (5, 5), (100, 3)] {
-            assert_eq!(edt.max_inscribed_diameter(&BitImage::new(w, h), Outside::Free), 0.0);
-            assert_eq!(edt.max_inscribed_diameter(&BitImage::new(w, h), Outside::Blocked), 0.0);
+            assert_eq!(edt.max_inscribed_diameter(&BitImage::new(w, h)), 0.0);
         }
         let full = BitImage::new(9, 70).complement();
-        assert_eq!(edt.max_inscribed_diameter(&full, Outside::Blocked), f32::INFINITY);
-        assert_eq!(edt.max_inscribed_diameter(&full, Outside::Free), 10.0);
+        assert_eq!(edt.max_inscribed_diameter(&full), 10.0);
     }
 
     #[test]
@@ -246,7 +205,7 @@ mod tests {
             for (ox, oy) in [(0.01, 0.01), (0.47, 0.47), (0.25, 0.01), (0.4, 0.1), (0.13, 0.77)] {
                 let image =
                     BitImage::from_fn(64, 64, |x, y| object(x as f64 - 31.0 + ox, y as f64 - 31.0 + oy));
-                let size = edt.max_inscribed_diameter(&image, Outside::Free);
+                let size = edt.max_inscribed_diameter(&image);
                 assert!((size - expect).abs() < tolerance, "{size} for {expect} at {ox} {oy}");
             }
         };
@@ -260,7 +219,7 @@ mod tests {
         }
         for a in 1..60usize {
             let image = BitImage::from_fn(64, 64, |x, y| (2..2 + a).contains(&x) && (1..1 + a).contains(&y));
-            assert_eq!(edt.max_inscribed_diameter(&image, Outside::Free), (a + a % 2) as f32);
+            assert_eq!(edt.max_inscribed_diameter(&image), (a + a % 2) as f32);
         }
     }
 }

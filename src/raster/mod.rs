@@ -11,7 +11,7 @@
 //! Sizes are in pixels. Set pixels are *object*, the others *background*.
 //!
 //! * [`Morphology::Euclid`] (default): the diameter of the largest disc inside the object. With d the largest distance
-//!   from an object pixel's centre to the nearest background pixel's centre, **size = 2·d** ([`diameter`]). A solid
+//!   from an object pixel's centre to the nearest background pixel's centre, **size = 2·d** (see [`Edt`]). A solid
 //!   square of side a has size a (even a) or a + 1 (odd a), as with the paper's counts; a disc or a turned square of
 //!   diameter a has size a to within 1.5 pixels, wherever it lies on the grid.
 //! * [`Morphology::Paper8`], [`Morphology::Paper4`]: **size = 2·N**, N the number of erosions with 8 or 4 neighbours

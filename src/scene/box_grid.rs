@@ -1,5 +1,6 @@
 //! Search of overlapping boxes in a plane.
 
+use crate::math::sampling::mix;
 use glam::DVec2;
 
 /// Cell of a grid: the exponent of two of its size, and its place.
@@ -72,13 +73,7 @@ fn cells(b: &[DVec2; 2], level: i32) -> impl Iterator<Item = Cell> + use<> {
 
 /// Bucket of a cell among a power of two of buckets.
 fn bucket((level, x, y): Cell, buckets: usize) -> usize {
-    // Finaliser of splitmix64 (Steele, Lea and Flood 2014) after each number.
-    let mixed = [i64::from(level), x, y].iter().fold(0u64, |h, &v| {
-        let z = (h ^ v as u64).wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    });
+    let mixed = [i64::from(level), x, y].iter().fold(0, |h, &v| mix(h ^ v as u64));
     mixed as usize & (buckets - 1)
 }
 

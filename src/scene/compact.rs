@@ -3,28 +3,36 @@
 use super::{Object, Repairs, connect::Parts};
 use glam::Vec3;
 
-/// Removes vertices without triangles; keeps the order.
+/// Removes the vertices of a scene without triangles, and counts those of the file.
 pub(super) fn compact(
     number: &[u32],
-    positions: Vec<Vec3>,
-    mut triangles: Vec<[u32; 3]>,
+    positions: &mut Vec<Vec3>,
+    triangles: &mut [[u32; 3]],
     repairs: &mut Repairs,
-) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let mut place = vec![u32::MAX; positions.len()];
-    triangles.iter().flatten().for_each(|&v| place[v as usize] = 0);
-    let referenced = number.iter().filter(|&&v| place[v as usize] == 0).count();
+) {
+    let mut is_used = vec![false; positions.len()];
+    triangles.iter().flatten().for_each(|&v| is_used[v as usize] = true);
+    let referenced = number.iter().filter(|&&v| is_used[v as usize]).count();
     // Vertices beyond those of the file were made when faces were divided.
     let of_file = number.iter().max().map_or(0, |&v| v as usize + 1);
-    let distinct = place[..of_file].iter().filter(|place| **place == 0).count();
-    let mut used = Vec::with_capacity(positions.len());
-    for (p, place) in positions.into_iter().zip(&mut place).filter(|(_, place)| **place == 0) {
-        *place = used.len() as u32;
-        used.push(p);
-    }
-    triangles.iter_mut().flatten().for_each(|v| *v = place[*v as usize]);
+    let distinct = is_used[..of_file].iter().filter(|used| **used).count();
     repairs.unused_vertices += number.len() - referenced;
     repairs.welded_vertices += referenced - distinct;
-    (used, triangles)
+    drop_unused(positions, triangles, 0);
+}
+
+/// Removes vertices from number `first` on that none of these triangles has; keeps the order. The triangles have no others.
+pub(super) fn drop_unused(positions: &mut Vec<Vec3>, triangles: &mut [[u32; 3]], first: usize) {
+    let mut place = vec![u32::MAX; positions.len() - first];
+    triangles.iter().flatten().for_each(|&v| place[v as usize - first] = 0);
+    let mut next = first;
+    for (k, place) in place.iter_mut().enumerate().filter(|(_, place)| **place == 0) {
+        *place = next as u32;
+        positions[next] = positions[first + k];
+        next += 1;
+    }
+    positions.truncate(next);
+    triangles.iter_mut().flatten().for_each(|v| *v = place[*v as usize - first]);
 }
 
 /// Objects with faces, and the index of each face's object among them.

@@ -1,5 +1,6 @@
 //! Detection of duplicate polygons.
 
+use crate::math::sampling::mix;
 use rayon::prelude::*;
 
 /// Groups of polygons with equal sets of corners, each ascending; single polygons are omitted.
@@ -26,14 +27,7 @@ fn sorted(p: &[u32]) -> Vec<u32> {
 
 /// A hash that does not depend on the order of the corners.
 fn fingerprint(p: &[u32]) -> u64 {
-    // Finaliser of splitmix64 (Steele, Lea and Flood 2014).
-    let mix = |v: u32| {
-        let z = u64::from(v).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    };
-    p.iter().fold(p.len() as u64, |sum, &v| sum.wrapping_add(mix(v)))
+    p.iter().fold(p.len() as u64, |sum, &v| sum.wrapping_add(mix(v.into())))
 }
 
 #[cfg(test)]

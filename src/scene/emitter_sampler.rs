@@ -3,7 +3,7 @@
 use super::{Emitter, Profile, Scene};
 use crate::math::Aabb;
 use crate::math::sampling::{on_triangle, pick};
-use glam::{BVec3, Vec3};
+use glam::Vec3;
 use std::{borrow::Cow, sync::Arc};
 
 /// Draws points on an emitter.
@@ -126,7 +126,6 @@ impl EmitterSampler {
         Facing { sampler: self, sums: Cow::Owned(sums) }
     }
 
-    /// All faces.
     pub fn all(&self) -> Facing<'_> {
         Facing { sampler: self, sums: Cow::Borrowed(&self.sums) }
     }
@@ -177,7 +176,5 @@ fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
     if distinct.len() <= MAX_HULL_POINTS {
         return distinct;
     }
-    let bounds = Aabb::of(points);
-    let corner = |k: u32| BVec3::new(k & 1 == 1, k & 2 == 2, k & 4 == 4);
-    (0..8).map(|k| Vec3::select(corner(k), bounds.max, bounds.min)).collect()
+    Aabb::of(points).corners().to_vec()
 }

@@ -1,6 +1,6 @@
 //! Conversion of placements to triangles.
 
-use super::{Material, Object, Placement, Scene, faces::has_area};
+use super::{Material, Object, Placement, Scene, compact::drop_unused, faces::has_area};
 use crate::{Error, Result, error::quote, math::Aabb};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -189,25 +189,11 @@ impl Flat {
         s.sheet_parts += mesh.sheet_parts;
         if dropped > 0 {
             s.repairs.zero_area_faces += dropped;
-            drop_unused(s, first, mesh.triangles.len() - dropped);
+            let start = s.triangles.len() + dropped - mesh.triangles.len();
+            drop_unused(&mut s.positions, &mut s.triangles[start..], first);
         }
         s.bounds = s.bounds.union(Aabb::of(s.positions[first..].iter().copied()));
         self.polygons += mesh.triangle_polygon.last().map_or(0, |&p| p + 1);
         Ok(())
     }
-}
-
-/// Removes vertices from `first` on without one of the last `triangles`.
-fn drop_unused(s: &mut Scene, first: usize, triangles: usize) {
-    let start = s.triangles.len() - triangles;
-    let mut place = vec![u32::MAX; s.positions.len() - first];
-    s.triangles[start..].iter().flatten().for_each(|&v| place[v as usize - first] = 0);
-    let mut next = first;
-    for (i, place) in place.iter_mut().enumerate().filter(|(_, place)| **place == 0) {
-        *place = next as u32;
-        s.positions[next] = s.positions[first + i];
-        next += 1;
-    }
-    s.positions.truncate(next);
-    s.triangles[start..].iter_mut().flatten().for_each(|v| *v = place[*v as usize - first]);
 }

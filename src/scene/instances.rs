@@ -93,8 +93,7 @@ impl Scene {
 
     /// Largest absolute coordinate of what is visible, scene units: the scale of rounding errors.
     pub(crate) fn magnitude(&self) -> f32 {
-        let bounds = self.world_bounds();
-        bounds.min.abs().max(bounds.max.abs()).max_element()
+        self.world_bounds().magnitude()
     }
 
     /// Adds shared meshes and their placements, whose transforms refer to coordinates of the file and become relative
@@ -117,7 +116,7 @@ impl Scene {
             let from_mesh = DAffine3::from_translation(mesh.origin);
             p.transform = DAffine3::from_translation(-self.origin) * p.transform * from_mesh;
             let bounds = p.bounds(mesh.bounds);
-            let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
+            let farthest = bounds.magnitude();
             // A box of NaN corners is empty: its ends are infinite.
             if !p.transform.is_finite() || f64::from(farthest) > MAX_COORDINATE {
                 let what = format!("not finite or beyond {MAX_COORDINATE:e}");

@@ -147,7 +147,7 @@ impl Scene {
     /// Whether these are sheets, or their fronts are on both sides, and emitters lie behind the plane alone.
     fn only_lit_from_behind(&self, plane: &Plane) -> bool {
         // What an emitter's height above the plane may be by rounding of coordinates.
-        let slack = 4e-7 * f64::from(self.bounds.min.abs().max(self.bounds.max.abs()).max_element());
+        let slack = 4e-7 * f64::from(self.bounds.magnitude());
         let mut sides = [false; 2];
         for emitter in &self.emitters {
             for corner in self.corners_of(&emitter.triangles) {

@@ -317,7 +317,6 @@ impl Scene {
         1.01 * self.bounds.diagonal()
     }
 
-    /// The corners of a triangle.
     #[inline]
     pub(crate) fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])

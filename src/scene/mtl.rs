@@ -1,12 +1,12 @@
-//! Material libraries (MTL): the statements that radiosity needs, parsed by `tobj`.
+//! Material libraries (MTL): the statements that radiosity needs.
 
 use super::{
     Repairs, SoupMaterial,
     sources::{Sources, TextureKey, beside, text_of},
 };
 use crate::error::{quote, shown};
-use crate::{Error, Result, files::input::guarded};
-use std::{collections::HashMap, fmt::Write, path::Path};
+use crate::{Error, Result};
+use std::{collections::HashMap, path::Path};
 
 /// Materials that were read.
 #[derive(Default)]
@@ -41,17 +41,12 @@ impl Library {
         sources: &mut Sources,
         repairs: &mut Repairs,
     ) -> Result<()> {
-        let cleaned = clean(path, &text_of(bytes))?;
-        let text = &cleaned.text;
-        let (materials, _) = guarded(path, || {
-            tobj::load_mtl_buf(&mut text.as_bytes())
-                .map_err(|e| Error::format(path, None, format!("not a material library ({e})")))
-        })?;
-        repairs.messages.extend(cleaned.notes());
-        for m in materials {
-            let texture = match m.diffuse_texture {
+        let stated = statements(path, &text_of(bytes))?;
+        repairs.messages.extend(stated.notes());
+        for m in stated.materials {
+            let texture = match &m.texture {
                 Some(statement) => {
-                    let file = beside(path, texture_file(&statement));
+                    let file = beside(path, texture_file(statement));
                     let key = TextureKey::File(file.clone());
                     sources.texture(path, &key, repairs, |sources| sources.bytes(&file))?
                 }
@@ -61,10 +56,10 @@ impl Library {
             // The colours of a texture without `Kd` are used unscaled.
             let default = if texture.is_some() { [0.0; 3] } else { SoupMaterial::DEFAULT_REFLECTANCE };
             let material = SoupMaterial {
-                emission: rgb(m.emissive).unwrap_or_default(),
-                opacity: m.dissolve.unwrap_or(1.0) as f32,
+                emission: rgb(m.emission).unwrap_or_default(),
+                opacity: m.opacity.unwrap_or(1.0) as f32,
                 texture,
-                ..SoupMaterial::diffuse(&m.name, rgb(m.diffuse).unwrap_or(default))
+                ..SoupMaterial::diffuse(&m.name, rgb(m.reflectance).unwrap_or(default))
             };
             self.materials.insert(m.name, material);
         }
@@ -84,16 +79,28 @@ pub fn read_materials(folder: &Path, bytes: &[u8]) -> Result<usize> {
     Ok(library.materials.len())
 }
 
-/// Statements of a material library in the form that `tobj` accepts.
+/// A material as a library states it.
+#[derive(Debug, Default, PartialEq)]
+struct Stated {
+    name: String,
+    /// `Kd` and `Ke`.
+    reflectance: Option<[f64; 3]>,
+    emission: Option<[f64; 3]>,
+    opacity: Option<f64>,
+    /// `map_Kd`, with its options.
+    texture: Option<String>,
+}
+
+/// Statements of a material library.
 #[derive(Debug, Default)]
-struct Cleaned {
-    text: String,
+struct Statements {
+    materials: Vec<Stated>,
     /// Numbers of `map_Ke` and of `map_d` statements, which are not read.
     emission_maps: usize,
     opacity_maps: usize,
 }
 
-impl Cleaned {
+impl Statements {
     /// What was left out.
     fn notes(&self) -> impl Iterator<Item = String> {
         let count = |n: usize, what: &str| (n > 0).then(|| format!("{n} {what}"));
@@ -127,11 +134,11 @@ fn texture_file(statement: &str) -> &str {
     rest
 }
 
-/// Keeps the relevant statements in a form that `tobj` accepts: `tobj` panics on colours of fewer than three numbers,
-/// which MTL allows, and stops at some irrelevant statements.
-fn clean(path: &Path, text: &str) -> Result<Cleaned> {
-    let mut cleaned = Cleaned { text: String::with_capacity(text.len()), ..Cleaned::default() };
-    let out = &mut cleaned.text;
+/// Reads the relevant statements. Colours may have fewer than three numbers: the first stands for those that are missing.
+fn statements(path: &Path, text: &str) -> Result<Statements> {
+    let mut all = Statements::default();
+    // Before the first name statements belong to no material.
+    let mut nameless = Stated::default();
     for (i, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let line = line.trim();
         let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
@@ -144,45 +151,40 @@ fn clean(path: &Path, text: &str) -> Result<Cleaned> {
                 Error::format(path, Some(i + 1), format!("`{}` is not a finite number", quote(rest)))
             })
         };
-        // Writing to a string cannot fail.
-        let _ = match key.to_lowercase().as_str() {
-            "newmtl" => writeln!(out, "newmtl {}", if rest.is_empty() { "unnamed" } else { rest }),
+        let material = all.materials.last_mut().unwrap_or(&mut nameless);
+        match key.to_lowercase().as_str() {
+            "newmtl" => {
+                let name = if rest.is_empty() { "unnamed" } else { rest }.to_owned();
+                all.materials.push(Stated { name, ..Stated::default() });
+            }
             // Spectral curves and CIE XYZ are not supported: the default colour remains.
-            "kd" | "ke" if rest.starts_with("spectral") || rest.starts_with("xyz") => Ok(()),
-            "kd" | "ke" => {
+            "kd" | "ke" if rest.starts_with("spectral") || rest.starts_with("xyz") => {}
+            "kd" => material.reflectance = Some(rgb(&numbers()?)),
+            "ke" => {
                 let v = numbers()?;
-                if v.iter().any(|&x| x < 0.0) && key.eq_ignore_ascii_case("ke") {
+                if v.iter().any(|&x| x < 0.0) {
                     return Err(Error::format(path, Some(i + 1), "Ke is radiance and cannot be negative"));
                 }
-                let rgb: [f64; 3] = std::array::from_fn(|c| *v.get(c).unwrap_or(&v[0]));
-                writeln!(
-                    out,
-                    "K{} {} {} {}",
-                    if key.ends_with(['d', 'D']) { "d" } else { "e" },
-                    rgb[0],
-                    rgb[1],
-                    rgb[2]
-                )
+                material.emission = Some(rgb(&v));
             }
             // `d -halo 0.5` states an opacity as well.
             "d" => match rest.rsplit(char::is_whitespace).next().and_then(|w| w.parse::<f64>().ok()) {
-                Some(d) if d.is_finite() => writeln!(out, "d {d}"),
-                _ => numbers().map(|_| Ok(()))?,
+                Some(d) if d.is_finite() => material.opacity = Some(d),
+                _ => drop(numbers()?),
             },
-            "tr" => writeln!(out, "d {}", 1.0 - numbers()?[0]),
-            "map_ke" if !rest.is_empty() => {
-                cleaned.emission_maps += 1;
-                Ok(())
-            }
-            "map_d" if !rest.is_empty() => {
-                cleaned.opacity_maps += 1;
-                Ok(())
-            }
-            "map_kd" if !rest.is_empty() => writeln!(out, "map_Kd {rest}"),
-            _ => Ok(()),
-        };
+            "tr" => material.opacity = Some(1.0 - numbers()?[0]),
+            "map_ke" if !rest.is_empty() => all.emission_maps += 1,
+            "map_d" if !rest.is_empty() => all.opacity_maps += 1,
+            "map_kd" if !rest.is_empty() => material.texture = Some(rest.to_owned()),
+            _ => {}
+        }
     }
-    Ok(cleaned)
+    Ok(all)
+}
+
+/// A colour of one to three numbers.
+fn rgb(v: &[f64]) -> [f64; 3] {
+    std::array::from_fn(|c| *v.get(c).unwrap_or(&v[0]))
 }
 
 #[cfg(test)]
@@ -200,16 +202,24 @@ mod tests {
     }
 
     #[test]
-    fn statements_in_the_form_tobj_reads() {
-        let check = |text, want: &str| {
-            assert_eq!(clean(Path::new("a.mtl"), text).map_or_else(|e| e.to_string(), |c| c.text), want);
+    fn statements_of_many_hands() {
+        let read = |text| statements(Path::new("a.mtl"), text).map_err(|e| e.to_string());
+        let check = |text, name: &str, reflectance, emission, opacity| {
+            let want = Stated { name: name.into(), reflectance, emission, opacity, texture: None };
+            assert_eq!(read(text).expect(text).materials, [want], "{text}");
         };
-        check("newmtl a b\r\n\tKd 0.5\r\n", "newmtl a b\nKd 0.5 0.5 0.5\n");
-        check("Ns\nillum x\nKd 1 0 0 # red\nTr 0.25", "Kd 1 0 0\nd 0.75\n");
-        check("d -halo 0.5\nke 1 2 3", "d 0.5\nKe 1 2 3\n");
-        check("newmtl", "newmtl unnamed\n");
-        check("Kd\n", "a.mtl:1: `` is not a finite number");
-        check("\nKe nan 0 0\n", "a.mtl:2: `nan 0 0` is not a finite number");
-        check("Ke -1 0 0", "a.mtl:1: Ke is radiance and cannot be negative");
+        check("newmtl a b\r\n\tKd 0.5\r\n", "a b", Some([0.5; 3]), None, None);
+        check(
+            "Kd 1\nnewmtl\nillum x\nKd 1 0 0 # red\nTr 0.25",
+            "unnamed",
+            Some([1.0, 0.0, 0.0]),
+            None,
+            Some(0.75),
+        );
+        check("newmtl a\nd -halo 0.5\nke 1 2 3", "a", None, Some([1.0, 2.0, 3.0]), Some(0.5));
+        let wrong = |text, want: &str| assert_eq!(read(text).expect_err(text), want);
+        wrong("Kd\n", "a.mtl:1: `` is not a finite number");
+        wrong("\nKe nan 0 0\n", "a.mtl:2: `nan 0 0` is not a finite number");
+        wrong("Ke -1 0 0", "a.mtl:1: Ke is radiance and cannot be negative");
     }
 }

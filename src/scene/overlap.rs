@@ -137,7 +137,7 @@ const MIN_OVERLAP_PART: f64 = 1e-3;
 
 impl Tolerance {
     fn of(bounds: &Aabb) -> Tolerance {
-        let largest = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
+        let largest = f64::from(bounds.magnitude());
         Tolerance {
             middle: bounds.center().as_dvec3(),
             height: MAX_ROUNDINGS * f64::from(f32::EPSILON) * largest.max(f64::from(bounds.diagonal())),

@@ -1,7 +1,7 @@
 //! A placement of a shared mesh.
 
 use crate::math::Aabb;
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 
 /// Largest number of placements of a scene and of nodes of a glTF file: limits memory while reading to 600 MB, at some
 /// 300 bytes each.
@@ -25,14 +25,8 @@ pub struct Placement {
 
 impl Placement {
     /// Box around the image of `mesh_bounds` (relative to the mesh's origin), relative to [`super::Scene::origin`], scene
-    /// units. The box encloses the eight transformed corners; for a rotated mesh it is larger than the box of the
-    /// transformed vertices.
+    /// units; see [`Aabb::transformed`] for how tight it is.
     pub fn bounds(&self, mesh_bounds: Aabb) -> Aabb {
-        let (min, max) = (mesh_bounds.min.as_dvec3(), mesh_bounds.max.as_dvec3());
-        let corner = |i: u32| {
-            let pick = |bit: u32, axis: usize| if i >> bit & 1 == 0 { min[axis] } else { max[axis] };
-            self.transform.transform_point3(DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2))).as_vec3()
-        };
-        Aabb::of((0..8).map(corner))
+        mesh_bounds.transformed(&self.transform)
     }
 }

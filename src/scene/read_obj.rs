@@ -1,8 +1,5 @@
-//! OBJ files by `tobj`, with additions: line numbers in errors, names of missing materials, comments after
-//! statements, continued lines, polylines distinguished from faces, names in any encoding.
-//!
-//! The file passes through [`Lines`], a reader that checks each statement, records objects and materials, and
-//! forwards `v`, `vt` and `f` in the form that `tobj` accepts.
+//! OBJ files, with line numbers in errors, names of missing materials, comments after statements, continued lines, and names in any
+//! encoding.
 //!
 //! Objects do not become placements of shared meshes, because the format cannot state that two objects are equal;
 //! equal objects are not searched.
@@ -17,7 +14,7 @@ use crate::error::{figure, quote};
 use crate::{Error, Result};
 use glam::DVec3;
 use std::{
-    io::{self, BufRead, Read},
+    io::{self, BufRead},
     path::{Path, PathBuf},
 };
 
@@ -27,30 +24,10 @@ const MAX_LINE: usize = 1 << 28;
 /// Reads an OBJ file, of which `path` is the name and `file` the content, and its material libraries.
 pub(super) fn read(path: &Path, file: impl BufRead, sources: &mut Sources) -> Result<Soup> {
     let mut lines = Lines::new(path, file);
-    // `Lines` records objects and materials, so `tobj` sees one model and no libraries.
-    let options = tobj::LoadOptions { single_index: false, triangulate: false, ..Default::default() };
-    let read = tobj::load_obj_buf(&mut lines, &options, |_| Err(tobj::LoadError::GenericFailure));
-    if let Some(error) = lines.error.take() {
-        return Err(error);
-    }
+    while lines.advance()? {}
     lines.check_forward_references()?;
-    let (models, _) = read.map_err(|e| Error::format(path, Some(lines.number), e.to_string()))?;
-    let mesh = models.into_iter().next().map(|m| m.mesh).unwrap_or_default();
     let mut soup = Soup::new(path);
-    soup.positions = mesh.positions.chunks_exact(3).map(DVec3::from_slice).collect();
-    lines.repairs.unused_vertices = lines.vertices - soup.positions.len();
-    soup.ends = if mesh.face_arities.is_empty() {
-        (1..=mesh.indices.len() as u32 / 3).map(|i| 3 * i).collect()
-    } else {
-        let sum = |end: &mut u32, &n: &u32| {
-            *end += n;
-            Some(*end)
-        };
-        mesh.face_arities.iter().scan(0, sum).collect()
-    };
-    soup.corners = mesh.indices;
-    soup.texcoords = mesh.texcoords.chunks_exact(2).map(|c| [c[0] as f32, c[1] as f32]).collect();
-    soup.corner_texcoords = mesh.texcoord_indices;
+    lines.give_corners(&mut soup);
     lines.give_names(&mut soup, sources)?;
     Ok(soup)
 }
@@ -62,8 +39,37 @@ struct Run {
     material: u32,
 }
 
-/// Checking reader between the file and `tobj`. It forwards one statement at a time, so that [`Lines::number`] is the
-/// current line of `tobj`.
+/// A corner of a face: its vertex and its texture coordinates, if it has any, counted from 0.
+struct Corner {
+    vertex: u32,
+    texcoord: Option<u32>,
+}
+
+/// Items of a file in the order of their first use.
+struct Used<'a, T> {
+    all: &'a [T],
+    /// By item, its number among the used ones; `u32::MAX` for others.
+    number: Vec<u32>,
+    list: Vec<T>,
+}
+
+impl<T: Copy> Used<'_, T> {
+    fn none(all: &[T]) -> Used<'_, T> {
+        Used { all, number: vec![u32::MAX; all.len()], list: Vec::new() }
+    }
+
+    /// The number of an item among the used ones.
+    fn number_of(&mut self, item: u32) -> u32 {
+        let number = &mut self.number[item as usize];
+        if *number == u32::MAX {
+            *number = self.list.len() as u32;
+            self.list.push(self.all[item as usize]);
+        }
+        *number
+    }
+}
+
+/// The statements of a file.
 struct Lines<'a, R> {
     path: &'a Path,
     file: R,
@@ -72,13 +78,11 @@ struct Lines<'a, R> {
     raw: Vec<u8>,
     /// Whether the last line ended with a carriage return, which a line feed may follow.
     returned: bool,
-    /// The forwarded statement, and how much of it was read.
-    out: Vec<u8>,
-    given: usize,
-    error: Option<Error>,
-    vertices: usize,
-    texcoords: usize,
-    faces: usize,
+    positions: Vec<DVec3>,
+    texcoords: Vec<[f32; 2]>,
+    /// Corners of all faces, and where those of each face end.
+    corners: Vec<Corner>,
+    ends: Vec<u32>,
     /// Largest vertex number used before its definition, and its line.
     forward: (usize, usize),
     objects: Names,
@@ -100,12 +104,10 @@ impl<'a, R: BufRead> Lines<'a, R> {
             number: 0,
             raw: Vec::new(),
             returned: false,
-            out: Vec::new(),
-            given: 0,
-            error: None,
-            vertices: 0,
-            texcoords: 0,
-            faces: 0,
+            positions: Vec::new(),
+            texcoords: Vec::new(),
+            corners: Vec::new(),
+            ends: Vec::new(),
             forward: (0, 0),
             objects: Names::default(),
             materials: Names::default(),
@@ -122,33 +124,28 @@ impl<'a, R: BufRead> Lines<'a, R> {
         Error::format(self.path, Some(self.number), what)
     }
 
-    /// Reads until `out` contains a statement for `tobj`; `out` is empty at the end of the file.
-    fn advance(&mut self) -> Result<()> {
-        self.out.clear();
-        self.given = 0;
-        while self.out.is_empty() {
-            self.raw.clear();
+    /// Reads a statement; whether there was one.
+    fn advance(&mut self) -> Result<bool> {
+        self.raw.clear();
+        if !self.read_line()? {
+            return Ok(false);
+        }
+        self.number += 1;
+        let mut extra = 0;
+        while self.raw.trim_ascii_end().ends_with(b"\\") {
+            self.raw.truncate(self.raw.trim_ascii_end().len() - 1);
+            self.raw.push(b' ');
             if !self.read_line()? {
                 break;
             }
-            self.number += 1;
-            let mut extra = 0;
-            while self.raw.trim_ascii_end().ends_with(b"\\") {
-                self.raw.truncate(self.raw.trim_ascii_end().len() - 1);
-                self.raw.push(b' ');
-                if !self.read_line()? {
-                    break;
-                }
-                extra += 1;
-            }
-            // Moved out temporarily, because `self` is changed while the statement is read.
-            let raw = std::mem::take(&mut self.raw);
-            let done = self.statement(&String::from_utf8_lossy(&raw));
-            self.raw = raw;
-            done?;
-            self.number += extra;
+            extra += 1;
         }
-        Ok(())
+        // Moved out temporarily, because `self` is changed while the statement is read.
+        let raw = std::mem::take(&mut self.raw);
+        let done = self.statement(&String::from_utf8_lossy(&raw));
+        self.raw = raw;
+        self.number += extra;
+        done.map(|()| true)
     }
 
     /// Appends a line of the file to `raw`, without its end, which is LF, CR LF or CR; whether there was one.
@@ -237,13 +234,8 @@ impl<'a, R: BufRead> Lines<'a, R> {
                 return Err(self.wrong(format!("{what}; mend the vertex `v {}`", quote(rest))));
             }
         }
-        self.vertices += 1;
-        self.out.push(b'v');
-        for word in keep {
-            self.out.push(b' ');
-            self.out.extend_from_slice(word.as_bytes());
-        }
-        self.out.push(b'\n');
+        let [x, y, z, w] = xyzw;
+        self.positions.push(DVec3::new(x / w, y / w, z / w));
         Ok(())
     }
 
@@ -254,60 +246,49 @@ impl<'a, R: BufRead> Lines<'a, R> {
             let value = words.next().and_then(|w| w.parse::<f32>().ok());
             value.filter(|v| v.is_finite()).unwrap_or(0.0)
         };
-        let (u, v) = (next(), next());
-        self.texcoords += 1;
-        self.out.extend_from_slice(format!("vt {u} {v}\n").as_bytes());
+        self.texcoords.push([next(), next()]);
     }
 
-    /// Corners become `position/texcoord` with numbers from 1, also if the file counts from the end.
     fn face(&mut self, rest: &str) -> Result<()> {
-        use std::io::Write;
-        let mut out = std::mem::take(&mut self.out);
-        out.push(b'f');
-        let mut corners = 0;
+        let first = self.corners.len();
         for word in uncommented(rest) {
             let mut parts = word.split('/');
-            let v = self.vertex_number(parts.next().unwrap_or_default(), word)?;
-            let vt = parts.next().and_then(|t| self.texcoord_number(t));
-            // Writing to a vector cannot fail.
-            let _ = match vt {
-                Some(vt) => write!(out, " {v}/{vt}"),
-                None => write!(out, " {v}"),
-            };
-            corners += 1;
+            let vertex = self.vertex_number(parts.next().unwrap_or_default(), word)?;
+            let texcoord = parts.next().and_then(|t| self.texcoord_number(t));
+            self.corners.push(Corner { vertex, texcoord });
         }
-        out.push(b'\n');
-        if corners < 3 {
+        if self.corners.len() < first + 3 {
             self.repairs.zero_area_faces += 1;
-            out.clear();
+            self.corners.truncate(first);
         } else {
             self.run();
-            self.faces += 1;
+            self.ends.push(self.corners.len() as u32);
         }
-        self.out = out;
         Ok(())
     }
 
-    fn vertex_number(&mut self, text: &str, word: &str) -> Result<usize> {
+    /// The vertex that a number means, which may follow later, counted from 0.
+    fn vertex_number(&mut self, text: &str, word: &str) -> Result<u32> {
         let number: i64 = text.parse().map_err(|_| {
             self.wrong(format!("`{}` is not a corner of a face (write v, v/vt or v/vt/vn)", quote(word)))
         })?;
-        let absolute = if number < 0 { self.vertices as i64 + 1 + number } else { number };
+        let absolute = if number < 0 { self.positions.len() as i64 + 1 + number } else { number };
         if absolute < 1 || absolute > i64::from(u32::MAX) {
             return Err(
                 self.wrong(format!("there is no vertex {number} (numbers start at 1; -1 is the last one)"))
             );
         }
-        if absolute as usize > self.forward.0.max(self.vertices) {
+        if absolute as usize > self.forward.0.max(self.positions.len()) {
             self.forward = (absolute as usize, self.number);
         }
-        Ok(absolute as usize)
+        Ok((absolute - 1) as u32)
     }
 
-    fn texcoord_number(&self, text: &str) -> Option<usize> {
-        let number: i64 = text.parse().ok()?;
-        let absolute = if number < 0 { (self.texcoords as i64 + 1).checked_add(number)? } else { number };
-        (1..=self.texcoords as i64).contains(&absolute).then_some(absolute as usize)
+    /// The texture coordinates before that a number means, counted from 0.
+    fn texcoord_number(&self, text: &str) -> Option<u32> {
+        let (number, count) = (text.parse::<i64>().ok()?, self.texcoords.len() as i64);
+        let absolute = if number < 0 { (count + 1).checked_add(number)? } else { number };
+        (1..=count).contains(&absolute).then_some((absolute - 1) as u32)
     }
 
     /// Starts a new run of faces if the object or the material changes.
@@ -316,17 +297,36 @@ impl<'a, R: BufRead> Lines<'a, R> {
         let object = *self.object.get_or_insert_with(|| self.objects.of(&stem()));
         let material = *self.material.get_or_insert_with(|| self.materials.of(""));
         if self.runs.last().is_none_or(|r| r.object != object || r.material != material) {
-            self.runs.push(Run { first: self.faces, object, material });
+            self.runs.push(Run { first: self.ends.len(), object, material });
         }
     }
 
     fn check_forward_references(&self) -> Result<()> {
         let (number, line) = self.forward;
-        if number <= self.vertices {
+        if number <= self.positions.len() {
             return Ok(());
         }
-        let what = format!("there is no vertex {number}, the file has {}", self.vertices);
+        let what = format!("there is no vertex {number}, the file has {}", self.positions.len());
         Err(Error::format(self.path, Some(line), what))
+    }
+
+    /// Gives the faces with the vertices and the texture coordinates that they use. A corner without texture coordinates has those of the
+    /// one before it.
+    fn give_corners(&mut self, soup: &mut Soup) {
+        let mut vertices = Used::none(&self.positions);
+        soup.corners = self.corners.iter().map(|corner| vertices.number_of(corner.vertex)).collect();
+        soup.positions = vertices.list;
+        self.repairs.unused_vertices = self.positions.len() - soup.positions.len();
+        if !self.texcoords.is_empty() {
+            let (mut texcoords, mut last) = (Used::none(&self.texcoords), None);
+            let number = |corner: &Corner| match corner.texcoord {
+                None => *last.get_or_insert_with(|| texcoords.number_of(0)),
+                Some(own) => *last.insert(texcoords.number_of(own)),
+            };
+            soup.corner_texcoords = self.corners.iter().map(number).collect();
+            soup.texcoords = texcoords.list;
+        }
+        soup.ends = std::mem::take(&mut self.ends);
     }
 
     /// Reads the libraries and assigns objects and materials to the faces.
@@ -366,31 +366,4 @@ fn libraries(obj: &Path, rest: &str) -> (Vec<PathBuf>, Vec<PathBuf>) {
     // Names of different lengths differ at once; paths are compared part by part.
     several.retain(|path| path.as_os_str() != whole.as_os_str() && !path.exists());
     (vec![whole], several)
-}
-
-impl<R: BufRead> Read for Lines<'_, R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let n = self.fill_buf()?.read(buffer)?;
-        self.consume(n);
-        Ok(n)
-    }
-}
-
-impl<R: BufRead> BufRead for Lines<'_, R> {
-    fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.given == self.out.len()
-            && self.error.is_none()
-            && let Err(error) = self.advance()
-        {
-            // `tobj` would lose the error: it is stored, and the file ends here.
-            self.error = Some(error);
-            self.out.clear();
-            self.given = 0;
-        }
-        Ok(&self.out[self.given..])
-    }
-
-    fn consume(&mut self, amount: usize) {
-        self.given += amount;
-    }
 }

@@ -91,7 +91,8 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     )?;
     let (emitters, triangle_emitter) = group_emitters(&soup, &edges, &faces, &positions, &materials);
     summarise(role, &soup, &faces, &mut repairs);
-    let (mut positions, mut triangles) = compact(&number, positions, faces.triangles, &mut repairs);
+    let mut triangles = faces.triangles;
+    compact(&number, &mut positions, &mut triangles, &mut repairs);
     let (objects, triangle_object) = used_objects(soup.objects, faces.object);
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let part = |t: usize| parts.part[faces.polygon[t] as usize];

@@ -140,6 +140,15 @@ impl Soup {
         self.indexed_polygon(object, material, first..first + corners.len() as u32);
     }
 
+    /// Adds the faces of a box. Corner `i` lies at the upper end of axis `k` if bit `k` of `i` is set.
+    pub fn closed_box(&mut self, object: u32, material: u32, corner: impl Fn(u32) -> DVec3) {
+        let first = self.positions.len() as u32;
+        self.positions.extend((0..8).map(corner));
+        for face in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+            self.indexed_polygon(object, material, face.map(|i| first + i));
+        }
+    }
+
     /// Gives all corners without texture coordinates the first of them, if there are any.
     pub fn fill_texcoords(&mut self) {
         if !self.texcoords.is_empty() {

@@ -1,5 +1,6 @@
 //! Overlapping faces of one plane are stacked: moved off each other, so that rays meet them in one order.
 
+use super::compact::drop_unused;
 use super::magnitudes::face_magnitudes;
 use super::overlap::{Overlap, largest_distance};
 use crate::math::{Aabb, triangle_normal};
@@ -85,7 +86,7 @@ pub(super) fn stack(
         });
     }
     if positions.len() > before {
-        drop_unused(positions, triangles);
+        drop_unused(positions, triangles, 0);
     }
 }
 
@@ -95,18 +96,6 @@ fn step(stacked: impl Iterator<Item = u32> + Clone, positions: &[Vec3], triangle
     let magnitudes = face_magnitudes(positions, triangles);
     let magnitude = stacked.map(|t| magnitudes[t as usize]).fold(0.0, f32::max);
     largest_distance(&Aabb::of(corners)) as f32 + GAP * magnitude
-}
-
-/// Drops vertices of no triangle.
-fn drop_unused(positions: &mut Vec<Vec3>, triangles: &mut [[u32; 3]]) {
-    let mut number = vec![u32::MAX; positions.len()];
-    triangles.iter().flatten().for_each(|&v| number[v as usize] = 0);
-    for (new, number) in (0..).zip(number.iter_mut().filter(|number| **number == 0)) {
-        *number = new;
-    }
-    let mut used = number.iter().map(|&number| number != u32::MAX);
-    positions.retain(|_| used.next().unwrap_or(false));
-    triangles.iter_mut().flatten().for_each(|v| *v = number[*v as usize]);
 }
 
 /// The pairs of overlapping triangles, the smaller index first, that are two sides of one sheet: they are turned away from each other, and

@@ -1,15 +1,10 @@
 //! Small scenes for tests, resolved like files.
 
+pub use super::generate::shapes::{rotation, unit};
 use super::generate::{Spec, build};
 use super::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
-use glam::{DMat3, DQuat, DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 use rand_pcg::Pcg64Mcg;
-use rand_pcg::rand_core::Rng;
-
-/// Uniform in `[0, 1)`.
-pub fn unit(random: &mut Pcg64Mcg) -> f64 {
-    (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
-}
 
 /// Uniform in the unit cube.
 pub fn in_cube(random: &mut Pcg64Mcg) -> DVec3 {
@@ -21,14 +16,6 @@ pub fn direction(random: &mut Pcg64Mcg) -> Vec3 {
     let (z, turn) = (2.0 * unit(random) - 1.0, std::f64::consts::TAU * unit(random));
     let r = (1.0 - z * z).sqrt();
     DVec3::new(r * turn.cos(), r * turn.sin(), z).as_vec3()
-}
-
-/// A uniformly distributed rotation (Shoemake 1992).
-pub fn rotation(random: &mut Pcg64Mcg) -> DMat3 {
-    let (u, a, b) =
-        (unit(random), std::f64::consts::TAU * unit(random), std::f64::consts::TAU * unit(random));
-    let (r, q) = ((1.0 - u).sqrt(), u.sqrt());
-    DMat3::from_quat(DQuat::from_xyzw(r * a.sin(), r * a.cos(), q * b.sin(), q * b.cos()))
 }
 
 /// A scene under construction. Faces belong to the object started last.
@@ -137,15 +124,11 @@ impl Pieces {
     /// Adds a closed box with edges `axes` around `centre`.
     pub fn block(&mut self, centre: DVec3, axes: DMat3) -> &mut Pieces {
         let [u, v, w] = [axes.x_axis, axes.y_axis, axes.z_axis];
-        let first = self.soup.positions.len() as u32;
-        for k in 0..8u32 {
-            let sign = |bit: u32| if k >> bit & 1 == 1 { 0.5 } else { -0.5 };
-            self.soup.positions.push(centre + sign(0) * u + sign(1) * v + sign(2) * w);
-        }
         let here = self.here();
-        for face in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
-            self.soup.indexed_polygon(here, self.material, face.map(|k| first + k));
-        }
+        self.soup.closed_box(here, self.material, |k| {
+            let sign = |bit: u32| if k >> bit & 1 == 1 { 0.5 } else { -0.5 };
+            centre + sign(0) * u + sign(1) * v + sign(2) * w
+        });
         self
     }
 
@@ -161,13 +144,9 @@ impl Pieces {
             None => self.soup.material(SoupMaterial::light("light", [1.0; 3])),
         };
         self.light = Some(material);
-        let object = self.soup.object(format!("light {}", self.soup.objects.len()));
-        let (u, v) = (0.5 * u, 0.5 * v);
-        self.soup.polygon(
-            object,
-            material,
-            &[centre - u - v, centre + u - v, centre + u + v, centre - u + v],
-        );
+        let kept = std::mem::replace(&mut self.material, material);
+        self.object(&format!("light {}", self.soup.objects.len())).quad(centre, u, v);
+        self.material = kept;
         self
     }
 
@@ -214,7 +193,8 @@ pub fn facing_up([x0, x1]: [f64; 2], [y0, y1]: [f64; 2], z: f64) -> [DVec3; 4] {
 
 /// The same, facing down.
 pub fn facing_down([x0, x1]: [f64; 2], [y0, y1]: [f64; 2], z: f64) -> [DVec3; 4] {
-    [[x0, y0], [x0, y1], [x1, y1], [x1, y0]].map(|[x, y]| DVec3::new(x, y, z))
+    let [a, b, c, d] = facing_up([x0, x1], [y0, y1], z);
+    [a, d, c, b]
 }
 
 /// Runs work on so many threads.

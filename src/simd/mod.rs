@@ -48,7 +48,6 @@ pub trait Simd: Copy {
     fn lt(self, a: Self::F, b: Self::F) -> Self::M;
     fn and(self, a: Self::M, b: Self::M) -> Self::M;
     fn or(self, a: Self::M, b: Self::M) -> Self::M;
-    /// `a` and not `b`.
     fn and_not(self, a: Self::M, b: Self::M) -> Self::M;
     /// The condition as a bit mask: bit `i` is lane `i`.
     fn bits(self, m: Self::M) -> u32;
@@ -83,6 +82,16 @@ macro_rules! operations {
     };
 }
 use operations;
+
+/// A bfloat16 that is at least `v`, which is not negative.
+pub const fn half_up(v: f32) -> u16 {
+    (v.to_bits().saturating_add(0xffff) >> 16) as u16
+}
+
+/// The bfloat16 nearest to `v`, which is not negative.
+pub fn half_nearest(v: f32) -> u16 {
+    (v.to_bits().saturating_add(0x8000) >> 16) as u16
+}
 
 /// exp(-x) for x >= 0 with an error below 1e-5: (1 + y + y²/2 + y³/6 + y⁴/24)^-64 with y = x/64. Bit-identical on every
 /// instruction set. x above 80 counts as 80.
@@ -136,7 +145,7 @@ impl Isa {
     }
 
     /// Whether this machine supports the instruction set.
-    #[cfg(any(test, feature = "internals"))]
+    #[cfg(test)]
     pub fn available(self) -> bool {
         let best = Isa::detect();
         self == Isa::Portable || self == best || (self == Isa::Avx2 && best == Isa::Avx512)

@@ -29,7 +29,6 @@ pub fn store<S: Simd>(simd: S, v: &Vector<S>, to: &mut [[f32; LANES]; 3]) {
     }
 }
 
-/// `a - b`.
 #[inline(always)]
 pub fn sub<S: Simd>(simd: S, a: &Vector<S>, b: &Vector<S>) -> Vector<S> {
     [simd.sub(a[0], b[0]), simd.sub(a[1], b[1]), simd.sub(a[2], b[2])]

@@ -50,6 +50,18 @@ pub enum Method {
     Mixed,
 }
 
+impl Method {
+    /// The method of segments of which triangles were tested or not, and clusters aggregated or not.
+    pub(super) fn of(tested: bool, aggregated: bool) -> Method {
+        match (tested, aggregated) {
+            (false, false) => Method::Clear,
+            (true, false) => Method::Exact,
+            (false, true) => Method::Aggregated,
+            (true, true) => Method::Mixed,
+        }
+    }
+}
+
 /// Cost of an answer, and the numbers of segments by method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]

@@ -33,7 +33,7 @@ impl Exact {
 
 impl Occluder for Exact {
     fn occluded(&self, packets: &[Packet], blocked: &mut [u32]) {
-        self.scene.occluded_by(self.traversal, u32::MAX, packets, blocked);
+        self.scene.occluded_by(self.traversal, packets, blocked);
     }
 }
 
@@ -45,7 +45,7 @@ impl Occluder for Exact {
 pub fn fastest_traversal(scene: &CommittedScene, native_width: usize, sample: &[Packet]) -> Traversal {
     let single = Traversal { width: 1, coherent: false };
     let mut truth = vec![0; sample.len()];
-    scene.occluded_by(single, u32::MAX, sample, &mut truth);
+    scene.occluded_by(single, sample, &mut truth);
     let mut found = vec![0; sample.len()];
     let mut best = (f64::INFINITY, single);
     for width in [1, 4, 8, 16].into_iter().filter(|&w| w == 1 || w <= native_width) {
@@ -54,7 +54,7 @@ pub fn fastest_traversal(scene: &CommittedScene, native_width: usize, sample: &[
             let seconds = (0..2)
                 .map(|_| {
                     let start = Instant::now();
-                    scene.occluded_by(traversal, u32::MAX, sample, &mut found);
+                    scene.occluded_by(traversal, sample, &mut found);
                     start.elapsed().as_secs_f64()
                 })
                 .fold(f64::INFINITY, f64::min);

@@ -169,7 +169,7 @@ impl InstanceTree {
         let before = before.and_then(|tree| tree.root.first());
         let root: Vec<Branch> = placed::update(before, &changes, &measure).into_iter().collect();
         let bounds = root.iter().fold(instances.own, |all, root| all.union(root.bounds()));
-        let magnitude = bounds.min.abs().max(bounds.max.abs()).max_element();
+        let magnitude = bounds.magnitude();
         InstanceTree { magnitude, entry: Lanes::of(&root), root }
     }
 
@@ -274,26 +274,5 @@ impl InstanceTree {
         }
         let roots = self.root.iter().zip(&other.root).all(|(a, b)| equal(a, b));
         roots && self.root.len() == other.root.len() && self.magnitude == other.magnitude
-    }
-
-    /// Number of groups, of those that `before` does not share, and of levels.
-    pub fn counts(&self, before: &InstanceTree) -> [usize; 3] {
-        fn levels(branch: &Branch) -> usize {
-            match branch {
-                Child::Item(_) => 0,
-                Child::Group(group) => 1 + group.children.iter().map(levels).max().unwrap_or(0),
-            }
-        }
-        let groups = |tree: &InstanceTree| {
-            let mut all = std::collections::HashSet::new();
-            for root in &tree.root {
-                root.for_each_group(&mut |group| {
-                    all.insert(std::ptr::from_ref(group) as usize);
-                });
-            }
-            all
-        };
-        let (old, new) = (groups(before), groups(self));
-        [new.len(), new.difference(&old).count(), self.root.first().map_or(0, levels)]
     }
 }

@@ -30,8 +30,6 @@ mod route;
 mod routes;
 mod shaft;
 mod slabs;
-#[cfg(feature = "internals")]
-pub mod steps;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -46,8 +44,6 @@ pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::{BatchBuffers, Workspace};
 pub use cost_model::{CALIBRATION_BUNDLES, Work, sample_runs};
 pub use cut::{Candidate, Cut, rays_for};
-#[cfg(feature = "internals")]
-pub use cut::{Mode, Sums};
 #[cfg(any(test, feature = "reports"))]
 pub use cut::{SURFACE_PART, surface_widths};
 pub use exact::Exact;

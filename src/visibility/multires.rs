@@ -7,12 +7,10 @@ use super::cut::Cut;
 use super::exact::Exact;
 use super::instance_tree::InstanceTree;
 use super::route::Route;
-#[cfg(feature = "internals")]
-use super::steps::Steps;
 use super::wide::WideTree;
 use crate::embree::{CommittedScene, Traversal};
 use crate::optics;
-#[cfg(any(test, feature = "internals"))]
+#[cfg(test)]
 use crate::ray::Packet;
 use crate::simd::{Isa, LANES, dispatch};
 use std::sync::Arc;
@@ -99,7 +97,7 @@ impl MultiResolution {
     }
 
     /// Selects another instruction set; unavailable ones are replaced by portable code.
-    #[cfg(any(test, feature = "internals"))]
+    #[cfg(test)]
     #[must_use]
     pub fn with_isa(mut self, isa: Isa) -> Self {
         self.isa = if isa.available() { isa } else { Isa::Portable };
@@ -110,12 +108,6 @@ impl MultiResolution {
     #[cfg(any(test, feature = "reports"))]
     pub fn isa(&self) -> Isa {
         self.isa
-    }
-
-    /// Single steps of a walk for a bundle's packets, for benchmarks.
-    #[cfg(feature = "internals")]
-    pub fn steps<'s>(&'s self, packets: &'s [Packet]) -> Steps<'s> {
-        Steps::new((&self.tree, self.instances.as_deref()), self.magnitude, self.isa, packets)
     }
 
     /// Size of the traversal structure in bytes: the trees of all meshes, each once, and the groups of instances.
@@ -138,13 +130,11 @@ impl MultiResolution {
         bundles: &[Bundle],
         s: f32,
         workspace: &mut Workspace,
-        mut each: impl FnMut(Answer),
+        each: impl FnMut(Answer),
     ) {
         // Without exact rays walks have no limit.
         self.walk_all(bundles, Sizes::All(s), self.leaf == LeafMode::Exact, workspace);
-        for (k, bundle) in bundles.iter().enumerate() {
-            each(self.finish(*bundle, k, workspace));
-        }
+        self.finish_all(bundles, workspace, each);
     }
 
     /// The visible fractions of several bundles without aggregation: exact visibility with certificates.
@@ -152,11 +142,14 @@ impl MultiResolution {
     /// A bundle whose shaft is empty is clear, one whose shaft a single triangle covers is blocked, both without rays
     /// (docs/method.md, Certificates and intervals). Of the rest, few triangles are tested against all segments at
     /// once; with many, Embree traces the bundle.
-    pub fn certified(&self, bundles: &[Bundle], workspace: &mut Workspace, mut each: impl FnMut(Answer)) {
+    pub fn certified(&self, bundles: &[Bundle], workspace: &mut Workspace, each: impl FnMut(Answer)) {
         self.walk_all(bundles, Sizes::Nothing, true, workspace);
-        for (k, bundle) in bundles.iter().enumerate() {
-            each(self.finish(*bundle, k, workspace));
-        }
+        self.finish_all(bundles, workspace, each);
+    }
+
+    /// The answers of walks, or those of Embree where walks were abandoned.
+    fn finish_all(&self, bundles: &[Bundle], workspace: &mut Workspace, mut each: impl FnMut(Answer)) {
+        bundles.iter().enumerate().for_each(|(k, bundle)| each(self.finish(*bundle, k, workspace)));
     }
 
     /// The visible fraction of a bundle by exact rays; for bundles for which [`MultiResolution::pays`] is false.
@@ -247,12 +240,9 @@ impl MultiResolution {
             certified: if certain { segments } else { 0 },
         };
         let n = (segments as f32).max(1.0);
-        let method = match (walked.tested, walked.aggregated > 0) {
-            _ if walked.covered => Method::Covered,
-            (false, false) => Method::Clear,
-            (true, false) => Method::Exact,
-            (false, true) => Method::Aggregated,
-            (true, true) => Method::Mixed,
+        let method = match walked.covered {
+            true => Method::Covered,
+            false => Method::of(walked.tested, walked.aggregated > 0),
         };
         // A bundle without segments is unoccluded.
         let clear = walked.clear || segments == 0;
@@ -288,7 +278,7 @@ impl MultiResolution {
         s: f32,
         workspace: &mut Workspace,
     ) -> (Answer, [f32; LANES]) {
-        let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: e, emitter: &[] };
+        let bundle = Bundle::of_packet(packet, e);
         let mut found = None;
         self.answers_lanes(&[bundle], &[s], workspace, |_, answer, lanes| found = Some((answer, *lanes)));
         found.expect("one bundle, one answer")

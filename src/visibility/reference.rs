@@ -14,11 +14,6 @@ pub fn umbra(e: f64, b: f64, d1: f64, d2: f64) -> f64 {
     b + (b - e) * d2 / d1
 }
 
-/// Outer width of the penumbra, `b + (b + e) d2/d1`; arguments as for [`umbra`].
-pub fn penumbra(e: f64, b: f64, d1: f64, d2: f64) -> f64 {
-    b + (b + e) * d2 / d1
-}
-
 /// Largest occluded fraction of a disc emitter of diameter `e` behind a disc blocker of diameter `b`, in `[0, 1]`;
 /// distances as for [`umbra`].
 pub fn peak_occlusion(e: f64, b: f64, d1: f64, d2: f64) -> f64 {

@@ -245,15 +245,19 @@ impl PacketSums {
     pub const EMPTY: PacketSums =
         PacketSums { depth: [0.0; LANES], deepest: [0.0; LANES], errors: [0.0; LANES] };
 
-    /// Adds the boxes of `slabs`, which are seen from the common origin of the segments if it is `shared`.
     #[inline(always)]
-    pub fn add<S: Simd>(&mut self, simd: S, slabs: &Slabs, packet: &Packet, shared: bool) {
-        let sums = Sums::<S> {
+    fn loaded<S: Simd>(&self, simd: S) -> Sums<S> {
+        Sums {
             depth: simd.load(&self.depth),
             deepest: simd.load(&self.deepest),
             errors: simd.load(&self.errors),
-        };
-        let sums = sums.through(simd, &Lines::of(simd, packet, 0), slabs, shared);
+        }
+    }
+
+    /// Adds the boxes of `slabs`, which are seen from the common origin of the segments if it is `shared`.
+    #[inline(always)]
+    pub fn add<S: Simd>(&mut self, simd: S, slabs: &Slabs, packet: &Packet, shared: bool) {
+        let sums = self.loaded(simd).through(simd, &Lines::of(simd, packet, 0), slabs, shared);
         simd.store(sums.depth, &mut self.depth);
         simd.store(sums.deepest, &mut self.deepest);
         simd.store(sums.errors, &mut self.errors);
@@ -262,12 +266,8 @@ impl PacketSums {
     /// The transmittance of each segment that is not blocked, 0 in other lanes, and their sums.
     #[inline(always)]
     pub fn passed<S: Simd>(&self, simd: S, clear: u32) -> ([f32; LANES], Passed) {
-        let sums = Sums::<S> {
-            depth: simd.load(&self.depth),
-            deepest: simd.load(&self.deepest),
-            errors: simd.load(&self.errors),
-        };
-        let (transmittance, passed) = sums.passed(simd, simd.keep(simd.mask(clear), simd.splat(1.0)));
+        let weights = simd.keep(simd.mask(clear), simd.splat(1.0));
+        let (transmittance, passed) = self.loaded(simd).passed(simd, weights);
         let mut each = [0.0; LANES];
         simd.store(transmittance, &mut each);
         (each, passed)

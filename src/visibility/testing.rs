@@ -2,7 +2,7 @@
 
 use super::{LeafMode, MultiResolution, WideTree};
 use crate::clusters::{self, Hierarchy};
-use crate::embree::{CommittedScene, Device, SceneBuilder, Traversal};
+use crate::embree::{CommittedScene, Traversal, committed};
 use crate::optics::{self, ClusterOptics};
 use crate::scene::Scene;
 use std::sync::Arc;
@@ -22,10 +22,7 @@ impl Stage {
         let hierarchy = clusters::build(&scene, options);
         hierarchy.check(&scene).expect("hierarchy");
         let optics = optics::measure(&scene, &hierarchy.micro, how);
-        let device = Device::new(1).expect("device");
-        let mut builder = SceneBuilder::new(&device, Default::default()).expect("builder");
-        builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
-        let traced = builder.commit().expect("scene");
+        let traced = committed(&scene.positions, &scene.triangles);
         Stage { scene, hierarchy, optics, traced }
     }
 

@@ -4,7 +4,7 @@ use crate::clusters::{Hierarchy, Tree};
 use crate::math::Aabb;
 use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics};
 use crate::scene::Scene;
-use crate::simd::{LANES, Simd};
+use crate::simd::{LANES, Simd, half_nearest, half_up};
 
 /// Bit of a child reference that marks a leaf block.
 pub(super) const LEAF: u32 = 1 << 31;
@@ -50,14 +50,6 @@ pub struct WideTree {
     pub(super) nodes: Vec<Node>,
     pub(super) optics: Vec<[AxisOptics; AXIS_COUNT]>,
     pub(super) blocks: Vec<Block>,
-}
-
-const fn half_up(v: f32) -> u16 {
-    (v.to_bits().saturating_add(0xffff) >> 16) as u16
-}
-
-fn half_nearest(v: f32) -> u16 {
-    ((v.to_bits().saturating_add(0x8000)) >> 16) as u16
 }
 
 impl Node {

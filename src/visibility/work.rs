@@ -1,5 +1,5 @@
 //! Units of work: about one test of a box or triangle against a packet. Walks count their work in them. The three numbers are
-//! estimates that select between engines and change no answer of either; `benches/visibility.rs` times the steps.
+//! estimates that select between engines and change no answer of either.
 
 /// Work of the shaft test of a node of sixteen boxes: one for each of the six rows of bounds.
 pub(super) const NODE: u64 = 6;

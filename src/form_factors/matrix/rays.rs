@@ -40,12 +40,7 @@ impl Traced {
     pub fn blocked(&self, packet: &Packet) -> u32 {
         let width = if packet.active >> 4 == 0 { 4 } else { TRAVERSAL.width };
         let mut blocked = [0];
-        self.scene.occluded_by(
-            Traversal { width, ..TRAVERSAL },
-            u32::MAX,
-            std::slice::from_ref(packet),
-            &mut blocked,
-        );
+        self.scene.occluded_by(Traversal { width, ..TRAVERSAL }, std::slice::from_ref(packet), &mut blocked);
         blocked[0]
     }
 }

@@ -3,7 +3,7 @@
 use super::*;
 use crate::optics;
 use crate::scene::testing::{Pieces, in_cube};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use proptest::prelude::*;
 use rand_pcg::Pcg64Mcg;
 use std::sync::OnceLock;
@@ -41,11 +41,8 @@ fn beside(scene: &Scene) -> CacheLocation {
 
 /// Prepared clusters and their origin, cached beside the scene.
 fn ask(scene: &Scene) -> (PreparedClusters, Origin, Option<String>) {
-    ask_for(scene, &Options::default())
-}
-
-fn ask_for(scene: &Scene, options: &Options) -> (PreparedClusters, Origin, Option<String>) {
-    load_or_make(scene, &beside(scene), options, || made(scene, options))
+    let options = Options::default();
+    load_or_make(scene, &beside(scene), &options, || made(scene, &options))
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {
@@ -118,36 +115,6 @@ fn everything_that_the_table_depends_on_is_in_the_key() {
     let mut painted = scene.clone();
     painted.materials.iter_mut().for_each(|m| m.emission = [1.0; 3]);
     assert_eq!(key(&painted, &settings, CODE), key(&scene, &settings, CODE));
-}
-
-#[test]
-fn a_changed_scene_is_measured_again() {
-    let folder = tempfile::tempdir().expect("scratch folder");
-    let mut scene = scene_in(&folder);
-    ask(&scene);
-    scene.positions.iter_mut().for_each(|p| *p += Vec3::X);
-    let (table, origin, note) = ask(&scene);
-    assert_eq!((origin, note), (Origin::Made, None));
-    assert!(table == made(&scene, &Options::default()));
-    assert_eq!(ask(&scene).1, Origin::Hit);
-    assert_eq!(files(folder.path()).len(), 2);
-}
-
-#[test]
-fn options_have_files_of_their_own() {
-    let folder = tempfile::tempdir().expect("scratch folder");
-    let scene = scene_in(&folder);
-    let mut analytic = Options::default();
-    analytic.optics.extinction = optics::Extinction::Analytic;
-    for options in [Options::default(), analytic] {
-        assert_eq!(ask_for(&scene, &options).1, Origin::Made);
-    }
-    for options in [Options::default(), analytic] {
-        let (table, origin, _) = ask_for(&scene, &options);
-        assert_eq!(origin, Origin::Hit);
-        assert!(table == made(&scene, &options));
-    }
-    assert_eq!(files(folder.path()).len(), 2);
 }
 
 #[test]
@@ -291,13 +258,7 @@ fn forged_tables_that_do_not_fit_are_refused() {
     refused(&|t| t.optics[1].connected_size[1] = 1e9);
     refused(&|t| t.optics[1].coverage[0] = 1.5);
     refused(&|t| t.optics[1].error = 2.0);
-    refused(&|t| t.hierarchy.micro.clusters[0].parent = 7);
-    refused(&|t| t.hierarchy.micro.order[0] = u32::MAX);
-    refused(&|t| t.hierarchy.micro.order.truncate(5));
-    refused(&|t| t.hierarchy.micro.clusters[0].first_child = u32::MAX);
-    refused(&|t| t.hierarchy.micro.clusters[0].triangles = u32::MAX);
-    refused(&|t| t.hierarchy.micro.clusters.clear());
-    refused(&|t| t.hierarchy.large.clusters[0].children = 1);
+    // Other damage of trees: `clusters::tests::validator_finds_every_kind_of_damage`.
     refused(&|t| {
         let last = t.hierarchy.micro.clusters.len() - 1;
         t.hierarchy.micro.clusters[last].first_triangle = u32::MAX - 1;
@@ -316,16 +277,6 @@ proptest! {
         prop_assert!(load_bytes(&bytes).is_err());
     }
 
-    #[test]
-    fn cut_and_spliced_files_are_found(a in 0.0..1.0f64, b in 0.0..1.0f64) {
-        let bytes = &example().1;
-        let [a, b] = [a, b].map(|x| (x * bytes.len() as f64) as usize);
-        prop_assert!(load_bytes(&bytes[..a]).is_err());
-        if a != b {
-            prop_assert!(load_bytes(&[&bytes[..a], &bytes[b..]].concat()).is_err());
-        }
-    }
-
     /// Forged content with a correct checksum is refused without a panic.
     #[test]
     fn forged_bits_do_no_harm(place in 0.0..1.0f64, flip in 1u8..) {
@@ -338,23 +289,4 @@ proptest! {
             prop_assert_eq!(table.optics.len(), table.hierarchy.micro.clusters.len());
         }
     }
-}
-
-/// A scene with placed meshes and the same scene with copied ones have files of their own: neither replaces the other's.
-#[test]
-fn placed_and_copied_meshes_do_not_replace_each_other() {
-    use crate::scene::generate::{Spec, build};
-    let folder = tempfile::tempdir().expect("scratch folder");
-    let spec = Spec { trees: 4, leaves: 30, instances: true, ..Spec::new("forest") };
-    let mut placed = build(&spec).expect("a forest");
-    placed.path = folder.path().join("forest.gltf");
-    let copied = placed.flattened(u64::MAX).expect("copied");
-    for round in 0..2 {
-        for scene in [&placed, &copied] {
-            let (table, origin, note) = ask(scene);
-            assert_eq!((origin, note), (if round == 0 { Origin::Made } else { Origin::Hit }, None));
-            table.hierarchy.check(scene).expect("the clusters of this scene");
-        }
-    }
-    assert_eq!(files(folder.path()).len(), 2);
 }

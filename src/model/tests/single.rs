@@ -58,10 +58,7 @@ fn an_instance_alone_answers_like_its_mesh() {
     for s in [0.05, 0.3, 1.0, 4.0] {
         let engine = |model: &Model| model.engine(model.widest_packets(), LeafMode::Average).expect("optics");
         let ask = |model: &Model, packets: &[Packet]| -> Vec<f32> {
-            let bundles: Vec<Bundle> = packets
-                .iter()
-                .map(|p| Bundle { packets: std::slice::from_ref(p), emitter_size: 0.3, emitter: &[] })
-                .collect();
+            let bundles: Vec<Bundle> = packets.iter().map(|p| Bundle::of_packet(p, 0.3)).collect();
             let mut found = Vec::new();
             engine(model).answers(&bundles, s, &mut Workspace::default(), |a| found.push(a.transmittance));
             found

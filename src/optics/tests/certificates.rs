@@ -24,7 +24,8 @@ fn certificates_hold_in_other_directions() {
     for (name, pieces, good) in cases {
         let scene = pieces.scene();
         let (tree, optics) = measured(&scene, &options());
-        let (traced, bounds) = (committed(&scene), tree.clusters[0].bounds.thickened());
+        let (traced, bounds) =
+            (committed(&scene.positions, &scene.triangles), tree.clusters[0].bounds.thickened());
         let mut square = 0.0;
         for _ in 0..40 {
             let view = direction(&mut random);

@@ -35,7 +35,10 @@ fn extinction_is_that_of_poisson_fields() {
                 (middle - half, middle + half)
             })
             .collect();
-        let n = clear(&committed(&scene), &segments).into_iter().filter(|c| *c).count();
+        let n = clear(&committed(&scene.positions, &scene.triangles), &segments)
+            .into_iter()
+            .filter(|c| *c)
+            .count();
         let depth = -(n as f64 / segments.len() as f64).ln();
         let expect = found * f64::from(length) + density * inside;
         assert!(
@@ -50,7 +53,7 @@ fn extinction_is_that_of_poisson_fields() {
 fn check_against_lines(name: &str, pieces: Pieces, tolerance: f32) {
     let scene = pieces.scene();
     let (tree, optics) = measured(&scene, &options());
-    let traced = committed(&scene);
+    let traced = committed(&scene.positions, &scene.triangles);
     let bounds = tree.clusters[0].bounds.thickened();
     let mut wrong = Vec::new();
     for (axis, &view) in AXES.iter().enumerate() {
@@ -108,7 +111,7 @@ fn extinction_follows_the_contents_across_the_box() {
             .sum();
         sum / steps as f32
     };
-    let traced = committed(&scene);
+    let traced = committed(&scene.positions, &scene.triangles);
     let through = |low: bool| {
         let lines: Vec<(Vec3, Vec3)> = (0..20_000)
             .map(|_| {
@@ -166,7 +169,8 @@ fn hidden_faces_darken_nothing() {
     let (tree, optics) = measured(&scene, &options());
     let analytic =
         measured(&scene, &Options { extinction: Extinction::Analytic, ..options() }).1[0].extinction[0];
-    let (traced, bounds) = (committed(&scene), tree.clusters[0].bounds.thickened());
+    let (traced, bounds) =
+        (committed(&scene.positions, &scene.triangles), tree.clusters[0].bounds.thickened());
     for axis in [0, 4, 10] {
         let [truth, model] = pass_along(AXES[axis], optics[0].extinction[axis], &optics[0], bounds, &traced);
         let [_, formula] = pass_along(AXES[axis], analytic, &optics[0], bounds, &traced);

@@ -8,7 +8,7 @@ mod sizes;
 
 use super::*;
 use crate::clusters;
-use crate::embree::{CommittedScene, Device, SceneBuilder};
+use crate::embree::{CommittedScene, committed};
 use crate::ray::{EndRule, LANES, Occluder, Packet};
 use crate::scene::testing::{Pieces, cloud, direction, in_cube, unit};
 use glam::{DMat3, DVec3, Vec3};
@@ -31,13 +31,6 @@ fn whole(pieces: Pieces, options: &Options) -> ClusterOptics {
 
 fn options() -> Options {
     Options { tolerance: 0.1, ..Options::default() }
-}
-
-fn committed(scene: &Scene) -> CommittedScene {
-    let device = Device::new(1).expect("device");
-    let mut builder = SceneBuilder::new(&device, Default::default()).expect("builder");
-    builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
-    builder.commit().expect("scene")
 }
 
 /// Whether each segment is unoccluded, by Embree.

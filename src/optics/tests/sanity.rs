@@ -67,13 +67,3 @@ fn optics_of_closed_silhouettes_are_in_range() {
         assert!(optics.extinction.iter().all(|&kappa| kappa <= 1.001 * opaque), "{cluster:?}: {optics:?}");
     }
 }
-
-#[test]
-fn result_does_not_depend_on_threads() {
-    let scene = cloud(13, 2000, 0.05, DVec3::ONE, true).scene();
-    let tree = clusters::build(&scene, &Default::default()).micro;
-    let with = |threads| {
-        format!("{:?}", crate::scene::testing::on_threads(threads, || measure(&scene, &tree, &options())))
-    };
-    assert!(with(1) == with(2));
-}

@@ -70,27 +70,6 @@ fn size_of_a_plate_by_direction() {
     }
 }
 
-/// 5 x 5 discs of radius 0.45 at distance 1: blocker size 0.9, gap size √2 - 0.9 between four discs.
-#[test]
-fn size_of_a_cloud_of_discs() {
-    let mut discs = Pieces::new();
-    for (i, j) in (0..25).map(|k| (f64::from(k % 5), f64::from(k / 5))) {
-        let rim = (0..24).map(|k| f64::from(k) * std::f64::consts::TAU / 24.0);
-        // At different heights: seen from above the discs form one layer.
-        let z = (3.0 * i + j) % 2.0;
-        let corners: Vec<DVec3> =
-            rim.map(|t| DVec3::new(i + 0.45 * t.cos(), j + 0.45 * t.sin(), z)).collect();
-        discs.polygon(&corners);
-    }
-    let optics = whole(discs, &options());
-    let pixel = 4.9 / 64.0;
-    let z = 2;
-    assert!((optics.blocker_size[z] - 0.9).abs() < 2.0 * pixel, "blocked {}", optics.blocker_size[z]);
-    assert!((optics.gap_size[z] - (2f32.sqrt() - 0.9)).abs() < 2.0 * pixel, "free {}", optics.gap_size[z]);
-    let cover = 25.0 * std::f32::consts::PI * 0.45 * 0.45 / (4.9 * 4.9);
-    assert!((optics.coverage[z] - cover).abs() < 0.03, "coverage {} against {cover}", optics.coverage[z]);
-}
-
 /// Two unit plates, each of sixteen faces, with a slit of 0.3 between them.
 #[test]
 fn size_of_a_wall_with_a_slit() {
@@ -111,32 +90,4 @@ fn size_of_a_wall_with_a_slit() {
         optics.feature_size(2) >= optics.blocker_size[2].max(optics.gap_size[2]),
         "features are the larger of the two"
     );
-}
-
-/// A diamond fits into a disc, and a disc into a square of the same radius: erosion counts order the other way.
-#[test]
-fn the_papers_counts_bracket_the_disc() {
-    let with = |morphology, pieces: Pieces| whole(pieces, &Options { morphology, ..options() });
-    let modes = [Morphology::Paper8, Morphology::Euclid, Morphology::Paper4];
-    let [p8, disc, p4] = modes.map(|m| with(m, cloud(8, 150, 0.15, DVec3::ONE, false)));
-    for axis in 0..AXIS_COUNT {
-        let slack = 2.0 * 1.8 / 64.0;
-        let sizes = [p8.blocker_size[axis], disc.blocker_size[axis], p4.blocker_size[axis]];
-        assert!(sizes[0] <= sizes[1] + slack && sizes[1] <= sizes[2] + slack, "axis {axis}: {sizes:?}");
-    }
-    // A unit square measures between 1/√2 and √2 by erosion counts, depending on its angle to the raster; its disc is
-    // 1.
-    let root = std::f32::consts::SQRT_2;
-    let slack = 3.0 * root / 32.0;
-    for angle in [0.0, 0.2, std::f64::consts::FRAC_PI_4] {
-        let [p8, disc, p4] = modes.map(|m| {
-            let turn = DMat3::from_rotation_z(angle);
-            let mut plate = Pieces::new();
-            plate.quad(DVec3::ZERO, turn.x_axis, turn.y_axis);
-            with(m, plate).blocker_size[2]
-        });
-        assert!((disc - 1.0).abs() < slack, "turned by {angle}: a unit square measures {disc}");
-        assert!((1.0 / root - slack..=1.0 + slack).contains(&p8), "turned by {angle}: {p8} by 8 neighbours");
-        assert!((1.0 - slack..=root + slack).contains(&p4), "turned by {angle}: {p4} by 4 neighbours");
-    }
 }

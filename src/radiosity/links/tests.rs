@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::clusters;
-use crate::embree::{Device, SceneBuilder, Traversal};
+use crate::embree::{Traversal, committed};
 use crate::math::sampling::*;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::options::Inside;
@@ -37,10 +37,7 @@ fn staged_with<R>(pieces: Pieces, seed: u64, see: impl FnOnce(&LinkEstimator, [u
         }
         next += 1;
     }
-    let mut builder =
-        SceneBuilder::new(&Device::new(1).expect("Embree"), Default::default()).expect("a scene");
-    builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
-    let traced = builder.commit().expect("committed");
+    let traced = committed(&scene.positions, &scene.triangles);
     let estimator = LinkEstimator {
         elements: &elements,
         engine: &VisibilityEngine::Exact(Exact {

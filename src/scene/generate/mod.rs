@@ -6,7 +6,7 @@ mod cubes;
 mod forest;
 mod indoor;
 mod office;
-mod shapes;
+pub(super) mod shapes;
 mod urban;
 
 use super::{LoadOptions, MAX_PLACEMENTS, PlacedSoup, Scene, Soup, instances::resolve_placed, resolve};

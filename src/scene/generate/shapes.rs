@@ -7,6 +7,20 @@ use rand_pcg::{
     rand_core::{Rng as _, SeedableRng},
 };
 
+/// Uniform in `[0, 1)`.
+pub fn unit(random: &mut Pcg64Mcg) -> f64 {
+    (random.next_u64() >> 11) as f64 * 2f64.powi(-53)
+}
+
+/// A uniformly distributed rotation (Shoemake 1992).
+pub fn rotation(random: &mut Pcg64Mcg) -> DMat3 {
+    let (u, turn) = (unit(random), std::f64::consts::TAU);
+    let (s1, c1) = (turn * unit(random)).sin_cos();
+    let (s2, c2) = (turn * unit(random)).sin_cos();
+    let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
+    DMat3::from_quat(DQuat::from_xyzw(a * s1, a * c1, b * s2, b * c2))
+}
+
 /// Random numbers of one generator run; independent of the platform.
 pub(super) struct Random(Pcg64Mcg);
 
@@ -17,7 +31,7 @@ impl Random {
 
     /// Uniform in `[0, 1)`.
     pub fn unit(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 * 2f64.powi(-53)
+        unit(&mut self.0)
     }
 
     /// Uniform in `[lo, hi)`.
@@ -42,11 +56,7 @@ impl Random {
 
     /// A uniformly distributed rotation (Shoemake 1992).
     pub fn rotation(&mut self) -> DMat3 {
-        let (u, turn) = (self.unit(), std::f64::consts::TAU);
-        let (s1, c1) = (turn * self.unit()).sin_cos();
-        let (s2, c2) = (turn * self.unit()).sin_cos();
-        let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
-        DMat3::from_quat(DQuat::from_xyzw(a * s1, a * c1, b * s2, b * c2))
+        rotation(&mut self.0)
     }
 }
 
@@ -124,12 +134,8 @@ impl Builder {
 
     /// Adds the image of the unit cube under `place`, with outward faces.
     fn parallelepiped(&mut self, place: DAffine3) {
-        let first = self.soup.positions.len() as u32;
         let corner = |i: u32| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2));
-        self.soup.positions.extend((0..8).map(|i| place.transform_point3(corner(i))));
-        for face in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
-            self.soup.indexed_polygon(self.object, self.material, face.map(|i| first + i));
-        }
+        self.soup.closed_box(self.object, self.material, |i| place.transform_point3(corner(i)));
     }
 
     /// Adds a closed upright prism: a regular polygon of `corners` corners from height 0 to `height` above `foot`.

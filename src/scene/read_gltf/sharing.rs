@@ -38,20 +38,10 @@ pub(super) fn scene(
     for m in &shared {
         let same = nodes.iter().zip(&plan.uses).filter(|(n, used)| **used == Use::Shared && n.mesh == m.mesh);
         let from_mesh = DAffine3::from_translation(m.scene.origin);
-        let of = |node: &MeshNode| Placement {
-            mesh: 0,
-            transform: node.world * from_mesh,
-            name: String::new(),
-            material: None,
-            visible: true,
-        };
-        let bounds = |node: &MeshNode| of(node).bounds(m.scene.bounds);
-        let placed_by = |node: &MeshNode| Placed {
-            bounds: bounds(node),
-            mesh: &m.scene,
-            to_world: node.world * from_mesh,
-        };
-        placed.extend(same.map(|(node, _)| placed_by(node)));
+        placed.extend(same.map(|(node, _)| {
+            let to_world = node.world * from_mesh;
+            Placed { bounds: m.scene.bounds.transformed(&to_world), mesh: &m.scene, to_world }
+        }));
     }
     let own_soup = |reader: &Reader, plan: &Plan| -> Result<Soup> {
         let mut soup = own_soup(reader, document, plan)?;

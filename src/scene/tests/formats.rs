@@ -121,7 +121,7 @@ const PLY_HEAD: &str = "element vertex 4\nproperty float x\nproperty double y\np
     property uchar red\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n";
 
 /// A unit square as two triangles in binary PLY.
-pub(super) fn binary_ply() -> Vec<u8> {
+fn binary_ply() -> Vec<u8> {
     let mut bytes = format!("ply\nformat binary_little_endian 1.0\ncomment x\n{PLY_HEAD}").into_bytes();
     for (x, y) in [(0f32, 0f64), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
         bytes.extend(x.to_le_bytes());
@@ -159,7 +159,7 @@ fn ply_text_and_binary() {
 }
 
 /// A triangle strip of a unit square under a node that scales by (-2, 1, 1), as GLB.
-pub(super) fn glb(edit: impl Fn(String) -> String) -> Vec<u8> {
+fn glb(edit: impl Fn(String) -> String) -> Vec<u8> {
     let mut data = Vec::new();
     for p in [[0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]] {
         p.iter().for_each(|v| data.extend(v.to_le_bytes()));

@@ -24,6 +24,17 @@ fn generators_make_consistent_scenes() {
         let lamps = if kind.name == "office" { 6 } else { 1 };
         assert_eq!(scene.emitters.len(), lamps, "{}", kind.name);
         assert!(scene.repairs.messages.is_empty(), "{}: {:?}", kind.name, scene.repairs.messages);
+        // Of emitters that face away from all surfaces nothing could be measured.
+        let (mut before, mut all) = (0, 0);
+        for t in (0..scene.triangles.len()).filter(|&t| scene.triangle_emitter[t] == u32::MAX) {
+            let [a, b, c] = scene.corners(t as u32);
+            let seen = |e: &crate::scene::Emitter| {
+                let corner = scene.corners(e.triangles[0])[0];
+                e.normal.dot((a + b + c) / 3.0 - corner) > 0.0
+            };
+            (before, all) = (before + u32::from(scene.emitters.iter().any(seen)), all + 1);
+        }
+        assert!(2 * before > all, "{}: {before} of {all} triangles lie before a light", kind.name);
     }
 }
 
@@ -69,53 +80,6 @@ fn wrong_requests_are_refused() {
     check(Spec { light_size: Some(f64::NAN), ..Spec::new("cubes") }, "light_size");
 }
 
-/// Fraction of the bounding rectangle that the faces cover, seen along `axis`.
-fn coverage(s: &Scene, faces: &[u32], axis: usize) -> f64 {
-    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-    let bounds = Aabb::of(faces.iter().flat_map(|&t| s.corners(t)));
-    let n = 96;
-    let mut hit = vec![false; n * n];
-    for &t in faces {
-        let p = s.corners(t).map(|p| {
-            let at = |a: usize| f64::from((p[a] - bounds.min[a]) / bounds.extent()[a]) * n as f64;
-            [at(u), at(v)]
-        });
-        let (lo, hi) =
-            (|a: usize| p[0][a].min(p[1][a]).min(p[2][a]), |a: usize| p[0][a].max(p[1][a]).max(p[2][a]));
-        for y in lo(1) as usize..=(hi(1) as usize).min(n - 1) {
-            for x in lo(0) as usize..=(hi(0) as usize).min(n - 1) {
-                let q = [x as f64 + 0.5, y as f64 + 0.5];
-                let side =
-                    |a: [f64; 2], b: [f64; 2]| (b[0] - a[0]) * (q[1] - a[1]) - (b[1] - a[1]) * (q[0] - a[0]);
-                let w = [side(p[0], p[1]), side(p[1], p[2]), side(p[2], p[0])];
-                hit[y * n + x] |= w.iter().all(|&w| w >= 0.0) || w.iter().all(|&w| w <= 0.0);
-            }
-        }
-    }
-    hit.iter().filter(|&&h| h).count() as f64 / hit.len() as f64
-}
-
-#[test]
-fn cube_groups_cover_the_same() {
-    for seed in [1, 2, 77] {
-        let s = build(&Spec { seed, ..Spec::new("cube-groups") }).expect("groups");
-        let mut cubes = Vec::new();
-        for i in 1..=4 {
-            let faces = object(&s, &format!("group {i}"));
-            assert_eq!(faces.len() % 12, 0);
-            cubes.push(faces.len() / 12);
-            let covered = coverage(&s, &faces, 1);
-            // Relative to the group's front of 2 × 2 m, of which the cubes leave a margin free.
-            let b = Aabb::of(faces.iter().flat_map(|&t| s.corners(t))).extent();
-            let covered = covered * f64::from(b.x * b.z) / 4.0;
-            assert!((covered - 0.43).abs() < 0.025, "seed {seed}, group {i}: {covered}");
-        }
-        assert!(cubes.is_sorted_by(|a, b| a > b), "fewer and larger to the right: {cubes:?}");
-        assert_eq!(s.closed_parts, cubes.iter().sum::<usize>(), "cubes do not touch");
-        assert_eq!(s.sheet_parts, 2);
-    }
-}
-
 #[test]
 fn crowns_have_the_stated_optical_depth() {
     // For any number of leaves, vertical lines near the axis of a crown meet 1.5 leaves on average.
@@ -151,15 +115,6 @@ fn crowns_have_the_stated_optical_depth() {
 }
 
 #[test]
-fn touching_bricks_stay_solids() {
-    let s = build(&Spec { count: Some(6), ..Spec::new("brick-wall") }).expect("wall");
-    let bricks = s.objects.iter().filter(|o| o.name.starts_with("brick")).count();
-    assert_eq!(s.closed_parts, bricks);
-    assert_eq!(s.repairs.duplicate_faces, 0);
-    assert_eq!(s.triangles.len(), 12 * bricks + 6);
-}
-
-#[test]
 fn cornell_box_is_the_measured_one() {
     let s = build(&Spec::new("cornell")).expect("cornell");
     assert_eq!(s.unit, "mm");
@@ -188,25 +143,5 @@ fn cornell_box_is_the_measured_one() {
             let good = if name.ends_with("block") { n.dot(a - inside) } else { n.dot(middle - a) };
             assert!(good > 0.0, "{name} shows its back");
         }
-    }
-}
-
-/// An emitter that faces away from all surfaces: nothing can be measured.
-#[test]
-fn every_scene_is_lit() {
-    for kind in KINDS {
-        let mut spec = Spec::new(kind.name);
-        (spec.trees, spec.leaves) = (4, 50);
-        let scene = generate::build(&spec).expect(kind.name);
-        let (mut before, mut all) = (0, 0);
-        for t in (0..scene.triangles.len()).filter(|&t| scene.triangle_emitter[t] == u32::MAX) {
-            let [a, b, c] = scene.corners(t as u32);
-            let seen = |e: &crate::scene::Emitter| {
-                let corner = scene.corners(e.triangles[0])[0];
-                e.normal.dot((a + b + c) / 3.0 - corner) > 0.0
-            };
-            (before, all) = (before + u32::from(scene.emitters.iter().any(seen)), all + 1);
-        }
-        assert!(2 * before > all, "{}: {before} of {all} triangles lie before a light", kind.name);
     }
 }

@@ -1,7 +1,7 @@
-//! Invalid files give a scene or an error, quickly, and never a panic.
+//! Invalid files give a scene or an error, quickly, and never a panic; `suite::fuzz` changes bytes of files.
 
 use super::{
-    formats::{binary_ply, glb, load_bytes},
+    formats::load_bytes,
     instances::{file, orchard},
     *,
 };
@@ -24,65 +24,8 @@ fn survives(extension: &str, bytes: &[u8]) {
     }
 }
 
-const OBJ: &str = "mtllib a.mtl\no chair\nv 0 0 0\nv 1 0 0.5\nv 1 1 0\nv 0 1 0 1 0 0\nvt 0 0\nvt 1 1\nvn 0 0 1\n\
-    usemtl wood\nf 1/1/1 2/2/1 3/1/1 4\ng seat\nf -1 -2 -3\nf 1 2 4 # x\nf 4 2 \\\n 3\nl 1 2 3\n";
-
-/// Replaces, inserts and removes bytes at the given places.
-fn mutate(mut bytes: Vec<u8>, edits: &[(usize, u8, u8)]) -> Vec<u8> {
-    for &(place, byte, kind) in edits {
-        let at = place % bytes.len().max(1);
-        match kind % 4 {
-            0 if !bytes.is_empty() => bytes[at] = byte,
-            1 => bytes.insert(at, byte),
-            2 if !bytes.is_empty() => drop(bytes.remove(at)),
-            3 => bytes.truncate(bytes.len() - at % 8),
-            _ => {}
-        }
-    }
-    bytes
-}
-
-fn edits() -> impl Strategy<Value = Vec<(usize, u8, u8)>> {
-    // Digits, signs and spaces are more likely to be parsed than random bytes.
-    let byte = prop_oneof![any::<u8>(), proptest::sample::select(b"0123456789-+.e/ \n\\#nafv".to_vec())];
-    prop::collection::vec((any::<usize>(), byte, any::<u8>()), 1..6)
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
-
-    #[test]
-    fn random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
-        for extension in ["obj", "ply", "glb", "gltf"] {
-            survives(extension, &bytes);
-        }
-    }
-
-    #[test]
-    fn mutated_obj(edits in edits()) {
-        survives("obj", &mutate(OBJ.into(), &edits));
-    }
-
-    #[test]
-    fn mutated_ply(edits in edits()) {
-        survives("ply", &mutate(binary_ply(), &edits));
-    }
-
-    #[test]
-    fn mutated_glb(edits in edits()) {
-        survives("glb", &mutate(glb(|j| j), &edits));
-    }
-
-    #[test]
-    fn mutated_gltf_json(edits in edits()) {
-        let keep = |j: String| String::from_utf8_lossy(&mutate(j.into_bytes(), &edits)).into_owned();
-        survives("glb", &glb(keep));
-    }
-
-    #[test]
-    fn mutated_shared_meshes(edits in edits()) {
-        survives("gltf", &mutate(file(orchard()).to_string().into_bytes(), &edits));
-    }
 
     #[test]
     fn numbers_of_nodes(which in 2usize..5, key in 0usize..3, at in 0usize..3, value in any::<f32>()) {

@@ -158,7 +158,10 @@ fn materials_and_their_absence() {
     let s = mtl("newmtl grün\nd 0.4\nKe 1 1 1\n");
     assert_eq!((s.repairs.transparent_faces, s.emitters.len()), (0, 1), "lamps stay");
     let glass = [("a.mtl", "newmtl grün\nd 0.4\n".as_bytes())];
-    assert!(message(load_with(obj, &glass, &LoadOptions::default())).contains("all 1 faces are transparent"));
+    assert!(
+        message(load_with(obj, &glass, &LoadOptions::default()))
+            .contains("all 1 faces are transparent (d below 0.5)")
+    );
     let both = obj.to_owned() + "usemtl other\nf 1 3 2\nv 0 0 1\nf 1 2 4\n";
     let s = load_with(&both, &glass, &LoadOptions::default()).expect("one is not transparent");
     assert_eq!((s.repairs.transparent_faces, s.triangles.len()), (1, 2));

@@ -2,12 +2,12 @@
 
 use super::Cut;
 use super::build::{ChildFacts, Facts};
-use super::layout::{NEVER, half_nearest, half_up};
+use super::layout::NEVER;
 use super::traverse::{EMPTY_STACK, Rule, trace};
 use crate::math::Aabb;
 use crate::optics::{AXES, AXIS_COUNT};
 use crate::ray::Packet;
-use crate::simd::{Kernel, LANES, Simd, dispatch};
+use crate::simd::{Kernel, LANES, Simd, dispatch, half_nearest, half_up};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -34,7 +34,7 @@ pub(super) fn measure(cut: &mut Cut, facts: &[Facts]) {
 pub(super) fn stops(facts: &[Facts]) -> impl Iterator<Item = [u16; LANES]> + '_ {
     let stop = |child: &ChildFacts| match child.surface {
         true => NEVER,
-        false => half_up(child.piece.min(child.diameter).max(0.5 * child.diameter)),
+        false => half_up(child.piece.min(child.diameter).max(0.5 * child.diameter)).min(NEVER),
     };
     facts.iter().map(move |children| children.each_ref().map(stop))
 }
@@ -76,7 +76,7 @@ impl Kernel for NodeRays<'_> {
                         trace(simd, self.cut, (node.child[lane], 0), &packet, &Rule::NOTHING, &mut stack);
                     clear += met.open.count_ones() as usize;
                 }
-                extinctions[lane] = half_nearest(fitted(&lengths, clear));
+                extinctions[lane] = half_nearest(fitted(&lengths, clear)).min(NEVER);
             }
         }
         extinctions

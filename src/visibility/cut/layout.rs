@@ -41,16 +41,6 @@ pub(super) struct Block {
 /// The largest finite bfloat16: no threshold exceeds it.
 pub(super) const NEVER: u16 = 0x7f7f;
 
-/// A bfloat16 that is at least `v`, which is not negative.
-pub(super) fn half_up(v: f32) -> u16 {
-    ((v.to_bits().saturating_add(0xffff) >> 16) as u16).min(NEVER)
-}
-
-/// The bfloat16 nearest to `v`, which is not negative.
-pub(super) fn half_nearest(v: f32) -> u16 {
-    ((v.to_bits().saturating_add(0x8000) >> 16) as u16).min(NEVER)
-}
-
 impl Node {
     /// A node without children whose boxes lie in `around`.
     pub fn within(around: Aabb) -> Node {

@@ -97,18 +97,6 @@ impl Cut {
         bundle.emitter_size > 0.0 && bundle.packets.iter().all(|packet| packet.backwards == 0)
     }
 
-    /// Follows the segments of a bundle in a mode.
-    #[cfg(feature = "internals")]
-    pub fn sums(&self, bundle: &Bundle, mode: &Mode) -> Sums {
-        self.sum(bundle, How::Mode(mode))
-    }
-
-    /// Follows the segments of a bundle; nothing is averaged.
-    #[cfg(feature = "internals")]
-    pub fn exact_sums(&self, bundle: &Bundle) -> Sums {
-        self.sum(bundle, How::Exact { shells: true })
-    }
-
     /// Work that Embree takes for a bundle.
     pub(super) fn embree_work(&self, bundle: &Bundle) -> f64 {
         self.sum(bundle, How::Exact { shells: true }).embree_work()
@@ -126,13 +114,8 @@ impl Cut {
         dispatch(self.isa, ball::IsEmpty { cut: self, ball })
     }
 
-    /// The answers to bundles in a mode, with what they were made of, passed to `each` in order.
-    #[cfg(feature = "internals")]
-    pub fn answers(&self, bundles: &[Bundle], mode: &Mode, mut each: impl FnMut(Answer, Sums)) {
-        self.each_sum(bundles, How::Mode(mode), |_, sums| each(sums.answer(), sums));
-    }
-
-    /// The same, without answers to bundles of several packets for which the mode does not pay (see [`Sums::left`]).
+    /// The answers to bundles in a mode, with what they were made of, passed to `each` in order; none to bundles of several packets for which
+    /// the mode does not pay (see [`Sums::left`]).
     pub(super) fn answers_that_pay(
         &self,
         bundles: &[Bundle],
@@ -167,12 +150,6 @@ impl Sums {
                 [sums.variance / n, sums.single / n, sums.model / n],
             ),
         };
-        let method = match (sums.blocks > 0, sums.aggregated > 0) {
-            (false, false) => Method::Clear,
-            (true, false) => Method::Exact,
-            (false, true) => Method::Aggregated,
-            (true, true) => Method::Mixed,
-        };
         let segments = u64::from(sums.segments);
         let cost = Cost {
             segments,
@@ -181,6 +158,7 @@ impl Sums {
             aggregated: sums.aggregated.into(),
             ..Cost::default()
         };
+        let method = Method::of(sums.blocks > 0, sums.aggregated > 0);
         Answer { transmittance, lo, hi, method, cost }
     }
 }

@@ -75,24 +75,19 @@ impl Shell {
         if bundle.emitter.is_empty() {
             return false;
         }
-        let at = vector::splat(simd, receiver);
-        for row in &self.rows[..near] {
-            let normal = [simd.load(&row[0]), simd.load(&row[1]), simd.load(&row[2])];
-            let height = simd.sub(vector::dot(simd, &normal, &at), simd.load(&row[3]));
-            if simd.bits(simd.le(height, simd.splat(self.margin))) != 0 {
-                return false;
-            }
+        if !self.is_on_inner_side(simd, receiver, near) {
+            return false;
         }
         // Other ends, as those on the sky, may lie beyond the shell.
         let inside = |p: &Vec3| p.cmpge(self.scene.min).all() && p.cmple(self.scene.max).all();
-        bundle.emitter.iter().all(|p| inside(p) || self.is_on_inner_side(simd, *p))
+        bundle.emitter.iter().all(|p| inside(p) || self.is_on_inner_side(simd, *p, self.rows.len()))
     }
 
-    /// Whether a point is on the scene's side of all planes, by more than a margin.
+    /// Whether a point is on the scene's side of all planes of the first rows, by more than a margin.
     #[inline(always)]
-    fn is_on_inner_side<S: Simd>(&self, simd: S, p: Vec3) -> bool {
+    fn is_on_inner_side<S: Simd>(&self, simd: S, p: Vec3, rows: usize) -> bool {
         let at = vector::splat(simd, p);
-        self.rows.iter().all(|row| {
+        self.rows[..rows].iter().all(|row| {
             let normal = [simd.load(&row[0]), simd.load(&row[1]), simd.load(&row[2])];
             let height = simd.sub(vector::dot(simd, &normal, &at), simd.load(&row[3]));
             simd.bits(simd.le(height, simd.splat(self.margin))) == 0

@@ -8,14 +8,13 @@ use crate::simd::{Kernel, Simd, decay};
 use crate::visibility::answer::Bundle;
 
 /// Work of a segment, of decoding a node or block, and of tests of a segment against a node and a block, in units of 2.5 ns on the
-/// processor that was measured (AVX-512; `cargo bench --features internals --bench distance_cut`: work and times agree to a third
-/// in garden, park, forest).
+/// processor that was measured (AVX-512; work and times agree to a third in garden, park, forest).
 const WORK: [f64; 5] = [6.0, 6.0, 3.0, 4.5, 6.0];
 /// The same for single rays of Embree, which share nothing.
 const EMBREE_WORK: [f64; 5] = [10.0, 0.0, 0.0, 6.0, 12.0];
 /// Work of packets of Embree for a segment, and for a node or block: for packets all of whose segments meet it, and what is added as none
 /// does, because Embree's nodes are smaller. With these the work in rooms is 16 to 22 units for 40 ns, and outdoors that of single rays
-/// is less (the same command).
+/// is less.
 const PACKETS: [f64; 3] = [5.0, 10.0, 35.0];
 
 /// What the segments of a bundle follow.
@@ -55,7 +54,6 @@ pub struct Sums {
     pub transmittance: f32,
     /// Sum of their squares.
     pub square: f32,
-    /// Number of segments.
     pub segments: u32,
     /// Segments that met an aggregated child.
     pub aggregated: u32,

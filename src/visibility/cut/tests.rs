@@ -260,8 +260,9 @@ fn sixteen_directions_have_the_axes_of_each() {
             directions.push(d);
         }
         let kappa = layout::Extinctions(std::array::from_fn(|axis| {
-            [layout::half_nearest([1.0, 3.0, 7.0, 0.5, 2.0, 11.0, 5.0, 13.0, 4.0, 6.0, 9.0, 8.0, 10.0][axis]);
-                LANES]
+            [crate::simd::half_nearest(
+                [1.0, 3.0, 7.0, 0.5, 2.0, 11.0, 5.0, 13.0, 4.0, 6.0, 9.0, 8.0, 10.0][axis],
+            ); LANES]
         }));
         for (lane, (found, d)) in traverse::extinctions(&packet, &kappa).iter().zip(directions).enumerate() {
             let value = |axis: usize| f32::from_bits(u32::from(kappa.0[axis][0]) << 16);

@@ -13,8 +13,7 @@ fn neighbours_pass_as_one() {
     let others = [Isa::Avx2, Isa::Portable].map(|isa| stage.engine(LeafMode::Exact).with_isa(isa));
     let ends = end_rule(&stage.scene);
     let emitter = &stage.scene.emitters[0];
-    let surfaces: Vec<u32> =
-        (0..stage.scene.triangles.len() as u32).filter(|t| !emitter.triangles.contains(t)).collect();
+    let surfaces = stage.surfaces();
     let mut random = Pcg64Mcg::new(41);
     let mut workspace = Workspace::default();
     let s = 0.02 * stage.size();

@@ -7,7 +7,6 @@ mod edges;
 mod ends;
 mod extinction;
 mod folded;
-mod instances;
 mod routes;
 mod rule;
 mod same_bits;
@@ -50,7 +49,7 @@ impl Stage {
     /// Blocked lanes by Embree.
     fn exact(&self, packet: &Packet) -> u32 {
         let mut blocked = [0];
-        self.traced.occluded_by(SINGLE, u32::MAX, std::slice::from_ref(packet), &mut blocked);
+        self.traced.occluded_by(SINGLE, std::slice::from_ref(packet), &mut blocked);
         blocked[0]
     }
 
@@ -65,12 +64,17 @@ impl Stage {
         corners[0] + u * (1.0 - v) * (corners[1] - corners[0]) + u * v * (corners[2] - corners[0])
     }
 
+    /// Triangles that do not belong to the first emitter.
+    fn surfaces(&self) -> Vec<u32> {
+        let emitter = &self.scene.emitters[0].triangles;
+        (0..self.scene.triangles.len() as u32).filter(|t| !emitter.contains(t)).collect()
+    }
+
     /// Packets of `lanes` segments from points on surfaces to points on the first emitter.
     fn bundles(&self, seed: u64, count: usize, lanes: usize) -> Vec<Packet> {
         let mut random = Pcg64Mcg::new(seed.into());
         let emitter = &self.scene.emitters[0].triangles;
-        let surfaces: Vec<u32> =
-            (0..self.scene.triangles.len() as u32).filter(|t| !emitter.contains(t)).collect();
+        let surfaces = self.surfaces();
         let ends = end_rule(&self.scene);
         (0..count)
             .map(|_| {

@@ -17,8 +17,7 @@ fn groups_answer_as_their_bundles_do() {
         let emitter = &stage.scene.emitters[0].triangles;
         let ends = end_rule(&stage.scene);
         let mut random = Pcg64Mcg::new(12);
-        let surfaces: Vec<u32> =
-            (0..stage.scene.triangles.len() as u32).filter(|t| !emitter.contains(t)).collect();
+        let surfaces = stage.surfaces();
         let mut packets = Vec::new();
         for _ in 0..20 {
             // Several points around one point of a surface.
@@ -32,10 +31,7 @@ fn groups_answer_as_their_bundles_do() {
         }
         let width = stage.scene.emitters[0].min_width;
         for (e, s) in [(1e-6 * width, 1e-6 * stage.size()), (width, 0.02 * stage.size())] {
-            let bundles: Vec<Bundle> = packets
-                .iter()
-                .map(|p| Bundle { packets: std::slice::from_ref(p), emitter_size: e, emitter: &[] })
-                .collect();
+            let bundles: Vec<Bundle> = packets.iter().map(|p| Bundle::of_packet(p, e)).collect();
             let mut workspace = Workspace::default();
             let mut together = Vec::new();
             engine.answers(&bundles, s, &mut workspace, |answer| together.push(answer));
@@ -65,8 +61,7 @@ fn instruction_sets_threads_and_history_change_no_bit() {
         for leaf in [LeafMode::Exact, LeafMode::Average] {
             for s in stage.sizes() {
                 let ask = |engine: &MultiResolution, packet: &Packet, workspace: &mut Workspace| {
-                    let bundle =
-                        Bundle { packets: std::slice::from_ref(packet), emitter_size: e, emitter: &[] };
+                    let bundle = Bundle::of_packet(packet, e);
                     let answer = engine.answer(bundle, s, workspace);
                     let bits = [answer.transmittance, answer.lo, answer.hi].map(f32::to_bits);
                     (engine.transmittances(packet, e, s, workspace).map(f32::to_bits), bits, answer.cost)
@@ -107,10 +102,7 @@ fn bundles_with_sizes_of_their_own_answer_as_they_do_alone() {
         let [a, b] = [0, 1].map(|_| bounds.min + in_cube(&mut random).as_vec3() * (bounds.max - bounds.min));
         let packets: Vec<Packet> = (0..12).map(|_| around(a, b, 0.3, &mut random)).collect();
         let sizes: Vec<f32> = (0..12).map(|k| 0.02 * 1.5f32.powi(k)).collect();
-        let bundles: Vec<Bundle> = packets
-            .iter()
-            .map(|p| Bundle { packets: std::slice::from_ref(p), emitter_size: 0.3, emitter: &[] })
-            .collect();
+        let bundles: Vec<Bundle> = packets.iter().map(|p| Bundle::of_packet(p, 0.3)).collect();
         let mut together = Vec::new();
         engine.answers_lanes(&bundles, &sizes, &mut workspace, |k, answer, lanes| {
             assert_eq!(k, together.len());
