@@ -2,19 +2,11 @@
 
 use glam::DVec3;
 use mrvis::Model;
-use mrvis::internals::bench::{self, Options, Record};
+use mrvis::internals::bench::{self, Options};
 use mrvis::internals::scene::generate::{self, Spec};
-use mrvis::internals::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
+use mrvis::internals::scene::{LoadOptions, Soup, SoupMaterial, resolve};
 
-/// The surfaces of the Cornell box are large: nothing is averaged, and one row says so.
-#[test]
-#[ignore = "long: full size"]
-fn a_scene_without_detail_has_one_row() {
-    let record = one_row(generate::build(&Spec::new("cornell")).expect("cornell"));
-    assert!(record.mr[0].speedup_at_same_rms.is_some_and(|speed| speed > 0.0));
-}
-
-/// The same of a board between a lamp and a narrow floor, whose images are small.
+/// Where all surfaces are large, nothing is averaged, and one row says so: a board between a lamp and a narrow floor.
 #[test]
 fn a_board_over_a_floor_has_one_row() {
     let mut soup = Soup::new("board");
@@ -29,10 +21,7 @@ fn a_board_over_a_floor_has_one_row() {
         let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
         soup.polygon(object, material, &corners.map(|(u, v)| DVec3::new(0.5 * x * u, 0.5 * y * v, z)));
     }
-    one_row(resolve(soup, &LoadOptions::default()).expect("a scene"));
-}
-
-fn one_row(scene: Scene) -> Record {
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
     let options = Options { points: 100, reference_rays: 64, rounds: 1, ..Options::default() };
     let model = Model::prepare(scene, &options.prepare()).expect("a model");
     let (record, images) = bench::run(&model, &options, &()).expect("a benchmark");
@@ -41,7 +30,6 @@ fn one_row(scene: Scene) -> Record {
     assert_eq!((record.mr.len(), record.mr[0].aggregated_fraction), (1, 0.0));
     assert!(!record.receivers.is_empty() && record.receivers.iter().all(|receiver| receiver.fbem.len() == 1));
     assert!(images.iter().all(|receiver| receiver.mr.len() == 1));
-    record
 }
 
 /// Leaves, touching bricks and books, rows of slats: at all four sizes MR images contain every connected feature of the exact shadow images

@@ -212,56 +212,6 @@ fn fuzz(reader: &'static str) {
 }
 
 #[test]
-fn fuzz_obj() {
-    fuzz("obj");
-}
-
-#[test]
-fn fuzz_mtl() {
-    fuzz("mtl");
-}
-
-#[test]
-fn fuzz_ply() {
-    fuzz("ply");
-}
-
-#[test]
-fn fuzz_gltf() {
-    fuzz("gltf");
-}
-
-#[test]
-fn fuzz_glb() {
-    fuzz("glb");
-}
-
-#[test]
-fn fuzz_cache() {
-    fuzz("cache");
-}
-
-#[test]
-fn fuzz_csv() {
-    fuzz("csv");
-}
-
-#[test]
-fn fuzz_toml() {
-    fuzz("toml");
-}
-
-#[test]
-fn fuzz_ies() {
-    fuzz("ies");
-}
-
-#[test]
-fn fuzz_ldt() {
-    fuzz("ldt");
-}
-
-#[test]
-fn fuzz_placements() {
-    fuzz("placements");
+fn readers_survive_damaged_files() {
+    NAMES.into_iter().for_each(fuzz);
 }
