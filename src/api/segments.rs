@@ -221,17 +221,19 @@ impl<'a> Segments<'a> {
         self.bundles[bundle] as usize..self.bundles[bundle + 1] as usize
     }
 
-    /// The ends of segments relative to the scene's origin.
-    pub(super) fn frame(&self, origin: DVec3) -> Frame<'a> {
-        Frame {
-            origins: self.origins,
-            targets: self.targets,
-            shift: DVec3::from_array(self.relative_to) - origin,
-        }
+    /// What is added to positions to have them relative to the scene's origin.
+    pub(super) fn shift(&self, origin: DVec3) -> DVec3 {
+        DVec3::from_array(self.relative_to) - origin
+    }
+
+    /// The ends of a segment relative to the scene's origin.
+    pub(super) fn ends(&self, segment: usize, shift: DVec3) -> (Vec3, Vec3) {
+        let moved = |p: Vec3| if shift == DVec3::ZERO { p } else { (p.as_dvec3() + shift).as_vec3() };
+        (moved(self.origins.at(segment)), moved(self.targets.at(segment)))
     }
 
     /// Checks everything that engines rely on.
-    pub(super) fn check(&self, frame: &Frame, parallel: bool) -> Result<()> {
+    pub(super) fn check(&self, shift: DVec3, parallel: bool) -> Result<()> {
         let (segments, bundles) = (self.origins.len(), self.bundle_count());
         if self.targets.len() != segments {
             return Err(Error::arguments(format!(
@@ -260,12 +262,12 @@ impl<'a> Segments<'a> {
             sizes.check("feature_sizes", bundles, |s| s > 0.0, "a finite number above 0")?;
         }
         self.emitter_sizes.check("emitter_sizes", bundles, |s| s >= 0.0, "a finite number not below 0")?;
-        if !frame.shift.is_finite() {
+        if !shift.is_finite() {
             return Err(Error::argument("relative_to", format!("{:?}", self.relative_to), "must be finite"));
         }
         let lies = |p: Vec3| p.is_finite() && p.abs().max_element() <= MAX_COORDINATE;
         let bad = |i: usize| {
-            let (from, to) = frame.ends(i);
+            let (from, to) = self.ends(i, shift);
             !lies(from) || !lies(to) || from == to
         };
         let first = match parallel {
@@ -274,32 +276,15 @@ impl<'a> Segments<'a> {
         };
         let Some(i) = first else { return Ok(()) };
         let (from, to) = (self.origins.at(i), self.targets.at(i));
-        if lies(frame.ends(i).0) && lies(frame.ends(i).1) {
+        let (moved, other) = self.ends(i, shift);
+        if lies(moved) && lies(other) {
             let problem = format!("the segment from {from} has no length");
             return Err(Error::argument(format!("targets[{i}]"), to, problem));
         }
-        let name = if lies(frame.ends(i).0) { "targets" } else { "origins" };
+        let name = if lies(moved) { "targets" } else { "origins" };
         let value = if name == "targets" { to } else { from };
         let problem = format!("must be finite, at most {MAX_COORDINATE:e} from the scene's origin");
         Err(Error::argument(format!("{name}[{i}]"), value, problem))
-    }
-}
-
-/// Ends of segments relative to the scene's origin.
-#[derive(Clone, Copy)]
-pub(super) struct Frame<'a> {
-    origins: Strided<'a>,
-    targets: Strided<'a>,
-    shift: DVec3,
-}
-
-impl Frame<'_> {
-    pub fn ends(&self, segment: usize) -> (Vec3, Vec3) {
-        (self.moved(self.origins.at(segment)), self.moved(self.targets.at(segment)))
-    }
-
-    fn moved(&self, position: Vec3) -> Vec3 {
-        if self.shift == DVec3::ZERO { position } else { (position.as_dvec3() + self.shift).as_vec3() }
     }
 }
 
