@@ -36,7 +36,7 @@ pub mod clusters {
 
 /// Files of measured clusters.
 pub mod cache {
-    pub use crate::model::cache::{CacheLocation, Options, Origin, PreparedClusters, load_or_make};
+    pub use crate::model::cache::CacheLocation;
 }
 
 /// The Embree binding.
@@ -171,7 +171,7 @@ pub mod model {
 
 /// Cluster optics.
 pub mod optics {
-    pub use crate::optics::{Extinction, Options, extinction, measure};
+    pub use crate::optics::{Extinction, Options, extinction};
 }
 
 /// Parts of pages.

@@ -6,7 +6,6 @@ use super::record::{Build, BytesPerTriangle};
 use super::sample::{Extent, Sample};
 use super::workload::{Workload, surface_points};
 #[cfg(any(test, feature = "internals"))]
-#[cfg(any(test, feature = "internals"))]
 use crate::model::{Detail, PrepareOptions};
 use crate::model::{Mesh, Model};
 use crate::progress::timed;
