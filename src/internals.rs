@@ -8,7 +8,7 @@ pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, Sc
 /// The measurement behind `mrvis bench`.
 pub mod bench {
     pub use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
-    pub use crate::bench::{Options, Record, run};
+    pub use crate::bench::{Record, run};
 
     /// Its report.
     pub mod page {

@@ -2,7 +2,7 @@
 
 use super::audit::{AUDIT_RAYS, AuditRays};
 use super::measure::{MrRun, Queries, Run, Timer};
-use super::options::Options;
+use super::options::BenchOptions;
 use super::record::MrRow;
 use super::reference::Reference;
 use super::rounds::WARM_UP_PAIRS;
@@ -86,7 +86,7 @@ impl PlannedRow {
 pub(super) struct Bench<'a> {
     pub model: &'a Model,
     pub scene: &'a Scene,
-    pub options: &'a Options,
+    pub options: &'a BenchOptions,
     pub timer: Timer,
     pub sizes: Vec<f64>,
     pub progress: &'a dyn Progress,

@@ -13,7 +13,7 @@ use super::context::{Bench, PlannedRow};
 use super::gallery::single_rays;
 use super::lights;
 use super::measure::{MrRun, Queries};
-use super::options::Options;
+use super::options::BenchOptions;
 use super::receivers::{ReceiverGrid, Surfaces};
 use super::record::{Build, MapRecord};
 use super::reference::Reference;
@@ -51,7 +51,7 @@ const MIN_REFERENCE_RAYS: usize = 16;
 /// A further round of the rows of a map starts only if it is expected to end within this time.
 const MAX_TIME: Duration = Duration::from_secs(3);
 
-impl Options {
+impl BenchOptions {
     /// Texels along the longer side of a map in a scene with so many emitters.
     fn map_side(&self, emitters: usize) -> usize {
         let default = || DEFAULT_SIDE.min(((DEFAULT_PAIRS / emitters.max(1)) as f64).sqrt() as usize).max(1);

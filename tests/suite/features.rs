@@ -1,10 +1,10 @@
 //! Features: MR images lack no shadow and no lit region of at least the feature size.
 
 use glam::DVec3;
-use mrvis::Model;
-use mrvis::internals::bench::{self, Options};
+use mrvis::internals::bench;
 use mrvis::internals::scene::generate::{self, Spec};
 use mrvis::internals::scene::{LoadOptions, Soup, SoupMaterial, resolve};
+use mrvis::{BenchOptions, Model};
 
 /// Where all surfaces are large, nothing is averaged, and one row says so: a board between a lamp and a narrow floor.
 #[test]
@@ -22,7 +22,8 @@ fn a_board_over_a_floor_has_one_row() {
         soup.polygon(object, material, &corners.map(|(u, v)| DVec3::new(0.5 * x * u, 0.5 * y * v, z)));
     }
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
-    let options = Options { points: 100, reference_rays: 64, rounds: 1, ..Options::default() };
+    let mut options = BenchOptions::default();
+    (options.points, options.reference_rays, options.rounds) = (100, 64, 1);
     let model = Model::prepare(scene, &options.prepare()).expect("a model");
     let (record, images) = bench::run(&model, &options, &()).expect("a benchmark");
     let sentence = record.nothing_averaged.as_ref().expect("nothing is averaged");
@@ -56,8 +57,9 @@ fn check_features(((trees, leaves), sizes): ((usize, usize), &[f64]), scenes: &[
         let mut spec = Spec::new(name);
         (spec.trees, spec.leaves) = (trees, leaves);
         let scene = generate::build(&spec).expect(name);
-        let few = Options { points: 200, rays: 16, reference_rays: 64, rounds: 1, ..Options::default() };
-        let options = Options { feature_sizes: sizes.to_vec(), ..few };
+        let mut options = BenchOptions::default();
+        (options.points, options.reference_rays, options.rounds) = (200, 64, 1);
+        options.feature_sizes = sizes.to_vec();
         let model = Model::prepare(scene, &options.prepare()).expect(name);
         let (record, _) = bench::run(&model, &options, &()).expect(name);
         if record.nothing_averaged.is_some() {

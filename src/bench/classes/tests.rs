@@ -1,7 +1,7 @@
 //! Classes of points in made scenes, and the rows of a small forest.
 
 use super::surroundings::Surroundings;
-use crate::bench::Options;
+use crate::bench::BenchOptions;
 use crate::bench::record::ReceiverClass;
 use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
 use crate::model::{Detail, testing};
@@ -72,14 +72,14 @@ fn leaves_are_small_and_walls_are_not() {
 #[test]
 fn a_forest_has_rows_by_class() {
     let model = testing::model(&forest(9, 200), Detail::Optics);
-    let options = Options {
+    let options = BenchOptions {
         points: 600,
         rays: 4,
         feature_sizes: vec![1.0],
         reference_rays: 64,
         rounds: 1,
         audit: 0.0,
-        ..Options::default()
+        ..BenchOptions::default()
     };
     let (record, _) = crate::bench::run(&model, &options, &()).expect("a record");
     let workload = Workload::new(&model, surface_points(&model, 600, options.seed).expect("points"), 1);

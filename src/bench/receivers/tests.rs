@@ -116,7 +116,7 @@ fn placed_meshes_are_receivers() {
     let model = testing::model(&scene, Detail::Rays);
     let exact = model.exact();
     for (name, at) in [("left", first), ("right", second), ("board", first)] {
-        let options = crate::bench::Options { receivers: vec![name.into()], ..Default::default() };
+        let options = crate::bench::BenchOptions { receivers: vec![name.into()], ..Default::default() };
         options.check_for(&scene).expect(name);
         let receivers = grids(&model, &exact, &[name.to_owned()], SIZES).expect(name);
         assert!(receivers.len() == 1 && receivers[0].lit && receivers[0].name == name);
