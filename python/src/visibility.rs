@@ -58,24 +58,21 @@ impl PyVisibility {
     }
 }
 
-/// Costs added up: the entries of [`PyVisibility::cost`].
-#[derive(Default)]
-pub struct Costs(pub [u64; 6]);
-
-impl Costs {
-    const NAMES: [&str; 6] = ["segments", "nodes", "exact_rays", "handed_over", "aggregated", "certified"];
-
-    pub fn of(cost: &Cost) -> Costs {
-        Costs([cost.segments, cost.nodes, cost.exact_rays, cost.handed_over, cost.aggregated, cost.certified])
+/// The entries of [`PyVisibility::cost`], added up.
+pub fn costs<'a>(py: Python<'_>, all: impl Iterator<Item = &'a Cost> + Clone) -> PyResult<Py<PyDict>> {
+    let parts: [(&str, fn(&Cost) -> u64); 6] = [
+        ("segments", |cost| cost.segments),
+        ("nodes", |cost| cost.nodes),
+        ("exact_rays", |cost| cost.exact_rays),
+        ("handed_over", |cost| cost.handed_over),
+        ("aggregated", |cost| cost.aggregated),
+        ("certified", |cost| cost.certified),
+    ];
+    let sums = PyDict::new(py);
+    for (name, of) in parts {
+        sums.set_item(name, all.clone().map(of).sum::<u64>())?;
     }
-
-    pub fn dict(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
-        let all = PyDict::new(py);
-        for (name, count) in Costs::NAMES.iter().zip(self.0) {
-            all.set_item(name, count)?;
-        }
-        Ok(all.unbind())
-    }
+    Ok(sums.unbind())
 }
 
 pub fn methods(py: Python<'_>, methods: Vec<Method>) -> Py<PyArray1<u8>> {
@@ -283,7 +280,7 @@ impl<'py> Ask<'py> {
             hi: array(self.intervals, hi),
             method: self.methods.then(|| methods(py, how)),
             segments: array(self.segments, each),
-            cost: Costs::of(&cost).dict(py)?,
+            cost: costs(py, std::iter::once(&cost))?,
         })
     }
 }
