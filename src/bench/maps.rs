@@ -9,7 +9,7 @@ mod compare;
 mod lattice;
 mod quadtree;
 
-use super::context::{Bench, PlannedRow};
+use super::context::{Bench, EXACT_RAYS, PlannedRow};
 use super::gallery::single_rays;
 use super::lights;
 use super::measure::{MrRun, Queries};
@@ -35,8 +35,6 @@ const DEFAULT_SIDE: usize = 256;
 const DEFAULT_PAIRS: usize = 1 << 19;
 /// Spacings of the texels at which light is computed: steps of 2 quarter the work.
 const SPACINGS: [usize; 4] = [1, 2, 4, 8];
-/// Numbers of rays of exact rows: steps of 4 halve the noise.
-const EXACT_RAYS: [usize; 5] = [1, 4, 16, 64, 256];
 /// Rows of interpolated maps with so many times the segments of the others: as many a texel with every second column and row.
 const MORE_SEGMENTS: usize = 4;
 /// Largest number of segments of rows with more.

@@ -189,11 +189,7 @@ fn images_show_the_sun_or_the_patch_with_the_largest_irradiance() {
 #[test]
 fn a_closed_room_under_a_sky_has_a_note() {
     let mut pieces = Pieces::new();
-    let [x, y, z] = [4.0 * DVec3::X, 4.0 * DVec3::Y, 3.0 * DVec3::Z];
-    let centre = DVec3::new(0.0, 0.0, 1.5);
-    for (u, v, w) in [(x, y, z), (y, z, x), (z, x, y)] {
-        pieces.quad(centre - 0.5 * w, u, v).quad(centre + 0.5 * w, v, u);
-    }
+    pieces.room(DVec3::new(-2.0, -2.0, 0.0), DVec3::new(2.0, 2.0, 3.0));
     pieces.object("shelf").cuboid(DVec3::new(-1.0, 0.0, 0.0), DVec3::new(1.0, 0.5, 1.0));
     // One feature size: images of each take seconds.
     let few =
