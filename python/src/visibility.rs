@@ -59,20 +59,18 @@ impl PyVisibility {
 }
 
 /// The entries of [`PyVisibility::cost`], added up.
-pub fn costs<'a>(py: Python<'_>, all: impl Iterator<Item = &'a Cost> + Clone) -> PyResult<Py<PyDict>> {
-    let parts: [(&str, fn(&Cost) -> u64); 6] = [
-        ("segments", |cost| cost.segments),
-        ("nodes", |cost| cost.nodes),
-        ("exact_rays", |cost| cost.exact_rays),
-        ("handed_over", |cost| cost.handed_over),
-        ("aggregated", |cost| cost.aggregated),
-        ("certified", |cost| cost.certified),
-    ];
-    let sums = PyDict::new(py);
-    for (name, of) in parts {
-        sums.set_item(name, all.clone().map(of).sum::<u64>())?;
+pub fn costs<'a>(py: Python<'_>, all: impl Iterator<Item = &'a Cost>) -> PyResult<Py<PyDict>> {
+    let names = ["segments", "nodes", "exact_rays", "handed_over", "aggregated", "certified"];
+    let mut sums = [0; 6];
+    for c in all {
+        let parts = [c.segments, c.nodes, c.exact_rays, c.handed_over, c.aggregated, c.certified];
+        sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
     }
-    Ok(sums.unbind())
+    let entries = PyDict::new(py);
+    for (name, sum) in names.into_iter().zip(sums) {
+        entries.set_item(name, sum)?;
+    }
+    Ok(entries.unbind())
 }
 
 pub fn methods(py: Python<'_>, methods: Vec<Method>) -> Py<PyArray1<u8>> {
