@@ -1,4 +1,4 @@
-//! What the benches and the tests of the whole crate need besides the public interface. Not part of it: names here change
+//! What the command, the C library, benches and tests need besides the public interface. Not part of it: names here change
 //! without notice.
 
 mod parts;
@@ -8,7 +8,7 @@ pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, Sc
 /// The measurement behind `mrvis bench`.
 pub mod bench {
     pub use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
-    pub use crate::bench::{Options, Record, run};
+    pub use crate::bench::{Record, run};
 
     /// Its report.
     pub mod page {
@@ -36,12 +36,7 @@ pub mod clusters {
 
 /// Files of measured clusters.
 pub mod cache {
-    pub use crate::model::cache::{CacheLocation, Options, Origin, PreparedClusters, load_or_make};
-}
-
-/// The Embree binding.
-pub mod embree {
-    pub use crate::embree::Traversal;
+    pub use crate::model::cache::CacheLocation;
 }
 
 /// Texts of errors.
@@ -171,7 +166,7 @@ pub mod model {
 
 /// Cluster optics.
 pub mod optics {
-    pub use crate::optics::{Extinction, Options, extinction, measure};
+    pub use crate::optics::{Extinction, Options, extinction};
 }
 
 /// Parts of pages.
@@ -240,26 +235,4 @@ pub mod threads {
 /// Visibility engines.
 pub mod visibility {
     pub use crate::visibility::{Bundle, Exact, LeafMode, MultiResolution, Workspace};
-}
-
-use crate::embree::{CommittedScene, Traversal};
-use crate::model::Model;
-use crate::visibility::{LeafMode, MultiResolution};
-
-/// The multi-resolution engine over a model with optics, without a budget.
-///
-/// # Panics
-/// If the model was prepared without optics.
-pub fn multi_resolution(model: &Model, traversal: Traversal, leaf: LeafMode) -> MultiResolution {
-    model.engine(traversal, leaf).expect("optics")
-}
-
-/// The Embree scene of a model.
-pub fn traced(model: &Model) -> &CommittedScene {
-    model.traced()
-}
-
-/// Rays in the widest packet that Embree traces natively on this machine.
-pub fn native_width(model: &Model) -> usize {
-    model.native_width()
 }

@@ -3,7 +3,7 @@
 use crate::arguments::{keywords, unknown, whole, word};
 use crate::arrays::{Floats, Rows, floats, output, points_f64, single};
 use crate::errors::{input, translated};
-use crate::visibility::{Costs, ENGINES, PyVisibility, methods, unlocked};
+use crate::visibility::{ENGINES, PyVisibility, costs, methods, unlocked};
 use crate::work::{Watch, long};
 use mrvis::{Answer, Engine, Error, ErrorCategory, Model, Progress};
 use numpy::PyArray1;
@@ -137,10 +137,6 @@ impl<'py> SourceAsk<'py> {
         for (out, answer) in clear.as_slice_mut()?.iter_mut().zip(&answers) {
             *out = answer.transmittance;
         }
-        let mut costs = Costs::default();
-        for answer in &answers {
-            costs.0.iter_mut().zip(Costs::of(&answer.cost).0).for_each(|(sum, n)| *sum += n);
-        }
         let array =
             |of: fn(&Answer) -> f32| Some(PyArray1::from_vec(py, answers.iter().map(of).collect()).unbind());
         Ok(PyVisibility {
@@ -149,7 +145,7 @@ impl<'py> SourceAsk<'py> {
             hi: array(|answer| answer.hi),
             method: Some(methods(py, answers.iter().map(|answer| answer.method).collect())),
             segments: None,
-            cost: costs.dict(py)?,
+            cost: costs(py, answers.iter().map(|answer| &answer.cost))?,
         })
     }
 }

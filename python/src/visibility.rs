@@ -58,24 +58,19 @@ impl PyVisibility {
     }
 }
 
-/// Costs added up: the entries of [`PyVisibility::cost`].
-#[derive(Default)]
-pub struct Costs(pub [u64; 6]);
-
-impl Costs {
-    const NAMES: [&str; 6] = ["segments", "nodes", "exact_rays", "handed_over", "aggregated", "certified"];
-
-    pub fn of(cost: &Cost) -> Costs {
-        Costs([cost.segments, cost.nodes, cost.exact_rays, cost.handed_over, cost.aggregated, cost.certified])
+/// The entries of [`PyVisibility::cost`], added up.
+pub fn costs<'a>(py: Python<'_>, all: impl Iterator<Item = &'a Cost>) -> PyResult<Py<PyDict>> {
+    let names = ["segments", "nodes", "exact_rays", "handed_over", "aggregated", "certified"];
+    let mut sums = [0; 6];
+    for c in all {
+        let parts = [c.segments, c.nodes, c.exact_rays, c.handed_over, c.aggregated, c.certified];
+        sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
     }
-
-    pub fn dict(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
-        let all = PyDict::new(py);
-        for (name, count) in Costs::NAMES.iter().zip(self.0) {
-            all.set_item(name, count)?;
-        }
-        Ok(all.unbind())
+    let entries = PyDict::new(py);
+    for (name, sum) in names.into_iter().zip(sums) {
+        entries.set_item(name, sum)?;
     }
+    Ok(entries.unbind())
 }
 
 pub fn methods(py: Python<'_>, methods: Vec<Method>) -> Py<PyArray1<u8>> {
@@ -283,7 +278,7 @@ impl<'py> Ask<'py> {
             hi: array(self.intervals, hi),
             method: self.methods.then(|| methods(py, how)),
             segments: array(self.segments, each),
-            cost: Costs::of(&cost).dict(py)?,
+            cost: costs(py, std::iter::once(&cost))?,
         })
     }
 }

@@ -1,6 +1,6 @@
 //! Answers to batches: bundles in chunks, chunks in parallel, segments in packets. No memory is allocated once buffers are large enough.
 
-use super::segments::{Answers, Frame, Segments};
+use super::segments::{Answers, Segments};
 use super::visibility::{Chosen, Visibility};
 use crate::model::Model;
 use crate::progress::Progress;
@@ -9,6 +9,7 @@ use crate::visibility::{
     Answer, BatchBuffers, Bundle, Cost, Exact, Method, MultiResolution, Work, Workspace, sample_runs, wilson,
 };
 use crate::{Error, Result};
+use glam::DVec3;
 use smallvec::SmallVec;
 use std::ops::Range;
 
@@ -38,10 +39,10 @@ impl Visibility {
     /// `parallel`: whether parts are answered in parallel.
     fn answer_batch(&self, segments: &Segments, answers: &mut Answers, parallel: bool) -> Result<Cost> {
         let progress = self.model.progress();
-        let frame = segments.frame(self.model.scene().origin);
-        segments.check(&frame, parallel)?;
+        let shift = segments.shift(self.model.scene().origin);
+        segments.check(shift, parallel)?;
         answers.check(segments.bundle_count(), segments.origins.len())?;
-        let ask = Ask { segments, frame, model: &self.model, progress, parallel };
+        let ask = Ask { segments, shift, model: &self.model, progress, parallel };
         let engine = match self.chosen(segments.feature_sizes.is_some())? {
             Chosen::Either(engine) if ask.pays(&engine) => Chosen::Clusters(engine),
             Chosen::Either(_) => Chosen::Exact(self.model.exact()),
@@ -93,27 +94,20 @@ impl<'a> Chunk<'a> {
         (large && half > 0).then(|| if bundles > CHUNK.0 { half.next_multiple_of(CHUNK.0) } else { half })
     }
 
-    /// The first bundles, which have so many segments, and the others.
-    fn divided(self, bundles: usize, segments: usize) -> (Chunk<'a>, Chunk<'a>) {
-        let Chunk { bundles: all, transmittance, lo, hi, methods, method_codes, each } = self;
-        let middle = all.start + bundles;
-        let (transmittance, lo) = (divided(transmittance, bundles), divided(lo, bundles));
-        let (hi, methods) = (divided(hi, bundles), divided(methods, bundles));
-        let (method_codes, each) = (divided(method_codes, bundles), each.map(|each| divided(each, segments)));
-        let (first, other) = each.map_or((None, None), |(first, other)| (Some(first), Some(other)));
-        let part = |bundles, transmittance, lo, hi, methods, method_codes, each| Chunk {
-            bundles,
-            transmittance,
-            lo,
-            hi,
-            methods,
-            method_codes,
-            each,
+    /// Takes the first bundles, which have so many segments, from the chunk.
+    fn take_first(&mut self, bundles: usize, segments: usize) -> Chunk<'a> {
+        let middle = self.bundles.start + bundles;
+        let first = Chunk {
+            bundles: self.bundles.start..middle,
+            transmittance: taken(&mut self.transmittance, bundles),
+            lo: taken(&mut self.lo, bundles),
+            hi: taken(&mut self.hi, bundles),
+            methods: taken(&mut self.methods, bundles),
+            method_codes: taken(&mut self.method_codes, bundles),
+            each: self.each.as_mut().map(|each| taken(each, segments)),
         };
-        (
-            part(all.start..middle, transmittance.0, lo.0, hi.0, methods.0, method_codes.0, first),
-            part(middle..all.end, transmittance.1, lo.1, hi.1, methods.1, method_codes.1, other),
-        )
+        self.bundles.start = middle;
+        first
     }
 
     fn write(&mut self, k: usize, answer: &Answer) {
@@ -127,15 +121,16 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// The first entries of a slice and the others; none of both of an empty slice, an output that was not asked for.
-fn divided<T>(slice: &mut [T], count: usize) -> (&mut [T], &mut [T]) {
-    slice.split_at_mut(count.min(slice.len()))
+/// Takes the first entries of a slice; none of an empty one, an output that was not asked for.
+fn taken<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+    slice.split_off_mut(..count.min(slice.len())).unwrap_or_default()
 }
 
 /// A batch that was checked.
 struct Ask<'a> {
     segments: &'a Segments<'a>,
-    frame: Frame<'a>,
+    /// Added to positions of segments to have them relative to the scene's origin.
+    shift: DVec3,
     model: &'a Model,
     progress: &'a dyn Progress,
     /// Whether parts are answered in parallel, on the threads of the pool that this runs in.
@@ -144,7 +139,7 @@ struct Ask<'a> {
 
 impl Ask<'_> {
     /// Answers a chunk: its halves, until they are small. `None` if it was stopped.
-    fn answer(&self, engine: &Chosen, chunk: Chunk) -> Option<Cost> {
+    fn answer(&self, engine: &Chosen, mut chunk: Chunk) -> Option<Cost> {
         let Some(bundles) = chunk.division(self.segments) else {
             if self.progress.stopped() {
                 return None;
@@ -166,8 +161,8 @@ impl Ask<'_> {
         };
         let start = chunk.bundles.start;
         let segments = self.segments.of_bundle(start + bundles).start - self.segments.of_bundle(start).start;
-        let (first, other) = chunk.divided(bundles, segments);
-        let (first, other) = (|| self.answer(engine, first), || self.answer(engine, other));
+        let first = chunk.take_first(bundles, segments);
+        let (first, other) = (|| self.answer(engine, first), || self.answer(engine, chunk));
         let (first, other) = if self.parallel { rayon::join(first, other) } else { (first(), other()) };
         let mut all = first?;
         all.add(other?);
@@ -180,7 +175,7 @@ impl Ask<'_> {
             if k % LANES == 0 {
                 packets.push(Packet::EMPTY);
             }
-            let (from, to) = self.frame.ends(i);
+            let (from, to) = self.segments.ends(i, self.shift);
             let along = (to - from).normalize_or_zero();
             let here = self.model.end_at(from, along);
             let rules = [here, self.model.end_at(to, along).seen_from(here)];

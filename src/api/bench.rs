@@ -1,61 +1,9 @@
 //! Exact against multi-resolution visibility on the same segments.
 
-use crate::bench::{self, Options, page, record::MrRow};
+use crate::bench::{self, BenchOptions, page, record::MrRow};
 use crate::files::json_text;
 use crate::model::{Detail, Model};
 use crate::{Error, Result};
-
-/// Options of [`Model::bench`]: [`BenchOptions::default`] with other values of some fields.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct BenchOptions {
-    /// Receiver points, uniform over all surfaces that do not emit, 1 to 100 million; default 20,000.
-    pub points: usize,
-    /// Segments from a point to an emitter, 1 to 65,536; 4 and 16 times as many are measured as well. Default 16.
-    pub rays: usize,
-    /// Feature sizes, scene units, above 0; default none: four sizes from two texels of the shadow images to a fifth of the largest receiver.
-    pub feature_sizes: Vec<f64>,
-    /// Objects, groups or materials for shadow images; default none: the largest flat surfaces, and terrain.
-    pub receivers: Vec<String>,
-    /// Rays from a point to an emitter in the reference, 1 to 65,536; default 1,024.
-    pub reference_rays: usize,
-    /// Threads of the timed sections, 1 to 1024; default 1. All else runs on the threads of the model.
-    pub threads: usize,
-    /// Part of the bundles, in `[0, 1]`, on which independent exact rays check the stated intervals; default 0.05.
-    pub audit: f64,
-    /// Largest memory of the results, bytes; default: four fifths of the available memory.
-    pub max_memory: Option<u64>,
-    /// Seed of all random numbers; default 1.
-    pub seed: u64,
-    /// Rounds of the timed sections.
-    pub(super) rounds: usize,
-}
-
-/// Options of this or of the inner kind from those of the other: the fields that both have.
-macro_rules! with_fields_of {
-    ($given:expr, $kind:ident $(, $rest:expr)?) => {{
-        let given = $given;
-        $kind {
-            points: given.points,
-            rays: given.rays,
-            feature_sizes: given.feature_sizes,
-            receivers: given.receivers,
-            reference_rays: given.reference_rays,
-            threads: given.threads,
-            audit: given.audit,
-            max_memory: given.max_memory,
-            seed: given.seed,
-            rounds: given.rounds,
-            $(..$rest)?
-        }
-    }};
-}
-
-impl Default for BenchOptions {
-    fn default() -> BenchOptions {
-        with_fields_of!(Options::default(), BenchOptions)
-    }
-}
 
 /// Results of [`Model::bench`].
 #[derive(Clone, Debug)]
@@ -112,10 +60,8 @@ impl Model {
                 "the benchmark needs optics: prepare the model with ⟨Detail::Optics⟩".into(),
             ));
         }
-        let more = Options { clusters: self.optics_options(), ..Options::default() };
-        let options = with_fields_of!(options.clone(), Options, more);
         self.on_threads(|| {
-            let (record, images) = bench::run(self, &options, self.progress())?;
+            let (record, images) = bench::run(self, options, self.progress())?;
             let page = page::render(&record, &images, "")?;
             let rows = record.mr.iter().map(BenchRow::of).collect();
             let json = json_text(&record).expect("numbers, texts and lists alone");

@@ -1,6 +1,6 @@
 //! Polygons in arrays of the caller, and their validity.
 
-use super::segments::Strided;
+use super::segments::{PerEntry, Strided};
 use crate::error::quote;
 use crate::scene::MAX_COORDINATE;
 use crate::{Error, Result};
@@ -66,20 +66,13 @@ pub struct MeshArrays<'a> {
     pub(super) positions: Positions<'a>,
     pub(super) indices: &'a [u32],
     pub(super) sizes: Option<&'a [u32]>,
-    pub(super) materials: Materials<'a>,
-}
-
-/// A material that all polygons have, or one for each.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Materials<'a> {
-    All(u32),
-    Each(&'a [u32]),
+    pub(super) materials: PerEntry<'a, u32>,
 }
 
 impl<'a> MeshArrays<'a> {
     /// Triangles with material 0: three `indices` each, into `positions`, which are in scene units.
     pub fn new(name: &'a str, positions: impl Into<Positions<'a>>, indices: &'a [u32]) -> MeshArrays<'a> {
-        MeshArrays { name, positions: positions.into(), indices, sizes: None, materials: Materials::All(0) }
+        MeshArrays { name, positions: positions.into(), indices, sizes: None, materials: PerEntry::All(0) }
     }
 
     /// Polygons instead of triangles: the number of corners of each, at least 3; `indices` holds all corners, one polygon after the
@@ -91,13 +84,13 @@ impl<'a> MeshArrays<'a> {
 
     /// The material of all polygons, as [`SceneBuilder::add_material`](crate::SceneBuilder::add_material) numbered it; default 0.
     pub fn material(mut self, material: u32) -> MeshArrays<'a> {
-        self.materials = Materials::All(material);
+        self.materials = PerEntry::All(material);
         self
     }
 
     /// The material of each polygon.
     pub fn face_materials(mut self, materials: &'a [u32]) -> MeshArrays<'a> {
-        self.materials = Materials::Each(materials);
+        self.materials = PerEntry::Each(materials);
         self
     }
 
@@ -109,13 +102,6 @@ impl<'a> MeshArrays<'a> {
     /// Number of corners of a polygon.
     pub(super) fn size(&self, polygon: usize) -> u32 {
         self.sizes.map_or(3, |sizes| sizes[polygon])
-    }
-
-    pub(super) fn material_of(&self, polygon: usize) -> u32 {
-        match self.materials {
-            Materials::All(material) => material,
-            Materials::Each(materials) => materials[polygon],
-        }
     }
 
     /// Checks everything that the rooms behind rely on. `materials`: how many there are.
@@ -157,9 +143,9 @@ impl<'a> MeshArrays<'a> {
             return wrong("positions", i, &p, format!("must be finite, at most {MAX_COORDINATE:e}"));
         }
         let (name, used) = match &self.materials {
-            Materials::All(material) => ("material", std::slice::from_ref(material)),
-            Materials::Each(each) if each.len() == polygons => ("face_materials", *each),
-            Materials::Each(each) => {
+            PerEntry::All(material) => ("material", std::slice::from_ref(material)),
+            PerEntry::Each(each) if each.len() == polygons => ("face_materials", *each),
+            PerEntry::Each(each) => {
                 let entries = each.len();
                 return do_not_fit(format!(
                     "⟨face_materials⟩ has {entries} entries for {polygons} polygons: give one each"

@@ -17,10 +17,12 @@ mod solve;
 mod tests;
 mod visibility;
 
+#[cfg(feature = "reports")]
+pub use crate::bench::BenchOptions;
 pub use crate::form_factors::matrix::{FormFactors, Grouping};
 pub use crate::radiosity::mesh::Element;
 #[cfg(feature = "reports")]
-pub use bench::{BenchOptions, BenchReport, BenchRow};
+pub use bench::{BenchReport, BenchRow};
 pub use form_factors::FormFactorOptions;
 pub use mesh_arrays::{MeshArrays, Positions};
 pub use query::Query;

@@ -38,15 +38,11 @@ impl Visibility {
     /// Begins a single query: how much of the light that would arrive at this point of a surface gets through. `position` is in
     /// the coordinates of the file, scene units; `normal` is the normal of the side that receives light, of any length above 0.
     pub fn from_point(&self, position: [f64; 3], normal: [f64; 3]) -> Query<'_> {
-        Query::new(self, position, normal)
+        Query { visibility: self, position, normal, target: None, feature_size: None, rays: RAYS, seed: 1 }
     }
 }
 
 impl<'a> Query<'a> {
-    fn new(visibility: &'a Visibility, position: [f64; 3], normal: [f64; 3]) -> Query<'a> {
-        Query { visibility, position, normal, target: None, feature_size: None, rays: RAYS, seed: 1 }
-    }
-
     /// To the source with this index in [`Model::sources`](crate::Model::sources).
     pub fn to_source(mut self, source: usize) -> Query<'a> {
         self.target = Some(Target::Source(source));

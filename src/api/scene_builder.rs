@@ -232,7 +232,7 @@ fn append(soup: &mut Soup, mesh: &MeshArrays) -> Result<()> {
         end += mesh.size(polygon);
         soup.ends.push(end);
         soup.polygon_object.push(object);
-        soup.polygon_material.push(mesh.material_of(polygon));
+        soup.polygon_material.push(mesh.materials.of(polygon));
     }
     Ok(())
 }

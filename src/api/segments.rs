@@ -103,26 +103,29 @@ impl<'a, T: Copy> From<&'a [[T; 3]]> for Strided<'a, T> {
     }
 }
 
-/// A size that all bundles have, or one for each.
+/// A value that all entries of an array have, or one for each.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Sizes<'a> {
-    All(f32),
-    Each(&'a [f32]),
+pub(super) enum PerEntry<'a, T> {
+    All(T),
+    Each(&'a [T]),
 }
 
-impl Sizes<'_> {
-    pub fn of(&self, bundle: usize) -> f32 {
+impl<T: Copy> PerEntry<'_, T> {
+    pub fn of(&self, entry: usize) -> T {
         match self {
-            Sizes::All(size) => *size,
-            Sizes::Each(sizes) => sizes[bundle],
+            PerEntry::All(value) => *value,
+            PerEntry::Each(values) => values[entry],
         }
     }
+}
 
+impl PerEntry<'_, f32> {
+    /// Checks the sizes of so many bundles.
     fn check(&self, name: &str, bundles: usize, in_range: impl Fn(f32) -> bool, must: &str) -> Result<()> {
         let sizes = match self {
-            Sizes::All(size) => std::slice::from_ref(size),
-            Sizes::Each(sizes) if sizes.len() == bundles => sizes,
-            Sizes::Each(sizes) => {
+            PerEntry::All(size) => std::slice::from_ref(size),
+            PerEntry::Each(sizes) if sizes.len() == bundles => sizes,
+            PerEntry::Each(sizes) => {
                 let count = sizes.len();
                 let problem = format!("there are {bundles} bundles");
                 return Err(Error::argument(name, format!("of {count} entries"), problem));
@@ -132,8 +135,8 @@ impl Sizes<'_> {
             return Ok(());
         };
         let name = match self {
-            Sizes::All(_) => name.trim_end_matches('s').into(),
-            Sizes::Each(_) => format!("{name}[{k}]"),
+            PerEntry::All(_) => name.trim_end_matches('s').into(),
+            PerEntry::Each(_) => format!("{name}[{k}]"),
         };
         Err(Error::argument(name, sizes[k], format!("must be {must}")))
     }
@@ -157,8 +160,8 @@ pub struct Segments<'a> {
     pub(super) origins: Strided<'a>,
     pub(super) targets: Strided<'a>,
     pub(super) bundles: &'a [u64],
-    pub(super) feature_sizes: Option<Sizes<'a>>,
-    pub(super) emitter_sizes: Sizes<'a>,
+    pub(super) feature_sizes: Option<PerEntry<'a, f32>>,
+    pub(super) emitter_sizes: PerEntry<'a, f32>,
     relative_to: [f64; 3],
 }
 
@@ -176,33 +179,33 @@ impl<'a> Segments<'a> {
             targets: targets.into(),
             bundles,
             feature_sizes: None,
-            emitter_sizes: Sizes::All(0.0),
+            emitter_sizes: PerEntry::All(0.0),
             relative_to: [0.0; 3],
         }
     }
 
     /// One feature size for all bundles, scene units, above 0; see [`Query::feature_size`](crate::Query::feature_size).
     pub fn feature_size(mut self, size: f32) -> Segments<'a> {
-        self.feature_sizes = Some(Sizes::All(size));
+        self.feature_sizes = Some(PerEntry::All(size));
         self
     }
 
     /// A feature size for each bundle, scene units, above 0.
     pub fn feature_sizes(mut self, sizes: &'a [f32]) -> Segments<'a> {
-        self.feature_sizes = Some(Sizes::Each(sizes));
+        self.feature_sizes = Some(PerEntry::Each(sizes));
         self
     }
 
     /// The smallest width of all emitters as seen from their receivers, scene units, at least 0 (default: points). Smaller than true
     /// is safe: less is averaged.
     pub fn emitter_size(mut self, size: f32) -> Segments<'a> {
-        self.emitter_sizes = Sizes::All(size);
+        self.emitter_sizes = PerEntry::All(size);
         self
     }
 
     /// The same, one for each bundle.
     pub fn emitter_sizes(mut self, sizes: &'a [f32]) -> Segments<'a> {
-        self.emitter_sizes = Sizes::Each(sizes);
+        self.emitter_sizes = PerEntry::Each(sizes);
         self
     }
 
@@ -221,17 +224,19 @@ impl<'a> Segments<'a> {
         self.bundles[bundle] as usize..self.bundles[bundle + 1] as usize
     }
 
-    /// The ends of segments relative to the scene's origin.
-    pub(super) fn frame(&self, origin: DVec3) -> Frame<'a> {
-        Frame {
-            origins: self.origins,
-            targets: self.targets,
-            shift: DVec3::from_array(self.relative_to) - origin,
-        }
+    /// What is added to positions to have them relative to the scene's origin.
+    pub(super) fn shift(&self, origin: DVec3) -> DVec3 {
+        DVec3::from_array(self.relative_to) - origin
+    }
+
+    /// The ends of a segment relative to the scene's origin.
+    pub(super) fn ends(&self, segment: usize, shift: DVec3) -> (Vec3, Vec3) {
+        let moved = |p: Vec3| if shift == DVec3::ZERO { p } else { (p.as_dvec3() + shift).as_vec3() };
+        (moved(self.origins.at(segment)), moved(self.targets.at(segment)))
     }
 
     /// Checks everything that engines rely on.
-    pub(super) fn check(&self, frame: &Frame, parallel: bool) -> Result<()> {
+    pub(super) fn check(&self, shift: DVec3, parallel: bool) -> Result<()> {
         let (segments, bundles) = (self.origins.len(), self.bundle_count());
         if self.targets.len() != segments {
             return Err(Error::arguments(format!(
@@ -260,12 +265,12 @@ impl<'a> Segments<'a> {
             sizes.check("feature_sizes", bundles, |s| s > 0.0, "a finite number above 0")?;
         }
         self.emitter_sizes.check("emitter_sizes", bundles, |s| s >= 0.0, "a finite number not below 0")?;
-        if !frame.shift.is_finite() {
+        if !shift.is_finite() {
             return Err(Error::argument("relative_to", format!("{:?}", self.relative_to), "must be finite"));
         }
         let lies = |p: Vec3| p.is_finite() && p.abs().max_element() <= MAX_COORDINATE;
         let bad = |i: usize| {
-            let (from, to) = frame.ends(i);
+            let (from, to) = self.ends(i, shift);
             !lies(from) || !lies(to) || from == to
         };
         let first = match parallel {
@@ -274,32 +279,15 @@ impl<'a> Segments<'a> {
         };
         let Some(i) = first else { return Ok(()) };
         let (from, to) = (self.origins.at(i), self.targets.at(i));
-        if lies(frame.ends(i).0) && lies(frame.ends(i).1) {
+        let (moved, other) = self.ends(i, shift);
+        if lies(moved) && lies(other) {
             let problem = format!("the segment from {from} has no length");
             return Err(Error::argument(format!("targets[{i}]"), to, problem));
         }
-        let name = if lies(frame.ends(i).0) { "targets" } else { "origins" };
+        let name = if lies(moved) { "targets" } else { "origins" };
         let value = if name == "targets" { to } else { from };
         let problem = format!("must be finite, at most {MAX_COORDINATE:e} from the scene's origin");
         Err(Error::argument(format!("{name}[{i}]"), value, problem))
-    }
-}
-
-/// Ends of segments relative to the scene's origin.
-#[derive(Clone, Copy)]
-pub(super) struct Frame<'a> {
-    origins: Strided<'a>,
-    targets: Strided<'a>,
-    shift: DVec3,
-}
-
-impl Frame<'_> {
-    pub fn ends(&self, segment: usize) -> (Vec3, Vec3) {
-        (self.moved(self.origins.at(segment)), self.moved(self.targets.at(segment)))
-    }
-
-    fn moved(&self, position: Vec3) -> Vec3 {
-        if self.shift == DVec3::ZERO { position } else { (position.as_dvec3() + self.shift).as_vec3() }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::audit::{AUDIT_RAYS, AuditRays};
 use super::measure::{MrRun, Queries, Run, Timer};
-use super::options::Options;
+use super::options::BenchOptions;
 use super::record::MrRow;
 use super::reference::Reference;
 use super::rounds::WARM_UP_PAIRS;
@@ -18,7 +18,7 @@ use crate::visibility::{Exact, MultiResolution, Route, fastest_traversal};
 
 /// Numbers of rays of the exact rows: steps of 4 halve the error, and 256 rays bracket the errors of the MR rows, so
 /// that times at equal error are interpolated.
-const EXACT_RAYS: [usize; 5] = [1, 4, 16, 64, 256];
+pub(super) const EXACT_RAYS: [usize; 5] = [1, 4, 16, 64, 256];
 /// Segments on which Embree's ray calls are timed: limits the trial to 16,384 segments per call. Selects the fastest
 /// call; results are the same.
 const TRIAL_SEGMENTS: usize = 1 << 14;
@@ -86,7 +86,7 @@ impl PlannedRow {
 pub(super) struct Bench<'a> {
     pub model: &'a Model,
     pub scene: &'a Scene,
-    pub options: &'a Options,
+    pub options: &'a BenchOptions,
     pub timer: Timer,
     pub sizes: Vec<f64>,
     pub progress: &'a dyn Progress,

@@ -9,11 +9,11 @@ mod compare;
 mod lattice;
 mod quadtree;
 
-use super::context::{Bench, PlannedRow};
+use super::context::{Bench, EXACT_RAYS, PlannedRow};
 use super::gallery::single_rays;
 use super::lights;
 use super::measure::{MrRun, Queries};
-use super::options::Options;
+use super::options::BenchOptions;
 use super::receivers::{ReceiverGrid, Surfaces};
 use super::record::{Build, MapRecord};
 use super::reference::Reference;
@@ -35,8 +35,6 @@ const DEFAULT_SIDE: usize = 256;
 const DEFAULT_PAIRS: usize = 1 << 19;
 /// Spacings of the texels at which light is computed: steps of 2 quarter the work.
 const SPACINGS: [usize; 4] = [1, 2, 4, 8];
-/// Numbers of rays of exact rows: steps of 4 halve the noise.
-const EXACT_RAYS: [usize; 5] = [1, 4, 16, 64, 256];
 /// Rows of interpolated maps with so many times the segments of the others: as many a texel with every second column and row.
 const MORE_SEGMENTS: usize = 4;
 /// Largest number of segments of rows with more.
@@ -51,7 +49,7 @@ const MIN_REFERENCE_RAYS: usize = 16;
 /// A further round of the rows of a map starts only if it is expected to end within this time.
 const MAX_TIME: Duration = Duration::from_secs(3);
 
-impl Options {
+impl BenchOptions {
     /// Texels along the longer side of a map in a scene with so many emitters.
     fn map_side(&self, emitters: usize) -> usize {
         let default = || DEFAULT_SIDE.min(((DEFAULT_PAIRS / emitters.max(1)) as f64).sqrt() as usize).max(1);

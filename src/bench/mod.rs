@@ -23,7 +23,7 @@ mod surface;
 mod unaveraged;
 pub mod workload;
 
-pub use options::Options;
+pub use options::BenchOptions;
 #[cfg(any(test, feature = "internals"))]
 pub use record::Record;
 pub use run::run;

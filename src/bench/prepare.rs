@@ -1,11 +1,10 @@
 //! The MR engine of a benchmark, and times and sizes of the preparation.
 
 use super::context::Bench;
-use super::options::Options;
+use super::options::BenchOptions;
 use super::record::{Build, BytesPerTriangle};
 use super::sample::{Extent, Sample};
 use super::workload::{Workload, surface_points};
-#[cfg(any(test, feature = "internals"))]
 #[cfg(any(test, feature = "internals"))]
 use crate::model::{Detail, PrepareOptions};
 use crate::model::{Mesh, Model};
@@ -14,9 +13,10 @@ use crate::ray::LANES;
 use crate::visibility::{Candidate, Cut, LeafMode, MultiResolution, Workspace};
 use std::sync::Arc;
 
-impl Options {
+impl BenchOptions {
     /// What [`Model::prepare`] must make for a benchmark with these options.
     #[cfg(any(test, feature = "internals"))]
+    #[doc(hidden)]
     pub fn prepare(&self) -> PrepareOptions {
         PrepareOptions {
             detail: Detail::Optics,

@@ -3,7 +3,7 @@
 use super::context::Bench;
 use super::gallery::single_rays;
 use super::measure::{Queries, Timer};
-use super::options::Options;
+use super::options::BenchOptions;
 use super::page::ReceiverImages;
 use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
@@ -16,13 +16,13 @@ use super::workload::{Workload, surface_points};
 use super::{lights, unaveraged};
 use crate::model::Model;
 use crate::model::summary::SceneSummary;
-use crate::optics::Extinction;
+use crate::optics::{self, Extinction};
 use crate::progress::{Progress, timed};
 use crate::{Error, Result, error::shown};
 use std::time::Instant;
 
 /// Why no point of a bench faces an emitter: there are too few of them, or no surface does.
-fn unlit(model: &Model, options: &Options) -> Result<Error> {
+fn unlit(model: &Model, options: &BenchOptions) -> Result<Error> {
     /// As many find a surface of a thousandth of the scene's area with a probability of 98 %.
     const ENOUGH: usize = 4096;
     let points = surface_points(model, ENOUGH.max(options.points), options.seed)?;
@@ -50,7 +50,7 @@ fn unlit(model: &Model, options: &Options) -> Result<Error> {
 /// is asked between its stages.
 pub fn run(
     model: &Model,
-    options: &Options,
+    options: &BenchOptions,
     progress: &dyn Progress,
 ) -> Result<(Record, Vec<ReceiverImages>)> {
     let scene = model.scene();
@@ -99,7 +99,7 @@ pub fn run(
         scene: SceneSummary::of(model),
         scene_repairs: serde_json::to_value(&scene.repairs).unwrap_or_default(),
         warnings,
-        clusters: clusters_of(options),
+        clusters: clusters_of(model.optics_options()),
         build,
         workload: record::Workload {
             points: options.points,
@@ -134,18 +134,18 @@ fn unseen_sky(workload: &Workload, reference: &Reference) -> Option<String> {
 }
 
 /// The settings of cluster optics.
-fn clusters_of(options: &Options) -> record::Clusters {
+fn clusters_of(options: optics::Options) -> record::Clusters {
     record::Clusters {
-        extinction: match options.clusters.extinction {
+        extinction: match options.extinction {
             Extinction::Measured => "measured".into(),
             Extinction::Analytic => "analytic".into(),
         },
-        tolerance: options.clusters.tolerance.into(),
+        tolerance: options.tolerance.into(),
     }
 }
 
 /// Feature sizes of the options or by default, ascending, without duplicates.
-fn sizes(model: &Model, surfaces: &Surfaces, options: &Options) -> Vec<f64> {
+fn sizes(model: &Model, surfaces: &Surfaces, options: &BenchOptions) -> Vec<f64> {
     let mut sizes = match &options.feature_sizes[..] {
         [] => surfaces.feature_sizes().map_or_else(|| default_sizes(model), of_images),
         sizes => sizes.to_vec(),

@@ -143,6 +143,34 @@ pub fn lightmap(
     Ok(map)
 }
 
+/// Column and row of the texels of an image of so many columns and rows whose centres lie in a triangle, and the barycentric coordinates
+/// of these. Centres on common edges belong to both triangles; the tolerance closes gaps of rounding.
+pub(super) fn covered_texels(
+    face: [Vec2; 3],
+    [columns, rows]: [usize; 2],
+) -> impl Iterator<Item = ([usize; 2], [f32; 3])> {
+    let [a, b, c] = face;
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    let span = |low: f32, high: f32, end: usize| {
+        (low - 0.5).floor().max(0.0) as usize..((high + 0.5).ceil() as usize).min(end)
+    };
+    let (columns, rows) = (span(low.x, high.x, columns), span(low.y, high.y, rows));
+    let texels = rows.flat_map(move |y| columns.clone().map(move |x| [x, y]));
+    let weighted = texels.map(move |[x, y]| ([x, y], weights(face, middle(x, y))));
+    weighted.filter(|(_, weights)| weights.iter().all(|&w| w >= -1e-4))
+}
+
+/// Barycentric coordinates of a point.
+pub(super) fn weights([a, b, c]: [Vec2; 3], p: Vec2) -> [f32; 3] {
+    let area = (b - a).perp_dot(c - a);
+    [(c - b).perp_dot(p - b), (a - c).perp_dot(p - c), (b - a).perp_dot(p - a)].map(|e| e / area)
+}
+
+/// The centre of a texel.
+pub(super) fn middle(x: usize, y: usize) -> Vec2 {
+    Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
+}
+
 /// An error once the caller has stopped.
 pub(super) fn go_on(progress: &dyn Progress) -> Result<()> {
     progress::go_on(progress, "the lightmap was")
@@ -253,29 +281,15 @@ impl Lightmap {
     fn draw(&mut self, mesh: &Mesh, chart: &Chart, t: u32) {
         let [a, b, c] = mesh.corners(t as usize).map(|p| self.place(chart, p));
         self.texcoords[t as usize] = [a, b, c].map(|p| self.texcoord(p));
-        let area = (b - a).perp_dot(c - a);
-        if area == 0.0 {
+        if (b - a).perp_dot(c - a) == 0.0 {
             return;
         }
         let light = mesh.triangles[t as usize].map(|v| mesh.irradiance[v as usize]);
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        let span = |lo: f32, hi: f32, end: usize| {
-            (lo - 0.5).floor().max(0.0) as usize..((hi + 0.5).ceil() as usize).min(end)
-        };
-        for y in span(low.y, high.y, self.height) {
-            for x in span(low.x, high.x, self.width) {
-                let p = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                let weights = [(c - b).perp_dot(p - b), (a - c).perp_dot(p - c), (b - a).perp_dot(p - a)]
-                    .map(|e| e / area);
-                // Centres on common edges belong to both triangles; the tolerance closes gaps of rounding.
-                if weights.iter().all(|&w| w >= -1e-4) {
-                    let at = y * self.width + x;
-                    self.covered[at] = true;
-                    self.irradiance[at] = std::array::from_fn(|k| {
-                        (0..3).map(|i| weights[i] * light[i][k]).sum::<f32>().max(0.0)
-                    });
-                }
-            }
+        for ([x, y], weights) in covered_texels([a, b, c], [self.width, self.height]) {
+            let at = y * self.width + x;
+            self.covered[at] = true;
+            self.irradiance[at] =
+                std::array::from_fn(|k| (0..3).map(|i| weights[i] * light[i][k]).sum::<f32>().max(0.0));
         }
     }
 

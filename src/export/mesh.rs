@@ -63,7 +63,7 @@ impl Mesh {
                     out.triangle([a, c, d], e);
                 }
                 _ => {
-                    let corners = &element.corners[..if element.is_triangle() { 3 } else { 4 }];
+                    let corners = element.outline();
                     let sum: Vec3 = corners.iter().map(|&v| solution.vertices[v as usize]).sum();
                     let irradiance = match element.crossed {
                         true => centroid(&at_outlines[e]),
@@ -97,7 +97,7 @@ fn normal(solution: &RadiosityMesh, e: &Element) -> Vec3 {
 
 /// Vertices along an element's edges: its corners and the vertices of smaller neighbours.
 fn outline(solution: &RadiosityMesh, vertices: &FxHashMap<[u32; 3], u32>, e: &Element) -> Vec<u32> {
-    let corners = &e.corners[..if e.is_triangle() { 3 } else { 4 }];
+    let corners = e.outline();
     let mut out = Vec::with_capacity(corners.len());
     for (k, &a) in corners.iter().enumerate() {
         out.push(a);
@@ -227,7 +227,7 @@ fn weights(solution: &RadiosityMesh, element: &Element, outline: &[u32]) -> Vec<
             vec![first + second, first, first + second, second]
         }
         n => {
-            let corners = &element.corners[..if element.is_triangle() { 3 } else { 4 }];
+            let corners = element.outline();
             let sum: DVec3 = corners.iter().map(|&v| solution.vertices[v as usize].as_dvec3()).sum();
             let centre = sum / corners.len() as f64;
             let parts: Vec<f64> = (0..n).map(|k| area(centre, place(k), place(k + 1))).collect();
@@ -249,7 +249,7 @@ fn is_beyond_wall(solution: &RadiosityMesh, [a, b]: [u32; 2], vertex: u32, norma
         return false;
     }
     let place = |v: u32| solution.vertices[v as usize];
-    let corners = &a.corners[..if a.is_triangle() { 3 } else { 4 }];
+    let corners = a.outline();
     let middle = b.corners.iter().map(|&v| place(v)).sum::<Vec3>() / 4.0;
     let at = place(vertex);
     (0..corners.len()).filter(|k| a.walls >> k & 1 != 0).any(|k| {

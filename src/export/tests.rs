@@ -62,18 +62,22 @@ fn square(light: impl Fn(Vec3) -> f64) -> (Scene, RadiosityMesh) {
     (scene, solution)
 }
 
-#[test]
-fn pictures_show_the_lit_side() {
-    let (_, solution) = square(|_| 2.0);
-    let mesh = Mesh::new(&solution);
-    let stage = Stage::new(&mesh, &solution).expect("a stage");
-    let camera = |z: f32| Camera {
+/// A camera above or below the middle of the square that looks at it.
+fn camera(z: f32) -> Camera {
+    Camera {
         name: "test".into(),
         eye: Vec3::new(0.5, 0.5, z),
         forward: Vec3::NEG_Z * z.signum(),
         up: Vec3::Y,
         angle: 0.8,
-    };
+    }
+}
+
+#[test]
+fn pictures_show_the_lit_side() {
+    let (_, solution) = square(|_| 2.0);
+    let mesh = Mesh::new(&solution);
+    let stage = Stage::new(&mesh, &solution).expect("a stage");
     let frame = render(&stage, &camera(1.0), [21, 15], 2, &());
     assert_eq!((frame.radiance.len(), frame.first.len()), (21 * 15, 21 * 15));
     // 0.5 × 2 W/m² over π; the middle row and column of the picture see the square at distance 1.

@@ -1,6 +1,6 @@
 //! Lightmaps in the texture coordinates of the scene's file.
 
-use super::lightmap::{MAX_SIDE_TEXELS, TRIANGLES_BETWEEN_LOOKS, go_on};
+use super::lightmap::{MAX_SIDE_TEXELS, TRIANGLES_BETWEEN_LOOKS, covered_texels, go_on, middle, weights};
 use super::{Lightmap, Stage};
 use crate::Result;
 use crate::error::quote;
@@ -84,16 +84,6 @@ fn placed(scene: &Scene, side: usize) -> std::result::Result<Vec<[Vec2; 3]>, Str
     scene.triangle_texcoords.iter().enumerate().map(place).collect()
 }
 
-/// Barycentric coordinates of a point.
-fn weights([a, b, c]: [Vec2; 3], p: Vec2) -> [f32; 3] {
-    let area = (b - a).perp_dot(c - a);
-    [(c - b).perp_dot(p - b), (a - c).perp_dot(p - c), (b - a).perp_dot(p - a)].map(|e| e / area)
-}
-
-fn middle(x: usize, y: usize) -> Vec2 {
-    Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
-}
-
 /// Index of the face at each texel's centre, or [`FREE`].
 fn owners(
     scene: &Scene,
@@ -116,24 +106,15 @@ fn owners(
         }
         let [a, b, c] = face;
         all += f64::from(0.5 * (b - a).perp_dot(c - a).abs());
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        let span =
-            |lo: f32, hi: f32| (lo - 0.5).floor().max(0.0) as usize..((hi + 0.5).ceil() as usize).min(side);
-        for y in span(low.y, high.y) {
-            for x in span(low.x, high.x) {
-                let p = middle(x, y);
-                if weights(face, p).iter().any(|&w| w < -1e-4) {
-                    continue;
-                }
-                let at = &mut owner[y * side + x];
-                if *at == FREE {
-                    taken += 1;
-                    *at = t as u32;
-                } else if deep(face, p) && deep(faces[*at as usize], p) {
-                    let name = |t: usize| quote(&scene.objects[scene.triangle_object[t] as usize].name);
-                    let (one, other) = (name(*at as usize), name(t));
-                    return Ok(Err(format!("faces of `{one}` and `{other}` overlap in texture coordinates")));
-                }
+        for ([x, y], _) in covered_texels(face, [side; 2]) {
+            let (at, p) = (&mut owner[y * side + x], middle(x, y));
+            if *at == FREE {
+                taken += 1;
+                *at = t as u32;
+            } else if deep(face, p) && deep(faces[*at as usize], p) {
+                let name = |t: usize| quote(&scene.objects[scene.triangle_object[t] as usize].name);
+                let (one, other) = (name(*at as usize), name(t));
+                return Ok(Err(format!("faces of `{one}` and `{other}` overlap in texture coordinates")));
             }
         }
     }

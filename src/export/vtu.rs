@@ -1,7 +1,7 @@
 //! VTK's unstructured grid, for ParaView.
 
 use crate::progress::{Progress, Stoppable};
-use crate::radiosity::mesh::RadiosityMesh;
+use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::scene::{Photometry, Scene};
 use crate::{Error, Result, files::WholeFile};
 use std::io::{BufWriter, Write};
@@ -91,7 +91,7 @@ fn write_names(out: &mut impl Write, scene: &Scene) -> std::io::Result<()> {
 
 /// Illuminance (lx) and luminance (cd/m²) of the elements.
 fn photometric_fields(s: &RadiosityMesh, photometry: &Photometry) -> [Array; 2] {
-    let of = |light: fn(&crate::radiosity::mesh::Element) -> [f64; 3], divisor: f64| -> Vec<f32> {
+    let of = |light: fn(&Element) -> [f64; 3], divisor: f64| -> Vec<f32> {
         s.elements.iter().map(|e| (photometry.of(light(e)) / divisor) as f32).collect()
     };
     [
@@ -106,23 +106,19 @@ fn write(
     (scene, photometry): (&Scene, Option<Photometry>),
 ) -> std::io::Result<()> {
     let points: Vec<[f64; 3]> = s.vertices.iter().map(|p| (s.origin + p.as_dvec3()).to_array()).collect();
-    let size = |e: &crate::radiosity::mesh::Element| if e.is_triangle() { 3 } else { 4 };
-    let connectivity: Vec<u32> = s.elements.iter().flat_map(|e| e.corners[..size(e)].to_vec()).collect();
+    let connectivity: Vec<u32> = s.elements.iter().flat_map(Element::outline).copied().collect();
     let mut end = 0u64;
-    let offsets: Vec<u64> = s
-        .elements
-        .iter()
-        .map(|e| {
-            end += size(e) as u64;
-            end
-        })
-        .collect();
+    let mut end_of = |e: &Element| {
+        end += e.outline().len() as u64;
+        end
+    };
+    let offsets: Vec<u64> = s.elements.iter().map(&mut end_of).collect();
     let types: Vec<u8> = s.elements.iter().map(|e| if e.is_triangle() { TRIANGLE } else { QUAD }).collect();
-    let light = |name, of: fn(&crate::radiosity::mesh::Element) -> [f64; 3]| {
+    let light = |name, of: fn(&Element) -> [f64; 3]| {
         let values: Vec<[f32; 3]> = s.elements.iter().map(|e| of(e).map(|x| x as f32)).collect();
         array(name, "Float32", 3, &values)
     };
-    let count = |name, of: fn(&crate::radiosity::mesh::Element) -> u32| {
+    let count = |name, of: fn(&Element) -> u32| {
         array(name, "UInt32", 1, &s.elements.iter().map(of).collect::<Vec<_>>())
     };
     let lit: Vec<u8> = (0..s.elements.len()).map(|e| u8::from(e < s.lit())).collect();

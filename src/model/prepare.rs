@@ -345,7 +345,7 @@ fn clusters_of(
                 return Err(cancelled());
             }
             progress.stage("looking for measured clusters", 0);
-            let made = cache::load_or_try(scene, &options.cache(), &how, || {
+            let made = cache::load_or_make(scene, &options.cache(), &how, || {
                 progress.stage("building clusters", 0);
                 let build = || clusters::build_unless(scene, &how.clusters, &stopped);
                 let hierarchy = timed(&mut clusters_s, build)?;

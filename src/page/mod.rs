@@ -68,6 +68,12 @@ impl Cell {
         Cell { class: if loss { Some("loss") } else { self.class }, ..self }
     }
 
+    /// A speed-up, a loss if it is below 1, marked if it is an estimate.
+    pub fn speedup(value: Option<f64>, is_estimate: bool) -> Cell {
+        let about = if is_estimate { "~" } else { "" };
+        Cell::from(format!("{about}{}", times(value))).loss(value.is_some_and(|v| v < 1.0))
+    }
+
     /// A cell of words, aligned left; it may be long.
     pub fn words(text: impl Into<String>) -> Cell {
         Cell { text: text.into(), class: Some("text") }

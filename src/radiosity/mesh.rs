@@ -46,6 +46,12 @@ impl Element {
     pub(crate) fn is_triangle(&self) -> bool {
         self.corners[2] == self.corners[3]
     }
+
+    /// The corners, each once.
+    #[cfg(any(test, feature = "reports"))]
+    pub(crate) fn outline(&self) -> &[u32] {
+        &self.corners[..if self.is_triangle() { 3 } else { 4 }]
+    }
 }
 
 /// The instance of an element.

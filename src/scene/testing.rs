@@ -5,6 +5,8 @@ use super::generate::{Spec, build};
 use super::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DMat3, DVec3, Vec3};
 use rand_pcg::Pcg64Mcg;
+use std::f64::consts::{FRAC_PI_2, TAU};
+use std::ops::Range;
 
 /// Uniform in the unit cube.
 pub fn in_cube(random: &mut Pcg64Mcg) -> DVec3 {
@@ -135,6 +137,33 @@ impl Pieces {
     /// Adds a closed axis-aligned box.
     pub fn cuboid(&mut self, min: DVec3, max: DVec3) -> &mut Pieces {
         self.block(0.5 * (min + max), DMat3::from_diagonal(max - min))
+    }
+
+    /// Adds squares in columns and rows of these numbers, each as two triangles; `at` gives their corners.
+    pub fn field(&mut self, numbers: Range<i32>, at: impl Fn(i32, i32) -> DVec3) -> &mut Pieces {
+        for (i, j) in numbers.clone().flat_map(|j| numbers.clone().map(move |i| (i, j))) {
+            self.polygon(&[at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+            self.polygon(&[at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+        }
+        self
+    }
+
+    /// Adds a half sphere around the origin of so many emitting quads around and up, which face inwards.
+    pub fn dome(&mut self, radius: f64, [around, up]: [i32; 2]) -> &mut Pieces {
+        let shell = |turn: f64, rise: f64| {
+            radius * DVec3::new(turn.cos() * rise.cos(), turn.sin() * rise.cos(), rise.sin())
+        };
+        for (i, j) in (0..around * up).map(|k| (k % around, k / around)) {
+            let [a, b] = [i, i + 1].map(|i| TAU * f64::from(i) / f64::from(around));
+            let [c, d] = [j, j + 1].map(|j| FRAC_PI_2 * f64::from(j) / f64::from(up));
+            let (turn, rise) = (0.5 * (a + b), 0.5 * (c + d));
+            // Wide enough to leave no gap to the next.
+            let u = (shell(b, c) - shell(a, c)) * 1.02;
+            let v = (shell(turn, d) - shell(turn, c)) * 1.02;
+            let centre = shell(turn, rise);
+            self.light(centre, u, if u.cross(v).dot(centre) < 0.0 { v } else { -v });
+        }
+        self
     }
 
     /// Adds an emitting parallelogram that faces along `u × v`.

@@ -290,8 +290,7 @@ fn a_full_disk_stops_the_batch_until_there_is_room() {
 fn nothing_starts_if_something_is_wrong() {
     let scratch = prepared();
     let refused = |more: &[&str], want: &str| {
-        let ran = batch(&scratch, more).exits(2);
-        assert!(ran.stderr.contains(want) && ran.stderr.lines().count() == 1, "{} lacks {want}", ran.stderr);
+        crate::hostile::refused(&batch(&scratch, more), want);
         assert!(journal(&scratch.path("o")).is_empty());
     };
     std::fs::create_dir_all(scratch.path("o/reference")).expect("made");

@@ -1,20 +1,12 @@
 //! Features: MR images lack no shadow and no lit region of at least the feature size.
 
 use glam::DVec3;
-use mrvis::Model;
-use mrvis::internals::bench::{self, Options, Record};
+use mrvis::internals::bench;
 use mrvis::internals::scene::generate::{self, Spec};
-use mrvis::internals::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
+use mrvis::internals::scene::{LoadOptions, Soup, SoupMaterial, resolve};
+use mrvis::{BenchOptions, Model};
 
-/// The surfaces of the Cornell box are large: nothing is averaged, and one row says so.
-#[test]
-#[ignore = "long: full size"]
-fn a_scene_without_detail_has_one_row() {
-    let record = one_row(generate::build(&Spec::new("cornell")).expect("cornell"));
-    assert!(record.mr[0].speedup_at_same_rms.is_some_and(|speed| speed > 0.0));
-}
-
-/// The same of a board between a lamp and a narrow floor, whose images are small.
+/// Where all surfaces are large, nothing is averaged, and one row says so: a board between a lamp and a narrow floor.
 #[test]
 fn a_board_over_a_floor_has_one_row() {
     let mut soup = Soup::new("board");
@@ -29,11 +21,9 @@ fn a_board_over_a_floor_has_one_row() {
         let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
         soup.polygon(object, material, &corners.map(|(u, v)| DVec3::new(0.5 * x * u, 0.5 * y * v, z)));
     }
-    one_row(resolve(soup, &LoadOptions::default()).expect("a scene"));
-}
-
-fn one_row(scene: Scene) -> Record {
-    let options = Options { points: 100, reference_rays: 64, rounds: 1, ..Options::default() };
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mut options = BenchOptions::default();
+    (options.points, options.reference_rays, options.rounds) = (100, 64, 1);
     let model = Model::prepare(scene, &options.prepare()).expect("a model");
     let (record, images) = bench::run(&model, &options, &()).expect("a benchmark");
     let sentence = record.nothing_averaged.as_ref().expect("nothing is averaged");
@@ -41,7 +31,6 @@ fn one_row(scene: Scene) -> Record {
     assert_eq!((record.mr.len(), record.mr[0].aggregated_fraction), (1, 0.0));
     assert!(!record.receivers.is_empty() && record.receivers.iter().all(|receiver| receiver.fbem.len() == 1));
     assert!(images.iter().all(|receiver| receiver.mr.len() == 1));
-    record
 }
 
 /// Leaves, touching bricks and books, rows of slats: at all four sizes MR images contain every connected feature of the exact shadow images
@@ -68,8 +57,9 @@ fn check_features(((trees, leaves), sizes): ((usize, usize), &[f64]), scenes: &[
         let mut spec = Spec::new(name);
         (spec.trees, spec.leaves) = (trees, leaves);
         let scene = generate::build(&spec).expect(name);
-        let few = Options { points: 200, rays: 16, reference_rays: 64, rounds: 1, ..Options::default() };
-        let options = Options { feature_sizes: sizes.to_vec(), ..few };
+        let mut options = BenchOptions::default();
+        (options.points, options.reference_rays, options.rounds) = (200, 64, 1);
+        options.feature_sizes = sizes.to_vec();
         let model = Model::prepare(scene, &options.prepare()).expect(name);
         let (record, _) = bench::run(&model, &options, &()).expect(name);
         if record.nothing_averaged.is_some() {

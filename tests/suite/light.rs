@@ -1,5 +1,6 @@
 //! Commands around the solver: reference, compare, form-factors, outputs of solve.
 
+use crate::hostile::refused;
 use crate::run::Scratch;
 use mrvis::internals::scene::generate::Spec;
 
@@ -92,10 +93,7 @@ fn bad_input_is_refused_in_one_line() {
         ("form-factors box.obj --out f.npz --max-memory NaN", "max-memory"),
         ("form-factors box.obj --out nowhere/f.npz", "nowhere/f.npz"),
     ] {
-        let outcome = scratch.mrvis(arguments);
-        let said = format!("{arguments}: {:?} {}", outcome.code, outcome.stderr);
-        assert_eq!(outcome.code, Some(2), "{said}");
-        assert!(outcome.stderr.trim_end().lines().count() == 1 && outcome.stderr.contains(word), "{said}");
+        refused(&scratch.mrvis(arguments), word);
     }
 }
 

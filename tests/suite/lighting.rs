@@ -1,5 +1,6 @@
 //! What lighting engineers ask of `solve` and `info`: grids, surfaces, luminaires, upward axis, pictures.
 
+use crate::hostile::refused;
 use crate::run::Scratch;
 
 /// A floor of 4 x 2 m, a lamp of 1 x 1 m that faces it 2 m above its middle, and a bowl beside them.
@@ -63,8 +64,7 @@ fn a_grid_of_points_needs_no_file() {
         ("floor", "SURFACE:SPACING"),
         ("floor:0.0001", "widen the spacing"),
     ] {
-        let refused = scratch.mrvis(&format!("solve hall.obj --out s --grid {grid}"));
-        assert!(refused.code == Some(2) && refused.stderr.contains(words), "{grid}: {}", refused.stderr);
+        refused(&scratch.mrvis(&format!("solve hall.obj --out s --grid {grid}")), words);
     }
 }
 

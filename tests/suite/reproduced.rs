@@ -1,5 +1,6 @@
 //! `mrvis reproduce`, and clusters by other builders.
 
+use crate::hostile::refused;
 use crate::run::Scratch;
 use mrvis::internals::scene::generate::Spec;
 use serde_json::Value;
@@ -53,13 +54,7 @@ fn what_cannot_be_made_is_refused() {
         (&["reproduce", "--only", "fig3", "--out", "file"], "file"),
     ];
     for (call, word) in calls {
-        let refused = scratch.mrvis(call);
-        assert_eq!(refused.code, Some(2), "{call:?}: {}", refused.stdout);
-        assert!(
-            refused.stderr.contains(word) && refused.stderr.trim_end().lines().count() == 1,
-            "{}",
-            refused.stderr
-        );
+        refused(&scratch.mrvis(call), word);
     }
     assert_eq!(scratch.text("reproduce.json"), "an input");
     assert!(!scratch.path("paper").exists());

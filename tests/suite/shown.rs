@@ -1,5 +1,6 @@
 //! `solve` and `form-factors` on published cases, transparent materials, and interruptions.
 
+use crate::ended::LATEST_END;
 use crate::run::{Outcome, Scratch, signal, wait};
 use glam::{DVec3, dvec3};
 use mrvis::Model;
@@ -219,7 +220,7 @@ fn an_interrupted_solution_is_consistent_and_says_so() {
     let child = scratch.started(&line);
     wait(2.0);
     signal("INT", child.id());
-    Outcome::at_end(child).exits(0).prints("interrupted");
+    Outcome::within(LATEST_END, child).exits(0).prints("interrupted");
     let record = scratch.json("s/solution.json");
     assert_eq!(record["interrupted"], true);
     let power = |what: &str| record["ledger"][what].as_f64().expect("a number");

@@ -297,17 +297,6 @@ fn unsafe_code_is_confined() {
     }
 }
 
-#[test]
-fn nothing_is_left_undone() {
-    for file in all_crates() {
-        for word in ["todo!", "unimplemented!", "dbg!"] {
-            if let Some(at) = file.code.find(word) {
-                panic!("{}: {word}", file.at(at));
-            }
-        }
-    }
-}
-
 /// The key of cache files hashes all source code that clusters and optics depend on.
 #[test]
 fn caches_know_the_code_that_made_them() {

@@ -290,16 +290,6 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_one_split_share_a_folder() {
-        let out = tempfile::tempdir().expect("a folder");
-        let parts = [2, 2].map(|of| lock_split(out.path(), of).expect("one split"));
-        let refused = lock_split(out.path(), 3).expect_err("refused").to_string();
-        assert!(refused.contains("parts of another split are running") && refused.contains("3"), "{refused}");
-        drop(parts);
-        lock_split(out.path(), 3).expect("the others have ended");
-    }
-
-    #[test]
     fn parts_start_at_the_same_time_beside_locks_of_former_splits() {
         let out = tempfile::tempdir().expect("a folder");
         for of in 3..40 {

@@ -343,19 +343,10 @@ mod tests {
     }
 
     #[test]
-    fn damaged_and_foreign_lines_are_refused() {
+    fn lines_of_foreign_files_are_refused() {
         let out = tempfile::tempdir().expect("a folder");
         std::fs::create_dir(out.path().join(FOLDER)).expect("made");
         let path = out.path().join(FOLDER).join("journal-1of2.jsonl");
-        for (text, want) in [
-            ("{\"version\":2,\n{}\n", "journal-1of2.jsonl:1: is damaged"),
-            ("{\"version\":9}\n", "is of version 9, this program writes 2"),
-            ("{\"version\":2}\n", "missing field `job`"),
-        ] {
-            std::fs::write(&path, text).expect("written");
-            let found = read_journals(out.path()).and_then(Journals::whole).expect_err("refused").to_string();
-            assert!(found.contains(want), "{found}");
-        }
         for change in [
             |e: &mut Entry| e.job = "../victim".into(),
             |e: &mut Entry| e.job = "/victim".into(),

@@ -11,16 +11,12 @@ pub const TABLES: [&str; 2] = ["results.csv", "results.jsonl"];
 /// Similarity (Jaro-Winkler) from which a known name is suggested: that of clap for options and commands.
 const MIN_SIMILARITY: f64 = 0.7;
 
-/// The known name that is most similar to an unknown one.
-fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let similar = known.into_iter().map(|k| (strsim::jaro_winkler(name, k), k));
-    let best = similar.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (best.0 >= MIN_SIMILARITY).then_some(best.1)
-}
-
-/// A sentence that suggests the nearest known name, empty if none is similar.
+/// A sentence that suggests the known name that is most similar to an unknown one, empty if none is similar.
 pub fn suggestion<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
-    nearest(name, known).map_or(String::new(), |k| format!("; did you mean `{k}`?"))
+    let similar = known.into_iter().map(|k| (strsim::jaro_winkler(name, k), k));
+    let nearest =
+        similar.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(similarity, _)| *similarity >= MIN_SIMILARITY);
+    nearest.map_or(String::new(), |(_, k)| format!("; did you mean `{k}`?"))
 }
 
 /// Why a job cannot have this name, which is that of its folder.

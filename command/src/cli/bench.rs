@@ -9,12 +9,12 @@ use super::limits;
 use super::progress::Bar;
 use super::values::{ClusterArgs, Values, one_of};
 use super::writable::check_folder;
-use mrvis::internals::bench::{self, Options, page};
+use mrvis::internals::bench::{self, page};
 use mrvis::internals::image_io::write_atomically;
-use mrvis::internals::optics::{self, Extinction};
+use mrvis::internals::optics::Extinction;
 use mrvis::internals::threads::Threads;
 use mrvis::internals::{ModelParts, SceneParts};
-use mrvis::{Model, Progress, Result, Scene};
+use mrvis::{BenchOptions, Model, Progress, Result, Scene};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -47,7 +47,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub reference_rays: usize,
     /// Largest number of runs of each timed row; tests that compare no times run each row once
-    #[arg(long, value_name = "N", hide = true, default_value_t = Options::default().rounds)]
+    #[arg(long, value_name = "N", hide = true, default_value_t = BenchOptions::default().rounds)]
     pub rounds: usize,
     /// Check the stated intervals by independent exact rays on this part of the bundles; 0: no check [default: 0.05]
     #[arg(long, value_name = "FRACTION")]
@@ -87,26 +87,22 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 
 fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
-    let options = Options {
-        feature_sizes: args.feature_sizes.clone(),
-        rays: args.rays,
-        points: args.points,
-        receivers: args.receivers.clone(),
-        map: args.map,
-        reference_rays: args.reference_rays,
-        threads: common.threads.map_or(1, usize::from),
-        rounds: args.rounds,
-        seed: common.seed,
-        audit: args.audit.unwrap_or(Options::default().audit),
-        clusters: optics::Options {
-            extinction: args.extinction,
-            tolerance: args.tolerance,
-            ..optics::Options::default()
-        },
-        builder: args.clusters.builder,
-        cache: args.cache.place()?,
-        max_memory: limits::bytes(common.max_memory),
-    };
+    let mut options = BenchOptions::default();
+    options.feature_sizes = args.feature_sizes.clone();
+    options.rays = args.rays;
+    options.points = args.points;
+    options.receivers = args.receivers.clone();
+    options.map = args.map;
+    options.reference_rays = args.reference_rays;
+    options.threads = common.threads.map_or(1, usize::from);
+    options.rounds = args.rounds;
+    options.seed = common.seed;
+    options.audit = args.audit.unwrap_or(options.audit);
+    options.clusters.extinction = args.extinction;
+    options.clusters.tolerance = args.tolerance;
+    options.builder = args.clusters.builder;
+    options.cache = args.cache.place()?;
+    options.max_memory = limits::bytes(common.max_memory);
     options.check()?;
     args.scene.without_light()?;
     let _folder = args.out.as_deref().map(check_folder).transpose()?;

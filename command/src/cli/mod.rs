@@ -283,30 +283,4 @@ mod tests {
         check(Error::io("a b.obj", ErrorKind::NotFound.into()), "a b.obj: entity not found");
         check(Error::format("a.obj", Some(3), "two\nlines"), "a.obj:3: two lines");
     }
-
-    #[test]
-    fn typing_errors_get_a_suggestion() {
-        let line = |words: &[&str]| usage(&Cli::try_parse_from(words).err().unwrap());
-        assert!(line(&["mrvis", "bench", "a.obj", "--recever", "x"]).ends_with("did you mean --receiver?"));
-        assert!(line(&["mrvis", "slove", "a.obj"]).ends_with("did you mean solve?"));
-        assert!(line(&["mrvis", "info", "a.obj", "--unit", "furlong"]).contains("not a unit of length"));
-    }
-
-    #[test]
-    fn quiet_may_come_first() {
-        for words in [["mrvis", "--quiet", "info", "a.obj"], ["mrvis", "info", "a.obj", "--quiet"]] {
-            let Command::Info(args) = Cli::try_parse_from(words).unwrap().command else { panic!() };
-            assert!(args.common.quiet);
-        }
-    }
-
-    #[test]
-    fn usage_errors_are_one_line() {
-        for words in
-            [&["mrvis"][..], &["mrvis", "bench"], &["mrvis", "fbem", "a", "--bogus"], &["mrvis", "nix"]]
-        {
-            let line = usage(&Cli::try_parse_from(words).err().unwrap());
-            assert!(!line.contains('\n') && !line.is_empty() && !line.contains("Usage"), "{line}");
-        }
-    }
 }

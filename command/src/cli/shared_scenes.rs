@@ -7,6 +7,7 @@ use crate::batch::{HashedFile, Hashes};
 use mrvis::internals::{ModelParts, PrepareParts, SceneParts};
 use mrvis::{Model, PrepareOptions, Progress, Result, Scene};
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Scenes and models of a batch.
@@ -15,7 +16,7 @@ pub struct SharedScenes {
     /// By file and options.
     kept: Mutex<HashMap<String, Kept>>,
     /// Counts uses.
-    clock: Mutex<u64>,
+    clock: AtomicU64,
 }
 
 /// A scene and what was prepared of it.
@@ -47,7 +48,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 impl SharedScenes {
     /// Nothing yet.
     pub fn new(hashes: Arc<Hashes>) -> SharedScenes {
-        SharedScenes { hashes, kept: Mutex::default(), clock: Mutex::default() }
+        SharedScenes { hashes, kept: Mutex::default(), clock: AtomicU64::default() }
     }
 
     /// The scene of this file with these options, read by `read` if there is none or its files have changed since.
@@ -55,11 +56,7 @@ impl SharedScenes {
     /// # Errors
     /// As `read`.
     pub fn scene(&self, key: String, read: impl FnOnce() -> Result<Scene>) -> Result<(Arc<Scene>, InUse)> {
-        let now = {
-            let mut clock = lock(&self.clock);
-            *clock += 1;
-            *clock
-        };
+        let now = self.clock.fetch_add(1, Ordering::Relaxed);
         let (gate, in_use) = {
             let mut kept = lock(&self.kept);
             let entry = kept.entry(key.clone()).or_default();
@@ -84,13 +81,8 @@ impl SharedScenes {
 
     /// The files of a scene with their content, also those that it names and that could not be read.
     pub fn files(&self, scene: &Scene) -> Vec<HashedFile> {
-        scene
-            .parts()
-            .files
-            .iter()
-            .chain(scene.parts().unread_files)
-            .map(|file| self.hashes.of(file))
-            .collect()
+        let parts = scene.parts();
+        parts.files.iter().chain(parts.unread_files).map(|file| self.hashes.of(file)).collect()
     }
 
     /// A model of a scene: what was prepared of it already is not made again.

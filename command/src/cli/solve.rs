@@ -11,6 +11,7 @@ mod watch;
 use super::args::{CacheArgs, Common, SceneArgs, command_line};
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output};
+use super::interruption;
 use super::mpi::MpiArgs;
 use super::outputs::{Outputs, Written};
 use super::progress::Bar;
@@ -245,10 +246,12 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     }
     let load = start.elapsed().as_secs_f64();
     options.seconds_spent = load;
-    let watch = Watch { bar: Bar::new(args.common.quiet) };
+    let bar = Bar::new(args.common.quiet);
+    let watch = Watch::new(&bar);
     // Ranks that stop at different places would wait for each other: an interruption ends them at once.
     if !args.mpi.mpi {
-        watch.stop_on_interruption(args.common.quiet);
+        let quiet = args.common.quiet;
+        interruption::watch((!quiet).then_some("stopping with the light there is; once more ends at once"));
     }
     watch.stage("preparing", 0);
     let model = prepare(scene, &options, &watch)?.on_ranks(args.mpi.ranks());
@@ -256,7 +259,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch)?;
     let other = args.compare.filter(|_| !outcome.record.interrupted);
     let versus = other.map(|other| side_by_side(&model, &points, &outcome, other, &watch)).transpose()?;
-    watch.bar.finish();
+    bar.finish();
     if !args.mpi.is_first() {
         return Ok(ExitCode::SUCCESS);
     }

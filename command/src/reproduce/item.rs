@@ -159,9 +159,7 @@ impl Item {
         let charts = vec![Chart { plot, caption: caption.into() }];
         self.charts.push(ChartRow { title: String::new(), charts });
     }
-}
 
-impl Item {
     /// Number of checks that do not hold.
     pub fn missed(&self) -> usize {
         self.checks.iter().filter(|check| !check.holds).count()

@@ -51,13 +51,6 @@ impl Wall {
     }
 }
 
-/// Segments from texels to the emitters that they face, sixteen or fewer a packet.
-struct Segments {
-    packets: Vec<Packet>,
-    /// First packet of each pair, and the number of packets.
-    ends: Vec<usize>,
-}
-
 /// Texels and the emitters that they face.
 pub struct Grid<'a> {
     model: &'a Model,
@@ -154,9 +147,12 @@ impl<'a> Grid<'a> {
         (rays, repeat): (usize, usize),
     ) -> Result<Rendered> {
         self.rendered(1, |run| {
-            let segments = self.segments(run.clone(), rays);
-            let bundles: Vec<Bundle> =
-                run.enumerate().map(|(k, place)| self.bundle(place, segments.of(k))).collect();
+            let (pairs, mut packets) = (&self.pairs[run], Vec::new());
+            for &pair in pairs {
+                self.workload.add_bundle(self.model.scene(), pair, rays, 0, &mut packets);
+            }
+            let of_pairs = packets.chunks(rays.div_ceil(LANES)).zip(pairs);
+            let bundles: Vec<Bundle> = of_pairs.map(|(packets, &pair)| self.bundle(pair, packets)).collect();
             let mut workspace = Workspace::default();
             // Memory of the workspace is not part of the time.
             engine.answers(&bundles, s as f32, &mut workspace, |_| ());
@@ -171,19 +167,7 @@ impl<'a> Grid<'a> {
         })
     }
 
-    /// Segments of some pairs, which are at these places of [`Grid::pairs`].
-    fn segments(&self, places: Range<usize>, rays: usize) -> Segments {
-        let mut drawn = Segments { packets: Vec::new(), ends: vec![0] };
-        for place in places {
-            let (scene, pair) = (self.model.scene(), self.pairs[place]);
-            self.workload.add_bundle(scene, pair, rays, 0, &mut drawn.packets);
-            drawn.ends.push(drawn.packets.len());
-        }
-        drawn
-    }
-
-    fn bundle<'s>(&'s self, place: usize, packets: &'s [Packet]) -> Bundle<'s> {
-        let pair = self.pairs[place];
+    fn bundle<'s>(&'s self, pair: usize, packets: &'s [Packet]) -> Bundle<'s> {
         Bundle {
             packets,
             emitter_size: self.workload.pairs[pair].emitter_size,
@@ -210,13 +194,6 @@ impl<'a> Grid<'a> {
             }
         }
         Ok(Rendered { image: self.image(self.workload.weighted(&values))?, seconds: shortest.iter().sum() })
-    }
-}
-
-impl Segments {
-    /// Packets of the k-th pair.
-    fn of(&self, k: usize) -> &[Packet] {
-        &self.packets[self.ends[k]..self.ends[k + 1]]
     }
 }
 

@@ -4,9 +4,7 @@ use crate::model::{Detail, Model, PrepareOptions};
 use crate::progress::testing::stop_when;
 use crate::scene::Scene;
 use crate::scene::generate::{Spec, build};
-use crate::{
-    Answers, BenchOptions, Error, FormFactorOptions, Grouping, Segments, SolveOptions, Strided, SurfacePoint,
-};
+use crate::{Answers, BenchOptions, Error, Segments, SolveOptions, Strided, SurfacePoint};
 use std::sync::Arc;
 
 fn model(scene: Scene, detail: Detail) -> Model {
@@ -59,8 +57,6 @@ fn references_agree_with_solutions() {
         assert!((light - want).abs() < 4.0 * noise + 0.05 * want, "{light} {want}");
     }
     assert!(model.reference(&[floor], 1, 1).unwrap_err().to_string().contains("`samples` 1"));
-    let nowhere = SurfacePoint { normal: [0.0; 3], ..floor };
-    assert!(model.reference(&[floor, nowhere], 8, 1).unwrap_err().to_string().contains("`points`[1]"));
     assert!(matches!(
         model.with_progress(stop_when(|_| true)).reference(&[floor], 8, 1),
         Err(Error::Cancelled(_))
@@ -68,31 +64,8 @@ fn references_agree_with_solutions() {
 }
 
 #[test]
-fn whole_matrices_of_form_factors_are_their_rows() {
+fn batches_stop_in_their_middle() {
     let model = model(Scene::generate("cornell").unwrap(), Detail::Rays);
-    let options =
-        FormFactorOptions { grouping: Grouping::Object, rays: Some(256), ..FormFactorOptions::default() };
-    let factors = model.form_factors(&options).unwrap();
-    let (offsets, columns, values) = (&factors.offsets, &factors.columns, &factors.factors);
-    assert_eq!((offsets.len(), offsets[0]), (factors.areas.len() + 1, 0));
-    for row in 0..factors.areas.len() {
-        let span = offsets[row] as usize..offsets[row + 1] as usize;
-        assert_eq!(factors.row(row), (&columns[span.clone()], &values[span]));
-    }
-    assert!(values.len() == columns.len() && !values.is_empty());
-}
-
-#[test]
-fn form_factors_and_batches_stop_in_their_middle() {
-    let model = model(Scene::generate("cornell").unwrap(), Detail::Rays);
-    let (few, steps) = (
-        FormFactorOptions { rays: Some(16), ..FormFactorOptions::default() },
-        Arc::new(stop_when(|c| c.steps >= 3)),
-    );
-    assert!(matches!(model.with_progress(steps.clone()).form_factors(&few), Err(Error::Cancelled(_))));
-    // Those that were at work on other threads end.
-    assert!((3..30).contains(&steps.steps()));
-
     let (ends, offsets) = ([100.0f32, 100.0, 100.0, 400.0, 400.0, 400.0], Vec::from_iter(0..=100_000));
     let [from, to] = [&ends[..3], &ends[3..]].map(|p| Strided::repeated(p.try_into().unwrap(), 100_000));
     let (segments, mut clear) = (Segments::new(from, to, &offsets), vec![-1.0; 100_000]);

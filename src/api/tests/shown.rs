@@ -77,6 +77,7 @@ fn pictures_show_the_light_of_the_points_that_they_see() {
         (Camera { target: DOWN.eye, ..DOWN }, 189, "`camera.target`"),
         (Camera { up: [0.0; 3], ..DOWN }, 189, "`camera.up`"),
         (Camera { eye: [f64::NAN; 3], ..DOWN }, 189, "`camera.eye`"),
+        (Camera { eye: [1e300; 3], ..DOWN }, 189, "`camera.eye`"),
         (DOWN, 188, "must have 189"),
     ] {
         let message = light.image(&camera, &options, &mut radiance[..buffer]).unwrap_err().to_string();

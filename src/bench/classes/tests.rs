@@ -1,7 +1,7 @@
 //! Classes of points in made scenes, and the rows of a small forest.
 
 use super::surroundings::Surroundings;
-use crate::bench::Options;
+use crate::bench::BenchOptions;
 use crate::bench::record::ReceiverClass;
 use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
 use crate::model::{Detail, testing};
@@ -23,11 +23,7 @@ fn classes<const N: usize>(scene: &Scene, points: [([f32; 3], Vec3); N]) -> [Rec
 #[test]
 fn a_closed_room_is_interior() {
     let mut room = Pieces::new();
-    let [x, y, z] = [4.0 * DVec3::X, 4.0 * DVec3::Y, 3.0 * DVec3::Z];
-    let centre = DVec3::new(0.0, 0.0, 1.5);
-    for (u, v, w) in [(x, y, z), (y, z, x), (z, x, y)] {
-        room.quad(centre - 0.5 * w, u, v).quad(centre + 0.5 * w, v, u);
-    }
+    room.room(DVec3::new(-2.0, -2.0, 0.0), DVec3::new(2.0, 2.0, 3.0));
     room.light(DVec3::new(0.0, 0.0, 2.9), 0.5 * DVec3::Y, 0.5 * DVec3::X);
     // A pencil on the floor.
     room.quad(DVec3::new(1.0, 0.0, 0.02), 0.05 * DVec3::X, 0.01 * DVec3::Y);
@@ -72,14 +68,14 @@ fn leaves_are_small_and_walls_are_not() {
 #[test]
 fn a_forest_has_rows_by_class() {
     let model = testing::model(&forest(9, 200), Detail::Optics);
-    let options = Options {
+    let options = BenchOptions {
         points: 600,
         rays: 4,
         feature_sizes: vec![1.0],
         reference_rays: 64,
         rounds: 1,
         audit: 0.0,
-        ..Options::default()
+        ..BenchOptions::default()
     };
     let (record, _) = crate::bench::run(&model, &options, &()).expect("a record");
     let workload = Workload::new(&model, surface_points(&model, 600, options.seed).expect("points"), 1);

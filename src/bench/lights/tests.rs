@@ -3,7 +3,7 @@
 use super::{Asked, FAR, Lights, patches};
 use crate::bench::measure::{Queries, Timer};
 use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
-use crate::bench::{Options, run};
+use crate::bench::{BenchOptions, run};
 use crate::model::{Detail, Model, testing};
 use crate::path_tracer::{Settings, irradiance};
 use crate::points::Point;
@@ -189,15 +189,12 @@ fn images_show_the_sun_or_the_patch_with_the_largest_irradiance() {
 #[test]
 fn a_closed_room_under_a_sky_has_a_note() {
     let mut pieces = Pieces::new();
-    let [x, y, z] = [4.0 * DVec3::X, 4.0 * DVec3::Y, 3.0 * DVec3::Z];
-    let centre = DVec3::new(0.0, 0.0, 1.5);
-    for (u, v, w) in [(x, y, z), (y, z, x), (z, x, y)] {
-        pieces.quad(centre - 0.5 * w, u, v).quad(centre + 0.5 * w, v, u);
-    }
+    pieces.room(DVec3::new(-2.0, -2.0, 0.0), DVec3::new(2.0, 2.0, 3.0));
     pieces.object("shelf").cuboid(DVec3::new(-1.0, 0.0, 0.0), DVec3::new(1.0, 0.5, 1.0));
     // One feature size: images of each take seconds.
-    let few = Options { points: 100, reference_rays: 16, rounds: 1, map: Some(16), ..Options::default() };
-    let options = Options { feature_sizes: vec![0.5], ..few };
+    let few =
+        BenchOptions { points: 100, reference_rays: 16, rounds: 1, map: Some(16), ..BenchOptions::default() };
+    let options = BenchOptions { feature_sizes: vec![0.5], ..few };
     let scene = under("uniform:1000", "160,50:400", pieces.scene());
     let model = Model::prepare(scene, &options.prepare()).expect("a model");
     let (record, _) = run(&model, &options, &()).expect("a record");

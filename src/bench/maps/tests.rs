@@ -1,6 +1,6 @@
 //! Maps of a small forest.
 
-use crate::bench::Options;
+use crate::bench::BenchOptions;
 use crate::bench::context::Bench;
 use crate::bench::gallery::single_rays;
 use crate::bench::measure::Timer;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 #[test]
 fn rows_of_a_map_are_consistent() {
     let model = testing::model(&forest(12, 300), Detail::Optics);
-    let options = Options { map: Some(48), rays: 64, rounds: 1, ..Options::default() };
+    let options = BenchOptions { map: Some(48), rays: 64, rounds: 1, ..BenchOptions::default() };
     let sizes = vec![0.2, 1.0];
     let timer = Timer::new(1).expect("a timer");
     let bench = Bench { model: &model, scene: model.scene(), options: &options, timer, sizes, progress: &() };
@@ -62,7 +62,7 @@ fn rows_of_a_map_are_consistent() {
 #[test]
 fn the_cache_makes_the_same_map_on_any_number_of_threads() {
     let model = testing::model(&forest(12, 300), Detail::Optics);
-    let options = Options { map: Some(128), reference_rays: 128, ..Options::default() };
+    let options = BenchOptions { map: Some(128), reference_rays: 128, ..BenchOptions::default() };
     let bench = |threads| Bench {
         model: &model,
         scene: model.scene(),

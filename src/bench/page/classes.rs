@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use crate::bench::record::{ClassRecord, MrRow, ReceiverClass};
-use crate::page::{Cell, count, length, percent, seconds, signed, table, times};
+use crate::page::{Cell, count, length, percent, seconds, signed, table};
 use crate::plot::number;
 
 /// The best row of each class; empty without any class.
@@ -32,10 +32,6 @@ pub(super) fn section(classes: &[ClassRecord], unit: &str) -> Markup {
 }
 
 fn row(class: &ClassRecord, row: &MrRow, unit: &str) -> [Cell; 12] {
-    let speed = |about: bool, v: Option<f64>| {
-        let about = if about { "~" } else { "" };
-        Cell::from(format!("{about}{}", times(v))).loss(v.is_some_and(|v| v < 1.0))
-    };
     [
         Cell::words(class.class.name()),
         count(class.points as u64).into(),
@@ -45,9 +41,9 @@ fn row(class: &ClassRecord, row: &MrRow, unit: &str) -> [Cell; 12] {
         seconds(row.seconds).into(),
         number(row.rms).into(),
         signed(row.bias).into(),
-        speed(row.extrapolated, row.speedup_at_same_rms),
-        speed(false, class.smallest_speedup()),
-        speed(false, Some(row.speedup_per_segment)),
+        Cell::speedup(row.speedup_at_same_rms, row.extrapolated),
+        Cell::speedup(class.smallest_speedup(), false),
+        Cell::speedup(Some(row.speedup_per_segment), false),
         percent(row.interval_coverage).into(),
     ]
 }

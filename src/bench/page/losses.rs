@@ -2,10 +2,10 @@
 
 use maud::{Markup, html};
 
-use super::{MrImage, ReceiverImages, receivers::fbem_at};
+use super::receivers::{Spot, fbem_at};
+use super::{MrImage, ReceiverImages};
 use crate::Result;
 use crate::bench::record::Record;
-use crate::metrics::difference;
 use crate::page::{Cell, length, signed, table, times};
 use crate::plot::number;
 
@@ -30,22 +30,16 @@ pub(super) fn section(record: &Record, receivers: &[ReceiverImages]) -> Result<M
                 let name = Cell::words(&receiver.name);
                 worse.push([name, length(size, unit).into(), number(mr).into(), number(exact).into()]);
             }
-            let d = difference(&receiver.reference, image)?;
-            let (at, d) = d.iter().enumerate().fold(
-                (0, 0.0),
-                |m: (usize, f64), (i, d)| {
-                    if d.abs() > m.1.abs() { (i, *d) } else { m }
-                },
-            );
-            largest.push((&receiver.name, size, at % image.width(), at / image.width(), d));
+            largest.push((&receiver.name, size, Spot::of(&receiver.reference, image)?));
         }
     }
-    largest.sort_by(|a, b| b.4.abs().total_cmp(&a.4.abs()));
+    largest.sort_by(|(.., a), (.., b)| b.difference.abs().total_cmp(&a.difference.abs()));
     let largest: Vec<[Cell; 4]> = largest
         .into_iter()
         .take(6)
-        .map(|(name, size, x, y, d)| {
-            [Cell::words(name), length(size, unit).into(), format!("{x}, {y}").into(), signed(d).into()]
+        .map(|(name, size, Spot { x, y, difference, .. })| {
+            let place = format!("{x}, {y}").into();
+            [Cell::words(name), length(size, unit).into(), place, signed(difference).into()]
         })
         .collect();
     Ok(html! {

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use crate::Result;
 use crate::bench::record::{MapExactRow, MapMrRow, MapRecord};
-use crate::page::{Cell, chart, length, seconds, signed, table, times};
+use crate::page::{Cell, chart, length, seconds, signed, table};
 use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 
 /// All maps; empty without any.
@@ -71,11 +71,7 @@ fn measured(rays: usize, spacing: usize, [time, setup]: [f64; 2], [rms, bias]: [
 }
 
 fn mr_row(row: &MapMrRow, unit: &str) -> [Cell; 13] {
-    let about = |v: Option<f64>, extrapolated: bool| {
-        let about = if extrapolated { "~" } else { "" };
-        Cell::from(format!("{about}{}", times(v))).loss(v.is_some_and(|v| v < 1.0))
-    };
-    let speed = |v: Option<f64>| about(v, row.extrapolated);
+    let speed = |v: Option<f64>| Cell::speedup(v, row.extrapolated);
     let [rays, spacing, time, setup, rms, bias] =
         measured(row.rays, row.spacing, [row.seconds, row.setup_s], [row.rms, row.bias]);
     [
@@ -89,9 +85,9 @@ fn mr_row(row: &MapMrRow, unit: &str) -> [Cell; 13] {
         number(row.fbem).into(),
         speed(row.speedup_at_same_rms),
         speed(row.speedup_with_setup),
-        about(row.speedup_over_texels, row.texels_extrapolated),
+        Cell::speedup(row.speedup_over_texels, row.texels_extrapolated),
         speed(row.speedup_with_preparation),
-        Cell::from(times(row.speedup_at_same_fbem)).loss(row.speedup_at_same_fbem.is_some_and(|v| v < 1.0)),
+        Cell::speedup(row.speedup_at_same_fbem, false),
     ]
 }
 

@@ -136,16 +136,16 @@ fn texels(image: &Image, surface: [f64; 2], unit: &str) -> String {
 }
 
 /// The texel with the largest difference to the reference.
-struct Spot {
-    x: usize,
-    y: usize,
-    difference: f64,
+pub(super) struct Spot {
+    pub x: usize,
+    pub y: usize,
+    pub difference: f64,
     /// Columns and rows of the image.
     of: [usize; 2],
 }
 
 impl Spot {
-    fn of(reference: &Image, image: &Image) -> Result<Spot> {
+    pub fn of(reference: &Image, image: &Image) -> Result<Spot> {
         let d = differences(reference, image)?;
         let largest = |best: usize, k: usize| if d[k].abs() > d[best].abs() { k } else { best };
         let at = (0..d.len()).fold(0, largest);

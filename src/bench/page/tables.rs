@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use crate::bench::record::{Build, ExactRow, MrRow, Record, Workload};
-use crate::page::{Cell, bytes, count, length, percent, properties, seconds, signed, table, times};
+use crate::page::{Cell, bytes, count, length, percent, properties, seconds, signed, table};
 use crate::plot::number;
 
 /// Scene, preparation and workload.
@@ -162,9 +162,6 @@ pub(super) fn measurements(record: &Record) -> Markup {
 }
 
 fn mr_row(row: &MrRow, unit: &str) -> [Cell; 13] {
-    let speed = |about: &str, v: Option<f64>| {
-        Cell::from(format!("{about}{}", times(v))).loss(v.is_some_and(|v| v < 1.0))
-    };
     [
         length(row.feature_size, unit).into(),
         row.rays.into(),
@@ -172,9 +169,9 @@ fn mr_row(row: &MrRow, unit: &str) -> [Cell; 13] {
         seconds(row.seconds).into(),
         number(row.rms).into(),
         signed(row.bias).into(),
-        speed(if row.extrapolated { "~" } else { "" }, row.speedup_at_same_rms),
-        speed("", row.speedup_at_same_fbem),
-        speed("", Some(row.speedup_per_segment)),
+        Cell::speedup(row.speedup_at_same_rms, row.extrapolated),
+        Cell::speedup(row.speedup_at_same_fbem, false),
+        Cell::speedup(Some(row.speedup_per_segment), false),
         percent(row.aggregated_fraction).into(),
         count(row.exact_rays).into(),
         number(row.nodes_per_segment).into(),

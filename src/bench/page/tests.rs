@@ -2,8 +2,7 @@
 
 use super::*;
 use crate::bench::record::{
-    Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, IntervalAudit, ReceiverErrors, SceneSummary,
-    SkySources, Spent, Workload,
+    Build, CalibrationBin, ExactRow, IntervalAudit, ReceiverErrors, SceneSummary, SkySources, Spent, Workload,
 };
 
 /// Shadows of 260 discs, six of them large, with noise; `large_only`: of the large ones.
@@ -58,13 +57,11 @@ fn audit() -> IntervalAudit {
 
 fn exact_rows() -> [ExactRow; 5] {
     [1usize, 4, 16, 64, 256].map(|n| ExactRow {
-        coherent: n > 4,
         rays: n,
         seconds: 0.021 * n as f64,
         mode: "occluded16".into(),
-        setup_s: 0.002,
         rms: 0.31 / (n as f64).sqrt(),
-        bias: 1e-5,
+        ..ExactRow::default()
     })
 }
 
@@ -76,9 +73,7 @@ fn mr_rows() -> [MrRow; 4] {
         (1.5, 0.05, 0.098, 0.8),
     ];
     mr.map(|(s, seconds, rms, per_segment)| MrRow {
-        handed_over: 0.0,
         route: "bundle".into(),
-        decide_s: 0.031,
         feature_size: s,
         rays: 16,
         seconds,
@@ -86,73 +81,36 @@ fn mr_rows() -> [MrRow; 4] {
         bias: -0.004,
         interval_coverage: 0.97,
         audit: Some(audit()),
-        certified_fraction: 0.4,
         aggregated_fraction: 0.81,
-        exact_rays: 48_212,
-        nodes_per_segment: 11.4,
         speedup_per_segment: per_segment,
         speedup_at_same_rms: Some(0.021 * (0.31 / rms).powi(2) / seconds),
         compared_with: "exact".into(),
         speedup_over_plain_exact: Some(0.021 * (0.31 / rms).powi(2) / seconds),
         speedup_at_same_fbem: (s > 0.2).then_some(7.0),
         extrapolated: s < 0.2,
+        ..MrRow::default()
     })
-}
-
-fn build() -> Build {
-    Build {
-        load_s: 0.82,
-        embree_s: 0.4,
-        builder: "grids".into(),
-        hierarchy_s: 0.61,
-        characterise_s: 4.2,
-        cache: "made".into(),
-        cache_s: 0.02,
-        cache_note: Some("a cache was damaged".into()),
-        budget_s: 0.1,
-        exact_setup_s: 0.41,
-        mr_setup_s: 4.97,
-        hierarchy_bytes: 21_000_000,
-        embree_bytes: 88_000_000,
-        bytes_per_triangle: BytesPerTriangle::of(
-            1_000_000,
-            [65_000_000, 8_000_000, 28_000_000, 64_000_000, 88_000_000],
-        ),
-    }
 }
 
 fn example() -> (Record, Vec<ReceiverImages>) {
     let record = Record {
-        mrvis: "0.1.0".into(),
-        embree: "4.4.0".into(),
-        threads: 1,
-        isa: "avx512".into(),
         unit: "m".into(),
-        seed: 1,
-        scene: SceneSummary {
-            path: "scenes/park <b>.obj".into(),
-            triangles: 512_340,
-            objects: 41,
-            emitters: 1,
-            closed_parts: 310,
-            sheet_parts: 498_020,
-            clusters: 81_337,
-            levels: 9,
-            ..Default::default()
-        },
-        clusters: Clusters { extinction: "measured".into(), tolerance: 0.05 },
+        scene: SceneSummary { path: "scenes/park <b>.obj".into(), triangles: 512_340, ..Default::default() },
         scene_repairs: serde_json::json!({"zero_area_faces": 41, "duplicate_faces": 0, "welded_vertices": 120311,
             "messages": ["park.mtl:12: unknown material 'moss', grey used"]}),
         warnings: vec!["Another process used the machine while timing.".into()],
-        build: build(),
+        build: Build {
+            load_s: 0.82,
+            characterise_s: 4.2,
+            cache_note: Some("a cache was damaged".into()),
+            embree_bytes: 88_000_000,
+            ..Build::default()
+        },
         spent: Spent { points_s: 12.3, ..Spent::default() },
         workload: Workload {
             points: 20_000,
             rays: 16,
             segments: 320_000,
-            reference_rays: 1024,
-            reference_rms: 0.0041,
-            rounds: 3,
             sky: Some(SkySources {
                 patches: 64,
                 largest_angle: 29.4,
@@ -160,14 +118,12 @@ fn example() -> (Record, Vec<ReceiverImages>) {
                 suns: 1,
                 shown: "lamps".into(),
             }),
+            ..Workload::default()
         },
         exact: exact_rows().into(),
-        certified: Vec::new(),
         mr: mr_rows().into(),
-        classes: Vec::new(),
-        nothing_averaged: None,
         receivers: vec![ReceiverErrors { name: "lawn".into(), ..Default::default() }],
-        maps: Vec::new(),
+        ..Record::default()
     };
     let images = ReceiverImages {
         name: "lawn".into(),

@@ -116,7 +116,7 @@ fn placed_meshes_are_receivers() {
     let model = testing::model(&scene, Detail::Rays);
     let exact = model.exact();
     for (name, at) in [("left", first), ("right", second), ("board", first)] {
-        let options = crate::bench::Options { receivers: vec![name.into()], ..Default::default() };
+        let options = crate::bench::BenchOptions { receivers: vec![name.into()], ..Default::default() };
         options.check_for(&scene).expect(name);
         let receivers = grids(&model, &exact, &[name.to_owned()], SIZES).expect(name);
         assert!(receivers.len() == 1 && receivers[0].lit && receivers[0].name == name);
@@ -139,15 +139,11 @@ fn a_terrain_is_a_receiver() {
     let height = |x: f64, y: f64| 0.3 * (0.9 * x).sin() * (0.7 * y).cos();
     let mut pieces = Pieces::new();
     pieces.object("hills");
-    let (n, step) = (40, 0.2);
     let at = |i: i32, j: i32| {
-        let (x, y) = (step * f64::from(i), step * f64::from(j));
+        let (x, y) = (0.2 * f64::from(i), 0.2 * f64::from(j));
         DVec3::new(x, y, height(x, y))
     };
-    for (i, j) in (0..n * n).map(|k| (k % n, k / n)) {
-        pieces.polygon(&[at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
-        pieces.polygon(&[at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
-    }
+    pieces.field(0..40, at);
     pieces.light(DVec3::new(4.0, 4.0, 6.0), DVec3::Y, DVec3::X);
     let scene = pieces.scene();
     let model = testing::model(&scene, Detail::Rays);
@@ -171,7 +167,7 @@ fn a_terrain_is_a_receiver() {
 /// A scene under a closed dome that emits: a round ground of 720 triangles, and a block on it.
 fn round_garden() -> Scene {
     use crate::scene::testing::Pieces;
-    use std::f64::consts::{PI, TAU};
+    use std::f64::consts::TAU;
     let mut pieces = Pieces::new();
     pieces.object("ground");
     let at = |ring: usize, k: usize| {
@@ -185,16 +181,7 @@ fn round_garden() -> Scene {
         }
     }
     pieces.object("block").cuboid(DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, 1.0, 1.5));
-    let shell = |turn: f64, rise: f64| {
-        12.0 * DVec3::new(turn.cos() * rise.cos(), turn.sin() * rise.cos(), rise.sin())
-    };
-    for (i, j) in (0..96).map(|k| (k % 16, k / 16)) {
-        let [a, b] = [i, i + 1].map(|i| TAU * f64::from(i) / 16.0);
-        let [c, d] = [j, j + 1].map(|j| 0.5 * PI * f64::from(j) / 6.0);
-        let centre = shell(0.5 * (a + b), 0.5 * (c + d));
-        let (u, v) = (shell(a, c) - shell(b, c), shell(0.5 * (a + b), d) - shell(0.5 * (a + b), c));
-        pieces.light(centre, if u.cross(v).dot(centre) < 0.0 { u } else { -u }, v);
-    }
+    pieces.dome(12.0, [16, 6]);
     pieces.scene()
 }
 

@@ -74,7 +74,7 @@ fn the_page_stands_alone_and_names_what_it_shows() {
 }
 
 #[test]
-fn photometric_pages_are_in_lux() {
+fn photometric_pages_are_in_lux_and_without_an_audit_say_nothing_about_it() {
     let photometry = Photometry::default();
     let (page, record) = page(0, Some(photometry));
     let mean = photometry.of(record.mean_irradiance);
@@ -85,17 +85,11 @@ fn photometric_pages_are_in_lux() {
     // The emission of the lamp is the only power of this page that exceeds all others: it is in the head and above the flow.
     assert_eq!(page.matches(&format!("{} lm", number(powers.emitted))).count(), 2);
     assert!(!page.contains(&format!("{} W", number(record.ledger.emitted))));
+    assert!(record.audit.is_none_or(|audit| audit.elements == 0));
+    assert!(!page.contains("Are the error bars right?"));
     // The pixels have 1, 2 and 5 W/m² in each channel.
     let lux = [1.0, 2.0, 5.0].map(|e| photometry.of([e; 3]) as f32);
     assert!(page.contains(&Bands::of(lux.into_iter()).legend("Illuminance in lx:", false).into_string()));
-}
-
-/// The streams of the flow are the ledger: what materials absorb and what escapes.
-#[test]
-fn pages_without_an_audit_say_nothing_about_it() {
-    let (page, record) = page(0, None);
-    assert!(record.audit.is_none() || record.audit.is_some_and(|a| a.elements == 0));
-    assert!(!page.contains("Are the error bars right?"));
 }
 
 /// What emits is hatched, and its irradiance has no part in the choice of colours.

@@ -5,13 +5,6 @@ use super::*;
 /// A wall hides what is behind it from its dark side, unless the picture looks inside.
 #[test]
 fn walls_are_opaque_from_outside_unless_pictures_look_inside() {
-    let camera = |z: f32| Camera {
-        name: "test".into(),
-        eye: Vec3::new(0.5, 0.5, z),
-        forward: Vec3::NEG_Z * z.signum(),
-        up: Vec3::Y,
-        angle: 0.8,
-    };
     let above = |look_inside| {
         let (_, mut two) = square(|_| 2.0);
         let count = two.vertices.len() as u32;

@@ -6,7 +6,6 @@ use crate::export::scene_view::evenly_lit;
 use crate::scene::Scene;
 use crate::scene::testing::{Pieces, generated};
 use glam::{DMat3, DVec3, dvec3};
-use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// The automatic view of a scene: its eye in coordinates of the scene, the camera, and the part of the picture that
 /// shows each object, the last entry being the part without a surface.
@@ -31,22 +30,6 @@ fn part(scene: &Scene, parts: &[f32], name: &str) -> f32 {
     named.map(|(_, part)| part).sum()
 }
 
-/// Adds a dome of emitting quads that face inwards.
-fn dome(pieces: &mut Pieces, radius: f64) {
-    let shell =
-        |turn: f64, rise: f64| radius * dvec3(turn.cos() * rise.cos(), turn.sin() * rise.cos(), rise.sin());
-    for (i, j) in (0..384).map(|k| (k % 32, k / 32)) {
-        let [a, b] = [i, i + 1].map(|i| TAU * f64::from(i) / 32.0);
-        let [c, d] = [j, j + 1].map(|j| FRAC_PI_2 * f64::from(j) / 12.0);
-        let (turn, rise) = (0.5 * (a + b), 0.5 * (c + d));
-        // Wide enough to leave no gap to the next.
-        let u = (shell(b, c) - shell(a, c)) * 1.02;
-        let v = (shell(turn, d) - shell(turn, c)) * 1.02;
-        let centre = shell(turn, rise);
-        pieces.light(centre, u, if u.cross(v).dot(centre) < 0.0 { v } else { -v });
-    }
-}
-
 #[test]
 fn a_garden_under_a_dome_is_seen_from_the_ground() {
     let mut pieces = Pieces::new();
@@ -60,7 +43,7 @@ fn a_garden_under_a_dome_is_seen_from_the_ground() {
         pieces.quad(bush + dvec3(r * turn.cos(), r * turn.sin(), z), 0.25 * leaf.x_axis, 0.25 * leaf.y_axis);
     }
     pieces.object("wall").cuboid(dvec3(-9.0, -9.0, 0.0), dvec3(-5.0, -8.7, 2.0));
-    dome(&mut pieces, 20.0);
+    pieces.dome(20.0, [32, 12]);
     let scene = pieces.scene();
     let (eye, camera, parts) = view(&scene);
     assert!(eye.length() < 20.0, "inside the dome: {eye}");
@@ -93,10 +76,7 @@ fn terrain_is_seen_from_above() {
         let (x, y) = (250.0 * f64::from(i), 250.0 * f64::from(j));
         dvec3(x, y, height(x, y))
     };
-    for (i, j) in (0..6400).map(|k| (k % 80, k / 80)) {
-        pieces.polygon(&[at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
-        pieces.polygon(&[at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
-    }
+    pieces.field(0..80, at);
     pieces.light(dvec3(10_000.0, 10_000.0, 9000.0), 4000.0 * DVec3::Y, 4000.0 * DVec3::X);
     let scene = pieces.scene();
     let (eye, _, parts) = view(&scene);

@@ -95,23 +95,12 @@ impl Origin {
     }
 }
 
-/// [`load_or_try`] with clusters that are always made.
-#[cfg(any(test, feature = "internals"))]
-pub fn load_or_make(
-    scene: &Scene,
-    place: &CacheLocation,
-    options: &Options,
-    make: impl FnOnce() -> PreparedClusters,
-) -> (PreparedClusters, Origin, Option<String>) {
-    load_or_try(scene, place, options, || Some(make())).expect("clusters are made")
-}
-
 /// Prepared clusters of a scene, from the cache file if it is valid; otherwise from `make`, which are then cached. None if `make` makes
 /// none.
 ///
 /// Also returns the origin, and a note for the user if a file was replaced or could not be written. Neither is an
 /// error, because the clusters are correct in any case.
-pub fn load_or_try(
+pub fn load_or_make(
     scene: &Scene,
     place: &CacheLocation,
     options: &Options,

@@ -34,6 +34,16 @@ fn made(scene: &Scene, options: &Options) -> PreparedClusters {
     PreparedClusters { hierarchy, optics }
 }
 
+/// [`load_or_make`] with clusters that are always made.
+fn load_or_made(
+    scene: &Scene,
+    place: &CacheLocation,
+    options: &Options,
+    make: impl FnOnce() -> PreparedClusters,
+) -> (PreparedClusters, Origin, Option<String>) {
+    load_or_make(scene, place, options, || Some(make())).expect("clusters are made")
+}
+
 /// The folder of the scene.
 fn beside(scene: &Scene) -> CacheLocation {
     CacheLocation::Folder(scene.path.parent().expect("a folder").into())
@@ -42,7 +52,7 @@ fn beside(scene: &Scene) -> CacheLocation {
 /// Prepared clusters and their origin, cached beside the scene.
 fn ask(scene: &Scene) -> (PreparedClusters, Origin, Option<String>) {
     let options = Options::default();
-    load_or_make(scene, &beside(scene), &options, || made(scene, &options))
+    load_or_made(scene, &beside(scene), &options, || made(scene, &options))
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {
@@ -72,12 +82,12 @@ fn the_second_time_nothing_is_made() {
     let (first, origin, note) = ask(&scene);
     assert_eq!((origin, note), (Origin::Made, None));
     let options = Options::default();
-    let (second, origin, note) = load_or_make(&scene, &beside(&scene), &options, || panic!("made again"));
+    let (second, origin, note) = load_or_made(&scene, &beside(&scene), &options, || panic!("made again"));
     assert_eq!((origin, note), (Origin::Hit, None));
     // Equal bit by bit: the format distinguishes every f32, also −0 and 0.
     assert!(format!("{first:?}") == format!("{second:?}"));
     assert_eq!(files(folder.path()).len(), 1);
-    let (_, origin, _) = load_or_make(&scene, &CacheLocation::Off, &options, || made(&scene, &options));
+    let (_, origin, _) = load_or_made(&scene, &CacheLocation::Off, &options, || made(&scene, &options));
     assert_eq!(origin, Origin::Off);
 }
 
@@ -124,7 +134,7 @@ fn files_are_found_by_content() {
     let options = Options::default();
     for (want, folder) in [(Origin::Made, &a), (Origin::Hit, &b)] {
         let scene = scene_in(folder.as_ref().expect("scratch folder"));
-        assert_eq!(load_or_make(&scene, &place, &options, || made(&scene, &options)).1, want);
+        assert_eq!(load_or_made(&scene, &place, &options, || made(&scene, &options)).1, want);
     }
 }
 
@@ -175,7 +185,7 @@ fn what_cannot_be_written_is_said_and_no_error() {
     std::fs::write(&file, "no folder").expect("written");
     for place in [file.clone(), file.join("below"), PathBuf::from("/proc/nowhere")].map(CacheLocation::Folder)
     {
-        let (table, origin, note) = load_or_make(&scene, &place, &options, || made(&scene, &options));
+        let (table, origin, note) = load_or_made(&scene, &place, &options, || made(&scene, &options));
         assert_eq!(origin, Origin::Off, "{place:?}");
         assert!(note.is_some_and(|n| n.contains("could not be kept")), "{place:?}");
         assert!(table == made(&scene, &options));

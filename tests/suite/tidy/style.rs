@@ -2,29 +2,19 @@
 
 use super::{CRATES, all_crates, project, read, rust_files, source, table, words};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Longest file, lines.
 const MAX_FILE_LINES: usize = 400;
 /// Longest function, lines.
 const MAX_FUNCTION_LINES: usize = 80;
 
-/// Files that may be longer, each with its reason.
-const LONG_FILES: [(&str, &str); 0] = [];
-/// Functions that may be longer, each with its reason.
-const LONG_FUNCTIONS: [(&str, &str, &str); 0] = [];
 /// Rooms whose messages may still name options as the command does, each with its reason.
 const ROOMS_WITH_FLAGS: [(&str, &str); 3] = [
     ("cli", "the command knows its options"),
     ("reproduce", "its page, which the command alone writes, names commands that show what a table states"),
     ("plot", "names of variables of style sheets begin with two hyphens"),
 ];
-
-/// Path in the project, with slashes.
-fn in_project(path: &Path) -> String {
-    let relative = path.strip_prefix(project("")).expect("in the project");
-    relative.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
-}
 
 /// All Rust files of the crates.
 fn source_files() -> Vec<PathBuf> {
@@ -67,9 +57,8 @@ fn functions(text: &str) -> Vec<(String, usize)> {
 #[test]
 fn files_are_short() {
     let long = source_files().into_iter().filter_map(|path| {
-        let (name, lines) = (in_project(&path), read(&path).lines().count());
-        let allowed = LONG_FILES.iter().any(|(file, _)| *file == name);
-        (lines > MAX_FILE_LINES && !allowed).then(|| format!("{name}: {lines} lines"))
+        let lines = read(&path).lines().count();
+        (lines > MAX_FILE_LINES).then(|| format!("{}: {lines} lines", path.display()))
     });
     let long: Vec<String> = long.collect();
     assert!(long.is_empty(), "files of more than {MAX_FILE_LINES} lines:\n{}", long.join("\n"));
@@ -79,12 +68,8 @@ fn files_are_short() {
 fn functions_are_short() {
     let mut long = Vec::new();
     for path in source_files() {
-        let file = in_project(&path);
-        for (name, lines) in functions(&read(&path)) {
-            let allowed = LONG_FUNCTIONS.iter().any(|(f, n, _)| *f == file && *n == name);
-            if lines > MAX_FUNCTION_LINES && !allowed {
-                long.push(format!("{file}: `{name}` has {lines} lines"));
-            }
+        for (name, lines) in functions(&read(&path)).into_iter().filter(|(_, n)| *n > MAX_FUNCTION_LINES) {
+            long.push(format!("{}: `{name}` has {lines} lines", path.display()));
         }
     }
     assert!(long.is_empty(), "functions of more than {MAX_FUNCTION_LINES} lines:\n{}", long.join("\n"));
@@ -169,26 +154,6 @@ fn constants_state_their_origin() {
         }
     }
     assert!(wrong.is_empty(), "state where the value comes from:\n{}", wrong.join("\n"));
-}
-
-/// Comments cite sections of `docs/method.md` by name. Numbered citations belong to notes outside the repository.
-#[test]
-fn citations_are_in_the_repository() {
-    let mut wrong = Vec::new();
-    for path in all_files() {
-        for (number, line) in read(&path).lines().enumerate() {
-            let cited = line.split("method ").skip(1).any(|rest| {
-                let mut c = rest.chars();
-                c.next().is_some_and(|c| ('A'..='E').contains(&c))
-                    && c.next() == Some('.')
-                    && c.next().is_some_and(|c| c.is_ascii_digit())
-            });
-            if cited {
-                wrong.push(format!("{}:{}", path.display(), 1 + number));
-            }
-        }
-    }
-    assert!(wrong.is_empty(), "cite a section of docs/method.md:\n{}", wrong.join("\n"));
 }
 
 /// The library names an option by its field; the command writes it as `--flag`.

@@ -7,19 +7,13 @@ use mrvis::{Error, Model, Progress, Result, Scene};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Shows the stage of the solve and forwards an interruption to it.
-pub struct Watch {
-    pub bar: Bar,
+/// Shows the stage of the solve, and says when to stop: by default once the user has interrupted it.
+pub struct Watch<'a, S = fn() -> bool> {
+    pub bar: &'a Bar,
+    stopped: S,
 }
 
-impl Watch {
-    /// Stops the solve at the first interruption (SIGINT) and ends the program at the second.
-    pub fn stop_on_interruption(&self, quiet: bool) {
-        interruption::watch((!quiet).then_some("stopping with the light there is; once more ends at once"));
-    }
-}
-
-impl Progress for Watch {
+impl<S: Fn() -> bool + Send + Sync> Progress for Watch<'_, S> {
     fn stage(&self, name: &str, steps: u64) {
         self.bar.stage(name, steps);
     }
@@ -29,7 +23,7 @@ impl Progress for Watch {
     }
 
     fn stopped(&self) -> bool {
-        interruption::stopped()
+        (self.stopped)()
     }
 }
 
@@ -38,31 +32,16 @@ impl Progress for Watch {
 const SMALL_PICTURE: usize = 1 << 20;
 const SMALL_SOLUTION: usize = 100_000;
 
-impl Watch {
+impl<'a> Watch<'a> {
+    /// Stops at an interruption.
+    pub fn new(bar: &'a Bar) -> Watch<'a> {
+        Watch { bar, stopped: interruption::stopped }
+    }
+
     /// Progress of the files of a solution of so many elements, and of its pictures of so many pixels. It stops if they are large.
-    pub fn for_files(&self, pixels: usize, elements: usize) -> impl Progress {
+    pub fn for_files(&self, pixels: usize, elements: usize) -> impl Progress + use<'a> {
         let large = pixels > SMALL_PICTURE || elements > SMALL_SOLUTION;
-        Stopping { watch: self, stopped: move || large && self.stopped() }
-    }
-}
-
-/// The same progress with an end of its own.
-struct Stopping<'a, S> {
-    watch: &'a Watch,
-    stopped: S,
-}
-
-impl<S: Fn() -> bool + Send + Sync> Progress for Stopping<'_, S> {
-    fn stage(&self, name: &str, steps: u64) {
-        self.watch.stage(name, steps);
-    }
-
-    fn advance(&self, steps: u64) {
-        self.watch.advance(steps);
-    }
-
-    fn stopped(&self) -> bool {
-        (self.stopped)()
+        Watch { bar: self.bar, stopped: move || large && interruption::stopped() }
     }
 }
 
@@ -73,7 +52,8 @@ pub fn prepare(scene: Arc<Scene>, options: &Options, watch: &Watch) -> Result<Mo
     let left = limit.map_or(f64::INFINITY, |limit| limit - options.seconds_spent);
     // Measuring clusters is worth it only if there is time for more.
     let start = Instant::now();
-    let until = Stopping { watch, stopped: || watch.stopped() || start.elapsed().as_secs_f64() >= left };
+    let until =
+        Watch { bar: watch.bar, stopped: || watch.stopped() || start.elapsed().as_secs_f64() >= left };
     // A job with a limit of time does not wait for another one that prepares the same scene.
     let prepared = match options.max_seconds {
         Some(_) => Model::prepare_watched(scene, &options.prepare(), &until),
