@@ -1,5 +1,6 @@
 //! Discovery of facets that see each other, by cosine-distributed rays.
 
+use super::facets::Partner;
 use super::go_on;
 use super::pair::Pairs;
 use super::rays::SampleTable;
@@ -9,44 +10,6 @@ use crate::progress::Progress;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use rayon::prelude::*;
-
-/// A facet that rays hit on its front, and the number of hits up to [`Partner::MAX_HITS`], in 32 bits to save memory.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize, serde::Serialize)]
-pub struct Partner(u32);
-
-impl Partner {
-    const HIT_BITS: u32 = 6;
-    /// Largest number of hits that is stored.
-    pub const MAX_HITS: u32 = (1 << Partner::HIT_BITS) - 1;
-    /// Largest number of facets.
-    pub const MAX_FACETS: usize = 1 << (32 - Partner::HIT_BITS);
-
-    fn new(facet: u32, hits: u32) -> Partner {
-        Partner(facet << Partner::HIT_BITS | hits.min(Partner::MAX_HITS))
-    }
-
-    /// The facet.
-    pub fn facet(self) -> u32 {
-        self.0 >> Partner::HIT_BITS
-    }
-
-    /// Number of hits, at most [`Partner::MAX_HITS`].
-    pub fn hits(self) -> u32 {
-        self.0 & Partner::MAX_HITS
-    }
-
-    /// Sorts a list and adds the hits of equal facets.
-    fn merge(list: &mut Vec<Partner>) {
-        list.sort_unstable();
-        list.dedup_by(|next, first| {
-            let same = next.facet() == first.facet();
-            if same {
-                *first = Partner::new(first.facet(), first.hits() + next.hits());
-            }
-            same
-        });
-    }
-}
 
 /// Result of the rays of one facet.
 #[derive(serde::Deserialize, serde::Serialize)]

@@ -220,3 +220,42 @@ fn quad(scene: &Scene, a: [u32; 3], b: [u32; 3]) -> Option<Vec<DVec3>> {
     let flat = (quad[1] - quad[0]).dot(normal.normalize_or_zero()).abs() <= 1e-6 * size;
     (flat && turns.iter().all(|t| t.dot(normal) > 0.0)).then(|| quad.to_vec())
 }
+
+/// A facet that rays hit on its front, and the number of hits up to [`Partner::MAX_HITS`], in 32 bits to save memory.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize, serde::Serialize)]
+pub struct Partner(u32);
+
+impl Partner {
+    const HIT_BITS: u32 = 6;
+    /// Largest number of hits that is stored.
+    pub const MAX_HITS: u32 = (1 << Partner::HIT_BITS) - 1;
+    /// Largest number of facets.
+    pub const MAX_FACETS: usize = 1 << (32 - Partner::HIT_BITS);
+
+    /// A facet with so many hits.
+    pub fn new(facet: u32, hits: u32) -> Partner {
+        Partner(facet << Partner::HIT_BITS | hits.min(Partner::MAX_HITS))
+    }
+
+    /// The facet.
+    pub fn facet(self) -> u32 {
+        self.0 >> Partner::HIT_BITS
+    }
+
+    /// Number of hits, at most [`Partner::MAX_HITS`].
+    pub fn hits(self) -> u32 {
+        self.0 & Partner::MAX_HITS
+    }
+
+    /// Sorts a list and adds the hits of equal facets.
+    pub fn merge(list: &mut Vec<Partner>) {
+        list.sort_unstable();
+        list.dedup_by(|next, first| {
+            let same = next.facet() == first.facet();
+            if same {
+                *first = Partner::new(first.facet(), first.hits() + next.hits());
+            }
+            same
+        });
+    }
+}

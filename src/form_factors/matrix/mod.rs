@@ -34,6 +34,7 @@ pub use write::{Format, write};
 use crate::model::Model;
 use crate::progress::{self, Progress};
 use crate::{Error, Result};
+use facets::Partner;
 use rayon::prelude::*;
 use rays::Traced;
 
@@ -163,8 +164,8 @@ pub fn compute(
             "⟨rays⟩ must be at least 1, ⟨bundle⟩ at least 4 and ⟨largest_bundle⟩ at least ⟨bundle⟩".into(),
         ));
     }
-    if facets.count() > discover::Partner::MAX_FACETS {
-        return Err(Error::Scene(format!("more than {} facets", discover::Partner::MAX_FACETS)));
+    if facets.count() > Partner::MAX_FACETS {
+        return Err(Error::Scene(format!("more than {} facets", Partner::MAX_FACETS)));
     }
     go_on(progress)?;
     progress.stage("form factors", 2 * facets.count() as u64);

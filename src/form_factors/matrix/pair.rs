@@ -1,7 +1,6 @@
 //! Exchange of two facets: closed form times sampled transmittance.
 
-use super::discover::Partner;
-use super::facets::{Facet, Facets};
+use super::facets::{Facet, Facets, Partner};
 use super::rays::{SampleTable, Traced};
 use super::{Settings, go_on};
 use crate::Result;
