@@ -35,6 +35,8 @@ pub struct Last {
     /// [`SkyLink::variation`] and [`SkyLink::noise`] of the link so far, which the points in sequence do not tell.
     pub variation: f32,
     pub noise: f32,
+    /// [`SkyLink::transmittance`] so far.
+    pub transmittance: f32,
 }
 
 /// A link before visibility is known.
@@ -50,6 +52,8 @@ pub struct SkyDraft {
     pub(super) contrast: f32,
     /// Weight of each segment of the first packet.
     pub(super) weights: [f32; LANES],
+    /// Mean of the weights of all directions of the source, 0 if it is not known.
+    pub(super) mean_weight: f32,
     /// Whether its segment 4 j + i goes from point i to part j of the source.
     pub(super) is_grid: bool,
     pub(super) answers: Answers,
@@ -106,7 +110,14 @@ impl SkyDraft {
         if sum <= 0.0 {
             return self.with(1.0, [0.0, 0.0], 0.0);
         }
-        let transmittance = visible / sum;
+        let transmittance = match self.pair.last {
+            // The ratio of both sums counts too much where bright directions are the hidden ones: by 1 % at walls of a street.
+            Some(last) if min < max && self.mean_weight > 0.0 => {
+                let more = visible - last.transmittance * sum;
+                (last.transmittance + more / (last.count as f32 * self.mean_weight)).clamp(0.0, 1.0)
+            }
+            _ => visible / sum,
+        };
         let found = (squares / sum - transmittance * transmittance).max(0.0).sqrt();
         let agreed = if min == max { count + INHERITED * self.pair.agreed } else { 0.0 };
         let deviation = found.max(agreement(agreed.max(count)));

@@ -118,6 +118,7 @@ impl SkyEstimator<'_> {
             uneven: 0.0,
             contrast: source.deviation(environment),
             weights: [0.0; LANES],
+            mean_weight: source.mean_over_directions(environment, mean(free)) as f32,
             is_grid: pair.last.is_none(),
             answers: Answers::default(),
         };
@@ -161,7 +162,9 @@ impl SkyEstimator<'_> {
         let (mut packet, mut weights) = (Packet::EMPTY, [0.0; LANES]);
         for lane in pair.lanes(number, few, seed) {
             let (point, direction) = first(lane);
-            let others = (1..MAX_DRAWS).map(|draw| self.direction(source, lane, draw, seed));
+            // All directions count in a last measurement, those below the horizon with no light.
+            let draws = if pair.last.is_some() { 1 } else { MAX_DRAWS };
+            let others = (1..draws).map(|draw| self.direction(source, lane, draw, seed));
             let above = std::iter::once(direction).chain(others).find(|d| d.dot(side.normal) > 0.0);
             let Some(direction) = above else { continue };
             weights[lane] = direction.dot(side.normal) * source.radiance(environment, direction);
@@ -229,6 +232,7 @@ impl SkyEstimator<'_> {
             uneven: CLUSTER_DEVIATION,
             contrast: pair.source.deviation(self.environment),
             weights,
+            mean_weight: 0.0,
             is_grid: false,
             answers: Answers::default(),
         };

@@ -104,6 +104,14 @@ impl SkySource {
         }
     }
 
+    /// Mean over the directions of a patch of what has this integral over them; 0 for a sun.
+    pub(super) fn mean_over_directions(self, environment: &Environment, integral: f64) -> f64 {
+        match self {
+            SkySource::Patch(k) => integral / environment.patches().patch(k).solid_angle,
+            SkySource::Sun(_) => 0.0,
+        }
+    }
+
     /// Irradiance of surfaces that face the six directions, W/m², mean of the channels.
     pub fn along_axes(self, environment: &Environment) -> [f64; DIRECTIONS] {
         let axis = |k: usize| Vec3::AXES[k / 2] * if k & 1 == 0 { 1.0 } else { -1.0 };

@@ -203,7 +203,13 @@ fn last_pairs(linked: &LinkedScene, links: &[SkyLink], threshold: f32) -> Vec<Sk
         left += scale * more(k);
         let count = least[k] + left as u32;
         left -= left.floor();
-        pair.last = Some(Last { first, count, variation: link.variation, noise: link.noise });
+        pair.last = Some(Last {
+            first,
+            count,
+            variation: link.variation,
+            noise: link.noise,
+            transmittance: link.transmittance,
+        });
         first = first.wrapping_add(count);
     }
     pairs

@@ -142,9 +142,10 @@ fn a_street_sees_its_part_of_the_sky() {
     }
 }
 
-/// Sky view factors of whole floors: of a street, whose ends add .1 % to that of an infinite one, of a valley, and of a cylinder.
+/// Sky view factors of whole sides: of the floor and a wall of a street, whose ends add .1 % to those of an infinite one, of a valley, and of the floor of
+/// a cylinder.
 #[test]
-fn floors_have_the_mean_light_of_closed_forms() {
+fn floors_and_walls_have_the_mean_light_of_closed_forms() {
     let (half, width, wall) = (DVec3::X * 3000.0, 10.0 * DVec3::Y, 8.0 * DVec3::Z);
     let [left, right] = [-0.5, 0.5].map(|y| -half + y * width);
     let street =
@@ -161,16 +162,18 @@ fn floors_have_the_mean_light_of_closed_forms() {
         court.rectangle(corner(k), 6.0 * DVec3::Z, corner(k + 1) - corner(k));
     }
     let of_cylinder = 1.0 + (6.0f64 / 5.0).powi(2) / 2.0;
+    let diagonal = 1.64f64.sqrt();
     let forms = [
-        (street, (1.64f64.sqrt() - 0.8) * 1.001),
-        (valley, 0.8),
-        (court.scene(), of_cylinder - (of_cylinder * of_cylinder - 1.0).sqrt()),
+        (street.clone(), 0, DVec3::Z, (diagonal - 0.8) * 1.001),
+        (street, 1, -DVec3::Y, (1.8 - diagonal) / 1.6 * 1.001),
+        (valley, 0, DVec3::Z, 0.8),
+        (court.scene(), 0, DVec3::Z, of_cylinder - (of_cylinder * of_cylinder - 1.0).sqrt()),
     ];
-    for (k, (scene, want)) in forms.into_iter().enumerate() {
+    for (k, (scene, object, normal, want)) in forms.into_iter().enumerate() {
         let scene = lit(scene, uniform());
         let square = |seed| {
             let mesh = solved(&scene, &[], &Options { seed, ..links(0.02) }).mesh;
-            let found = mean_of(&mesh, |e| e.object == 0 && normal_of(&mesh, e).z > 0.5) / PI;
+            let found = mean_of(&mesh, |e| e.object == object && normal_of(&mesh, e).dot(normal) > 0.5) / PI;
             (found / want - 1.0).powi(2)
         };
         let rms = (1..=4).map(square).sum::<f64>().sqrt() / 2.0;
