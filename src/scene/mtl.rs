@@ -70,7 +70,7 @@ impl Library {
 /// Reads the content of a material library; the number of materials. Textures are looked for in `folder`.
 ///
 /// # Errors
-/// It is no material library, or has an invalid colour.
+/// A number is not finite, or a value of `Ke` is negative.
 #[cfg(any(test, feature = "internals"))]
 pub fn read_materials(folder: &Path, bytes: &[u8]) -> Result<usize> {
     let mut library = Library::default();

@@ -311,7 +311,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
     }
 
     /// Gives the faces with the vertices and the texture coordinates that they use. A corner without texture coordinates has those of the
-    /// one before it.
+    /// one before it, the first corner the first of the file.
     fn give_corners(&mut self, soup: &mut Soup) {
         let mut vertices = Used::none(&self.positions);
         soup.corners = self.corners.iter().map(|corner| vertices.number_of(corner.vertex)).collect();

@@ -48,6 +48,7 @@ pub trait Simd: Copy {
     fn lt(self, a: Self::F, b: Self::F) -> Self::M;
     fn and(self, a: Self::M, b: Self::M) -> Self::M;
     fn or(self, a: Self::M, b: Self::M) -> Self::M;
+    /// `a` and not `b`.
     fn and_not(self, a: Self::M, b: Self::M) -> Self::M;
     /// The condition as a bit mask: bit `i` is lane `i`.
     fn bits(self, m: Self::M) -> u32;

@@ -1,7 +1,7 @@
 //! Large grids as fewer triangles: the leaves of a restricted quadtree, smaller where the ground is rough.
 
 use super::Grid;
-use super::quadtree::{Node, Quadtree};
+use super::quadtree::{Node, Quadtree, Side};
 use glam::Vec3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -222,10 +222,10 @@ impl Quadtree<'_> {
         let mut polygon = Vec::with_capacity(8);
         let mut apex = 0;
         let sides = [
-            ((1, true), [west, south], [middle[0], south], middle[0] < east),
-            ((0, true), [east, south], [east, middle[1]], middle[1] < south),
-            ((1, false), [east, north], [middle[0], north], middle[0] < east),
-            ((0, false), [west, north], [west, middle[1]], middle[1] < south),
+            (Side::SOUTH, [west, south], [middle[0], south], middle[0] < east),
+            (Side::EAST, [east, south], [east, middle[1]], middle[1] < south),
+            (Side::NORTH, [east, north], [middle[0], north], middle[0] < east),
+            (Side::WEST, [west, north], [west, middle[1]], middle[1] < south),
         ];
         for (side, corner, between, is_inside) in sides {
             polygon.push(corner);

@@ -27,8 +27,21 @@ impl Node {
     }
 }
 
-/// An edge of a square: 0 for one of constant column, 1 for one of constant row, and whether it is towards increasing columns or rows.
-pub type Side = (usize, bool);
+/// An edge of a square.
+#[derive(Clone, Copy)]
+pub struct Side {
+    /// 0 for an edge of constant column, 1 for one of constant row.
+    pub axis: usize,
+    /// Whether it is towards increasing columns or rows.
+    pub is_far: bool,
+}
+
+impl Side {
+    pub const WEST: Side = Side { axis: 0, is_far: false };
+    pub const EAST: Side = Side { axis: 0, is_far: true };
+    pub const NORTH: Side = Side { axis: 1, is_far: false };
+    pub const SOUTH: Side = Side { axis: 1, is_far: true };
+}
 
 /// The tree. Node 0 is the root; children come after their parents.
 pub struct Quadtree<'a> {
@@ -97,15 +110,15 @@ impl<'a> Quadtree<'a> {
         self.is_on_grid(across).then_some(across)
     }
 
-    fn across(&self, node: usize, side @ (axis, is_far): Side) -> Option<usize> {
+    fn across(&self, node: usize, side: Side) -> Option<usize> {
         let Node { parent, .. } = self.nodes[node];
         if parent == NONE {
             return None;
         }
         let siblings = self.nodes[parent as usize].children as usize;
-        let bit = 1 << axis;
+        let bit = 1 << side.axis;
         let (place, mirrored) = (node - siblings, (node - siblings) ^ bit);
-        if (place & bit != 0) != is_far {
+        if (place & bit != 0) != side.is_far {
             return Some(siblings + mirrored);
         }
         let across = self.across(parent as usize, side)?;
@@ -118,7 +131,7 @@ impl<'a> Quadtree<'a> {
             return;
         }
         let Node { first, size, .. } = self.nodes[node];
-        for side in [(0, false), (0, true), (1, false), (1, true)] {
+        for side in [Side::WEST, Side::EAST, Side::NORTH, Side::SOUTH] {
             if let Some(across) = self.neighbour(node, side).filter(|&a| self.nodes[a].size > size) {
                 self.split(across);
             }

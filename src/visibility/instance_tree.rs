@@ -275,4 +275,19 @@ impl InstanceTree {
         let roots = self.root.iter().zip(&other.root).all(|(a, b)| equal(a, b));
         roots && self.root.len() == other.root.len() && self.magnitude == other.magnitude
     }
+
+    /// Number of groups, and of those that another tree does not share.
+    pub fn counts(&self, other: &InstanceTree) -> [usize; 2] {
+        let groups = |tree: &InstanceTree| {
+            let mut all = std::collections::HashSet::new();
+            for root in &tree.root {
+                root.for_each_group(&mut |group| {
+                    all.insert(std::ptr::from_ref(group) as usize);
+                });
+            }
+            all
+        };
+        let (own, others) = (groups(self), groups(other));
+        [own.len(), own.difference(&others).count()]
+    }
 }

@@ -85,3 +85,16 @@ proptest! {
         }
     }
 }
+
+/// An update measures the groups above the instance that it moves, and shares the others.
+#[test]
+fn updates_measure_the_groups_above_changed_instances() {
+    let before = model(&forest(1000, 20), Detail::Optics);
+    let away = DAffine3::from_translation(DVec3::new(7.0, -5.0, 0.0)) * before.instances()[400].affine();
+    let moved = InstanceChange::Move { instance: 400, transform: rows(&away) };
+    let after = before.update(&[moved]).expect("updated");
+    let [old, new] = [&before, &after].map(|model| groups(model).expect("groups"));
+    let [all, made] = new.counts(old);
+    assert!(made > 0 && made < all / 10, "{made} of {all} groups");
+    assert_eq!(old.counts(old)[1], 0);
+}

@@ -64,7 +64,10 @@ impl Elements {
 }
 
 /// One side with its corners.
-type NewSide = (Side, [glam::Vec3; 4]);
+struct NewSide {
+    side: Side,
+    corners: [glam::Vec3; 4],
+}
 
 /// One cluster element with its range of sides.
 struct NewCluster {
@@ -134,13 +137,13 @@ impl Build {
             }
             (elements[c].first_child, elements[c].children) = (elements.len() as u32, (to - from) as u16);
             for s in from..to {
-                let (side, corners) = &mut new_sides[s as usize];
+                let NewSide { side, corners } = &mut new_sides[s as usize];
                 side.element = elements.len() as u32;
                 elements.push(Element { parent: c as u32, ..surface(s, *corners) });
             }
         }
         let mut sides: Vec<Side> = Vec::new();
-        for (side, _) in new_sides {
+        for NewSide { side, .. } in new_sides {
             sides.push(side);
         }
         let areas = sides.iter().map(|s| elements[s.element as usize].area);
@@ -212,7 +215,7 @@ fn sides_of((scene, magnitudes): (&Scene, &[f32]), faces: &[u32], lit: &[[bool; 
                 profile: material.profile.clone().filter(|_| front),
                 element: 0,
             };
-            made.push((side, if front { corners } else { turned }));
+            made.push(NewSide { side, corners: if front { corners } else { turned } });
         }
     }
     made

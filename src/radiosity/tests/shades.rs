@@ -17,8 +17,8 @@ fn shade() -> Scene {
 }
 
 /// A thousandth of the rays of a point meet the inside of the shade, and elements that only points need have few rays: at mirrored places the light is the
-/// same. By the rays of points alone one had none and another five times too much. The light at the points is that of 8 million paths, which end on them within 0.04 %; the lamp is hidden from
-/// them, and all of it has been reflected.
+/// same. By the rays of points alone one had none and another five times too much. The light at the points is that of 8 million paths, which
+/// end on them within 0.04 %; the lamp is hidden from them, and all of it has been reflected.
 #[test]
 fn few_rays_leave_no_more_light_in_a_shade_than_there_is() {
     let scene = shade();

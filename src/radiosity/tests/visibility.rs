@@ -6,7 +6,7 @@ use crate::radiosity::audit::{AuditSize, link_uncertainty};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::final_gather::FinalGather;
-use crate::radiosity::links::{Link, Tally};
+use crate::radiosity::links::{Link, Split, Tally};
 use crate::radiosity::pipeline::{engine_for, total_area};
 use crate::radiosity::refinement::{
     LinkedScene, apply_importance, link_errors, propagate_importance, refine,
@@ -197,6 +197,22 @@ fn links_cover_each_pair_once() {
             let held = links.iter().enumerate().find(|(j, k)| *j != i && within(k));
             assert!(held.is_none(), "{l:?} is part of {held:?}");
         }
+    });
+}
+
+/// Links that survive are not asked for again; of one link more than refined, only its parts are measured.
+#[test]
+fn visibility_is_kept_with_the_link() {
+    refined(&room(true), &with(Visibility::Exact), |linked| {
+        let before = (linked.tally, linked.links.clone());
+        let errors = [link_errors(linked), Vec::new()];
+        assert_eq!(refine(linked, &errors, f32::INFINITY, false, &|_| false, &()).links, 0);
+        assert_eq!((linked.tally, linked.links.clone()), before);
+        let worst = errors[0].iter().filter(|(_, split)| *split != Split::Neither);
+        let worst = worst.map(|(error, _)| *error).fold(0.0, f32::max);
+        let refined = refine(linked, &errors, 0.999 * worst, true, &|_| false, &()).links;
+        let asked = linked.tally.segments - before.0.segments;
+        assert!(refined >= 1 && asked <= 16 * 64 * refined as u64, "{refined} {asked}");
     });
 }
 

@@ -6,7 +6,7 @@ use crate::ray::LANES;
 /// Number of classes of packets; see [`class`].
 pub(super) const CLASSES: usize = 6;
 /// The mean square error of n stratified segments falls as n to this power: 1.2 to 1.3 outdoors, 1 if they were independent
-/// (RMS of 16, 64 and 256 rays).
+/// (`mrvis bench`, RMS of 16, 64 and 256 segments).
 pub(super) const STRATIFIED: f32 = 1.25;
 /// The same for segments that are tested against no small triangle, so that what they see has fewer edges: 1.4 to 1.5 on the ground of a
 /// garden, where nine tenths of the receivers are of that class (`mrvis bench`, RMS of 16, 64 and 256 segments).

@@ -7,6 +7,7 @@ mod edges;
 mod ends;
 mod extinction;
 mod folded;
+mod instances;
 mod routes;
 mod rule;
 mod same_bits;
