@@ -90,10 +90,10 @@ impl FinalGather<'_> {
     ) -> Rgb {
         let hemisphere = self.hemisphere_of(point);
         let whole = hemisphere.places();
-        let whole_rays = self.trace_whole(&hemisphere, point, buffers);
-        let mut levels = vec![self.cells(&hemisphere, 0, (&whole, &[]), &whole_rays, point)];
+        let rays_of_cells = self.trace_whole(&hemisphere, point, buffers);
+        let mut levels = vec![self.cells(&hemisphere, 0, (&whole, &[]), &rays_of_cells, point)];
         // Where all rays met sides that no light reaches, as from below the ground, or the sky is dark, no opening is searched for.
-        let is_dark = whole_rays.iter().all(|ray| matches!(ray.seen, Seen::Dark))
+        let is_dark = rays_of_cells.iter().all(|ray| matches!(ray.seen, Seen::Dark))
             || levels[0].iter().all(|cell| cell.sky == 0.0);
         // Cells with an opening are divided, whether or not their ray or one beside it passes it.
         let is_searched = !is_dark && levels[0].iter().filter(|cell| cell.is_open).count() < MIN_OPEN;
@@ -115,7 +115,8 @@ impl FinalGather<'_> {
                 break;
             }
             let surroundings = Surroundings::new(&levels, hemisphere.size);
-            let mut uneven = surroundings.uneven(area, &openings);
+            let (mut uneven, inner) = surroundings.uneven(area, &openings);
+            sum += area * inner.iter().map(|k| cells[*k as usize].smoothing().as_dvec3()).sum::<DVec3>();
             let next =
                 if is_whole { Some(tolerance) } else { next_tolerance(&mut uneven, left, tolerance, rays) };
             let Some(tolerance) = next else { break };
@@ -138,6 +139,7 @@ impl FinalGather<'_> {
             chosen.sort_unstable_by_key(|(cell, _)| *cell);
             rays += 4 * chosen.len();
             let cells = &mut levels[level as usize];
+            inner.iter().for_each(|k| cells[*k as usize].smooth());
             for (k, &(cell, _)) in chosen.iter().enumerate() {
                 let cell = &mut cells[cell as usize];
                 cell.quarters = 4 * k as u32;
@@ -282,7 +284,8 @@ impl FinalGather<'_> {
         self.cells(hemisphere, level, (&parts, &surfaces), &rays, point)
     }
 
-    /// Cells at these places of a level, with the light of the sky at two places in each. If the sky has a map, it may have bright parts smaller than a cell, and is looked up at sixteen places in each cell of the first levels.
+    /// Cells at these places of a level, with the light of the sky at two places in each. If the sky has a map, it may have bright parts smaller than a
+    /// cell, and is looked up at sixteen places in each cell of the first levels.
     fn cells(
         &self,
         hemisphere: &Hemisphere,
@@ -293,19 +296,16 @@ impl FinalGather<'_> {
     ) -> Vec<Cell> {
         let seed = mix(!point.seed ^ u64::from(level) << 32);
         let has_map = self.environment.is_some_and(|of| of.has_map());
-        // The light of the sky in a cell, mean of a few places, and the square of its error, mean over the channels. A cell across the horizon has that of
-        // its ray: the ground often hides just what is below the horizon, and the product of two means would count half of its edge twice.
-        let sky_in = |place: [u32; 2], ray: Vec3| {
-            let Some(environment) = self.environment else { return (Vec3::ZERO, 0.0) };
-            let up = environment.frame().up.as_vec3();
+        // The light of the sky in a cell, mean of a few places, and the square of its error, mean over the channels.
+        let sky_in = |place: [u32; 2]| {
+            if !self.has_environment() {
+                return (Vec3::ZERO, 0.0);
+            }
             let [u, v, ..] = numbers(seed, u64::from(place[0]) << 32 | u64::from(place[1]));
-            let mut is_across = false;
-            let mut sky_at = |[u, v]: [f32; 2]| {
-                let direction = hemisphere.direction(level, [place[0] as f32 + u, place[1] as f32 + v]);
-                is_across |= (direction.dot(up) >= 0.0) != (ray.dot(up) >= 0.0);
-                self.sky_of_ray(direction)
+            let sky_at = |[u, v]: [f32; 2]| {
+                self.sky_of_ray(hemisphere.direction(level, [place[0] as f32 + u, place[1] as f32 + v]))
             };
-            let (mean, error) = if has_map && level < 3 {
+            if has_map && level < 3 {
                 let side = [4, 4, 2][level as usize];
                 let part = |k: u32| [(k % side) as f32 + u, (k / side) as f32 + v].map(|at| at / side as f32);
                 let count = (side * side) as f32;
@@ -314,19 +314,18 @@ impl FinalGather<'_> {
                     (sum, squares) = (sum + sky, squares + (sky.element_sum() / 3.0).powi(2));
                 }
                 let mean = sum / count;
-                (mean, (squares / count - (mean.element_sum() / 3.0).powi(2)).max(0.0) / count)
-            } else {
-                // The mean of places that mirror each other has no error where the sky is linear over the cell.
-                let (a, b) = (sky_at([u, v]), sky_at([1.0 - u, 1.0 - v]));
-                (0.5 * (a + b), ((a - b).element_sum() / 6.0).powi(2))
-            };
-            (if is_across { self.sky_of_ray(ray) } else { mean }, error)
+                return (mean, (squares / count - (mean.element_sum() / 3.0).powi(2)).max(0.0) / count);
+            }
+            // The mean of places that mirror each other has no error where the sky is linear over the cell.
+            let (a, b) = (sky_at([u, v]), sky_at([1.0 - u, 1.0 - v]));
+            (0.5 * (a + b), ((a - b).element_sum() / 6.0).powi(2))
         };
         let cell = |(k, (&place, ray)): (usize, (&[u32; 2], &CellRay))| {
             let is_open = matches!(ray.seen, Seen::Sky);
-            let (sky, error) = sky_in(place, ray.direction);
+            let at_ray = self.sky_of_ray(ray.direction);
+            let (sky, error) = sky_in(place);
             let (light, of_element) = match ray.seen {
-                Seen::Sky => (sky, sky),
+                Seen::Sky => (at_ray, sky),
                 Seen::Dark => (Vec3::ZERO, Vec3::ZERO),
                 Seen::Surface(light, of_element) => (light, of_element),
             };
@@ -338,6 +337,7 @@ impl FinalGather<'_> {
                 surfaces,
                 sky: sky.element_sum() / 3.0,
                 unblocked: sky,
+                at_ray,
                 error,
                 quarters: WHOLE,
             }

@@ -20,7 +20,6 @@ mod paths;
 mod points;
 mod ray_counts;
 mod ray_rows;
-mod rim;
 mod sharing;
 mod sky_light;
 mod smooth_light;
