@@ -28,7 +28,7 @@ use rand_pcg::rand_core::Rng;
 
 /// Optics options of the tests.
 fn measured(extinction: Extinction) -> optics::Options {
-    optics::Options { extinction, tolerance: 0.1, ..Default::default() }
+    optics::Options { extinction, tolerance: 0.1 }
 }
 
 impl Stage {
