@@ -209,11 +209,9 @@ impl FinalGather<'_> {
 /// The light of the sky in the cells of a point.
 #[derive(Clone, Copy, Default)]
 pub(super) struct SkyLight {
-    /// That of cells through which the sky is seen, W/m².
-    seen: DVec3,
     /// That of all cells if nothing hid it, W/m².
     all: DVec3,
-    /// Squared errors of both, mean over the channels, (W/m²)².
+    /// Squared errors of that of cells through which the sky is seen, and of all, mean over the channels, (W/m²)².
     errors: [f64; 2],
 }
 
@@ -226,7 +224,6 @@ impl SkyLight {
             self.all += sign * area * cell.unblocked.as_dvec3();
             self.errors[1] += error;
             if cell.is_open {
-                self.seen += sign * area * cell.light.as_dvec3();
                 self.errors[0] += error;
             }
         }
@@ -236,7 +233,6 @@ impl SkyLight {
     /// cells through which the sky is seen have.
     pub fn compared_with(&self, open: DVec3) -> DVec3 {
         let part = (self.errors[0] / self.errors[1]).clamp(0.0, 1.0);
-        let known = self.seen.max_element() > 0.0 && part.is_finite();
-        if known { part * (open - self.all) } else { DVec3::ZERO }
+        if part.is_finite() { part * (open - self.all) } else { DVec3::ZERO }
     }
 }

@@ -226,11 +226,10 @@ impl<'a> Surroundings<'a> {
         sum / f32::from(count.max(1))
     }
 
-    /// The cells of the finest level, each of `area`, whose neighbours differ from each other. The ray of a cell does not say whether it is divided: of
-    /// cells that are open in part, those whose ray happens to be blocked would be left so. Where a neighbour is not divided as often, its larger cell
-    /// counts; at the rim of the hemisphere, all cells of the rim do. In `openings`, places of the grid's unit square, the sky is seen:
-    /// cells there and beside them count as beside an open one.
-    /// Also the cells of the finest level all of whose neighbours are open.
+    /// The cells of the finest level, each of `area`, whose neighbours differ from each other, and those all of whose neighbours are open. The ray of a cell
+    /// does not say whether it is divided: of cells that are open in part, those whose ray happens to be blocked would be left so. Where a neighbour is not
+    /// divided as often, its larger cell counts. A cell at the rim of the hemisphere is compared with all others of the finest level there as well. In
+    /// `openings`, places of the grid's unit square, the sky is seen: cells there and beside them count as beside an open one.
     pub fn uneven(&self, area: f64, openings: &[[f32; 2]]) -> (Vec<Uneven>, Vec<u32>) {
         let finest = self.levels.len() - 1;
         let (beside_openings, rows) = (self.beside(openings), self.rows());
@@ -326,7 +325,7 @@ pub(super) fn bound_of_errors(cells: &[Cell], area: f64) -> f64 {
 /// cells at a step; W/m². At the rim of the grid, or beside blocked cells, it is the difference to the only neighbour.
 fn step_at(cells: &[Cell], k: usize, columns: usize) -> f64 {
     let open = |k: usize| cells.get(k).filter(|cell| cell.is_open).map(|cell| f64::from(cell.sky));
-    let Some(own) = open(k) else { return 0.0 };
+    let own = f64::from(cells[k].sky);
     let bend =
         |before: Option<usize>, after: Option<usize>| match (before.and_then(open), after.and_then(open)) {
             (Some(before), Some(after)) => (before + after - 2.0 * own).abs(),

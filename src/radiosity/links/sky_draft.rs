@@ -102,13 +102,18 @@ impl SkyDraft {
     /// The link, given the answers of its segments. Without segments the link counts as clear.
     pub(super) fn link(&self) -> SkyLink {
         let Answers { count, sum, visible, squares, range, table } = self.answers;
+        // Without a proof only a sliver of the source is above the receiver's horizon. In a last measurement what was known of it stays.
+        let without_segments = |noise: f32| match self.pair.last {
+            Some(Last { variation, noise, transmittance, .. }) => {
+                SkyLink { variation, noise, ..self.with(transmittance, [0.0; 2], 0.0) }
+            }
+            None => self.with(1.0, [noise; 2], 0.0),
+        };
         let Some([min, max]) = range else {
-            // Without a proof only a sliver of the source is above the receiver's horizon.
-            let noise = if self.pair.is_clear { 0.0 } else { 0.5 };
-            return self.with(1.0, [noise, noise], 0.0);
+            return without_segments(if self.pair.is_clear { 0.0 } else { 0.5 });
         };
         if sum <= 0.0 {
-            return self.with(1.0, [0.0, 0.0], 0.0);
+            return without_segments(0.0);
         }
         let transmittance = match self.pair.last {
             // The ratio of both sums counts too much where bright directions are the hidden ones: by 1 % at walls of a street.
