@@ -281,7 +281,7 @@ impl<'a> Surroundings<'a> {
 
     /// Variance of the visibility of a cell at the rim of the hemisphere, 0 inside. What rises a little above the plane of a point, and the sky at the foot of a
     /// wall, are strips along the rim thinner than a cell: the other cells of the rim say how probably one crosses this cell. Where little of the rim is open,
-    /// as in rooms, edges of openings matter more, and it counts by the open part.
+    /// as in rooms, the edges of openings matter more: the variance is multiplied by the open part.
     fn variance_at_rim(&self, cell: &Cell, rim: [f64; 2]) -> f64 {
         if !self.is_at_rim(cell.place) {
             return 0.0;

@@ -116,7 +116,7 @@ impl SkyDraft {
             return without_segments(0.0);
         }
         let transmittance = match self.pair.last {
-            // The ratio of both sums counts too much where bright directions are the hidden ones: by 1 % at walls of a street.
+            // The ratio of both sums counts too much where bright directions are the hidden ones: by .4 % at walls of a street.
             Some(last) if min < max && self.mean_weight > 0.0 => {
                 let more = visible - last.transmittance * sum;
                 (last.transmittance + more / (last.count as f32 * self.mean_weight)).clamp(0.0, 1.0)
