@@ -88,7 +88,7 @@ impl FinalGather<'_> {
 
     /// An emitter of the scene by its number; the next number is that of the bright leaves.
     pub(super) fn emitter(&self, number: usize) -> &Emitter {
-        let bright = || self.bright.as_ref().map(BrightLeaves::emitter);
+        let bright = || self.bright().map(BrightLeaves::emitter);
         self.emitters
             .emitters
             .get(number)
@@ -98,7 +98,7 @@ impl FinalGather<'_> {
 
     /// Whether the light of a leaf is received by shadow rays.
     pub(super) fn is_bright(&self, leaf: u32) -> bool {
-        self.bright.as_ref().is_some_and(|bright| bright.face_of(leaf).is_some())
+        self.bright().is_some_and(|bright| bright.face_of(leaf).is_some())
     }
 
     /// Adds the light that bright leaves reflect to that of points, W/m².
@@ -108,7 +108,7 @@ impl FinalGather<'_> {
         values: &mut [Rgb],
         scratch: &mut Scratch,
     ) {
-        if self.bright.is_none() {
+        if self.bright().is_none() {
             return;
         }
         let number = self.emitters.emitters.len();
@@ -269,7 +269,7 @@ impl FinalGather<'_> {
 
     /// What a place on a face of the bright leaves reflects, W/m²; none for emitters. Leaves below an element that is sampled as a whole differ.
     fn reflected_at(&self, emitter: usize, face: usize, at: Vec3) -> Option<Vec3> {
-        let bright = self.bright.as_ref().filter(|_| emitter >= self.emitters.emitters.len())?;
+        let bright = self.bright().filter(|_| emitter >= self.emitters.emitters.len())?;
         Some(Vec3::from(self.reflected[self.lookup.leaf(bright.sides[face], at) as usize]))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::element_samples::{ElementLight, REFLECTED, variance_of_quarters};
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
-use super::paths::{EmitterRay, weight};
+use super::paths::{EmitterRay, EndOfPaths, weight};
 use crate::math::sampling::{mix, point_on};
 use crate::radiosity::elements::emitter_tree::Cut;
 use crate::radiosity::elements::emitters::{Emitters, density_ratio};
@@ -103,7 +103,7 @@ impl FinalGather<'_> {
         random: &[[f32; 4]],
         buffers: &mut Buffers,
     ) -> Option<Vec<(Vec3, f32)>> {
-        let bright = self.bright.as_ref()?;
+        let bright = self.bright()?;
         let mut cuts = std::mem::take(&mut buffers.bright_cuts);
         cuts.resize_with(batch.len().max(cuts.len()), Cut::default);
         batch.iter().zip(&mut cuts).for_each(|(of, cut)| self.cut_of(&bright.emitters, of.leaf, cut));
@@ -322,7 +322,7 @@ impl FinalGather<'_> {
         std::mem::swap(&mut buffers.vertices, &mut near);
         let mut followed: Vec<Rgb> = vec![[0.0; 3]; halves.len()];
         let seed = batch.first().map_or(0, |of| mix(u64::from(of.leaf)));
-        self.follow(self.linked.settings.seed ^ seed, false, &mut followed, buffers);
+        self.follow(self.linked.settings.seed ^ seed, EndOfPaths::Read, &mut followed, buffers);
         for ((half, other), value) in halves.into_iter().zip(followed) {
             add_to(half, other + Vec3::from(value.map(|v| v as f32)));
         }

@@ -55,8 +55,8 @@ pub struct FinalGather<'a> {
     pub(super) of_elements: OnceLock<VisibilityEngine>,
     /// Reflected radiosity by element, W/m².
     pub(super) reflected: Vec<[f32; 3]>,
-    /// Small bright surfaces that reflected light comes from, if they would cause noise.
-    pub(super) bright: Option<BrightLeaves>,
+    /// [`FinalGather::bright`], once it is asked for.
+    bright: OnceLock<Option<BrightLeaves>>,
     /// Low-discrepancy numbers for the shadow rays of a point to an emitter.
     pub(super) table: Vec<[f32; 2]>,
     /// Shadow rays from a point to an emitter that is partly visible.
@@ -132,6 +132,9 @@ pub struct Buffers {
     pub vertices: Vec<PathVertex>,
     pub(super) next_vertices: Vec<PathVertex>,
     pub(super) results: Vec<RayResult>,
+    /// Of followed paths that end at elements whose light is not known yet, their numbers, the leaves and the parts of the light reflected there that
+    /// arrive at their starts.
+    pub(super) path_ends: Vec<(u32, u32, Vec3)>,
     /// By element of a batch, the groups of emitting faces from which its emitter rays are drawn.
     pub(super) cuts: Vec<Cut>,
     /// The same for bright leaves.
@@ -161,15 +164,11 @@ impl<'a> FinalGather<'a> {
                 }
             });
         let reflected: Vec<[f32; 3]> = reflected.collect();
-        let bright = match options.direct_only {
-            true => None,
-            false => BrightLeaves::of(linked, &reflected, [gathered, options.light_rays()], options.error),
-        };
         FinalGather {
             model,
             lookup: Lookup::new(elements),
             reflected,
-            bright,
+            bright: OnceLock::new(),
             linked,
             scene,
             traced: model.traced().clone(),
@@ -191,6 +190,20 @@ impl<'a> FinalGather<'a> {
             length: scene.ray_length(),
             ranks: model.ranks().clone(),
         }
+    }
+
+    /// Small bright surfaces that reflected light comes from, if they would cause noise.
+    pub(super) fn bright(&self) -> Option<&BrightLeaves> {
+        let of = || match self.direct_only {
+            true => None,
+            false => BrightLeaves::of(
+                self.linked,
+                &self.reflected,
+                [self.gather_rays, self.light_rays],
+                self.error,
+            ),
+        };
+        self.bright.get_or_init(of).as_ref()
     }
 
     /// The scene that is gathered from.

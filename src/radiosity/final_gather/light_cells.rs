@@ -3,6 +3,7 @@
 
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
+use super::paths::EndOfPaths;
 use super::sky_light::SkyLight;
 use super::uneven_cells::{Cell, Surroundings, TOLERANCE, USUAL_ERROR, Uneven, WHOLE, bound_of_errors};
 use crate::embree::Hits;
@@ -247,7 +248,7 @@ impl FinalGather<'_> {
             })
             .collect();
         let mut sums = vec![[0.0; 3]; near.len()];
-        self.follow(seed, false, &mut sums, buffers);
+        self.follow(seed, EndOfPaths::Read, &mut sums, buffers);
         for (k, sum) in near.into_iter().zip(sums) {
             if let Seen::Surface(light, _) = &mut rays[k].seen {
                 *light = Vec3::from(sum.map(|s| s as f32));

@@ -35,12 +35,12 @@ pub struct LocalResult {
     pub deviation: f32,
 }
 
-/// Assigns row sums, the part of rays that stayed in the scene, and standard errors to all leaves with rows. `brightest` chooses the
+/// Assigns standard errors to all leaves with rows, from the mean row sums by both halves of the rays. `brightest` chooses the
 /// elements whose light is gathered by shadow rays, from leaves with their radiosities and the power that all leaves receive.
 pub fn assign_noise(
     elements: &Elements,
     rows: &RayRows,
-    transport: &RayTransport,
+    (transport, sums): (&RayTransport, &[f64]),
     brightest: impl Fn(&[(u32, f64)], f64) -> Brightest,
     results: &mut [LocalResult],
 ) {
@@ -73,8 +73,6 @@ pub fn assign_noise(
         let around = &mut around[elements.elements[row.leaf as usize].parent as usize];
         around.iter_mut().zip(spread.spreads).for_each(|(a, s)| a.add(s));
     }
-    let [first, second] = transport.row_sums();
-    let sums: Vec<f64> = first.iter().zip(&second).map(|(a, b)| 0.5 * (a + b)).collect();
     for (i, (row, spread)) in rows.rows.iter().zip(&spreads).enumerate() {
         let leaf = row.leaf as usize;
         let n = f64::from(row.rays);
@@ -84,13 +82,9 @@ pub fn assign_noise(
         let variance = direct / n
             + sums[i] * sums[i] * reflected / rays
             + sums[i] * (1.0 - sums[i]).max(0.0) * spread.mean * spread.mean / n;
-        let result = &mut results[leaf];
-        result.rays = n as u32;
-        result.row_sum = (sums[i] + f64::from(row.outside + row.continued()) / n) as f32;
-        result.kept = 1.0 - row.gone as f32 / n as f32;
         // One more ray might meet a surface that no other ray has met, here or nearby, as bright as the scene on average.
         let known = n + NEIGHBOUR_RAYS.min(around[0].freedom);
-        result.noise = variance.sqrt().hypot(level / known) as f32;
+        results[leaf].noise = variance.sqrt().hypot(level / known) as f32;
     }
 }
 

@@ -11,16 +11,20 @@
 use super::bright_leaves::Brightest;
 use super::gatherer::FinalGather;
 use super::local_noise::{LocalResult, assign_noise, weigh_errors};
-use super::ray_rows::{RayRow, RayRows};
+use super::ray_rows::{PathEnd, RayRow, RayRows};
 use super::untraced::estimate_untraced;
 use crate::radiosity::deadline::{Deadline, GATHER_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
+use crate::radiosity::options::RowSums;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{Arrived, SampledShare, emitted_share};
-use crate::radiosity::transport::{Convergence, Field, MatrixRow, RayTransport, TransportMatrix, krylov};
+use crate::radiosity::transport::{
+    Convergence, Field, MatrixRow, Path, RayTransport, TransportMatrix, krylov,
+};
 use glam::Vec3;
+use rayon::prelude::*;
 use std::array::from_fn;
 
 /// Expected relative error of the direct light that all elements receive together, by their own rays.
@@ -33,7 +37,7 @@ pub(super) const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
 pub struct LocalPass {
     /// By element; 0 for clusters and elements with children.
     pub results: Vec<LocalResult>,
-    /// Rays for the light of the elements; none if there is no time for them.
+    /// Rays for the light of the elements; none if it is not asked for or there is no time for them.
     pub element_rays: Option<f64>,
     /// Rays of both passes together, as part of those that are useful.
     pub traced_part: f64,
@@ -61,38 +65,27 @@ impl FinalGather<'_> {
         let all = self.linked.leaves();
         let Elements { elements, states, .. } = &self.linked.elements;
         let start = deadline.elapsed();
-        let mut rows = self.trace_rows(&all, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
-        let traced: f64 = rows.rows.iter().map(|row| f64::from(row.rays)).sum();
+        let [mut rows, mut apart] = self.trace_rows(&all, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
+        let traced: f64 = rows.rows.iter().chain(&apart.rows).map(|row| f64::from(row.rays)).sum();
         let seconds_a_ray = (deadline.elapsed() - start) / traced.max(1.0);
-        let untraced = all.len() - rows.rows.len();
-        // Light that leaves receive outside the exchange, W/m² times scene units squared.
-        let apart = rows.take_out(|leaf| states[leaf as usize].is_apart());
-        let light = |row: &RayRow| elements[row.leaf as usize].area * mean(emitters_irradiance(row));
-        let light_apart: f64 = apart.rows.iter().map(light).sum();
+        let untraced = all.len() - rows.rows.len() - apart.rows.len();
         let beyond = |row: &RayRow| {
             (elements[row.leaf as usize].area, row.sky / row.rays as f32, row.sun / row.rays as f32)
         };
         let arrived = Arrived::of(rows.rows.iter().chain(&apart.rows).map(beyond));
         rows.number_rows(self.linked.elements.len(), &self.reflected);
-        let mut direct = [0, 1].map(|half| direct_light(&rows, half));
         let sampled = self.emitted_share();
-        let mut received = sampled.share;
         // The light of leaves that were not traced is not known here.
-        let mut factor = 1.0;
-        if untraced == 0 {
-            let sum = rows.rows.iter().map(light).sum::<f64>() + light_apart;
-            (factor, received) = self.balance_of_direct_light(sum, &sampled);
-            for (half, direct) in direct.iter_mut().enumerate() {
-                for (direct, row) in direct.iter_mut().zip(&rows.rows) {
-                    add(direct, factor - 1.0, of_half(row, row.halves[half].emitted));
-                }
-            }
-        }
+        let (factor, received) = match untraced {
+            0 => self.balance_of_direct_light(self.received_directly(&[&rows, &apart]), &sampled),
+            _ => (1.0, sampled.share),
+        };
+        let direct = [0, 1].map(|half| direct_light(&rows, half, factor));
         // Of an iteration that the deadline ends at once the start remains. Otherwise it is the direct light: links bring a little light
         // to rooms without any.
         let along_links = |row: &RayRow| states[row.leaf as usize].irradiance;
         let start = deadline.late().then(|| rows.rows.iter().map(along_links).collect());
-        let transport = RayTransport::new(self.exchange(&rows), direct);
+        let transport = RayTransport::new(self.exchange(&rows), self.path_exchange(&rows), direct);
         let (first, convergence) = krylov(&transport, start, deadline);
         let light = transport.both(first);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
@@ -100,27 +93,32 @@ impl FinalGather<'_> {
             // Light is not negative. Values below zero are rounding in the dark and noise: rows with a sum that is too large send light back.
             results[row.leaf as usize].irradiance = from_fn(|k| (0.5 * (a[k] + b[k])).max(0.0));
         }
-        let brightest = |leaves: &[(u32, f64)], power: f64| {
-            let rays = [self.gather_rays, self.light_rays];
-            Brightest::of(&self.linked.elements, leaves, rays, self.error * power)
-        };
-        assign_noise(&self.linked.elements, &rows, &transport, brightest, &mut results);
-        if !self.elements {
-            count_sent(&rows, &transport, &light, &mut results);
+        self.add_light_of_ends(&mut rows, &mut apart, &results);
+        let halves = transport.row_sums();
+        let sums = assign_row_sums(&rows, &halves, &mut results);
+        if self.elements {
+            let brightest = |leaves: &[(u32, f64)], power: f64| {
+                let rays = [self.gather_rays, self.light_rays];
+                Brightest::of(&self.linked.elements, leaves, rays, self.error * power)
+            };
+            assign_noise(&self.linked.elements, &rows, (&transport, &sums), brightest, &mut results);
+        } else {
+            count_sent(&rows, &halves, &light, &mut results);
         }
-        if all.len() > rows.rows.len() {
+        if untraced > 0 || self.elements && all.len() > rows.rows.len() {
             estimate_untraced(&self.linked.elements, &all, &mut results);
         }
         self.light_apart(&apart, factor, &mut results);
-        weigh_errors(&self.linked.elements, &all, &mut results);
-        let needed = self.needed_rays(&all, &results);
         let element_rays = rays.map(|rays| match deadline.limited() {
             true => ((1.0 - EXCHANGE_SHARE) * useful).min(GATHER_SHARE * deadline.left() / seconds_a_ray),
             false => (1.0 - EXCHANGE_SHARE) * rays,
         });
         let exchanged = rays.map_or(0.0, |rays| EXCHANGE_SHARE * rays);
         let traced_part = (exchanged + element_rays.unwrap_or(0.0)) / useful;
-        let element_rays = element_rays.map(|rays| rays.min(needed));
+        let element_rays = element_rays.filter(|_| self.elements).map(|rays| {
+            weigh_errors(&self.linked.elements, &all, &mut results);
+            rays.min(self.needed_rays(&all, &results))
+        });
         let RayRows { hurried, tally, .. } = rows;
         LocalPass {
             results,
@@ -158,6 +156,13 @@ impl FinalGather<'_> {
         }
     }
 
+    /// The direct light of rows from the emitters of the scene, W/m² times scene units squared.
+    fn received_directly(&self, rows: &[&RayRows]) -> f64 {
+        let elements = &self.linked.elements.elements;
+        let light = |row: &RayRow| elements[row.leaf as usize].area * mean(emitters_irradiance(row));
+        rows.iter().map(|rows| rows.rows.iter().map(light).sum::<f64>()).sum()
+    }
+
     /// The part of the emitted power that meets elements.
     fn emitted_share(&self) -> SampledShare {
         let LinkedScene { elements, engine, surroundings, settings, .. } = self.linked;
@@ -187,12 +192,42 @@ impl FinalGather<'_> {
         (share / found, sampled.share.map(|of| of * share / sampled.mean))
     }
 
+    /// Adds the light that paths bring from their ends, now that it is known, to that of the rays that they continue.
+    fn add_light_of_ends(&self, rows: &mut RayRows, apart: &mut RayRows, results: &[LocalResult]) {
+        let reflected = |leaf: u32| {
+            let (reflectance, irradiance) = (self.reflectance(leaf), results[leaf as usize].irradiance);
+            Vec3::from_array(from_fn(|k| reflectance[k] * irradiance[k] as f32))
+        };
+        for end in &rows.ends {
+            let light = reflected(rows.rows[end.met as usize].leaf);
+            rows.rows[end.row as usize].add_light(end, light);
+        }
+        for end in &apart.ends {
+            apart.rows[end.row as usize].add_light(end, reflected(end.met));
+        }
+    }
+
+    /// The reflectance of a leaf, by channel.
+    fn reflectance(&self, leaf: u32) -> [f32; 3] {
+        self.linked.elements.sides[self.side_of(leaf) as usize].reflectance
+    }
+
+    /// The light that paths bring from row to row, by half of the rays.
+    fn path_exchange(&self, rows: &RayRows) -> [Vec<Path>; 2] {
+        let path = |end: &PathEnd| {
+            let reflectance = Vec3::from(self.reflectance(rows.rows[end.met as usize].leaf));
+            let part = 2.0 / rows.rows[end.row as usize].rays as f32;
+            Path { row: end.row, met: end.met, share: (part * end.share * reflectance).to_array() }
+        };
+        [0, 1].map(|half| rows.ends.iter().filter(|end| end.half == half).map(path).collect())
+    }
+
     /// The exchange of the leaves, by half of their rays.
     fn exchange(&self, rows: &RayRows) -> [TransportMatrix; 2] {
         let linked = self.linked;
         let elements = &linked.elements;
         let escapes = self.escapes_of_sides(rows);
-        [0, 1].map(|half| {
+        let of_half = |half: usize| {
             let (mut met, mut first) = (Vec::with_capacity(rows.met.len() / 2), 0);
             let of_row = |row: &RayRow| {
                 let side = self.side_of(row.leaf) as usize;
@@ -209,7 +244,12 @@ impl FinalGather<'_> {
                 }
             };
             let of_rows: Vec<MatrixRow> = rows.rows.iter().map(of_row).collect();
-            TransportMatrix::new(&of_rows, &met, linked.settings.row_sums, &self.ranks)
+            (TransportMatrix::new(&of_rows, &met, &self.ranks), of_rows, met)
+        };
+        let (first, second) = rayon::join(|| of_half(0), || of_half(1));
+        [first, second].map(|(matrix, rows, met)| match linked.settings.row_sums {
+            RowSums::Balanced => matrix.balanced(&rows, &met),
+            RowSums::Sampled => matrix,
         })
     }
 
@@ -228,9 +268,14 @@ impl FinalGather<'_> {
     }
 }
 
-/// Direct irradiance of the rows by a half of their rays, W/m².
-fn direct_light(rows: &RayRows, half: usize) -> Field {
-    rows.rows.iter().map(|row| of_half(row, row.halves[half].direct)).collect()
+/// Direct irradiance of the rows by a half of their rays, with that from the emitters of the scene times a factor; W/m².
+fn direct_light(rows: &RayRows, half: usize, factor: f64) -> Field {
+    let of_row = |row: &RayRow| {
+        let mut direct = of_half(row, row.halves[half].direct);
+        add(&mut direct, factor - 1.0, of_half(row, row.halves[half].emitted));
+        direct
+    };
+    rows.rows.par_iter().map(of_row).collect()
 }
 
 /// The mean over half of the rays of a row of what they add up to.
@@ -238,10 +283,22 @@ fn of_half(row: &RayRow, sum: Vec3) -> Rgb {
     sum.to_array().map(|of| 2.0 * f64::from(of) / f64::from(row.rays))
 }
 
+/// Assigns the number of rays, the part of them that stayed in the scene and the row sum to all leaves with rows. Returns the mean row sums of the form
+/// factors by both halves of the rays.
+fn assign_row_sums(rows: &RayRows, [first, second]: &[Vec<f64>; 2], results: &mut [LocalResult]) -> Vec<f64> {
+    let sums: Vec<f64> = first.iter().zip(second).map(|(a, b)| 0.5 * (a + b)).collect();
+    for (row, sum) in rows.rows.iter().zip(&sums) {
+        let (rays, result) = (f64::from(row.rays), &mut results[row.leaf as usize]);
+        result.rays = row.rays;
+        result.row_sum = (sum + f64::from(row.outside + row.continued()) / rays) as f32;
+        result.kept = 1.0 - row.gone as f32 / rays as f32;
+    }
+    sums
+}
+
 /// Lets the ledger, which multiplies row sums by the mean light of both halves, count what rows send: the light of each half times what the rays of the
 /// other half say of where it goes.
-fn count_sent(rows: &RayRows, transport: &RayTransport, light: &[Field; 2], results: &mut [LocalResult]) {
-    let sums = transport.row_sums();
+fn count_sent(rows: &RayRows, sums: &[Vec<f64>; 2], light: &[Field; 2], results: &mut [LocalResult]) {
     let [first, second] = light;
     for (i, row) in rows.rows.iter().enumerate() {
         let rays = f64::from(row.rays);

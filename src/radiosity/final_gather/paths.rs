@@ -17,6 +17,25 @@ const MAX_BOUNCES: u64 = 256;
 /// Bounce from which Russian roulette may end a path (Arvo and Kirk 1990): affects noise and time, not the mean.
 const FIRST_ROULETTE_BOUNCE: u64 = 3;
 
+/// Where paths end.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum EndOfPaths {
+    /// Nowhere: no light of the solution is used, and rays are exact.
+    Nowhere,
+    /// At elements whose light may stand for that of the point met.
+    Read,
+    /// There as well, but their light is not known yet: they are listed in [`Buffers::path_ends`].
+    Listed,
+}
+
+/// What a path finds that goes on from an element outside the exchange.
+pub(super) struct Onwards {
+    /// Irradiance at its start, without the light of its end, W/m².
+    pub light: Vec3,
+    /// The leaf where it ends, and the part of the radiosity reflected there that arrives; none if it ends at no surface.
+    pub end: Option<(u32, Vec3)>,
+}
+
 /// A shadow ray to a point on an emitter.
 pub(super) struct EmitterRay {
     /// Its ends, above the surfaces.
@@ -180,29 +199,32 @@ impl FinalGather<'_> {
     }
 
     /// Adds the light that reaches the path starts through all of `buffers.vertices` to the sums of their paths: direct light at each vertex, and the light
-    /// of the element that its ray meets, or a longer path where that element is too near. An `independent` path uses no light
-    /// of the solution, and exact rays.
-    pub(super) fn follow(&self, seed: u64, independent: bool, sums: &mut [Rgb], buffers: &mut Buffers) {
+    /// of the element that its ray meets, or a longer path where that element is too near.
+    pub(super) fn follow(&self, seed: u64, ends: EndOfPaths, sums: &mut [Rgb], buffers: &mut Buffers) {
         let exact;
-        let engine = if independent {
+        let engine = if ends == EndOfPaths::Nowhere {
             exact = VisibilityEngine::Exact(self.linked.engine.exact());
             &exact
         } else {
             &self.linked.engine
         };
+        buffers.path_ends.clear();
         for bounce in 1..=MAX_BOUNCES {
             if buffers.vertices.is_empty() {
                 return;
             }
             let seed = mix(seed ^ bounce);
             self.trace(engine, |i| numbers(seed, i as u64), buffers);
-            let Buffers { vertices, results, next_vertices, .. } = buffers;
+            let Buffers { vertices, results, next_vertices, path_ends, .. } = buffers;
             next_vertices.clear();
             for (i, (vertex, found)) in vertices.iter().zip(results.iter()).enumerate() {
                 let mut received = found.direct + found.sun + found.sky;
                 if found.met.side != Elements::NONE {
-                    if !independent && self.trusts(&found.met, found.distance) {
-                        received += Vec3::from(self.reflected[found.met.leaf as usize]);
+                    if ends != EndOfPaths::Nowhere && self.trusts(&found.met, found.distance) {
+                        match ends {
+                            EndOfPaths::Listed => path_ends.push((vertex.path, found.met.leaf, vertex.share)),
+                            _ => received += Vec3::from(self.reflected[found.met.leaf as usize]),
+                        }
                     } else {
                         let next = self.continued(found.met, vertex.share, vertex.path);
                         let survival = next.share.max_element().min(1.0);
@@ -227,7 +249,7 @@ impl FinalGather<'_> {
     /// Irradiance of independent paths from all of `buffers.vertices`, summed; W/m².
     pub fn independent_irradiance(&self, seed: u64, buffers: &mut Buffers) -> Rgb {
         let mut sum = [0.0; 3];
-        self.follow(seed, true, std::slice::from_mut(&mut sum), buffers);
+        self.follow(seed, EndOfPaths::Nowhere, std::slice::from_mut(&mut sum), buffers);
         sum
     }
 
@@ -246,8 +268,8 @@ impl FinalGather<'_> {
         }
     }
 
-    /// For each of `buffers.results` that met an element outside the exchange, the light that paths from there find, W/m².
-    pub(super) fn light_of_paths_onwards(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<Vec3>> {
+    /// For each of `buffers.results` that met an element outside the exchange, what a path from there finds.
+    pub(super) fn paths_onwards(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<Onwards>> {
         let states = &self.linked.elements.states;
         let results = std::mem::take(&mut buffers.results);
         buffers.vertices.clear();
@@ -264,10 +286,17 @@ impl FinalGather<'_> {
             })
             .collect();
         let mut sums: Vec<Rgb> = vec![[0.0; 3]; path as usize];
-        self.follow(self.linked.settings.seed ^ seed, false, &mut sums, buffers);
+        self.follow(self.linked.settings.seed ^ seed, EndOfPaths::Listed, &mut sums, buffers);
         buffers.results = results;
-        let light = |path: u32| Vec3::from(sums[path as usize].map(|v| v as f32));
-        paths.into_iter().map(|path| path.map(light)).collect()
+        let mut ends = vec![None; path as usize];
+        for &(path, leaf, share) in &buffers.path_ends {
+            ends[path as usize] = Some((leaf, share));
+        }
+        let found = |path: u32| Onwards {
+            light: Vec3::from(sums[path as usize].map(|v| v as f32)),
+            end: ends[path as usize],
+        };
+        paths.into_iter().map(|path| path.map(found)).collect()
     }
 
     fn continued(&self, met: PathVertex, share: Vec3, path: u32) -> PathVertex {

@@ -118,9 +118,9 @@ impl FinalGather<'_> {
         (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
     }
 
-    /// The rays of all leaves: each leaf's share by its area and importance. After the deadline only the smallest number of rays, and of
-    /// many leaves only some.
-    pub(super) fn trace_rows(&self, leaves: &[u32], rays: Option<f64>, deadline: &Deadline) -> RayRows {
+    /// The rays of all leaves, those in the exchange and those outside of it: each leaf's share by its area and importance. After the deadline only
+    /// the smallest number of rays, and of many leaves only some.
+    pub(super) fn trace_rows(&self, leaves: &[u32], rays: Option<f64>, deadline: &Deadline) -> [RayRows; 2] {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let area = |e: u32| elements.elements[e as usize].area;
         let counted = |e: u32| area(e) * f64::from(states[e as usize].importance);
@@ -154,8 +154,9 @@ impl FinalGather<'_> {
             (rays.min(MAX_ROW_RAYS) as u32).div_ceil(2)
         };
         let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
-        let planned: Vec<LeafRays> =
-            leaves.iter().map(|&leaf| LeafRays { leaf, count: count(leaf, rays) }).collect();
+        let planned = leaves.iter().map(|&leaf| LeafRays { leaf, count: count(leaf, rays) });
+        let (exchanged, apart): (Vec<LeafRays>, Vec<LeafRays>) =
+            planned.partition(|of| !states[of.leaf as usize].is_apart());
         // Half of the leaves that are traced late are large ones, half are drawn.
         let large = elements.area / (0.5 * MAX_LATE_LEAVES as f64);
         let step = leaves.len().div_ceil(MAX_LATE_LEAVES / 2) as u64;
@@ -169,7 +170,10 @@ impl FinalGather<'_> {
             tracing.late().then(late)
         };
         deadline.stage("local pass, rays", leaves.len());
-        let rows = RayRows::trace(self, &planned, instead, |n| deadline.advance(n));
+        let rows = [exchanged, apart].map(|planned| match planned.is_empty() {
+            true => RayRows::new(),
+            false => RayRows::trace(self, &planned, instead, |n| deadline.advance(n)),
+        });
         deadline.stage("local pass, light", 0);
         rows
     }

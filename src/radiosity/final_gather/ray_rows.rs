@@ -36,12 +36,28 @@ pub struct RayRow {
 /// Half of the rays of a leaf.
 #[derive(Clone, Copy, Default, Deserialize, Serialize)]
 pub struct RowHalf {
-    /// Sum over the rays of the irradiance from emitters, suns and sky, and of that which paths bring from leaves outside the exchange, W/m².
+    /// Sum over the rays of the irradiance from emitters, suns and sky, and of all that paths by way of leaves outside the exchange bring but for the
+    /// light of their ends, W/m².
     pub direct: Vec3,
     /// Of that the light of the emitters of the scene.
     pub emitted: Vec3,
     /// Rays that met leaves outside the exchange: paths have gone on from there.
     pub continued: u32,
+}
+
+/// The end of a path that a ray of a leaf begins and leaves outside the exchange continue.
+#[derive(Clone, Copy, Deserialize, Serialize)]
+pub struct PathEnd {
+    /// The row of the leaf.
+    pub row: u32,
+    /// The half of its rays to which the ray belongs.
+    pub half: u32,
+    /// The leaf where the path ends; after [`RayRows::number_rows`] its row.
+    pub met: u32,
+    /// Part of the radiosity reflected there that arrives, by channel.
+    pub share: Vec3,
+    /// All other light that the path brings, mean over the channels, W/m².
+    pub direct: f32,
 }
 
 /// The rays of all leaves.
@@ -51,6 +67,8 @@ pub struct RayRows {
     pub rows: Vec<RayRow>,
     /// By ray, the leaf that it met; [`Elements::NONE`] for none.
     pub met: Vec<u32>,
+    /// Ends of the paths of rays that met leaves outside the exchange, in the order of the rows.
+    pub ends: Vec<PathEnd>,
     /// Leaves for which other rays were traced than planned.
     pub hurried: usize,
     /// Cost of the rays.
@@ -61,6 +79,14 @@ impl RayRow {
     /// Sum over the rays of all light that counts as direct, W/m².
     pub fn direct(&self) -> Vec3 {
         self.halves[0].direct + self.halves[1].direct
+    }
+
+    /// Adds what a path brings from its end, which reflects `reflected`, W/m².
+    pub fn add_light(&mut self, end: &PathEnd, reflected: Vec3) {
+        let light = end.share * reflected;
+        let mean = light.element_sum() / 3.0;
+        self.halves[end.half as usize].direct += light;
+        self.squares += mean * (2.0 * end.direct + mean);
     }
 
     /// Sum over the rays of the irradiance from the emitters of the scene, W/m².
@@ -86,8 +112,8 @@ impl RayRow {
 }
 
 impl RayRows {
-    fn new() -> RayRows {
-        RayRows { rows: Vec::new(), met: Vec::new(), hurried: 0, tally: Tally::default() }
+    pub fn new() -> RayRows {
+        RayRows { rows: Vec::new(), met: Vec::new(), ends: Vec::new(), hurried: 0, tally: Tally::default() }
     }
 
     /// Traces the planned rays of each leaf. `instead` is asked for every batch of leaves when its turn comes: the rays that it
@@ -122,7 +148,8 @@ impl RayRows {
         let mut all = RayRows { rows: Vec::with_capacity(planned.len()), ..RayRows::new() };
         all.met.reserve_exact(made.iter().map(|(_, m)| m.met.len()).sum());
         for (_, part) in made {
-            let before = all.met.len();
+            let (before, rows) = (all.met.len(), all.rows.len() as u32);
+            all.ends.extend(part.ends.into_iter().map(|end| PathEnd { row: rows + end.row, ..end }));
             all.rows.extend(part.rows.into_iter().map(|r| RayRow { end: before + r.end, ..r }));
             all.met.extend(part.met);
             all.hurried += part.hurried;
@@ -137,22 +164,29 @@ impl RayRows {
         gather.trace_leaves(batch, &random, &cuts, &vec![None; batch.len()], buffers);
         buffers.cuts = cuts;
         let seed = batch.first().map_or(0, |of| mix(!u64::from(of.leaf)));
-        let paths = gather.light_of_paths_onwards(seed, buffers);
+        let paths = gather.paths_onwards(seed, buffers);
         let mut results = buffers.results.iter().zip(paths);
         for of in batch {
             let (leaf, rays, outside) = (of.leaf, 2 * of.count, 0);
             let (mut halves, mut squares, mut gone) = ([RowHalf::default(); 2], 0.0, 0);
             let (mut sun, mut sky, mut gone_lit) = (Vec3::ZERO, Vec3::ZERO, 0.0);
             for (k, (found, path)) in results.by_ref().take(rays as usize).enumerate() {
-                let light = found.direct + found.sun + found.sky + path.unwrap_or_default();
-                let half = &mut halves[k / of.count as usize];
+                let onwards = path.as_ref().map_or(Vec3::ZERO, |path| path.light);
+                let light = found.direct + found.sun + found.sky + onwards;
+                let direct = light.element_sum() / 3.0;
+                let number = k as u32 / of.count;
+                if let Some((met, share)) = path.as_ref().and_then(|path| path.end) {
+                    let row = self.rows.len() as u32;
+                    self.ends.push(PathEnd { row, half: number, met, share, direct });
+                }
+                let half = &mut halves[number as usize];
                 half.direct += light;
                 half.emitted += found.direct;
                 half.continued += u32::from(path.is_some());
                 (sun, sky) = (sun + found.sun, sky + found.sky);
                 gone += u32::from(found.gone);
                 gone_lit += if found.gone { (found.direct + found.sun).element_sum() / 3.0 } else { 0.0 };
-                squares += (light.element_sum() / 3.0).powi(2);
+                squares += direct.powi(2);
                 let met = match path {
                     None if found.met.side != Elements::NONE => found.met.leaf,
                     _ => Elements::NONE,
@@ -164,25 +198,6 @@ impl RayRows {
         }
     }
 
-    /// Removes the rows of some leaves, with what their rays have met.
-    pub fn take_out(&mut self, is_removed: impl Fn(u32) -> bool) -> RayRows {
-        let mut removed = RayRows::new();
-        if !self.rows.iter().any(|row| is_removed(row.leaf)) {
-            return removed;
-        }
-        let mut kept = RayRows::new();
-        let mut first = 0;
-        for row in self.rows.drain(..) {
-            let own = first..row.end;
-            first = row.end;
-            let to = if is_removed(row.leaf) { &mut removed } else { &mut kept };
-            to.met.extend_from_slice(&self.met[own]);
-            to.rows.push(RayRow { end: to.met.len(), ..row });
-        }
-        (self.rows, self.met) = (kept.rows, kept.met);
-        removed
-    }
-
     /// Replaces the leaves that rays have met by the numbers of their rows. Leaves without rows count as outside: the light that they
     /// reflect (by element, W/m²) becomes direct light.
     pub fn number_rows(&mut self, elements: usize, reflected: &[[f32; 3]]) {
@@ -190,10 +205,20 @@ impl RayRows {
         for (i, row) in (0..).zip(&self.rows) {
             row_of[row.leaf as usize] = i;
         }
+        let RayRows { rows, met, ends, .. } = self;
+        // What paths bring from leaves without rows is known.
+        ends.retain_mut(|end| {
+            let number = row_of[end.met as usize];
+            if number == Elements::NONE {
+                rows[end.row as usize].add_light(end, Vec3::from(reflected[end.met as usize]));
+            }
+            end.met = number;
+            number != Elements::NONE
+        });
         let mut first = 0;
-        for row in &mut self.rows {
+        for row in rows {
             let half = (row.end - first) / 2;
-            for (k, met) in self.met[first..row.end].iter_mut().enumerate() {
+            for (k, met) in met[first..row.end].iter_mut().enumerate() {
                 let Some(&number) = row_of.get(*met as usize) else { continue };
                 if number == Elements::NONE {
                     let light = Vec3::from(reflected[*met as usize]);

@@ -3,15 +3,11 @@
 use super::notes;
 use super::record::timed;
 use super::run::{Stages, total_area};
-use crate::math::sampling::mix;
-use crate::model::Model;
 use crate::radiosity::audit::{AuditSize, Closing, Solved};
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::ElementState;
 use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::{LinkedScene, Refined};
-use crate::radiosity::rgb::Rgb;
 
 /// Largest number of local passes for [`Options::target_error`]: each has more rays than all before it together.
 const MAX_ATTEMPTS: usize = 5;
@@ -96,10 +92,6 @@ impl Stages<'_> {
             linked.split_near_emitters(scene, deadline);
             linked.split_at_crossings(&self.model.exact(), deadline);
             linked.mark_gaps(&self.model.exact());
-            // Rays are shared by this light: it must not come from the same ones.
-            let seed = std::mem::replace(&mut linked.settings.seed, mix(options.seed));
-            light_for_paths(self.model, linked, options, deadline);
-            linked.settings.seed = seed;
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all);
             let rays = rays.map(|rays| rays.min(useful));
@@ -135,31 +127,5 @@ impl Stages<'_> {
         let all = solved.linked.leaves().len();
         self.notes.extend(notes::hurried(hurried.unwrap_or(0), all, deadline));
         solved
-    }
-}
-
-/// Largest part of the light that paths may miss: it is missing from the ledger, which is right within 0.005.
-const MAX_MISSING: f64 = 1e-3;
-
-/// Replaces the light along links by that of few rays where elements take no part in the exchange: paths go on from there and read the light of
-/// what they meet, and links bring a little light to rooms without any. Each pass adds the light that has met such elements once more.
-fn light_for_paths(model: &Model, linked: &mut LinkedScene, options: &Options, deadline: &Deadline) {
-    if !linked.elements.states.iter().any(ElementState::is_apart) || deadline.late() {
-        return;
-    }
-    let before: Vec<Rgb> = linked.elements.states.iter().map(|state| state.irradiance).collect();
-    linked.set_irradiance(before.iter().map(|_| [0.0; 3]));
-    let mut passes = 0;
-    loop {
-        let found = FinalGather::new(model, linked, options).local_pass(Some(LATE_RAYS), LATE_RAYS, deadline);
-        linked.tally.add(found.tally);
-        if deadline.late() {
-            return linked.set_irradiance(before.into_iter());
-        }
-        linked.set_irradiance(found.results.iter().map(|result| result.irradiance));
-        passes += 1;
-        if linked.share_reflected_apart().powi(passes + 1) <= MAX_MISSING {
-            return;
-        }
     }
 }

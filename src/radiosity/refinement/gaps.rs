@@ -7,7 +7,6 @@
 use super::linked_scene::LinkedScene;
 use crate::math::Aabb;
 use crate::radiosity::elements::{Elements, Shape, Side, centres_of_quarters};
-use crate::radiosity::rgb::mean;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::Exact;
 use glam::Vec3;
@@ -31,23 +30,6 @@ impl LinkedScene {
         for (leaf, _) in leaves.into_iter().zip(covered).filter(|(_, quarters)| *quarters == ALL) {
             self.elements.states[leaf as usize].narrow = true;
         }
-    }
-
-    /// The part of all light on the surfaces that elements outside the exchange reflect.
-    pub fn share_reflected_apart(&self) -> f64 {
-        let Elements { elements, states, sides, .. } = &self.elements;
-        let (mut all, mut reflected) = (0.0, 0.0);
-        for leaf in self.leaves() {
-            let (element, state) = (&elements[leaf as usize], &states[leaf as usize]);
-            let Shape::Surface { side, .. } = element.shape else { continue };
-            let power = element.area * mean(state.irradiance);
-            all += power;
-            if state.is_apart() {
-                let reflectance = sides[side as usize].reflectance.into_iter().fold(0.0, f32::max);
-                reflected += f64::from(reflectance) * power;
-            }
-        }
-        if all > 0.0 { reflected / all } else { 0.0 }
     }
 }
 

@@ -143,7 +143,6 @@ mod tests {
     use super::super::transport_matrix::{MatrixRow, TransportMatrix};
     use super::*;
     use crate::math::sampling::numbers;
-    use crate::radiosity::options::RowSums;
     use crate::ranks::Ranks;
 
     /// A room of rows that reflect more than they receive has no solution: the result is finite and not marked as converged.
@@ -158,10 +157,10 @@ mod tests {
         let half = |half: u64| {
             let to = |k: u64| (numbers(7 + half, k)[0] * n as f32) as u32;
             let met: Vec<u32> = (0..u64::from(n * rays)).map(to).collect();
-            TransportMatrix::new(&rows, &met, RowSums::Balanced, &Ranks::default())
+            TransportMatrix::new(&rows, &met, &Ranks::default()).balanced(&rows, &met)
         };
         let direct = || (0..n).map(|i| [f64::from(u8::from(i < 10)), 0.0, f64::NAN]).collect();
-        let transport = RayTransport::new([0, 1].map(half), [direct(), direct()]);
+        let transport = RayTransport::new([0, 1].map(half), [Vec::new(), Vec::new()], [direct(), direct()]);
         let (found, convergence) = krylov(&transport, Some(vec![[0.0; 3]; 200]), &Deadline::start(&(), None));
         assert!(!convergence.converged && found.iter().flatten().all(|e| e.is_finite()), "{convergence:?}");
     }

@@ -21,7 +21,7 @@ pub use directional::{DirectionalIrradiance, NodeIrradiance};
 pub use gather_push_pull::{NodeRadiosity, gather, pushed};
 pub use krylov::krylov;
 pub use link_transport::LinkTransport;
-pub use ray_transport::RayTransport;
+pub use ray_transport::{Path, RayTransport};
 pub use row_normalisation::{cap_row_sums, link_row_sums, normalise_link_rows, short_rows};
 pub use sweeps::sweeps;
 pub use transport_matrix::{MatrixRow, TransportMatrix};

@@ -14,14 +14,26 @@ use crate::radiosity::rgb::add;
 pub struct RayTransport {
     /// Exchange between the rows, by half of the rays.
     halves: [TransportMatrix; 2],
+    /// Light that paths bring by way of elements without rows, by half of the rays.
+    paths: [Vec<Path>; 2],
     /// Irradiance by emitters, suns and sky, W/m², by half.
     direct: [Field; 2],
 }
 
+/// A path that brings light from one row to another.
+pub struct Path {
+    /// Where it begins.
+    pub row: u32,
+    /// Where it ends.
+    pub met: u32,
+    /// Irradiance that it brings relative to that of the row where it ends, by channel.
+    pub share: [f32; 3],
+}
+
 impl RayTransport {
-    /// For the exchange and the direct irradiance of the rows by half.
-    pub fn new(halves: [TransportMatrix; 2], direct: [Field; 2]) -> RayTransport {
-        RayTransport { halves, direct }
+    /// For the exchange, the paths and the direct irradiance of the rows by half.
+    pub fn new(halves: [TransportMatrix; 2], paths: [Vec<Path>; 2], direct: [Field; 2]) -> RayTransport {
+        RayTransport { halves, paths, direct }
     }
 
     /// The row sums of the form factors, by half.
@@ -47,7 +59,7 @@ impl RayTransport {
 
     /// Irradiance that the reflection of `irradiance` causes, by the first half.
     pub fn reflected(&self, irradiance: &Field) -> Field {
-        self.halves[0].reflected(&self.halves[1].reflected(irradiance))
+        self.bounced(0, &self.bounced(1, irradiance))
     }
 
     /// Weight of each unknown in sums over the scene.
@@ -57,12 +69,23 @@ impl RayTransport {
 
     /// Terms that one application of both halves adds up.
     pub fn terms(&self) -> usize {
-        self.halves.iter().map(TransportMatrix::entries).sum()
+        self.halves.iter().map(TransportMatrix::entries).sum::<usize>()
+            + self.paths.iter().map(Vec::len).sum::<usize>()
+    }
+
+    /// Irradiance that the reflection of `irradiance` causes, by a half.
+    fn bounced(&self, half: usize, irradiance: &Field) -> Field {
+        let mut sum = self.halves[half].reflected(irradiance);
+        for Path { row, met, share } in &self.paths[half] {
+            let light = irradiance[*met as usize];
+            add(&mut sum[*row as usize], 1.0, std::array::from_fn(|k| f64::from(share[k]) * light[k]));
+        }
+        sum
     }
 
     /// The light by a half, from that by the other one.
     fn received(&self, half: usize, other: &Field) -> Field {
-        let mut sum = self.halves[half].reflected(other);
+        let mut sum = self.bounced(half, other);
         sum.iter_mut().zip(&self.direct[half]).for_each(|(sum, direct)| add(sum, 1.0, *direct));
         sum
     }
@@ -73,7 +96,6 @@ mod tests {
     use super::super::transport_matrix::MatrixRow;
     use super::*;
     use crate::math::sampling::numbers;
-    use crate::radiosity::options::RowSums;
     use crate::ranks::Ranks;
 
     /// Rows of few rays of which some leave the scene and bring light: what they send is right on average, although rows with much light have few rays
@@ -104,7 +126,7 @@ mod tests {
                     let (area, reflectance, end) = (1.0, [1.0; 3], met.len());
                     rows.push(MatrixRow { area, reflectance, end, closed: false, escapes, apart: 0 });
                 }
-                (TransportMatrix::new(&rows, &met, RowSums::Balanced, &Ranks::default()), brought)
+                (TransportMatrix::new(&rows, &met, &Ranks::default()).balanced(&rows, &met), brought)
             };
             let [(a, from_a), (b, from_b)] = [0, 1].map(of_half);
             let direct = [from_a, from_b];

@@ -1,7 +1,6 @@
 //! Exchange of light between leaves that rays join.
 
 use super::Field;
-use crate::radiosity::options::RowSums;
 use crate::radiosity::rgb::add;
 use crate::ranks::Ranks;
 use rayon::prelude::*;
@@ -60,37 +59,38 @@ pub struct MatrixRow {
 }
 
 impl TransportMatrix {
-    /// For rows and the rows that their rays met, `u32::MAX` for none. `row_sums` says how row sums are normalised.
-    pub fn new(rows: &[MatrixRow], met: &[u32], row_sums: RowSums, ranks: &Ranks) -> TransportMatrix {
+    /// For rows and the rows that their rays met, `u32::MAX` for none, with row sums as sampled.
+    pub fn new(rows: &[MatrixRow], met: &[u32], ranks: &Ranks) -> TransportMatrix {
         let n = rows.len();
-        let rays = |i: usize| rows[i].end - if i > 0 { rows[i - 1].end } else { 0 };
         let (ends, others) = both_ways(rows, met);
-        let mut matrix = TransportMatrix {
+        TransportMatrix {
             ends,
             others,
-            density: (0..n).map(|i| (rays(i) as f64 / rows[i].area) as f32).collect(),
+            density: (0..n).map(|i| (rays_of(rows, i).len() as f64 / rows[i].area) as f32).collect(),
             reflectance: rows.iter().map(|p| p.reflectance).collect(),
             area: rows.iter().map(|p| p.area).collect(),
             factors: vec![1.0; n],
             kept: vec![0.0; n],
             ranks: ranks.clone(),
-        };
-        if row_sums == RowSums::Balanced {
-            let expected: Vec<f64> = (0..n)
-                .into_par_iter()
-                .with_min_len(CHUNK)
-                .map(|i| matrix.expected_row_sum(i, &rows[i], &met[rows[i].end - rays(i)..rows[i].end]))
-                .collect();
-            let factor = |((sum, expected), row): ((f64, &f64), &MatrixRow)| {
-                let white = f64::from(row.reflectance.into_iter().fold(0.0, f32::max));
-                let most = expected + MIN_EXCESS.max(0.5 * (1.0 / white - expected));
-                if sum > most { (most / sum) as f32 } else { 1.0 }
-            };
-            matrix.factors = matrix.sums().into_iter().zip(&expected).zip(rows).map(factor).collect();
-            let kept = |(sum, expected): (f64, &f64)| (expected - sum) as f32;
-            matrix.kept = matrix.sums().into_iter().zip(&expected).map(kept).collect();
         }
-        matrix
+    }
+
+    /// With the expected row sums, of the same rows.
+    pub fn balanced(mut self, rows: &[MatrixRow], met: &[u32]) -> TransportMatrix {
+        let expected: Vec<f64> = (0..rows.len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|i| self.expected_row_sum(i, &rows[i], &met[rays_of(rows, i)]))
+            .collect();
+        let factor = |((sum, expected), row): ((f64, &f64), &MatrixRow)| {
+            let white = f64::from(row.reflectance.into_iter().fold(0.0, f32::max));
+            let most = expected + MIN_EXCESS.max(0.5 * (1.0 / white - expected));
+            if sum > most { (most / sum) as f32 } else { 1.0 }
+        };
+        self.factors = self.sums().into_iter().zip(&expected).zip(rows).map(factor).collect();
+        let kept = |(sum, expected): (f64, &f64)| (expected - sum) as f32;
+        self.kept = self.sums().into_iter().zip(&expected).map(kept).collect();
+        self
     }
 
     /// The row sums of the form factors.
@@ -178,6 +178,12 @@ impl TransportMatrix {
     }
 }
 
+/// The rays of a row among all rays.
+fn rays_of(rows: &[MatrixRow], i: usize) -> std::ops::Range<usize> {
+    let first = if i > 0 { rows[i - 1].end } else { 0 };
+    first..rows[i].end
+}
+
 /// Ends of the rows, and by row the other ends of the rays that leave the row or end on it.
 fn both_ways(rows: &[MatrixRow], met: &[u32]) -> (Vec<usize>, Vec<u32>) {
     let ranges = || rows.iter().scan(0, |from, p| Some(std::mem::replace(from, p.end)..p.end));
@@ -227,8 +233,7 @@ mod tests {
                 }
             })
             .collect();
-        let system = |rows| TransportMatrix::new(&matrix_rows, &met, rows, &Ranks::default());
-        let sampled = system(RowSums::Sampled);
+        let sampled = TransportMatrix::new(&matrix_rows, &met, &Ranks::default());
         let mut exchange = vec![0.0; (n * n) as usize];
         for i in 0..n as usize {
             for (j, w) in sampled.weights(i) {
@@ -240,7 +245,7 @@ mod tests {
             assert!((there - back).abs() <= 1e-6 * there, "{i} {j}: {there} {back}");
         }
         assert!(sampled.rows().iter().any(|row| (row - 1.0).abs() > 0.05));
-        let balanced = system(RowSums::Balanced);
+        let balanced = sampled.balanced(&matrix_rows, &met);
         assert!(balanced.rows().iter().all(|row| (row - 1.0).abs() < 1e-5));
         // No energy appears.
         let light: Field = (0..n).map(|i| [f64::from(i % 7); 3]).collect();
@@ -272,7 +277,7 @@ mod tests {
             })
             .collect();
         let kept = met.iter().filter(|&&j| j != u32::MAX).count() as f64 / met.len() as f64;
-        let matrix = TransportMatrix::new(&rows, &met, RowSums::Balanced, &Ranks::default());
+        let matrix = TransportMatrix::new(&rows, &met, &Ranks::default()).balanced(&rows, &met);
         let mean = matrix.rows().iter().sum::<f64>() / f64::from(n);
         assert!((mean / kept - 1.0).abs() < 3e-3, "{mean} instead of {kept}");
     }
