@@ -7,6 +7,7 @@
 use super::Mesh;
 use crate::Result;
 use crate::embree::{CommittedScene, Device, Hits, SceneBuilder, Traversal};
+use crate::math::on_plane;
 use crate::progress::Progress;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::ray::{LANES, Occluder, Packet};
@@ -295,7 +296,8 @@ pub fn render(
                             }
                             continue;
                         };
-                        let position = rays.point(lane, t);
+                        // Embree's distances of hits near edges can be a hundred roundings off.
+                        let position = on_plane(stage.mesh.corners(triangle as usize), rays.point(lane, t));
                         let radiance = stage.radiance(triangle, position);
                         let (sum, first) = &mut row[left + lane];
                         sum.iter_mut().zip(radiance).for_each(|(s, x)| *s += share * x);

@@ -18,6 +18,12 @@ pub fn mix(v: u64) -> u64 {
     v ^ v >> 31
 }
 
+/// A place in the unit square, moved by the `m`-th term of the sequence R2 (Roberts 2018) modulo 1: the first terms are evenly spread around it.
+pub fn shifted([u, v]: [f32; 2], m: u32) -> [f32; 2] {
+    const STEPS: [f32; 2] = [0.754_877_7, 0.569_840_3];
+    [(u + STEPS[0] * m as f32).fract(), (v + STEPS[1] * m as f32).fract()]
+}
+
 /// The entry of a table of running sums that a number `u` in `[0, 1)` selects, each with a probability proportional to its
 /// own part, with the share of `u` that is left inside the entry, in `[0, 1]`, and the entry's own part. The table is not
 /// empty; entries with part 0 are not selected unless all are 0.

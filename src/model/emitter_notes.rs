@@ -120,7 +120,7 @@ impl Model {
         let lamps = emitters.iter().filter(|emitter| self.is_luminaire(emitter)).count();
         let mut causes = Vec::new();
         if emitters.is_empty() {
-            causes.push("the sky and the sun have no light, or all surfaces face away from them".to_owned());
+            causes.push("the sky and the sun have no light (place and time give a sun light only together with a sky such as clear:3 or its irradiance), or all surfaces face away from them".to_owned());
         }
         if lamps < emitters.len() {
             causes.push(format!("the emitters face away from everything; {TURN}"));

@@ -34,6 +34,14 @@ impl Position {
     fn elevation(&self) -> f64 {
         90.0 - self.zenith_angle().to_degrees()
     }
+
+    /// Where the sun is if it is not above the horizon, as an error says it.
+    fn below_horizon(&self) -> String {
+        match -self.elevation() {
+            down if down < 0.005 => "on the horizon".into(),
+            down => format!("{down:.2} degrees below the horizon"),
+        }
+    }
 }
 
 /// A sky before its level is applied.
@@ -156,7 +164,7 @@ impl SkyOptions {
         let [azimuth, elevation] = frame.angles(frame.world(position.local));
         let place = format!("sun at azimuth {azimuth:.4}, elevation {elevation:.4} degrees");
         match sun {
-            None => format!("{place}, without its disc"),
+            None => format!("{place}, without its disc: its irradiance is 0 or not stated"),
             Some(sun) => format!("{place}, normal irradiance {}", self.irradiance_text(sun.irradiance)),
         }
     }
@@ -206,8 +214,8 @@ impl SkyOptions {
         match position.local.z > 0.0 {
             true => Ok(position),
             false => Err(format!(
-                "the sun is {:.2} degrees below the horizon, and the {name} sky needs it above: change ⟨time⟩, ⟨place⟩ or ⟨sun⟩, or take another sky",
-                position.elevation().abs()
+                "the sun is {}, and the {name} sky needs it above: change ⟨time⟩, ⟨place⟩ or ⟨sun⟩, or take another sky",
+                position.below_horizon()
             )),
         }
     }
@@ -294,7 +302,14 @@ impl SkyOptions {
             };
         };
         let is_asked = matches!(self.sun, SunChoice::At { .. });
+        let is_below = |position: &Position| {
+            let cure = "change ⟨time⟩, ⟨place⟩ or ⟨sun⟩, or state ⟨sun⟩ as none";
+            format!("the sun is {}: {cure}", position.below_horizon())
+        };
         let Some(irradiance) = irradiance else {
+            if is_asked && position.local.z <= 0.0 {
+                return Err(is_below(position));
+            }
             // A direction may be meant for the sky alone.
             let shapes_sky = matches!(self.sky.0, SkyModel::Cie(_));
             return match is_asked && !shapes_sky {
@@ -309,10 +324,7 @@ impl SkyOptions {
             return Err(format!("the irradiance {bad:.3e} W/m² of the sun must be at most {MAX_RADIANCE:e}"));
         }
         if position.local.z <= 0.0 {
-            return Err(format!(
-                "the sun is {:.2} degrees below the horizon: change ⟨time⟩, ⟨place⟩ or ⟨sun⟩, or state ⟨sun⟩ as none",
-                position.elevation().abs()
-            ));
+            return Err(is_below(position));
         }
         let direction = frame.world(position.local);
         Ok(Some(Sun { direction, diameter: self.sun_diameter.to_radians(), irradiance }))

@@ -77,6 +77,8 @@ impl Tilt {
         // n·ω = up sin e + along cos e; the antiderivative of 2 (up sin e + along cos e) cos e is −up cos² e + along (e + sin e
         // cos e).
         let square = 1.0 / (1.0 + t * t);
-        self.up * square + self.along * (std::f32::consts::FRAC_PI_2 - arctangent(t) - t * square)
+        let seen = self.up * square + self.along * (std::f32::consts::FRAC_PI_2 - arctangent(t) - t * square);
+        // Rounding near the zenith.
+        seen.max(0.0)
     }
 }

@@ -1,6 +1,9 @@
 //! NumPy arrays that are read: `.npy` files of version 1 to 3, and `.npz` archives of them.
 
-use crate::{Error, Result, error::quote};
+use crate::{Error, Result, error::quote, memory};
+use flate2::read::DeflateDecoder;
+use std::borrow::Cow;
+use std::io::Read;
 use std::path::Path;
 
 /// Largest number of bytes of a header. NumPy's own limit (`max_header_size` of `numpy.load`) is 10,000.
@@ -101,17 +104,32 @@ pub fn read_npz(path: &Path, bytes: &[u8]) -> Result<Array> {
     let mut found: Vec<(String, Array)> = Vec::new();
     let mut entries = archive.entries();
     while let Some(entry) = entries.next_entry().map_err(broken)? {
-        if entry.compression_method() != rawzip::CompressionMethod::STORE {
-            let what = "is compressed: save it by numpy.savez instead of numpy.savez_compressed";
-            return Err(Error::format(path, None, what));
-        }
         let name = String::from_utf8_lossy(entry.file_path().as_bytes()).trim_end_matches(".npy").to_owned();
         let file = archive.get_entry(entry.wayfinder()).map_err(broken)?;
-        let content = file.data();
-        std::io::copy(&mut file.verifying_reader(content), &mut std::io::sink())
-            .map_err(|e| Error::format(path, None, format!("`{}` cannot be read: {e}", quote(&name))))?;
+        let unreadable =
+            |e: std::io::Error| Error::format(path, None, format!("`{}` cannot be read: {e}", quote(&name)));
+        let content = match entry.compression_method() {
+            rawzip::CompressionMethod::STORE => {
+                let mut whole = file.verifying_reader(file.data());
+                std::io::copy(&mut whole, &mut std::io::sink()).map_err(unreadable)?;
+                Cow::Borrowed(file.data())
+            }
+            // `numpy.savez_compressed`. One byte more than stated shows a wrong size.
+            rawzip::CompressionMethod::DEFLATE => {
+                let bytes = entry.uncompressed_size_hint();
+                memory::check_room(bytes, || format!("the array `{}`", quote(&name)))?;
+                let mut content = Vec::new();
+                let whole = file.verifying_reader(DeflateDecoder::new(file.data()));
+                whole.take(bytes.saturating_add(1)).read_to_end(&mut content).map_err(unreadable)?;
+                Cow::Owned(content)
+            }
+            _ => {
+                let what = "is compressed in a way that NumPy does not write: save it by numpy.savez";
+                return Err(Error::format(path, None, what));
+            }
+        };
         // Arrays of text and others that are no numbers are passed over.
-        if let Some(array) = read_npy(path, content).ok().filter(|a| a.shape.len() == 2) {
+        if let Some(array) = read_npy(path, &content).ok().filter(|a| a.shape.len() == 2) {
             found.push((name, array));
         }
     }

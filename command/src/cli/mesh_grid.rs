@@ -23,7 +23,9 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
         scene.parts().positions.iter().map(|p| scene.parts().origin + p.as_dvec3()).collect();
     let [x, y] = [lines(vertices.iter().map(|p| p.x)), lines(vertices.iter().map(|p| p.y))];
     let (Some(x), Some(y)) = (x, y) else {
-        return Err(wrong("its vertices are not at equal distances along x and y"));
+        return Err(wrong(
+            "its vertices are not at equal distances along x and y (a mesh with y up has to be turned)",
+        ));
     };
     if x.count * y.count > 2 * vertices.len() {
         return Err(wrong("more than half of the grid has no vertex"));

@@ -27,6 +27,9 @@ const MAX_HALF: u32 = 1024;
 /// Deviation of one ray from the mean light of its element, relative to that light, where it is not known.
 const USUAL_DEVIATION: f64 = 0.5;
 
+/// Rays of an element to each sun for each of its other rays, where parts of the surface are in the shade: rays to one sun are so coherent that four take
+/// about as long as a ray into the scene, and below trees most noise is that of shadows.
+const RAYS_TO_SUN: u32 = 4;
 /// Elements of one parallel task that look along their normals.
 const CHUNK: usize = 256;
 
@@ -153,7 +156,8 @@ impl FinalGather<'_> {
             let half = samples.scale * self.wanted_rays(local, leaf);
             // Halves of large elements fill packets of sixteen.
             let count = (8.0 * (half / 8.0).round()).clamp(f64::from(MIN_HALF), f64::from(MAX_HALF));
-            LeafRays { leaf, count: count as u32 }
+            let suns = if local.results[leaf as usize].sun_varies { RAYS_TO_SUN } else { 1 };
+            LeafRays { leaf, count: count as u32, suns }
         };
         let rays: Vec<LeafRays> = leaves.iter().map(of).collect();
         let (light, tally) = self.trace_elements(&rays, deadline);

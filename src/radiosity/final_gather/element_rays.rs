@@ -3,7 +3,7 @@
 use super::element_samples::{ElementLight, REFLECTED, variance_of_quarters};
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use super::paths::{EmitterRay, EndOfPaths, weight};
-use crate::math::sampling::{mix, point_on};
+use crate::math::sampling::{mix, point_on, shifted};
 use crate::radiosity::elements::emitter_tree::Cut;
 use crate::radiosity::elements::emitters::{Emitters, density_ratio};
 use crate::radiosity::elements::{Elements, Shape, Side, centres_of_quarters, mean_over};
@@ -25,6 +25,8 @@ pub struct LeafRays {
     pub leaf: u32,
     /// Rays of one stream.
     pub count: u32,
+    /// Rays to each sun from the neighbourhood of the start of each of these rays.
+    pub suns: u32,
 }
 
 /// Independent streams of random numbers of an element for the halves of its light.
@@ -159,7 +161,7 @@ impl FinalGather<'_> {
         self.read_hits(|_, vertex| free[leaf(vertex)].is_none().then_some(&cuts[leaf(vertex)]), buffers);
         let emitters = |vertex: &PathVertex| (&cuts[leaf(vertex)], free[leaf(vertex)].is_some());
         let parts = self.visible_parts(&self.emitters, emitters, |ray| ray.light, random, buffers);
-        self.add_suns(&|i| random[i], buffers);
+        self.add_suns(&|i| random[i], |vertex| batch[leaf(vertex)].suns, buffers);
         if self.has_environment() {
             self.compare_with_open_sky(batch, STREAMS as usize, buffers);
         }
@@ -183,6 +185,7 @@ impl FinalGather<'_> {
         let mut random = Vec::with_capacity(2 * BATCH);
         buffers.vertices.clear();
         buffers.quarters.clear();
+        buffers.sun_places.clear();
         let mut path = 0;
         for of in batch {
             let leaf = of.leaf;
@@ -196,6 +199,16 @@ impl FinalGather<'_> {
                     let at = point_on(&corners, u, v);
                     buffers.vertices.push(PathVertex { at, side, leaf, path, share: Vec3::ONE });
                     random.push(sample_4d(k, 0, seed));
+                    // Other places of the same quarter.
+                    let place = |m: u32| {
+                        let turned = shifted([2.0 * u, 2.0 * v], m).map(|t| 0.5 * t);
+                        point_on(
+                            &corners,
+                            0.5 * (2.0 * u).floor() + turned[0],
+                            0.5 * (2.0 * v).floor() + turned[1],
+                        )
+                    };
+                    buffers.sun_places.extend((1..of.suns).map(place));
                 }
                 path += 1;
             }

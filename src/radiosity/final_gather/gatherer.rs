@@ -139,6 +139,8 @@ pub struct Buffers {
     pub(super) cuts: Vec<Cut>,
     /// The same for bright leaves.
     pub(super) bright_cuts: Vec<Cut>,
+    /// Further places from which rays of elements to suns start, in the order of the vertices.
+    pub(super) sun_places: Vec<Vec3>,
     /// By vertex of the rays of elements, the quarter of the element that it lies on.
     pub(super) quarters: Vec<u8>,
 }

@@ -30,6 +30,8 @@ pub struct LocalResult {
     pub row_sum: f32,
     /// Part of the rays that did not leave the scene.
     pub kept: f32,
+    /// Whether rays of the leaf and of those with the same parent see some of the light of the suns.
+    pub sun_varies: bool,
     /// Standard deviation of the irradiance of one ray by which leaves share the rays of the next pass, W/m². Sides that are much darker than
     /// the scene on average count more.
     pub deviation: f32,

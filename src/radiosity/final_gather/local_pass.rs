@@ -33,6 +33,10 @@ const DIRECT_ERROR: f64 = 0.01;
 /// room a seventh and two sevenths leave the same error of the elements within a tenth of it (`scenes/room.py`).
 pub(super) const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
 
+/// Part of the light of the suns up to which a surface is in the shade, or not seen by rays up to which it is in the sun: half a ray of sixteen, those of
+/// four leaves.
+const SHADED: f64 = 1.0 / 32.0;
+
 /// The result of the local pass.
 pub struct LocalPass {
     /// By element; 0 for clusters and elements with children.
@@ -63,16 +67,12 @@ impl FinalGather<'_> {
     /// are then not traced.
     pub fn local_pass(&self, rays: Option<f64>, useful: f64, deadline: &Deadline) -> LocalPass {
         let all = self.linked.leaves();
-        let Elements { elements, states, .. } = &self.linked.elements;
+        let states = &self.linked.elements.states;
         let start = deadline.elapsed();
         let [mut rows, mut apart] = self.trace_rows(&all, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
         let traced: f64 = rows.rows.iter().chain(&apart.rows).map(|row| f64::from(row.rays)).sum();
         let seconds_a_ray = (deadline.elapsed() - start) / traced.max(1.0);
         let untraced = all.len() - rows.rows.len() - apart.rows.len();
-        let beyond = |row: &RayRow| {
-            (elements[row.leaf as usize].area, row.sky / row.rays as f32, row.sun / row.rays as f32)
-        };
-        let arrived = Arrived::of(rows.rows.iter().chain(&apart.rows).map(beyond));
         rows.number_rows(self.linked.elements.len(), &self.reflected);
         let sampled = self.emitted_share();
         // The light of leaves that were not traced is not known here.
@@ -101,6 +101,7 @@ impl FinalGather<'_> {
                 let rays = [self.gather_rays, self.light_rays];
                 Brightest::of(&self.linked.elements, leaves, rays, self.error * power)
             };
+            self.mark_shadows(&[&rows, &apart], &mut results);
             assign_noise(&self.linked.elements, &rows, (&transport, &sums), brightest, &mut results);
         } else {
             count_sent(&rows, &halves, &light, &mut results);
@@ -109,6 +110,7 @@ impl FinalGather<'_> {
             estimate_untraced(&self.linked.elements, &all, &mut results);
         }
         self.light_apart(&apart, factor, &mut results);
+        let arrived = self.arrived(&[&rows, &apart], &all, &results);
         let element_rays = rays.map(|rays| match deadline.limited() {
             true => ((1.0 - EXCHANGE_SHARE) * useful).min(GATHER_SHARE * deadline.left() / seconds_a_ray),
             false => (1.0 - EXCHANGE_SHARE) * rays,
@@ -153,6 +155,40 @@ impl FinalGather<'_> {
             result.irradiance = light;
             result.kept = row.kept_of_lit();
             result.row_sum = result.kept;
+        }
+    }
+
+    /// What comes from beyond the scene. Leaves without rows have as much of it relative to their light as the others.
+    fn arrived(&self, rows: &[&RayRows], all: &[u32], results: &[LocalResult]) -> Arrived {
+        let elements = &self.linked.elements.elements;
+        let rows = || rows.iter().flat_map(|rows| &rows.rows);
+        let beyond = |row: &RayRow| {
+            (elements[row.leaf as usize].area, row.sky / row.rays as f32, row.sun / row.rays as f32)
+        };
+        let power = |leaf: u32| elements[leaf as usize].area * mean(results[leaf as usize].irradiance);
+        let known: f64 = rows().map(|row| power(row.leaf)).sum();
+        let part = if known > 0.0 { all.iter().map(|&leaf| power(leaf)).sum::<f64>() / known } else { 1.0 };
+        Arrived::of(rows().map(beyond)).times(part)
+    }
+
+    /// Marks leaves where rays to suns, their own and those of leaves with the same parent, find part of the light.
+    fn mark_shadows(&self, rows: &[&RayRows], results: &mut [LocalResult]) {
+        let Elements { elements, sides, .. } = &self.linked.elements;
+        if self.suns().is_empty() {
+            return;
+        }
+        let parent = |row: &RayRow| elements[row.leaf as usize].parent as usize;
+        let rows = || rows.iter().flat_map(|rows| &rows.rows);
+        let mut sums = vec![[0.0f64; 2]; elements.len()];
+        for row in rows() {
+            let normal = sides[self.side_of(row.leaf) as usize].normal.as_dvec3();
+            let free: f64 = self.suns().iter().map(|sun| mean(sun.irradiance_on(normal))).sum();
+            let found = [f64::from(row.sun.element_sum()) / 3.0, f64::from(row.rays) * free];
+            sums[parent(row)].iter_mut().zip(found).for_each(|(sum, v)| *sum += v);
+        }
+        for row in rows() {
+            let [seen, free] = sums[parent(row)];
+            results[row.leaf as usize].sun_varies = seen > SHADED * free && seen < (1.0 - SHADED) * free;
         }
     }
 

@@ -61,7 +61,7 @@ impl FinalGather<'_> {
         let cuts = self.cuts_of_vertices(buffers);
         self.trace_scene_rays(&random, buffers);
         self.read_hits(|i, _| Some(&cuts[i]), buffers);
-        self.add_suns(&random, buffers);
+        self.add_suns(&random, |_| 1, buffers);
         let Buffers { vertices, results, scratch, .. } = buffers;
         let scattered = engine.scattered();
         for (g, group) in vertices.chunks(LANES).enumerate() {

@@ -2,9 +2,9 @@
 
 use super::element_rays::LeafRays;
 use super::gather_point::GatherPoint;
-use super::gatherer::{Buffers, FinalGather, RayResult};
-use super::uneven_cells::{Cell, USUAL_ERROR};
-use crate::math::sampling::{mix, numbers};
+use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
+use super::uneven_cells::Cell;
+use crate::math::sampling::{numbers, shifted};
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::Rgb;
 use crate::ray::{LANES, Packet};
@@ -16,14 +16,9 @@ use std::f64::consts::PI;
 /// noise than the comparison.
 const MIN_OPEN_PART: f32 = 0.5;
 
-/// Smallest number of rays from a point to a sun: one packet, evenly spread over the disc. A point where all agree lies outside the penumbra but
-/// for strips of a sixteenth of its width, and for gaps or leaves that hide little.
-const MIN_SUN_RAYS: usize = LANES;
-/// Of the points where all of them agree, the part that traces [`AGREED_RAYS`], and counts what these change so many times more: the mean has the light of
-/// gaps that show a twentieth of the disc, of which a fifth would be lost. More points for a smaller error than [`USUAL_ERROR`], all for a quarter of it.
-const CHECKED: f64 = 0.25;
-/// Rays at these points, unless they disagree: they all miss a gap of a twentieth of the disc once in seven hundred times.
-const AGREED_RAYS: usize = 8 * MIN_SUN_RAYS;
+/// Smallest number of rays from a point to a sun, evenly spread over the disc, as long as all agree: they all miss a gap that shows a twentieth of the disc
+/// once in seven hundred times. A gap between leaves that shows a fiftieth lights a room as much as the sky does through a window.
+const AGREED_RAYS: usize = 8 * LANES;
 
 /// Smallest error of the light of the sky in a cell, relative to that light: places in the cell that agree by chance have one as well. It matters only where all
 /// agree.
@@ -102,25 +97,37 @@ impl FinalGather<'_> {
         2.0 * length * (0.5 * sun.diameter).tan() as f32
     }
 
-    /// Adds one ray to each sun from each of `buffers.vertices` to the results. `random` gives the numbers of which the last two choose the place on
-    /// the disc.
-    pub(super) fn add_suns(&self, random: &impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
-        let Buffers { vertices, results, scratch, .. } = buffers;
+    /// Adds the light of the suns at `buffers.vertices` to the results: the mean of `count` rays to each, the first from the vertex and the others from
+    /// `buffers.sun_places`. `random` gives the numbers of which the last two choose the place on the disc.
+    pub(super) fn add_suns(
+        &self,
+        random: &impl Fn(usize) -> [f32; 4],
+        count: impl Fn(&PathVertex) -> u32,
+        buffers: &mut Buffers,
+    ) {
+        let Buffers { vertices, results, scratch, sun_places, .. } = buffers;
         let engine = self.linked.engine.scattered();
         // Exact rays of several leaves fill packets together; other engines take one feature size a packet.
         let mixes = matches!(engine, VisibilityEngine::Exact(_));
         for sun in self.suns() {
             let (mut packet, mut rays, mut used) = (Packet::EMPTY, [(0usize, Vec3::ZERO); LANES], 0);
-            for (i, vertex) in vertices.iter().enumerate() {
+            let mut places = sun_places.iter();
+            let starts =
+                vertices.iter().enumerate().flat_map(|(i, vertex)| (0..count(vertex)).map(move |m| (i, m)));
+            let mut starts = starts.peekable();
+            while let Some((i, m)) = starts.next() {
+                let vertex = &vertices[i];
                 let side = &self.linked.elements.sides[vertex.side as usize];
                 let [.., u, v] = random(i);
-                if let Some((direction, light)) = Self::sun_ray(sun, side.normal, [u, v]) {
-                    let from = side.end.lifted(vertex.at, side.normal);
+                let at =
+                    if m == 0 { vertex.at } else { *places.next().expect("a place for each further ray") };
+                if let Some((direction, light)) = Self::sun_ray(sun, side.normal, shifted([u, v], m)) {
+                    let from = side.end.lifted(at, side.normal);
                     packet.set_lifted(used, from, from + self.length * direction, [side.end; 2]);
-                    rays[used] = (i, light);
+                    rays[used] = (i, light / count(vertex) as f32);
                     used += 1;
                 }
-                let next = vertices.get(i + 1);
+                let next = starts.peek().map(|(i, _)| &vertices[*i]);
                 let ends = next.is_none_or(|next| !mixes && next.leaf != vertex.leaf);
                 if used == LANES || ends && used > 0 {
                     let (feature_size, emitter_size) =
@@ -161,13 +168,9 @@ impl FinalGather<'_> {
         let free = sun.irradiance_on(normal.as_dvec3());
         let [shift_u, shift_v, ..] = numbers(seed ^ !number, 0);
         let reach = self.reach_from(at);
-        let checked = (CHECKED * USUAL_ERROR / self.error).clamp(CHECKED, 1.0);
-        let is_checked = f64::from(numbers(mix(seed) ^ !number, 0)[0]) < checked;
-        // What the first rays have found where they agree.
-        let mut agreed = None;
         // Sums of the light of rays without blockers, and of what passes.
         let (mut all, mut seen, mut squares, mut count) = (0.0, 0.0, 0.0, 0.0);
-        let rays = self.light_rays.max(MIN_SUN_RAYS);
+        let rays = self.light_rays.max(AGREED_RAYS);
         for first in (0..rays).step_by(LANES) {
             let (mut packet, mut weights) = (Packet::EMPTY, [0.0; LANES]);
             for (lane, [u, v]) in self.table.iter().cycle().skip(first).take(LANES).enumerate() {
@@ -190,18 +193,12 @@ impl FinalGather<'_> {
             count += query.packet.len() as f64;
             let variance = (squares / all - (seen / all).powi(2)).max(0.0);
             let tolerance = self.visibility_tolerance();
-            let traced = first + LANES;
-            if traced == MIN_SUN_RAYS && variance == 0.0 && is_checked {
-                agreed = Some(seen / all);
-            }
-            let least = if agreed.is_some() { AGREED_RAYS } else { MIN_SUN_RAYS };
-            if traced >= least && variance <= count * tolerance * tolerance {
+            let is_settled = variance > 0.0 || first + LANES >= AGREED_RAYS;
+            if is_settled && variance <= count * tolerance * tolerance {
                 break;
             }
         }
         let visible = if all > 0.0 { seen / all } else { 0.0 };
-        // Where few of many rays disagree with the first, what they change is smaller than what the first have found, but by rare chance.
-        let visible = agreed.map_or(visible, |first| (first + (visible - first) / checked).max(0.0));
         free.map(|e| visible * e)
     }
 }

@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     fn of_rays(value: f64) -> LocalResult {
-        LocalResult { irradiance: [value; 3], rays: 4, row_sum: 1.0, kept: 1.0, noise: 0.0, deviation: 0.0 }
+        LocalResult { irradiance: [value; 3], rays: 4, row_sum: 1.0, kept: 1.0, ..LocalResult::default() }
     }
 
     /// Light along links that is twice too bright everywhere is corrected without an error; deviations from a common factor are stated.

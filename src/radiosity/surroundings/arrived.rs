@@ -22,4 +22,9 @@ impl Arrived {
         }
         sums
     }
+
+    /// A multiple of both.
+    pub fn times(self, factor: f64) -> Arrived {
+        Arrived { sky: self.sky.map(|v| factor * v), sun: self.sun.map(|v| factor * v) }
+    }
 }

@@ -34,6 +34,8 @@ fn wrong_values_are_named_with_a_cure() {
         (["perez:100,0", "", "", ""], ["black sky", "above 0"]),
         (["perez:100,100", "", "", ""], ["Perez sky needs the sun", "`place` and `time`"]),
         (["perez:100,100", "90,-5", "", ""], ["5.00 degrees below", "change `time`"]),
+        (["perez:100,100", "90,0", "", ""], ["sun is on the horizon", "change `time`"]),
+        (["uniform", "0,-10", "", ""], ["10.00 degrees below", "as none"]),
         (["clear:3", "", MUNICH, NIGHT], ["below the horizon", "clear sky"]),
         (["cie:12", "", MUNICH, NIGHT], ["below the horizon", "CIE type 12"]),
         (["uniform", "0,-10:50", "", ""], ["10.00 degrees below", "as none"]),

@@ -135,6 +135,21 @@ fn note_of_lowest(values: &[f32]) -> Option<String> {
     })
 }
 
+/// Lowest and highest heights on land and sea floors of the Earth, m, rounded away from 0.
+const HEIGHTS_ON_EARTH: [f32; 2] = [-11_000.0, 9_000.0];
+
+/// A note on heights, m, that are not found on the Earth.
+fn note_of_range(values: &[f32]) -> Option<String> {
+    let known = || values.iter().copied().filter(|v| v.is_finite());
+    let (low, high) = (known().fold(f32::INFINITY, f32::min), known().fold(f32::NEG_INFINITY, f32::max));
+    let [lowest, highest] = HEIGHTS_ON_EARTH;
+    (low < lowest || high > highest).then(|| {
+        format!(
+            "heights from {low} to {high} m: no ground of the Earth is there; where heights have another unit, state it by ⟨height_scale⟩, such as 0.001 for millimetres"
+        )
+    })
+}
+
 /// Whether a grid without a coordinate system is at a place on a globe in degrees, and higher than it is wide: the range of heights on land exceeds 1 m
 /// within a degree nearly everywhere.
 fn is_in_degrees(raw: &Raw) -> bool {
@@ -174,6 +189,7 @@ fn finish(path: &Path, raw: Raw, options: &ReadOptions) -> Result<Loaded> {
             };
         }
     }
+    notes.extend(note_of_range(&values));
     let grid = Grid::new(columns, rows, cell, values).map_err(|e| match e {
         Error::Argument { problem, .. } => Error::format(path, None, problem),
         other => other,

@@ -53,6 +53,10 @@ fn samples_without_data_are_found_or_named() {
         |values: &str| read_as("a.asc", format!("{header}{values}\n").as_bytes(), &plain()).expect("read");
     let loaded = read("1 2 3 4 -9999 6");
     assert_eq!(loaded.grid.holes(), 1);
+    // Millimetres.
+    let has_cure = |loaded: Loaded| loaded.notes.iter().any(|n| n.contains("state it by ⟨height_scale⟩"));
+    assert!(has_cure(read("375000 375200 380000 400000 640000 500000")));
+    assert!(!has_cure(read("-10900 8848 0 1 2 3")));
     let has_note = |loaded: Loaded| loaded.notes.iter().any(|n| n.contains("far below all others"));
     assert!(has_note(read("1 2 3 4 -32768 6")));
     for plausible in
@@ -183,6 +187,19 @@ fn units_of_geotiffs_are_used() {
     assert!(refusal("a.tif", &geotiff(&utm(9001), [f64::NAN, 20.0, 0.0], TIE), &plain()).contains("finite"));
 }
 
+/// An archive with one array, as `numpy.savez_compressed` writes it.
+fn compressed(npy: &[u8]) -> Vec<u8> {
+    let mut archive = rawzip::ZipArchiveWriter::new(Vec::new());
+    let file = archive.new_file("z.npy").compression_method(rawzip::CompressionMethod::DEFLATE);
+    let (mut entry, sums) = file.start().expect("an entry");
+    let mut out = sums.wrap(flate2::write::DeflateEncoder::new(&mut entry, flate2::Compression::default()));
+    std::io::Write::write_all(&mut out, npy).expect("written");
+    let (encoder, sums) = out.finish().expect("sums");
+    encoder.finish().expect("finished");
+    entry.finish(sums).expect("finished");
+    archive.finish().expect("an archive")
+}
+
 /// Cut off or changed files are refused or read, and never end the program.
 #[test]
 fn damaged_files_are_errors() {
@@ -197,6 +214,7 @@ fn damaged_files_are_errors() {
     for (name, bytes) in [
         ("b.tif", geotiff(&utm(9001), [30.0, 20.0, 0.0], TIE)),
         ("b.npz", std::fs::read(path("a.npz")).expect("bytes")),
+        ("c.npz", compressed(&npy)),
         ("b.npy", npy),
         ("b.asc", format!("{HEADER}1 2 3\n4 5 6\n").into_bytes()),
         ("b.png", grey(&[0, 1, 2, 3, 4, 5], 3)),
