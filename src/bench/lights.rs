@@ -5,6 +5,10 @@
 //! take the width of the source for that of an emitter of α L there: a blocker of width b at a distance d from the receiver then has
 //! an umbra of (b − α d) · L / (L − d), that of a source at infinity as L grows. It is nowhere smaller, so that nothing is averaged that a
 //! source at infinity would show.
+//!
+//! A luminous dome is divided in the same way: its parts are surfaces that are asked like patches.
+
+mod dome;
 
 use super::record::SkySources;
 use crate::model::Model;
@@ -239,13 +243,20 @@ pub(super) fn patches(environment: &Environment) -> Vec<u32> {
 
 /// The suns and patches among the emitters of a scene.
 pub(super) fn record(scene: &Scene) -> Option<SkySources> {
-    let sky = scene.sky()?;
-    let (patches, suns) = (patches(sky), suns(sky).count());
-    let angle = |k: &u32| 2.0 * sky.patches().all()[*k as usize].half_angle.to_degrees();
+    let (sky, domes) = (scene.sky(), dome::domes(scene));
+    if sky.is_none() && domes.is_empty() {
+        return None;
+    }
+    let half_angle = |sky: &Environment, k: u32| sky.patches().all()[k as usize].half_angle;
+    let of_sky = sky.map_or(Vec::new(), |sky| patches(sky).into_iter().map(|k| half_angle(sky, k)).collect());
+    let of_domes = domes.iter().flat_map(|(_, parts)| parts).map(|part| part.half_angle);
+    let half_angles: Vec<f64> = of_sky.into_iter().chain(of_domes).collect();
+    let suns = sky.map_or(0, |sky| suns(sky).count());
     Some(SkySources {
-        patches: patches.len(),
-        largest_angle: patches.iter().map(angle).fold(0.0, f64::max),
-        patches_per_point: patches.len().min(PATCHES_PER_POINT),
+        patches: half_angles.len(),
+        largest_angle: half_angles.iter().map(|angle| 2.0 * angle.to_degrees()).fold(0.0, f64::max),
+        patches_per_point: half_angles.len().min(PATCHES_PER_POINT),
+        domes: domes.len(),
         suns,
         shown: if scene.emitters.len() + suns > 0 { "lamps" } else { "patch" }.into(),
     })
@@ -267,8 +278,10 @@ fn suns(environment: &Environment) -> impl Iterator<Item = usize> {
 
 /// Largest number of sources that a point of a workload is paired with.
 pub(super) fn per_point(scene: &Scene) -> usize {
-    let distant = |sky: &Environment| suns(sky).count() + patches(sky).len().min(PATCHES_PER_POINT);
-    scene.emitters.len() + scene.sky().map_or(0, distant)
+    let domes = dome::domes(scene);
+    let lamps = scene.emitters.len() - domes.len() + scene.sky().map_or(0, |sky| suns(sky).count());
+    let parts: usize = domes.iter().map(|(_, parts)| parts.len()).sum();
+    lamps + PATCHES_PER_POINT.min(parts + scene.sky().map_or(0, |sky| patches(sky).len()))
 }
 
 /// The same of images and maps.
@@ -277,10 +290,12 @@ pub(super) fn shown(scene: &Scene) -> usize {
     lamps.max(usize::from(per_point(scene) > 0))
 }
 
-/// Sources of light: the surfaces in order, then suns, then patches.
+/// Sources of light: the surfaces in order, then suns, then parts of domes and patches of the sky.
 #[derive(Clone, Debug)]
 pub(super) struct Lights {
     pub all: Vec<Light>,
+    /// The surfaces of which parts are asked instead.
+    domes: Vec<usize>,
     /// Number of those that are no patches.
     lamps: usize,
     asked: Asked,
@@ -289,8 +304,16 @@ pub(super) struct Lights {
 impl Lights {
     pub fn of(model: &Model, asked: Asked) -> Lights {
         let mut all: Vec<Light> = model.samplers().iter().cloned().map(Light::Surface).collect();
+        let divided = if asked == Asked::Shown { Vec::new() } else { dome::domes(model.scene()) };
+        let domes = divided.iter().map(|(k, _)| *k).collect();
+        let part = |part: dome::Part| {
+            Light::Surface(EmitterSampler::new(model.scene(), &part.emitter, model.base().magnitudes()))
+        };
+        let parts = divided.into_iter().flat_map(|(_, parts)| parts).map(part);
         let Some(environment) = &model.scene().environment else {
-            return Lights { lamps: all.len(), all, asked };
+            let lamps = all.len();
+            all.extend(parts);
+            return Lights { lamps, all, domes, asked };
         };
         let length = FAR * model.bounds().diagonal();
         let distant = |place: Place, angle: f64| {
@@ -298,6 +321,7 @@ impl Lights {
         };
         all.extend(suns(environment).map(|k| distant(Place::Sun(k), environment.suns()[k].diameter)));
         let lamps = all.len();
+        all.extend(parts);
         let patches = match asked {
             Asked::Shown if lamps > 0 => Vec::new(),
             Asked::Shown => brightest(environment).into_iter().collect(),
@@ -309,7 +333,7 @@ impl Lights {
             // Across the elevations, and the mean across the azimuths.
             distant(Place::Patch(k), (high - low).min(patch.solid_angle / (high - low)))
         }));
-        Lights { all, lamps, asked }
+        Lights { all, domes, lamps, asked }
     }
 
     /// Whether there is a sun or a patch.
@@ -331,7 +355,8 @@ impl Lights {
             };
             found.map(|found| (k as u32, found))
         };
-        let mut sources: Vec<_> = (0..self.lamps).filter_map(seen).collect();
+        let mut sources: Vec<_> =
+            (0..self.lamps).filter(|k| !self.domes.contains(k)).filter_map(seen).collect();
         let mut patches: Vec<_> = (self.lamps..self.all.len()).filter_map(seen).collect();
         if self.asked == Asked::Some && patches.len() > PATCHES_PER_POINT {
             patches = drawn(&patches, chance());

@@ -1,6 +1,6 @@
 //! Emitters: grouping, area, normal, minimum width.
 
-use super::{Emitter, connect::Sets};
+use super::{Emitter, Scene, connect::Sets};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -66,6 +66,16 @@ fn name(emitters: &mut [Emitter], object: impl Fn(u32) -> String) {
             *number += 1;
             e.name = format!("{} {number}", e.name);
         }
+    }
+}
+
+impl Emitter {
+    /// A part of this emitter: some of its faces, ascending.
+    pub(crate) fn part(&self, scene: &Scene, mut triangles: Vec<u32>) -> Emitter {
+        triangles.sort_unstable();
+        let Scene { positions, triangles: all, triangle_polygon: polygon, .. } = scene;
+        let part = measure(&Faces { positions, triangles: all, polygon }, triangles, &|_| self.emission);
+        Emitter { name: self.name.clone(), ..part }
     }
 }
 

@@ -115,6 +115,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
                 patches: 64,
                 largest_angle: 29.4,
                 patches_per_point: 4,
+                domes: 0,
                 suns: 1,
                 shown: "lamps".into(),
             }),

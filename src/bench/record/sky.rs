@@ -2,15 +2,17 @@
 
 use serde::Serialize;
 
-/// Sources of light at infinity.
+/// Sources of light around the scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SkySources {
-    /// Patches of the sky, and of the ground below the horizon if that is not black.
+    /// Patches of the sky, of the ground below the horizon if that is not black, and of luminous domes.
     pub patches: usize,
     /// Largest angle across a patch, degrees.
     pub largest_angle: f64,
     /// Most patches that a point asks, drawn in proportion to its irradiance by them.
     pub patches_per_point: usize,
+    /// Emissive surfaces around the scene that are divided into patches.
+    pub domes: usize,
     /// Suns.
     pub suns: usize,
     /// Emitters of the shadow images and maps: `lamps` (emissive surfaces and suns), or `patch`, the one with the largest
@@ -24,8 +26,11 @@ impl SkySources {
         let mut sources = Vec::new();
         if self.patches > 0 {
             sources.push(format!(
-                "{} patches of the sky up to {:.1}° wide, of which a point asks up to {}, drawn in proportion to its irradiance by them",
-                self.patches, self.largest_angle, self.patches_per_point
+                "{} patches of {} up to {:.1}° wide, of which a point asks up to {}, drawn in proportion to its irradiance by them",
+                self.patches,
+                if self.domes > 0 { "the sky or a luminous dome" } else { "the sky" },
+                self.largest_angle,
+                self.patches_per_point
             ));
         }
         match self.suns {
@@ -40,6 +45,6 @@ impl SkySources {
             (_, 1..) => " Shadow images show the light of suns and emissive surfaces, without the sky.",
             _ => "",
         };
-        format!("Emitters at infinity: {}.{shown}", sources.join("; and "))
+        format!("Emitters around the scene: {}.{shown}", sources.join("; and "))
     }
 }

@@ -1,5 +1,6 @@
 //! Light from infinitely far: rays that leave the scene meet the sky, and points send rays to the suns.
 
+use super::bright_leaves::PART_OF_ERROR;
 use super::element_rays::LeafRays;
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
@@ -19,6 +20,11 @@ const MIN_OPEN_PART: f32 = 0.5;
 /// Smallest number of rays from a point to a sun, evenly spread over the disc, as long as all agree: they all miss a gap that shows a twentieth of the disc
 /// once in seven hundred times. A gap between leaves that shows a fiftieth lights a room as much as the sky does through a window.
 const AGREED_RAYS: usize = 8 * LANES;
+/// Largest number of rays from a point to a sun over [`Options::light_rays`](crate::radiosity::Options::light_rays), and the visible part of its disc from
+/// which on the error is relative to that part: behind blinds and leaves a tenth of the sun is most of the light. Without blockers the sun has ten times
+/// the light of a clear sky.
+const MORE_FOR_SUNS: usize = 4;
+const MIN_PART: f64 = 0.1;
 
 /// Smallest error of the light of the sky in a cell, relative to that light: places in the cell that agree by chance have one as well. It matters only where all
 /// agree.
@@ -170,7 +176,7 @@ impl FinalGather<'_> {
         let reach = self.reach_from(at);
         // Sums of the light of rays without blockers, and of what passes.
         let (mut all, mut seen, mut squares, mut count) = (0.0, 0.0, 0.0, 0.0);
-        let rays = self.light_rays.max(AGREED_RAYS);
+        let rays = (MORE_FOR_SUNS * self.light_rays).max(AGREED_RAYS);
         for first in (0..rays).step_by(LANES) {
             let (mut packet, mut weights) = (Packet::EMPTY, [0.0; LANES]);
             for (lane, [u, v]) in self.table.iter().cycle().skip(first).take(LANES).enumerate() {
@@ -192,7 +198,7 @@ impl FinalGather<'_> {
             }
             count += query.packet.len() as f64;
             let variance = (squares / all - (seen / all).powi(2)).max(0.0);
-            let tolerance = self.visibility_tolerance();
+            let tolerance = PART_OF_ERROR * self.error * (seen / all).max(MIN_PART);
             let is_settled = variance > 0.0 || first + LANES >= AGREED_RAYS;
             if is_settled && variance <= count * tolerance * tolerance {
                 break;
