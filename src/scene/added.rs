@@ -117,7 +117,9 @@ fn append(soup: &mut Soup, of: &Soup, placed: &[Aabb]) {
     soup.cameras.extend(of.cameras.iter().cloned());
     soup.suns.extend(of.suns.iter().cloned());
     soup.repairs.add_counts(&of.repairs);
-    soup.repairs.messages.extend(of.repairs.messages.iter().cloned());
+    let messages = &mut soup.repairs.messages;
+    let new: Vec<String> = of.repairs.messages.iter().filter(|m| !messages.contains(m)).cloned().collect();
+    messages.extend(new);
 }
 
 /// Notes that the surfaces of a file, whose positions begin with number `first`, are farther from all before them, `placed` ones included, than both are

@@ -2,6 +2,8 @@
 
 /// Key: kind of coordinate system.
 pub const MODEL_TYPE: u16 = 1024;
+/// Key: unit of projected lengths.
+pub const LENGTHS: u16 = 3076;
 /// Value of [`MODEL_TYPE`]: longitude and latitude.
 pub const GEOGRAPHIC: u16 = 2;
 /// Key: whether tie points are of corners of pixels (1) or of samples (2).
@@ -34,8 +36,8 @@ impl Georeference {
         Georeference {
             tie_point: [0.0, 0.0, 0.0, x, y, 0.0],
             scale: [dx, dy, 0.0],
-            // Version 1.1 of the directory with one key.
-            keys: vec![1, 1, 0, 1, RASTER_TYPE, 0, 1, 2],
+            // Version 1.1 of the directory with two keys: samples are points, lengths metres.
+            keys: vec![1, 1, 0, 2, RASTER_TYPE, 0, 1, 2, LENGTHS, 0, 1, 9001],
             ..Georeference::default()
         }
     }

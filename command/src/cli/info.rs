@@ -180,6 +180,9 @@ impl ClusterCounts {
 }
 
 fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std::fmt::Result {
+    if s.parts().emitters.is_empty() && s.parts().sky.is_some() {
+        return Ok(());
+    }
     if s.parts().emitters.is_empty() {
         return writeln!(out, "no emitter: nothing has Ke; make one with --emitter NAME=W");
     }

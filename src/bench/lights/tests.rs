@@ -204,3 +204,45 @@ fn a_closed_room_under_a_sky_has_a_note() {
     let notes: Vec<_> = record.warnings.iter().filter(|note| note.contains("closed room")).collect();
     assert_eq!(notes.len(), 1, "{:?}", record.warnings);
 }
+
+/// A dome of one connected surface is asked in parts of bounded angle, which together send the light of the whole; a ceiling is asked as a whole.
+#[test]
+fn domes_are_divided_like_a_sky() {
+    let dome = |rings: i32| {
+        let mut pieces = meadow(false);
+        pieces.glowing("dome", 1.0);
+        let at = |i: i32, j: i32| {
+            let (turn, height) =
+                (std::f64::consts::TAU * f64::from(i % 48) / 48.0, f64::from(j) / f64::from(rings));
+            let wide = (1.0 - height * height).sqrt();
+            60.0 * DVec3::new(turn.cos() * wide, turn.sin() * wide, height)
+        };
+        for (i, j) in (0..rings).flat_map(|j| (0..48).map(move |i| (i, j))) {
+            pieces.polygon(&[at(i, j), at(i, j + 1), at(i + 1, j + 1)]);
+            pieces.polygon(&[at(i, j), at(i + 1, j + 1), at(i + 1, j)]);
+        }
+        pieces.scene()
+    };
+    let scene = dome(12);
+    assert_eq!(scene.emitters.len(), 1);
+    let found = super::record(&scene).expect("a dome");
+    assert_eq!((found.domes, found.suns, found.patches_per_point), (1, 0, 4));
+    assert!((40..200).contains(&found.patches) && found.largest_angle <= 32.0, "{found:?}");
+    let model = testing::model(&scene, Detail::Rays);
+    let places = [([-3.0, 0.5, 4.0], Vec3::Z), ([1.0, 0.5, 4.0], Vec3::X)];
+    for (asked, tolerance) in [(Asked::All, 0.02), (Asked::Some, 0.02)] {
+        let workload = Workload::asking(asked, &model, points(&model, &places), 1);
+        assert!(workload.pairs.iter().all(|pair| pair.emitter > 0), "the whole is not asked");
+        let sums = sums(&workload, |_| 1.0);
+        // π W/m² from the whole dome, half of that from beside.
+        for (sum, whole) in sums.iter().zip([1.0, 0.5]) {
+            let whole = whole * std::f64::consts::PI;
+            assert!((sum / whole - 1.0).abs() < tolerance, "{asked:?}: {sum} instead of {whole}");
+        }
+    }
+    let whole = Workload::shown(&model, points(&model, &places), 1);
+    assert!(whole.pairs.iter().all(|pair| pair.emitter == 0));
+    let mut ceiling = meadow(false);
+    ceiling.light(10.0 * DVec3::Z, 40.0 * DVec3::X, -40.0 * DVec3::Y);
+    assert!(super::record(&ceiling.scene()).is_none());
+}

@@ -42,7 +42,7 @@ impl SkySources {
             ("patch", 1..) => {
                 " Shadow images show the light of the patch with the largest irradiance of a horizontal plane."
             }
-            (_, 1..) => " Shadow images show the light of suns and emissive surfaces, without the sky.",
+            (_, 1..) => " Shadow images show the light of suns and whole emissive surfaces, without the sky.",
             _ => "",
         };
         format!("Emitters around the scene: {}.{shown}", sources.join("; and "))

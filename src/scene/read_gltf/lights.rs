@@ -136,7 +136,7 @@ impl Reader<'_> {
             let count = counted(self.lights.len(), "light");
             soup.repairs.messages.push(format!(
                 "{count} of KHR_lights_punctual made into emitters: point and spot lights squares of {NEAR_PLATE} of the \
-                 distance of the nearest surface (at most {PLATE} of the scene's diagonal), directional lights suns; the property `range`, beyond which a light has no effect, is not used"
+                 distance of the nearest surface (at most {PLATE} of the scene's diagonal), directional lights suns, unless the options state a sun or none; the property `range`, beyond which a light has no effect, is not used"
             ));
         }
         Ok(())

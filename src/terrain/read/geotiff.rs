@@ -1,7 +1,7 @@
 //! Heights from GeoTIFF files.
 
 use super::{Raw, ReadOptions, check_size};
-use crate::terrain::georeference::{GEOGRAPHIC, Georeference, MODEL_TYPE};
+use crate::terrain::georeference::{GEOGRAPHIC, Georeference, LENGTHS, MODEL_TYPE};
 use crate::{Error, Result, error::quote};
 use std::io::Cursor;
 use std::path::Path;
@@ -9,9 +9,8 @@ use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
-/// Keys: units of geographic angles, of projected lengths and of heights.
+/// Keys: units of geographic angles and of heights.
 const ANGLES: u16 = 2054;
-const LENGTHS: u16 = 3076;
 const HEIGHTS: u16 = 4099;
 /// Values of one byte of a file at most. LZW's longest string of 4,094 values takes 9 bits or more; Deflate's rate is below.
 const MAX_VALUES_OF_BYTE: usize = 4094;
