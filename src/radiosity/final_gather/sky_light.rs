@@ -197,10 +197,15 @@ impl FinalGather<'_> {
                     (all + weight, seen + weight * through, squares + weight * through * through);
             }
             count += query.packet.len() as f64;
-            let variance = (squares / all - (seen / all).powi(2)).max(0.0);
+            // With two more rays that pass and two that do not (Agresti and Coull 1998): few rays that agree but for
+            // one would end too early otherwise.
+            let variance = |more: f64| {
+                let (more, all) = (more * all / count, all + 2.0 * more * all / count);
+                (squares + more) / all - ((seen + more) / all).powi(2)
+            };
             let tolerance = PART_OF_ERROR * self.error * (seen / all).max(MIN_PART);
-            let is_settled = variance > 0.0 || first + LANES >= AGREED_RAYS;
-            if is_settled && variance <= count * tolerance * tolerance {
+            let is_known = variance(0.0) < 1e-9 || variance(2.0) <= count * tolerance * tolerance;
+            if first + LANES >= AGREED_RAYS && is_known {
                 break;
             }
         }

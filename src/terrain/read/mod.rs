@@ -5,7 +5,7 @@ mod ascii;
 mod geotiff;
 mod picture;
 
-use super::georeference::{Georeference, LENGTHS, MODEL_TYPE};
+use super::georeference::{Georeference, MODEL_TYPE};
 use super::grid::{MAX_HEIGHT, check_cell, check_sides};
 use super::{Grid, numpy};
 use crate::{Error, Result, files::input, memory};
@@ -153,9 +153,7 @@ fn note_of_range(values: &[f32]) -> Option<String> {
 /// Whether a grid without a coordinate system is at a place on a globe in degrees, and higher than it is wide: the range of heights on land exceeds 1 m
 /// within a degree nearly everywhere.
 fn is_in_degrees(raw: &Raw) -> bool {
-    let Some(georeference) =
-        raw.georeference.as_ref().filter(|g| [MODEL_TYPE, LENGTHS].iter().all(|key| g.key(*key).is_none()))
-    else {
+    let Some(georeference) = raw.georeference.as_ref().filter(|g| g.key(MODEL_TYPE).is_none()) else {
         return false;
     };
     let ([west, south], [east, north]) =
