@@ -110,6 +110,16 @@ pub fn square_of_direction(direction: Vec3) -> [f32; 2] {
 mod tests {
     use super::*;
 
+    /// Four places around one lie in the four quarters of the square.
+    #[test]
+    fn shifted_places_are_spread() {
+        let quarters = (0..4).map(|m| shifted([0.01, 0.02], m).map(|v| u32::from(v >= 0.5)));
+        let mut quarters: Vec<[u32; 2]> = quarters.collect();
+        quarters.sort_unstable();
+        assert_eq!(quarters, [[0, 0], [0, 1], [1, 0], [1, 1]]);
+        assert_eq!(shifted([0.3, 0.7], 0), [0.3, 0.7]);
+    }
+
     #[test]
     fn directions_have_their_place_in_the_square() {
         for k in 0..1000 {

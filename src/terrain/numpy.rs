@@ -106,8 +106,13 @@ pub fn read_npz(path: &Path, bytes: &[u8]) -> Result<Array> {
     while let Some(entry) = entries.next_entry().map_err(broken)? {
         let name = String::from_utf8_lossy(entry.file_path().as_bytes()).trim_end_matches(".npy").to_owned();
         let file = archive.get_entry(entry.wayfinder()).map_err(broken)?;
-        let unreadable =
-            |e: std::io::Error| Error::format(path, None, format!("`{}` cannot be read: {e}", quote(&name)));
+        let unreadable = |e: std::io::Error| {
+            Error::format(
+                path,
+                None,
+                format!("`{}` cannot be read, the archive is damaged: {e}", quote(&name)),
+            )
+        };
         let content = match entry.compression_method() {
             rawzip::CompressionMethod::STORE => {
                 let mut whole = file.verifying_reader(file.data());

@@ -7,6 +7,7 @@ use super::{flags::with_flags, inputs::Inputs, values::ClusterArgs};
 use materials::{list_materials, reflectances};
 use mrvis::internals::error::{quote, shown};
 use mrvis::internals::scene::{Emitter, Photometry};
+use mrvis::internals::sky::Environment;
 use mrvis::internals::{AxisParts, BuilderParts, SceneParts, clusters};
 use mrvis::{Builder, Result, Scene};
 use serde_json::{Value, json};
@@ -180,7 +181,8 @@ impl ClusterCounts {
 }
 
 fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std::fmt::Result {
-    if s.parts().emitters.is_empty() && s.parts().sky.is_some() {
+    let is_lit = |sky: &Environment| !sky.suns().is_empty() || sky.sky().is_some();
+    if s.parts().emitters.is_empty() && s.parts().sky.is_some_and(is_lit) {
         return Ok(());
     }
     if s.parts().emitters.is_empty() {

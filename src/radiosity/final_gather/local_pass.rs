@@ -93,7 +93,10 @@ impl FinalGather<'_> {
             // Light is not negative. Values below zero are rounding in the dark and noise: rows with a sum that is too large send light back.
             results[row.leaf as usize].irradiance = from_fn(|k| (0.5 * (a[k] + b[k])).max(0.0));
         }
-        self.add_light_of_ends(&mut rows, &mut apart, &results);
+        for end in &rows.ends {
+            let light = self.reflected_by(rows.rows[end.met as usize].leaf, &results);
+            rows.rows[end.row as usize].add_light(end, light);
+        }
         let halves = transport.row_sums();
         let sums = assign_row_sums(&rows, &halves, &mut results);
         if self.elements {
@@ -109,7 +112,7 @@ impl FinalGather<'_> {
         if untraced > 0 || self.elements && all.len() > rows.rows.len() {
             estimate_untraced(&self.linked.elements, &all, &mut results);
         }
-        self.light_apart(&apart, factor, &mut results);
+        self.light_apart(&mut apart, factor, &mut results);
         let arrived = self.arrived(&[&rows, &apart], &all, &results);
         let element_rays = rays.map(|rays| match deadline.limited() {
             true => ((1.0 - EXCHANGE_SHARE) * useful).min(GATHER_SHARE * deadline.left() / seconds_a_ray),
@@ -121,7 +124,9 @@ impl FinalGather<'_> {
             weigh_errors(&self.linked.elements, &all, &mut results);
             rays.min(self.needed_rays(&all, &results))
         });
-        let RayRows { hurried, tally, .. } = rows;
+        let RayRows { hurried, mut tally, .. } = rows;
+        tally.add(apart.tally);
+        let hurried = hurried + apart.hurried;
         LocalPass {
             results,
             element_rays,
@@ -138,7 +143,10 @@ impl FinalGather<'_> {
 
     /// Gives leaves that take no part in the exchange the light that their rays have found, that of emitters times a factor, now that the light of others is
     /// known.
-    fn light_apart(&self, apart: &RayRows, factor: f64, results: &mut [LocalResult]) {
+    fn light_apart(&self, apart: &mut RayRows, factor: f64, results: &mut [LocalResult]) {
+        for end in &apart.ends {
+            apart.rows[end.row as usize].add_light(end, self.reflected_by(end.met, results));
+        }
         let Elements { elements, sides, .. } = &self.linked.elements;
         let mut first = 0;
         for row in &apart.rows {
@@ -228,19 +236,10 @@ impl FinalGather<'_> {
         (share / found, sampled.share.map(|of| of * share / sampled.mean))
     }
 
-    /// Adds the light that paths bring from their ends, now that it is known, to that of the rays that they continue.
-    fn add_light_of_ends(&self, rows: &mut RayRows, apart: &mut RayRows, results: &[LocalResult]) {
-        let reflected = |leaf: u32| {
-            let (reflectance, irradiance) = (self.reflectance(leaf), results[leaf as usize].irradiance);
-            Vec3::from_array(from_fn(|k| reflectance[k] * irradiance[k] as f32))
-        };
-        for end in &rows.ends {
-            let light = reflected(rows.rows[end.met as usize].leaf);
-            rows.rows[end.row as usize].add_light(end, light);
-        }
-        for end in &apart.ends {
-            apart.rows[end.row as usize].add_light(end, reflected(end.met));
-        }
+    /// What a leaf reflects by these results, W/m².
+    fn reflected_by(&self, leaf: u32, results: &[LocalResult]) -> Vec3 {
+        let (reflectance, irradiance) = (self.reflectance(leaf), results[leaf as usize].irradiance);
+        Vec3::from_array(from_fn(|k| reflectance[k] * irradiance[k] as f32))
     }
 
     /// The reflectance of a leaf, by channel.

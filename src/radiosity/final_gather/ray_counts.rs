@@ -110,7 +110,7 @@ impl FinalGather<'_> {
         let timed = |&leaf: &u32| LeafRays { leaf, count: TIMED_RAYS, suns: 1 };
         let sample: Vec<LeafRays> = leaves.iter().step_by(step).map(timed).collect();
         let start = deadline.elapsed();
-        let traced = RayRows::trace(self, &sample, |_| None, |_| ());
+        let [traced] = RayRows::trace(self, [&sample], |_| None, |_| ());
         let traced: u32 = traced.rows.iter().map(|row| row.rays).sum();
         let each = (deadline.elapsed() - start) / f64::from(traced.max(1));
         let possible = RAY_SHARE * deadline.left() / each;
@@ -170,10 +170,7 @@ impl FinalGather<'_> {
             tracing.late().then(late)
         };
         deadline.stage("local pass, rays", leaves.len());
-        let rows = [exchanged, apart].map(|planned| match planned.is_empty() {
-            true => RayRows::new(),
-            false => RayRows::trace(self, &planned, instead, |n| deadline.advance(n)),
-        });
+        let rows = RayRows::trace(self, [&exchanged, &apart], instead, |n| deadline.advance(n));
         deadline.stage("local pass, light", 0);
         rows
     }

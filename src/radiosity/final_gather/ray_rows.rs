@@ -8,6 +8,7 @@ use crate::radiosity::links::Tally;
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// The rays of one leaf.
 #[derive(Deserialize, Serialize)]
@@ -112,27 +113,29 @@ impl RayRow {
 }
 
 impl RayRows {
-    pub fn new() -> RayRows {
+    fn new() -> RayRows {
         RayRows { rows: Vec::new(), met: Vec::new(), ends: Vec::new(), hurried: 0, tally: Tally::default() }
     }
 
-    /// Traces the planned rays of each leaf. `instead` is asked for every batch of leaves when its turn comes: the rays that it
+    /// Traces the planned rays of each leaf of some lists, into the rows of each. `instead` is asked for every batch of leaves when its turn comes: the rays that it
     /// returns are traced instead of those that were planned. Leaves that it leaves out have no row. Batches come in an order in which
     /// any first part of them is spread over all leaves. `done` is called with the number of further leaves finished.
-    pub fn trace(
+    pub fn trace<const N: usize>(
         gather: &FinalGather,
-        planned: &[LeafRays],
+        planned: [&[LeafRays]; N],
         instead: impl Fn(&[LeafRays]) -> Option<Vec<LeafRays>> + Sync,
         done: impl Fn(usize) + Sync,
-    ) -> RayRows {
-        let batches = batches(planned);
+    ) -> [RayRows; N] {
+        let batches_of = |list: usize| batches(planned[list]).into_iter().map(move |range| (list, range));
+        let batches: Vec<(usize, Range<usize>)> = (0..N).flat_map(batches_of).collect();
         let order = spread_order(batches.len());
         let rows = gather.ranks.rows(order.len());
         let made: Vec<RayRows> = rows
             .numbers()
             .map_init(Buffers::default, |buffers, i| {
                 let k = order[i];
-                let planned = &planned[batches[k].clone()];
+                let (list, range) = &batches[k];
+                let planned = &planned[*list][range.clone()];
                 let fewer = instead(planned);
                 let mut made = RayRows::new();
                 buffers.scratch.tally = Tally::default();
@@ -145,9 +148,10 @@ impl RayRows {
             .collect();
         let mut made: Vec<(usize, RayRows)> = order.into_iter().zip(rows.gather(made)).collect();
         made.sort_unstable_by_key(|(k, _)| *k);
-        let mut all = RayRows { rows: Vec::with_capacity(planned.len()), ..RayRows::new() };
-        all.met.reserve_exact(made.iter().map(|(_, m)| m.met.len()).sum());
-        for (_, part) in made {
+        let mut lists =
+            planned.map(|list| RayRows { rows: Vec::with_capacity(list.len()), ..RayRows::new() });
+        for (k, part) in made {
+            let all = &mut lists[batches[k].0];
             let (before, rows) = (all.met.len(), all.rows.len() as u32);
             all.ends.extend(part.ends.into_iter().map(|end| PathEnd { row: rows + end.row, ..end }));
             all.rows.extend(part.rows.into_iter().map(|r| RayRow { end: before + r.end, ..r }));
@@ -155,7 +159,7 @@ impl RayRows {
             all.hurried += part.hurried;
             all.tally.add(part.tally);
         }
-        all
+        lists
     }
 
     fn trace_batch(&mut self, gather: &FinalGather, batch: &[LeafRays], buffers: &mut Buffers) {

@@ -93,9 +93,11 @@ impl RayTransport {
 
 #[cfg(test)]
 mod tests {
+    use super::super::krylov;
     use super::super::transport_matrix::MatrixRow;
     use super::*;
     use crate::math::sampling::numbers;
+    use crate::radiosity::deadline::Deadline;
     use crate::ranks::Ranks;
 
     /// Rows of few rays of which some leave the scene and bring light: what they send is right on average, although rows with much light have few rays
@@ -136,6 +138,30 @@ mod tests {
             let received = sum(&a.reflected(&direct[1]), [1.0; 2]) + sum(&b.reflected(&direct[0]), [1.0; 2]);
             let want: f64 = direct.iter().map(|of| sum(of, escape.map(|escape| 1.0 - escape))).sum();
             assert!((received / want - 1.0).abs() < 0.012, "{escape:?} {rays:?}: {received} {want}");
+        }
+    }
+
+    /// A row whose light comes by a path alone has that part of the light at its end, and sends it on along another.
+    #[test]
+    fn paths_bring_the_light_of_their_ends() {
+        let row = |k: usize| MatrixRow {
+            area: 1.0,
+            reflectance: [0.5; 3],
+            end: 2 * (k + 1),
+            closed: false,
+            escapes: 1.0,
+            apart: 0,
+        };
+        let rows: Vec<MatrixRow> = (0..3).map(row).collect();
+        let matrix = || TransportMatrix::new(&rows, &[u32::MAX; 6], &Ranks::default());
+        let paths =
+            || vec![Path { row: 0, met: 1, share: [0.5; 3] }, Path { row: 2, met: 0, share: [0.1; 3] }];
+        let direct: Field = vec![[0.0; 3], [8.0; 3], [0.0; 3]];
+        let transport = RayTransport::new([matrix(), matrix()], [paths(), paths()], [direct.clone(), direct]);
+        let (first, _) = krylov(&transport, None, &Deadline::start(&(), None));
+        for light in transport.both(first) {
+            let want = [4.0, 8.0, 0.4];
+            assert!(light.iter().zip(want).all(|(e, want)| (e[0] - want).abs() < 1e-6), "{light:?}");
         }
     }
 }

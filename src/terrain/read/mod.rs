@@ -145,7 +145,7 @@ fn note_of_range(values: &[f32]) -> Option<String> {
     let [lowest, highest] = HEIGHTS_ON_EARTH;
     (low < lowest || high > highest).then(|| {
         format!(
-            "heights from {low} to {high} m: no ground of the Earth is there; where heights have another unit, state it by ⟨height_scale⟩, such as 0.001 for millimetres"
+            "heights from {low} to {high} m: no ground of the Earth is there; the right unit is set by ⟨height_scale⟩, such as 0.001 for millimetres"
         )
     })
 }

@@ -54,7 +54,7 @@ fn samples_without_data_are_found_or_named() {
     let loaded = read("1 2 3 4 -9999 6");
     assert_eq!(loaded.grid.holes(), 1);
     // Millimetres.
-    let has_cure = |loaded: Loaded| loaded.notes.iter().any(|n| n.contains("state it by ⟨height_scale⟩"));
+    let has_cure = |loaded: Loaded| loaded.notes.iter().any(|n| n.contains("set by ⟨height_scale⟩"));
     assert!(has_cure(read("375000 375200 380000 400000 640000 500000")));
     assert!(!has_cure(read("-10900 8848 0 1 2 3")));
     let has_note = |loaded: Loaded| loaded.notes.iter().any(|n| n.contains("far below all others"));
@@ -305,6 +305,9 @@ fn archives_hold_all_layers() {
     write_npz(&path, &grid, &layers).expect("written");
     let options = ReadOptions { cell: Some([2.0; 2]), ..plain() };
     assert_eq!(read(&path, &options).expect("read").grid.heights(), grid.heights());
+    let mut npy = header("<f4", &[5, 5]);
+    npy.extend(bytemuck::cast_slice::<f32, u8>(grid.heights()));
+    assert_eq!(read_as("b.npz", &compressed(&npy), &options).expect("read").grid.heights(), grid.heights());
     write_npz(&path, &grid, &[layers[0], Layer { name: "other", values: &other }]).expect("written");
     assert!(read(&path, &options).expect_err("two arrays").to_string().contains("holds 2 arrays"));
 }
