@@ -10,6 +10,7 @@ use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
 use crate::ray::{EndRule, LANES, Packet};
 use glam::Vec3;
+use smallvec::SmallVec;
 
 /// Largest number of bounces of a path: limits the time where all reflectances are 0.999, with 0.999^256 = 77 % of the light left;
 /// at 0.9 the limit leaves 2e-12.
@@ -28,13 +29,19 @@ pub(super) enum EndOfPaths {
     Listed,
 }
 
-/// What a path finds that goes on from an element outside the exchange.
+/// What the paths find that go on from an element outside the exchange, on the mean.
+#[derive(Default)]
 pub(super) struct Onwards {
-    /// Irradiance at its start, without the light of its end, W/m².
+    /// Irradiance at their start, without the light of their ends, W/m².
     pub light: Vec3,
-    /// The leaf where it ends, and the part of the radiosity reflected there that arrives; none if it ends at no surface.
-    pub end: Option<(u32, Vec3)>,
+    /// The leaves where the paths end, and the parts of the radiosity reflected there that arrive.
+    pub ends: SmallVec<[(u32, Vec3); PATHS_ONWARDS]>,
 }
+
+/// Paths from where a ray of the exchange meets an element outside of it. Elements most of whose few rays meet such elements are joined to few others, and
+/// groups of them may keep their light: dim insides of a kitchen's cupboards have 2.3 to 3.1 times their light with one path and the rays of one half alone,
+/// 1.6 to 2.3 times with four, with which the exchange of an office takes 1.6 times as long.
+const PATHS_ONWARDS: usize = 2;
 
 /// A shadow ray to a point on an emitter.
 pub(super) struct EmitterRay {
@@ -268,35 +275,36 @@ impl FinalGather<'_> {
         }
     }
 
-    /// For each of `buffers.results` that met an element outside the exchange, what a path from there finds.
+    /// For each of `buffers.results` that met an element outside the exchange, what paths from there find.
     pub(super) fn paths_onwards(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<Onwards>> {
         let states = &self.linked.elements.states;
         let results = std::mem::take(&mut buffers.results);
         buffers.vertices.clear();
-        let mut path = 0;
+        let part = 1.0 / PATHS_ONWARDS as f32;
+        let mut count = 0;
         let paths: Vec<Option<u32>> = results
             .iter()
             .map(|found| {
                 let goes_on = found.met.side != Elements::NONE && states[found.met.leaf as usize].is_apart();
                 goes_on.then(|| {
-                    buffers.vertices.push(self.continued(found.met, Vec3::ONE, path));
-                    path += 1;
-                    path - 1
+                    let start = self.continued(found.met, Vec3::splat(part), count);
+                    buffers.vertices.extend([start; PATHS_ONWARDS]);
+                    count += 1;
+                    count - 1
                 })
             })
             .collect();
-        let mut sums: Vec<Rgb> = vec![[0.0; 3]; path as usize];
+        let mut sums: Vec<Rgb> = vec![[0.0; 3]; count as usize];
         self.follow(self.linked.settings.seed ^ seed, EndOfPaths::Listed, &mut sums, buffers);
         buffers.results = results;
-        let mut ends = vec![None; path as usize];
+        let mut found: Vec<Onwards> = sums
+            .into_iter()
+            .map(|sum| Onwards { light: Vec3::from(sum.map(|v| v as f32)), ends: SmallVec::new() })
+            .collect();
         for &(path, leaf, share) in &buffers.path_ends {
-            ends[path as usize] = Some((leaf, share));
+            found[path as usize].ends.push((leaf, share));
         }
-        let found = |path: u32| Onwards {
-            light: Vec3::from(sums[path as usize].map(|v| v as f32)),
-            end: ends[path as usize],
-        };
-        paths.into_iter().map(|path| path.map(found)).collect()
+        paths.into_iter().map(|path| path.map(|path| std::mem::take(&mut found[path as usize]))).collect()
     }
 
     fn continued(&self, met: PathVertex, share: Vec3, path: u32) -> PathVertex {

@@ -179,7 +179,7 @@ impl RayRows {
                 let light = found.direct + found.sun + found.sky + onwards;
                 let direct = light.element_sum() / 3.0;
                 let number = k as u32 / of.count;
-                if let Some((met, share)) = path.as_ref().and_then(|path| path.end) {
+                for &(met, share) in path.iter().flat_map(|path| &path.ends) {
                     let row = self.rows.len() as u32;
                     self.ends.push(PathEnd { row, half: number, met, share, direct });
                 }
