@@ -247,14 +247,14 @@ impl FinalGather<'_> {
         self.linked.elements.sides[self.side_of(leaf) as usize].reflectance
     }
 
-    /// The light that paths bring from row to row, by all rays: it is brought one way only, so that none comes back along the same path.
-    fn path_exchange(&self, rows: &RayRows) -> Vec<Path> {
+    /// The light that paths bring from row to row, by half of the rays.
+    fn path_exchange(&self, rows: &RayRows) -> [Vec<Path>; 2] {
         let path = |end: &PathEnd| {
             let reflectance = Vec3::from(self.reflectance(rows.rows[end.met as usize].leaf));
-            let part = 1.0 / rows.rows[end.row as usize].rays as f32;
+            let part = 2.0 / rows.rows[end.row as usize].rays as f32;
             Path { row: end.row, met: end.met, share: (part * end.share * reflectance).to_array() }
         };
-        rows.ends.iter().map(path).collect()
+        [0, 1].map(|half| rows.ends.iter().filter(|end| end.half == half).map(path).collect())
     }
 
     /// The exchange of the leaves, by half of their rays.

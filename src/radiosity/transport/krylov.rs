@@ -160,7 +160,7 @@ mod tests {
             TransportMatrix::new(&rows, &met, &Ranks::default()).balanced(&rows, &met)
         };
         let direct = || (0..n).map(|i| [f64::from(u8::from(i < 10)), 0.0, f64::NAN]).collect();
-        let transport = RayTransport::new([0, 1].map(half), Vec::new(), [direct(), direct()]);
+        let transport = RayTransport::new([0, 1].map(half), [Vec::new(), Vec::new()], [direct(), direct()]);
         let (found, convergence) = krylov(&transport, Some(vec![[0.0; 3]; 200]), &Deadline::start(&(), None));
         assert!(!convergence.converged && found.iter().flatten().all(|e| e.is_finite()), "{convergence:?}");
     }

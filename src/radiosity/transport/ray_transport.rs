@@ -14,8 +14,8 @@ use crate::radiosity::rgb::add;
 pub struct RayTransport {
     /// Exchange between the rows, by half of the rays.
     halves: [TransportMatrix; 2],
-    /// Light that paths bring by way of elements without rows, by the rays of both halves.
-    paths: Vec<Path>,
+    /// Light that paths bring by way of elements without rows, by half of the rays.
+    paths: [Vec<Path>; 2],
     /// Irradiance by emitters, suns and sky, W/m², by half.
     direct: [Field; 2],
 }
@@ -32,7 +32,7 @@ pub struct Path {
 
 impl RayTransport {
     /// For the exchange, the paths and the direct irradiance of the rows by half.
-    pub fn new(halves: [TransportMatrix; 2], paths: Vec<Path>, direct: [Field; 2]) -> RayTransport {
+    pub fn new(halves: [TransportMatrix; 2], paths: [Vec<Path>; 2], direct: [Field; 2]) -> RayTransport {
         RayTransport { halves, paths, direct }
     }
 
@@ -69,13 +69,14 @@ impl RayTransport {
 
     /// Terms that one application of both halves adds up.
     pub fn terms(&self) -> usize {
-        self.halves.iter().map(|half| half.entries() + self.paths.len()).sum()
+        self.halves.iter().map(TransportMatrix::entries).sum::<usize>()
+            + self.paths.iter().map(Vec::len).sum::<usize>()
     }
 
     /// Irradiance that the reflection of `irradiance` causes, by a half.
     fn bounced(&self, half: usize, irradiance: &Field) -> Field {
         let mut sum = self.halves[half].reflected(irradiance);
-        for Path { row, met, share } in &self.paths {
+        for Path { row, met, share } in &self.paths[half] {
             let light = irradiance[*met as usize];
             add(&mut sum[*row as usize], 1.0, std::array::from_fn(|k| f64::from(share[k]) * light[k]));
         }
@@ -153,9 +154,10 @@ mod tests {
         };
         let rows: Vec<MatrixRow> = (0..3).map(row).collect();
         let matrix = || TransportMatrix::new(&rows, &[u32::MAX; 6], &Ranks::default());
-        let paths = vec![Path { row: 0, met: 1, share: [0.5; 3] }, Path { row: 2, met: 0, share: [0.1; 3] }];
+        let paths =
+            || vec![Path { row: 0, met: 1, share: [0.5; 3] }, Path { row: 2, met: 0, share: [0.1; 3] }];
         let direct: Field = vec![[0.0; 3], [8.0; 3], [0.0; 3]];
-        let transport = RayTransport::new([matrix(), matrix()], paths, [direct.clone(), direct]);
+        let transport = RayTransport::new([matrix(), matrix()], [paths(), paths()], [direct.clone(), direct]);
         let (first, _) = krylov(&transport, None, &Deadline::start(&(), None));
         for light in transport.both(first) {
             let want = [4.0, 8.0, 0.4];
