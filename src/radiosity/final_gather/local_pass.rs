@@ -21,7 +21,7 @@ use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{Arrived, SampledShare, emitted_share};
 use crate::radiosity::transport::{
-    Convergence, Field, MatrixRow, Path, RayTransport, TransportMatrix, krylov,
+    Convergence, Field, MatrixRow, Path, RayTransport, TransportMatrix, solve,
 };
 use glam::Vec3;
 use rayon::prelude::*;
@@ -85,8 +85,8 @@ impl FinalGather<'_> {
         // to rooms without any.
         let along_links = |row: &RayRow| states[row.leaf as usize].irradiance;
         let start = deadline.late().then(|| rows.rows.iter().map(along_links).collect());
-        let transport = RayTransport::new(self.exchange(&rows), self.path_exchange(&rows), direct);
-        let (first, convergence) = krylov(&transport, start, deadline);
+        let mut transport = RayTransport::new(self.exchange(&rows), self.path_exchange(&rows), direct);
+        let (first, convergence) = solve(&mut transport, start, deadline);
         let light = transport.both(first);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
         for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {

@@ -38,9 +38,9 @@ pub(super) struct Onwards {
     pub ends: SmallVec<[(u32, Vec3); PATHS_ONWARDS]>,
 }
 
-/// Paths from where a ray of the exchange meets an element outside of it. Elements most of whose few rays meet such elements are joined to few others, and
-/// groups of them may keep their light: with one path dim insides of a kitchen's cupboards have 2.3 to 3.1 times their light. With four the exchange of an
-/// office takes 1.6 times as long. The rays of both halves cannot serve each: the ledger of a hall of 25 rooms then lacks .6 % of the light.
+/// Paths from where a ray of the exchange meets an element outside of it: two join elements most of whose few rays meet such elements to more of the others.
+/// With four the exchange of an office takes 1.6 times as long as with one. The rays of both halves cannot serve each: the ledger of a hall of 25 rooms then
+/// lacks .6 % of the light.
 const PATHS_ONWARDS: usize = 2;
 
 /// A shadow ray to a point on an emitter.

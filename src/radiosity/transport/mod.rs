@@ -19,7 +19,7 @@ pub use active_nodes::ActiveNodes;
 pub use cluster_reflection::emission_moments;
 pub use directional::{DirectionalIrradiance, NodeIrradiance};
 pub use gather_push_pull::{NodeRadiosity, gather, pushed};
-pub use krylov::krylov;
+pub use krylov::solve;
 pub use link_transport::LinkTransport;
 pub use ray_transport::{Path, RayTransport};
 pub use row_normalisation::{cap_row_sums, link_row_sums, normalise_link_rows, short_rows};

@@ -17,6 +17,8 @@ pub struct RayTransport {
     /// Light that paths bring by way of elements without rows, by half of the rays.
     paths: [Vec<Path>; 2],
     /// Irradiance by emitters, suns and sky, W/m², by half.
+    own: [Field; 2],
+    /// The same with what paths bring.
     direct: [Field; 2],
 }
 
@@ -33,7 +35,23 @@ pub struct Path {
 impl RayTransport {
     /// For the exchange, the paths and the direct irradiance of the rows by half.
     pub fn new(halves: [TransportMatrix; 2], paths: [Vec<Path>; 2], direct: [Field; 2]) -> RayTransport {
-        RayTransport { halves, paths, direct }
+        RayTransport { halves, paths, own: direct.clone(), direct }
+    }
+
+    /// Whether there are paths.
+    pub fn has_paths(&self) -> bool {
+        self.paths.iter().any(|paths| !paths.is_empty())
+    }
+
+    /// Lets paths bring this light, by half, instead of what they brought: each half from the rows of the other.
+    pub fn bring(&mut self, light: &[Field; 2]) {
+        self.direct = self.own.clone();
+        for (half, direct) in self.direct.iter_mut().enumerate() {
+            for Path { row, met, share } in &self.paths[half] {
+                let end = light[1 - half][*met as usize];
+                add(&mut direct[*row as usize], 1.0, std::array::from_fn(|k| f64::from(share[k]) * end[k]));
+            }
+        }
     }
 
     /// The row sums of the form factors, by half.
@@ -59,7 +77,7 @@ impl RayTransport {
 
     /// Irradiance that the reflection of `irradiance` causes, by the first half.
     pub fn reflected(&self, irradiance: &Field) -> Field {
-        self.bounced(0, &self.bounced(1, irradiance))
+        self.halves[0].reflected(&self.halves[1].reflected(irradiance))
     }
 
     /// Weight of each unknown in sums over the scene.
@@ -69,23 +87,12 @@ impl RayTransport {
 
     /// Terms that one application of both halves adds up.
     pub fn terms(&self) -> usize {
-        self.halves.iter().map(TransportMatrix::entries).sum::<usize>()
-            + self.paths.iter().map(Vec::len).sum::<usize>()
-    }
-
-    /// Irradiance that the reflection of `irradiance` causes, by a half.
-    fn bounced(&self, half: usize, irradiance: &Field) -> Field {
-        let mut sum = self.halves[half].reflected(irradiance);
-        for Path { row, met, share } in &self.paths[half] {
-            let light = irradiance[*met as usize];
-            add(&mut sum[*row as usize], 1.0, std::array::from_fn(|k| f64::from(share[k]) * light[k]));
-        }
-        sum
+        self.halves.iter().map(TransportMatrix::entries).sum()
     }
 
     /// The light by a half, from that by the other one.
     fn received(&self, half: usize, other: &Field) -> Field {
-        let mut sum = self.bounced(half, other);
+        let mut sum = self.halves[half].reflected(other);
         sum.iter_mut().zip(&self.direct[half]).for_each(|(sum, direct)| add(sum, 1.0, *direct));
         sum
     }
@@ -93,7 +100,7 @@ impl RayTransport {
 
 #[cfg(test)]
 mod tests {
-    use super::super::krylov;
+    use super::super::solve;
     use super::super::transport_matrix::MatrixRow;
     use super::*;
     use crate::math::sampling::numbers;
@@ -157,8 +164,9 @@ mod tests {
         let paths =
             || vec![Path { row: 0, met: 1, share: [0.5; 3] }, Path { row: 2, met: 0, share: [0.1; 3] }];
         let direct: Field = vec![[0.0; 3], [8.0; 3], [0.0; 3]];
-        let transport = RayTransport::new([matrix(), matrix()], [paths(), paths()], [direct.clone(), direct]);
-        let (first, _) = krylov(&transport, None, &Deadline::start(&(), None));
+        let mut transport =
+            RayTransport::new([matrix(), matrix()], [paths(), paths()], [direct.clone(), direct]);
+        let (first, _) = solve(&mut transport, None, &Deadline::start(&(), None));
         for light in transport.both(first) {
             let want = [4.0, 8.0, 0.4];
             assert!(light.iter().zip(want).all(|(e, want)| (e[0] - want).abs() < 1e-6), "{light:?}");
