@@ -32,6 +32,10 @@ pub fn solve(
     start: Option<Field>,
     deadline: &Deadline,
 ) -> (Field, Convergence) {
+    // A first guess is all that there is time for.
+    if let Some(start) = &start {
+        transport.bring(&[start.clone(), start.clone()]);
+    }
     let (mut first, mut convergence) = krylov(transport, start, deadline);
     let mut before = 0.0;
     let passes = if transport.has_paths() { MAX_PASSES } else { 0 };
