@@ -81,10 +81,12 @@ pub struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// The numbers of the rows that this rank computes, ascending.
+    /// The numbers of the rows that this rank computes, ascending. A thread takes at most a block at once: rayon divides them into four runs for two threads,
+    /// and one thread alone would compute the last run, a quarter of all.
     pub fn numbers(&self) -> impl IndexedParallelIterator<Item = usize> + use<> {
         let deal = self.deal;
-        (0..deal.len(self.count, deal.own)).into_par_iter().map(move |i| deal.number(i))
+        let all = (0..deal.len(self.count, deal.own)).into_par_iter().with_max_len(deal.block);
+        all.map(move |i| deal.number(i))
     }
 
     /// Steps of all ranks, about, when this rank has made so many.

@@ -3,6 +3,7 @@
 use super::subdivision::is_triangle;
 use super::{Elements, Shape};
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 /// The quadtrees of all sides in packed form. Elements must not be split while a lookup is in use.
 pub struct Lookup {
@@ -34,7 +35,7 @@ const MAX_GRID_LEVELS: u32 = 8;
 impl Lookup {
     /// For the present elements.
     pub fn new(elements: &Elements) -> Lookup {
-        let frames = elements.sides.iter().map(|side| {
+        let frames = elements.sides.par_iter().map(|side| {
             let c = elements.corners(side);
             let (x, y) = side.normal.any_orthonormal_pair();
             let flat = |v: Vec3| Vec2::new(v.dot(x), v.dot(y));
@@ -58,7 +59,7 @@ impl Lookup {
             frames: frames.collect(),
             first_child: elements
                 .elements
-                .iter()
+                .par_iter()
                 .map(|e| if e.is_leaf() { 0 } else { e.first_child })
                 .collect(),
             cells: Vec::new(),

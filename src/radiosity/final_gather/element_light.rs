@@ -30,6 +30,9 @@ const USUAL_DEVIATION: f64 = 0.5;
 /// Rays of an element to each sun for each of its other rays, where parts of the surface are in the shade: rays to one sun are so coherent that four take
 /// about as long as a ray into the scene, and below trees most noise is that of shadows.
 const RAYS_TO_SUN: u32 = 4;
+/// Ratio of the variance of direct light over elements to the allowed one from which on elements are split: parts keep some of it, so that without a
+/// margin an office has seven more rounds of a few hundred elements each, 6 % of the time.
+const MIN_EXCESS: f64 = 1.1;
 /// Elements of one parallel task that look along their normals.
 const CHUNK: usize = 256;
 
@@ -66,7 +69,7 @@ pub struct ElementSamples {
 
 impl ElementSamples {
     /// The leaves over which direct light differs most, at most `most`: so many that the variances over all others have a mean by area of at
-    /// most `variance` relative to the square of the mean light.
+    /// most `variance` relative to the square of the mean light. None if they hardly exceed that.
     pub fn uneven(&self, elements: &Elements, variance: f64, most: usize) -> Vec<u32> {
         let area = |leaf: u32| elements.elements[leaf as usize].area;
         let (mut all, mut sum) = (0.0, 0.0);
@@ -83,6 +86,9 @@ impl ElementSamples {
         let allowed = variance * sum * sum / all.max(f64::MIN_POSITIVE);
         let mut rest: f64 = found.iter().map(|of| of.0).sum();
         let mut split = Vec::new();
+        if rest <= MIN_EXCESS * allowed {
+            return split;
+        }
         for (own, leaf) in found.into_iter().take(most) {
             if rest <= allowed {
                 break;

@@ -17,6 +17,7 @@ use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
 use crate::sky::Environment;
 use glam::Vec3;
+use rayon::prelude::*;
 use sobol_burley::sample;
 use std::sync::{Arc, OnceLock};
 
@@ -157,14 +158,13 @@ impl<'a> FinalGather<'a> {
             (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ mix(k as u64)))).collect();
         let shadow_rays = (MORE_WHERE_BRIGHT * options.light_rays()).min(MAX_SHADOW_RAYS) as u32;
         let table = (0..shadow_rays).map(|i| [sample(i, 0, 7), sample(i, 1, 7)]).collect();
-        let reflected =
-            elements.elements.iter().zip(elements.states.iter()).map(|(e, state)| match e.shape {
-                Shape::Cluster(_) => [0.0; 3],
-                Shape::Surface { side, .. } => {
-                    let emitted = elements.sides[side as usize].exitance;
-                    std::array::from_fn(|k| (state.radiosity[k] - emitted[k]) as f32)
-                }
-            });
+        let reflected = elements.elements.par_iter().zip(&elements.states).map(|(e, state)| match e.shape {
+            Shape::Cluster(_) => [0.0; 3],
+            Shape::Surface { side, .. } => {
+                let emitted = elements.sides[side as usize].exitance;
+                std::array::from_fn(|k| (state.radiosity[k] - emitted[k]) as f32)
+            }
+        });
         let reflected: Vec<[f32; 3]> = reflected.collect();
         FinalGather {
             model,

@@ -4,7 +4,6 @@ use super::element_samples::{ElementLight, KINDS};
 use super::neighbours::Place;
 use crate::radiosity::rgb::{Rgb, mean};
 use bytemuck::{Pod, Zeroable};
-use std::collections::BTreeMap;
 
 /// Smallest number of elements of such a side: those of the largest window of neighbours. Fewer share light with other sides, and where the rays
 /// of an element agree by chance their variance says nothing.
@@ -42,11 +41,12 @@ pub(super) fn keep_power(
     light: &[ElementLight],
     all: &mut [SharedKinds],
 ) {
-    let mut by_side: BTreeMap<u32, Received> = BTreeMap::new();
+    let sides = places.iter().map(|place| place.side as usize + 1).max().unwrap_or(0);
+    let mut by_side = vec![Received::default(); sides];
     for (i, shared) in all.iter().enumerate() {
         let (area, own) = (areas[i], &light[i]);
         let rays = 2.0 * f64::from(own.rays.max(1));
-        let side = by_side.entry(places[i].side).or_default();
+        let side = &mut by_side[places[i].side as usize];
         side.count += 1;
         side.own += area * own.mean(kind);
         side.variance += area * area * f64::from(own.squares[kind]) / (rays * rays);
@@ -59,10 +59,10 @@ pub(super) fn keep_power(
         let factor = (1.0 + certain * lost / shared).clamp(1.0 / MAX_SIDE_FACTOR, MAX_SIDE_FACTOR);
         if shared > 0.0 && count >= MIN_ELEMENTS { factor } else { 1.0 }
     };
-    let factors: BTreeMap<u32, f64> = by_side.into_iter().map(|(side, of)| (side, factor_of(of))).collect();
+    let factors: Vec<f64> = by_side.into_iter().map(factor_of).collect();
     let (mut own, mut sum) = (0.0, 0.0);
     for (i, shared) in all.iter_mut().enumerate() {
-        let factor = factors[&places[i].side];
+        let factor = factors[places[i].side as usize];
         shared.irradiance[kind].iter_mut().for_each(|e| *e *= factor);
         own += areas[i] * light[i].mean(kind);
         sum += areas[i] * mean(shared.irradiance[kind]);

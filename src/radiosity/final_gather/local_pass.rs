@@ -62,10 +62,11 @@ pub struct LocalPass {
 }
 
 impl FinalGather<'_> {
-    /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. Without a number, or after the
+    /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. The deviations that it finds tell how many of `most`
+    /// rays the light of the elements needs: on leaves and rocks more than is known before, as elements share little. Without a number, or after the
     /// deadline, elements trace only a few: enough for the light of the whole scene, not for that of each element. Of many elements, some
     /// are then not traced.
-    pub fn local_pass(&self, rays: Option<f64>, useful: f64, deadline: &Deadline) -> LocalPass {
+    pub fn local_pass(&self, rays: Option<f64>, [useful, most]: [f64; 2], deadline: &Deadline) -> LocalPass {
         let all = self.linked.leaves();
         let states = &self.linked.elements.states;
         let start = deadline.elapsed();
@@ -93,10 +94,8 @@ impl FinalGather<'_> {
             // Light is not negative. Values below zero are rounding in the dark and noise: rows with a sum that is too large send light back.
             results[row.leaf as usize].irradiance = from_fn(|k| (0.5 * (a[k] + b[k])).max(0.0));
         }
-        for end in &rows.ends {
-            let light = self.reflected_by(rows.rows[end.met as usize].leaf, &results);
-            rows.rows[end.row as usize].add_light(end, light);
-        }
+        let leaves: Vec<u32> = rows.rows.iter().map(|row| row.leaf).collect();
+        rows.add_light_of_ends(|row| Some(self.reflected_by(leaves[row as usize], &results)));
         let halves = transport.row_sums();
         let sums = assign_row_sums(&rows, &halves, &mut results);
         if self.elements {
@@ -122,7 +121,8 @@ impl FinalGather<'_> {
         let traced_part = (exchanged + element_rays.unwrap_or(0.0)) / useful;
         let element_rays = element_rays.filter(|_| self.elements).map(|rays| {
             weigh_errors(&self.linked.elements, &all, &mut results);
-            rays.min(self.needed_rays(&all, &results))
+            let possible = if deadline.limited() { rays } else { (1.0 - EXCHANGE_SHARE) * most };
+            possible.min(self.needed_rays(&all, &results))
         });
         let RayRows { hurried, mut tally, .. } = rows;
         tally.add(apart.tally);
@@ -144,9 +144,7 @@ impl FinalGather<'_> {
     /// Gives leaves that take no part in the exchange the light that their rays have found, that of emitters times a factor, now that the light of others is
     /// known.
     fn light_apart(&self, apart: &mut RayRows, factor: f64, results: &mut [LocalResult]) {
-        for end in &apart.ends {
-            apart.rows[end.row as usize].add_light(end, self.reflected_by(end.met, results));
-        }
+        apart.add_light_of_ends(|leaf| Some(self.reflected_by(leaf, results)));
         let Elements { elements, sides, .. } = &self.linked.elements;
         let mut first = 0;
         for row in &apart.rows {
@@ -254,7 +252,8 @@ impl FinalGather<'_> {
             let part = 2.0 / rows.rows[end.row as usize].rays as f32;
             Path { row: end.row, met: end.met, share: (part * end.share * reflectance).to_array() }
         };
-        [0, 1].map(|half| rows.ends.iter().filter(|end| end.half == half).map(path).collect())
+        let half_of = |end: &&PathEnd| rows.rows[end.row as usize].half_of(end.ray);
+        [0, 1].map(|half| rows.ends.iter().filter(|end| half_of(end) == half).map(path).collect())
     }
 
     /// The exchange of the leaves, by half of their rays.

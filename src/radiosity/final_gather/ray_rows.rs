@@ -51,13 +51,13 @@ pub struct RowHalf {
 pub struct PathEnd {
     /// The row of the leaf.
     pub row: u32,
-    /// The half of its rays to which the ray belongs.
-    pub half: u32,
+    /// The ray among those of the leaf. Ends of one ray follow each other.
+    pub ray: u32,
     /// The leaf where the path ends; after [`RayRows::number_rows`] its row.
     pub met: u32,
     /// Part of the radiosity reflected there that arrives, by channel.
     pub share: Vec3,
-    /// All other light that the path brings, mean over the channels, W/m².
+    /// The light of the ray that is known without its ends, mean over the channels, W/m².
     pub direct: f32,
 }
 
@@ -82,12 +82,9 @@ impl RayRow {
         self.halves[0].direct + self.halves[1].direct
     }
 
-    /// Adds what a path brings from its end, which reflects `reflected`, W/m².
-    pub fn add_light(&mut self, end: &PathEnd, reflected: Vec3) {
-        let light = end.share * reflected;
-        let mean = light.element_sum() / 3.0;
-        self.halves[end.half as usize].direct += light;
-        self.squares += mean * (2.0 * end.direct + mean);
+    /// The half to which a ray belongs.
+    pub fn half_of(&self, ray: u32) -> usize {
+        usize::from(ray >= self.rays / 2)
     }
 
     /// Sum over the rays of the irradiance from the emitters of the scene, W/m².
@@ -178,12 +175,11 @@ impl RayRows {
                 let onwards = path.as_ref().map_or(Vec3::ZERO, |path| path.light);
                 let light = found.direct + found.sun + found.sky + onwards;
                 let direct = light.element_sum() / 3.0;
-                let number = k as u32 / of.count;
                 for &(met, share) in path.iter().flat_map(|path| &path.ends) {
                     let row = self.rows.len() as u32;
-                    self.ends.push(PathEnd { row, half: number, met, share, direct });
+                    self.ends.push(PathEnd { row, ray: k as u32, met, share, direct });
                 }
-                let half = &mut halves[number as usize];
+                let half = &mut halves[k / of.count as usize];
                 half.direct += light;
                 half.emitted += found.direct;
                 half.continued += u32::from(path.is_some());
@@ -202,6 +198,20 @@ impl RayRows {
         }
     }
 
+    /// Adds what paths bring from their ends, with the reflected radiosity there, W/m², where it is known.
+    pub fn add_light_of_ends(&mut self, reflected: impl Fn(u32) -> Option<Vec3>) {
+        let RayRows { rows, ends, .. } = self;
+        for of_ray in ends.chunk_by_mut(|a, b| (a.row, a.ray) == (b.row, b.ray)) {
+            let light = of_ray.iter().filter_map(|end| Some(end.share * reflected(end.met)?)).sum::<Vec3>();
+            let (PathEnd { row, ray, direct, .. }, mean) = (of_ray[0], light.element_sum() / 3.0);
+            let row = &mut rows[row as usize];
+            let half = row.half_of(ray);
+            row.halves[half].direct += light;
+            row.squares += mean * (2.0 * direct + mean);
+            of_ray.iter_mut().for_each(|end| end.direct += mean);
+        }
+    }
+
     /// Replaces the leaves that rays have met by the numbers of their rows. Leaves without rows count as outside: the light that they
     /// reflect (by element, W/m²) becomes direct light.
     pub fn number_rows(&mut self, elements: usize, reflected: &[[f32; 3]]) {
@@ -209,16 +219,12 @@ impl RayRows {
         for (i, row) in (0..).zip(&self.rows) {
             row_of[row.leaf as usize] = i;
         }
-        let RayRows { rows, met, ends, .. } = self;
         // What paths bring from leaves without rows is known.
-        ends.retain_mut(|end| {
-            let number = row_of[end.met as usize];
-            if number == Elements::NONE {
-                rows[end.row as usize].add_light(end, Vec3::from(reflected[end.met as usize]));
-            }
-            end.met = number;
-            number != Elements::NONE
-        });
+        let is_row = |leaf: u32| row_of[leaf as usize] != Elements::NONE;
+        self.add_light_of_ends(|leaf| (!is_row(leaf)).then(|| Vec3::from(reflected[leaf as usize])));
+        let RayRows { rows, met, ends, .. } = self;
+        ends.retain(|end| is_row(end.met));
+        ends.iter_mut().for_each(|end| end.met = row_of[end.met as usize]);
         let mut first = 0;
         for row in rows {
             let half = (row.end - first) / 2;

@@ -3,6 +3,7 @@
 use super::*;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::refinement::Ended;
+use crate::scene::testing::{Pieces, facing_down};
 use std::collections::HashMap;
 
 /// A local pass of many elements that is interrupted at its beginning or in its middle traces few more rays; the light is that of the
@@ -57,4 +58,20 @@ fn late_passes_trace_what_is_large() {
     let ratio = mean(late.mean_irradiance) / mean(all.mean_irradiance);
     assert!((ratio - 1.0).abs() < 0.1 && late.exact_rays < all.exact_rays / 2, "{ratio}");
     assert!(!late.warnings.join(" ").contains("have no rays"), "{:?}", late.warnings);
+}
+
+/// Time that is up before the local pass of a white box of shelves, each nearer to the next than elements are wide: most light goes through gaps, several times.
+#[test]
+fn late_passes_keep_the_light_in_gaps() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("box", 0.9).room(DVec3::ZERO, DVec3::splat(2.0)).object("shelves");
+    for k in 1..20 {
+        let z = 0.1 * f64::from(k);
+        pieces.rectangle(DVec3::new(0.0, 0.0, z), DVec3::X, 2.0 * DVec3::Y);
+    }
+    pieces.glowing("lamp", 10.0).object("lamp").polygon(&facing_down([1.7, 1.9], [0.9, 1.1], 1.99));
+    let options = Options { max_seconds: Some(1e-6), audit: 0, ..Options::default() };
+    let record = solved(&pieces.scene(), &[], &options).record;
+    let created = record.ledger.created / record.ledger.emitted;
+    assert!(created.abs() < 0.06, "{created}");
 }

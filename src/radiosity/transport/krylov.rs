@@ -20,39 +20,48 @@ const TERMS_OF_VECTORS: usize = 10;
 /// Terms of one partial sum: partial sums do not depend on the number of threads.
 const BLOCK: usize = 4096;
 
-/// Largest part of the light that one more pass along paths may add when they end: the ledger is right within 0.005.
+/// Part of the light of the scene that a pass along paths adds at most when the passes end. More is missing where passes converge slowly.
 const MAX_MISSING: f64 = 1e-3;
-/// Largest number of passes along paths: where all light is reflected along them with 0.9, 0.9^64 of it is missing.
+/// Largest number of passes along paths: if each returns 0.9 of the light of the one before, 0.9^64 = 0.1 % of it is missing.
 const MAX_PASSES: usize = 64;
 
-/// The light along rays and paths: that along rays, with what paths bring of it, until that adds little. With all of what paths bring to each other, groups of
-/// elements that few rays join to others would keep their light: single points of an office were several times too bright.
+/// The light along rays and paths: solves the exchange along rays, lets paths bring that light as direct light, and repeats this until a pass adds little.
+/// Paths as unknowns of one system instead would be exact, but noise of few rays can join groups of elements to few others, which then keep
+/// their light: single points of an office were several times too bright. Light has few passes for that.
+///
+/// After the deadline passes go on as far as [`LATE_TERMS`] allow, at least [`MIN_ITERATIONS`] of them.
 pub fn solve(
     transport: &mut RayTransport,
     start: Option<Field>,
     deadline: &Deadline,
 ) -> (Field, Convergence) {
-    // A first guess is all that there is time for.
+    // Of an iteration that ends at once this guess remains.
     if let Some(start) = &start {
         transport.bring(&[start.clone(), start.clone()]);
     }
     let (mut first, mut convergence) = krylov(transport, start, deadline);
-    let mut before = 0.0;
-    let passes = if transport.has_paths() { MAX_PASSES } else { 0 };
-    for _ in 0..passes {
-        if deadline.late() {
-            break;
-        }
+    if !transport.has_paths() {
+        return (first, convergence);
+    }
+    let (mut before, mut added, mut late_terms) = (0.0, 1.0, 0);
+    for pass in 0..MAX_PASSES {
         let light = transport.both(first.clone());
         let power: f64 = dot(transport, &light[0], &vec![[1.0; 3]; light[0].len()]).iter().sum();
         if power - before <= MAX_MISSING * power {
+            return (first, convergence);
+        }
+        added = 1.0 - before / power;
+        if pass >= MIN_ITERATIONS && late_terms > LATE_TERMS && deadline.late() {
             break;
         }
         before = power;
         transport.bring(&light);
-        (first, convergence) = krylov(transport, Some(first), deadline);
+        let found;
+        (first, found) = krylov(transport, Some(first), deadline);
+        late_terms += if deadline.late() { found.sweeps * transport.terms() } else { 0 };
+        convergence = Convergence { sweeps: convergence.sweeps + found.sweeps, ..found };
     }
-    (first, convergence)
+    (first, Convergence { residual: added, converged: false, ..convergence })
 }
 
 /// The irradiance `E = direct + K E` along rays, from a first guess, and how the iteration converged. Without a guess it begins with direct light.

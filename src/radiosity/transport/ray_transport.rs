@@ -10,7 +10,7 @@ use crate::radiosity::rgb::add;
 /// too often, and that of other elements too rarely. In a lamp shade elements with four rays had 10 % too much light. Light that rays bring and the part of
 /// it that a row sends would depend on each other likewise.
 ///
-/// Unknowns are the irradiances of all rows by the first half, `a = direct_a + K_a (direct_b + K_b a)`.
+/// Unknowns are the irradiances of all rows by the first half, `a = direct_a + K_a (direct_b + K_b a)`, where direct light includes what paths bring.
 pub struct RayTransport {
     /// Exchange between the rows, by half of the rays.
     halves: [TransportMatrix; 2],
@@ -18,7 +18,7 @@ pub struct RayTransport {
     paths: [Vec<Path>; 2],
     /// Irradiance by emitters, suns and sky, W/m², by half.
     own: [Field; 2],
-    /// The same with what paths bring.
+    /// The same with what paths bring in the last pass.
     direct: [Field; 2],
 }
 
