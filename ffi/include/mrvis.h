@@ -114,13 +114,13 @@ typedef struct mrv_load_options {
   uint32_t reserved;
   const int32_t *emitter_units; /* MRV_POWER_... of each emitter; NULL: MRV_POWER_WATTS for all */
   const char *luminaires;      /* placement file in TOML: [[luminaire]] tables of an IES LM-63 or EULUMDAT file, at and aim; NULL: none */
-  int32_t up;                  /* MRV_UP_...: upward axis, for automatic cameras and GLB files */
+  int32_t up;                  /* MRV_UP_...: upward axis, for skies, automatic cameras and GLB files */
   int32_t channels;            /* MRV_CHANNELS_..., for luminaires and luminous emitters */
   uint64_t max_memory;         /* largest file and largest sum of decoded textures, bytes; 0: four fifths of what is available */
 } mrv_load_options;
 
-/* Reads an OBJ, glTF, GLB or PLY file; the extension of `path` says which. `options` may be NULL. MRV_ERROR_IO if it cannot be
- * read, MRV_ERROR_INPUT if its content cannot be used. */
+/* Reads an OBJ, glTF, GLB or PLY file, or a height field in ESRI ASCII, GeoTIFF, PNG or NPZ; the extension of `path` says which.
+ * `options` may be NULL. MRV_ERROR_IO if it cannot be read, MRV_ERROR_INPUT if its content cannot be used. */
 mrv_status mrv_scene_load(const char *path, const mrv_load_options *options, mrv_scene **scene);
 
 /* Reads a scene from `size` bytes of such a file. `format` is "obj", "gltf", "glb" or "ply"; files that it names (materials, textures,

@@ -33,6 +33,7 @@ class _LoadOptions(TypedDict, total=False):
     emitters: Mapping[str, float] | None
     two_sided_emission: bool | None
     sides: Literal[1, 2] | None
+    up: Literal["y", "z"] | None
     threads: int | None
 
 class _PrepareOptions(TypedDict, total=False):

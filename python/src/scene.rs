@@ -6,7 +6,7 @@ use crate::errors::{Raise, input, notes};
 use crate::solution::camera_out;
 use crate::work::{Watch, long, short};
 use mrvis::internals::SceneParts;
-use mrvis::{LoadOptions, MeshArrays, Positions, Scene, SceneBuilder, Strength};
+use mrvis::{LoadOptions, MeshArrays, Positions, Scene, SceneBuilder, Strength, UpAxis};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
@@ -40,6 +40,14 @@ fn load_options(function: &str, options: Option<&Bound<'_, PyDict>>) -> PyResult
                     return Err(input(given.py(), what));
                 }
             },
+            "up" => {
+                let text: String = value(&name, &given)?;
+                all.up = Some(match text.as_str() {
+                    "y" => UpAxis::Y,
+                    "z" => UpAxis::Z,
+                    _ => return Err(input(given.py(), format!("`up` {text}: must be y or z"))),
+                });
+            }
             "threads" => all.threads = whole(&name, &given)?,
             _ => return unknown(function, &name),
         }
@@ -49,11 +57,12 @@ fn load_options(function: &str, options: Option<&Bound<'_, PyDict>>) -> PyResult
 
 #[pymethods]
 impl PyScene {
-    /// Reads a file: OBJ, glTF, GLB or PLY by its extension.
+    /// Reads a file by its extension: OBJ, glTF, GLB, PLY, or a height field in ESRI ASCII, GeoTIFF, PNG or NPZ.
     ///
     /// unit: name of the length unit, "m" (default), "cm", "mm", "km", "in" or "ft". emitters: power in W per channel of objects, groups or
     /// materials that become emitters, as a dict of names. two_sided_emission: whether emissive faces emit from both sides (default False).
-    /// sides: 1 if all faces bound solids, 2 if all are sheets; default: by connectivity. threads: 0 (default) for one a core.
+    /// sides: 1 if all faces bound solids, 2 if all are sheets; default: by connectivity. up: "y" or "z", the upward axis for skies and cameras;
+    /// default: that of the format, else guessed. threads: 0 (default) for one a core.
     ///
     /// Raises IoError, or InputError that names file and line.
     #[staticmethod]

@@ -163,7 +163,7 @@ def test_instances_move():
         model.scene.flattened(5)
 
 
-def test_light_of_sky_and_sun():
+def test_light_of_sky_and_sun(tmp_path):
     builder = mrvis.SceneBuilder()
     builder.add_material("grey", (0.5, 0.5, 0.5))
     builder.add_object("ground", SQUARE * [4, 4, 1], UP)
@@ -173,6 +173,12 @@ def test_light_of_sky_and_sun():
     assert found == pytest.approx(500, rel=3e-3)
     with pytest.raises(mrvis.InputError, match="17 is no type of CIE sky"):
         scene.with_sky("cie:17")
+    # A face of which the upward axis cannot be guessed.
+    (tmp_path / "face.obj").write_text("v 0 0 0\nv 0 0 4\nv 4 0 4\nv 4 0 0\nv 0 9 0\nv 0 9 1\nv 1 9 1\nf 1 2 3 4\nf 5 6 7\n")
+    under = mrvis.Scene.load(tmp_path / "face.obj", up="y").with_sky("uniform:100")
+    assert mrvis.Model(under).solve(error=0.05).irradiance([[3, 0, 3]], [0, 1, 0]) == pytest.approx(100, rel=0.02)
+    with pytest.raises(mrvis.InputError, match="must be y or z"):
+        mrvis.Scene.load(tmp_path / "face.obj", up="x")
 
 
 def test_feature_based_error():

@@ -54,6 +54,12 @@ impl Photometry {
     pub fn of(&self, rgb: [f64; 3]) -> f64 {
         self.lumens_per_watt * (0..3).map(|c| self.weights[c] * rgb[c]).sum::<f64>()
     }
+
+    /// Whether a channel holds lumens instead of watts.
+    #[cfg(any(test, feature = "reports"))]
+    pub fn holds_lumens(&self) -> bool {
+        self.weights.contains(&1.0)
+    }
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The environment that a description stands for.
+//! Builds the environment from its description.
 
 use super::environment::{Environment, OF_FILE, notes_of_suns};
 use super::frame::Frame;
@@ -35,7 +35,7 @@ impl Position {
         90.0 - self.zenith_angle().to_degrees()
     }
 
-    /// Where the sun is if it is not above the horizon, as an error says it.
+    /// Part of an error message: the position of a sun that is not above the horizon.
     fn below_horizon(&self) -> String {
         match -self.elevation() {
             down if down < 0.005 => "on the horizon".into(),
@@ -65,7 +65,7 @@ impl SkyOptions {
         self.environment_with(up, &[])
     }
 
-    /// The same with the suns of a file, where the description has none and does not say that there is none.
+    /// The same with the suns of a file, if the description neither has a sun nor excludes one.
     pub(crate) fn environment_with(&self, up: DVec3, suns: &[Sun]) -> Result<Environment> {
         let at = |what: String| self.wrong(Error::arguments(what));
         self.check().map_err(at)?;
@@ -94,11 +94,11 @@ impl SkyOptions {
                     .map_err(|error| self.wrong(error))?,
             ),
         };
+        let spots = sky.as_mut().map_or(Vec::new(), |sky| sky.take_spots(&frame));
         if let Some(sky) = &sky {
-            notes.push(format!(
-                "diffuse horizontal irradiance {}",
-                self.irradiance_text(sky.horizontal_irradiance())
-            ));
+            let without = if spots.is_empty() { "" } else { ", without the bright spots of the map" };
+            let of = self.irradiance_text(sky.horizontal_irradiance());
+            notes.push(format!("diffuse horizontal irradiance {of}{without}"));
         }
         let sun = self.disc(&frame, position.as_ref(), &model).map_err(at)?;
         let has_others = sun.is_none() && !suns.is_empty() && matches!(self.sun, SunChoice::Auto);
@@ -107,7 +107,6 @@ impl SkyOptions {
             false => self.sun_note(&frame, position.as_ref(), sun.as_ref()),
         });
         let mut suns = if has_others { suns.to_vec() } else { sun.into_iter().collect() };
-        let spots = sky.as_mut().map_or(Vec::new(), |sky| sky.take_spots(&frame));
         if !spots.is_empty() {
             notes.push(notes_of_suns(&frame, "bright spots of the map, as suns", &spots));
         }
@@ -179,7 +178,7 @@ impl SkyOptions {
         Ok(Arc::new(map))
     }
 
-    /// Where the sun is, if anything says so.
+    /// The position of the sun, if the description determines it.
     fn position(&self, frame: &Frame) -> Result<Option<Position>, String> {
         if let SunChoice::At { direction, .. } = self.sun {
             let direction = match direction {
@@ -206,7 +205,7 @@ impl SkyOptions {
         Ok(Some(Position { local, outside: SOLAR_CONSTANT / (sun.distance * sun.distance) }))
     }
 
-    /// The sun of a sky that cannot be without.
+    /// The position of the sun for a sky model that requires it; an error without it.
     fn needed<'a>(&self, position: Option<&'a Position>, name: &str) -> Result<&'a Position, String> {
         let position = position.ok_or_else(|| {
             format!("the {name} sky needs the sun: state ⟨place⟩ and ⟨time⟩, or ⟨sun⟩ as AZIMUTH,ELEVATION")
@@ -282,7 +281,7 @@ impl SkyOptions {
         }
     }
 
-    /// The sun's disc, if it is asked for and has light.
+    /// The sun's disc, if it is requested and has light.
     fn disc(&self, frame: &Frame, position: Option<&Position>, model: &Model) -> Result<Option<Sun>, String> {
         if self.sun == SunChoice::None {
             return Ok(None);
@@ -310,7 +309,7 @@ impl SkyOptions {
             if is_asked && position.local.z <= 0.0 {
                 return Err(is_below(position));
             }
-            // A direction may be meant for the sky alone.
+            // A given direction may apply to the sky model alone.
             let shapes_sky = matches!(self.sky.0, SkyModel::Cie(_));
             return match is_asked && !shapes_sky {
                 true => Err("the irradiance of the sun is unknown: state ⟨direct_normal⟩, or ⟨sun⟩ as AZIMUTH,ELEVATION:E".into()),

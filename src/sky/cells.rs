@@ -21,7 +21,7 @@ const MIN_SAMPLES: usize = 2;
 /// 20,000.
 const MAX_SAMPLES: usize = 64;
 
-/// What is below the horizon.
+/// Radiance below the horizon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Lower {
     /// Nothing.
@@ -69,7 +69,7 @@ impl Cells {
         }
         let full = TAU * if lower_rows == 0 { 1.0 } else { 2.0 };
         let total: f64 = weights.iter().sum();
-        // Without any light all directions are alike.
+        // Without any light all directions are equally likely.
         let least = if total > 0.0 { MIN_RELATIVE_DENSITY * total / full } else { 1.0 };
         let mut sum = 0.0;
         for row in 0..count {

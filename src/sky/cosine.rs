@@ -57,7 +57,7 @@ impl Extent {
         let vn = azimuth(n);
         let [z0, z1] = self.z;
         let mut sum = self.parallel(z0, n.z, nh, vn) - self.parallel(z1, n.z, nh, vn) + self.horizon(n, nh);
-        // Those of a whole turn cancel.
+        // The two meridians of a whole turn cancel.
         if self.turn() < TAU {
             sum += self.meridian(self.v[1], n.z, nh, vn) - self.meridian(self.v[0], n.z, nh, vn);
         }

@@ -23,7 +23,7 @@ pub struct Environment {
     cells: Arc<Cells>,
     patches: Arc<Patches>,
     planes: Arc<Planes>,
-    /// What a reader of results should know: the sky, north, the sun, repairs; one line each.
+    /// Notes for the user about the sky, north, the sun and repairs; one line each.
     pub notes: Vec<String>,
 }
 
@@ -171,10 +171,10 @@ fn radiance_of(sky: Option<&Sky>, ground: [f64; 3], local: DVec3) -> [f64; 3] {
     }
 }
 
-/// What suns of a scene's file are called.
+/// Title of the suns of a scene's file in notes.
 pub(super) const OF_FILE: &str = "suns of the file";
 
-/// Where suns are, one sentence.
+/// The positions of suns in one sentence.
 pub(super) fn notes_of_suns(frame: &Frame, title: &str, suns: &[Sun]) -> String {
     let note = |sun: &Sun| {
         let [azimuth, elevation] = frame.angles(sun.direction);

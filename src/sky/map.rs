@@ -89,7 +89,7 @@ impl SkyMap {
         Ok(map)
     }
 
-    /// Replaces texels that no radiance can have by the mean of their good neighbours, black without any.
+    /// Replaces texels of impossible radiance by the mean of their good neighbours, or by black if there are none.
     fn repair(&mut self) -> Result<(), String> {
         let good = |t: &[f32; 3]| t.iter().all(|v| v.is_finite() && *v >= 0.0);
         let bad: Vec<usize> = (0..self.texels.len()).filter(|k| !good(&self.texels[*k])).collect();

@@ -1,7 +1,7 @@
 //! Sky and sun as sources of light, without a scene: radiance by direction, patches, samples, irradiance of unobstructed planes.
 //!
-//! [`SkyOptions`] describe a sky, [`SkyOptions::environment`] makes the [`Environment`] that rays, points and links ask. Directions of the
-//! public interface are unit vectors in scene coordinates, from the scene outwards; inside, local directions are (east, north, up).
+//! [`SkyOptions`] describe a sky, [`SkyOptions::environment`] makes the [`Environment`] that rays, points and links query. Directions of
+//! the public interface are unit vectors in scene coordinates, from the scene outwards; inside, local directions are (east, north, up).
 //!
 //! * `frame`: up, north and east; `position`: the sun by place and time.
 //! * `gradation` is the form of the models, `cie`, `perez` and `clear` their coefficients, `map` pictures; `radiance` scales them to a level,

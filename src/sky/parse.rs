@@ -141,7 +141,7 @@ fn file(text: &str) -> Result<SkyText, String> {
 /// The sun.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum SunChoice {
-    /// Where place and time say, if the sky has a sun.
+    /// At the position given by place and time, if the sky has a sun.
     #[default]
     Auto,
     /// No disc; place and time still shape the sky.

@@ -13,11 +13,11 @@ use std::ops::Range;
 
 /// Levels below a hemisphere with detail: 4^7 patches of 1.1° on a side.
 const LEVELS: u32 = 7;
-/// Levels below a hemisphere of one radiance: 256 patches of 9° on a side, for receivers and blockers alone.
+/// Levels below a hemisphere of uniform radiance: 256 patches of 9° on a side, which only receivers and blockers require.
 const UNIFORM_LEVELS: u32 = 4;
 /// Most samples along a side of a finest patch, of which there are two for each texel of a map of up to 5,000 columns.
 const MAX_SAMPLES: usize = 32;
-/// Samples along a side without a map. They find means to 1e-4 where the radiance falls by 8 % over a patch.
+/// Samples along a side without a map. They give means to 1e-4 where the radiance falls by 8 % over a patch.
 const SAMPLES: usize = 4;
 
 /// A part of the sky or of the ground below the horizon, seen from any point of the scene.
@@ -241,8 +241,8 @@ impl Patches {
         }
     }
 
-    /// Cosine-weighted solid angle of a patch on a receiver with a unit normal in scene coordinates, sr, without what is below the receiver's
-    /// horizon. The irradiance is this times the radiance. Exact to 1e-6.
+    /// Cosine-weighted solid angle of a patch on a receiver with a unit normal in scene coordinates, sr, without the part below the
+    /// receiver's horizon. The irradiance is this times the radiance. Exact to 1e-6.
     pub fn projected(&self, k: u32, normal: DVec3) -> f64 {
         let patch = self.patch(k);
         // Angle between the axis and the receiver's horizon.

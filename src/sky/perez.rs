@@ -111,7 +111,7 @@ const BRIGHTNESS: [f64; 2] = [0.01, 0.6];
 /// of the model).
 const MIN_PARTLY_CLOUDY_BRIGHTNESS: f64 = 0.2;
 
-/// State of the atmosphere as the model sees it.
+/// State of the atmosphere in the variables of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Atmosphere {
     /// Clearness ε, at least 1.

@@ -1,9 +1,9 @@
 //! Irradiance of unobstructed planes of many orientations, from a table.
 //!
-//! Irradiance E, continued to vectors of any length by E(λn) = λE(n), is the sum of the linear functions max(n·ω, 0) L(ω): it is linear but for
-//! what the plane's horizon cuts. The table has its values on the octahedron |x| + |y| + |z| = 1, and is quadratic on triangles there: all light from
-//! above the horizons of the six places of a triangle is exact. Linear interpolation would err by the second derivative, the light on the plane's
-//! horizon itself, four times as much under a sky that is bright around a low sun as under a uniform one.
+//! Irradiance E, continued to vectors of any length by E(λn) = λE(n), is the sum of the linear functions max(n·ω, 0) L(ω): it is linear except for
+//! sources that the plane's horizon cuts. The table has its values on the octahedron |x| + |y| + |z| = 1, and is quadratic on triangles there: all
+//! light from above the horizons of the six places of a triangle is exact. Linear interpolation would err by the second derivative, the light on the
+//! plane's horizon itself, four times as much under a sky that is bright around a low sun as under a uniform one.
 
 use super::patches::Patches;
 use glam::DVec3;
@@ -17,7 +17,7 @@ const PLACES: usize = 2 * TRIANGLES + 1;
 /// Detail of values, see [`Patches::irradiance_to`]: they err by at most 2.5e-4 of the irradiance of a horizontal plane, and all of them take 13 ms.
 const DETAIL: f64 = 1.5e-4;
 
-/// Values on the faces of an octahedron, which are found when they are asked for.
+/// Values on the faces of an octahedron, computed at their first use.
 #[derive(Debug)]
 pub struct Planes {
     values: Vec<OnceLock<[f64; 3]>>,
@@ -75,7 +75,7 @@ impl Planes {
             let value = self.value(patches, quarter, [at(i, a), at(j, b)]);
             (0..3).for_each(|c| sum[c] += length * weight * value[c]);
         }
-        // Where all light is from below, parts that cancel may leave less than nothing.
+        // If all light comes from below, cancelling terms may leave a negative sum.
         sum.map(|e| e.max(0.0))
     }
 

@@ -145,7 +145,7 @@ impl Default for Air {
     }
 }
 
-/// Where the sun is.
+/// Position of the sun.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunPosition {
     /// Clockwise from north, degrees.

@@ -18,7 +18,7 @@ const COLUMNS: usize = 1024;
 /// Most columns of a quadrature: larger maps are not sampled at every texel.
 const MAX_COLUMNS: usize = 8192;
 
-/// What fixes the level of a sky, W/m² and W/(m² sr), or lx and cd/m².
+/// Value that determines the level of a sky, W/m² and W/(m² sr), or lx and cd/m².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Level {
     /// Irradiance of a horizontal plane by the sky alone. Colours of a map are kept: the luminance of the result has this value.
@@ -83,7 +83,7 @@ impl Sky {
             }
             sky.scale[c] = if native[c] > 0.0 { wanted[c] / native[c] } else { 0.0 };
             sky.horizontal[c] = sky.scale[c] * unscaled[c];
-            // A level that is stated comes back rounded.
+            // The irradiance of a stated level has rounding errors.
             if sky.horizontal[c] > (1.0 + 1e-9) * MAX_RADIANCE {
                 return Err(Error::arguments(format!(
                     "the sky gives {:.3e} W/m² on the ground: must be at most {MAX_RADIANCE:e}; lower its level",
@@ -165,14 +165,14 @@ impl Sky {
         self.shape.peak()
     }
 
-    /// Angle below which the radiance has no detail, radians, as far as a map says.
+    /// Angle below which the radiance has no detail, radians: the angle between texels of the map; none without a map.
     pub(super) fn detail(&self) -> Option<f64> {
         self.map.as_ref().map(|m| m.step())
     }
 
     /// Integral of radiance times the sine of the elevation over the upper half, by samples at the centres of rows of equal angle.
     fn integrate(&self) -> [f64; 3] {
-        // A map is sampled at every texel: its brightest may be one alone.
+        // A map is sampled at every texel: the brightest part may be a single texel.
         let columns =
             self.detail().map_or(COLUMNS, |step| ((TAU / step) as usize).clamp(COLUMNS, MAX_COLUMNS));
         let rows = columns / 4;

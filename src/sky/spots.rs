@@ -1,5 +1,5 @@
 //! Small bright spots of a sky map, such as its sun, become discs: rays are then sent to them as to any sun. The directions of
-//! a point rarely meet a spot of a few texels, and one that does counts for all that were missed.
+//! a point rarely meet a spot of a few texels, and a single hit then accounts for all the light that other directions missed.
 
 use super::frame::Frame;
 use super::map::SkyMap;
@@ -21,7 +21,7 @@ const MAX_ERROR: f64 = 0.01;
 const EDGE: f64 = 1.0 / 16.0;
 /// Largest number of discs. Each takes a ray at all places where elements receive light, and 16 or more at each point.
 const MAX_DISCS: usize = 8;
-/// Smallest part of its bounding circle that a spot fills which becomes one disc; others are halved. A row of five texels fills a quarter.
+/// Smallest part of its bounding circle that a spot must fill to become one disc; others are halved. A row of five texels fills a quarter.
 const MIN_COMPACT: f64 = 0.25;
 
 /// Texels of a sky's map and their light.
@@ -110,7 +110,7 @@ impl Texels<'_> {
     fn spots(&self) -> (Vec<Spot>, HashSet<usize>) {
         let [width, height] = self.map.size();
         let count = width * height;
-        // Of a plane under the same light from all sides.
+        // Irradiance of a plane under the same light from all sides.
         let irradiance = 0.5 * (0..count).map(|k| self.radiance(k) * self.map.solid_angle(k)).sum::<f64>();
         // The least radiance of the widest spot that matters: its light is MAX_ERROR × √MAX_HITS of the irradiance.
         let floor = MAX_ERROR * irradiance * LOOKUPS / (PI * MAX_HITS.sqrt());
@@ -149,7 +149,7 @@ impl Texels<'_> {
 }
 
 impl Sky {
-    /// Takes small bright spots out of the sky's map: discs with their direction, solid angle and light. What is around them stays in their place.
+    /// Takes small bright spots out of the sky's map: discs with their direction, solid angle and light. The background around spots replaces them.
     pub(super) fn take_spots(&mut self, frame: &Frame) -> Vec<Sun> {
         let Some(map) = self.map() else { return Vec::new() };
         let texels = Texels { sky: self, map };

@@ -27,7 +27,7 @@ pub struct Mesh {
     pub leaves: Vec<u32>,
 }
 
-/// A rectangle of more than one cell of a grid, with heights at all samples, and the triangles that stand for it.
+/// A rectangle of more than one cell of a grid, with heights at all samples, and the triangles that represent it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piece {
     /// Its first column and row.
@@ -40,8 +40,8 @@ pub struct Piece {
     pub error: f32,
 }
 
-/// The triangles and pieces of a grid with about so many triangles, where they are nearest to the samples. Cells that are in no piece have their own two
-/// triangles.
+/// The triangles and pieces of a grid with about this number of triangles, placed to be nearest to the samples. Cells that are in no piece have two
+/// triangles of their own.
 pub fn coarse(grid: &Grid, triangles: usize) -> (Mesh, Vec<Piece>) {
     let levels = errors(grid);
     let (mut finite, with_holes): (Vec<f32>, Vec<f32>) =
@@ -109,7 +109,7 @@ impl Mesh {
     }
 }
 
-/// The triangle of some, by its index, on which a place lies, or of which it is least outside, and its barycentric coordinates.
+/// Index of the triangle that contains a place, or of the triangle that the place is least outside of, and the barycentric coordinates there.
 pub fn triangle_at(triangles: &[[[f32; 2]; 3]], place: [f32; 2]) -> (usize, [f32; 3]) {
     let cross =
         |a: [f32; 2], b: [f32; 2], c: [f32; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
@@ -174,7 +174,7 @@ fn error_of_node(grid: &Grid, [west, north]: [usize; 2], size: usize) -> f32 {
                 false => se + (sw - se) * (1.0 - x) + (ne - se) * (1.0 - y),
             };
             let distance = (at(column, row) - height).abs();
-            // That of a hole, or of a corner that is one, is no number.
+            // The distance is NaN for a hole, and if a corner of the triangle is a hole.
             (largest, holes) = (largest.max(distance), holes + usize::from(distance.is_nan()));
         }
     }

@@ -10,7 +10,7 @@ pub const MAX_SIDE: usize = 1 << 17;
 /// Largest absolute height, m: f32 distinguishes heights to 1/16 m there. The highest mountains of the solar system are below 3e4 m.
 pub const MAX_HEIGHT: f32 = 1e6;
 
-/// A height field. See the room's page for the frame and the surface between samples.
+/// A height field. The documentation of the module defines the frame and the surface between samples.
 #[derive(Clone, Debug)]
 pub struct Grid {
     columns: usize,

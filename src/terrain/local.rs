@@ -1,4 +1,4 @@
-//! What a sample sees of the sky in one azimuth above its horizon.
+//! The sky visible from a sample in one azimuth above its horizon.
 
 use super::Grid;
 use super::grid::slope;
@@ -27,7 +27,7 @@ impl<'a> Slopes<'a> {
     pub fn new(grid: &'a Grid, row: usize) -> Slopes<'a> {
         let columns = grid.columns();
         let line = |r: usize| &grid.heights()[r * columns..(r + 1) * columns];
-        // A row beyond the border is a copy of the border: `at` tells it by its address.
+        // A row beyond the border is a copy of the border: `at` recognises it by its address.
         let (above, below) = (line(row.saturating_sub(1)), line((row + 1).min(grid.rows() - 1)));
         Slopes { above, here: line(row), below, scale: grid.cell().map(|d| 1.0 / d as f32) }
     }
@@ -63,7 +63,7 @@ impl Tilt {
         Tilt { up, along: -(p * direction[0] + q * direction[1]) * up }
     }
 
-    /// Tangent of the elevation from which on the sample's own plane does not hide the sky; 0 or more.
+    /// Tangent of the elevation above which the sample's own plane does not hide the sky; 0 or more.
     #[inline]
     pub fn own_horizon(self) -> f32 {
         (-self.along / self.up).max(0.0)
@@ -78,7 +78,7 @@ impl Tilt {
         // cos e).
         let square = 1.0 / (1.0 + t * t);
         let seen = self.up * square + self.along * (std::f32::consts::FRAC_PI_2 - arctangent(t) - t * square);
-        // Rounding near the zenith.
+        // Rounding may give negative values near the zenith.
         seen.max(0.0)
     }
 }

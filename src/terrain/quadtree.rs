@@ -8,7 +8,7 @@ use super::Grid;
 /// No node.
 const NONE: u32 = u32::MAX;
 
-/// A square of cells. Squares at the east and south borders may extend beyond the grid; their part on it counts.
+/// A square of cells. Squares at the east and south borders may extend beyond the grid; only their part on the grid counts.
 #[derive(Clone, Copy, Debug)]
 pub struct Node {
     /// First column and row.

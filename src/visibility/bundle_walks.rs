@@ -36,7 +36,7 @@ pub struct Workspace {
     pub(super) walked: Vec<Walked>,
     /// Transmittance of each segment of the first packet of each bundle, if kept.
     pub(super) lanes: Vec<[f32; LANES]>,
-    /// For the caller: what a chunk of a batch needs. Taken out during calls of the engine.
+    /// Buffers of the caller for a chunk of a batch. Taken out during calls of the engine.
     pub batch: BatchBuffers,
 }
 
@@ -49,7 +49,7 @@ pub struct BatchBuffers {
     pub starts: Vec<usize>,
     /// Segments of each packet that are blocked, a bit for each.
     pub blocked: Vec<u32>,
-    /// Feature size of each part of a bundle that is asked, scene units.
+    /// Feature size of each queried part of a bundle, scene units.
     pub sizes: Vec<f32>,
     /// Bundle of each part.
     pub bundle_of: Vec<usize>,
@@ -64,14 +64,14 @@ impl Workspace {
         &self.buffers.sums
     }
 
-    /// 1 for each segment of a bundle of one packet that exact rays have just found to be open, 0 for the others.
+    /// 1 for each segment of a bundle of one packet that is open in the last trace of exact rays, 0 for the others.
     pub(super) fn open_lanes(&self, bundle: &Bundle) -> [f32; LANES] {
         let open = bundle.packets[0].active & !self.buffers.blocked[0];
         std::array::from_fn(|i| (open >> i & 1) as f32)
     }
 }
 
-/// What walks need of the engine.
+/// Properties of the engine that walks need.
 #[derive(Clone, Copy)]
 pub(super) struct Walker<'a> {
     pub tree: &'a WideTree,

@@ -44,7 +44,7 @@ pub fn sample_runs(bundles: usize) -> impl Iterator<Item = Range<usize>> {
     let length = SAMPLE_RUN.min(bundles);
     let runs = SAMPLE_RUNS.min(bundles / (MAX_SAMPLE_PART * SAMPLE_RUN)).max(1);
     (0..runs).map(move |k| {
-        // A single run is that in the middle.
+        // A single run is taken from the middle.
         let first = if runs == 1 { (bundles - length) / 2 } else { (bundles - length) * k / (runs - 1) };
         first..first + length
     })
@@ -65,7 +65,7 @@ pub struct Work {
 }
 
 impl CostModel {
-    /// The model before any bundle is known.
+    /// The model before calibration on any bundle.
     pub const UNCALIBRATED: CostModel = CostModel { ray_work: DEFAULT_RAY_WORK };
     /// Never hands bundles over, for tests of the engine's own answers.
     #[cfg(test)]

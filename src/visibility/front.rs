@@ -1,8 +1,8 @@
 //! The part of the tree that a group of neighbouring bundles can meet, determined once for the group.
 //!
-//! All segments of the group lie inside the group's shaft, so no bundle meets what the shaft misses. Each bundle's walk
-//! starts at the rest: boxes, arranged in nodes of sixteen, and triangles that must be tested at every feature size,
-//! arranged in blocks of sixteen.
+//! All segments of the group lie inside the group's shaft, so no bundle meets geometry that the shaft misses. Each
+//! bundle's walk starts at the rest: boxes, arranged in nodes of sixteen, and triangles that must be tested at every
+//! feature size, arranged in blocks of sixteen.
 
 use super::shaft::Shaft;
 use super::triangles;

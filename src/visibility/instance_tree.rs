@@ -95,8 +95,8 @@ pub(super) type Branch = Child<Placed, Measured>;
 
 /// Groups of instances with their optics, sixteen children side by side.
 ///
-/// The tree is a function of the instances that it holds (`clusters::placed`); trees before and after an update share what did not
-/// change.
+/// The tree is a function of the instances that it holds (`clusters::placed`); trees before and after an update share their
+/// unchanged parts.
 pub struct InstanceTree {
     /// Largest coordinate magnitude of the model, scene units: the scale of rounding errors.
     pub(super) magnitude: f32,
@@ -112,7 +112,7 @@ pub struct Instances<'a, M> {
     pub cells: Cells,
     /// Box of the model's own triangles.
     pub own: Aabb,
-    /// The boxes that stand for an instance, by its number.
+    /// The boxes that represent an instance, by its number.
     pub member: M,
     /// How groups are measured.
     pub options: &'a optics::Options,
@@ -206,7 +206,7 @@ impl InstanceTree {
     }
 }
 
-/// Changes by key, in its order, each once: an instance that moves inside its cell is replaced.
+/// Changes in the order of their keys, one for each key: an instance that moves inside its cell is replaced.
 fn sorted(changes: Vec<PlacedChange>, cells: &Cells) -> Vec<Change<Placed>> {
     let mut sorted: Vec<Change<Placed>> = Vec::with_capacity(2 * changes.len());
     for PlacedChange { number, before, after } in changes {

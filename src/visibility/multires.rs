@@ -52,7 +52,7 @@ pub struct MultiResolution {
     tolerance: f32,
     /// The distance cut, if the model has one.
     pub(super) cut: Option<Arc<Cut>>,
-    /// What answers bundles.
+    /// How bundles are answered.
     pub(super) route: Route,
 }
 

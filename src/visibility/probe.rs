@@ -5,9 +5,9 @@ use crate::ray::EndRule;
 use crate::scene::EmitterSampler;
 use glam::Vec3;
 
-/// Radius around probes without anything close, relative to the distance between them and for an emitter of an angle of 1: no less than √2,
-/// so that the balls of the four corners of a cell hold every segment between it and a corner. With twice as much the RMS error is the
-/// same in the garden of `make scenes`, with 1.7 times the probes; half of the leaf forest's probes lie then amid leaves.
+/// Radius around probes that must be empty, relative to the distance between them and for an emitter of an angle of 1: no less than √2, so
+/// that the balls of the four corners of a cell hold every segment between it and a corner. With twice the value the RMS error is the same
+/// in the garden of `make scenes`, with 1.7 times the probes; half of the leaf forest's probes then lie among leaves.
 const CLEARANCE: f32 = 1.5;
 
 /// A point of a surface, lifted off it.
@@ -31,8 +31,8 @@ impl Probe {
         Probe { at, normal, rule }
     }
 
-    /// Whether the light of all emitters may be interpolated between probes this far apart: nothing lies within a radius that is larger the
-    /// smaller the emitters are seen from here, so that penumbrae are wider than that distance.
+    /// Whether the light of all emitters may be interpolated between probes this far apart: nothing lies within a radius that increases as
+    /// the apparent size of the emitters decreases, so that penumbrae are wider than that distance.
     pub fn is_clear(&self, cut: &Cut, emitters: &[EmitterSampler], apart: f32) -> bool {
         let angle = |emitter: &EmitterSampler| {
             emitter.size_from(self.at) / emitter.distance(self.at).max(f32::MIN_POSITIVE)

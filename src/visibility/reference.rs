@@ -52,9 +52,9 @@ impl Met {
     }
 }
 
-/// Walks the clusters for one segment with emitter size `e` and feature size `s`. Cluster optics are interpolated for
-/// `towards`, the direction of the segment's bundle; `blocks(triangle)` tests a triangle against the segment. Leaves with faces of
-/// emitters are not told from others.
+/// Walks the clusters for one segment with emitter size `e` and feature size `s`. Cluster optics are interpolated for `towards`,
+/// the direction of the segment's bundle; `blocks(triangle)` tests a triangle against the segment. Leaves with faces of emitters
+/// are treated like others.
 pub fn walk(
     hierarchy: &Hierarchy,
     optics: &[ClusterOptics],

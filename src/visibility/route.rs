@@ -1,16 +1,16 @@
-//! What may answer bundles.
+//! Methods by which bundles are answered.
 
-/// What answers many bundles.
+/// How a batch of bundles is answered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Route {
     /// Exact rays.
     Exact,
-    /// Exact rays, and none for bundles whose answer is certain: those that nothing or a single triangle stands in the way of.
+    /// Exact rays, and no rays for bundles whose answer is certain: their shaft is empty, or a single triangle covers it.
     Certified,
     /// Walks of the clusters by bundles.
     Walks {
-        /// Factor of all extinctions: clusters that a segment meets one after the other are not independent, so that products of their
-        /// transmittances are wrong in the mean.
+        /// Factor of all extinctions: clusters along a segment are not independent, so that products of their transmittances have a
+        /// biased mean.
         factor: f32,
     },
     /// The distance cut in one of its modes, by number, and exact rays for bundles that it does not take.

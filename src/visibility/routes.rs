@@ -12,12 +12,12 @@ use std::sync::Arc;
 /// of a sample of 256 bundles are known to about a tenth.
 const MAX_COST_RATIO: f64 = 0.8;
 
-/// Fewest runs of a sample with something averaged by which the error of averages is judged. The bundles of a run are neighbours and err
-/// alike; by five runs a mean square is known to about a factor of two. With fewer, exact rays are taken.
+/// Fewest runs of a sample with aggregated geometry from which the error of averages is estimated. The bundles of a run are neighbours
+/// with similar errors; five runs give a mean square to about a factor of two. With fewer, exact rays are taken.
 const MIN_AVERAGED_RUNS: usize = 5;
 
-/// Time of a unit of work of walks, and beside it of a segment, in units of work of the cut's tree: 5.8 ns to 2.3 ns. Times of rows of park,
-/// orchard and leaf forest with 16, 64 and 256 segments are those of this formula to a fifth (`mrvis bench`).
+/// Time of a unit of work of walks, and additionally of each segment, in units of work of the cut's tree: 5.8 ns to 2.3 ns. Times of rows of
+/// park, orchard and leaf forest with 16, 64 and 256 segments are those of this formula to a fifth (`mrvis bench`).
 const WALK_WORK: f64 = 2.5;
 
 /// Visible fractions of the bundles of a sample by two independent halves of many rays.
@@ -31,27 +31,27 @@ pub struct RouteSample<'a> {
     pub truth: &'a Halves,
 }
 
-/// What a route takes for the bundles of a sample, and how it errs.
+/// Time and errors of a route for the bundles of a sample.
 struct Trial {
     /// Units of work of the cut's tree; infinite for averages that hardly average anything.
     time: f64,
     /// Sum of the squares of the errors.
     square: f64,
-    /// What is added to it for its own error.
+    /// Standard error of `square` for averages, which is added to it; 0 for other routes.
     doubt: f64,
-    /// Part of it that is due to the mean error.
+    /// Part of `square` that is due to the mean error.
     mean: f64,
-    /// Smallest sum of squares that the noise of the truth can tell from none.
+    /// Detection limit of `square`: noise of the reference.
     floor: f64,
 }
 
 impl Trial {
-    /// Time to an error but for a factor: the time times the number of rays that the mean square error takes.
+    /// Time to an error up to a constant factor: the time times the relative number of rays that the mean square error requires.
     fn cost(&self) -> f64 {
         self.time * rays_for((self.square + self.doubt).max(self.floor))
     }
 
-    /// The same route if its mean error were none.
+    /// The same route with a mean error of zero.
     fn without_mean(self) -> Trial {
         Trial { square: self.square - self.mean.max(0.0), ..self }
     }
@@ -138,7 +138,7 @@ impl MultiResolution {
                 best = (cost, route);
             }
         }
-        // Fitting takes longer than a trial, so that walks which would be too slow without their mean error are not fitted.
+        // Fitting takes longer than a trial, so that walks that would be too slow even with a mean error of zero are not fitted.
         if trial(Route::WALKS, best.0).without_mean().cost() < best.0 {
             let walks = self.fitted_walks(mean, s, workspace);
             if self.with_route(walks).trial((sample, &rays), s, best.0, workspace).cost() < best.0 {
@@ -207,7 +207,7 @@ impl MultiResolution {
             trial.time = f64::INFINITY;
         }
         trial.square = squares.iter().sum();
-        // Few bundles with large errors may have been missed: one standard error more, which is known from the runs.
+        // A few bundles with large errors may be missing from the sample: one standard error is added, estimated from the runs.
         trial.doubt = if averages { standard_error(&squares) } else { 0.0 };
         trial.mean = means[0] * means[1] / all;
         trial
@@ -244,7 +244,7 @@ impl MultiResolution {
         self.routed(bundles, s, workspace, |answer, _| each(answer));
     }
 
-    /// The answers of the route and what the cut met.
+    /// The answers of the route and the sums of the cut.
     fn routed(
         &self,
         bundles: &[Bundle],

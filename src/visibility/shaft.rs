@@ -181,7 +181,7 @@ impl Shaft {
         let mut shaft = Shaft::between(ends, 0.0);
         shaft.widen(shafts.iter().map(|s| s.widening).fold(0.0, f32::max));
         for end in 0..2 {
-            // What may block segments of one of the shafts may not be dropped for all.
+            // Geometry that may block segments of one of the shafts must not be rejected for all.
             shaft.slack[end] = shafts.iter().map(|s| s.slack[end]).fold(f32::MAX, f32::min);
             shaft.margins[end] = shafts.iter().map(|s| s.margins[end]).fold(0.0, f32::max);
             shaft.lengths[end] = shafts.iter().map(|s| s.lengths[end]).fold(0.0, f32::max);

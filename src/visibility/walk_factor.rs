@@ -6,15 +6,15 @@ use super::multires::MultiResolution;
 use super::route::Route;
 use super::routes::standard_error;
 
-/// Smallest and largest factor: half and twice the optical depth of the clusters. The first other one that is tried is a tenth away from 1.
+/// Smallest and largest factor: half and twice the optical depth of the clusters. The first trial differs from 1 by a tenth.
 const RANGE: [f32; 2] = [0.5, 2.0];
 const FIRST_STEP: f32 = 0.9;
 /// Steps of the secant rule after the first: an error of the mean of 0.01 falls below 0.0001.
 const STEPS: usize = 2;
 
 impl MultiResolution {
-    /// Walks at feature size `s` with the factor with which the mean transmittance of runs of neighbouring bundles is that of exact rays along
-    /// the same segments; with the extinctions of the clusters if it is so without, to the standard error of the difference.
+    /// Walks at feature size `s` with the factor for which the mean transmittance of runs of neighbouring bundles is that of exact rays along
+    /// the same segments; with the unchanged extinctions if these means already agree to the standard error of their difference.
     pub(super) fn fitted_walks(&self, runs: &[Vec<Bundle>], s: f32, workspace: &mut Workspace) -> Route {
         let seen = self.with_route(Route::Exact).sums(runs, s, workspace);
         let mut errors = |factor: f32| -> Vec<f64> {

@@ -95,14 +95,26 @@ fn terrain_computes_maps_of_height_fields() {
     let energy = scratch.json("d.json")["quantities"][0]["mean"].as_f64().expect("a number");
     assert!((6000.0..9000.0).contains(&energy), "{energy}");
     // At the midnight sun the last interval ends with the day.
+    let at_80_north = |minutes: u32, month: u32| {
+        let time = format!("--time 2026-{month:02}-21T12:00+01:00 --place 80,15");
+        let day = format!("--output irradiance --day={minutes} --sky clear:3 {time}");
+        scratch.mrvis(&format!("terrain slope.asc --out d --json d.json {day}")).exits(0)
+    };
+    at_80_north(60, 12).warns("the sun does not rise");
     let polar = |minutes: u32| {
-        let day = format!("--output irradiance --day={minutes} --sky clear:3 --time 2026-06-21T12:00+01:00");
-        scratch.mrvis(&format!("terrain slope.asc --out d --json d.json {day} --place 80,15")).exits(0);
+        at_80_north(minutes, 6);
         scratch.json("d.json")["quantities"][0]["mean"].as_f64().expect("a number")
     };
     let [even, odd] = [120, 200].map(polar);
     assert!((odd / even - 1.0).abs() < 0.01, "{odd} {even}");
     scratch.mrvis(&format!("terrain slope.asc --out d {day} 947,11")).exits(2).warns("latitude 947");
+    let job = "[[job]]\ncommand = 'terrain'\nname = 'maps'\nscene = 'slope.asc'\noptions = { output = 'sky-view-factor' }\n";
+    scratch.write("jobs.toml", job);
+    scratch.mrvis("batch jobs.toml --out jobs --quiet").exits(0);
+    scratch.mrvis("terrain slope.asc --out d --output sky-view-factor").exits(0);
+    let maps = ["d", "jobs/maps"].map(|folder| scratch.path(&format!("{folder}/sky-view-factor.tif")));
+    let [alone, of_batch] = maps.map(|path| std::fs::read(path).expect("a map"));
+    assert!(alone == of_batch);
     scratch.write("bad.asc", "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize -5\n1 2\n3 4\n");
     refused(&scratch.mrvis("terrain bad.asc --out b"), "bad.asc");
     assert!(!scratch.path("b").exists());
@@ -250,6 +262,7 @@ fn skies_have_the_photometric_unit_of_lamps() {
         scratch.mrvis(&format!("{line} {options}"))
     };
     refused(&solve("sky.toml --photometric"), "--photometric=red");
+    refused(&solve("sky.toml"), "--photometric=red");
     refused(&solve("perez:600,120 --sun 180,45 --photometric=red"), "`photometric = true`");
     let lux = |options: &str| {
         solve(options).exits(0);

@@ -115,7 +115,7 @@ pub enum Out {
 }
 
 /// The commands of jobs.
-pub const COMMANDS: [CommandKind; 8] = {
+pub const COMMANDS: [CommandKind; 9] = {
     const fn kind(name: &'static str, reads: Reads, out: Out, json: &'static str) -> CommandKind {
         CommandKind { name, reads, out, json: Some(json), record: json }
     }
@@ -129,6 +129,7 @@ pub const COMMANDS: [CommandKind; 8] = {
             record: "solution.json",
         },
         kind("bench", Reads::Scene, Out::Folder, "bench.json"),
+        kind("terrain", Reads::Scene, Out::Folder, "terrain.json"),
         kind("form-factors", Reads::Scene, Out::File("matrix.npz"), "form-factors.json"),
         kind("reference", Reads::Scene, Out::File("irradiance.csv"), "reference.json"),
         kind("compare", Reads::Inputs(2), Out::Missing, "comparison.json"),

@@ -32,9 +32,9 @@ impl SceneArgs {
         let [sky, sun, place, time] = [sky, sun, place, time].map(|text| text.as_deref());
         let options = SkyOptions::of_texts(sky, sun, place, time)?;
         match self.photometric {
-            Some(Channels::Rgb) if options.photometric => {
-                let what = "--photometric weighs radiometric channels, and the sky has `photometric = true`: give --photometric=red, as all \
-                            channels of such a sky hold lux, or remove that line";
+            None | Some(Channels::Rgb) if options.photometric => {
+                let what = "the sky has `photometric = true`, so that all channels hold lux: give --photometric=red, with all other light \
+                            in lumens and lux too, or remove that line";
                 return Err(Error::arguments(what.into()));
             }
             Some(Channels::Red | Channels::Green | Channels::Blue) if options.is_radiometric() => {

@@ -222,10 +222,16 @@ fn compute(
 /// # Errors
 /// As [`SkyOptions::at_minute`].
 fn note_of_day(args: &Args, sky: &SkyOptions) -> Result<Option<String>> {
-    if args.day.is_none() || !args.outputs.contains(&Quantity::Irradiance) {
+    let Some(minutes) = args.day.filter(|_| args.outputs.contains(&Quantity::Irradiance)) else {
         return Ok(None);
+    };
+    let mut rises = false;
+    for (minute, _) in intervals(minutes) {
+        rises |= sky.at_minute(minute)?.is_some();
     }
-    sky.at_minute(0)?;
+    if !rises {
+        return Ok(Some("the sun does not rise at this place on this day: the irradiance is 0".into()));
+    }
     let is_clear = matches!(sky.sky.0, SkyModel::Clear { .. });
     let what = "the sun moves, but the irradiances of sky and sun are the same at all times of the day; with --sky clear:TURBIDITY they change";
     Ok((!is_clear).then(|| what.into()))
@@ -244,6 +250,14 @@ fn suns_of(environment: &Environment) -> impl Iterator<Item = (Sun, f64)> + '_ {
 /// Minutes of a day.
 const DAY: u32 = 24 * 60;
 
+/// The middle and the length of each interval of a day, minutes; the last interval ends with the day.
+fn intervals(minutes: u32) -> impl Iterator<Item = (u32, u32)> {
+    (0..DAY).step_by(minutes as usize).map(move |start| {
+        let length = minutes.min(DAY - start);
+        (start + length / 2, length)
+    })
+}
+
 /// Irradiance at the time of the options, or added up over its day.
 fn light(args: &Args, grid: &Grid, sweep: &SweepOptions, sky: &SkyOptions) -> Result<Vec<f32>> {
     if args.sky.is_none() && args.sun.is_none() {
@@ -253,10 +267,7 @@ fn light(args: &Args, grid: &Grid, sweep: &SweepOptions, sky: &SkyOptions) -> Re
         return light_at(args, grid, sweep, sky);
     };
     let mut sums = vec![0.0f32; grid.heights().len()];
-    for start in (0..DAY).step_by(minutes as usize) {
-        // The last interval ends with the day.
-        let minutes = minutes.min(DAY - start);
-        let minute = start + minutes / 2;
+    for (minute, minutes) in intervals(minutes) {
         // Below the horizon there is neither sun nor sky.
         let Some(sky) = sky.at_minute(minute)? else { continue };
         let found = light_at(args, grid, sweep, &sky)?;

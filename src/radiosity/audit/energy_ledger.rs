@@ -8,8 +8,8 @@ use crate::radiosity::surroundings::Arrived;
 use crate::scene::Photometry;
 use crate::scene::unit_in_metres;
 
-/// Powers, summed over all surfaces; means of the channels. All but the emitted power are no numbers (`null` in JSON) where only direct light at
-/// points was computed.
+/// Powers, summed over all surfaces; means of the channels. Where only direct light at points was computed, all but the emitted power are NaN
+/// (`null` in JSON).
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Ledger {
     /// Unit of powers: W, or W/m² times scene units squared where the length of a scene unit is not known.
@@ -26,8 +26,8 @@ pub struct Ledger {
     pub escaped: f64,
     /// Received minus sent.
     pub created: f64,
-    /// Mean difference of the factors by which a leaf gathers and sends, relative to them, by area. A link has one exchange area
-    /// for both directions, so that only these factors set `A_a F(a→b)` and `A_b F(b→a)` apart. 0 after a local pass: a ray counts alike in both.
+    /// Mean difference of the factors by which a leaf gathers and sends, relative to them, by area. A link has one exchange area for both directions,
+    /// so that `A_a F(a→b)` and `A_b F(b→a)` differ only by these factors. 0 after a local pass: a ray counts equally in both directions.
     pub reciprocity_residual: f64,
     /// Smallest and largest sum of the form factors of an element from which no light leaves the scene, with the part that meets
     /// unlit insides.
@@ -91,7 +91,7 @@ impl Solved {
             add(&mut powers.emitted, element.area, s.exitance);
             add(&mut powers.absorbed, element.area, absorbed);
             add(&mut received, element.area, state.irradiance);
-            // Rays from the emitters say more of their light than the rows of a few small elements.
+            // Rays from the emitters measure their light better than the rows of a few small elements.
             let emitted = if by_rays { s.exitance } else { [0.0; 3] };
             let of_rows: Rgb = std::array::from_fn(|k| state.radiosity[k] - emitted[k]);
             add(&mut sent, element.area * sent_part.min(1.0), of_rows);

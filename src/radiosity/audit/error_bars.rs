@@ -1,5 +1,5 @@
-//! The audit of error bars: independent paths from a few elements, followed to the end by exact rays. They share nothing with the
-//! solution but the sides that count as unlit.
+//! The audit of error bars: independent paths from a few elements, followed to the end by exact rays. The only data that they
+//! share with the solution are the sides that count as unlit.
 
 use crate::math::sampling::{mix, point_on};
 use crate::radiosity::deadline::Deadline;
@@ -16,8 +16,8 @@ use sobol_burley::sample_4d;
 const GROUPS: u32 = 8;
 /// Paths of a group: with 512 paths an element is known to about 3 %, where single paths deviate by two thirds of the mean.
 const PATHS: u32 = 64;
-/// Target of the error that these paths can tell from half of it: the mean square of noise of 3 % of 200 elements is known to
-/// √(2 / 200) of itself, whose root is 0.95 %.
+/// Target of the error that these paths can distinguish from half of it: the mean square of a noise of 3 % at 200 elements
+/// has a standard error of √(2 / 200) of itself, the root of which is 0.95 %.
 const TARGET_OF_PATHS: f64 = 0.02;
 /// Largest factor of the number of paths, for a target of 0.25 %: limits the time of the audit to 64 times that of one without target.
 const MAX_PATH_FACTOR: f64 = 64.0;
@@ -55,7 +55,7 @@ const MIN_ELEMENTS: usize = 40;
 const WITHIN_TWO: f64 = 0.9545;
 /// Part of the elements that are drawn by area, the others by the light that they receive: where a lamp lights a thousandth of a floor, all error is there.
 const BY_AREA: f64 = 0.5;
-/// Where in each stratum of the sum of both an element is drawn: for the factor, and for the audit.
+/// Position in each stratum of the sum of area and light at which an element is drawn: for the factor, and for the audit.
 const FOR_FACTOR: f64 = 0.25;
 const FOR_AUDIT: f64 = 0.75;
 
@@ -86,7 +86,7 @@ struct Check {
     noise: f64,
     /// Error bar.
     bar: f64,
-    /// The area for which it stands over the mean of that.
+    /// The area for which the element stands, over the mean of these areas.
     weight: f64,
 }
 
@@ -131,8 +131,8 @@ impl FinalGather<'_> {
         (audit, tally)
     }
 
-    /// RMS error of elements relative to the mean irradiance, as some of them show, others than those of the audit; no less than can be
-    /// told from 0. None if that cannot be told.
+    /// RMS error of elements relative to the mean irradiance, from other elements than those of the audit; at least the detection
+    /// limit. `None` if no element was checked.
     pub fn sampled_error(&self, size: AuditSize, deadline: &Deadline) -> (Option<f64>, Tally) {
         let bars = vec![0.0; self.linked().elements.len()];
         let (checks, tally) = self.checks(&bars, size, FOR_FACTOR, deadline);

@@ -2,10 +2,10 @@
 
 use super::{ErrorBarAudit, PointsError};
 
-/// Audited elements whose RMS error is the error estimate: it is then known to about 1/√(2 · 50) = 10 % of itself where errors are
-/// normally distributed.
+/// Smallest number of audited elements whose RMS error is the error estimate: the estimate is then known to about 1/√(2 · 50) = 10
+/// % of itself where errors are normally distributed.
 const MIN_AUDITED: usize = 50;
-/// Largest estimate from error bars alone, relative to the mean irradiance: larger ones say only that little is known.
+/// Largest estimate from error bars alone, relative to the mean irradiance: with larger ones the error counts as unknown.
 const MAX_FROM_BARS: f64 = 1.0;
 
 /// RMS error of the irradiance of elements, or of points, relative to its mean. The estimate and its interval have one source.
@@ -37,14 +37,14 @@ impl ErrorEstimate {
         ErrorEstimate { rms: error.rms, upper: Some(error.rms_upper), source: ErrorSource::Points }
     }
 
-    /// From the audit if it has enough elements, else from the RMS of the error bars, `bars`; `None` if neither says anything.
+    /// From the audit if it has enough elements, else from the RMS of the error bars, `bars`; `None` if the value is not usable.
     pub fn of(audit: &ErrorBarAudit, bars: f64) -> Option<ErrorEstimate> {
         if audit.elements >= MIN_AUDITED {
             let ErrorBarAudit { expected_rms: rms, rms_upper, .. } = *audit;
             let found = ErrorEstimate { rms, upper: Some(rms_upper), source: ErrorSource::Audit };
             return (rms.is_finite() && rms_upper.is_finite()).then_some(found);
         }
-        // False for numbers that are none.
+        // False for NaN.
         let known = bars <= MAX_FROM_BARS;
         known.then_some(ErrorEstimate { rms: bars, upper: None, source: ErrorSource::Bars })
     }

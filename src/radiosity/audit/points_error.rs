@@ -19,14 +19,14 @@ const MAX_PATHS: usize = 1 << 13;
 pub struct PointsError {
     /// Points that were computed again, evenly spaced among all.
     pub points: usize,
-    /// Root mean square of their errors, less the noise of the paths, relative to the mean irradiance of all points: at least what the
-    /// paths can tell from 0.
+    /// Root mean square of their errors, less the noise of the paths, relative to the mean irradiance of all points; at least the
+    /// detection limit of the paths.
     pub rms: f64,
     /// Upper end of its 95 % interval.
     pub rms_upper: f64,
 }
 
-/// Ends the path tracer with the time.
+/// Stops the path tracer at the deadline.
 struct Until<'a>(&'a Deadline<'a>);
 
 impl Progress for Until<'_> {

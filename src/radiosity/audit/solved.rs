@@ -8,7 +8,7 @@ use crate::radiosity::options::Options;
 use crate::radiosity::refinement::{LinkClosing, LinkedScene, Refined};
 use crate::radiosity::rgb::{Rgb, add};
 
-/// Bounds of the factor by which light along links is changed to keep its power.
+/// Largest factor by which light along links is scaled to conserve its power, and the inverse of the smallest.
 const MAX_POWER_FACTOR: f64 = 2.0;
 
 /// Where the final light comes from.
@@ -38,12 +38,12 @@ impl Solved {
         solved
     }
 
-    /// Multiplies the light of all leaves by a factor for each channel, with which they receive as much power as they send to each other.
-    /// The factors by which a few coarse links gather and send differ, as no factors bring all their row sums to 1, so that power would
-    /// appear or vanish: 6 % of that of a town with 143 links.
+    /// Multiplies the light of all leaves by a factor for each channel, so that leaves receive as much power as they send to each other.
+    /// No factors bring all row sums of a few coarse links to 1, so that the factors by which they gather and send differ and power would
+    /// appear or vanish: 6 % of the power of a town with 143 links.
     fn balance_power(&mut self) {
         let Elements { elements, states, sides, .. } = &self.linked.elements;
-        // What emitters send to others and what arrives from beyond the scene, and what leaves absorb or lose.
+        // `sent`: the power from emitters and from beyond the scene to leaves. `lost`: the power that leaves absorb or lose.
         let (mut sent, mut lost) = ([0.0; 3], [0.0; 3]);
         if let Closing::Links(links) = &self.closing {
             add(&mut sent, 1.0, links.arrived.sky);
@@ -134,7 +134,7 @@ impl Solved {
         gathered.hurried
     }
 
-    /// Mean irradiance of the sides that light arrives at, W/m²; no number where elements have no light.
+    /// Mean irradiance of the sides at which light arrives, W/m²; NaN where elements have no light.
     pub fn mean_irradiance(&self) -> Rgb {
         if matches!(self.closing, Closing::Nothing) {
             return [f64::NAN; 3];

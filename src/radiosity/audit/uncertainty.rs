@@ -83,7 +83,7 @@ impl Solved {
             _ => None,
         };
         let leaves: Vec<_> = elements.elements.iter().enumerate().filter_map(leaf).collect();
-        // Ids of placed meshes are those of elements, which dark sides have not.
+        // Ids of placed meshes are ids of elements; dark sides have no elements.
         let dark = if elements.instance_count() < 2 { &elements.dark[..] } else { &[] };
         let mut corners: Vec<Vec3> = leaves.par_iter().flat_map_iter(|(.., corners)| *corners).collect();
         corners.extend(dark.iter().flat_map(|(_, corners)| *corners));

@@ -164,7 +164,7 @@ impl Build {
                 sides_of_triangle[t as usize][usize::from(!side.front)] = s as u32;
             }
         }
-        // The slopes of fine ground face all ways: a ray that meets it from above may meet the face that stands for it from below.
+        // Fine ground has slopes in all directions: a ray that meets it from above may meet the face that represents it from below.
         let is_fine = |t: usize| scene.fine_ground.as_ref().is_some_and(|ground| ground.replaces(t as u32));
         for (_, [front, back]) in sides_of_triangle.iter_mut().enumerate().filter(|(t, _)| is_fine(*t)) {
             match (*front, *back) {

@@ -127,9 +127,9 @@ impl EmitterTree {
         lit().all(|(n, _)| node(*n).second == 0).then(|| lit().map(move |(n, _)| node(*n).faces[0]))
     }
 
-    /// Estimate of the error with which one value stands for the direct light of a receiver of some area, as a part of the power of all
-    /// faces: the part that may arrive there, times (radius / distance)² where the receiver is small against the distance. Groups of
-    /// faces that contribute less than a tenth of `limit` are not opened.
+    /// Estimated error if one value represents the direct light of a receiver of some area, as a fraction of the power of all faces:
+    /// the fraction that may arrive there, times (radius / distance)² where the receiver is small against the distance. Groups of faces
+    /// that contribute less than a tenth of `limit` are not opened.
     pub fn variation(&self, receiver: &Receiver, area: f32, limit: f32) -> f32 {
         let Some(root) = self.nodes.first() else { return 0.0 };
         let (all, mut sum) = (std::f32::consts::PI * root.power, 0.0);
@@ -155,8 +155,8 @@ impl EmitterTree {
         sum
     }
 
-    /// The range of faces that `u` in `[0, 1)` draws, what is left of `u`, and the probability of the range over its power. None
-    /// if no face can light the receiver.
+    /// The range of faces that `u` in `[0, 1)` selects, the remainder of `u`, and the probability of the range over its power.
+    /// None if no face can light the receiver.
     pub fn draw(&self, cut: &Cut, u: f32) -> Option<([u32; 2], f32, f32)> {
         let total = *cut.sums.last().filter(|sum| **sum > 0.0)?;
         let (i, u, bound) = pick(&cut.sums, u);
@@ -230,8 +230,8 @@ impl Node {
         second: 0,
     };
 
-    /// Whether parts of a single face and of the receiver lie above the planes of each other by more than rounding: not so for the parts of
-    /// the face itself.
+    /// Whether parts of a single face and of the receiver lie above each other's planes by more than rounding. This excludes a receiver
+    /// that is part of the face itself.
     fn sees(&self, receiver: &Receiver) -> bool {
         let to = self.centre - receiver.centre;
         let sine = self.axis.cross(receiver.normal).length();

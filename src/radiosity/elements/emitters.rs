@@ -18,7 +18,7 @@ pub struct Emitter {
     pub width: f32,
 }
 
-/// Emitters, and how faces of them are drawn.
+/// The emitters, and the tables from which their faces are drawn.
 pub struct Emitters {
     /// In the order of the scene.
     pub emitters: Vec<Emitter>,

@@ -1,4 +1,4 @@
-//! The ground of a scene: a surface that faces up everywhere, under the whole scene, with nothing but darkness below.
+//! The ground of a scene: a surface that faces up everywhere, lies under the whole scene, and has no light below it.
 
 use crate::math::Aabb;
 use crate::scene::Scene;
@@ -8,9 +8,9 @@ use rayon::prelude::*;
 const EDGE: f32 = 1e-3;
 
 /// The component that is the ground, and whether the fronts of its faces are above. None if light may come from below: from a sky with a lower half or
-/// a ground of its own, or from what lies deeper than the ground.
+/// a ground of its own, or from surfaces that lie deeper than the ground.
 ///
-/// No light reaches the lower side of such a surface but past its edge. With elements of its own it would take half of the rays of a terrain.
+/// Light reaches the lower side of such a surface only past its edge. If this side had elements, it would take half of the rays of a terrain.
 pub(super) fn ground(scene: &Scene) -> Option<(u32, bool)> {
     let environment = scene.environment.as_ref().filter(|environment| environment.is_dark_below())?;
     let up = environment.frame().up.as_vec3();

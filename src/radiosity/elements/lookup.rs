@@ -33,7 +33,7 @@ struct Frame {
 const MAX_GRID_LEVELS: u32 = 8;
 
 impl Lookup {
-    /// For the present elements.
+    /// The lookup for the present elements.
     pub fn new(elements: &Elements) -> Lookup {
         let frames = elements.sides.par_iter().map(|side| {
             let c = elements.corners(side);

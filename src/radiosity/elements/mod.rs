@@ -1,4 +1,4 @@
-//! Elements: what exchanges light. Clusters of the hierarchy above, sides of surfaces below, subdivided as quadtrees.
+//! Elements, which exchange light. Clusters of the hierarchy above, sides of surfaces below, subdivided as quadtrees.
 //!
 //! Clusters and surfaces have one interface [Sillion 95]: an element has an area and, towards a direction, a projected area.
 //! A surface has one normal. A cluster stores its projected area along six directions, `P(±k) = Σ A max(0, ±n_k)`, so that
@@ -134,8 +134,8 @@ pub struct Cluster {
 #[derive(Clone, Debug)]
 pub struct Elements {
     /// The arena: geometry of the elements. The root comes first, parents before children. Only [`Elements::split`] adds any, to both lists at once, so that
-    /// an index means the same element in each. They are apart because most loops need either geometry or light: with both in one row the solution
-    /// of a living room of 377,000 faces by links took 3 % more CPU time (`mrvis solve livingroom.obj --local-rays 0`).
+    /// an index means the same element in each. There are two lists because most loops need either geometry or light: with one list the solution of a living
+    /// room of 377,000 faces by links took 3 % more CPU time (`mrvis solve livingroom.obj --local-rays 0`).
     pub elements: Vec<Element>,
     /// The arena: light, importance, feature size and row factors of each element.
     pub states: Vec<ElementState>,
@@ -186,7 +186,7 @@ impl Elements {
         let (known, sense) = if front == Self::NONE { (back, -1.0) } else { (front, 1.0) };
         let Some(side) = self.sides.get(known as usize) else { return Self::NONE };
         let cosine = sense * side.normal.dot(direction);
-        // Both are one for fine ground.
+        // Front and back are the same side for fine ground.
         let is_back = front == back && cosine > FineGround::MAX_BACK * direction.length();
         match cosine < 0.0 {
             true => front,

@@ -11,8 +11,8 @@ const LARGEST_PART: f64 = 0.25;
 /// Largest number of subdivisions of a face, for points that lie on it: 4⁵ parts limit the time to 3,072 evaluations.
 const MAX_LEVEL: u32 = 5;
 /// Largest difference between the values at the centres of a receiver's quarters and their mean, relative to the mean over the
-/// receiver: a kernel that bends by that much over a part leaves a quarter of it, 1 %, and edges of beams leave less the more
-/// parts they cut.
+/// receiver: for a smooth kernel the error of a part is a quarter of this difference, 1 %; the error at edges of beams falls
+/// with the number of parts that they cut.
 const LARGEST_DIFFERENCE: f64 = 0.04;
 /// Largest number of subdivisions of a receiver, at edges of beams: limits the time to the values of 4⁴ = 256 points.
 const MAX_RECEIVER_LEVEL: u32 = 3;
@@ -41,7 +41,7 @@ pub(super) fn profile_factor(profile: &Profile, (at, normal): (DVec3, DVec3), po
     (2..polygon.len()).map(|k| integral(&point, at, [polygon[0], polygon[k - 1], polygon[k]], 0)).sum()
 }
 
-/// Mean of `of` over a surface: centres of quarters, after subdivision where they differ.
+/// Mean of `of` over a surface, from the values at the centres of its quarters; surfaces with differing values are subdivided.
 pub fn mean_over(of: &dyn Fn(Vec3) -> f64, corners: [Vec3; 4]) -> f64 {
     mean_of_parts(of, corners, None, 0)
 }
@@ -59,7 +59,7 @@ fn mean_of_parts(of: &dyn Fn(Vec3) -> f64, corners: [Vec3; 4], whole: Option<f64
     0.25 * parts.map(|part| mean_of_parts(of, part, Some(whole), level + 1)).iter().sum::<f64>()
 }
 
-/// Integral over a triangle: the midpoints of the sides, after subdivision where it is near.
+/// Integral over a triangle from the values at the midpoints of its sides; triangles near the point are subdivided.
 fn integral(of: &dyn Fn(DVec3) -> f64, at: DVec3, [a, b, c]: [DVec3; 3], level: u32) -> f64 {
     let middles = [0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)];
     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));

@@ -9,7 +9,7 @@ pub struct ElementState {
     pub radiosity: Rgb,
     /// Irradiance of a surface element, W/m²; 0 for clusters.
     pub irradiance: Rgb,
-    /// What the error oracle reads.
+    /// Statistics for the error oracle.
     pub statistics: LightStatistics,
     /// Row normalisation of a leaf.
     pub factors: RowFactors,
@@ -17,12 +17,12 @@ pub struct ElementState {
     pub row_target: f32,
     /// Shadow features smaller than this on the element may be averaged, scene units.
     pub feature_size: f32,
-    /// What errors count here relative to the most important element, in `(0, 1]`; 1 where everything is important.
+    /// Weight of errors here relative to the most important element, in `(0, 1]`; 1 where everything is important.
     pub importance: f32,
-    /// Whether another surface stands across the element, so that its mean light is right on neither side of it. Such an element exchanges no
-    /// light, and paths that meet it go on from there.
+    /// Whether another surface crosses the element, so that its mean light is wrong on both sides of that surface. Such an element does not
+    /// exchange light, and paths that hit it continue from the hit point.
     pub crossed: bool,
-    /// Whether the element lies in a gap narrower than itself, along which light decays within its size. It exchanges no light either.
+    /// Whether the element lies in a gap narrower than itself, along which light decays within its size. Such an element exchanges no light either.
     pub narrow: bool,
 }
 
@@ -40,7 +40,7 @@ impl ElementState {
         narrow: false,
     };
 
-    /// Whether the element exchanges no light, and paths that meet it go on from there.
+    /// Whether the element does not exchange light, and paths that hit it continue from the hit point.
     pub fn is_apart(&self) -> bool {
         self.crossed || self.narrow
     }
@@ -59,7 +59,7 @@ pub struct LightStatistics {
     pub mean: f32,
     /// Standard deviation of the radiosity inside the element, W/m².
     pub deviation: f32,
-    /// What an error of the element's irradiance counts: reflectance times importance.
+    /// Weight of an error of the element's irradiance: reflectance times importance.
     pub weight: f32,
 }
 

@@ -1,5 +1,5 @@
-//! Small bright surfaces as light sources: the inside of a lamp shade, the ceiling above an uplight. The rays of a point or an element rarely meet them,
-//! and a ray that does counts for all that were missed; shadow rays to them find their light without this noise.
+//! Small bright surfaces as light sources: the inside of a lamp shade, the ceiling above an uplight. The rays of a point or an element rarely hit them,
+//! and a ray that does stands for all that miss, which causes noise. Shadow rays to these surfaces find their light without this noise.
 
 use crate::radiosity::elements::emitter_face::EmitterFace;
 use crate::radiosity::elements::emitters::{Emitter, Emitters};
@@ -11,28 +11,28 @@ use crate::ray::LANES;
 /// Smallest number of shadow rays of a point and an emitter: two packets, whose difference shows whether more rays are
 /// needed. 16 or 64 rays instead change irradiance by less than 0.08 % (`constants.py solve`).
 pub(super) const MIN_SHADOW_RAYS: usize = 2 * LANES;
-/// Part of the error asked for that the light of one emitter may have: four emitters of equal light add up to all of it.
+/// Allowed standard error of the light of one emitter, as a part of the error asked for: with four equal emitters the errors add up to all of it.
 pub(super) const PART_OF_ERROR: f64 = 0.5;
-/// Time of the closed form of a face over that of a ray from a point: 0.1 µs over 0.4 µs in a Cornell box.
+/// Time of the closed form of a face, relative to the time of a ray from a point: 0.1 µs over 0.4 µs in a Cornell box.
 const COST_OF_FACE: f64 = 0.25;
 /// Largest number of faces that are chosen: limits the time of a point.
 const MAX_FACES: usize = 1 << 14;
-/// Largest factor between the radiosities of leaves that are sampled as one face, their parent: a shadow ray brings the light of the leaf where it ends, so
-/// that they add a variance of at most 1/8 of the square of the light, half of that of visibility.
+/// Largest ratio between the radiosities of leaves that are sampled as one face, their parent. A shadow ray carries the light of the leaf where it ends.
+/// The differences between leaves add a variance of at most 1/8 of the square of the light, half of the variance by visibility.
 const MAX_RANGE: f64 = 2.0;
 
 /// Leaves whose reflected light is received by shadow rays.
 pub(super) struct BrightLeaves {
-    /// By element, the face that it is, or is a part of; [`Elements::NONE`] for others.
+    /// By element, the number of its face, for the chosen elements and the elements below them; [`Elements::NONE`] for others.
     face_of: Vec<u32>,
-    /// Elements that have all of these leaves below them, as one emitter of the light that they reflect, with the numbers of its faces.
+    /// The chosen elements as numbered faces of one emitter, which emits the light that the leaves below them reflect.
     pub emitters: Emitters,
-    /// The sides of its faces.
+    /// The side of each of these faces.
     pub sides: Vec<u32>,
 }
 
 impl BrightLeaves {
-    /// The elements that [`Brightest::of`] chooses; none if none is worth shadow rays.
+    /// The elements that [`Brightest::of`] chooses; `None` if it chooses none.
     pub fn of(
         linked: &LinkedScene,
         reflected: &[[f32; 3]],
@@ -73,16 +73,16 @@ impl BrightLeaves {
     }
 }
 
-/// Variance of the part of a grid of rays that meets a square, over that of as many rays at random, times √k, where the square covers k cells: 4 √k cells are
-/// at its edges, and a part p of each is covered, with the mean variance 1/6 of p (1 - p). The factor .3 is measured: cells at edges are
-/// divided, which removes the rest. At the points of a Cornell box (`scenes/cornell.py`) the factors 1 and .1 leave 1.2 and 1.5 times the error.
+/// For a square that covers k cells of a grid of rays: the variance of the part of the rays that hit the square, over the variance with as many random rays,
+/// times √k. The edges of the square cross 4 √k cells; a part p of each is covered, and p (1 - p) has the mean 1/6. The factor .3 is measured: cells at edges
+/// are divided, which removes the rest. At the points of a Cornell box (`scenes/cornell.py`) the factors 1 and .1 leave 1.2 and 1.5 times the error.
 const UNEVEN_CELLS: f64 = 0.3 * 4.0 / 6.0;
 
 /// Elements that should be sampled by shadow rays.
 pub(super) struct Brightest {
     /// Their numbers.
     pub chosen: Vec<u32>,
-    /// By element, the place in that list of itself or of the element that it is a part of; [`Elements::NONE`] for others.
+    /// By element, the index in `chosen` of the element itself or of its chosen ancestor; [`Elements::NONE`] for others.
     pub face_of: Vec<u32>,
 }
 
@@ -97,15 +97,15 @@ struct Light {
 }
 
 impl Brightest {
-    /// Chooses the elements with which the variance of the light at a point times the time for it is smallest. `leaves` are all leaves with their
-    /// radiosities, W/m². None are chosen if the rays of a point meet all of them with less noise than the irradiance that they would have if they received
-    /// `tolerated_power`, W, together. An element is the largest surface of about even light; light that differs on both sides of a wall across a leaf is not.
+    /// Chooses the elements that minimise the variance of the light at a point times its computing time. `leaves` are all leaves with their radiosities,
+    /// W/m². It chooses none if the rays of a point alone leave less noise than the irradiance by `tolerated_power`, W, spread over all leaves. A candidate
+    /// is the largest element of about even radiosity; a leaf is no candidate if a wall across it separates different light.
     ///
-    /// One of the `rays` of a point meets a surface of area A, where all have the area S, with the probability A / S on average. With the radiosity B of
-    /// the surface and the mean B̄ of all, the surface adds (B - B̄)² A / S to the variance of a ray, less if it covers whole cells of the grid of rays
-    /// ([`UNEVEN_CELLS`]). Shadow rays leave the variance p (1 - p) L² ≤ L² / 4 each, where p is the visible part of the light L of the chosen surfaces;
-    /// a point traces so many, at most `shadow_rays`, that they leave [`PART_OF_ERROR`] of the error asked for. The time is that of both kinds of
-    /// rays and of the closed forms of the faces.
+    /// One of the `rays` of a point hits a surface of area A with the mean probability A / S, where S is the area of all surfaces. With the radiosity B
+    /// of the surface and the mean B̄ of all, the surface adds (B - B̄)² A / S to the variance of a ray, less if it covers whole cells of the grid of
+    /// rays ([`UNEVEN_CELLS`]). Each shadow ray leaves the variance p (1 - p) L² ≤ L² / 4, where p is the visible part of the light L of the chosen
+    /// surfaces. A point traces as many shadow rays, at most `shadow_rays`, as leave [`PART_OF_ERROR`] of the error asked for. The time is that of both
+    /// kinds of rays and of the closed forms of the faces.
     pub fn of(
         Elements { elements, states, .. }: &Elements,
         leaves: &[(u32, f64)],

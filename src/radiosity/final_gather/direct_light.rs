@@ -1,4 +1,4 @@
-//! Direct light at points: Lambert's formula times the visible part, from bundles of shadow rays.
+//! Direct light at points: the unoccluded irradiance by Lambert's formula times the visible part, estimated by bundles of shadow rays.
 
 use super::bright_leaves::{BrightLeaves, MIN_SHADOW_RAYS, PART_OF_ERROR};
 use super::face_parts::{Part, part_of};
@@ -12,16 +12,16 @@ use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{LANES, Packet};
 use glam::{DVec3, Vec3};
 
-/// Points that are gathered for together, as one task: limits the buffers of a task. 64 points are four packets.
+/// Points of one task, whose light is gathered together: limits the buffers of the task. 64 points fill four packets.
 pub(super) const CHUNK: usize = 64;
-/// Visible part of an emitter below which a point with little other light traces more rays: that of four of [`MIN_SHADOW_RAYS`]. Of 32 rays to a lamp behind
-/// a hole that shows a hundredth of it none passes three times of four, and stopping there would lose a sixth of its light.
+/// Visible part of an emitter below which a point with little other light traces more rays: the part if four of [`MIN_SHADOW_RAYS`] rays pass. If a hole
+/// shows a hundredth of a lamp, none of 32 rays passes in three cases of four; without more rays a sixth of the lamp's light would be lost.
 const MAX_HIDDEN_VISIBILITY: f64 = 4.0 / MIN_SHADOW_RAYS as f64;
-/// Expected number of emitters from which no ray has passed to which a point traces all rays in each set. Points of 64 closed cells with 32 lamps take 7 times as long with all lamps.
+/// Mean number of unseen emitters to which a point traces all rays in each set. Points of 64 closed cells with 32 lamps take 7 times as long with all lamps.
 const TRACED_AGAIN: f64 = 4.0;
 
 impl FinalGather<'_> {
-    /// Direct irradiance at points, W/m², as the mean over so many sets of shadow rays. All points query an emitter together.
+    /// Direct irradiance at points, W/m²: the mean over `sets` sets of shadow rays. All points query one emitter together.
     pub(super) fn direct(
         &self,
         points: &[GatherPoint],
@@ -50,9 +50,9 @@ impl FinalGather<'_> {
         values
     }
 
-    /// Traces more rays to emitters, each by its engine or the last one, that are mostly hidden from points with little other light: the light that has passed may be all that the point has.
-    /// Of many emitters from which none has passed only some are chosen at random, in proportion to their unoccluded light, and what their rays find is
-    /// divided by the probability of the choice: the mean is that of all.
+    /// Traces more rays to emitters that are mostly hidden from points with little other light, because the small visible part may be all the light of the
+    /// point. An emitter uses its own engine, or the last one. Of many emitters without a passing ray, only some are drawn at random, in proportion to their
+    /// unoccluded light. Their results are divided by the probability of the choice, so that the mean is that of all.
     fn trace_hidden(
         &self,
         mut hidden: Vec<(usize, EmitterView)>,
@@ -86,7 +86,7 @@ impl FinalGather<'_> {
         }
     }
 
-    /// An emitter of the scene by its number; the next number is that of the bright leaves.
+    /// An emitter of the scene by its number; the number after the last emitter stands for the bright leaves.
     pub(super) fn emitter(&self, number: usize) -> &Emitter {
         let bright = || self.bright().map(BrightLeaves::emitter);
         self.emitters
@@ -101,7 +101,7 @@ impl FinalGather<'_> {
         self.bright().is_some_and(|bright| bright.face_of(leaf).is_some())
     }
 
-    /// Adds the light that bright leaves reflect to that of points, W/m².
+    /// Adds the irradiance by the reflected light of bright leaves to the `values` of points, W/m².
     pub(super) fn add_bright_leaves(
         &self,
         points: &[GatherPoint],
@@ -149,8 +149,8 @@ impl FinalGather<'_> {
         views
     }
 
-    /// The visible part of an emitter's irradiance: by few rays, or by as many others as `rays` finds necessary from these. Averaged visibility varies less
-    /// and needs fewer rays.
+    /// Estimates the visible part of an emitter's irradiance by few rays, or by as many new rays as `rays` computes from the results of these. Averaged
+    /// visibility varies less and needs fewer rays.
     pub(super) fn measure_visibility(
         &self,
         views: &mut [EmitterView],
@@ -159,7 +159,7 @@ impl FinalGather<'_> {
         rays: impl Fn(&EmitterView) -> usize,
     ) {
         let few = self.first_rays();
-        // Without a ray above the horizon nothing is known.
+        // Without a ray above the horizon there is no estimate yet.
         let is_unknown = |view: &EmitterView| view.found.count == 0.0 && view.traced < self.light_rays;
         self.trace_views(views, of, scratch, |_, view| view.traced < few || is_unknown(view));
         self.trace_anew(views, of, scratch, rays);
@@ -175,9 +175,9 @@ impl FinalGather<'_> {
         view.traced <= self.first_rays() && view.visible() < MAX_HIDDEN_VISIBILITY
     }
 
-    /// Replaces what is known by that of so many other `rays`, if any. Their number depends on what the first rays have found: the mean over all of them would be
-    /// too small, because rays that happen to find little light would not be followed by others. The others are shifted by a random number of their own,
-    /// because places of one sequence avoid those before them.
+    /// Replaces the results by those of `rays` new rays, if that number is not 0. The number depends on the results of the first rays, so that the mean over
+    /// both sets would be too small: where the first rays happen to find little light, no more rays would follow. The new rays have a random shift of their
+    /// own, because the points of one sequence avoid its earlier points.
     fn trace_anew(
         &self,
         views: &mut [EmitterView],
@@ -198,7 +198,7 @@ impl FinalGather<'_> {
         self.trace_views(views, of, scratch, |k, view| view.traced < ends[k] || is_unknown(view));
     }
 
-    /// Traces sixteen shadow rays of each view at a time while `is_left`.
+    /// Traces sixteen shadow rays of each view at a time, as long as `is_left` is true for the view.
     fn trace_views(
         &self,
         views: &mut [EmitterView],
@@ -220,13 +220,13 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Largest standard error of a visible part: what all rays would leave in the worst case, 1 / (2 √n).
+    /// Tolerated standard error of a visible part: that of all n rays in the worst case, 1 / (2 √n).
     pub(super) fn visibility_tolerance(&self) -> f64 {
         0.5 / (self.light_rays as f64).sqrt()
     }
 
-    /// The standard error of the visible part of an emitter with which that of its light is [`PART_OF_ERROR`] of the error asked for, relative to the mean
-    /// irradiance. In brighter places it is relative to the light of the point: `known`, W/m², and what has arrived from this emitter.
+    /// The standard error of an emitter's visible part at which the standard error of its light is [`PART_OF_ERROR`] of the error asked for, relative to
+    /// the mean irradiance. At brighter points it is relative to the light of the point: `known`, W/m², plus the light that has arrived from this emitter.
     fn tolerance(&self, view: &EmitterView, known: f64) -> f64 {
         let free = mean(view.free);
         let light = known + view.visible() * free;
@@ -267,14 +267,14 @@ impl FinalGather<'_> {
         (VisibilityQuery { packet, emitter_size: emitter_of.width, feature_size }, rays)
     }
 
-    /// What a place on a face of the bright leaves reflects, W/m²; none for emitters. Leaves below an element that is sampled as a whole differ.
+    /// Radiosity reflected at a point on a face of the bright leaves, W/m²; `None` for emitters. The leaves below one face differ.
     fn reflected_at(&self, emitter: usize, face: usize, at: Vec3) -> Option<Vec3> {
         let bright = self.bright().filter(|_| emitter >= self.emitters.emitters.len())?;
         Some(Vec3::from(self.reflected[self.lookup.leaf(bright.sides[face], at) as usize]))
     }
 }
 
-/// Light of a shadow ray without blockers over its density, up to a factor: if all places of the face sent the mean, and by the place where it ends.
+/// Unoccluded light of a shadow ray over its density, up to a factor: by the mean exitance of the face, and by the exitance where the ray ends.
 #[derive(Clone, Copy, Default)]
 pub(super) struct ShadowRay {
     of_face: Vec3,
@@ -289,7 +289,7 @@ pub(super) struct EmitterView {
     pub(super) from: GatherPoint,
     /// Unoccluded irradiance, W/m².
     free: Rgb,
-    /// Running sums of the parts of the faces.
+    /// Running sums of the unoccluded irradiance by each face, mean over the channels, W/m².
     shares: Vec<f32>,
     found: Found,
     /// Number of rays, those below the horizon included.
@@ -308,13 +308,13 @@ impl EmitterView {
         self.found.visible()
     }
 
-    /// Irradiance by the visible part, W/m². Each channel has its own: of faces of several colours some may be hidden.
+    /// Irradiance by the visible part, W/m². Each channel has its own visible part: of faces of several colours some may be hidden.
     fn light(&self) -> Rgb {
         let Found { free, seen, .. } = self.found;
         std::array::from_fn(|k| if free[k] > 0.0 { self.free[k] * seen[k] / free[k] } else { self.free[k] })
     }
 
-    /// Number of rays with which the standard error of the visible part is the tolerance; 0 if it is not larger with those that are traced.
+    /// Number of rays for which the standard error of the visible part equals the tolerance; 0 if the traced rays already keep it.
     pub(super) fn rays_for(&self, tolerance: f64) -> usize {
         let variance = self.found.variance();
         match variance <= tolerance * tolerance {
@@ -324,13 +324,13 @@ impl EmitterView {
     }
 }
 
-/// What shadow rays to an emitter have found.
+/// Sums over the shadow rays to an emitter.
 #[derive(Clone, Copy, Default)]
 struct Found {
-    /// Sums of the light without blockers, if all places of a face sent the mean, and of what arrives.
+    /// Sums of the unoccluded light by the mean exitance of each face (`free`), and of the light that arrives (`seen`).
     free: DVec3,
     seen: DVec3,
-    /// Sum, over rays, of their light without blockers times the square of the part that arrives, means over the channels.
+    /// Sum over rays of the unoccluded light times the square of the part that arrives, means over the channels.
     squares: f64,
     /// The same over packets.
     squares_of_packets: f64,
@@ -362,8 +362,8 @@ impl Found {
         if free > 0.0 { self.seen.element_sum() / free } else { 1.0 }
     }
 
-    /// Variance of the visible part; 0 without rays. The places of a packet are spread evenly over the emitter, so that packets differ less than random rays
-    /// would. Few packets tell little of how much they differ: the variance is that of these packets and one that differs like sixteen random rays.
+    /// Variance of the visible part; 0 without rays. The points of a packet are spread evenly over the emitter, so that packets differ less than random
+    /// rays. Few packets determine their variance poorly: it is the variance of these packets and one more that varies like sixteen random rays.
     fn variance(&self) -> f64 {
         let free = self.free.element_sum() / 3.0;
         if free <= 0.0 {

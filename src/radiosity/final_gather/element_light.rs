@@ -1,8 +1,8 @@
-//! The irradiance of elements by rays of their own, from light that is known already.
+//! The irradiance of elements by their own rays, from light that is already computed.
 //!
-//! The local pass estimates irradiance and exchange with the same few rays. Here each element traces more rays, which read
-//! the light that the local pass found: direct light from emitters drawn for this element, reflected light from the elements that
-//! cosine-weighted rays meet. An element's rays are two independent halves, so that noise can be told from differences between
+//! The local pass estimates irradiance and exchange with the same few rays. Here each element traces more rays, which read the
+//! light that the local pass found: direct light from emitters drawn for this element, reflected light from the elements that
+//! cosine-weighted rays hit. The rays of an element form two independent halves, to separate noise from differences between
 //! elements ([`super::sharing`]).
 
 use super::element_rays::{LeafRays, batches};
@@ -27,28 +27,28 @@ const MAX_HALF: u32 = 1024;
 /// Deviation of one ray from the mean light of its element, relative to that light, where it is not known.
 const USUAL_DEVIATION: f64 = 0.5;
 
-/// Rays of an element to each sun for each of its other rays, where parts of the surface are in the shade: rays to one sun are so coherent that four take
-/// about as long as a ray into the scene, and below trees most noise is that of shadows.
+/// Rays of an element to each sun for each of its other rays, where parts of the surface are in the shade. Rays to one sun are coherent: four take about
+/// as long as a ray into the scene. Below trees most of the noise comes from shadows.
 const RAYS_TO_SUN: u32 = 4;
-/// Ratio of the variance of direct light over elements to the allowed one from which on elements are split: parts keep some of it, so that without a
-/// margin an office has seven more rounds of a few hundred elements each, 6 % of the time.
+/// Elements are split if the variance of direct light over elements exceeds the allowed variance by this factor. The parts keep some of the
+/// variance: without a margin an office has seven more rounds of a few hundred elements each, 6 % of the time.
 const MIN_EXCESS: f64 = 1.1;
-/// Elements of one parallel task that look along their normals.
+/// Elements of one parallel task that traces a ray along the normal of each.
 const CHUNK: usize = 256;
 
-/// Bounds of the factor by which reflected light is changed to keep its power: eight rays of a lamp that stands on a floor find up to three times the light
-/// that the floor sends there.
+/// Largest factor by which reflected light is scaled to conserve its power, and the inverse of the smallest: eight rays of a lamp that stands on a floor
+/// find up to three times the light that the floor sends there.
 const MAX_REFLECTED_FACTOR: f64 = 4.0;
 
-/// What elements have gathered.
+/// The light that elements have gathered.
 pub struct Gathered {
     /// Leaves with their light.
     pub light: Vec<(u32, SharedLight)>,
     /// Part of the emitted power that meets elements, by channel.
     pub received: Rgb,
-    /// What comes from beyond the scene.
+    /// The power that arrives from sky and suns.
     pub arrived: Arrived,
-    /// Leaves without light, as there was no time.
+    /// Leaves without light, because the time was too short.
     pub hurried: usize,
     /// Cost of the rays.
     pub tally: Tally,
@@ -60,16 +60,16 @@ pub struct ElementSamples {
     leaves: Vec<u32>,
     /// Their light.
     light: Vec<ElementLight>,
-    /// Rays of half of a leaf over what [`FinalGather::wanted_rays`] states.
+    /// Rays of each half of a leaf, divided by [`FinalGather::wanted_rays`].
     scale: f64,
-    /// Leaves that there was no time for.
+    /// Leaves without rays, because the time was too short.
     hurried: usize,
     tally: Tally,
 }
 
 impl ElementSamples {
-    /// The leaves over which direct light differs most, at most `most`: so many that the variances over all others have a mean by area of at
-    /// most `variance` relative to the square of the mean light. None if they hardly exceed that.
+    /// The leaves over which direct light varies most, at most `most`: as many as needed to bring the area-weighted mean variance over all
+    /// other leaves to at most `variance`, relative to the square of the mean light. None if the mean hardly exceeds this limit.
     pub fn uneven(&self, elements: &Elements, variance: f64, most: usize) -> Vec<u32> {
         let area = |leaf: u32| elements.elements[leaf as usize].area;
         let (mut all, mut sum) = (0.0, 0.0);
@@ -110,7 +110,7 @@ impl FinalGather<'_> {
         let Elements { elements, states, .. } = &self.linked.elements;
         let result = &local.results[e as usize];
         let weight = elements[e as usize].area * f64::from(states[e as usize].importance);
-        // The deviation is unknown where the first pass had no rays: leaves that there was no time for get the smallest number.
+        // Without rays of the first pass the deviation is unknown: leaves that were not traced for lack of time get the smallest number of rays.
         let deviation = match result.rays {
             0 if states[e as usize].is_apart() => USUAL_DEVIATION * mean(result.irradiance),
             0 => 0.0,
@@ -119,7 +119,7 @@ impl FinalGather<'_> {
         weight.sqrt() * deviation
     }
 
-    /// The light of all leaves after a local pass, by about `rays` rays of their own. Leaves that the deadline leaves without rays are
+    /// The light of all leaves after a local pass, by about `rays` rays of their own. Leaves without rays because of the deadline are
     /// missing.
     pub fn sample_elements(&self, local: &LocalPass, rays: f64, deadline: &Deadline) -> ElementSamples {
         let all = self.linked.leaves();
@@ -196,8 +196,8 @@ impl FinalGather<'_> {
             arrived =
                 Arrived::of(light.iter().zip(&areas).map(|(light, &area)| (area, light.sky, light.sun)));
         }
-        // Light differs on both sides of a surface that stands across an element: it is neither a neighbour nor has any. Nor do elements
-        // that no ray of either pass has found lit share light with those behind the next wall.
+        // The light of an element differs on both sides of a surface that crosses it: crossed elements share no light. Elements that
+        // receive no light by any ray of either pass share none either, so that they get no light from elements behind the next wall.
         let is_alone = |i: usize| {
             let dark = local.results[leaves[i] as usize].irradiance == [0.0; 3];
             states[leaves[i] as usize].crossed
@@ -215,17 +215,17 @@ impl FinalGather<'_> {
         let own = alone.iter().map(|&i| {
             let noise = f64::from(local.results[leaves[i] as usize].noise);
             let own = SharedLight::alone(&light[i]);
-            // Rays that all find no light tell no deviation.
+            // The spread of rays that all find no light is 0: the noise of the local pass stands for it.
             (leaves[i], SharedLight { error: if own.error > 0.0 { own.error } else { noise * noise }, ..own })
         });
         let light = whole.iter().map(|&i| leaves[i]).zip(shared).chain(own).collect();
         Gathered { light, received: received_share, arrived, hurried, tally }
     }
 
-    /// The factors, by channel, that bring the reflected light that leaves receive to what leaves reflect towards others. Both are sums over
-    /// the same leaves: with the light `d` of emitters, suns and sky and the reflected light `r` of a leaf, its reflectance ρ and the part `k` of
-    /// its light that other elements receive, Σ A f·r = Σ A k·ρ·(d + f·r). Rays of leaves miss a small bright spot, as on a wall beside a lamp, or meet it
-    /// too often; the light that it reflects is known from its own direct light.
+    /// The factors f, by channel, that make the reflected light that leaves receive equal to the light that leaves reflect towards others: Σ A f·r = Σ A
+    /// k·ρ·(d + f·r), both summed over the same leaves. Here `d` is the light of a leaf from emitters, suns and sky, `r` its reflected light, ρ its
+    /// reflectance and `k` the part of its light that other elements receive. Rays of leaves miss a small bright spot, as on a wall beside a lamp, or hit
+    /// it too often; the light that the spot reflects is known from its own direct light.
     fn balance_of_reflected_light(
         &self,
         (leaves, areas): (&[u32], &[f64]),
@@ -263,7 +263,7 @@ impl FinalGather<'_> {
         }
     }
 
-    /// The edges of leaves along which other surfaces stand, by place in the list.
+    /// The edges of leaves along which other surfaces stand, by index in `leaves`.
     fn walls_at(&self, leaves: &[u32]) -> Walls {
         let edges = |(place, &bits): (u32, &u8)| {
             let Shape::Surface { corners, .. } =
@@ -279,7 +279,7 @@ impl FinalGather<'_> {
         (0..).zip(&walls).filter(|(_, bits)| **bits != 0).map(edges).collect()
     }
 
-    /// Leaves as neighbours are searched for, with the free height that a ray along the normal finds.
+    /// The leaves as entries of the neighbour search, with the free height along the normal, which one ray measures.
     fn places_of(&self, leaves: &[u32]) -> Vec<Place> {
         let Elements { elements, sides, .. } = &self.linked.elements;
         let exact = self.linked.engine.exact();
@@ -311,7 +311,7 @@ impl FinalGather<'_> {
         leaves.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
     }
 
-    /// The light of leaves by their own rays. Leaves that the deadline leaves without rays have none.
+    /// The light of leaves by their own rays. Leaves without rays because of the deadline have no light.
     fn trace_elements(&self, leaves: &[LeafRays], deadline: &Deadline) -> (Vec<ElementLight>, Tally) {
         deadline.stage("light of elements", leaves.len());
         let batches = batches(leaves);

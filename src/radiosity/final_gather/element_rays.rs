@@ -14,8 +14,8 @@ use glam::Vec3;
 use sobol_burley::sample_4d;
 use std::ops::Range;
 
-/// Radius of an element over its distance from a face from which the closed form is evaluated at the centre alone. The midpoint rule
-/// leaves an error of about half the square of that: 0.1 %.
+/// Ratio of an element's radius to its distance from a face up to which the closed form is evaluated at the centre alone. The
+/// midpoint rule leaves an error of about half the square of this ratio: 0.1 %.
 const MIDPOINT_RADIUS: f32 = 0.05;
 
 /// A leaf and the number of its rays in each of its streams.
@@ -25,13 +25,13 @@ pub struct LeafRays {
     pub leaf: u32,
     /// Rays of one stream.
     pub count: u32,
-    /// Rays to each sun from the neighbourhood of the start of each of these rays.
+    /// Rays to each sun for each of these rays, from points near its start.
     pub suns: u32,
 }
 
 /// Independent streams of random numbers of an element for the halves of its light.
 pub const HALVES: Range<u64> = 0..2;
-/// Those for the halves of its row of the exchange.
+/// Streams for the halves of the element's row of the exchange.
 pub const ROW_HALVES: Range<u64> = 2..4;
 /// Streams of an element: two halves.
 const STREAMS: u32 = 2;
@@ -97,8 +97,8 @@ impl FinalGather<'_> {
         light
     }
 
-    /// For each ray of `buffers.vertices` the light of bright leaves that it brings: by a shadow ray of its own to one of them, and the part with which the
-    /// light of one that the ray has met counts, by the balance heuristic; none if there are no bright leaves.
+    /// For each of `buffers.vertices`: the light of bright leaves by a separate shadow ray to one of them, and the weight (balance heuristic) of the light
+    /// of a bright leaf that the ray from the vertex has hit. `None` if there are no bright leaves.
     fn light_of_bright_leaves(
         &self,
         batch: &[LeafRays],
@@ -137,7 +137,7 @@ impl FinalGather<'_> {
         Some(parts)
     }
 
-    /// The groups of emitting faces for each leaf of a batch, in a list that belongs back into `buffers.cuts`.
+    /// The groups of emitting faces for each leaf of a batch, in a list that the caller must return to `buffers.cuts`.
     pub(super) fn cuts_of(&self, batch: &[LeafRays], buffers: &mut Buffers) -> Vec<Cut> {
         let mut cuts = std::mem::take(&mut buffers.cuts);
         cuts.resize_with(batch.len().max(cuts.len()), Cut::default);
@@ -145,9 +145,9 @@ impl FinalGather<'_> {
         cuts
     }
 
-    /// Traces the rays of a batch of leaves from `buffers.vertices` to `buffers.results`, in the order of leaves, streams and numbers. Returns for each its light
-    /// from an emitter without blockers over the density, W/m², and the transmittance; where the light without blockers, `free`, is not
-    /// known, it is added to the results with the weight of the balance heuristic.
+    /// Traces the rays of a batch of leaves from `buffers.vertices` and writes `buffers.results`, in the order of leaves, streams and numbers. Returns for
+    /// each ray its unoccluded light from an emitter over the density, W/m², and the transmittance. Where the unoccluded light of the leaf, `free`, is not
+    /// known, this light is added to the results with the weight of the balance heuristic.
     pub(super) fn trace_leaves(
         &self,
         batch: &[LeafRays],
@@ -175,7 +175,7 @@ impl FinalGather<'_> {
     }
 
     /// Writes the points from which the rays of a batch start to `buffers.vertices`, with a path for each leaf and stream. Returns four
-    /// random numbers in `[0, 1)` for each.
+    /// random numbers in `[0, 1)` for each point.
     pub(super) fn starts(
         &self,
         batch: &[LeafRays],
@@ -199,7 +199,7 @@ impl FinalGather<'_> {
                     let at = point_on(&corners, u, v);
                     buffers.vertices.push(PathVertex { at, side, leaf, path, share: Vec3::ONE });
                     random.push(sample_4d(k, 0, seed));
-                    // Other places of the same quarter.
+                    // Further start points of rays to suns, in the same quarter of the element.
                     let place = |m: u32| {
                         let turned = shifted([2.0 * u, 2.0 * v], m).map(|t| 0.5 * t);
                         point_on(
@@ -239,12 +239,12 @@ impl FinalGather<'_> {
             }
             let of = |at: Vec3| face.factor(at.as_dvec3(), normal);
             if face.profile.is_some() {
-                // A beam between all places has no closed form: its light is found by rays.
+                // A beam that misses all sample points has no closed form: rays estimate the light instead.
                 let mean = Some(mean_over(&of, corners)).filter(|mean| *mean > 0.0)?;
                 add(&mut sum, mean, face.exitance);
                 continue;
             }
-            // The distance from the face is at least that from its centre less its own radius.
+            // The distance from the face is at least the distance from its centre minus the radius of the face.
             let middle = 0.25 * face.corners.iter().sum::<Vec3>();
             let radius = face.corners.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
             let near = element.radius > MIDPOINT_RADIUS * ((middle - element.centre).length() - radius);
@@ -257,9 +257,9 @@ impl FinalGather<'_> {
         Some(Vec3::from(sum.map(|s| s as f32)))
     }
 
-    /// For each ray of `buffers.vertices` to one of some emitters, its light without blockers over its density, W/m², and its transmittance.
-    /// `cut_of` gives the cut for a vertex and whether its light without blockers is known; if not, light has the weight of the
-    /// balance heuristic. `light_of` gives the light of a ray.
+    /// Traces a shadow ray from each of `buffers.vertices` to one of `emitters`. Returns its unoccluded light over its density, W/m², and
+    /// its transmittance. `cut_of` returns the cut for a vertex, and whether its unoccluded light is known; if not, light has the weight of
+    /// the balance heuristic. `light_of` returns the light of a ray.
     fn visible_parts<'c>(
         &self,
         emitters: &Emitters,
@@ -280,7 +280,7 @@ impl FinalGather<'_> {
             let ray = self.emitter_ray((emitters, cut), vertex, if free { |q| q } else { weight }, random[i]);
             if let Some(ray) = ray {
                 let light = light_of(&ray);
-                // A sample at no distance from the element has no finite weight.
+                // A sample at the distance 0 from the element has no finite weight.
                 if light.is_finite() {
                     packet.set_lifted(used, ray.ends[0], ray.ends[1], ray.rules);
                     parts[i].0 = light;

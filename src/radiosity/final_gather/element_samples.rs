@@ -21,20 +21,20 @@ pub struct ElementLight {
     pub halves: [[Vec3; 2]; KINDS],
     /// By kind, sum over all rays of the squared difference from the mean, mean over the channels, (W/m²)².
     pub squares: [f32; KINDS],
-    /// Of the direct light the irradiance of suns, and of the reflected light that of the sky, mean over the halves, W/m².
+    /// Irradiance of suns (a part of the direct light) and of the sky (a part of the reflected light), mean over the halves, W/m².
     pub sun: Vec3,
     pub sky: Vec3,
-    /// Variance of direct light over the element, as its quarters tell it; mean over the channels, (W/m²)².
+    /// Variance of direct light over the element, estimated from its quarters; mean over the channels, (W/m²)².
     pub uneven: f32,
 }
 
 /// Parts of an element whose light is compared.
 const QUARTERS: usize = 4;
-/// Smallest ratio of the variance between quarters to that which the noise of their rays explains. An office errs by 10.3 % at points with
-/// 2, by 10.9 % with 4, a valley by 2.8 and 2.7 % (`scenes/room.py`).
+/// Smallest ratio of the variance between quarters to the variance expected from the noise of their rays. With 2 and with 4, the error at
+/// points of an office is 10.3 % and 10.9 %, of a valley 2.8 and 2.7 % (`scenes/room.py`).
 const MIN_RATIO: f32 = 2.0;
 
-/// A ray as the comparison of quarters needs it: the number of its quarter, its weight, and the light that it has found, W/m².
+/// A ray in the comparison of quarters: the number of its quarter, its weight, and the light that it has found, W/m².
 pub type QuarterRay = (u8, f32, f32);
 
 /// The variance of light between the quarters of an element, (W/m²)², less what noise adds; 0 where noise explains it.
@@ -67,7 +67,7 @@ impl ElementLight {
         f64::from(self.halves[kind].iter().sum::<Vec3>().element_sum()) / 6.0
     }
 
-    /// Multiplies the light of a kind by a factor for each channel, but for that of suns or the sky.
+    /// Multiplies the light of a kind by a factor for each channel; the light of suns and sky does not change.
     pub fn scale(&mut self, kind: usize, factor: Vec3) {
         let beyond = if kind == DIRECT { self.sun } else { self.sky };
         self.halves[kind].iter_mut().for_each(|e| *e = beyond + factor * (*e - beyond));
@@ -79,7 +79,7 @@ impl ElementLight {
         (0.5 * (self.halves[kind][0] + self.halves[kind][1])).to_array().map(f64::from)
     }
 
-    /// Direct light as the mean of what all rays have found.
+    /// Sets direct light to the mean over all rays.
     pub fn direct_of_rays(&mut self, half: usize, results: &[RayResult]) {
         let mut squares = 0.0;
         for (h, results) in results.chunks(half).enumerate() {
@@ -90,7 +90,7 @@ impl ElementLight {
         self.squares[DIRECT] = (squares - 2.0 * half as f32 * mean * mean).max(0.0);
     }
 
-    /// Adds the light of suns, and takes down that of the sky. `quarters` are those of the rays.
+    /// Adds the light of suns to direct light, and stores the light of suns and sky. `quarters` are those of the rays.
     pub fn add_beyond(&mut self, half: usize, quarters: &[u8], results: &[RayResult]) {
         let level = |r: &RayResult| r.sun.element_sum() / 3.0;
         let count = results.len() as f32;

@@ -1,7 +1,7 @@
 //! Choice between the distance cut and other engines for the direct light of points.
 //!
-//! Few points of a sample ask an emitter as all points will, by each engine. The cut is taken if it needs less work to the same error,
-//! and its error is no larger than the tolerance of the visible part, which the error of its model does not keep by itself.
+//! A sample of few points queries an emitter by each engine, as all points will. The cut is chosen if it needs less work for the same
+//! error, and if its error is no larger than the tolerance of the visible part, which the model error of the cut may exceed.
 
 use super::direct_light::EmitterView;
 use super::gather_point::GatherPoint;
@@ -13,15 +13,15 @@ use crate::visibility::{Cut, LeafMode, rays_for, sample_runs};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// Smallest number of points for which the cut is made, and the number of triangles for one more: by exact rays so many points take about
-/// twice the time of making it, 1 s on each of two processors for the garden of `make scenes` and 6 s for its park of 1.9 million triangles.
+/// Smallest number of points for which the cut is built, and number of triangles for one more point: with exact rays, so many points take about
+/// twice the time of building it, 1 s on each of two processors for the garden of `make scenes` and 6 s for its park of 1.9 million triangles.
 const MIN_CUT_POINTS: usize = 1 << 14;
 const TRIANGLES_PER_POINT: usize = 16;
-/// Largest work to an error, relative to that of exact rays, with which the cut is taken: work is an estimate, and mean squares of 256
-/// points are known to about a tenth.
+/// The cut is chosen up to this ratio of its work to the work of exact rays for the same error: work is an estimate, and mean squares
+/// of 256 points are known to about a tenth.
 const MAX_WORK_RATIO: f64 = 0.8;
 
-/// What a sample of points found of an emitter by an engine.
+/// Results of a sample of points for one emitter and one engine.
 struct Trial {
     /// Number of segments.
     segments: f64,
@@ -30,7 +30,7 @@ struct Trial {
 }
 
 impl FinalGather<'_> {
-    /// The distance cut, if so many points are asked for that it is worth making, there is time, and visibility is multi-resolution.
+    /// The distance cut, if there are enough points to repay building it, time is not limited, and visibility is multi-resolution.
     pub(super) fn cut_for(&self, points: usize) -> Option<Arc<Cut>> {
         match &self.linked.engine {
             VisibilityEngine::MultiResolution(engine) if engine.leaf() == LeafMode::Exact => {}
@@ -40,7 +40,7 @@ impl FinalGather<'_> {
         (self.has_time && points >= enough).then(|| self.model.cut()).flatten()
     }
 
-    /// The engine for rays from elements to emitters: rays of one leaf end on one emitter only if there is no other one.
+    /// The engine for rays from elements to emitters: the rays of a leaf all end on one emitter only if the scene has a single emitter.
     pub(super) fn engine_of_elements(&self) -> VisibilityEngine {
         let elements = &self.linked.elements;
         if self.emitters.emitters.len() != 1 {
@@ -82,8 +82,8 @@ impl FinalGather<'_> {
         engine.by_cut().map(|(by, work)| (VisibilityEngine::MultiResolution(Arc::new(by)), work)).collect()
     }
 
-    /// The engine by which points like those of a sample find the visible part of an emitter in the least work to an error: `other`, or one
-    /// of those by the cut.
+    /// The engine that needs the least work for a given error of an emitter's visible part at points like those of a sample: `other`, or
+    /// one of the engines by the cut.
     fn fastest(
         &self,
         other: VisibilityEngine,
@@ -96,7 +96,7 @@ impl FinalGather<'_> {
         }
         let exact = VisibilityEngine::Exact(self.linked.engine.exact());
         let mut scratch = Scratch::default();
-        // Points with other seeds have rays of their own.
+        // Different seeds give the points different rays.
         let mut truth = [1, 2].map(|half| {
             let seeded = sample.iter().map(|point| GatherPoint { seed: mix(point.seed ^ half), ..*point });
             self.trial(&exact, &seeded.collect::<Vec<_>>(), emitter, &mut scratch).visible
@@ -105,7 +105,7 @@ impl FinalGather<'_> {
         let [a, b] = &mut truth;
         let n = first.visible.len().max(1) as f64;
         let noise: f64 = a.iter().zip(&*b).map(|(a, b)| 0.25 * (a - b).powi(2)).sum::<f64>() / n;
-        // The noise of the halves is independent: the product has no bias, but is not known to better than its own standard error.
+        // The noise of the halves is independent: the mean product has no bias. The result is at least its standard error.
         let square = |trial: &Trial| {
             let products = trial.visible.iter().zip(&*a).zip(&*b).map(|((x, a), b)| (x - a) * (x - b));
             (products.sum::<f64>() / n).max(noise / n.sqrt())

@@ -5,20 +5,20 @@ use crate::math::sampling::pick;
 use crate::radiosity::elements::quarters;
 use glam::Vec3;
 
-/// Radius of a part of a face over its distance from a point from which its quarters are told apart: the light of a part differs by about twice that over it.
+/// Ratio of a part's radius to its distance from a point above which the part is divided into quarters: the light varies over a part by about twice the ratio.
 const MAX_PART: f32 = 0.5;
-/// Largest number of times that a face is quartered: a point a thousandth of the face's size below it is below a part of about that size.
+/// Largest number of times that a face is quartered: a point at a thousandth of the face's size below the face is below a part of about that size.
 const MAX_QUARTERED: usize = 12;
 
-/// A part of a face in which shadow rays end, what is left of the number that has chosen it, and the probability of the choice.
+/// A part of a face in which shadow rays end, the remainder of the random number that has chosen it, and the probability of the choice.
 pub(super) struct Part {
     pub corners: [Vec3; 4],
     pub u: f32,
     pub probability: f32,
 }
 
-/// Chooses, by `u`, a part of a face that is small against its distance from a point, in proportion to its light there. Places spread evenly over a luminous ceiling
-/// would rarely lie above the table that hides most of its light.
+/// Chooses, by the random number `u`, a part of a face that is small relative to its distance from a point, in proportion to its light at the point. Samples
+/// spread evenly over a luminous ceiling would rarely lie above the table that hides most of its light.
 pub(super) fn part_of(face: &[Vec3; 4], mut u: f32, (at, normal): (Vec3, Vec3)) -> Part {
     let (mut corners, mut probability) = (*face, 1.0);
     for _ in 0..MAX_QUARTERED {

@@ -25,13 +25,13 @@ use std::sync::{Arc, OnceLock};
 /// memory to 64 sets. 16, 64 and 256 sets leave errors of 0.86 %, 0.79 % and 0.77 % (`constants.py solve`).
 const DIRECTION_SETS: usize = 64;
 
-/// Largest number of shadow rays of a point to an emitter over [`Options::light_rays`]. Without blockers an emitter behind a louvre may light a point with
-/// many times the light that the point has.
+/// Largest ratio of a point's shadow rays to an emitter to [`Options::light_rays`]. The unoccluded light of an emitter behind a louvre may be many times
+/// the light of the point.
 const MORE_WHERE_BRIGHT: usize = 16;
-/// Largest number of shadow rays of a point, as many as [`Options::light_rays`] may be; the low-discrepancy numbers repeat after it.
+/// Largest number of shadow rays of a point, the upper limit of [`Options::light_rays`]; the low-discrepancy numbers repeat after it.
 const MAX_SHADOW_RAYS: usize = 1 << 16;
 
-/// What gathering needs of a scene and its light.
+/// A scene and its light, prepared for gathering.
 pub struct FinalGather<'a> {
     pub(super) model: &'a Model,
     pub(super) linked: &'a LinkedScene,
@@ -48,9 +48,9 @@ pub struct FinalGather<'a> {
     pub(super) error: f64,
     /// [`Options::elements`].
     pub(super) elements: bool,
-    /// Columns and rows of the grid that the directions of a set lie in.
+    /// Columns and rows of the grid of the directions of a set.
     pub(super) hemisphere_grid: [usize; 2],
-    /// Whether there is time to make a distance cut: nothing limits the time of the solve.
+    /// Whether a distance cut may be built: only if the time of the solve is not limited.
     pub(super) has_time: bool,
     /// [`FinalGather::engine_of_elements`], once it is asked for.
     pub(super) of_elements: OnceLock<VisibilityEngine>,
@@ -67,7 +67,7 @@ pub struct FinalGather<'a> {
     /// Sets of directions about +z for light of the sky and reflected light, in blocks of 4 by 4 neighbours; none for direct light of emitters
     /// alone.
     pub(super) hemispheres: Vec<Vec<Vec3>>,
-    /// Largest distance of given points from their surface, scene units: files round points.
+    /// Largest distance of given points from their surface, scene units: files contain rounded coordinates.
     pub(super) slack: f32,
     /// Feature size where none is given, scene units.
     pub(super) feature_size: f32,
@@ -92,15 +92,15 @@ pub struct PathVertex {
     pub share: Vec3,
 }
 
-/// What a ray from a path vertex has found.
+/// The result of a ray from a path vertex.
 #[derive(Clone, Copy)]
 pub struct RayResult {
     /// Irradiance that emitters cause at the vertex (an estimate), W/m².
     pub direct: Vec3,
     /// Irradiance of the suns by a ray of its own to each, W/m².
     pub sun: Vec3,
-    /// Irradiance of the sky that the ray stands for if it left the scene, W/m²; of rays of elements in the open compared with the sky without
-    /// blockers, so that it may be negative.
+    /// Irradiance of the sky by the ray if it left the scene, W/m². For rays of elements in the open, the unoccluded sky is a control variate,
+    /// so that the value may be negative.
     pub sky: Vec3,
     /// Where the ray ended.
     pub met: PathVertex,
@@ -133,8 +133,8 @@ pub struct Buffers {
     pub vertices: Vec<PathVertex>,
     pub(super) next_vertices: Vec<PathVertex>,
     pub(super) results: Vec<RayResult>,
-    /// Of followed paths that end at elements whose light is not known yet, their numbers, the leaves and the parts of the light reflected there that
-    /// arrive at their starts.
+    /// For each followed path that ends at an element whose light is not known yet: number of the path, leaf, and part of the light reflected there
+    /// that arrives at the start of the path.
     pub(super) path_ends: Vec<(u32, u32, Vec3)>,
     /// By element of a batch, the groups of emitting faces from which its emitter rays are drawn.
     pub(super) cuts: Vec<Cut>,
@@ -142,7 +142,7 @@ pub struct Buffers {
     pub(super) bright_cuts: Vec<Cut>,
     /// Further places from which rays of elements to suns start, in the order of the vertices.
     pub(super) sun_places: Vec<Vec3>,
-    /// By vertex of the rays of elements, the quarter of the element that it lies on.
+    /// By vertex of the rays of elements, the quarter of the element on which the vertex lies.
     pub(super) quarters: Vec<u8>,
 }
 
@@ -194,7 +194,7 @@ impl<'a> FinalGather<'a> {
         }
     }
 
-    /// Small bright surfaces that reflected light comes from, if they would cause noise.
+    /// Small bright surfaces whose reflected light would cause noise without shadow rays; `None` if there are none.
     pub(super) fn bright(&self) -> Option<&BrightLeaves> {
         let of = || match self.direct_only {
             true => None,
@@ -224,20 +224,20 @@ impl<'a> FinalGather<'a> {
         if side == Elements::NONE {
             return None;
         }
-        // A long ray ends farther off the surface than the next ray is lifted.
+        // The rounding error at the end of a long ray exceeds the height to which the next ray is lifted.
         let at = on_plane(self.scene.corners(triangle), at);
         let leaf = self.lookup.leaf(side, at);
         Some(PathVertex { at, side, leaf, path: 0, share: Vec3::ONE })
     }
 
-    /// The distance from which the mean light of an element stands for all of its points, scene units: its radius; 0 in scenes without
-    /// clusters, where links have divided elements as finely as their light varies.
+    /// Smallest distance at which the mean light of an element stands for the light at each of its points, scene units: the radius of
+    /// the element; 0 in scenes without clusters, where links have divided elements as finely as their light varies.
     pub(super) fn trust_distance(&self, element: u32) -> f32 {
         let elements = &self.linked.elements;
         if elements.large_from > 0 { elements.elements[element as usize].radius } else { 0.0 }
     }
 
-    /// Finds the groups of faces of emitters that an element draws from.
+    /// Finds the groups of emitter faces from which an element draws its emitter rays.
     pub(super) fn cut_of(&self, emitters: &Emitters, leaf: u32, cut: &mut Cut) {
         let element = &self.linked.elements.elements[leaf as usize];
         if let Shape::Surface { side, corners } = element.shape {

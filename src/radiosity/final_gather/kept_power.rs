@@ -5,10 +5,10 @@ use super::neighbours::Place;
 use crate::radiosity::rgb::{Rgb, mean};
 use bytemuck::{Pod, Zeroable};
 
-/// Smallest number of elements of such a side: those of the largest window of neighbours. Fewer share light with other sides, and where the rays
-/// of an element agree by chance their variance says nothing.
+/// Smallest number of elements of a side whose own power is restored: those of the largest window of neighbours. Elements of smaller sides share
+/// light with other sides, and if the rays of an element agree by chance, their variance is no measure of the error.
 const MIN_ELEMENTS: usize = 49;
-/// Bounds of the factor by which the light of a side is changed to keep its power.
+/// Largest factor by which the light of a side is scaled to conserve its power, and the inverse of the smallest.
 const MAX_SIDE_FACTOR: f64 = 2.0;
 
 /// Light of an element after sharing, by kind.
@@ -21,10 +21,10 @@ pub(super) struct SharedKinds {
     pub error: f64,
 }
 
-/// What the elements of a side receive of one kind of light, W/m² times scene units squared.
+/// Power that the elements of a side receive of one kind of light, W/m² times scene units squared.
 #[derive(Clone, Copy, Default)]
 struct Received {
-    /// By their own rays, with the variance of that.
+    /// By their own rays, and the variance of this power.
     own: f64,
     variance: f64,
     /// After sharing.
@@ -33,8 +33,8 @@ struct Received {
     count: usize,
 }
 
-/// Brings the power that arrives after sharing back to that of the elements' own rays: on each side as far as the difference is more than
-/// noise, then on all together. Planes that are fitted to light with a sharp peak, as of a lamp close to a wall, lose some of it.
+/// Scales the light after sharing so that its power equals that of the elements' own rays: on each side as far as the difference exceeds
+/// the noise, then on all sides together. A plane fitted to light with a sharp peak, as of a lamp close to a wall, loses some of the light.
 pub(super) fn keep_power(
     kind: usize,
     (places, areas): (&[Place], &[f64]),
@@ -54,7 +54,7 @@ pub(super) fn keep_power(
     }
     let factor_of = |Received { own, variance, shared, count }: Received| {
         let lost = own - shared;
-        // The positive part of James and Stein's estimate, from two standard errors on.
+        // The positive-part James-Stein estimate: 0 for differences below two standard errors.
         let certain = (1.0 - 4.0 * variance / (lost * lost).max(f64::MIN_POSITIVE)).max(0.0);
         let factor = (1.0 + certain * lost / shared).clamp(1.0 / MAX_SIDE_FACTOR, MAX_SIDE_FACTOR);
         if shared > 0.0 && count >= MIN_ELEMENTS { factor } else { 1.0 }

@@ -1,5 +1,5 @@
-//! Light of surfaces and sky at a point: a grid of rays, one for each cell of a hemisphere of equal cosine weight, and finer cells where neighbours
-//! differ, as at the edges of a window, of a bright part of the sky or of a sunlit wall.
+//! Light of surfaces and sky at a point: a grid of rays, one for each cell of a hemisphere of equal cosine weight. Cells are divided where
+//! neighbours differ, as at the edges of a window, of a bright part of the sky or of a sunlit wall.
 
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
@@ -14,34 +14,34 @@ use glam::{DVec3, Vec3};
 
 /// Largest number of halvings of a cell: of 1,024 cells, edges are then known to a 64th of a cell.
 const MAX_LEVEL: u32 = 6;
-/// Largest number of rays in the divided cells of a point for [`USUAL_ERROR`]; for a smaller error in proportion to 1 / error². Grids that are made finer as a
-/// whole are not limited. Leaves are edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and roofs need some hundreds.
+/// Largest number of rays in the divided cells of a point for [`USUAL_ERROR`]; for a smaller error in proportion to 1 / error². Grids that are refined as a
+/// whole are not limited. Foliage has edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and roofs need some hundreds of rays.
 const MAX_RAYS: f64 = 8192.0;
 /// Largest number of these rays for any error: limits the time of a point to some 0.1 s.
 const MAX_RAYS_OF_ALL: f64 = 131_072.0;
 /// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices for the rim of
-/// a sunlit place. Where all cells differ, as in a room full of things, four times as many rays halve the error.
+/// a sunlit patch. Where all cells differ, as in a room full of objects, four times as many rays halve the error.
 const MORE_FOR_SURFACES: usize = 4;
-/// Squared error of the sky's light over the tolerated one down to which cells are divided further where it is cheap: where the next level has at most
-/// [`CHEAP_RAYS`] times the rays so far. Edges along lines, as of roofs and windows, need about as many rays again for a third of the error, edges in all
-/// cells, as of leaves, three times as many for half of it.
+/// Cells are divided further where it is cheap, down to this part of the tolerated squared error of the sky's light: where the next level has at most
+/// [`CHEAP_RAYS`] times the rays so far. Edges along lines, as of roofs and windows, need about as many rays again to reduce the error to a third. Edges
+/// in all cells, as of foliage, need three times as many to halve it.
 const CHEAP_TOLERANCE: f64 = 0.25;
 const CHEAP_RAYS: usize = 2;
-/// Fewest cells that see the sky: a grid with fewer is made finer as a whole, because a window that is smaller than a cell may be missed.
+/// Smallest number of cells whose rays reach the sky: a grid with fewer is refined as a whole, because it may miss a window smaller than a cell.
 const MIN_OPEN: usize = 64;
-/// Cells of a grid that is not made finer as a whole any more. An opening that is seen as a thousandth of the light of an open sky has four cells then,
-/// and its edges have finer ones.
+/// Number of cells from which on a grid is not refined as a whole. An opening that shows a thousandth of the light of an open sky then has four cells,
+/// and the cells at its edges are divided.
 const MAX_WHOLE: usize = 1 << 12;
 
 /// The ray of a cell.
 #[derive(Clone, Copy)]
 struct CellRay {
-    /// Of any length.
+    /// Direction of the ray, of any length.
     direction: Vec3,
     seen: Seen,
 }
 
-/// What one ray of a cell has found.
+/// The result of the ray of a cell.
 #[derive(Clone, Copy)]
 enum Seen {
     /// The ray leaves the scene.
@@ -80,8 +80,8 @@ impl Hemisphere {
 }
 
 impl FinalGather<'_> {
-    /// Irradiance at a point by surfaces and the sky, W/m². `known` is the light of emitters and suns, mean over the channels: in the sun the sky
-    /// need not be known as well as in a shadow. `openings` are those of [`FinalGather::openings`].
+    /// Irradiance at a point by surfaces and the sky, W/m². `known` is the light of emitters and suns, mean over the channels: in the sun, the
+    /// light of the sky needs less accuracy than in a shadow. `openings` are those of [`FinalGather::openings`].
     pub(super) fn irradiance_of_rays(
         &self,
         point: &GatherPoint,
@@ -96,14 +96,14 @@ impl FinalGather<'_> {
         // Where all rays met sides that no light reaches, as from below the ground, or the sky is dark, no opening is searched for.
         let is_dark = rays_of_cells.iter().all(|ray| matches!(ray.seen, Seen::Dark))
             || levels[0].iter().all(|cell| cell.sky == 0.0);
-        // Cells with an opening are divided, whether or not their ray or one beside it passes it.
+        // A cell with an opening is divided even if neither its ray nor a neighbouring ray passes through the opening.
         let is_searched = !is_dark && levels[0].iter().filter(|cell| cell.is_open).count() < MIN_OPEN;
         let openings = if is_searched { openings } else { &[] };
         let openings = self.seen_openings(openings, point, hemisphere.frame, buffers);
         let (share, mut sum) = (1.0 / whole.len() as f64, light_of(&levels[0]) / whole.len() as f64);
         let mut sky = SkyLight::default();
         sky.add(levels[0].iter(), share, 1.0);
-        // Errors of cells that are left as they are.
+        // `left` is the sum of the squared errors of cells that are not divided.
         let (mut left, mut rays, mut divided, mut for_surfaces) = (0.0, whole.len(), 0, 0);
         for level in 0..MAX_LEVEL {
             let area = share * 0.25f64.powi(level as i32);
@@ -158,7 +158,7 @@ impl FinalGather<'_> {
         if let Some(environment) = self.environment {
             sum += sky.compared_with(environment.sky_irradiance(point.normal.as_dvec3()).into());
         }
-        // What is added and taken away again leaves a rounding error.
+        // The addition and subtraction of the same light leaves a rounding error.
         sum.max(DVec3::ZERO).to_array()
     }
 
@@ -208,8 +208,8 @@ impl FinalGather<'_> {
         seen
     }
 
-    /// What the first rays of `buffers.packets` find, one for each of `surfaces`. Where the light of surfaces is known about, one ray in four counts four
-    /// times.
+    /// The results of the first rays of `buffers.packets`, one for each of `surfaces`. Where the light of surfaces is known approximately, one ray in
+    /// four is evaluated, with four times the weight.
     fn seen(&self, surfaces: &[Option<Vec3>], seed: u64, buffers: &mut Buffers) -> Vec<CellRay> {
         let Buffers { packets, hits, vertices, .. } = buffers;
         hits.clear();
@@ -347,16 +347,16 @@ impl FinalGather<'_> {
     }
 }
 
-/// A cell to divide, with the light of surfaces around it where theirs matters little, as at the edges of leaves before the sky: one quarter of four stands
-/// for all then.
+/// A cell to divide, with the light of the surfaces around it where errors of surface light matter little, as at the edges of leaves before the sky: then
+/// one quarter of four is evaluated for all.
 type ToDivide = (u32, Option<Vec3>);
 
 fn to_divide(of: &Uneven, surroundings: &Surroundings, least: f64) -> ToDivide {
     (of.cell, (of.errors[1] <= least).then(|| surroundings.surfaces_around(of.cell)))
 }
 
-/// The tolerated sum of squared errors for the next division, after so many rays and with the errors of cells that are `left` as they are; none if no cell is
-/// to be divided. If all that is tolerated is met, only cells with errors of the sky are kept.
+/// The tolerated sum of squared errors for the next division, after `rays` rays; `left` is that of the cells that stay undivided. `None` if no cell is to be
+/// divided. If the errors are within `tolerance`, only cells whose error is mainly that of the sky are kept.
 fn next_tolerance(uneven: &mut Vec<Uneven>, left: f64, tolerance: f64, rays: usize) -> Option<f64> {
     let error: f64 = uneven.iter().map(Uneven::error).sum();
     if left + error > tolerance {
@@ -376,7 +376,7 @@ fn all_cells(cells: &[Cell], surroundings: &Surroundings, uneven: &[Uneven], lea
     all
 }
 
-/// The cells with errors above `least`, the largest first; of those with errors of surfaces so many that their rays are at most a number.
+/// The cells with errors above `least`, the largest first. Cells divided mainly for surfaces are limited to `most` rays in all.
 fn largest_errors(
     surroundings: &Surroundings,
     uneven: &[Uneven],

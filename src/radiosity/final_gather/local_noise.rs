@@ -12,12 +12,12 @@ const CHUNK: usize = 64;
 /// Weight, in rays, of the spread of neighbouring leaves when it is mixed with that of a leaf: the relative error of a
 /// variance from 8 rays alone is √(2/8) = 50 %. Affects error bars and the number of rays.
 const NEIGHBOUR_RAYS: f64 = 8.0;
-/// Light of a side, relative to the mean, below which errors count relative to it and no longer to the mean: sides of furniture in a lit room are above.
+/// Light of a side relative to the mean below which errors are relative to the side's own light, not to the mean: sides of furniture in a lit room are above.
 const DIM_SIDE: f64 = 0.25;
-/// Largest weight of an error: that of a room with a sixty-fourth of the mean light. Sides that hardly any light reaches would take all rays otherwise.
+/// Largest weight of an error: that of a room with a sixty-fourth of the mean light. Otherwise sides that receive hardly any light would take all rays.
 const MAX_WEIGHT: f64 = 16.0;
 
-/// What the local pass has found about one element.
+/// The result of the local pass for one element.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LocalResult {
     /// Irradiance of a leaf, W/m².
@@ -30,10 +30,10 @@ pub struct LocalResult {
     pub row_sum: f32,
     /// Part of the rays that did not leave the scene.
     pub kept: f32,
-    /// Whether rays of the leaf and of those with the same parent see some of the light of the suns.
+    /// Whether rays of the leaf and of those with the same parent find a part of the suns' light, neither none nor all.
     pub sun_varies: bool,
-    /// Standard deviation of the irradiance of one ray by which leaves share the rays of the next pass, W/m². Sides that are much darker than
-    /// the scene on average count more.
+    /// Standard deviation of the irradiance of one ray, W/m², by which the rays of the next pass are distributed among leaves. Sides that are
+    /// much darker than the scene on average have a larger weight.
     pub deviation: f32,
 }
 
@@ -90,15 +90,15 @@ pub fn assign_noise(
     }
 }
 
-/// Lets errors count more on sides that have less than [`DIM_SIDE`] of the mean light: pictures of a room that the sky lights through a window show its
-/// own light, a hundredth of that of the ground outside. All leaves of such a side have one deviation: few of their rays meet the window.
+/// Increases the weight of errors on sides that have less than [`DIM_SIDE`] of the mean light: in images of a room that the sky lights through a window, the
+/// light of the room is a hundredth of that of the ground outside. All leaves of such a side have one deviation: few of their rays pass through the window.
 pub fn weigh_errors(elements: &Elements, leaves: &[u32], results: &mut [LocalResult]) {
     let side_of = |leaf: u32| match elements.elements[leaf as usize].shape {
         Shape::Surface { side, .. } => side as usize,
         Shape::Cluster(_) => unreachable!("leaves are surfaces"),
     };
     let area = |leaf: u32| elements.elements[leaf as usize].area;
-    // Area of each side, and its sums of light and of the variance of one ray.
+    // By side: its area, and the area-weighted sums of light and of the variance of one ray.
     let mut sides = vec![[0.0; 3]; elements.sides.len()];
     for &leaf in leaves {
         let (area, result) = (area(leaf), &results[leaf as usize]);
@@ -111,7 +111,7 @@ pub fn weigh_errors(elements: &Elements, leaves: &[u32], results: &mut [LocalRes
         let [area, own, variance] = sides[side_of(leaf)];
         let dim = DIM_SIDE * (light / all) / (own / area);
         let result = &mut results[leaf as usize];
-        // The error of a side without light cannot be told relative to its light.
+        // A side without light has no relative error.
         let weight = if own > 0.0 { dim.clamp(1.0, MAX_WEIGHT) } else { 1.0 };
         result.deviation = match weight > 1.0 {
             true => (weight * (variance / area).sqrt()) as f32,
@@ -175,7 +175,7 @@ impl Spread {
         (self.squares, self.freedom) = (self.squares + other.squares, self.freedom + other.freedom);
     }
 
-    /// Variance of one ray, by the leaf's own rays and some of those around.
+    /// Variance of one ray, by the leaf's own rays and, with the weight [`NEIGHBOUR_RAYS`], those of leaves around it.
     fn variance(self, around: Spread) -> f64 {
         (self.squares + NEIGHBOUR_RAYS * around.squares / around.freedom.max(1.0))
             / (self.freedom + NEIGHBOUR_RAYS)

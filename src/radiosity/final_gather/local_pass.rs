@@ -1,12 +1,12 @@
 //! The local pass: the irradiance of each element of a scene with clusters, by rays of its own.
 //!
-//! Light at a linked cluster is distributed among its surfaces by orientation; what they hide from each other is known only on
-//! average, and insides of furniture would receive light that never gets there. So in the end every element traces a few rays. The
-//! exchange of two elements is estimated by all rays that join them, from either side ([`TransportMatrix`]), so that no energy is
-//! created, and light that arrives by one half of the rays is sent along the other ([`RayTransport`]). The rays are stored, twelve
-//! bytes each, and the light is solved on them to the last bounce without further rays, starting from the direct light, or from the
-//! light along links where the time is up. The direct light of all elements is brought to what rays from the emitters say of it. See
-//! `docs/method.md`, Local pass.
+//! Light at a linked cluster is distributed among its surfaces by orientation. Occlusion between these surfaces is known only on
+//! average, and insides of furniture would receive light that cannot reach them. Therefore every element finally traces a few rays.
+//! The exchange of two elements is estimated by all rays that join them, from either side ([`TransportMatrix`]), so that no energy
+//! is created, and light that arrives by one half of the rays is sent along the other ([`RayTransport`]). The rays are stored,
+//! twelve bytes each, and the light is solved on them to the last bounce without further rays, starting from the direct light, or
+//! from the light along links if the time is up. The direct light of all elements is scaled to the total that rays from the emitters
+//! measure. See `docs/method.md`, Local pass.
 
 use super::bright_leaves::Brightest;
 use super::gatherer::FinalGather;
@@ -29,43 +29,43 @@ use std::array::from_fn;
 
 /// Expected relative error of the direct light that all elements receive together, by their own rays.
 const DIRECT_ERROR: f64 = 0.01;
-/// Part of the rays by which elements exchange light. The others gather that light for one element each. In an office and a living
-/// room a seventh and two sevenths leave the same error of the elements within a tenth of it (`scenes/room.py`).
+/// Part of the rays by which elements exchange light. Each of the other rays gathers that light for one element. In an office and
+/// a living room a seventh and two sevenths leave errors of the elements that differ by less than a tenth (`scenes/room.py`).
 pub(super) const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
 
-/// Part of the light of the suns up to which a surface is in the shade, or not seen by rays up to which it is in the sun: half a ray of sixteen, those of
-/// four leaves.
+/// Visible part of the suns' light up to which a surface counts as shaded, and hidden part up to which it counts as sunlit: half a ray of sixteen, which
+/// are the rays of four leaves.
 const SHADED: f64 = 1.0 / 32.0;
 
 /// The result of the local pass.
 pub struct LocalPass {
     /// By element; 0 for clusters and elements with children.
     pub results: Vec<LocalResult>,
-    /// Rays for the light of the elements; none if it is not asked for or there is no time for them.
+    /// Rays for the light of the elements; `None` if this light is not requested or the time is too short for them.
     pub element_rays: Option<f64>,
     /// Rays of both passes together, as part of those that are useful.
     pub traced_part: f64,
     /// Part of the emitted power that meets elements, by rays from the emitters.
     pub sampled: SampledShare,
-    /// The same by these rays and those of the elements together, by channel.
+    /// The same by these rays and the rays of the elements together, by channel.
     pub received: Rgb,
-    /// What comes from beyond the scene.
+    /// The power that arrives from beyond the scene.
     pub arrived: Arrived,
     /// How the light converged.
     pub convergence: Convergence,
     /// Leaves with fewer rays than planned.
     pub hurried: usize,
-    /// Leaves that there was no time to trace: their light is estimated ([`estimate_untraced`]).
+    /// Leaves that were not traced for lack of time: their light is estimated ([`estimate_untraced`]).
     pub untraced: usize,
     /// Cost of the rays.
     pub tally: Tally,
 }
 
 impl FinalGather<'_> {
-    /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. The deviations that it finds tell how many of `most`
-    /// rays the light of the elements needs: on leaves and rocks more than is known before, as elements share little. Without a number, or after the
-    /// deadline, elements trace only a few: enough for the light of the whole scene, not for that of each element. Of many elements, some
-    /// are then not traced.
+    /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. The deviations of the rays determine how many of
+    /// `most` rays the light of the elements needs: on foliage and rocks more than estimated before, because elements share little light. If `rays` is
+    /// `None`, or after the deadline, elements trace only a few rays: enough for the light of the whole scene, not for that of each element. Of many
+    /// elements, some are then not traced.
     pub fn local_pass(&self, rays: Option<f64>, [useful, most]: [f64; 2], deadline: &Deadline) -> LocalPass {
         let all = self.linked.leaves();
         let states = &self.linked.elements.states;
@@ -82,8 +82,8 @@ impl FinalGather<'_> {
             _ => (1.0, sampled.share),
         };
         let direct = [0, 1].map(|half| direct_light(&rows, half, factor));
-        // Of an iteration that the deadline ends at once the start remains. Otherwise it is the direct light: links bring a little light
-        // to rooms without any.
+        // If the deadline ends the iteration at once, its start is the result: then the light along links. Otherwise the start is the
+        // direct light, because links bring a little light to rooms without any.
         let along_links = |row: &RayRow| states[row.leaf as usize].irradiance;
         let start = deadline.late().then(|| rows.rows.iter().map(along_links).collect());
         let mut transport = RayTransport::new(self.exchange(&rows), self.path_exchange(&rows), direct);
@@ -91,7 +91,7 @@ impl FinalGather<'_> {
         let light = transport.both(first);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
         for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {
-            // Light is not negative. Values below zero are rounding in the dark and noise: rows with a sum that is too large send light back.
+            // Light is not negative. Negative values are rounding in the dark, or noise: rows with too large a sum send negative light to themselves.
             results[row.leaf as usize].irradiance = from_fn(|k| (0.5 * (a[k] + b[k])).max(0.0));
         }
         let leaves: Vec<u32> = rows.rows.iter().map(|row| row.leaf).collect();
@@ -141,8 +141,8 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Gives leaves that take no part in the exchange the light that their rays have found, that of emitters times a factor, now that the light of others is
-    /// known.
+    /// Sets the light of leaves outside the exchange to the light that their rays have found, that of emitters times a factor. The light of all other leaves
+    /// must be known.
     fn light_apart(&self, apart: &mut RayRows, factor: f64, results: &mut [LocalResult]) {
         apart.add_light_of_ends(|leaf| Some(self.reflected_by(leaf, results)));
         let Elements { elements, sides, .. } = &self.linked.elements;
@@ -164,7 +164,7 @@ impl FinalGather<'_> {
         }
     }
 
-    /// What comes from beyond the scene. Leaves without rows have as much of it relative to their light as the others.
+    /// The power that arrives from beyond the scene. Leaves without rows receive as much of it relative to their light as the others.
     fn arrived(&self, rows: &[&RayRows], all: &[u32], results: &[LocalResult]) -> Arrived {
         let elements = &self.linked.elements.elements;
         let rows = || rows.iter().flat_map(|rows| &rows.rows);
@@ -177,7 +177,7 @@ impl FinalGather<'_> {
         Arrived::of(rows().map(beyond)).times(part)
     }
 
-    /// Marks leaves where rays to suns, their own and those of leaves with the same parent, find part of the light.
+    /// Marks leaves in partial shadow: rays to suns, from the leaf and from leaves with the same parent, find a part of the light.
     fn mark_shadows(&self, rows: &[&RayRows], results: &mut [LocalResult]) {
         let Elements { elements, sides, .. } = &self.linked.elements;
         if self.suns().is_empty() {
@@ -211,10 +211,10 @@ impl FinalGather<'_> {
         emitted_share(elements, &engine.exact(), surroundings.length, settings.seed)
     }
 
-    /// The factor that brings the direct light that elements receive, W/m² times scene units squared, to what the emitters send them, and
-    /// that part of the emitted power by channel. Both sums have errors: the elements' own is expected to be [`DIRECT_ERROR`], and the
-    /// factor is nearer to 1 where the share that rays have sampled is less certain, as of a lamp whose light mostly leaves the scene.
-    /// Engines that average clusters keep what they have found, so that the ledger shows how far that is from what rays say.
+    /// Returns the factor that scales the direct light that elements receive, W/m² times scene units squared, to the light that the
+    /// emitters send them, and this part of the emitted power by channel. Both sums have errors: that of the elements is expected to be
+    /// [`DIRECT_ERROR`], and the factor is nearer to 1 where the share sampled by rays is less certain, as of a lamp whose light mostly
+    /// leaves the scene. Engines that average clusters keep their own sum, so that the ledger shows its difference from the rays.
     pub(super) fn balance_of_direct_light(&self, received: f64, sampled: &SampledShare) -> (f64, Rgb) {
         let Elements { elements, sides, .. } = &self.linked.elements;
         let power: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
@@ -222,7 +222,7 @@ impl FinalGather<'_> {
             return (1.0, sampled.share);
         }
         let found = received / power;
-        // No ray was drawn from beams that are narrower than the grid of their directions.
+        // Beams narrower than the grid of their directions have no sampled ray.
         if sampled.mean <= 0.0 {
             return (1.0, [found; 3]);
         }
@@ -234,7 +234,7 @@ impl FinalGather<'_> {
         (share / found, sampled.share.map(|of| of * share / sampled.mean))
     }
 
-    /// What a leaf reflects by these results, W/m².
+    /// Reflected radiosity of a leaf by these results, W/m².
     fn reflected_by(&self, leaf: u32, results: &[LocalResult]) -> Vec3 {
         let (reflectance, irradiance) = (self.reflectance(leaf), results[leaf as usize].irradiance);
         Vec3::from_array(from_fn(|k| reflectance[k] * irradiance[k] as f32))
@@ -287,8 +287,8 @@ impl FinalGather<'_> {
         })
     }
 
-    /// By side, the part of the light of its rows that meets no other row, with half a ray more of either kind (Jeffreys): none of a few rays does not
-    /// mean probability 0.
+    /// By side, the part of the light of its rows that meets no other row, with half a ray added to either count (Jeffreys prior): a count of 0
+    /// among few rays does not mean the probability 0.
     fn escapes_of_sides(&self, rows: &RayRows) -> Vec<f64> {
         let mut sides = vec![(0.5, 1.0); self.linked.elements.sides.len()];
         let mut first = 0;
@@ -302,7 +302,7 @@ impl FinalGather<'_> {
     }
 }
 
-/// Direct irradiance of the rows by a half of their rays, with that from the emitters of the scene times a factor; W/m².
+/// Direct irradiance of the rows by a half of their rays, W/m²; the part by the emitters of the scene is multiplied by `factor`.
 fn direct_light(rows: &RayRows, half: usize, factor: f64) -> Field {
     let of_row = |row: &RayRow| {
         let mut direct = of_half(row, row.halves[half].direct);
@@ -312,7 +312,7 @@ fn direct_light(rows: &RayRows, half: usize, factor: f64) -> Field {
     rows.rows.par_iter().map(of_row).collect()
 }
 
-/// The mean over half of the rays of a row of what they add up to.
+/// The mean over half of the rays of a row, from their sum.
 fn of_half(row: &RayRow, sum: Vec3) -> Rgb {
     sum.to_array().map(|of| 2.0 * f64::from(of) / f64::from(row.rays))
 }
@@ -330,8 +330,8 @@ fn assign_row_sums(rows: &RayRows, [first, second]: &[Vec<f64>; 2], results: &mu
     sums
 }
 
-/// Lets the ledger, which multiplies row sums by the mean light of both halves, count what rows send: the light of each half times what the rays of the
-/// other half say of where it goes.
+/// Sets row sums such that the ledger, which multiplies them by the mean light of both halves, obtains the power that rows send: the light of each half
+/// times the row sums of the other half.
 fn count_sent(rows: &RayRows, sums: &[Vec<f64>; 2], light: &[Field; 2], results: &mut [LocalResult]) {
     let [first, second] = light;
     for (i, row) in rows.rows.iter().enumerate() {

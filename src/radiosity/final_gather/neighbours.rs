@@ -6,6 +6,7 @@ use crate::visibility::Exact;
 use glam::Vec3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
+use smallvec::SmallVec;
 
 /// Smallest cosine between the normals of neighbours, that of 45 degrees: a fit accounts for their normals. The error of the elements of a valley is
 /// 4.1 % with 0.95 and 3.6 % with 0.7, that of a living room 7.1 to 7.8 % with either (`scenes/room.py`).
@@ -13,13 +14,13 @@ const MIN_COSINE: f32 = 0.7;
 /// Largest height of a neighbour over the plane of an element: on an arc it is the distance times the sine of half the angle between
 /// the normals; facets of an arc can have twice that.
 const MAX_BEND: f32 = 2.0;
-/// Height, in radii of the element, that is allowed besides: planes with a step that is small against the elements. Sheets further apart
-/// than that do not share: one may be lit and the other not.
+/// Additional height that is allowed, in radii of the element: planes with a step that is small against the elements. Sheets farther
+/// apart than that share no light, because one may be lit and the other not.
 const MAX_STEP: f32 = 0.05;
 /// Largest distance of a neighbour in radii of the element. In a regular grid 48 neighbours lie within five radii.
 const MAX_RADII: f32 = 6.0;
 
-/// An element as neighbours are searched for.
+/// An element as an entry of the neighbour search.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
     /// Centre.
@@ -43,8 +44,8 @@ impl Place {
         cosine >= MIN_COSINE && height <= MAX_BEND * half_angle * offset.length() + MAX_STEP * self.radius
     }
 
-    /// A segment to another element, below what is above either, that clears the surface between both if that bends evenly or at one edge: an edge between two planes stands at most
-    /// d/2 tan(θ/2) above the line between points at the distance d with the angle θ between their normals.
+    /// A segment to another element that clears the surface between both if that bends evenly or at one edge, and stays below surfaces above either: an edge
+    /// between two planes is at most d/2 tan(θ/2) above the line between points at the distance d with the angle θ between their normals.
     fn segment_to(&self, other: &Place) -> [Vec3; 2] {
         let cosine = self.normal.dot(other.normal);
         let bend = 0.5 * ((1.0 - cosine) / (1.0 + cosine)).max(0.0).sqrt();
@@ -63,7 +64,7 @@ impl Place {
 /// Edges along which other surfaces stand, by the number of their element; none for most elements.
 pub type Walls = FxHashMap<u32, Vec<[Vec3; 2]>>;
 
-/// What tells whether light arrives at two neighbours from the same room.
+/// Data that decide whether two neighbours receive light from the same room.
 #[derive(Default)]
 pub struct Sight {
     /// Edges along which other surfaces stand on one side of a surface.
@@ -73,26 +74,26 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// Leaves in `kept` the neighbours of an element, `found` with their squared distances, that it sees: none behind a wall at any of them, and none on
-    /// another side that another surface hides. The inside of a board is close to its outside.
+    /// Writes those neighbours of an element to `kept` that are visible from it, of `found` with their squared distances: none behind a wall at any of
+    /// them, and none on another side that another surface hides. The inside of a board is close to its outside.
     pub fn visible(&self, places: &[Place], of: u32, found: &[(f32, u32)], kept: &mut Vec<(f32, u32)>) {
-        let walls = &self.walls;
-        let edges: Vec<[Vec3; 2]> =
-            found.iter().filter_map(|(_, i)| walls.get(i)).flatten().copied().collect();
         let own = &places[of as usize];
+        let edges: SmallVec<[[Vec3; 2]; 8]> =
+            found.iter().filter_map(|(_, i)| self.walls.get(i)).flatten().copied().collect();
         let is_parted = |i: u32| edges.iter().any(|edge| own.is_parted_by(*edge, &places[i as usize]));
         kept.clear();
         kept.extend(found.iter().filter(|(_, i)| *i == of || !is_parted(*i)));
         let Some(blockers) = &self.blockers else { return };
         let (mut packet, mut lanes, mut used) = (Packet::EMPTY, [0usize; LANES], 0);
-        let others: Vec<usize> =
-            (0..kept.len()).filter(|&k| places[kept[k].1 as usize].side != own.side).collect();
-        for (n, &k) in others.iter().enumerate() {
-            let [from, to] = own.segment_to(&places[kept[k].1 as usize]);
-            packet.set_between(used, from, to, [0.0, 1.0]);
-            lanes[used] = k;
-            used += 1;
-            if used == LANES || n + 1 == others.len() {
+        for k in 0..kept.len() {
+            let other = &places[kept[k].1 as usize];
+            if other.side != own.side {
+                let [from, to] = own.segment_to(other);
+                packet.set_between(used, from, to, [0.0, 1.0]);
+                lanes[used] = k;
+                used += 1;
+            }
+            if used == LANES || k + 1 == kept.len() && used > 0 {
                 let mut blocked = [0];
                 blockers.occluded(std::slice::from_ref(&packet), &mut blocked);
                 let hidden = lanes[..used].iter().enumerate().filter(|(lane, _)| blocked[0] >> lane & 1 != 0);
@@ -111,7 +112,7 @@ pub struct Search {
     stack: Vec<(f32, u32)>,
 }
 
-/// Places of a node that has no children, at most: few against the 49 neighbours of a search.
+/// Largest number of places in a node without children: few compared with the 49 neighbours of a search.
 const LEAF_PLACES: usize = 8;
 
 /// A node of a tree over places, which halves them along the longest extent of their centres. Its first child is the next node.
@@ -124,7 +125,7 @@ struct Node {
     range: [u32; 2],
 }
 
-/// The nodes over `members`, the first of which is number `first` of all, and orders them by leaf.
+/// Builds the nodes over `members`, the first of which is number `first` of all, and orders the members by leaf.
 fn nodes_over(places: &[Place], members: &mut [u32], first: u32) -> Vec<Node> {
     let centre = |i: u32| places[i as usize].centre;
     let bounds = Aabb::of(members.iter().map(|&i| centre(i)));
@@ -148,7 +149,15 @@ fn nodes_over(places: &[Place], members: &mut [u32], first: u32) -> Vec<Node> {
 /// Elements by the axis that is nearest to their normals, each group with a tree over their centres.
 pub struct Neighbourhood<'a> {
     places: &'a [Place],
-    groups: Vec<(Vec<u32>, Vec<Node>)>,
+    groups: Vec<Group>,
+}
+
+#[derive(Default)]
+struct Group {
+    /// Its places by number, in the order of the leaves of the tree, and copies of them in that order.
+    members: Vec<u32>,
+    arranged: Vec<Place>,
+    nodes: Vec<Node>,
 }
 
 impl<'a> Neighbourhood<'a> {
@@ -156,12 +165,13 @@ impl<'a> Neighbourhood<'a> {
     pub fn new(places: &'a [Place], late: impl Fn() -> bool + Sync) -> Option<Neighbourhood<'a>> {
         let group = |k: usize| {
             if late() {
-                return (Vec::new(), Vec::new());
+                return Group::default();
             }
             let mut members: Vec<u32> =
                 (0..places.len() as u32).filter(|&i| axis(places[i as usize].normal) == k).collect();
             let nodes = nodes_over(places, &mut members, 0);
-            (members, nodes)
+            let arranged = members.iter().map(|&i| places[i as usize]).collect();
+            Group { members, arranged, nodes }
         };
         let groups = (0..6).into_par_iter().map(group).collect();
         (!late()).then_some(Neighbourhood { places, groups })
@@ -173,7 +183,7 @@ impl<'a> Neighbourhood<'a> {
         let own = self.places[of as usize];
         found.clear();
         stack.clear();
-        let (members, nodes) = &self.groups[axis(own.normal)];
+        let Group { members, arranged, nodes } = &self.groups[axis(own.normal)];
         let limit = (MAX_RADII * own.radius).powi(2);
         if !nodes.is_empty() {
             stack.push((0.0, 0));
@@ -185,14 +195,15 @@ impl<'a> Neighbourhood<'a> {
             }
             let node = &nodes[at as usize];
             if node.second == 0 {
-                for &i in &members[node.range[0] as usize..node.range[1] as usize] {
-                    let place = &self.places[i as usize];
+                let range = node.range[0] as usize..node.range[1] as usize;
+                for (place, &i) in arranged[range.clone()].iter().zip(&members[range]) {
                     let offset = place.centre - own.centre;
                     let d2 = offset.length_squared();
-                    let fits = own.continues_at(place, offset);
                     let entry = (d2, if i == of { 0 } else { i + 1 });
                     let later = |other: &(f32, u32)| (other.0, other.1) > entry;
-                    if !fits || d2 > farthest(found) || found.len() == count && !later(&found[count - 1]) {
+                    let is_nearer =
+                        d2 <= farthest(found) && (found.len() < count || later(&found[count - 1]));
+                    if !is_nearer || !own.continues_at(place, offset) {
                         continue;
                     }
                     let place = found.partition_point(|other| !later(other));

@@ -1,5 +1,5 @@
-//! Openings through which the sky lights closed rooms. Rays from all surfaces find them, so that each point looks for those that its own rays miss: a
-//! skylight of half a metre in a hall of 30 m is smaller than a cell of the grid of most points.
+//! Openings through which the sky lights closed rooms. Rays from all surfaces find the openings, and each point then traces rays to those that its
+//! own rays may miss: a skylight of half a metre in a hall of 30 m is smaller than a cell of the grid of most points.
 
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather};
@@ -13,23 +13,23 @@ use std::sync::Arc;
 
 /// Rays from the surfaces of rooms. An opening that is a thousandth of the surface of all rooms is found by about a hundred of them.
 const RAYS: usize = 1 << 17;
-/// Part of the rays of a side that leave the scene above which it does not count as one of a room: its points see the sky by rays of their own.
+/// A side does not count as one of a room if more than this part of its rays leaves the scene: rays of its own points reach the sky.
 const MAX_OPEN: f32 = 0.125;
-/// Largest number of rays to the sky that are followed to the opening, each by [`HALVINGS`] times [`DIRECTIONS`] rays: together twice [`RAYS`].
+/// Largest number of rays to the sky on which the opening is located, each by [`HALVINGS`] times [`DIRECTIONS`] rays: together twice [`RAYS`].
 const MAX_FOLLOWED: usize = 512;
-/// Largest number of places in openings of all rooms together, to each of which points with little sky trace a ray: half as many as their grid has by default.
+/// Largest number of places in openings of all rooms, to each of which points with little sky trace a ray: half the rays of their default grid.
 const MAX_PLACES: usize = 256;
-/// Part of all directions in which rays leave the scene, also downwards, at a place in an opening: half of them in that of a thin roof, a quarter in the plane of
-/// a window above the ground, fewer in a shaft. It has to be more than in the room and less than outside.
+/// Part of all directions, also downwards, in which rays leave the scene at a place in an opening: half in the opening of a thin roof, a quarter in the plane
+/// of a window above the ground, less in a shaft. The limit must be above the value in the room and below the value outside.
 const OPEN: f32 = 0.25;
-/// Directions by which that part is estimated.
+/// Number of directions that estimate this part.
 const DIRECTIONS: usize = 2 * LANES;
-/// Halvings of a ray on which an opening is searched for, as if the open part of all directions grew along it: to a sixteenth of a metre in a scene of 4 km.
+/// Bisections of a ray to locate an opening, as if the open part of all directions grew along the ray: to a sixteenth of a metre in a scene of 4 km.
 const HALVINGS: usize = 16;
 
 impl FinalGather<'_> {
-    /// Places in the openings of rooms, found at the first call. No lock is held meanwhile: where a caller asks from several tasks, a thread that waits in one
-    /// of them may be given another.
+    /// Places in the openings of rooms, computed at the first call. No lock is held during the computation: if a caller needs them in several tasks, a thread
+    /// that waits in one of the tasks may be given another.
     pub(super) fn openings(&self) -> Arc<Vec<Vec3>> {
         let known = &self.linked.openings;
         known.get().cloned().unwrap_or_else(|| {
@@ -91,7 +91,7 @@ impl FinalGather<'_> {
         gone.map(ray).collect()
     }
 
-    /// The place on a ray to the sky where it comes out of a room; none if it starts in the open.
+    /// The place where a ray to the sky leaves a room; `None` if the ray starts in the open.
     fn opening_on(&self, [from, direction]: [Vec3; 2]) -> Option<Vec3> {
         if self.sky_part(from) >= OPEN {
             return None;
@@ -125,8 +125,8 @@ impl FinalGather<'_> {
         free as f32 / DIRECTIONS as f32
     }
 
-    /// Directions in which a point sees the sky through openings, as places of the square of which [`cosine_direction`] makes the hemisphere about +z,
-    /// along the axes of a frame.
+    /// Directions in which the sky is visible from a point through openings, along the axes of a frame, as places of the unit square that
+    /// [`cosine_direction`] maps to the hemisphere about +z.
     pub(super) fn seen_openings(
         &self,
         openings: &[Vec3],

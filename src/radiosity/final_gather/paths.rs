@@ -23,13 +23,13 @@ const FIRST_ROULETTE_BOUNCE: u64 = 3;
 pub(super) enum EndOfPaths {
     /// Nowhere: no light of the solution is used, and rays are exact.
     Nowhere,
-    /// At elements whose light may stand for that of the point met.
+    /// At elements whose light may stand for the light at the point of the hit.
     Read,
-    /// There as well, but their light is not known yet: they are listed in [`Buffers::path_ends`].
+    /// At the same elements, but their light is not known yet: the ends are listed in [`Buffers::path_ends`].
     Listed,
 }
 
-/// What the paths find that go on from an element outside the exchange, on the mean.
+/// Mean result of the paths that continue from an element outside the exchange.
 #[derive(Default)]
 pub(super) struct Onwards {
     /// Irradiance at their start, without the light of their ends, W/m².
@@ -38,10 +38,9 @@ pub(super) struct Onwards {
     pub ends: SmallVec<[(u32, Vec3); PATHS_ONWARDS]>,
 }
 
-/// Paths from where a ray of the exchange meets an element outside of it. Two, as elements most of whose few rays meet such elements would depend on very
-/// few others.
-/// With four the exchange of an office takes 1.6 times as long as with one. The rays of both halves cannot serve each: the ledger of a hall of 25 rooms then
-/// lacks .6 % of the light.
+/// Number of paths that continue where a ray of the exchange hits an element outside of the exchange. Two, because an element most of whose few rays hit
+/// such elements would depend on very few others. With four the exchange of an office takes 1.6 times as long as with one. The rays of both halves cannot be
+/// used for either half: the ledger of a hall of 25 rooms then lacks .6 % of the light.
 const PATHS_ONWARDS: usize = 2;
 
 /// A shadow ray to a point on an emitter.
@@ -63,8 +62,8 @@ impl FinalGather<'_> {
             && !self.linked.elements.states[met.leaf as usize].is_apart()
     }
 
-    /// One cosine-weighted ray and one shadow ray from each of `buffers.vertices`, to `buffers.results`. `random` gives four numbers
-    /// in `[0, 1)` for each: the direction, and the point on an emitter.
+    /// Traces one cosine-weighted ray and one shadow ray from each of `buffers.vertices`, and writes `buffers.results`. `random`
+    /// returns four numbers in `[0, 1)` for each vertex: for the direction, and for the point on an emitter.
     fn trace(&self, engine: &VisibilityEngine, random: impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
         let cuts = self.cuts_of_vertices(buffers);
         self.trace_scene_rays(&random, buffers);
@@ -109,8 +108,8 @@ impl FinalGather<'_> {
         cuts
     }
 
-    /// Writes what the scene rays have met to `buffers.results`, with the light of emitters that they met where `cut` gives the
-    /// emitters to which the vertex, with its number, also sends shadow rays.
+    /// Writes the hits of the scene rays to `buffers.results`. The light of an emitter that a ray hit is included if `cut`
+    /// returns the emitters to which the vertex, with its number, also sends shadow rays.
     pub(super) fn read_hits<'c>(
         &self,
         cut: impl Fn(usize, &PathVertex) -> Option<&'c Cut>,
@@ -144,8 +143,8 @@ impl FinalGather<'_> {
         scratch.tally.add_rays(vertices.len());
     }
 
-    /// What a ray from a vertex has found. Light of an emitter that the ray met has the weight q / (1 + q) of the balance
-    /// heuristic, q the ratio of the densities of both strategies.
+    /// The result of a ray from a vertex. The light of an emitter that the ray hit has the weight q / (1 + q) of the
+    /// balance heuristic, where q is the ratio of the densities of both strategies.
     fn result(
         &self,
         vertex: &PathVertex,
@@ -207,7 +206,7 @@ impl FinalGather<'_> {
     }
 
     /// Adds the light that reaches the path starts through all of `buffers.vertices` to the sums of their paths: direct light at each vertex, and the light
-    /// of the element that its ray meets, or a longer path where that element is too near.
+    /// of the element that its ray hits, or the light of a longer path where that element is too near.
     pub(super) fn follow(&self, seed: u64, ends: EndOfPaths, sums: &mut [Rgb], buffers: &mut Buffers) {
         let exact;
         let engine = if ends == EndOfPaths::Nowhere {
@@ -276,7 +275,7 @@ impl FinalGather<'_> {
         }
     }
 
-    /// For each of `buffers.results` that met an element outside the exchange, what paths from there find.
+    /// For each of `buffers.results` that hit an element outside the exchange, the result of the paths that continue there.
     pub(super) fn paths_onwards(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<Onwards>> {
         let states = &self.linked.elements.states;
         let results = std::mem::take(&mut buffers.results);

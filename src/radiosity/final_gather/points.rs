@@ -17,13 +17,13 @@ use std::sync::Arc;
 
 /// Points whose rays are timed for an estimate: a quarter of the points of one task. Used with a time limit only.
 const TIMED_POINTS: usize = CHUNK / 4;
-/// Rays of each kind that remain however short the time: the lower bounds of [`Options::light_rays`] and
-/// [`Options::gather_rays`].
+/// Smallest number of rays of each kind, however short the time: the lower bounds of [`Options::light_rays`]
+/// and [`Options::gather_rays`].
 const MIN_POINT_RAYS: usize = 64;
 /// Distance from surfaces, as part of the scene's diagonal, above which a point is reported as off all surfaces.
 const FAR_OFF: f32 = 1e-3;
 
-/// Options with this part of the rays of a point, but some of each kind.
+/// Options with this part of the rays of a point, but at least a minimum of each kind.
 pub fn with_fewer_rays(options: &Options, part: f64) -> Options {
     let fewer = |rays: usize| Some(((rays as f64 * part) as usize).clamp(MIN_POINT_RAYS.min(rays), rays));
     Options {
@@ -33,7 +33,7 @@ pub fn with_fewer_rays(options: &Options, part: f64) -> Options {
     }
 }
 
-/// How direct light is found at many points.
+/// Engines and data for direct light at many points.
 pub struct DirectLight {
     /// By emitter.
     engines: Vec<VisibilityEngine>,
@@ -43,8 +43,8 @@ pub struct DirectLight {
 }
 
 impl FinalGather<'_> {
-    /// Irradiance (W/m²) at points (scene units relative to the scene's origin, unit normals), in their order, and how visibility
-    /// was answered. `done` learns of how many points more it is known.
+    /// Irradiance (W/m²) at points (scene units relative to the scene's origin, unit normals), in their order, and the tally of
+    /// the visibility queries. `done` is called with the number of further points finished.
     pub fn irradiance(&self, points: &[(Vec3, Vec3)], done: &(dyn Fn(usize) + Sync)) -> (Vec<Rgb>, Tally) {
         let direct = self.direct_light_for(points);
         let (values, mut tally) = self.irradiance_of(points, 0..points.len(), &direct, done);
@@ -52,7 +52,7 @@ impl FinalGather<'_> {
         (values, tally)
     }
 
-    /// How direct light is found at all of these points.
+    /// Prepares direct light for all of these points.
     pub fn direct_light_for(&self, points: &[(Vec3, Vec3)]) -> DirectLight {
         let cut = self.cut_for(points.len());
         let engines = self.engines(points, cut.clone());
@@ -61,7 +61,7 @@ impl FinalGather<'_> {
         DirectLight { engines, smooth, openings: if is_needed { self.openings() } else { Arc::default() } }
     }
 
-    /// [`FinalGather::irradiance`] of a part of the points, without the cost of what was made for all of them.
+    /// [`FinalGather::irradiance`] of a part of the points. The tally excludes the preparation for all points.
     pub fn irradiance_of(
         &self,
         points: &[(Vec3, Vec3)],
@@ -90,7 +90,7 @@ impl FinalGather<'_> {
         (values, tally)
     }
 
-    /// Irradiance at a few of the points.
+    /// Irradiance at the points of one task.
     fn light_of_chunk(
         &self,
         points: &[(Vec3, Vec3)],
@@ -144,7 +144,7 @@ impl FinalGather<'_> {
         (part < 1.0).then(|| with_fewer_rays(options, part))
     }
 
-    /// The part of the rays at these points that there is time for, from a timed sample of the points.
+    /// The part of the rays at these points that the time allows, from a timed sample of the points.
     pub fn possible_part(&self, points: &[(Vec3, Vec3)], deadline: &Deadline) -> f64 {
         if deadline.late() {
             0.0

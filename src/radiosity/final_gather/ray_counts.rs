@@ -1,4 +1,4 @@
-//! How many rays elements trace: those that are useful for the error asked for, those that there is time for, and the share of each element.
+//! Numbers of rays of elements: those that the error asked for needs, those that the time allows, and the share of each element.
 
 use super::element_rays::LeafRays;
 use super::gatherer::FinalGather;
@@ -13,19 +13,19 @@ use crate::radiosity::rgb::mean;
 /// Smallest number of rays of an element, so that no element stays without exchange, and the deviation of its rays is known. 2 or 8 instead
 /// change irradiance by less than 0.05 % (`constants.py solve`).
 const MIN_ROW_RAYS: f64 = 4.0;
-/// Smallest number of rays of an element where little light is reflected and only points are asked for. With one, row sums cannot be balanced: a
-/// garden creates 2.5 % of the emitted power, with two 0.14 %.
+/// Smallest number of rays of an element where little light is reflected and only points are asked for. With one ray, row sums cannot be
+/// balanced: a garden creates 2.5 % of the emitted power, with two rays 0.14 %.
 const FEWEST_ROW_RAYS: f64 = 2.0;
 /// Largest number of rays of an element: 1/√4,096 = 1.6 % of the spread of one ray remain as noise.
 const MAX_ROW_RAYS: f64 = 4096.0;
-/// Part of the rays of the exchange, beyond the smallest number of each element, that elements share by the light that they reflect; the others are shared
-/// by area alone, as light along links may miss some. The inside of a lamp shade reflects a hundred times as much light as the walls around it.
+/// Of the rays of the exchange beyond the smallest number of each element, the part that is distributed by reflected light; the others are distributed by
+/// area alone, because light along links may be incomplete. The inside of a lamp shade reflects a hundred times as much light as the walls around it.
 const SHARE_BY_LIGHT: f64 = 0.5;
-/// Rays that all elements share after the deadline. Too few rays can isolate two elements that only see each other, and their
-/// light would never decay.
+/// Number of rays of all elements together after the deadline. With too few rays, two elements may exchange light only with
+/// each other, and their light would never decay.
 pub const LATE_RAYS: f64 = 1e5;
 /// Largest number of leaves that are traced after the deadline: with [`MIN_ROW_RAYS`] and [`LATE_RAYS`] half a million rays, some 0.4 s on
-/// two cores. Of more leaves only those of more than their share of the area, and others evenly spread, are traced.
+/// two cores. If there are more leaves, those above their share of the area and an even selection of the others are traced.
 const MAX_LATE_LEAVES: usize = 100_000;
 /// Part of the light that is reflected in scenes for which [`RAYS_TIMES_ERROR_SQUARED`] holds: half.
 const USUAL_REFLECTED: f64 = 0.5;
@@ -34,8 +34,8 @@ const NEIGHBOURS: f64 = 16.0;
 /// Rays of an element times the square of the error: one ray deviates by about half of the mean, neighbours share their rays, and direct and
 /// reflected light each have that variance.
 const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / NEIGHBOURS;
-/// Part of the error of elements that may be noise of their rays, where these are known to deviate little: a fifth of the square, as most of the rest
-/// is light that differs over an element.
+/// Part of the error of elements that may be noise of their rays, where these deviate little: a fifth of the squared error. Most of the rest is the
+/// variation of light over an element.
 pub(super) const NEEDED_SHARE: f64 = 0.45;
 /// Approximate number of leaves whose rays are timed for an estimate: limits it to 32,000 rays, 1 % of the rays at the
 /// default error. Used with a time limit only.
@@ -47,16 +47,16 @@ const TIMED_RAYS: u32 = 16;
 const SHARED_AFTER_SPLIT: f64 = 0.8;
 
 impl FinalGather<'_> {
-    /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean. Of elements that are
-    /// not asked for only the light that they reflect remains, at points.
+    /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean irradiance. If the
+    /// elements are not asked for, only the light that they reflect to points counts.
     pub fn useful_rays(&self, rays: f64) -> f64 {
         let part = if self.elements { 1.0 } else { self.reflected_part() };
         rays.min(self.rays_for(part).max(self.rays_for_openings(part)))
     }
 
-    /// The number of rays with which the surfaces that points see have the light of the sky through openings with half of the error asked for, if `part` of it
-    /// counts: a part p of their rays leaves the scene, which tells that light with a relative variance of (1 - p) / p for each ray, and half of all rays are
-    /// theirs.
+    /// The number of rays with which the light of the sky through openings, on the surfaces that points see, has half of the error asked for, if `part` of
+    /// the error counts. A part p of the rays of these surfaces leaves the scene, so that each ray has the relative variance (1 - p) / p. Half of all rays
+    /// start on these surfaces.
     fn rays_for_openings(&self, part: f64) -> f64 {
         let Some(view) = self.linked.points_view.filter(|view| view.open > 0.0) else { return 0.0 };
         let part = part * self.linked.part_from_beyond(view.open);
@@ -69,7 +69,7 @@ impl FinalGather<'_> {
         (each * self.linked.leaves().len() as f64).max(LATE_RAYS)
     }
 
-    /// The part to which errors of reflected light count at points: where that is a part r of their light, r / [`USUAL_REFLECTED`].
+    /// Weight of errors of reflected light at points: where reflected light is a part r of their light, r / [`USUAL_REFLECTED`].
     fn reflected_part(&self) -> f64 {
         let at_points = self.linked.points_view.map(|view| view.reflected);
         let reflected = at_points.unwrap_or_else(|| self.reflected_everywhere());
@@ -83,8 +83,8 @@ impl FinalGather<'_> {
     }
 
     /// The number of rays of elements that brings their noise to [`NEEDED_SHARE`] of the error asked for, by the deviations that the exchange has
-    /// found: shared as [`FinalGather::sample_elements`] does, in proportion to √area times the deviation σ of one ray, N rays leave the error
-    /// Σ √A σ / √(N · Σ A) of all elements together.
+    /// found. If N rays are distributed as in [`FinalGather::sample_elements`], in proportion to √area times the deviation σ of one ray, the
+    /// error of all elements together is Σ √A σ / √(N · Σ A).
     pub(super) fn needed_rays(&self, leaves: &[u32], results: &[LocalResult]) -> f64 {
         let elements = &self.linked.elements.elements;
         let (mut deviations, mut area, mut light) = (0.0, 0.0, 0.0);
@@ -99,8 +99,8 @@ impl FinalGather<'_> {
         if rays.is_finite() { rays.max(LATE_RAYS) } else { f64::INFINITY }
     }
 
-    /// The number of rays, at most `rays`, that there is time for; none if there is not even time for the smallest number of rays of each
-    /// element. From a timed sample of the leaves.
+    /// The number of rays, at most `rays`, that the time allows, from a timed sample of the leaves. `None` if the time does not suffice
+    /// for the smallest number of rays of each element.
     pub fn affordable_rays(&self, rays: f64, deadline: &Deadline) -> Option<f64> {
         if deadline.late() {
             return None;
@@ -118,8 +118,8 @@ impl FinalGather<'_> {
         (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
     }
 
-    /// The rays of all leaves, those in the exchange and those outside of it: each leaf's share by its area and importance. After the deadline only
-    /// the smallest number of rays, and of many leaves only some.
+    /// Traces the rays of all leaves, those in the exchange and those outside of it; the share of each leaf depends on its area and importance.
+    /// After the deadline, each leaf traces only the smallest number of rays, and of many leaves only some are traced.
     pub(super) fn trace_rows(&self, leaves: &[u32], rays: Option<f64>, deadline: &Deadline) -> [RayRows; 2] {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let area = |e: u32| elements.elements[e as usize].area;
@@ -140,7 +140,7 @@ impl FinalGather<'_> {
         let reflected = self.reflected_everywhere();
         let count = |leaf: u32, rays: f64| {
             let stays = stay(leaf);
-            // Deviations count only where elements gather light by them.
+            // The deviation of rays is needed only where elements gather light.
             let least = match (self.elements, self.has_environment()) {
                 (true, _) => MIN_ROW_RAYS,
                 (_, true) => {
@@ -163,7 +163,7 @@ impl FinalGather<'_> {
         let few = leaves.len() <= MAX_LATE_LEAVES;
         let traced_late = |leaf: u32| few || area(leaf) >= large || mix(u64::from(leaf)).is_multiple_of(step);
         let fewer = |of: &LeafRays| LeafRays { count: of.count.min(count(of.leaf, LATE_RAYS)), ..*of };
-        // What follows the rays has the rest of the time.
+        // The steps after the rays have the rest of the time.
         let tracing = deadline.part(RAY_SHARE);
         let instead = |batch: &[LeafRays]| {
             let late = || batch.iter().filter(|of| traced_late(of.leaf)).map(fewer).collect();

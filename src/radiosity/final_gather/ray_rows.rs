@@ -1,4 +1,4 @@
-//! Rows of rays: what the rays of each leaf have met.
+//! Rows of rays: the elements that the rays of each leaf have hit.
 
 use super::element_rays::{LeafRays, ROW_HALVES, batches};
 use super::gatherer::{Buffers, FinalGather};
@@ -28,7 +28,7 @@ pub struct RayRow {
     pub squares: f32,
     /// Rays that left the scene.
     pub gone: u32,
-    /// Irradiance from emitters and suns at the starts of these rays, mean over the channels, sum over the rays, W/m².
+    /// Irradiance from emitters and suns at the starts of the rays that left the scene, mean over the channels, sum over the rays, W/m².
     pub gone_lit: f32,
     /// Rays that met leaves without rows: their light is known and counts as direct.
     pub outside: u32,
@@ -37,10 +37,10 @@ pub struct RayRow {
 /// Half of the rays of a leaf.
 #[derive(Clone, Copy, Default, Deserialize, Serialize)]
 pub struct RowHalf {
-    /// Sum over the rays of the irradiance from emitters, suns and sky, and of all that paths by way of leaves outside the exchange bring but for the
-    /// light of their ends, W/m².
+    /// Sum over the rays of the irradiance from emitters, suns and sky, and from paths through leaves outside the exchange without the light of the
+    /// ends of these paths, W/m².
     pub direct: Vec3,
-    /// Of that the light of the emitters of the scene.
+    /// The part of `direct` by the emitters of the scene, W/m².
     pub emitted: Vec3,
     /// Rays that met leaves outside the exchange: paths have gone on from there.
     pub continued: u32,
@@ -97,8 +97,8 @@ impl RayRow {
         self.halves[0].continued + self.halves[1].continued
     }
 
-    /// The part of the light reflected by the leaf that stays in the scene, where the leaf lies both inside and outside of a room: rays count
-    /// by the light at their starts.
+    /// The part of the light reflected by the leaf that stays in the scene, for a leaf that lies both inside and outside of a room: each ray
+    /// has the weight of the light at its start.
     pub fn kept_of_lit(&self) -> f32 {
         let lit = (self.emitted() + self.sun).element_sum() / 3.0;
         if lit > 0.0 {
@@ -114,9 +114,9 @@ impl RayRows {
         RayRows { rows: Vec::new(), met: Vec::new(), ends: Vec::new(), hurried: 0, tally: Tally::default() }
     }
 
-    /// Traces the planned rays of each leaf of some lists, into the rows of each. `instead` is asked for every batch of leaves when its turn comes: the rays that it
-    /// returns are traced instead of those that were planned. Leaves that it leaves out have no row. Batches come in an order in which
-    /// any first part of them is spread over all leaves. `done` is called with the number of further leaves finished.
+    /// Traces the planned rays of the leaves of each list and returns the rows of each list. `instead` is called before each batch of leaves: if it returns
+    /// rays, these replace the planned ones, and leaves that are not among them have no row. Any first part of the order of batches is spread over all
+    /// leaves. `done` is called with the number of further leaves finished.
     pub fn trace<const N: usize>(
         gather: &FinalGather,
         planned: [&[LeafRays]; N],
@@ -198,7 +198,7 @@ impl RayRows {
         }
     }
 
-    /// Adds what paths bring from their ends, with the reflected radiosity there, W/m², where it is known.
+    /// Adds the light that paths bring from their ends where `reflected` returns the reflected radiosity there, W/m².
     pub fn add_light_of_ends(&mut self, reflected: impl Fn(u32) -> Option<Vec3>) {
         let RayRows { rows, ends, .. } = self;
         for of_ray in ends.chunk_by_mut(|a, b| (a.row, a.ray) == (b.row, b.ray)) {
@@ -219,7 +219,7 @@ impl RayRows {
         for (i, row) in (0..).zip(&self.rows) {
             row_of[row.leaf as usize] = i;
         }
-        // What paths bring from leaves without rows is known.
+        // The light that paths bring from leaves without rows is known.
         let is_row = |leaf: u32| row_of[leaf as usize] != Elements::NONE;
         self.add_light_of_ends(|leaf| (!is_row(leaf)).then(|| Vec3::from(reflected[leaf as usize])));
         let RayRows { rows, met, ends, .. } = self;

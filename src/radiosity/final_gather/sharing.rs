@@ -1,9 +1,9 @@
 //! Neighbouring elements share their samples where light is smooth.
 //!
-//! Around each element a linear function of place and normal is fitted to the irradiance of 8, 24 or 48 neighbours: where the light
-//! around is the same, irradiance is the dot product of the normal with one vector. Wider windows have less noise and more bias. The window is chosen by cross validation with independent halves of the rays: the fit to one half is compared with what the
-//! other half says of the element, averaged over the neighbours (Rousselle, Knaus and Zwicker 2012 choose filters in this way). The same
-//! comparison gives the error of the result, noise and bias together. Direct and reflected light have windows of their own.
+//! Around each element a linear function of place and normal is fitted to the irradiance of 8, 24 or 48 neighbours: under equal incident light, irradiance is
+//! the dot product of the normal with one vector. Wider windows have less noise and more bias. The window is chosen by cross validation with independent halves
+//! of the rays: the fit to one half is compared with the element's estimate by the other half, averaged over the neighbours (Rousselle, Knaus and Zwicker 2012
+//! choose filters in this way). The same comparison gives the error of the result, noise and bias together. Direct and reflected light have separate windows.
 
 use super::element_samples::{ElementLight, KINDS, SharedLight};
 use super::kept_power::{SharedKinds, keep_power};
@@ -26,17 +26,17 @@ const NEIGHBOUR_RAYS: f64 = 16.0;
 /// A window is rejected if it differs from the element's own rays by more standard deviations than this. The light of few rays is not
 /// normally distributed: at 2.5, where a normal distribution rejects 1.2 %, a quarter of a living room's furniture keeps its noise.
 const MAX_DEVIATION: f64 = 4.0;
-/// Weight of a turn of the normal against a distance of one radius where slopes are drawn towards none: a quarter of a radian counts
-/// as one radius. 16 instead of 4 changes the error of a valley's elements by less than a hundredth of it.
+/// Weight of a rotation of the normal relative to a distance of one radius in the ridge regression of slopes: a quarter of a radian
+/// counts as one radius. 16 instead of 4 changes the error of a valley's elements by less than a hundredth of it.
 const NORMAL_SCALE: f32 = 4.0;
-/// Largest sum of squares of drawn slopes relative to that of the neighbours. 0.01 instead changes the same error by a hundredth of it.
+/// Ridge term of the slopes, relative to the weight of the neighbours. 0.01 instead changes the same error by a hundredth of it.
 const RIDGE: f64 = 1e-3;
 /// Smallest numbers of neighbours for a plane, twice its three unknowns, and for all unknowns: the smallest window has that many.
 const MIN_FOR_PLANE: usize = 6;
 /// See [`MIN_FOR_PLANE`].
 const MIN_FOR_NORMALS: usize = WINDOWS[1];
 
-/// What the windows give for one element: by kind, window and half, W/m².
+/// Irradiance of one element by the fits: by kind, window and half, W/m².
 type Fits = [[[Vec3; 2]; WINDOWS.len()]; KINDS];
 
 /// How the windows of one element compare.
@@ -50,8 +50,8 @@ struct Comparison {
 }
 
 /// The irradiance of all elements from the rays of their neighbourhood; after the deadline from their own rays. `areas` are those of the elements.
-/// Elements whose own rays leave less noise than the part `needed` of their light, and of all
-/// light on the mean, keep theirs. All elements together receive as much as by their own rays.
+/// Elements keep their own light if its noise is less than the part `needed` of their light and of the mean light. All elements together receive
+/// as much as by their own rays.
 pub fn share(
     (places, areas): (&[Place], &[f64]),
     sight: &Sight,
@@ -156,8 +156,8 @@ fn fit(
     (fits, compared)
 }
 
-/// The first row of the inverse of the normal equations: it gives the value at the element itself. Of few neighbours it is
-/// that of fewer unknowns: a plane or a mean.
+/// The first row of the inverse of the normal equations: its product with a right-hand side is the value at the element
+/// itself. With few neighbours the fit has fewer unknowns: a plane or a mean.
 fn first_row(matrix: &[Row; UNKNOWNS], count: usize) -> Row {
     let weight = matrix[0][0].max(f64::MIN_POSITIVE);
     let unknowns = match count {
@@ -165,7 +165,7 @@ fn first_row(matrix: &[Row; UNKNOWNS], count: usize) -> Row {
         MIN_FOR_PLANE..MIN_FOR_NORMALS => 3,
         _ => UNKNOWNS,
     };
-    // Cholesky's decomposition. Slopes that the neighbours hardly determine are drawn towards none.
+    // Cholesky decomposition. The ridge term shrinks slopes that the neighbours hardly determine towards 0.
     let mut lower = *matrix;
     for r in 0..unknowns {
         if r > 0 {

@@ -13,21 +13,21 @@ use crate::sky::Sun;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
-/// Part of the rays of an element that leave the scene up to which they are not compared with the open sky: there, blocked rays take away more
-/// noise than the comparison.
+/// Rays of an element are compared with the open sky only if more than this part of them leaves the scene: with more blocked rays, the
+/// comparison would add noise.
 const MIN_OPEN_PART: f32 = 0.5;
 
-/// Smallest number of rays from a point to a sun, evenly spread over the disc, as long as all agree: they all miss a gap that shows a twentieth of the disc
-/// once in seven hundred times. A gap between leaves that shows a fiftieth lights a room as much as the sky does through a window.
+/// Smallest number of rays from a point to a sun, evenly spread over the disc, even if all agree: all of them miss a gap that shows a twentieth of the disc
+/// in one of seven hundred cases. A gap between leaves that shows a fiftieth of the disc lights a room as much as the sky does through a window.
 const AGREED_RAYS: usize = 8 * LANES;
-/// Largest number of rays from a point to a sun over [`Options::light_rays`](crate::radiosity::Options::light_rays), and the visible part of its disc from
-/// which on the error is relative to that part: behind blinds and leaves a tenth of the sun is most of the light. Without blockers the sun has ten times
+/// Largest ratio of the rays from a point to a sun to [`Options::light_rays`](crate::radiosity::Options::light_rays), and the visible part of the disc
+/// from which on the error is relative to this part: behind blinds and leaves a tenth of the sun is most of the light. The unoccluded sun has ten times
 /// the light of a clear sky.
 const MORE_FOR_SUNS: usize = 4;
 const MIN_PART: f64 = 0.1;
 
-/// Smallest error of the light of the sky in a cell, relative to that light: places in the cell that agree by chance have one as well. It matters only where all
-/// agree.
+/// Smallest error of the light of the sky in a cell, relative to this light: samples in the cell that agree by chance have an error as well. The limit
+/// matters only where all samples agree.
 const MIN_CELL_ERROR: f64 = 0.01;
 
 impl FinalGather<'_> {
@@ -41,17 +41,17 @@ impl FinalGather<'_> {
         self.environment.is_some()
     }
 
-    /// The irradiance that a cosine-weighted ray stands for which leaves the scene in this direction, W/m²: π times the radiance of the sky.
+    /// Irradiance by a cosine-weighted ray that leaves the scene in this direction, W/m²: π times the radiance of the sky.
     pub(super) fn sky_of_ray(&self, direction: Vec3) -> Vec3 {
         let Some(environment) = self.environment else { return Vec3::ZERO };
         let direction = direction.as_dvec3().normalize_or_zero();
         Vec3::from(environment.radiance(direction).map(|l| (PI * l) as f32))
     }
 
-    /// Replaces the light of the sky along rays of a batch of leaves, `streams` times the number of each, by values with the same mean and less noise where
-    /// most rays leave the scene: a ray says by how much the sky behind it is brighter than the mean over the hemisphere, which is known. With the
-    /// light of the sky F in the direction of a ray, blocked or not, its mean E over all directions, and the part v of the rays that leave the scene,
-    /// v (E − F) is added. Of the two halves of the rays of a leaf each has v from the other, so that it is independent of its own rays.
+    /// Replaces the light of the sky along the rays of a batch of leaves, `streams` times the number of each, by values with the same mean and less noise
+    /// where most rays leave the scene. The unoccluded sky is a control variate: with the light of the sky F in the direction of a ray, blocked or not, its
+    /// known mean E over the hemisphere, and the part v of the rays that leave the scene, v (E − F) is added. Each half of the rays of a leaf has v from
+    /// the other half, so that v is independent of its own rays.
     pub(super) fn compare_with_open_sky(&self, batch: &[LeafRays], streams: usize, buffers: &mut Buffers) {
         let Buffers { packets, vertices, results, .. } = buffers;
         let Some(environment) = self.environment else { return };
@@ -89,8 +89,8 @@ impl FinalGather<'_> {
         if gone <= MIN_OPEN_PART || f64::from(seen) < 0.5 * free { 0.0 } else { gone }
     }
 
-    /// A direction towards a sun, and the irradiance that a ray there stands for at a surface with this normal, W/m²; none if the disc is below the
-    /// surface there.
+    /// A sampled direction towards a sun, and the irradiance by a ray in this direction on a surface with this normal, W/m²; `None` if this point
+    /// of the disc is below the horizon of the surface.
     fn sun_ray(sun: &Sun, normal: Vec3, [u, v]: [f32; 2]) -> Option<(Vec3, Vec3)> {
         let direction = sun.sample([u.into(), v.into()]);
         let cosine = direction.dot(normal.as_dvec3());
@@ -174,7 +174,7 @@ impl FinalGather<'_> {
         let free = sun.irradiance_on(normal.as_dvec3());
         let [shift_u, shift_v, ..] = numbers(seed ^ !number, 0);
         let reach = self.reach_from(at);
-        // Sums of the light of rays without blockers, and of what passes.
+        // Sums over rays of the unoccluded light, of the light that passes, and of the unoccluded light times the squared transmittance.
         let (mut all, mut seen, mut squares, mut count) = (0.0, 0.0, 0.0, 0.0);
         let rays = (MORE_FOR_SUNS * self.light_rays).max(AGREED_RAYS);
         for first in (0..rays).step_by(LANES) {
@@ -197,8 +197,8 @@ impl FinalGather<'_> {
                     (all + weight, seen + weight * through, squares + weight * through * through);
             }
             count += query.packet.len() as f64;
-            // With two more rays that pass and two that do not (Agresti and Coull 1998): few rays that agree but for
-            // one would end too early otherwise.
+            // Two rays that pass and two that do not are added (Agresti and Coull 1998): otherwise few rays of which
+            // all but one agree would end the loop too early.
             let variance = |more: f64| {
                 let (more, all) = (more * all / count, all + 2.0 * more * all / count);
                 (squares + more) / all - ((seen + more) / all).powi(2)
@@ -217,14 +217,14 @@ impl FinalGather<'_> {
 /// The light of the sky in the cells of a point.
 #[derive(Clone, Copy, Default)]
 pub(super) struct SkyLight {
-    /// That of all cells if nothing hid it, W/m².
+    /// The unoccluded light of the sky in all cells, W/m².
     all: DVec3,
-    /// Squared errors of that of cells through which the sky is seen, and of all, mean over the channels, (W/m²)².
+    /// Squared errors of this light in cells whose rays reach the sky, and in all cells, mean over the channels, (W/m²)².
     errors: [f64; 2],
 }
 
 impl SkyLight {
-    /// Adds cells that are each this part of the hemisphere, or takes them away.
+    /// Adds cells, each of which is the part `area` of the hemisphere, or subtracts them if `sign` is negative.
     pub fn add<'a>(&mut self, cells: impl Iterator<Item = &'a Cell>, area: f64, sign: f64) {
         for cell in cells {
             let (sky, error) = (f64::from(cell.sky), f64::from(cell.error));
@@ -237,8 +237,8 @@ impl SkyLight {
         }
     }
 
-    /// What must be added to the light of the cells, as the light of the open sky is known, W/m²: the error of all cells times the part of its variance that
-    /// cells through which the sky is seen have.
+    /// Correction of the light of the cells by the known light of the open sky, W/m²: the error of all cells, times the part of its variance that is due to
+    /// cells whose rays reach the sky.
     pub fn compared_with(&self, open: DVec3) -> DVec3 {
         let part = (self.errors[0] / self.errors[1]).clamp(0.0, 1.0);
         if part.is_finite() { part * (open - self.all) } else { DVec3::ZERO }

@@ -12,10 +12,10 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Sets of shadow rays at a corner: the mean of four corners errs by a quarter of what a point by itself does, a corner by half.
+/// Sets of shadow rays at a corner: the error of one corner is half that of a single point, the error of the mean of four corners a quarter.
 const SETS: u64 = 4;
-/// Fewest points of a cell. A corner costs as much as as many points as it has sets, and a lattice has one corner a cell: the light of
-/// cells with this many points takes half as long as by rays.
+/// Smallest number of points of a cell. A corner costs as many rays as [`SETS`] points, and a lattice has one corner per cell: the
+/// light of cells with this many points takes half as long as by rays from every point.
 const MIN_POINTS: usize = 2 * SETS as usize;
 /// Largest number of halvings of a plane.
 const MAX_LEVEL: u32 = 16;
@@ -152,7 +152,7 @@ impl FinalGather<'_> {
         for level in 0..=MAX_LEVEL {
             cells.retain(|cell| cell.points.len() >= MIN_POINTS);
             let apart = side / (1u32 << level) as f32;
-            // Whether nothing is close, for the corners and the centre of a cell, and the light there without blockers.
+            // For the corners of the cells: whether no surface is close, and the unoccluded light there.
             let asked: BTreeSet<[u32; 2]> = cells.iter().flat_map(Cell::corners).collect();
             let probes: Vec<([u32; 2], Option<Clear>)> = asked
                 .into_par_iter()
@@ -219,7 +219,7 @@ fn planes(points: &[(Vec3, Vec3)], tolerance: f32) -> Vec<Plane> {
         let low = places.iter().fold(Vec2::INFINITY, |low, place| low.min(*place));
         let high = places.iter().fold(Vec2::NEG_INFINITY, |high, place| high.max(*place));
         let side = (high - low).max_element().max(tolerance);
-        // Corners lie as deep as the deepest point, so that what lies above that one is close to them.
+        // The plane of the corners goes through the lowest point, so that surfaces above this point are close to the corners.
         let height = |k: &u32| normal.dot(points[*k as usize].0 - first);
         let depth = of.iter().map(height).fold(f32::INFINITY, f32::min);
         let corner = first + low.x * axes[0] + low.y * axes[1] + depth * normal;
@@ -229,7 +229,7 @@ fn planes(points: &[(Vec3, Vec3)], tolerance: f32) -> Vec<Plane> {
     groups.into_values().filter(|of| of.len() >= MIN_POINTS).map(plane).collect()
 }
 
-/// Seed of a corner: neighbours have different ones, whatever other points there are.
+/// Seed of a corner, from its position alone: neighbouring corners have different seeds, whatever the other points are.
 fn seed_of(at: Vec3) -> u64 {
     at.to_array().iter().fold(0, |seed, x| mix(seed ^ u64::from(x.to_bits())))
 }

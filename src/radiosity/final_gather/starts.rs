@@ -11,7 +11,7 @@ use glam::Vec3;
 
 /// Largest number of surfaces that are tested around a point: bounds the time where many sheets lie on each other.
 const MAX_SURFACES: usize = 64;
-/// Distance to which overlapping faces of one plane are moved off each other, in roundings of a face's coordinates
+/// Distance up to which overlapping faces of one plane are moved apart, in rounding errors of a face's coordinates
 /// ([`EndRule::slack`]): 1.28e-5 of the largest coordinate, where the readers move them by 9e-6.
 const STACKED: f32 = 32.0;
 /// Height above a surface up to which a point lies on it, in roundings of its coordinates: the height at which rays start.
@@ -20,10 +20,10 @@ const ON_SURFACE: f32 = 5.0;
 const MIN_COSINE: f32 = 0.5;
 
 impl FinalGather<'_> {
-    /// A given point, with its seed, where its rays start: above the surface that the point lies on. That is the surface nearest to the
-    /// point along its normal, if both are about parallel: one above it within the slack, as points are written with few digits, or one below it
-    /// within rounding. A point that lies higher has the light of its place. A point without one is taken as it is, lifted all the
-    /// same: its surface may end beside it. On an edge or in a corner the light is the limit from inside the surface.
+    /// A given point, with its seed, and the start of its rays above the surface on which it lies: the surface nearest to the point along its
+    /// normal, if both are about parallel. It is above the point within the slack, because files contain few digits, or below it within
+    /// rounding. A point that lies higher receives the light at its place in space. A point without a surface is not moved onto one, but is
+    /// lifted too: its surface may end beside it. On an edge or in a corner the light is the limit from inside the surface.
     pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
         let found =
             self.model.places_of(at, normal).into_iter().find_map(|place| self.surface_near(place, normal));
@@ -47,7 +47,7 @@ impl FinalGather<'_> {
             let mut hits = [Hits::NONE];
             self.traced.first_hits(self.traversal, std::slice::from_ref(&packet), &mut hits);
             let (triangle, t) = (hits[0].triangle[0], hits[0].t[0]);
-            // Half the length is the point itself; beyond it surfaces are ever farther away.
+            // t = 0.5 is the point itself; beyond it the distances of further surfaces only grow.
             if triangle == Hits::NOTHING || t - 0.5 >= nearest {
                 break;
             }
@@ -55,7 +55,7 @@ impl FinalGather<'_> {
             let is_fine = self.scene.fine_ground.as_ref().is_some_and(|ground| ground.replaces(triangle));
             let end = if is_fine { EndRule::new(magnitude(corners)) } else { self.end_of(triangle) };
             let parallel = triangle_normal(a, b, c).dot(normal).abs() >= MIN_COSINE;
-            // Of faces that were moved off each other the first is that of this side of the common plane, unless light does not get to its
+            // Of coplanar faces that were moved apart, the first one found is that of this side of the plane, unless no light reaches its
             // side.
             let moved = STACKED * end.slack() / (2.0 * self.slack);
             let nearer = (t - 0.5).abs() + moved < nearest;
@@ -65,7 +65,7 @@ impl FinalGather<'_> {
             let better = if is_lit == lit { nearer } else { is_lit };
             if parallel && is_on && (found.is_none() || better) {
                 let mut at = packet.point(0, t);
-                // The face that stands for fine ground has neither its height nor its edges.
+                // The coarse face that fine ground replaces has neither the height nor the edges of the fine ground.
                 if !is_fine {
                     at = off_edges(corners, on_plane(corners, at), edge_distance(magnitude(corners)));
                 }

@@ -3,18 +3,18 @@
 use glam::Vec3;
 use std::ops::Range;
 
-/// Part of a cell that is known to be open or blocked only by its ray, as a standard deviation: an edge that is anywhere in two cells is found by
-/// their two rays to √(1/12) = .29 of a cell.
+/// Standard deviation of the open part of a cell that only its ray determines: two rays locate an edge at a random place in their two cells to
+/// √(1/12) = .29 of a cell.
 const ERROR_OF_EDGE: f64 = 0.29;
-/// The same for a difference of radiance, which a place at random in a cell meets with √(1/12) of the difference over it: cells of the undivided grid have
-/// two places that mirror each other, and a quarter of that is left where the difference is not even. Smaller cells may have the horizon or the edge of a
-/// bright part of the sky in them.
+/// The same for a gradient of radiance: a random sample in a cell deviates by √(1/12) of the difference over the cell. Cells of the undivided grid have
+/// two samples that mirror each other, which leave a quarter of this deviation where the gradient is not uniform. Smaller cells may contain the horizon or
+/// the edge of a bright part of the sky.
 const ERROR_OF_GRADIENT: f64 = ERROR_OF_EDGE / 4.0;
 /// The error asked for by default, relative to the mean irradiance.
 pub(super) const USUAL_ERROR: f64 = 0.02;
-/// Error of the light of the sky at a point, relative to all of its light, over the error asked for.
+/// Tolerated error of the light of the sky at a point, relative to all light of the point, as a part of the error asked for.
 pub(super) const TOLERANCE: f64 = 0.1;
-/// Weight of squared errors of the light of surfaces, which is to be known to about the error asked for and not to a tenth of it.
+/// Weight of squared errors of the light of surfaces, whose error may be about the error asked for instead of a tenth of it.
 const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;
 
 /// Rings of neighbours that are compared in a grid whose cells are all of one size; of smaller cells those that are as near, at least one. Ends of strips of
@@ -28,26 +28,26 @@ pub(super) struct Cell {
     pub place: [u32; 2],
     /// Whether its ray leaves the scene.
     pub is_open: bool,
-    /// Irradiance by it over its area, if all of it is as its ray has found, W/m². The sky is that in the direction of the ray, because what an edge hides
-    /// may be brighter than the rest: the mean sky times the visible part errs by 1 % in courtyards under an overcast sky.
+    /// Irradiance by the cell over its area, if its ray represents all of it, W/m². The sky is taken in the direction of the ray, because the sky that an
+    /// edge hides may be brighter than the rest: the mean sky times the visible part errs by 1 % in courtyards under an overcast sky.
     pub light: Vec3,
-    /// The same by the mean light of the element that its ray has met, or of the surfaces around it where only one of four quarters was looked up,
-    /// W/m²: without the noise of paths.
+    /// The same by the mean light of the element that its ray has hit, or of the surfaces around it where only one of four quarters was evaluated,
+    /// W/m²; it has no noise of paths.
     pub surfaces: Vec3,
-    /// Mean over the channels of the light that comes if all of it is open, W/m².
+    /// Irradiance over the area of the cell if all of it is open, mean over the channels, W/m².
     pub sky: f32,
     /// The same by channel.
     pub unblocked: Vec3,
     /// The same in the direction of the ray alone.
     pub at_ray: Vec3,
-    /// Square of its error, mean over the channels, (W/m²)².
+    /// Square of the error of `sky`, mean over the channels, (W/m²)².
     pub error: f32,
     /// Index of the first of its quarters in the next level; [`WHOLE`] if it is not divided.
     pub quarters: u32,
 }
 
 impl Cell {
-    /// What is added to the light of a cell whose neighbours are all open, W/m²: with an open ray its light is then the mean of the sky.
+    /// Correction of the light of a cell whose neighbours are all open, W/m²: if its own ray is open, its light becomes the mean of the sky.
     pub fn smoothing(&self) -> Vec3 {
         self.unblocked - self.at_ray
     }
@@ -78,7 +78,7 @@ impl Uneven {
     }
 }
 
-/// What some cells have in common.
+/// Ranges of light of some cells, and whether they are open or blocked.
 #[derive(Clone, Copy)]
 struct Near {
     /// Range of the light of the sky, blocked or not, W/m².
@@ -141,7 +141,7 @@ pub(super) struct Surroundings<'a> {
 }
 
 impl<'a> Surroundings<'a> {
-    /// Of the finest of `levels`; the undivided grid has so many columns and rows.
+    /// For the finest of `levels`; the undivided grid has `columns` columns and `rows` rows.
     pub fn new(levels: &'a [Vec<Cell>], [columns, rows]: [usize; 2]) -> Surroundings<'a> {
         let finest = levels.len() - 1;
         let size = [columns << finest, rows << finest];
@@ -226,10 +226,10 @@ impl<'a> Surroundings<'a> {
         sum / f32::from(count.max(1))
     }
 
-    /// The cells of the finest level, each of `area`, whose neighbours differ from each other, and those all of whose neighbours are open. The ray of a cell
-    /// does not say whether it is divided: of cells that are open in part, those whose ray happens to be blocked would be left so. Where a neighbour is not
-    /// divided as often, its larger cell counts. A cell at the rim of the hemisphere is compared with all others of the finest level there as well. In
-    /// `openings`, places of the grid's unit square, the sky is seen: cells there and beside them count as beside an open one.
+    /// The cells of the finest level, each of `area`, whose neighbours differ from each other, and the cells whose neighbours are all open. The ray of a
+    /// cell itself does not decide whether it is divided: otherwise partly open cells whose ray happens to be blocked would stay undivided. A neighbour at a
+    /// coarser level counts as its larger cell. A cell at the rim of the hemisphere is also compared with all others of the finest level at the rim. At
+    /// `openings`, points of the grid's unit square, the sky is visible: cells there and beside them count as neighbours of an open cell.
     pub fn uneven(&self, area: f64, openings: &[[f32; 2]]) -> (Vec<Uneven>, Vec<u32>) {
         let finest = self.levels.len() - 1;
         let (beside_openings, rows) = (self.beside(openings), self.rows());
@@ -245,12 +245,12 @@ impl<'a> Surroundings<'a> {
             let edge = if open && blocked { ERROR_OF_EDGE * f64::from(sky[1]) } else { 0.0 };
             let strip = self.variance_at_rim(cell, rim) * f64::from(sky[1]).powi(2);
             let between = if blocked { ERROR_OF_EDGE * f64::from(surfaces[1] - surfaces[0]) } else { 0.0 };
-            // An edge is in one of the cells across it, and so is the difference between the nearest on either side.
+            // Of the cells in a line across an edge, one contains the edge, or the difference between the nearest cells on either side.
             let across = (2 * self.reach + 1) as f64;
             let of_cell =
                 if finest == 0 { ERROR_OF_GRADIENT / across } else { ERROR_OF_EDGE / across.sqrt() };
             let gradient = if open { of_cell * f64::from(sky[1] - sky[0]) } else { 0.0 };
-            // Mirrored places do not help at the sharp edge of a bright part of the sky, which is in one of two cells.
+            // Mirrored samples do not reduce the error at the sharp edge of a bright part of the sky, which lies in one of two cells.
             let step = match finest {
                 0 => ERROR_OF_EDGE * step_at(&self.levels[0], k, self.columns),
                 _ => 0.0,
@@ -279,9 +279,9 @@ impl<'a> Surroundings<'a> {
         counts
     }
 
-    /// Variance of the visibility of a cell at the rim of the hemisphere, 0 inside. What rises a little above the plane of a point, and the sky at the foot of a
-    /// wall, are strips along the rim thinner than a cell: the other cells of the rim say how probably one crosses this cell. Where little of the rim is open,
-    /// as in rooms, the edges of openings matter more: the variance is multiplied by the open part.
+    /// Variance of the visibility of a cell at the rim of the hemisphere, 0 inside. Objects a little above the plane of a point, and the sky at the foot of a
+    /// wall, are strips along the rim thinner than a cell: the other cells of the rim give the probability that one crosses this cell. Where little of the
+    /// rim is open, as in rooms, the edges of openings matter more: the variance is multiplied by the open part.
     fn variance_at_rim(&self, cell: &Cell, rim: [f64; 2]) -> f64 {
         if !self.is_at_rim(cell.place) {
             return 0.0;
@@ -308,8 +308,8 @@ impl<'a> Surroundings<'a> {
     }
 }
 
-/// An upper bound of the sum of the squared errors of [`Surroundings::uneven`] for the undivided grid, (W/m²)²; infinite if a sky is seen. Most points of rooms
-/// need no more.
+/// An upper bound of the sum of the squared errors of [`Surroundings::uneven`] for the undivided grid, (W/m²)²; infinite if a ray reaches a sky with light.
+/// For most points of rooms this bound suffices.
 pub(super) fn bound_of_errors(cells: &[Cell], area: f64) -> f64 {
     if cells.iter().any(|cell| cell.is_open) && cells.iter().any(|cell| cell.sky > 0.0) {
         return f64::INFINITY;
@@ -321,8 +321,8 @@ pub(super) fn bound_of_errors(cells: &[Cell], area: f64) -> f64 {
     cells.len() as f64 * area * area * WEIGHT_OF_SURFACES * between * between / (2 * RINGS + 1) as f64
 }
 
-/// By how much the sky changes abruptly at a cell of the undivided grid: the larger second difference along a row and along a column, which is the step for both
-/// cells at a step; W/m². At the rim of the grid, or beside blocked cells, it is the difference to the only neighbour.
+/// Abrupt change of the sky at a cell of the undivided grid, W/m²: the larger of the second differences along a row and along a column, which is the step
+/// itself for both cells at a step. At the rim of the grid, or beside blocked cells, it is the difference from the only neighbour.
 fn step_at(cells: &[Cell], k: usize, columns: usize) -> f64 {
     let open = |k: usize| cells.get(k).filter(|cell| cell.is_open).map(|cell| f64::from(cell.sky));
     let own = f64::from(cells[k].sky);

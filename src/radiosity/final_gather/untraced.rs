@@ -1,8 +1,8 @@
-//! Leaves that there was no time to trace: the light along links, corrected by what rays have found at leaves around them.
+//! Leaves that were not traced for lack of time: the light along links, corrected by the results of rays at leaves around them.
 //!
-//! Links distribute the light of a cluster among its surfaces by orientation, but their level may be far off. The smallest element or
-//! cluster above an untraced leaf that holds enough traced ones says by which factor their light along links is wrong. How far the traced
-//! leaves deviate from that factor is the error bar of the untraced one.
+//! Links distribute the light of a cluster among its surfaces by orientation, but the level of this light may be far off. The correction
+//! factor is that of the traced leaves in the smallest element or cluster above an untraced leaf that contains enough of them: their
+//! light by rays over their light along links. The deviation of the traced leaves from the factor is the error bar of the untraced leaf.
 
 use super::local_noise::LocalResult;
 use crate::radiosity::elements::Elements;
@@ -12,8 +12,8 @@ use rayon::prelude::*;
 /// Smallest number of traced leaves that determine the factor: their deviation is known to 1/√(2 · 7) = 27 %.
 const MIN_TRACED: u32 = 8;
 
-/// Sums over traced leaves by area: of the light by rays and along links, and of their squares and product (means over the channels). By
-/// the power that they send out, sums of what [`LocalResult`] says about exchange.
+/// Area-weighted sums over traced leaves: of the light by rays and along links, and of their squares and product (means over the
+/// channels). Sums of the exchange values of [`LocalResult`], weighted by the power that the leaves send out.
 #[derive(Clone, Copy, Default)]
 struct Traced {
     count: u32,
@@ -68,7 +68,7 @@ impl Traced {
                 ..LocalResult::default()
             };
         }
-        // Where links bring no light at all, the mean of the rays stands for it.
+        // Where links bring no light at all, the mean light by rays is used instead.
         let of = |k: usize| match self.links[k] > 0.0 {
             true => links[k] * self.rays[k] / self.links[k],
             false => self.rays[k] / self.area,

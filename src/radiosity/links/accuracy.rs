@@ -1,14 +1,14 @@
-//! How accurately a link is measured, and a link whose visibility is still to be asked for.
+//! Required accuracy of a link's measurement, and a link before its visibility is measured.
 
 use super::{BlockerCertificate, Link, VisibilityQuery};
 use crate::ray::{EndRule, LANES, Packet};
 use glam::Vec3;
 
-/// Four segments replace sixteen where the deviation of visibility is expected to make the error of an exchange area
-/// less than this part of the tolerated error: four segments have twice the standard error of sixteen, which is then
-/// still below a half.
+/// Four segments replace sixteen where the expected deviation of visibility makes the error of an exchange area less
+/// than this fraction of the tolerated error: four segments have twice the standard error of sixteen, which is then
+/// still below half of the tolerated error.
 pub(super) const FEW_SEGMENTS_ERROR: f32 = 0.25;
-/// Segments of such links: a quarter of a packet.
+/// Number of segments of such links: a quarter of a packet.
 const FEW_SEGMENTS: usize = 4;
 
 /// How accurately a link is to be measured.
@@ -21,16 +21,16 @@ pub struct Accuracy {
     /// Expected standard deviation of the transmittance of a segment, in `[0, 1/2]`. Where it is small, few segments are
     /// as good as many.
     pub deviation: f32,
-    /// Certificate of the link between elements that hold the ends.
+    /// Certificate of the link between the elements that contain the ends.
     pub certificate: BlockerCertificate,
-    /// Whether no segment between those elements got through: then the certificate search continues for a single blocker of all segments.
+    /// Whether all segments between those elements were blocked: the certificate search then continues for a single blocker of all segments.
     pub blocked: bool,
-    /// Whether the first end is the one whose light matters more. Feature sizes are those of its shadows.
+    /// Whether the first end is the receiver, at which an error has more weight. The feature size applies to shadows on the receiver.
     pub first_receives: bool,
 }
 
 impl Accuracy {
-    /// That of a pair of which nothing is known, with features of one scene unit.
+    /// The accuracy for a pair without an earlier measurement, with features of one scene unit.
     #[cfg(test)]
     pub fn unknown(worth: f32) -> Accuracy {
         let certificate = BlockerCertificate::UNKNOWN;
@@ -50,8 +50,8 @@ impl Accuracy {
         VisibilityQuery { packet, emitter_size, feature_size: self.feature_size }
     }
 
-    /// Segments between sixteen pairs of points with positive weight, or between four of them, lifted towards each other, from the
-    /// receiving end. `points` gives those of both ends with their normals and end rules.
+    /// The segments between sixteen pairs of points with positive weight, or between four of them; they start at the receiving
+    /// end. The points are lifted towards each other. `points` returns the points of both ends with their normals and end rules.
     pub(super) fn segments(
         &self,
         few: bool,
@@ -81,7 +81,7 @@ fn lane_order(seed: u64) -> impl Iterator<Item = usize> {
     (0..LANES).map(move |k| 4 * (k & 3) + ([0, 3, 2, 1][k & 3] ^ (k >> 2) ^ turn))
 }
 
-/// A link before visibility is known.
+/// A link before its visibility is measured.
 pub struct Draft {
     pub(super) ids: [u32; 2],
     /// Whether the ends were exchanged.

@@ -41,8 +41,8 @@ impl BlockerCertificate {
     }
 }
 
-/// The convex hull of two surfaces that face each other. Double precision: heights above planes are exact, so that only rounding of
-/// coordinates counts, which is that of the point itself.
+/// The convex hull of two surfaces that face each other. Heights above planes are computed in double precision, so that their only
+/// error is the rounding of a point's own coordinates.
 struct Shaft {
     bounds: Aabb,
     /// Points inside satisfy `normal · (x - point) < 0` for every (normal, point).
@@ -102,7 +102,7 @@ impl Shaft {
             let outward = if highest <= -lowest { 1.0 } else { -1.0 };
             let beyond = highest.min(-lowest);
             if beyond <= slack && highest.max(-lowest) > slack {
-                // Both ends lie behind the plane as it is, also a bent one.
+                // The plane is moved so far outwards that both ends lie behind it, bent ends included.
                 self.add(outward * normal, start + outward * beyond * normal);
                 return;
             }
@@ -128,7 +128,7 @@ impl Shaft {
             return false;
         }
         let (normal, first, bend) = (normal.as_dvec3(), polygon[0].as_dvec3(), bend(polygon, normal));
-        // Of one end a corner lies below the polygon's plane and of one a corner above it, by more than the rounding there.
+        // The ends have a corner below the polygon's plane and a corner above it, both by more than the rounding at that end.
         let beyond = |side: f64| {
             self.corners.iter().zip(self.rules).any(|(corners, rule)| {
                 let flat = f64::from(rule.slack() - bend);
@@ -180,8 +180,8 @@ fn bend(polygon: &[Vec3; 4], normal: Vec3) -> f32 {
 
 /// The certificate of two surfaces that face each other; `before` is that of the surfaces they are parts of.
 ///
-/// The search ends at the first possible blocker, unless `blocked` says that no ray got through between those surfaces: then it
-/// goes on for a polygon that blocks every segment.
+/// The search ends at the first possible blocker. If `blocked` is set (all rays between those surfaces were blocked), the
+/// search continues for a polygon that blocks every segment.
 pub(super) fn certify(
     elements: &Elements,
     corners: [&[Vec3; 4]; 2],
@@ -227,7 +227,7 @@ pub(super) fn certify(
             }
             match elements.elements[child].shape {
                 Shape::Cluster(c) => {
-                    // At most one push a test: the stack is large enough.
+                    // Each test pushes at most one entry, so that the stack is large enough.
                     if shaft.meets_box(&elements.clusters[c as usize].bounds) {
                         stack[height] = child as u32;
                         height += 1;

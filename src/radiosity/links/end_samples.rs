@@ -31,7 +31,7 @@ impl EndSamples {
         EndSamples::at(elements, element, towards, place)
     }
 
-    /// Points for numbers in `[0, 1)` by lane: on a surface two say which point, on a cluster two say which side, and two which of its points.
+    /// Points for four numbers in `[0, 1)` per lane: on a surface two numbers select the point, on a cluster two select the side and two the point on it.
     pub fn at(
         elements: &Elements,
         element: u32,

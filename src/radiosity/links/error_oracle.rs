@@ -1,4 +1,4 @@
-//! The error oracle: how wrong a link may make the light at its ends, and which end to split.
+//! The error oracle: estimates the error of the light that a link causes at its ends, and selects the end to split.
 
 use super::Link;
 use super::cluster_pair::CLUSTER_DEVIATION;
@@ -17,8 +17,8 @@ pub enum Split {
 }
 
 /// The error of a link and the end to split. The error is a radiosity: the square root of the squared error's integral over the
-/// receiver, divided by the square root of the scene's area. Errors of receivers of all sizes then count by what they show, and
-/// refining the largest errors reduces the total.
+/// receiver, divided by the square root of the scene's area. Errors of receivers of all sizes then count by their visible
+/// effect, and refining the largest errors reduces the total.
 ///
 /// At the receiver a, the irradiance from b varies by `variation_a B_b / A_a`. Where the radiosity of b varies, the light from
 /// its parts differs by as much of that deviation as the exchange varies over b. Visibility is part of both variations. With

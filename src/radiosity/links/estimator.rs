@@ -19,19 +19,19 @@ pub struct LinkEstimator<'a> {
     pub engine: &'a VisibilityEngine,
     /// Seed of all samples.
     pub seed: u64,
-    /// What light does inside clusters.
+    /// How light is treated inside clusters.
     pub inside: Inside,
 }
 
 impl LinkEstimator<'_> {
-    /// The link between two elements that do not hold each other; none if they do not face each other.
+    /// The link between two elements of which neither contains the other; none if they do not face each other.
     #[cfg(test)]
     pub fn measure(&self, a: u32, b: u32, accuracy: Accuracy, scratch: &mut Scratch) -> Option<Link> {
         self.measure_all(&[([a, b], accuracy)], scratch).pop()
     }
 
-    /// The links of pairs of elements that do not hold each other, in the order of the pairs, without the pairs that do not
-    /// face each other. All queries go to the visibility engine together.
+    /// The links of pairs of elements of which neither contains the other, in the order of the pairs, without the pairs
+    /// that do not face each other. All queries go to the visibility engine together.
     pub fn measure_all(&self, pairs: &[([u32; 2], Accuracy)], scratch: &mut Scratch) -> Vec<Link> {
         let mut links = Vec::with_capacity(pairs.len());
         let (mut drafts, mut queries) = (Vec::with_capacity(pairs.len()), Vec::with_capacity(pairs.len()));

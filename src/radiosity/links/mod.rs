@@ -1,4 +1,4 @@
-//! Links: the light that two elements exchange, how it is measured, and how wrong it may be.
+//! Links: the exchange of light between two elements, its measurement, and the estimate of its error.
 //!
 //! A link serves both directions. Its exchange area `C = ∫∫ K V` over both ends (`K = cos cos' / π r²`, V visibility) is
 //! `A_a F(a→b) T = A_b F(b→a) T`: reciprocity holds exactly, and the power that reaches a from b is `C B_b`. Unoccluded exchange

@@ -1,10 +1,10 @@
-//! A link to the sky whose visibility is still to be asked for, and what its segments find.
+//! A link to the sky before its visibility is measured, and the sums over the answers to its segments.
 
 use super::{SkyLink, SkySource};
 use crate::radiosity::rgb::Rgb;
 use crate::ray::{LANES, Packet};
 
-/// Part of the segments of a link that count for the links that replace it, if all had the same answer: they lie in other parts of its ends.
+/// Fraction of a link's segments, if all had the same answer, that counts for the links that replace it: some segments lie in other parts of its ends.
 const INHERITED: f32 = 0.5;
 
 /// A link that is to be measured, and how accurately.
@@ -16,30 +16,30 @@ pub struct SkyPair {
     pub source: SkySource,
     /// Error that 1 W/m² would cause, in units of the tolerated error.
     pub worth: f32,
-    /// What is known from the link that this one replaces: segments if all had the same answer, else 0.
+    /// [`SkyLink::agreed`] of the link that this one replaces; 0 without such a link.
     pub agreed: f32,
-    /// Whether that link is certainly clear.
+    /// [`SkyLink::is_clear`] of the link that this one replaces.
     pub is_clear: bool,
     /// Set if the link, which is not certainly clear, is measured for the last time.
     pub last: Option<Last>,
 }
 
-/// A last measurement, by consecutive points of a sequence that all links share: links of neighbours to one source then have points between those
-/// of each other, and their errors cancel.
+/// A last measurement, with consecutive points of a sequence that all links share: the points of neighbouring receivers' links to one source then
+/// interleave, and the errors of these links cancel.
 #[derive(Clone, Copy, Default)]
 pub struct Last {
     /// Number of the first point.
     pub first: u32,
     /// Number of segments.
     pub count: u32,
-    /// [`SkyLink::variation`] and [`SkyLink::noise`] of the link so far, which the points in sequence do not tell.
+    /// [`SkyLink::variation`] and [`SkyLink::noise`] of the link so far, which cannot be estimated from the consecutive points of the sequence.
     pub variation: f32,
     pub noise: f32,
     /// [`SkyLink::transmittance`] so far.
     pub transmittance: f32,
 }
 
-/// A link before visibility is known.
+/// A link before its visibility is measured.
 pub struct SkyDraft {
     pub(super) pair: SkyPair,
     /// Irradiance without blockers, W/m².
@@ -59,12 +59,12 @@ pub struct SkyDraft {
     pub(super) answers: Answers,
 }
 
-/// What the segments of a link have found.
+/// Sums over the answers to the segments of a link.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Answers {
-    /// Segments.
+    /// Number of segments.
     count: f32,
-    /// Sums of their weights, and of those times transmittances and their squares.
+    /// Sums of the weights, of the weighted transmittances, and of the weighted squares of the transmittances.
     sum: f32,
     visible: f32,
     squares: f32,
@@ -75,7 +75,7 @@ pub(super) struct Answers {
 }
 
 impl Answers {
-    /// Adds those of a packet, by the weights of its segments.
+    /// Adds the answers to a packet with the weights of its segments.
     pub(super) fn add(&mut self, packet: &Packet, weights: &[f32; LANES], transmittances: &[f32; LANES]) {
         for lane in packet.lanes() {
             let (weight, t) = (weights[lane], transmittances[lane]);
@@ -92,8 +92,8 @@ impl Answers {
     }
 }
 
-/// Standard deviation of the visibility of a segment that so many equal answers allow: that of two more segments, one visible and one blocked
-/// (Agresti and Coull 1998).
+/// Standard deviation of the visibility of a segment after this number of equal answers, from two additional segments, one visible and one
+/// blocked (Agresti and Coull 1998).
 pub(super) fn agreement(answers: f32) -> f32 {
     (answers + 1.0).sqrt() / (answers + 2.0)
 }
@@ -102,7 +102,7 @@ impl SkyDraft {
     /// The link, given the answers of its segments. Without segments the link counts as clear.
     pub(super) fn link(&self) -> SkyLink {
         let Answers { count, sum, visible, squares, range, table } = self.answers;
-        // Without a proof only a sliver of the source is above the receiver's horizon. In a last measurement what was known of it stays.
+        // A link without segments that may be blocked has only a sliver of the source above the horizon. A last measurement keeps earlier values.
         let without_segments = |noise: f32| match self.pair.last {
             Some(Last { variation, noise, transmittance, .. }) => {
                 SkyLink { variation, noise, ..self.with(transmittance, [0.0; 2], 0.0) }
@@ -116,7 +116,7 @@ impl SkyDraft {
             return without_segments(0.0);
         }
         let transmittance = match self.pair.last {
-            // The ratio of both sums counts too much where bright directions are the hidden ones: by .4 % at walls of a street.
+            // The ratio of the two sums is too large where the hidden directions are the bright ones: by .4 % at walls of a street.
             Some(last) if min < max && self.mean_weight > 0.0 => {
                 let more = visible - last.transmittance * sum;
                 (last.transmittance + more / (last.count as f32 * self.mean_weight)).clamp(0.0, 1.0)
@@ -126,7 +126,7 @@ impl SkyDraft {
         let found = (squares / sum - transmittance * transmittance).max(0.0).sqrt();
         let agreed = if min == max { count + INHERITED * self.pair.agreed } else { 0.0 };
         let deviation = found.max(agreement(agreed.max(count)));
-        // Over the receiver the four directions of each point leave an error of half the deviation.
+        // The mean over the four directions of a receiver point has half the deviation of a single segment.
         let mut parts = [0.5 * deviation, deviation / count.sqrt()];
         if let (true, true, Some(table)) = (self.is_grid, min < max, &table) {
             let found = two_ways(table);
@@ -141,7 +141,7 @@ impl SkyDraft {
         }
     }
 
-    /// With deviations of visibility, over the receiver and from sampling. Where the source is uneven, fewer samples count.
+    /// The link for these deviations of visibility, over the receiver and from sampling. The more uneven the source, the larger the sampling error.
     fn with(&self, transmittance: f32, [over, noise]: [f32; 2], agreed: f32) -> SkyLink {
         let SkyPair { receiver, source, is_clear, .. } = self.pair;
         SkyLink {
@@ -169,6 +169,6 @@ fn two_ways(values: &[f32; LANES]) -> [f32; 2] {
     let rest = (all - 4.0 * (points + parts)).max(0.0) / 9.0;
     let excess = |squares: f32| (squares / 3.0 - rest / 4.0).max(0.0);
     let [of_points, of_parts] = [points, parts].map(excess);
-    // What is neither of points nor of parts may be either.
+    // The residual variance may belong to the points or to the parts, so that both include it.
     [(of_points + rest / 16.0).sqrt(), (of_parts / 4.0 + rest / 16.0).sqrt()]
 }

@@ -15,13 +15,13 @@ use crate::sky::Environment;
 use glam::Vec3;
 use sobol_burley::sample_4d;
 
-/// Clusters and surfaces that are looked at for one link; if more may be in the way, the link is traced. As many as between two surfaces.
+/// Largest number of clusters and surfaces that are tested for one link, as between two surfaces; if more may block the link, it is traced.
 const MAX_TESTS: usize = 96;
-/// Largest half angle of a patch that its width at the far end of segments is computed with, radians: beyond it, widths say nothing.
+/// Largest half angle, radians, for which the width of a patch at the far end of segments is computed: widths of larger patches are meaningless.
 const MAX_HALF_ANGLE: f32 = 1.0;
-/// Draws of a direction above the surface's horizon.
+/// Largest number of draws of a direction until it lies above the surface's horizon.
 const MAX_DRAWS: u64 = 4;
-/// Binary logarithm of the number of points of a sequence, that of the crate; then another one begins.
+/// Binary logarithm of the number of points of a sequence, limited by the crate; another sequence begins after these points.
 const SEQUENCE_BITS: u32 = 16;
 
 /// Measures links to the sky.
@@ -37,12 +37,12 @@ pub struct SkyEstimator<'a> {
     pub length: f32,
     /// Seed of all samples.
     pub seed: u64,
-    /// What light does inside clusters.
+    /// How light is treated inside clusters.
     pub inside: Inside,
 }
 
 impl SkyPair {
-    /// Lanes of a packet of its segments: all, four (see [`lanes`]), or those that are left of a last measurement.
+    /// Lanes of a packet of the link's segments: all, four (see [`lanes`]), or the remaining ones of a last measurement.
     fn lanes(&self, number: u32, few: bool, seed: u64) -> impl Iterator<Item = usize> {
         let left = self.last.map_or(LANES, |last| last.count.saturating_sub(number * LANES as u32) as usize);
         lanes(few && self.last.is_none(), seed).take(left)
@@ -54,7 +54,7 @@ impl SkyEstimator<'_> {
     pub fn measure_all(&self, pairs: &[SkyPair], scratch: &mut Scratch) -> Vec<SkyLink> {
         let mut links = Vec::with_capacity(pairs.len());
         let (mut drafts, mut queries) = (Vec::with_capacity(pairs.len()), Vec::with_capacity(pairs.len()));
-        // By query, its draft and the weights of its segments.
+        // The draft of each query, and the weights of its segments.
         let mut asked = Vec::with_capacity(pairs.len());
         for pair in pairs {
             let Some((draft, query)) = self.draft(*pair) else { continue };
@@ -162,7 +162,7 @@ impl SkyEstimator<'_> {
         let (mut packet, mut weights) = (Packet::EMPTY, [0.0; LANES]);
         for lane in pair.lanes(number, few, seed) {
             let (point, direction) = first(lane);
-            // All directions count in a last measurement, those below the horizon with no light.
+            // A last measurement counts all directions; those below the horizon contribute no light.
             let draws = if pair.last.is_some() { 1 } else { MAX_DRAWS };
             let others = (1..draws).map(|draw| self.direction(source, lane, draw, seed));
             let above = std::iter::once(direction).chain(others).find(|d| d.dot(side.normal) > 0.0);
@@ -192,7 +192,7 @@ impl SkyEstimator<'_> {
             ^ mix(!tag).rotate_left(17))
     }
 
-    /// Segments that a link needs for its own sake.
+    /// Number of segments that the accuracy of the link itself requires.
     pub fn segments(&self, pair: &SkyPair) -> u32 {
         let element = &self.elements.elements[pair.receiver as usize];
         let light = match element.shape {
@@ -205,7 +205,7 @@ impl SkyEstimator<'_> {
         lanes(self.is_small(pair, light), 0).count() as u32
     }
 
-    /// Irradiance of a cluster without blockers by the areas that it turns to six directions, mean of the channels, W/m².
+    /// Unoccluded irradiance of a cluster from its projected areas along the six directions, mean of the channels, W/m².
     fn model(&self, source: SkySource, cluster: u32, element: &Element) -> f32 {
         let along = source.along_axes(self.environment);
         let projected = self.elements.clusters[cluster as usize].projected;
@@ -279,13 +279,13 @@ impl SkyEstimator<'_> {
         (from, packet, weights)
     }
 
-    /// Whether four segments are enough for the visibility of so much light, W/m².
+    /// Whether four segments are enough for the visibility of a source with this irradiance, W/m².
     fn is_small(&self, pair: &SkyPair, light: f32) -> bool {
         pair.worth * light * agreement(pair.agreed) < FEW_SEGMENTS_ERROR
     }
 
-    /// The direction of a segment. The source has four parts, one for each row of four lanes, and each part four parts, one for each point; those
-    /// change from row to row. Another draw takes any direction.
+    /// The direction of a segment. The source is divided into four parts, one for each row of four lanes, and each part into four, one for each
+    /// point; the point of a part changes from row to row. A repeated draw takes any direction of the source.
     fn direction(&self, source: SkySource, lane: usize, draw: u64, seed: u64) -> Vec3 {
         let (i, j) = (lane & 3, lane >> 2);
         let inner = i ^ (seed >> (2 * j)) as usize & 3;

@@ -1,6 +1,6 @@
-//! Links that end at a part of the sky or at a sun: how much of its light arrives at an element, and how wrong that may be.
+//! Links that end at a part of the sky or at a sun: the irradiance of an element from this source, and its error.
 //!
-//! Such links go one way, so that they hold the irradiance itself. See `docs/method.md`, Links and refinement.
+//! These links serve one direction only and store the irradiance itself. See `docs/method.md`, Links and refinement.
 
 use super::Split;
 use super::error_oracle::weigh;
@@ -10,11 +10,11 @@ use crate::radiosity::rgb::{Rgb, mean};
 use crate::sky::Environment;
 use glam::Vec3;
 
-/// Distance at which the width of a patch is compared with that of a receiver where visibility does not say which of both to split, relative to
-/// the radius of the scene: blockers are between the receiver and the edge of the scene.
+/// Distance, relative to the radius of the scene, at which the widths of a patch and of a receiver are compared if visibility does not
+/// determine which of the two to split: blockers are between the receiver and the edge of the scene.
 const BLOCKER_DISTANCE: f32 = 0.5;
 
-/// What is at the far end of a link.
+/// The source at the far end of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Deserialize, serde::Serialize)]
 pub enum SkySource {
     /// A patch of the sky or of the ground around the scene.
@@ -24,14 +24,14 @@ pub enum SkySource {
 }
 
 impl SkySource {
-    /// Everything that sends light from beyond the scene, as few sources as possible.
+    /// All sources of light beyond the scene, in the smallest possible number.
     pub fn all(environment: &Environment) -> Vec<SkySource> {
         let patches = environment.patches().roots().map(SkySource::Patch);
         let suns = (0..environment.suns().len() as u32).map(SkySource::Sun);
         patches.chain(suns).filter(|source| source.is_lit(environment)).collect()
     }
 
-    /// Whether it has any light.
+    /// Whether the source has any light.
     fn is_lit(self, environment: &Environment) -> bool {
         match self {
             SkySource::Patch(k) => mean(environment.patches().patch(k).max) > 0.0,
@@ -104,7 +104,7 @@ impl SkySource {
         }
     }
 
-    /// Mean over the directions of a patch of what has this integral over them; 0 for a sun.
+    /// Mean over the directions of a patch of a quantity with this integral over them; 0 for a sun.
     pub(super) fn mean_over_directions(self, environment: &Environment, integral: f64) -> f64 {
         match self {
             SkySource::Patch(k) => integral / environment.patches().patch(k).solid_angle,
@@ -143,7 +143,7 @@ pub struct SkyLink {
     pub receiver: u32,
     /// Where the light comes from.
     pub source: SkySource,
-    /// Mean irradiance of the receiver with what blocks it, W/m².
+    /// Mean irradiance of the receiver, reduced by blockers, W/m².
     pub irradiance: [f32; 3],
     /// Visible part of the light, in `[0, 1]`.
     pub transmittance: f32,
@@ -151,14 +151,14 @@ pub struct SkyLink {
     pub variation: f32,
     /// Standard error of the irradiance from sampling, W/m²; mean of the channels.
     pub noise: f32,
-    /// Segments of this link, and of the links that it replaces as far as they count here, if all had the same answer; else 0.
+    /// Number of segments of this link, and the counted part of those of the links that it replaces, if all had the same answer; else 0.
     pub agreed: f32,
     /// Whether geometry proves that nothing blocks the link or any part of it.
     pub is_clear: bool,
 }
 
 /// The error of a link to the sky and the end to split: [`Split::A`] is the receiver. Errors are as those of [`link_error`](super::link_error).
-/// An end that cannot be split counts only as far as splitting the other one helps.
+/// If only one end can be split, only the error that this split can reduce counts.
 pub fn sky_link_error(
     elements: &Elements,
     environment: &Environment,
@@ -171,7 +171,7 @@ pub fn sky_link_error(
         (elements.can_open(link.receiver), link.source.can_open(environment));
     let split = match (receiver_opens, source_opens) {
         (true, true) => {
-            // Where visibility does not tell, the larger end is split first.
+            // If visibility favours neither end, the larger end is split first.
             let is_tie = link.agreed > 0.0 || element.is_cluster() || of_receiver == of_source;
             let width = BLOCKER_DISTANCE * elements.elements[0].radius * link.source.half_angle(environment);
             let prefers_receiver = if is_tie { element.radius > width } else { of_receiver >= of_source };

@@ -21,9 +21,9 @@ const LAMBERT_DISTANCE: f32 = 4.0;
 /// Distance in the same units below which the contour integral replaces Lambert's formula. 0.6 or 2.4 instead change
 /// irradiance without a local pass by less than 0.02 % (`constants.py solve`).
 const CONTOUR_DISTANCE: f32 = 1.2;
-/// Error, in units of the tolerated error, that the exchange must be able to cause for that: the contour integral costs
-/// more than the rays of a link. 0.1 or 1 instead change irradiance without a local pass by about 0.01 % (`constants.py
-/// solve`).
+/// Smallest error, in units of the tolerated error, that the exchange must be able to cause for the contour integral to
+/// be used: this integral costs more than the rays of a link. 0.1 or 1 instead change irradiance without a local pass
+/// by about 0.01 % (`constants.py solve`).
 const CONTOUR_WORTH: f32 = 0.3;
 /// Smallest relative deviation of the exchange over an end is this times (radius / distance)²: the order of the
 /// deviation of a kernel that falls as the fourth power of a cosine. Half or twice as much change irradiance without a
@@ -94,7 +94,7 @@ impl SurfacePair<'_> {
         MIN_DISTANCE * (self.ends[0].radius + self.ends[1].radius)
     }
 
-    /// The unoccluded exchange; none if there is none.
+    /// The unoccluded exchange; `None` if the surfaces exchange no light.
     fn exchange(&self, accuracy: Accuracy) -> Option<Exchange> {
         let ([ea, eb], [ca, cb], [na, nb]) = (self.ends, self.corners, self.normals);
         let nearest = self.min_distance();
@@ -102,7 +102,7 @@ impl SurfacePair<'_> {
         let reach = ea.radius + eb.radius;
         let gauss = [gauss_points(ca), gauss_points(cb)];
         let mut exchange = self.distant_exchange(gauss);
-        // A surface that reaches behind the other may be seen by a corner without any Gauss point.
+        // Of a surface that reaches behind the other, only a corner without any Gauss point may be visible.
         let cut = [reaches_behind(ca, cb, nb, nearest), reaches_behind(cb, ca, na, nearest)];
         if distance < LAMBERT_DISTANCE * reach || cut[0] || cut[1] {
             let contour =
@@ -112,7 +112,7 @@ impl SurfacePair<'_> {
         if exchange.free <= 0.0 {
             return None;
         }
-        // Four points may lie symmetrically, as below the centre of a lamp, and show no deviation.
+        // Four points may lie symmetrically, as below the centre of a lamp, so that their values have no deviation.
         for (d, e) in exchange.deviation.iter_mut().zip([ea, eb]) {
             *d = d.max(MIN_DEVIATION * exchange.free * (e.radius / distance).powi(2).min(1.0));
         }
@@ -133,8 +133,8 @@ impl SurfacePair<'_> {
         Exchange { free: over_both(mean), deviation: [over_both(of_a), over_both(moments(columns, gb.1).1)] }
     }
 
-    /// Replaces the exchange by Lambert's formula or, if `contour` says so for the exchange found, by the contour integral.
-    /// `cut` says which end reaches behind the other.
+    /// Replaces the exchange by Lambert's formula or, if `contour` is true for the exchange found, by the contour integral.
+    /// `cut` states for each end whether it reaches behind the other.
     fn near_exchange(
         &self,
         exchange: &mut Exchange,

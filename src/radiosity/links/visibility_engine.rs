@@ -18,7 +18,7 @@ pub enum VisibilityEngine {
 /// Numbers of bundles and segments by how they were answered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 pub struct Tally {
-    /// Bundles whose segments all got through without a test.
+    /// Bundles whose segments are all clear without a test.
     pub clear: u64,
     /// Bundles answered by triangles alone.
     pub exact: u64,
@@ -26,7 +26,7 @@ pub struct Tally {
     pub aggregated: u64,
     /// Bundles answered by both.
     pub mixed: u64,
-    /// Segments asked for.
+    /// Queried segments.
     pub segments: u64,
     /// Segments for which triangles were tested.
     pub exact_rays: u64,
@@ -35,7 +35,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Adds rays that are no answers of an engine.
+    /// Counts rays that were traced for other purposes than queries to an engine.
     pub fn add_rays(&mut self, rays: usize) {
         self.segments += rays as u64;
         self.exact_rays += rays as u64;
@@ -69,7 +69,7 @@ pub struct Scratch {
 pub struct VisibilityQuery {
     /// The segments.
     pub packet: Packet,
-    /// As [`Bundle::emitter_size`]; scene units.
+    /// See [`Bundle::emitter_size`]; scene units.
     pub emitter_size: f32,
     /// Shadows on the receiver smaller than this may be averaged; scene units.
     pub feature_size: f32,

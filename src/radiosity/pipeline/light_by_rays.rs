@@ -1,4 +1,4 @@
-//! The light of elements by rays, with more of them until a target is kept.
+//! The light of elements by rays, with more rays until the error is below the target.
 
 use super::notes;
 use super::record::timed;
@@ -11,8 +11,8 @@ use crate::radiosity::refinement::{LinkedScene, Refined};
 
 /// Largest number of local passes for [`Options::target_error`]: each has more rays than all before it together.
 const MAX_ATTEMPTS: usize = 5;
-/// Part of the target that an attempt must keep to: the error of 200 elements is known to 1/√(2 · 200) = 5 %, and the audit at the end
-/// looks at others.
+/// Part of the target that the error of an attempt may reach: the error of 200 elements is known to 1/√(2 · 200) = 5 %, and the audit
+/// at the end draws other elements.
 const KEPT: f64 = 0.9;
 /// Part of the target that the next attempt aims at.
 const TARGET_MARGIN: f64 = 0.75;
@@ -20,13 +20,13 @@ const TARGET_MARGIN: f64 = 0.75;
 /// about a quarter.
 const MIN_ERROR_STEP: f64 = 0.25;
 
-/// Part of the rays of elements that are traced before any element is split. An office errs by 10.3 % at points with 0.8, by 10.5 % with 0.6
-/// (`scenes/room.py`).
+/// Part of the rays of elements that are traced before any element is split. The error at points of an office is 10.3 % with 0.8 and 10.5 %
+/// with 0.6 (`scenes/room.py`).
 const FIRST_SHARE: f64 = 0.8;
-/// Largest number of elements that are added where direct light differs, as a part of all: an office errs as little with 0.15 as with 1,
-/// which takes a tenth more time.
+/// Largest number of elements that are added where direct light varies, as a part of all elements: the error of an office is as small
+/// with 0.15 as with 1, which takes a tenth more time.
 const MAX_ADDED: f64 = 0.15;
-/// Sum of the variances of direct light over elements up to which none is split, by area, relative to the square of the error.
+/// Area-weighted mean variance of direct light over elements, relative to the square of the error, up to which no element is split.
 const MAX_UNEVEN: f64 = 0.5;
 
 impl Stages<'_> {
@@ -53,9 +53,9 @@ impl Stages<'_> {
         unreachable!("the last attempt returns")
     }
 
-    /// The option `error` with which the light of elements should keep to the target; none if it does already, or more rays are not
-    /// possible. Errors fall with one over the root of the rays, of which there are 1 / error²; a quarter of the way is kept for the noise
-    /// of the comparison.
+    /// The option `error` with which the light of elements should meet the target; `None` if it is met already, or more rays are not
+    /// possible. Errors are inversely proportional to the root of the number of rays, which is proportional to 1 / error²; a quarter of
+    /// the target is kept as a margin for the noise of the comparison.
     fn smaller_error(&mut self, solved: &Solved, options: &Options, deadline: &Deadline) -> Option<f64> {
         let target = options.target_error.filter(|_| options.local_rays.is_none() && !deadline.late())?;
         let Closing::Rays(local) = &solved.closing else { return None };
@@ -78,8 +78,8 @@ impl Stages<'_> {
                 true => FinalGather::new(self.model, linked, options).affordable_rays(all, deadline),
                 false => Some(all).filter(|_| !deadline.late()),
             };
-            // Elements as small as the rays can light; around few large surfaces with dark backs those that are asked for, unless a target
-            // needs smaller ones: the Cornell box errs by 1.5 % with 33,000 elements and with 132,000.
+            // Elements are as small as the rays allow; around few large surfaces with dark backs they have the size asked for, unless a
+            // target needs smaller ones: the error of the Cornell box is 1.5 % with 33,000 elements and with 132,000.
             let finest = match linked.elements.dark.is_empty() || options.target_error.is_some() {
                 true => options.local_area(),
                 false => options.min_area,
@@ -106,7 +106,7 @@ impl Stages<'_> {
         found
     }
 
-    /// Lets all elements gather the light that the local pass has found, and splits those over which direct light differs.
+    /// Gathers the light of the local pass at all elements, and splits the elements over which direct light varies.
     fn element_light(&mut self, mut solved: Solved, options: &Options, deadline: &Deadline) -> Solved {
         let model = self.model;
         let hurried = timed(&mut self.seconds.local, || {

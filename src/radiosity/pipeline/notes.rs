@@ -11,7 +11,7 @@ use crate::radiosity::transport::Convergence;
 
 /// Part of the emitted power that may appear or vanish without a note, however small the estimated error: the noise of sampling.
 const MAX_IMBALANCE: f64 = 0.005;
-/// Part of the rays below which a note tells of fewer: noise grows by less than 5 % above.
+/// A note reports fewer rays below this part of the useful rays: above it, noise grows by less than 5 %.
 const NEARLY_ALL: f64 = 0.9;
 /// Part of the surfaces that may be unlit without a note: the insides of closed boxes are about half of a scene.
 const USUAL_UNLIT_AREA: f64 = 0.5;
@@ -87,7 +87,7 @@ pub fn unlit(unlit: &Unlit) -> Option<String> {
     })
 }
 
-/// If the local pass had time for a smaller part of all useful rays than [`NEARLY_ALL`]; none means the smallest number.
+/// If the local pass had time for a smaller part of all useful rays than [`NEARLY_ALL`]; a `part` of `None` means the smallest number of rays.
 pub fn fewer_local_rays(part: Option<f64>, all: f64, deadline: &Deadline) -> Option<String> {
     let fewer = match part {
         Some(part) if part >= NEARLY_ALL => return None,
@@ -119,7 +119,7 @@ pub fn untraced(untraced: usize, all: usize, deadline: &Deadline) -> Option<Stri
     })
 }
 
-/// What has cut the rays short.
+/// The cause of the smaller number of rays.
 fn why(deadline: &Deadline) -> &'static str {
     if deadline.interrupted() { "an interruption" } else { "⟨max_seconds⟩" }
 }
@@ -153,7 +153,7 @@ pub fn unconverged(convergence: &Convergence, deadline: &Deadline) -> Option<Str
     })
 }
 
-/// If no light arrives at any of the points, of whose irradiance (W/m²) up to `dark` counts as none.
+/// If no light arrives at any of the points: an irradiance (W/m²) of up to `dark` counts as no light.
 pub fn dark_points(irradiance: &[Rgb], dark: f64) -> Option<String> {
     let is_dark = !irradiance.is_empty() && irradiance.iter().flatten().all(|&e| e <= dark);
     is_dark.then(|| {
@@ -168,6 +168,9 @@ pub fn dark_points(irradiance: &[Rgb], dark: f64) -> Option<String> {
 pub fn limit(options: &Options) -> String {
     format!("⟨max_seconds⟩ {}", options.max_seconds.unwrap_or_default())
 }
+
+/// If direct light is asked for and elements too.
+pub const DIRECT_AT_POINTS: &str = "elements have reflected light: ⟨direct_only⟩ leaves it out at points and in pictures whose pixels are gathered";
 
 /// If links alone give the light of luminaires.
 pub const DIFFUSE_LUMINAIRES: &str = "without a local pass (⟨local_rays⟩ 0, ⟨direct_only⟩) elements see luminaires as diffuse \

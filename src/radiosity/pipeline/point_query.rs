@@ -1,4 +1,4 @@
-//! A finished solution: answers irradiance at points at any time.
+//! A finished solution, which computes irradiance at points at any time.
 
 use super::notes;
 use crate::model::Model;
@@ -16,7 +16,7 @@ use glam::Vec3;
 /// 8 million rays a second.
 const RAYS_PER_CHECK: usize = 1 << 22;
 
-/// The light of a scene, which answers irradiance at points.
+/// The light of a scene, from which irradiance at points is computed.
 pub struct Solution {
     pub(super) model: Model,
     pub(super) solved: Solved,

@@ -1,4 +1,4 @@
-//! What is written down about a solution.
+//! The record of a solution.
 
 use crate::error::in_own_words;
 use crate::model::summary::SceneSummary;
@@ -70,7 +70,7 @@ pub struct Record {
     /// The last sweeps along links.
     #[serde(rename = "settled")]
     pub convergence: Convergence,
-    /// Those of the local pass, if there was one.
+    /// The iterations of the local pass, if there was one.
     #[serde(rename = "settled_local")]
     pub local_convergence: Option<Convergence>,
     /// Whether the error estimate is no larger than [`Options::target_error`], where that is given, the energy balances and light arrives
@@ -104,7 +104,7 @@ pub struct Record {
     pub points_error: Option<PointsError>,
     /// Comparison of error bars with errors; none if reflected light was omitted or the light of elements not asked for.
     pub audit: Option<ErrorBarAudit>,
-    /// Mean irradiance over the sides that light arrives at, W/m², RGB; no numbers where only direct light at points was computed.
+    /// Mean irradiance over the sides at which light arrives, W/m², RGB; NaN where only direct light at points was computed.
     pub mean_irradiance: Rgb,
     /// Whether the caller interrupted the solution.
     pub interrupted: bool,
@@ -114,7 +114,7 @@ pub struct Record {
 pub struct Outcome {
     /// The light of all surfaces.
     pub mesh: RadiosityMesh,
-    /// About the solution.
+    /// The record of the solution.
     pub record: Record,
     /// Irradiance at the points asked for, W/m².
     pub irradiance: Vec<Rgb>,

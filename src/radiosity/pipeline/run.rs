@@ -99,7 +99,7 @@ pub fn solve(
     Ok((
         outcome,
         Solution {
-            // Its points are asked for by one rank.
+            // Only one rank computes points of the solution.
             model: model.clone().on_ranks(Ranks::default()),
             solved,
             options: options.clone(),
@@ -120,7 +120,7 @@ fn preparation(model: &Model, options: &Options) -> Seconds {
     seconds
 }
 
-/// Refuses scenes whose areas 32 bits do not hold.
+/// Rejects scenes whose areas f32 cannot represent.
 fn check_size(scene: &Scene) -> Result<()> {
     let diagonal = f64::from(scene.bounds.diagonal());
     if (MIN_DIAGONAL..=MAX_DIAGONAL).contains(&diagonal) {
@@ -140,7 +140,7 @@ struct RefinementSteps {
     convergence: Convergence,
 }
 
-/// What the record needs beside the solution.
+/// Data of the record besides the solution.
 struct RecordParts<'a> {
     unlit: Unlit,
     steps: RefinementSteps,
@@ -207,7 +207,7 @@ impl Stages<'_> {
         }
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
-            // Elements that are asked for count alike, points that may be asked for later can be anywhere, and what the caller names important is.
+            // The given points set the importance only if elements and further points are not asked for, and the caller has named nothing important.
             let linked = &mut refined.linked;
             let alike = self.options.elements || self.options.more_points;
             if !alike && linked.feature_sizes.important.is_empty() && !self.deadline.late() {
@@ -221,6 +221,9 @@ impl Stages<'_> {
             self.notes.extend(notes::bounded(closing.bounded));
             self.notes.extend(notes::unconverged(&closing.convergence, &plan.light));
             steps.convergence = closing.convergence;
+            if self.options.direct_only {
+                self.notes.push(notes::DIRECT_AT_POINTS.into());
+            }
             if solved.linked.elements.has_profiles() {
                 self.notes.push(notes::DIFFUSE_LUMINAIRES.into());
             }
@@ -271,7 +274,7 @@ impl Stages<'_> {
         })
     }
 
-    /// Notes of light that reaches nothing, or not the points; whether there are none.
+    /// Adds notes about light that reaches no surface or no point; returns whether there are none.
     fn notes_of_light(&mut self, solved: &Solved, irradiance: &[Rgb], coarse_light: &Rgb) -> bool {
         let (model, scene, dark) = (self.model, self.scene, solved.linked.dark());
         let lost = if scene.emitters.is_empty() && scene.environment.is_none() {

@@ -1,8 +1,8 @@
-//! Elements across which other surfaces stand, as a thin wall whose foot is in the middle of a floor, and those that others cover in part, as
-//! the wall behind a cupboard that stands a centimetre before it.
+//! Elements that other surfaces cross, such as a floor element with the foot of a thin wall in its middle, and elements that other surfaces
+//! partly cover, such as an element of the wall one centimetre behind a cupboard.
 //!
-//! Light differs on both sides of such a line, so that the mean over the element is right on neither. These elements are split a few times
-//! along the line; what remains of them takes no part in the exchange of light, and paths that meet it go on from there.
+//! The irradiance differs between the two sides of such a line, so that the mean over the element is wrong on both. These elements are
+//! split a few times along the line; the remaining ones do not exchange light, and paths that hit them continue from the hit point.
 
 use super::gaps::{ALL, blocked, covered_quarters};
 use super::linked_scene::LinkedScene;
@@ -12,22 +12,22 @@ use crate::ray::Packet;
 use crate::visibility::Exact;
 use glam::Vec3;
 
-/// Distance of the segments that look for such surfaces from the edges and the plane of their element, as a part of its diameter: a surface
-/// nearer to an edge leaves less than this part of the element on its other side.
+/// Distance of the test segments from the edges and the plane of their element, as a fraction of its diameter: a surface nearer to an edge
+/// leaves less than this fraction of the element on its other side.
 const INSET: f32 = 1.0 / 128.0;
-/// The same part for segments that look for surfaces which end above the element, as a sheet a few millimetres clear of the floor: light on the
-/// element differs on both sides of it if the gap is narrower than this. With 1/8, light 2 cm behind a lit sheet that is 3 mm clear is 24 % too bright.
+/// The same fraction for segments that find surfaces ending above the element, such as a sheet a few millimetres above the floor: the two sides of the
+/// element have different light if the gap is narrower. With 1/8, light 2 cm behind a lit sheet with a gap of 3 mm is 24 % too bright.
 const INSET_CLEAR: f32 = 1.0 / 4.0;
 /// Largest number of times that an element of the size of the local pass is split: its parts are then an eighth as wide. Four times
 /// adds twice as many elements, a tenth of those of the Cornell box.
 const MAX_SPLITS: i32 = 3;
-/// Largest part of the number of all elements that is added by this.
+/// Largest number of elements added by these splits, relative to the number of all elements.
 const MAX_ADDED: f64 = 1.0;
-/// Elements that may be added to any scene.
+/// Number of elements that may be added to a scene of any size.
 const MIN_ROOM: usize = 1 << 13;
 
 impl LinkedScene {
-    /// Splits the parts of large surfaces that other surfaces stand across, and marks what remains of them
+    /// Splits the parts of large surfaces that other surfaces cross, and marks the remaining ones
     /// ([`ElementState::crossed`](crate::radiosity::elements::ElementState::crossed)).
     pub fn split_at_crossings(&mut self, exact: &Exact, deadline: &Deadline) {
         self.elements.states.iter_mut().for_each(|state| state.crossed = false);
@@ -35,14 +35,14 @@ impl LinkedScene {
             return;
         }
         let leaves = self.leaves();
-        // Repeated passes do not split again what is as small as it gets.
+        // Repeated passes do not split elements of the smallest size again.
         let smallest = self.elements.min_area / 4f64.powi(MAX_SPLITS - 1);
         let mut room = ((MAX_ADDED * leaves.len() as f64) as usize).max(MIN_ROOM);
         let mut found = crossed(&self.elements, exact, &leaves);
         loop {
             let large = |e: &&u32| area(&self.elements, **e) > smallest;
             let mut to_split: Vec<u32> = found.iter().filter(large).copied().collect();
-            // Where there is no room for all, for the largest.
+            // If there is no room for all of them, the largest are split.
             to_split.sort_by(|&a, &b| {
                 area(&self.elements, b).total_cmp(&area(&self.elements, a)).then(a.cmp(&b))
             });
@@ -63,7 +63,7 @@ impl LinkedScene {
         found.into_iter().for_each(|e| self.elements.states[e as usize].crossed = true);
     }
 
-    /// For some leaves, the edges along which other surfaces stand, by bit: segments across their middles are blocked. Known of parts of large surfaces.
+    /// For each leaf, a bit mask of the edges along which other surfaces stand (segments across their middles are blocked); 0 outside large surfaces.
     pub fn walls_along(&self, exact: &Exact, leaves: &[u32]) -> Vec<u8> {
         let parts = large_parts(&self.elements, leaves);
         let mut walls =
@@ -72,7 +72,7 @@ impl LinkedScene {
         leaves.iter().map(of).collect()
     }
 
-    /// The number of leaves of large surfaces across which other surfaces stand.
+    /// The number of leaves of large surfaces that other surfaces cross or partly cover.
     pub fn count_crossed(&self, exact: &Exact) -> usize {
         crossed(&self.elements, exact, &self.leaves()).len()
     }
@@ -83,8 +83,7 @@ fn area(elements: &Elements, e: u32) -> f64 {
     elements.elements[e as usize].area
 }
 
-/// The parts of large surfaces among some leaves across which other surfaces stand (segments along their edges are blocked), or that others cover
-/// in part.
+/// The parts of large surfaces among some leaves that other surfaces cross (segments along the edges of the part are blocked) or partly cover.
 fn crossed(elements: &Elements, exact: &Exact, leaves: &[u32]) -> Vec<u32> {
     let parts = large_parts(elements, leaves);
     let [crossed, clear] = [INSET, INSET_CLEAR].map(|inset| {

@@ -8,20 +8,20 @@ pub const MIN_IMPORTANCE: f64 = 0.02;
 
 /// What determines feature sizes beside importance, scene units.
 pub struct FeatureSizes {
-    /// Given for all receivers.
+    /// The size given for all receivers.
     pub given: Option<f32>,
-    /// By side, its own size: given by name, or a few pixels of the camera that is nearest; infinite for none.
+    /// The size of each side: given by name, or a few pixels of the nearest camera; infinite if there is neither.
     pub by_side: Vec<f32>,
-    /// By side, whether it is important by itself; empty if every side is.
+    /// For each side, whether it is important by itself; empty if every side is.
     pub important: Vec<bool>,
 }
 
 impl FeatureSizes {
-    /// The feature size of a surface element that is not just its diameter: the size of its side, or else the size given for all.
+    /// The feature size of a surface element: the size of its side, or else the size given for all; `None` if its diameter is to be used.
     ///
-    /// Where the importance I is only indirect the size grows by √(I_max / I): an error there shows like a shadow of the given size
-    /// where I is largest, as I s² is the same. I is at least [`MIN_IMPORTANCE`] of I_max, so that sizes grow by at most 7.
-    /// Diameters do not grow: elements of small importance are large already.
+    /// Where the importance I is only indirect, the size grows by √(I_max / I): an error there has the same visible effect as a
+    /// shadow of the given size where I is largest, because I s² is equal. I is at least [`MIN_IMPORTANCE`] of I_max, so that
+    /// sizes grow by at most 7. Diameters do not grow: elements of small importance are large already.
     pub fn of_surface(&self, elements: &Elements, element: usize) -> Option<f32> {
         let Shape::Surface { side, .. } = elements.elements[element].shape else { return None };
         let own = self.by_side[side as usize];

@@ -1,8 +1,8 @@
 //! Elements in gaps narrower than themselves, as inside a hollow door or between two cupboards.
 //!
-//! Light decays along a gap within a few times its width. An element that is larger sends out its mean light from all of its points, and
-//! light would come as much deeper into the gap as elements are larger: three times too much in a hollow panel of 3 cm by elements of 12 cm.
-//! These elements take no part in the exchange of light, and paths that meet them go on from there.
+//! Light decays along a gap within a few times its width. A larger element emits its mean light from all of its points, so that light would
+//! reach deeper into the gap in proportion to the element's size: three times too much in a hollow panel of 3 cm with elements of 12 cm.
+//! These elements do not exchange light, and paths that hit them continue from the hit point.
 
 use super::linked_scene::LinkedScene;
 use crate::math::Aabb;
@@ -33,7 +33,7 @@ impl LinkedScene {
     }
 }
 
-/// By element, the quarters that have another surface right above their centres, a bit each.
+/// For each leaf, a bit mask of the quarters that have another surface right above their centres.
 pub fn covered_quarters(elements: &Elements, exact: &Exact, leaves: &[u32]) -> Vec<u32> {
     blocked(elements, exact, leaves, |packet, first, corners, side| {
         let radius = 0.5 * Aabb::of(*corners).diagonal();
@@ -44,7 +44,7 @@ pub fn covered_quarters(elements: &Elements, exact: &Exact, leaves: &[u32]) -> V
     })
 }
 
-/// By element, which of the segments are blocked that `set` puts in up to four lanes of a packet from one on.
+/// For each leaf, a bit mask of the blocked segments; `set` writes up to four segments into a packet, from a given lane on.
 pub fn blocked(
     elements: &Elements,
     exact: &Exact,

@@ -1,4 +1,4 @@
-//! Histogram of link errors [SD95 sec 6.2]: which error is exceeded by how many links.
+//! Histogram of link errors [SD95 sec 6.2]: the number of links that exceed each error.
 
 /// Four bins an octave over errors from 2^-40 to 2^24.
 const BINS: usize = 256;
@@ -9,7 +9,7 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Of errors relative to the mean irradiance.
+    /// The histogram of errors relative to the mean irradiance.
     pub fn new(errors: impl Iterator<Item = f32>) -> Histogram {
         let mut counts = [0; BINS];
         for e in errors {
@@ -18,7 +18,7 @@ impl Histogram {
         Histogram { counts }
     }
 
-    /// The smallest error that at most `count` links exceed, not below `least`.
+    /// The smallest error that at most `count` links exceed, not below `min`.
     pub fn threshold(&self, count: usize, min: f32) -> f32 {
         let mut sum = 0;
         for k in (0..BINS).rev() {

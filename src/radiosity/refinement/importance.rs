@@ -1,4 +1,4 @@
-//! Importance: which surfaces matter, and how much others matter by the light that they send to those.
+//! Importance: the weight of surfaces by themselves, and of others by the light that they send to these.
 
 use super::feature_sizes::MIN_IMPORTANCE;
 use super::linked_scene::LinkedScene;
@@ -28,7 +28,7 @@ const FEATURE_PIXELS: f64 = 2.0;
 /// option `feature_size`.
 const PICTURE_ROWS: usize = 480;
 
-/// Assigns importance and feature sizes to sides: by the names in the options, and by what their cameras see.
+/// Assigns importance and feature sizes to sides: to those named in the options, and to those that their cameras see.
 pub fn apply_importance(
     linked: &mut LinkedScene,
     scene: &Scene,
@@ -147,7 +147,7 @@ pub fn propagate_importance(linked: &mut LinkedScene, nodes: &ActiveNodes) {
         if let (Shape::Surface { side, .. }, true) = (&element.shape, element.is_leaf()) {
             importance[e] = mean(own(*side)) + mean(arriving[e]);
         } else if element.area > 0.0 {
-            // What counts is the square of an error times that of its importance, over all parts.
+            // The square of an error counts times the square of its importance, summed over all parts.
             let of_part = |c: usize| elements.elements[c].area * f64::powi(importance[c], 2);
             importance[e] = (element.child_range().map(of_part).sum::<f64>() / element.area).sqrt();
         }

@@ -25,22 +25,22 @@ const INSIDE_NOISE: f32 = 0.3;
 pub struct Pair {
     pub a: u32,
     pub b: u32,
-    /// [`Link::transmittance_deviation`] of the link between elements that hold the ends.
+    /// [`Link::transmittance_deviation`] of the link between the elements that contain the ends.
     pub deviation: f32,
     /// The certificate of that link.
     pub certificate: BlockerCertificate,
-    /// Whether none of that link's segments got through.
+    /// Whether all segments of that link were blocked.
     pub blocked: bool,
 }
 
 impl Pair {
-    /// Two elements of which nothing is known.
+    /// Two elements without an earlier measurement.
     pub fn new(a: u32, b: u32) -> Pair {
         Pair { a, b, deviation: 0.5, certificate: BlockerCertificate::UNKNOWN, blocked: false }
     }
 }
 
-/// Links of all pairs in the order of their tasks, each of up to [`CHUNK`] pairs and made by one rank, and what the tasks asked.
+/// Links of all pairs in the order of their tasks, and the tally of all queries. One rank runs each task of up to [`CHUNK`] pairs.
 pub fn measured<P: Sync, L: Send + Serialize + DeserializeOwned>(
     ranks: &Ranks,
     pairs: &[P],
@@ -109,7 +109,7 @@ fn estimator(linked: &LinkedScene, seed: u64) -> LinkEstimator<'_> {
     LinkEstimator { elements: &linked.elements, engine: &linked.engine, seed, inside: linked.settings.inside }
 }
 
-/// The engine for a set of pairs: exact rays where a sample of the pairs says that multi-resolution visibility is not faster.
+/// The engine for a set of pairs: exact rays where multi-resolution visibility is not faster for a sample of the pairs.
 fn engine_for(linked: &LinkedScene, pairs: &[Pair], threshold: f32) -> VisibilityEngine {
     let estimator = estimator(linked, linked.settings.seed);
     let queries = |pairs: &[Pair]| -> Vec<VisibilityQuery> {
@@ -126,7 +126,7 @@ fn inside_link(linked: &LinkedScene, cluster: u32) -> Link {
     let area = linked.elements.elements[cluster as usize].area as f32;
     let Surroundings { enclosed, enclosed_emission, .. } = &linked.surroundings;
     let exchange_area = enclosed[cluster as usize] * area;
-    // A small lamp above a large floor, whose light meets no lamp.
+    // This is larger for a small lamp above a large floor: the lamp's light meets the floor, but the floor's light meets no lamp.
     let of_emission = enclosed_emission[cluster as usize] * area;
     Link {
         a: cluster,

@@ -1,4 +1,4 @@
-//! The elements of a scene with their links and their light: what all phases of a solution share.
+//! The elements of a scene with their links and their light: the data that all phases of a solution share.
 
 use super::feature_sizes::FeatureSizes;
 use crate::radiosity::deadline::Deadline;
@@ -24,19 +24,19 @@ use std::sync::{Arc, OnceLock};
 /// or 0.2 instead change irradiance by less than 0.04 % (`constants.py solve`).
 const MIN_WEIGHT: f32 = 0.1;
 
-/// Largest error of one value for the direct light of an element, as a part of the emitted power: around one lamp some 500 elements,
-/// whose sizes grow with the distance, have an error of .1 % in sum (`radiosity::tests::ratios`).
+/// Largest error if one value stands for the direct light of an element, as a fraction of the emitted power: some 500 elements
+/// around one lamp, whose sizes grow with the distance, have a total error of .1 % (`radiosity::tests::ratios`).
 const MAX_VARIATION: f32 = 2e-5;
 
-/// Elements that are split between two looks at the caller: 2¹² take about 1 ms.
+/// Elements that are split between two checks for cancellation: 2¹² take about 1 ms.
 const SPLIT_SLICE: usize = 1 << 12;
 
-/// Light on a side, as a part of the mean over all sides, below which it counts as dark: what passes through the edges of a closed room is
-/// below a millionth, and a side of so little light adds less than a thousandth to any mean.
+/// Light on a side, as a fraction of the mean over all sides, below which the side counts as dark: light leaking through the edges of a
+/// closed room is below a millionth, and a side of so little light adds less than a thousandth to any mean.
 const MIN_LIT: f64 = 1e-3;
 
-/// What paths from points have found: the part of their light that surfaces reflect, if these have as much light as the points, and the part of the rays from
-/// these surfaces that leave the scene, each by the part of its light that gets to a point.
+/// Results of paths from points, weighted by the fraction of the light that gets to a point: the part of the points' light that surfaces reflect, if they
+/// have as much light as the points, and the part of the rays from these surfaces that leave the scene.
 #[derive(Clone, Copy)]
 pub struct PointsView {
     pub reflected: f64,
@@ -49,7 +49,7 @@ pub struct LinkedScene {
     pub elements: Elements,
     /// The links.
     pub links: Vec<Link>,
-    /// What rays have found around every side.
+    /// Results of the rays from every side.
     pub surroundings: Surroundings,
     /// The visibility engine.
     pub engine: VisibilityEngine,
@@ -65,7 +65,7 @@ pub struct LinkedScene {
     pub sky_links: Vec<SkyLink>,
     /// Irradiance of a horizontal plane by the sky and the suns, W/m².
     pub(super) beyond: f64,
-    /// What the points that are asked for see; none if importance does not follow points.
+    /// The view of the scene from the requested points; none if importance does not depend on points.
     pub points_view: Option<PointsView>,
     /// The processes that share the measurement of links.
     pub ranks: Ranks,
@@ -75,7 +75,7 @@ pub struct LinkedScene {
     last_field: Option<Field>,
     /// The emitting faces, which subdivision does not change.
     emitters: OnceLock<Arc<Emitters>>,
-    /// Places in openings through which the sky lights rooms, once they are asked for.
+    /// Places in openings through which the sky lights rooms; computed at the first use.
     pub openings: OnceLock<Arc<Vec<Vec3>>>,
 }
 
@@ -129,13 +129,13 @@ impl LinkedScene {
         scene
     }
 
-    /// The emitting faces of the scene of the elements; found at the first call.
+    /// The emitting faces of the scene of the elements; collected at the first call.
     pub fn emitters(&self, scene: &Scene) -> Arc<Emitters> {
         self.emitters.get_or_init(|| Arc::new(Emitters::new(scene, &self.elements))).clone()
     }
 
-    /// Irradiance that counts as none, W/m²: 1e-9 of what the surfaces would receive if all emitted light arrived once. Rounding at the
-    /// edges of emitters lets about 1e-14 pass.
+    /// Irradiance that counts as zero, W/m²: 1e-9 of the surfaces' irradiance if all emitted light arrived once. Rounding at the edges
+    /// of emitters lets about 1e-14 pass.
     pub fn dark(&self) -> f64 {
         let Elements { elements, sides, .. } = &self.elements;
         let emitted: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
@@ -270,7 +270,7 @@ impl LinkedScene {
         }
     }
 
-    /// What the error oracle needs to know of every element, from the present light.
+    /// Computes the error oracle's statistics of every element from the present light.
     pub fn update_oracle_statistics(&mut self) {
         let n = self.elements.len();
         let mut squares = vec![0.0f64; n];
@@ -299,9 +299,9 @@ impl LinkedScene {
         }
     }
 
-    /// What errors of all other surfaces do to the important ones, over what they would do if they cancelled: √(A / A_important). Patches of
-    /// an area A_p that see important surfaces of A_i with form factors of importance I = A_i / A change their light by Σ (A_p / A_i) I δ = δ
-    /// if their errors δ are alike, and by δ √(A_p / A) if not.
+    /// Effect of the errors of all other surfaces on the important ones, relative to their effect if they cancelled: √(A / A_important).
+    /// Patches of area A_p that see important surfaces of area A_i with form factors of importance I = A_i / A change the light of these by Σ
+    /// (A_p / A_i) I δ = δ if their errors δ are alike, and by δ √(A_p / A) if not.
     fn effect_of_errors_together(&self) -> f32 {
         let Elements { elements, sides, area, .. } = &self.elements;
         let is_important = sides.iter().zip(&self.feature_sizes.important).filter(|(_, of)| **of);
@@ -309,7 +309,7 @@ impl LinkedScene {
         if important > 0.0 { (area / important).sqrt() as f32 } else { 1.0 }
     }
 
-    /// Sweeps along the links, then radiosity and irradiance of all elements. Starts from the last sweeps' light.
+    /// Sweeps along the links, starting from the light of the last sweeps, and sets radiosity and irradiance of all elements.
     pub fn iterate(
         &mut self,
         nodes: &ActiveNodes,

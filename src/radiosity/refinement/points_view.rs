@@ -1,4 +1,4 @@
-//! Importance for points: what an error of an element's light counts at the points that are asked for.
+//! Importance for points: the weight of an error of an element's light at the requested points.
 
 use super::linked_scene::{LinkedScene, PointsView};
 use crate::math::sampling::{cosine_direction, mix, numbers};
@@ -10,22 +10,22 @@ use crate::visibility::Exact;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Paths from all points together: importance is known to 1/√16 = 25 % where a thousandth of them ends.
+/// Number of paths from all points together: where a thousandth of them ends, importance has an error of 1/√16 = 25 %.
 const PATHS: usize = 1 << 14;
-/// Rays of a path: later ones count (reflectance)³ at most.
+/// Rays of a path: the weight of later ones is (reflectance)³ at most.
 const BOUNCES: usize = 3;
-/// Smallest number of ends in a cluster or on a side by which its own importance is known; others share what remains of that of what holds them.
+/// Smallest number of path ends from which the importance of a cluster or side is known; others share the remaining importance of their parent.
 const MIN_ENDS: u32 = 16;
 /// Largest importance by points relative to the mean. With the part that is the same everywhere it is 8.5 at most: elements are at most √8.5 = 2.9 times
 /// smaller than without it.
 const MAX_IMPORTANCE: f64 = 16.0;
-/// Part of importance that is the same everywhere: light comes to what points see from elsewhere, and the balance of all energy needs a right exchange
-/// in rooms that no point sees. As its mean by area is at most 1, rays of those are halved at most.
+/// Fraction of importance that is the same everywhere: surfaces that points see get light from elsewhere, and the energy balance needs a correct
+/// exchange in rooms that no point sees. The mean by area is at most 1, so that rays of such rooms are at most halved.
 const EVERYWHERE: f64 = 0.5;
 /// Points of one parallel task.
 const CHUNK: usize = 16;
 
-/// Where a path ended, and the part of the light that is sent there which reaches its point.
+/// The end of a path, and the fraction of the light sent from there that reaches the start of the path.
 struct PathEnd {
     side: u32,
     share: f64,
@@ -34,8 +34,8 @@ struct PathEnd {
 }
 
 impl LinkedScene {
-    /// Sets importance by what points (relative to the origin of the scene; position, unit normal) see, at once and by reflection: light reaches a
-    /// point along the same paths that start from it.
+    /// Sets importance from the surfaces that points (relative to the origin of the scene; position, unit normal) see directly and by reflection:
+    /// light reaches a point along the same paths that start from it.
     pub fn look_from(&mut self, points: &[(Vec3, Vec3)], exact: &Exact) {
         let (paths, open, ends) = self.paths_from(points, exact);
         let Elements { elements, sides, .. } = &self.elements;
@@ -71,7 +71,7 @@ impl LinkedScene {
         let Elements { sides, .. } = &self.elements;
         let tracer = SideRays { elements: &self.elements, exact, length: self.surroundings.length };
         let each = PATHS.div_ceil(points.len().max(1));
-        // Of many points some are drawn: every n-th may be a column of a grid.
+        // If there are many points, a random subset is used: every n-th point may lie in one column of a grid.
         let drawn = |i: usize| mix(!self.settings.seed ^ i as u64) % (points.len() as u64) < PATHS as u64;
         let chosen: Vec<(usize, &(Vec3, Vec3))> =
             points.iter().enumerate().filter(|of| drawn(of.0)).collect();
@@ -110,9 +110,9 @@ impl LinkedScene {
     }
 }
 
-/// Density of a quantity in each element: its part over its area where it is known by [`MIN_ENDS`], and otherwise what the siblings that are known leave
-/// of their parent's. `parents` come before their children and the first is its own; `parts` have the quantity, the area and the number of ends.
-/// No quantity is counted twice: the sum over the leaves of density times area is at most that of the root.
+/// Density of a quantity in each element: its part over its area if it has [`MIN_ENDS`] ends, otherwise the density of what remains of its parent after
+/// the siblings with enough ends. `parents` come before their children and the first is its own; `parts` have the quantity, the area and the number of
+/// ends. No quantity is counted twice: the sum over the leaves of density times area is at most that of the root.
 fn densities(parents: &[u32], parts: &[(f64, f64, u32)]) -> Vec<f64> {
     let is_known = |e: usize| e == 0 || (parts[e].2 >= MIN_ENDS && parts[e].1 > 0.0);
     let mut rest: Vec<(f64, f64)> = parts.iter().map(|&(part, area, _)| (part, area)).collect();

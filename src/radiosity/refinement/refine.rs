@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 /// Links refined between two checks of the deadline in steps of limited time, where each link is refined once: the
 /// first step has as many links. Changes results with a time limit only.
 const SHORT_SLICE: usize = 64;
-/// Additional links that replace one link, about: four parts instead of one whole.
+/// Approximate number of links that are added when a link is replaced: four parts instead of one whole.
 const ADDED_LINKS: usize = 3;
 
 /// Outcome of a refinement step.
@@ -47,9 +47,9 @@ pub fn threshold(errors: &[LinkErrors; 2], count: usize, min: f32) -> f32 {
     Histogram::new(open.map(|(error, _)| *error)).threshold(count, min)
 }
 
-/// Refines all links with errors above a threshold and the links that replace them; with `once` not the latter. `errors` are those of the
-/// links between elements and of the links to the sky. Between slices, but not before the first, `stop` is asked with the number of links and
-/// elements. Each generation of links is a stage.
+/// Refines all links with errors above a threshold and the links that replace them; with `once` only the former. `errors` are those of the
+/// links between elements and of the links to the sky. Between slices, but not before the first, `stop` is called with the number of links
+/// and elements. Each generation of links is a stage.
 pub fn refine(
     linked: &mut LinkedScene,
     errors: &[LinkErrors; 2],
@@ -60,7 +60,7 @@ pub fn refine(
 ) -> Replaced {
     let open = |(error, split): (f32, Split)| error > threshold && split != Split::Neither;
     let mut wave = VecDeque::new();
-    // The sky first: outdoors it is what all other light comes from.
+    // Links to the sky come first: outdoors the sky is the source of all other light.
     for (link, &error) in std::mem::take(&mut linked.sky_links).into_iter().zip(&errors[1]) {
         if open(error) { wave.push_back(Open::Sky(link, error.1)) } else { linked.sky_links.push(link) }
     }

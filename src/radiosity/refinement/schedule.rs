@@ -1,4 +1,4 @@
-//! The steps of refinement, until the error asked for is reached, or time or memory end.
+//! The steps of refinement, until the requested error is reached, or time or memory is used up.
 
 use super::importance::propagate_importance;
 use super::link_measurement::remeasure_links;
@@ -13,12 +13,12 @@ use crate::radiosity::transport::{Convergence, cap_row_sums, link_row_sums};
 use serde::Serialize;
 use std::time::Instant;
 
-/// Error to which links are refined, as part of the error asked for: the errors of the links of an element add up.
+/// Error to which links are refined, as part of the requested error: the errors of the links of an element add up.
 /// Without a local pass 0.005, 0.01 and 0.02 leave errors of 1.15 %, 1.29 % and 1.32 % in 0.45 s, 0.26 s and 0.20 s
 /// (`constants.py solve`).
 const LINK_ERROR_SHARE: f64 = 0.01;
-/// How much larger that error may be before a local pass, for which links are only the first guess. 2 or 8 instead
-/// change irradiance by less than 0.01 % (`constants.py solve`).
+/// Factor by which the error of links may be larger before a local pass, for which links are only the first guess. 2 or
+/// 8 instead change irradiance by less than 0.01 % (`constants.py solve`).
 const COARSE_BEFORE_LOCAL_PASS: f64 = 4.0;
 /// The error threshold of each step divided by that of the next. 2 or 8 instead change irradiance without a local pass
 /// by at most 0.1 % (`constants.py solve`).
@@ -75,7 +75,7 @@ pub struct Iteration {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ended {
-    /// No link that could be refined exceeds the error asked for.
+    /// No link that could be refined exceeds the requested error.
     Error,
     /// The estimated error was no larger than the target.
     Target,
@@ -85,7 +85,7 @@ pub enum Ended {
     Links,
     /// The caller interrupted refinement.
     Interrupted,
-    /// There was nothing to refine: no light, or only direct light at points was asked for.
+    /// There was nothing to refine: the scene has no light, or only direct light at points was requested.
     Nothing,
 }
 
@@ -110,7 +110,7 @@ pub struct Refined {
     closing_cost: f64,
 }
 
-/// Row sums of every element along its links, and how the last light along them was found.
+/// Row sums of every element along its links, and the convergence of the last light along the links.
 pub struct LinkClosing {
     /// Row sums before normalisation.
     pub sampled: Vec<f64>,
@@ -162,7 +162,7 @@ impl Coarse {
             return refined;
         }
         let few = refined.is_coarse && !deadline.limited();
-        // Under a sky most light comes from it, not from other elements, and rays replace it all.
+        // Under a sky most light comes from the sky, not from other elements, and rays replace all of this light.
         let is_guess = few
             && refined.linked.environment.is_some()
             && options.step_seconds.is_none()
@@ -209,7 +209,7 @@ impl Coarse {
 struct Steps {
     /// Seconds of a step, if they are limited.
     seconds: Option<f64>,
-    /// Threshold of the next step, without such a limit, and what it is divided by for the one after.
+    /// Threshold of the next step if time is not limited, and its divisor for the step after that.
     next: f64,
     ratio: f64,
     /// Links of the next step of limited time.
@@ -219,8 +219,8 @@ struct Steps {
 }
 
 impl Steps {
-    /// Steps down to the threshold `last`: `few` are two, of which the first finds the light that the second refines links by, or only one where
-    /// that is the first threshold.
+    /// Steps down to the threshold `last`. With `few` there are two steps: the first computes the light from which the second refines links; or
+    /// only one step if `last` is the first threshold.
     fn new(last: f32, few: bool, seconds: Option<f64>) -> Steps {
         let all = FIRST_THRESHOLD / f64::from(last);
         let ratio = if few { all.max(THRESHOLD_RATIO) } else { THRESHOLD_RATIO };
@@ -239,10 +239,10 @@ impl Steps {
         self.seconds.map_or(f64::INFINITY, |step| (step - self.sweeping).max(MIN_REFINING_SHARE * step))
     }
 
-    /// Learns from a step of limited time.
+    /// Updates the estimates from a step of limited time.
     fn learn(&mut self, replaced: usize, room: f64, refining: f64, sweeping: f64) {
         let now = SWEEP_GROWTH * sweeping;
-        // A step that other processes delayed counts half.
+        // The mean with the earlier estimate halves the effect of a step that other processes delayed.
         self.sweeping = if self.sweeping > 0.0 { 0.5 * (self.sweeping + now) } else { now };
         let factor = room * replaced.max(1) as f64 / (refining.max(1e-6) * self.links);
         self.links = (self.links * factor.clamp(STEP_GROWTH[0], STEP_GROWTH[1])).max(1.0);

@@ -19,16 +19,16 @@ use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Smallest projected area of a cluster, as part of its area, by which directional light is divided: below it is rounding.
+/// Smallest projected area of a cluster, as part of its area, by which directional light is divided: smaller values are rounding errors.
 const MIN_PROJECTED: f64 = 1e-9;
 
-/// Segments that a last measurement has at least if the means of sides need as many: about .05 s. Where links alone take as many, errors of their many
-/// elements cancel.
+/// Number of segments up to which a last measurement is extended if the means of sides need as many: about .05 s. Where links alone take as many, the
+/// errors of their many elements cancel.
 const LAST_SEGMENTS: usize = 1 << 18;
 
 impl LinkedScene {
-    /// Lights the scene by a sky and suns: adds the links of the root to them, and counts their light to the mean irradiance: that of a horizontal
-    /// plane on the parts of sides from which rays leave the scene.
+    /// Lights the scene by a sky and suns: adds the links of the root to them, and adds their light to the mean irradiance: the irradiance of a
+    /// horizontal plane on the parts of sides from which rays leave the scene.
     pub fn add_environment(&mut self, environment: &Arc<Environment>) {
         self.beyond = mean(environment.irradiance(environment.frame().up));
         let Elements { elements, sides, .. } = &self.elements;
@@ -47,8 +47,8 @@ impl LinkedScene {
         }
     }
 
-    /// The part of the light of surfaces that comes from beyond the scene, if a part `open` of their rays leaves it and they have the light of the emitters
-    /// that all surfaces would have on average.
+    /// Fraction of the light of surfaces that comes from beyond the scene, if a fraction `open` of their rays leaves the scene and their light from the
+    /// emitters is the average over all surfaces.
     pub fn part_from_beyond(&self, open: f64) -> f64 {
         let Elements { elements, sides, .. } = &self.elements;
         let emitted: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
@@ -168,9 +168,9 @@ pub fn remeasure_sky_links(linked: &mut LinkedScene, threshold: f32, closing: f6
     }
 }
 
-/// The pairs of links that are measured for the last time, with so many segments that the mean irradiance of each side, and the light of each
-/// cluster, err by sampling no more than an element by one link. Noise of variance σ² / n on parts a of an area A adds up to Σ (a / A)² σ² / n,
-/// which is least for n in proportion to a σ. A dark side counts like any other.
+/// The pairs of links that are measured for the last time, with enough segments that the sampling error of each side's mean irradiance and of
+/// each cluster's light is no larger than that of an element by one link. Noise of variance σ² / n on parts of area a of an area A adds up to Σ
+/// (a / A)² σ² / n, which is smallest for n in proportion to a σ. A dark side counts like any other.
 fn last_pairs(linked: &LinkedScene, links: &[SkyLink], threshold: f32) -> Vec<SkyPair> {
     let Elements { elements, sides, area, .. } = &linked.elements;
     let mut pairs: Vec<SkyPair> = links.iter().map(|l| with_worth(linked, &again(l), threshold)).collect();
@@ -231,12 +231,12 @@ fn sky_estimator<'a>(
     }
 }
 
-/// A pair of which nothing is known.
+/// A pair without an earlier measurement.
 fn new_pair(receiver: u32, source: SkySource) -> SkyPair {
     SkyPair { receiver, source, worth: f32::INFINITY, agreed: 0.0, is_clear: false, last: None }
 }
 
-/// The pair of a link, with what is known of it.
+/// The pair of a link, with the results of its earlier measurement.
 fn again(link: &SkyLink) -> SkyPair {
     SkyPair { agreed: link.agreed, is_clear: link.is_clear, ..new_pair(link.receiver, link.source) }
 }

@@ -1,4 +1,4 @@
-//! What arrives from beyond the scene.
+//! Power that arrives from beyond the scene.
 
 use crate::radiosity::rgb::{Rgb, add};
 use glam::Vec3;

@@ -15,7 +15,7 @@ use sobol_burley::sample_4d;
 const PACKETS: usize = 1 << 13;
 /// Directions, over all packets, at which profiles are read: 2²² readings of 0.1 µs take 0.4 s on one thread.
 const READINGS: usize = 1 << 22;
-/// Largest number of those of one packet: a beam of 1° is 1/3,300 of the cosine distribution and holds about 20 of 256² directions.
+/// Largest number of directions along a side of a grid: a beam of 1° is 1/3,300 of the cosine distribution and holds about 20 of 256² directions.
 const MAX_GRID: usize = 256;
 
 /// A share that rays have sampled.
@@ -56,7 +56,7 @@ pub fn emitted_share(elements: &Elements, exact: &Exact, length: f32, seed: u64)
     let [met, traced] = found.iter().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
     let traced = traced.max(1) as f64;
     let mean_share = met as f64 / traced;
-    // Rays share the mean power of the channels: each stands for as much of it.
+    // All rays represent the same power, averaged over the channels.
     let (mut sent, mut received) = ([0.0; 3], [0.0; 3]);
     for ((side, _), [met, traced]) in groups.iter().zip(&found) {
         let colour = side.exitance.map(|m| m / mean(side.exitance));
@@ -64,7 +64,7 @@ pub fn emitted_share(elements: &Elements, exact: &Exact, length: f32, seed: u64)
         add(&mut received, *met as f64, colour);
     }
     let share = |k: usize| if sent[k] > 0.0 { received[k] / sent[k] } else { mean_share };
-    // Half a ray more of either kind (Jeffreys): no ray that leaves the scene does not mean that none can.
+    // Half a ray of either kind is added (Jeffreys): even if no traced ray leaves the scene, some light may leave it.
     let likely = (met as f64 + 0.5) / (traced + 1.0);
     let error = (likely * (1.0 - likely) / traced).sqrt();
     SampledShare { share: std::array::from_fn(share), mean: mean_share, error }
@@ -83,13 +83,13 @@ fn rays(tracer: &SideRays, side: &Side, count: usize, grid: usize, seed: u64) ->
     [met, directions.len()]
 }
 
-/// The numbers of a ray, of a low-discrepancy sequence of 65,536 rays for each seed.
+/// Four numbers for a ray, from a low-discrepancy sequence of 65,536 rays for each seed.
 fn spread(seed: u64, ray: usize) -> [f32; 4] {
     sample_4d((ray & 0xffff) as u32, 0, mix(seed ^ (ray >> 16) as u64) as u32)
 }
 
-/// Directions of a side's light, in proportion to it; of one with a profile evenly spaced in the running sum of the light of a grid of cosine-weighted
-/// directions. None if none of these is lit.
+/// Directions in proportion to a side's light; for a side with a profile they are evenly spaced in the running sum of the light over a grid of
+/// cosine-weighted directions. None if none of these is lit.
 fn directions(side: &Side, count: usize, grid: usize, seed: u64) -> Vec<Vec3> {
     if side.profile.is_none() {
         let direction = |k: usize| {

@@ -1,5 +1,5 @@
-//! What a few rays say about the surroundings of every side: enclosure of clusters, ways out of the scene, emitted light that
-//! leaves it, sides without light; and what arrives from beyond the scene.
+//! Properties of the surroundings of every side, from a few rays: enclosure of clusters, ways out of the scene, emitted light
+//! that leaves it, sides without light; and the power that arrives from beyond the scene.
 
 mod arrived;
 mod emission;

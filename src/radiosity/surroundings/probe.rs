@@ -1,4 +1,4 @@
-//! A few rays from every side: how much of a cluster's light meets the cluster itself, and which sides see out of the scene.
+//! A few rays from every side: how much of a cluster's light meets the cluster itself, and from which sides rays leave the scene.
 
 use super::side_rays::{ESCAPED, Met, SideRays};
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
@@ -9,7 +9,7 @@ use crate::ray::Packet;
 use crate::visibility::Exact;
 use rayon::prelude::*;
 
-/// What the rays found.
+/// Results of the rays.
 pub struct Surroundings {
     /// By cluster: part of the light of its sides that meets its own sides, in `[0, 1]`.
     pub enclosed: Vec<f32>,
@@ -35,8 +35,8 @@ const MAX_RAYS: f64 = 256.0;
 const SHARED_RAYS: f64 = 1e5;
 /// Rays that emitting sides share by power besides: a tenth of [`SHARED_RAYS`].
 const EMITTED_RAYS: f64 = 1e4;
-/// A side is closed only if so many rays stayed in the scene, its own or those of all sides of its cluster: a side of
-/// which a tenth sees out loses all 24 rays to the inside with a probability of 0.9²⁴ = 8 %.
+/// A side is closed only if so many rays stayed in the scene, its own or those of all sides of its cluster: if a tenth
+/// of a side's rays leave the scene, none of 24 rays does so with a probability of 0.9²⁴ = 8 %.
 const MIN_CLOSED_RAYS: u32 = 24;
 /// Sides that are traced after the deadline, evenly spread, and part of the area of all sides from which a side is always traced:
 /// at most 2¹⁷ of two rays each and the shared rays take some 0.1 s.
@@ -47,7 +47,7 @@ const SHORT_ROW_RAYS: usize = 64;
 /// Sides between two reports of progress.
 const STEPS_AT_ONCE: usize = 1 << 10;
 
-/// Traces the rays of all sides, after the deadline those of a part of them. `length` exceeds the diagonal of the scene.
+/// Traces the rays of all sides; after the deadline, only those of a part of the sides. `length` exceeds the diagonal of the scene.
 pub fn probe(
     elements: &Elements,
     exact: &Exact,
@@ -77,7 +77,7 @@ pub fn probe(
         .collect();
     let entered = found.iter().flat_map(|f| &f.1).copied().collect();
     let found: Vec<&Vec<ProbeRay>> = found.iter().map(|f| &f.0).collect();
-    // By cluster: area and emitted power of what rays stand for, of those that meet the cluster and of all that were traced.
+    // For each cluster, the area and the emitted power that rays represent: of rays that meet the cluster, and of all traced rays.
     let mut enclosed = vec![[0.0; 2]; elements.clusters.len()];
     let mut traced = enclosed.clone();
     // By leaf cluster: rays, and rays that left the scene.
@@ -151,7 +151,7 @@ pub fn received_shares(
 
 /// One ray of a side.
 struct ProbeRay {
-    /// The part of the side's area that it stands for, scene units squared.
+    /// The part of the side's area that the ray represents, scene units squared.
     area: f64,
     /// The side that it meets, [`ESCAPED`], or [`Elements::NONE`] for a side without an element.
     met: u32,
@@ -195,7 +195,7 @@ fn rays_of_side(
     (found, entered)
 }
 
-/// Traces `count` cosine-weighted rays from a surface, and calls `tell` with what each of them met.
+/// Traces `count` cosine-weighted rays from a surface, and calls `tell` with the hit of each ray.
 fn rays(
     tracer: &SideRays,
     element: &Element,

@@ -9,10 +9,10 @@ use glam::Vec3;
 /// A point on a surface with the unit normal and the end rule of the surface.
 pub type SurfacePoint = (Vec3, Vec3, EndRule);
 
-/// Stands for the side that a ray meets which leaves the scene.
+/// Index in place of a side for a ray that leaves the scene.
 pub const ESCAPED: u32 = u32::MAX - 1;
 
-/// What a ray met.
+/// The hit of a ray.
 pub struct Met {
     /// The side, [`ESCAPED`], or [`Elements::NONE`] for a side without an element.
     pub side: u32,
@@ -33,7 +33,7 @@ pub struct SideRays<'a> {
 }
 
 impl SideRays<'_> {
-    /// Traces rays from points in unit directions, and calls `tell` with what each of them met, in their order. `packets` is scratch space.
+    /// Traces rays from points in unit directions, and calls `tell` with the hit of each ray, in their order. `packets` is scratch space.
     pub fn trace(
         &self,
         rays: impl Iterator<Item = (SurfacePoint, Vec3)>,

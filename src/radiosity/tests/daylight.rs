@@ -131,7 +131,8 @@ fn a_small_skylight_lights_all_points_of_a_hall() {
     let at = |k: u32| DVec3::new(f64::from(k % 8) * 4.0 + 1.0, f64::from(k / 8) * 4.0 + 1.0, 0.8);
     let points: Vec<Point> = (0..64).map(|k| Point { position: at(k), normal: DVec3::Z }).collect();
     let options = Options { direct_only: true, audit: 0, ..Options::default() };
-    let found = solved(&scene, &points, &options).irradiance;
+    let Outcome { irradiance: found, record, .. } = solved(&scene, &points, &options);
+    assert!(record.warnings.iter().any(|note| note.contains("elements have reflected light")));
     let of = |point: &Point| {
         let to = DVec3::new(0.5 * (low + high), 0.5 * (low + high), 8.0) - point.position;
         100.0 / PI * (high - low).powi(2) * (to.z / to.length_squared()).powi(2)

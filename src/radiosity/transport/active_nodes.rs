@@ -40,7 +40,7 @@ pub struct ActiveNodes {
     /// Links by node: first entry of each node, and (other node, exchange area).
     starts: Vec<u32>,
     others: Vec<(u32, f32)>,
-    /// Irradiance that arrives from beyond the scene, also along the links of the nodes above; none without such links.
+    /// Irradiance from beyond the scene at each node, also along the links of its ancestors; `None` without such links.
     pub beyond: Option<NodeIrradiance>,
 }
 

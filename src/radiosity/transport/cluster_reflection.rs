@@ -1,7 +1,7 @@
-//! What a cluster without links below reflects and emits, as one small matrix for all its surfaces.
+//! Reflection and emission of a cluster without links below it, as one small matrix for all its surfaces.
 //!
-//! Light that arrives at such an aggregated cluster is distributed by orientation only, so that what it sends back is linear in
-//! what arrives: a symmetric matrix over seven basis functions, the cosines with six directions and the constant 1.
+//! Light that arrives at such an aggregated cluster is distributed only by orientation. The light that the cluster sends back is
+//! therefore linear in it: a symmetric matrix over seven basis functions, the cosines with six directions and the constant 1.
 
 use super::directional::DirectionalIrradiance;
 use crate::radiosity::elements::{DIRECTIONS, Elements, RowFactors, facing};
@@ -52,8 +52,8 @@ impl ClusterReflection {
         ClusterReflection { reflect: reflect.map(|r| r.map(|v| v as f32)), emit, ones }
     }
 
-    /// Radiosity times area that the cluster sends for the irradiance that arrives, in addition to `emit`: by direction and, last, in
-    /// all.
+    /// Radiosity times area that the cluster sends for the irradiance that arrives, in addition to `emit`: by direction, and last the
+    /// total.
     #[inline]
     pub fn sent(&self, arriving: &DirectionalIrradiance, emit: [Rgb; BASIS]) -> [Rgb; BASIS] {
         let mut out = emit;

@@ -39,7 +39,7 @@ pub struct NodeIrradiance {
 pub const CLUSTER_UNKNOWNS: usize = DIRECTIONS + 1;
 
 impl NodeIrradiance {
-    /// All unknowns in a row: seven a cluster, then one a surface.
+    /// All unknowns in one list: seven per cluster, then one per surface.
     pub fn to_field(&self) -> Vec<Rgb> {
         let clusters = self.clusters.iter().flat_map(|a| a.beams.into_iter().chain([a.even]));
         clusters.chain(self.surfaces.iter().copied()).collect()

@@ -8,7 +8,7 @@ use crate::radiosity::rgb::{Rgb, add};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Smallest projected area of a cluster, as part of its area, by which directional light is divided: below it is rounding.
+/// Smallest projected area of a cluster, as part of its area, by which directional light is divided: smaller ones are rounding errors.
 const MIN_PROJECTED: f64 = 1e-9;
 
 /// Radiosity of the active nodes.
@@ -131,7 +131,7 @@ fn push(elements: &Elements, nodes: &ActiveNodes, arriving: &mut NodeIrradiance)
     }
 }
 
-/// Irradiance of the nodes by what arrives at elements; none if nothing does.
+/// Irradiance of the nodes by the light that arrives at elements; `None` if `arriving` is empty.
 pub fn pushed(
     elements: &Elements,
     nodes: &ActiveNodes,

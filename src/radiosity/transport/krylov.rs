@@ -20,22 +20,22 @@ const TERMS_OF_VECTORS: usize = 10;
 /// Terms of one partial sum: partial sums do not depend on the number of threads.
 const BLOCK: usize = 4096;
 
-/// Part of the light of the scene that a pass along paths adds at most when the passes end. More is missing where passes converge slowly.
+/// The passes end when a pass along paths adds at most this part of the light of the scene. More is missing where passes converge slowly.
 const MAX_MISSING: f64 = 1e-3;
 /// Largest number of passes along paths: if each returns 0.9 of the light of the one before, 0.9^64 = 0.1 % of it is missing.
 const MAX_PASSES: usize = 64;
 
-/// The light along rays and paths: solves the exchange along rays, lets paths bring that light as direct light, and repeats this until a pass adds little.
-/// Paths as unknowns of one system instead would be exact, but noise of few rays can join groups of elements to few others, which then keep
-/// their light: single points of an office were several times too bright. Light has few passes for that.
+/// The light along rays and paths: solves the exchange along rays, adds the light along paths as direct light, and repeats both until a pass adds little.
+/// A system with the paths as unknowns would be exact, but the noise of few rays can join groups of elements to few others, which then trap their light:
+/// single points of an office were several times too bright. Few passes do not build up such light.
 ///
-/// After the deadline passes go on as far as [`LATE_TERMS`] allow, at least [`MIN_ITERATIONS`] of them.
+/// After the deadline, passes continue as far as [`LATE_TERMS`] allow, at least [`MIN_ITERATIONS`] of them.
 pub fn solve(
     transport: &mut RayTransport,
     start: Option<Field>,
     deadline: &Deadline,
 ) -> (Field, Convergence) {
-    // Of an iteration that ends at once this guess remains.
+    // If the iteration ends at once, this guess is the result.
     if let Some(start) = &start {
         transport.bring(&[start.clone(), start.clone()]);
     }
@@ -147,7 +147,7 @@ impl Space {
         Space { x, p: r.clone(), shadow: r.clone(), r, rho }
     }
 
-    /// One iteration. Returns whether the recurrence can continue; `done` says which channels have converged.
+    /// One iteration. Returns whether the recurrence can continue; `done` marks the channels that have converged.
     fn advance(&mut self, transport: &RayTransport, done: [bool; 3]) -> bool {
         let v = apply(transport, &self.p);
         let alpha = divide(self.rho, dot(transport, &self.shadow, &v));

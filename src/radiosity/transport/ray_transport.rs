@@ -4,11 +4,11 @@ use super::Field;
 use super::transport_matrix::TransportMatrix;
 use crate::radiosity::rgb::add;
 
-/// Rays as rows of the transport operator, in two independent halves: the light that a row has by one half of the rays is sent along those of the other.
+/// Rays as rows of the transport operator, in two independent halves: light that a row receives along one half of the rays is sent along the other half.
 ///
-/// With one set of rays, light would come back along the ray by which it was sent: of two elements that few rays join each would see the other's light
-/// too often, and that of other elements too rarely. In a lamp shade elements with four rays had 10 % too much light. Light that rays bring and the part of
-/// it that a row sends would depend on each other likewise.
+/// With one set of rays, light would return along the ray by which it was sent: two elements joined by few rays would each receive too much light from the
+/// other, and too little from all others. In a lamp shade elements with four rays had 10 % too much light. Likewise, the light that rays bring and the part
+/// of it that a row sends would be correlated.
 ///
 /// Unknowns are the irradiances of all rows by the first half, `a = direct_a + K_a (direct_b + K_b a)`, where direct light includes what paths bring.
 pub struct RayTransport {
@@ -18,7 +18,7 @@ pub struct RayTransport {
     paths: [Vec<Path>; 2],
     /// Irradiance by emitters, suns and sky, W/m², by half.
     own: [Field; 2],
-    /// The same with what paths bring in the last pass.
+    /// The same with the light that paths brought in the last pass.
     direct: [Field; 2],
 }
 
@@ -43,7 +43,7 @@ impl RayTransport {
         self.paths.iter().any(|paths| !paths.is_empty())
     }
 
-    /// Lets paths bring this light, by half, instead of what they brought: each half from the rows of the other.
+    /// Replaces the light that paths bring by the part of this light, given by half, at their ends: each half from the rows of the other.
     pub fn bring(&mut self, light: &[Field; 2]) {
         self.direct = self.own.clone();
         for (half, direct) in self.direct.iter_mut().enumerate() {

@@ -7,9 +7,9 @@
 //! where they are coarse, and such rows are bounded afterwards. Rows of rays ([`super::TransportMatrix`]) are not scaled: the light
 //! that is solved on few rays would depend on factors of the same rays.
 //!
-//! The matrix of form factors between facets is no such scaling: `form_factors::matrix::closure` changes every entry by its own
-//! standard error, which is the result that its user asks for. Here entries have no errors of their own (a link stands for many
-//! pairs), and one factor a row is all that transport needs.
+//! The matrix of form factors between facets is normalised in another way: `form_factors::matrix::closure` changes every entry
+//! by its own standard error, because the entries are the result that its user asks for. Here entries have no errors of their
+//! own (a link stands for many pairs), and transport needs only one factor per row.
 
 use super::active_nodes::ActiveNodes;
 use super::directional::NodeIrradiance;
@@ -68,8 +68,8 @@ pub fn short_rows(elements: &Elements, closed: &[bool], sums: &[f64]) -> Vec<u32
     (0..sums.len() as u32).filter(is_short).collect()
 }
 
-/// Lets leaves whose row sum is above 1 gather as if it were 1. The row sum of a few coarse links may be several times 1, and
-/// all other links would be refined for the light that is created there.
+/// Scales the light that leaves gather as if their row sum were 1 where it is above 1. The row sum of a few coarse links may
+/// be several times 1, and the light created there would cause the refinement of all other links.
 pub fn cap_row_sums(elements: &mut Elements, nodes: &mut ActiveNodes) {
     elements.states.iter_mut().for_each(|s| s.factors = RowFactors::ONE);
     let sums = link_row_sums(elements, nodes);
@@ -138,11 +138,11 @@ impl LinkRows<'_> {
     }
 }
 
-/// Brings the row sums of leaves to their targets, starting from `sampled` row sums with all factors 1. `closed` says by
-/// side whether no light leaves the scene from its leaves. After the deadline fewer rounds are made.
+/// Brings the row sums of leaves to their targets, starting from `sampled` row sums with all factors 1. `closed` holds,
+/// by side, whether no light leaves the scene from its leaves. After the deadline fewer rounds are made.
 ///
-/// Rows of open scenes are not normalised: scaling them to the sums that rays find was tried; it scales dim light that is right and
-/// adds the noise of the rays.
+/// Rows of open scenes are not normalised: scaling them to the sums measured by rays was tried; it scales dim light that is correct
+/// and adds the noise of the rays.
 ///
 /// Returns the number of leaves whose light would have grown without end and was bounded.
 pub fn normalise_link_rows(
@@ -159,8 +159,8 @@ pub fn normalise_link_rows(
     bound_growing_rows(elements, &sums)
 }
 
-/// Leaves with a row sum above 1, which no form factors have, and reflect so much that their light would hardly decay, gather as
-/// if the sum were 1. Returns their number.
+/// Reduces the light that leaves gather as if their row sum were 1, where the sum is above 1, which is impossible for form
+/// factors, and where they reflect so much that their light would hardly decay. Returns the number of these leaves.
 fn bound_growing_rows(elements: &mut Elements, sums: &[f64]) -> usize {
     let mut bounded = 0;
     for (e, &sum) in sums.iter().enumerate() {

@@ -93,6 +93,10 @@ fn bright_texels_keep_their_light() {
     let [sun] = sky.suns() else { panic!("{} suns", sky.suns().len()) };
     assert_near(sun.solid_angle(), texel / f64::cos(40f64.to_radians()), 1e-2);
     assert_near(sky.sky_irradiance(DVec3::Z)[0], PI, 0.01);
+    let is_stated = |note: &String| {
+        note.starts_with("diffuse horizontal irradiance 3.1") && note.contains("without the bright spots")
+    };
+    assert!(sky.notes.iter().any(is_stated), "{:?}", sky.notes);
     for v in directions(100) {
         assert_near(sky.irradiance(v)[0], whole.irradiance(v)[0], 0.02);
     }

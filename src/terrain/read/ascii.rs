@@ -9,7 +9,7 @@ use std::path::Path;
 /// Value of samples without data where a header states none: the default of ESRI.
 const NO_DATA: f64 = -9999.0;
 
-/// What a header says.
+/// The contents of a header.
 #[derive(Default)]
 struct Header {
     columns: Option<f64>,
@@ -23,7 +23,7 @@ struct Header {
 }
 
 impl Header {
-    /// Takes a value; whether the name is known.
+    /// Stores a value; returns whether the name is known.
     fn set(&mut self, name: &str, value: f64) -> bool {
         match name.to_ascii_lowercase().as_str() {
             "ncols" => self.columns = Some(value),
@@ -47,7 +47,7 @@ pub fn read(path: &Path, bytes: &[u8]) -> Result<Raw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes)
         .map_err(|_| Error::format(path, None, "is not text: an ESRI ASCII grid begins with `ncols`"))?;
-    // With their lines, counted from 1.
+    // Words with the numbers of their lines, counted from 1.
     let mut words = (1..)
         .zip(text.lines())
         .flat_map(|(line, text)| text.split_ascii_whitespace().map(move |word| (line, word)));

@@ -11,7 +11,7 @@ use super::{Grid, numpy};
 use crate::{Error, Result, files::input, memory};
 use std::path::Path;
 
-/// What a file does not say about its grid, and what it says wrongly.
+/// Properties of a grid that its file does not state or states wrongly.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
     /// Distances of neighbouring columns and rows, m, instead of those in the file; PNG and NumPy arrays have none.
@@ -24,7 +24,7 @@ pub struct ReadOptions {
     pub no_data: Option<f64>,
 }
 
-/// A grid with what was assumed or left out, each in a sentence.
+/// A grid with notes on assumptions and omissions, each in a sentence.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The grid.
@@ -48,7 +48,7 @@ struct Raw {
     notes: Vec<String>,
 }
 
-/// Reads a grid; the extension says the format: `asc`, `tif`, `tiff`, `png`, `npy` or `npz`.
+/// Reads a grid; the extension determines the format: `asc`, `tif`, `tiff`, `png`, `npy` or `npz`.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read; [`Error::Format`] with the file, where it has lines the line, and the cure, if its

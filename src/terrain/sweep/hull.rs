@@ -30,7 +30,7 @@ impl Hull {
 
     /// Largest slope, height per column, from a place behind all points to a point; −∞ without points.
     ///
-    /// Slopes along the hull have one maximum. It is looked for from the last point on: most horizons are near.
+    /// Slopes along the hull have one maximum. The search starts at the last point: most horizons are near.
     #[inline]
     pub fn slope(&self, x: f32, height: f32) -> f32 {
         let Some((&last, rest)) = self.points.split_last() else { return f32::NEG_INFINITY };

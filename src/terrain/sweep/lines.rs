@@ -28,7 +28,7 @@ struct Rows {
     rest: Vec<f32>,
 }
 
-/// What one thread needs for one line.
+/// Working memory of a thread for one line.
 #[derive(Default)]
 struct Scratch {
     hull: Hull,
@@ -124,7 +124,7 @@ impl Side<'_> {
     }
 }
 
-/// What all lines of a pass share.
+/// Data that all lines of a pass share.
 struct Line<'a> {
     grid: &'a Grid,
     pass: &'a Pass,

@@ -1,9 +1,9 @@
 //! Horizons of all samples in one azimuth and the opposite one, in a time that is proportional to the number of samples.
 //!
 //! After V. Timonen and J. Westerholm, *Scalable height field self-shadowing*, 2010: parallel lines cover the grid, one for each
-//! row (for steep directions: column); along each line the upper convex hull of the heights passed so far gives the horizon of
-//! the next sample by a tangent. Here each sample takes its own height to the hulls of the two lines that enclose it. The two
-//! tangents are weighted by the distances of the lines, so that lines leave no streaks. What is near is found exactly (`taps`).
+//! row (for steep directions: column); along each line the upper convex hull of the heights passed so far gives the horizon of the
+//! next sample by a tangent. Here each sample takes its own height to the hulls of the two lines that enclose it. The two tangents
+//! are weighted by the distances of the lines, so that lines leave no streaks. Horizons of near terrain are exact (`taps`).
 //!
 //! A line meets the columns and rows of the grid between samples; the heights there are interpolated linearly, which is exact for the
 //! surface.
@@ -22,11 +22,11 @@ use std::f64::consts::TAU;
 /// Mean radius of the earth, m (IUGG).
 pub const EARTH_RADIUS: f64 = 6_371_008.8;
 
-/// How horizons are found.
+/// Options of the search for horizons.
 #[derive(Clone, Debug, Default)]
 pub struct SweepOptions {
-    /// Radius of the earth in m, if its curvature hides what is far: heights at the distance d count d²/2R less. [`EARTH_RADIUS`]
-    /// without refraction, 7/6 of it with the usual refraction of light. `None`: a flat earth.
+    /// Radius of the earth in m, if its curvature hides distant terrain: heights at the distance d are reduced by d²/2R.
+    /// [`EARTH_RADIUS`] without refraction, 7/6 of it with the usual refraction of light. `None`: a flat earth.
     pub earth_radius: Option<f64>,
 }
 
@@ -50,9 +50,9 @@ impl SweepOptions {
 /// Azimuths of a sweep: `count` at equal distances, the first at `first`, radians from north over east.
 #[derive(Clone, Copy, Debug)]
 pub struct Azimuths {
-    /// Number.
+    /// Number of azimuths.
     pub count: usize,
-    /// The first.
+    /// The first azimuth, radians.
     pub first: f64,
 }
 
@@ -77,8 +77,8 @@ pub struct Row<'a> {
     pub tangents: &'a [f32],
 }
 
-/// Adds up what `add` derives from the horizons of each sample over all azimuths: it gets each row with the row's sums so far.
-/// Azimuths come in a fixed order, so that sums are the same bits on any number of threads. Returns `columns * rows` sums.
+/// Sums values that `add` derives from the horizons of each sample over all azimuths: `add` gets each row with the row's sums so
+/// far. Azimuths come in a fixed order, so that sums are the same bits on any number of threads. Returns `columns * rows` sums.
 ///
 /// # Errors
 /// [`Error::Argument`] for options out of range, [`Error::OutOfMemory`].
@@ -108,7 +108,7 @@ pub fn fold(
     Ok(sums)
 }
 
-/// What `make` derives from the horizons of each sample in each azimuth: `columns * rows` values for each.
+/// The values that `make` derives from the horizons of each sample in each azimuth: `columns * rows` values for each.
 pub fn each(
     grid: &Grid,
     azimuths: Azimuths,

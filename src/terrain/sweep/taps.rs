@@ -1,4 +1,4 @@
-//! Horizons by what is near a sample: exact, at the places where a ray in the azimuth crosses the edges of triangles.
+//! Horizons by the terrain near a sample: exact, at the places where a ray in the azimuth crosses the edges of triangles.
 
 use super::Pass;
 use crate::terrain::Grid;
@@ -11,7 +11,7 @@ const MAX_CROSSED: usize = 12;
 
 /// A place on the edge between two samples.
 struct Tap {
-    /// Columns and rows from the sample that looks to the two ends of the edge.
+    /// Columns and rows from the sample of the horizon to the two ends of the edge.
     ends: [[isize; 2]; 2],
     /// Weight of the second end.
     weight: f32,
@@ -57,8 +57,8 @@ impl Taps {
         Taps(taps)
     }
 
-    /// Raises tangents of a row of samples to those of what is near. Places outside the grid and edges that end in a hole are
-    /// left out.
+    /// Raises the tangents of a row of samples to those of the terrain near them. Places outside the grid and edges that end
+    /// in a hole are left out.
     pub fn raise(&self, grid: &Grid, row: usize, tangents: &mut [f32]) {
         let columns = grid.columns() as isize;
         let line = |r: usize| &grid.heights()[r * grid.columns()..(r + 1) * grid.columns()];
@@ -81,7 +81,7 @@ impl Taps {
             let places = a.iter().zip(b).zip(&here[start..end]);
             for (tangent, ((a, b), z)) in tangents[start..end].iter_mut().zip(places) {
                 let t = (a + (b - a) * weight - z) * nearness - sink;
-                // Not a number beside holes.
+                // `t` is NaN beside holes.
                 *tangent = if t > *tangent { t } else { *tangent };
             }
         }

@@ -18,8 +18,8 @@ pub(in crate::visibility) struct HalfBall {
     pub depth: f32,
 }
 
-/// Kernel that tests whether boxes of triangles leave a half ball empty. Boxes are larger than what they hold, so that the answer is no
-/// where it is doubtful.
+/// Kernel that tests whether boxes of triangles leave a half ball empty. Boxes are larger than their contents, so that doubtful cases
+/// count as not empty.
 pub(super) struct IsEmpty<'a> {
     pub cut: &'a Cut,
     pub ball: HalfBall,

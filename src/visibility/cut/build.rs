@@ -44,7 +44,7 @@ impl<'a> Part<'a> {
         self.items.len() <= LANES
     }
 
-    /// Expected tests: triangles times the chance that a ray meets the box, but for a factor.
+    /// Expected number of tests up to a constant factor: triangles times the probability that a ray meets the box.
     fn weight(&self) -> f32 {
         half_area(self.bounds) * self.items.len() as f32
     }
@@ -55,7 +55,7 @@ fn half_area(bounds: Aabb) -> f32 {
     e.x * e.y + e.y * e.z + e.z * e.x
 }
 
-/// What is known of a child besides its place.
+/// Properties of a child besides its place.
 #[derive(Clone, Copy, Default)]
 pub(super) struct ChildFacts {
     /// Largest size of the pieces; length.
@@ -67,10 +67,10 @@ pub(super) struct ChildFacts {
     pub height: usize,
 }
 
-/// What is known of the children of a node.
+/// Properties of the children of a node.
 pub(super) type Facts = [ChildFacts; LANES];
 
-/// A tree without extinctions, and what they are made from.
+/// A tree without extinctions, and the properties of children from which these are measured.
 pub(super) struct Draft {
     pub nodes: Vec<Node>,
     pub extinctions: Vec<Extinctions>,
@@ -173,7 +173,7 @@ impl Draft {
     }
 }
 
-/// Splits the heaviest part until there are `room` or none can be split; in equal numbers if `halve` says so.
+/// Splits the heaviest part until there are `room` parts or none can be split; into equal numbers of triangles if `halve` is set.
 fn divide(mut parts: Vec<Part>, room: usize, halve: bool) -> Vec<Part> {
     while parts.len() < room {
         let weight = |part: &Part| if halve { part.items.len() as f32 } else { part.weight() };
@@ -270,7 +270,7 @@ fn binned(items: &mut [Item]) -> usize {
             best = (cost, k);
         }
     }
-    // Equal sides keep their order, so that the result is the same on any number of threads.
+    // Triangles on the same side keep their order, so that the result is the same on any number of threads.
     items.sort_by_key(|item| bin(item) >= best.1);
     items.partition_point(|item| bin(item) < best.1)
 }

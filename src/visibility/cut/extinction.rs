@@ -11,9 +11,9 @@ use crate::simd::{Kernel, LANES, Simd, dispatch, half_nearest, half_up};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Rays through a child along each axis, by the levels of nodes below it. 32 rays give the transmittance of a block to 1/(2 √32) = 0.09, a
-/// standard error, without bias and independent of that of other blocks, so that it averages out along a path. Larger children are fewer
-/// by a factor of about twelve a level; they get more, so that each level takes less time than that below.
+/// Rays through a child along each axis, by the levels of nodes below it. 32 rays give the transmittance of a block with a standard error of
+/// 1/(2 √32) = 0.09, without bias and independent of that of other blocks, so that errors average out along a path. Each level has fewer
+/// children than the level below by a factor of about twelve; they get more rays, so that each level takes less time than that below.
 const RAYS: [usize; 4] = [32, 64, 256, 1024];
 /// Depth of a child that no ray passes: it transmits e^-7, less than 0.1 %.
 const SOLID_DEPTH: f32 = 7.0;
@@ -30,7 +30,7 @@ pub(super) fn measure(cut: &mut Cut, facts: &[Facts]) {
     }
 }
 
-/// Sizes that thresholds are compared with: that of the pieces, no less than half the diameter of the child and no more than it.
+/// Stop sizes, with which thresholds are compared: the size of the pieces, limited to between half the diameter of the child and its diameter.
 pub(super) fn stops(facts: &[Facts]) -> impl Iterator<Item = [u16; LANES]> + '_ {
     let stop = |child: &ChildFacts| match child.surface {
         true => NEVER,
@@ -127,8 +127,8 @@ fn through(bounds: Aabb, along: Vec3, [u, v, pick]: [f32; 3]) -> (Vec3, f32) {
     (start, length)
 }
 
-/// The extinction with which rays of these lengths transmit as many as were clear, by Newton's method from 0, which converges from
-/// below: the mean transmittance is convex and decreasing.
+/// The extinction for which the expected number of transmitted rays of these lengths is the number of clear ones, by Newton's
+/// method from 0, which converges from below: the mean transmittance is convex and decreasing.
 fn fitted(lengths: &[f32], clear: usize) -> f32 {
     let mean = lengths.iter().sum::<f32>() / lengths.len() as f32;
     if clear == lengths.len() || mean <= 0.0 {

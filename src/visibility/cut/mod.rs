@@ -1,9 +1,9 @@
 //! The distance cut: a tree over all triangles with exact triangles in its leaves, whose children are averaged by their extinction as
 //! soon as they look small from the receiver (docs/method.md, Distance cut).
 //!
-//! A segment stands for a part of the emitter. The cut applies the umbra criterion with the width of that part and a feature size of 0.
-//! What it averages depends neither on the feature size of a query nor on its number of segments, so that the pilot that measures its
-//! errors holds for all.
+//! A segment represents a part of the emitter. The cut applies the umbra criterion with the width of that part and a feature size of 0.
+//! The averaged children depend neither on the feature size of a query nor on its number of segments, so that the errors measured by
+//! the pilot apply to all queries.
 
 mod ball;
 mod build;
@@ -46,8 +46,8 @@ pub struct Cut {
 }
 
 impl Cut {
-    /// The tree of a scene, measured and fitted on a pilot: independent receivers by number, with exact visibility. None if it pays for no
-    /// receiver. The result does not depend on the number of threads.
+    /// The tree of a scene, measured and fitted on a pilot: independent receivers by number, with exact visibility. None if the cut gains
+    /// for no receiver. The result does not depend on the number of threads.
     pub fn fitted<'a>(
         scene: &Scene,
         candidate: impl Fn(u32) -> Option<Candidate<'a>> + Sync,
@@ -69,7 +69,7 @@ impl Cut {
         cut
     }
 
-    /// The tree without extinctions, and what they are made from.
+    /// The tree without extinctions, and the properties of children from which these are measured.
     fn draft(scene: &Scene) -> (Cut, Vec<build::Facts>) {
         let pieces = pieces::Pieces::of(scene);
         let (shells, of_triangle) = shells::find(scene, &pieces);
@@ -102,8 +102,8 @@ impl Cut {
         self.sum(bundle, How::Exact { shells: true }).embree_work()
     }
 
-    /// Follows the segments of bundles and passes the number of the bundle and what those of each packet met to `each`, which is not a
-    /// type parameter: the compiler would make the traversal for three instruction sets again for each caller.
+    /// Follows the segments of bundles and passes the number of the bundle and the results of each packet to `each`, which is not a
+    /// type parameter: the compiler would compile the traversal for three instruction sets again for each caller.
     fn each_packet(&self, bundles: &[Bundle], how: How, each: &mut dyn FnMut(usize, Packeted)) {
         let opaque = OPAQUE_DEPTH / how.mode().map_or(1.0, Mode::smallest_factor);
         dispatch(self.isa, Bundles { cut: self, bundles, how, opaque, each });
@@ -114,8 +114,8 @@ impl Cut {
         dispatch(self.isa, ball::IsEmpty { cut: self, ball })
     }
 
-    /// The answers to bundles in a mode, with what they were made of, passed to `each` in order; none to bundles of several packets for which
-    /// the mode does not pay (see [`Sums::left`]).
+    /// The answers to bundles in a mode with their sums, passed to `each` in order; no answers to bundles of several packets for which the
+    /// mode does not pay (see [`Sums::left`]).
     pub(super) fn answers_that_pay(
         &self,
         bundles: &[Bundle],
@@ -165,8 +165,8 @@ impl Sums {
 
 /// The stated interval of a mean T of n transmittances with this mean square. `averaged` is the variance of such a mean over that of a
 /// single transmittance, `usual` the variance of a single one in the class and `model` the mean square of the error of the model, both
-/// relative to T (1 - T). A mean of variance v holds as much as T (1 - T) / v values of 0 or 1; the interval is Wilson's for so many, with
-/// the error of the model.
+/// relative to T (1 - T). A mean of variance v is equivalent to that of T (1 - T) / v values of 0 or 1; the interval is Wilson's for this
+/// number, with the error of the model.
 fn stated(mean: f32, square: f32, n: f32, [averaged, usual, model]: [f32; 3]) -> (f32, f32) {
     let binary = mean * (1.0 - mean);
     if binary <= 0.0 {
@@ -178,6 +178,6 @@ fn stated(mean: f32, square: f32, n: f32, [averaged, usual, model]: [f32; 3]) ->
     interval(mean, binary, 1.0 / variance.max(f32::MIN_POSITIVE), (model * binary).sqrt())
 }
 
-/// Segments of the variance that is usual in the class that the estimate of an answer's own variance counts in addition: as many as
-/// those of an answer of sixteen.
+/// Weight, in segments, of the usual variance of the class in the estimate of an answer's own variance: that of an answer of
+/// sixteen segments.
 const PRIOR: f32 = 16.0;

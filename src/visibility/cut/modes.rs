@@ -1,4 +1,4 @@
-//! Modes: widths with which the cut answers, and what a pilot measured with each.
+//! Modes: widths with which the cut answers, and the pilot's measurements with each width.
 
 use super::traverse::Met;
 use crate::ray::LANES;
@@ -8,8 +8,8 @@ pub(super) const CLASSES: usize = 6;
 /// The mean square error of n stratified segments falls as n to this power: 1.2 to 1.3 outdoors, 1 if they were independent
 /// (`mrvis bench`, RMS of 16, 64 and 256 segments).
 pub(super) const STRATIFIED: f32 = 1.25;
-/// The same for segments that are tested against no small triangle, so that what they see has fewer edges: 1.4 to 1.5 on the ground of a
-/// garden, where nine tenths of the receivers are of that class (`mrvis bench`, RMS of 16, 64 and 256 segments).
+/// The same for segments that are tested against no small triangle, so that their visibility has fewer edges: 1.4 to 1.5 on the ground
+/// of a garden, where nine tenths of the receivers are of that class (`mrvis bench`, RMS of 16, 64 and 256 segments).
 pub(super) const SMOOTH: f32 = 1.45;
 
 /// Class of a packet of `segments` by how often one of sixteen was tested against triangles of small pieces: never, once, and steps of
@@ -21,7 +21,7 @@ pub(super) fn class(met: &Met, segments: u32) -> usize {
     }
 }
 
-/// What a pilot of packets of sixteen segments measured in a class.
+/// Measurements of a pilot in a class, with packets of sixteen segments.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Fit {
     /// Factor of all extinctions.
@@ -32,14 +32,14 @@ pub struct Fit {
     pub spread: f32,
     /// Variance of single segments of the cut among those of a packet, relative to T (1 - T).
     pub single: f32,
-    /// Mean square of the error of an answer T that more segments do not make smaller, relative to T (1 - T); one standard error more
-    /// than was measured, so that it is not too small in classes where it is hardly known.
+    /// Mean square of the error of an answer T that more segments do not reduce, relative to T (1 - T). One standard error is added
+    /// to the measured value, so that it is not too small in classes where it is uncertain.
     pub model: f32,
     /// Estimated work of Embree for a segment, and of the cut.
     pub work: [f32; 2],
     /// Power of n with which the variance of n segments falls.
     pub power: f32,
-    /// Part of the packets of the pilot.
+    /// Fraction of the pilot's packets that are in this class.
     pub part: f32,
 }
 
@@ -63,22 +63,22 @@ impl Fit {
     }
 }
 
-/// A way to answer.
+/// A way to answer bundles.
 #[derive(Clone, Copy, Debug)]
 pub struct Mode {
-    /// Width of the part of the emitter that a segment stands for, relative to that of the emitter.
+    /// Width of the part of the emitter that a segment represents, relative to that of the emitter.
     pub width: f32,
-    /// What the pilot measured, by class.
+    /// The pilot's measurements by class.
     pub fits: [Fit; CLASSES],
 }
 
 impl Mode {
-    /// Averages with a width and a factor of all extinctions that nothing was measured of.
+    /// A mode with this width and this factor of all extinctions, without measurements.
     pub fn unmeasured(width: f32, factor: f32) -> Mode {
         Mode { width, fits: [Fit { factor, ..Fit::default() }; CLASSES] }
     }
 
-    /// Work of the cut for the segments of the pilot over that of Embree.
+    /// Work of the cut for the segments of the pilot divided by that of Embree.
     pub(in crate::visibility) fn work(&self) -> f32 {
         let work = |of: usize| self.fits.iter().map(|fit| fit.part * fit.work[of]).sum::<f32>();
         work(1) / work(0).max(f32::MIN_POSITIVE)
@@ -90,7 +90,7 @@ impl Mode {
     }
 }
 
-/// Time that exact rays take to an error, relative to one with 1/`ratio` of the mean square: the number of rays that an error needs.
+/// Relative time of exact rays if the mean square error shall be smaller by a factor of `ratio`: the relative number of rays.
 pub fn rays_for(ratio: f64) -> f64 {
     ratio.powf(1.0 / f64::from(STRATIFIED))
 }

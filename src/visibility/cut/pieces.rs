@@ -8,10 +8,10 @@ use rayon::prelude::*;
 /// branch of six and above those of terrain.
 const SMOOTH_COSINE: f32 = 0.9;
 /// Smallest width (root of the area) of a large surface, relative to the diagonal of the scene: blockers of 1/64 of a scene cast shadows
-/// that its images show. Changes time and error, which the pilot measures, not what is correct.
+/// that its images show. The value changes time and error, which the pilot measures, but not correctness.
 pub const SURFACE_PART: f32 = 1.0 / 64.0;
 
-/// What the tree needs to know of each triangle.
+/// Properties of each triangle that the tree needs.
 pub(super) struct Pieces {
     /// Size of the connected part that the triangle belongs to: root of its area; length.
     pub size: Vec<f32>,
@@ -19,7 +19,7 @@ pub(super) struct Pieces {
     pub region: Vec<u32>,
     pub width: Vec<f32>,
     /// Whether the triangle is never averaged: its surface is large, or it emits. Facets of a lamp lie before each other at grazing angles,
-    /// where an extinction would shade the lamp by itself.
+    /// where an extinction would make the lamp shade itself.
     pub surface: Vec<bool>,
 }
 

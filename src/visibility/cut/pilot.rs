@@ -1,7 +1,7 @@
-//! What the cut gains and errs, class by class, from exact segments of a scene (docs/method.md, Distance cut).
+//! Measures the gain and the errors of the cut, class by class, with exact segments of a scene (docs/method.md, Distance cut).
 //!
-//! Children of the cut that a segment meets one after the other belong to the same plants: they are not independent, and products of
-//! their transmittances are wrong in the mean. A factor of all extinctions makes it right, one for each class and width.
+//! The children of the cut along a segment belong to the same plants: they are not independent, and the product of their
+//! transmittances has a biased mean. A factor of all extinctions, one for each class and width, corrects the mean.
 
 use super::Cut;
 use super::modes::{CLASSES, Fit, Mode, SMOOTH, STRATIFIED};
@@ -12,25 +12,24 @@ use crate::visibility::answer::Bundle;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Widths that are tried, relative to the emitter's: the umbra criterion allows no more than 1. Steps of about a quarter: between neighbours
-/// times to an error differ by less than the routes tell apart
-/// (`benches/distance_cut.rs` of commit 2d559b4).
+/// Widths that are tried, relative to the emitter's: the umbra criterion allows no more than 1. Steps of about a quarter: the times to an
+/// error of neighbouring widths differ by less than the choice of routes can resolve (`benches/distance_cut.rs` of commit 2d559b4).
 const WIDTHS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
-/// Receivers of the first look, by which scenes where no class gains are given up.
+/// Receivers of the first round of the pilot, after which scenes where no class gains are rejected.
 const FIRST: u32 = 1 << 12;
-/// Receivers by which scenes are given up before extinctions are measured, and the smallest part of their segments that must meet
-/// something averaged: a class of 2 % of the receivers, all of whose segments do.
+/// Receivers by which scenes are rejected before extinctions are measured, and the smallest part of their segments that must meet
+/// averaged children: that of a class of 2 % of the receivers, all of whose segments do.
 const LOOKED_AT: u32 = 1 << 10;
 const SMALLEST_AVERAGED: f64 = 0.02;
 /// Largest number of receivers: limits the time of the pilot to that of about a hundred million tests.
 const CANDIDATES: u32 = 1 << 15;
-/// Smallest part of the packets of a class that decides by itself: smaller ones take what was measured of all.
+/// Smallest fraction of the packets for which a class uses its own measurements: smaller classes use those of all packets.
 const SMALLEST_PART: f32 = 0.01;
-/// Fewest packets of a class that decides by itself: factors are fitted to their mean, which a few packets do not tell.
+/// Fewest packets for which a class uses its own measurements: factors are fitted to their mean, which is uncertain for a few packets.
 const FEWEST_PACKETS: f64 = 200.0;
 /// Largest error of the mean transmittance of a class, twice its standard error.
 const MAX_BIAS: f64 = 0.003;
-/// Smallest gain over Embree for which a width is kept: gains are known to a tenth.
+/// Smallest gain over Embree for which a width is kept: gains are measured to a tenth.
 const MIN_GAIN: f32 = 1.25;
 /// Largest number of steps of the fit of the factor, of which about six are needed, and the excess of light, relative to what is visible,
 /// at which it ends: far below [`MAX_BIAS`].
@@ -39,7 +38,7 @@ const MAX_EXCESS: f64 = 1e-5;
 /// Range of the factor: 0.5 to 1.8 was measured in garden, park, orchard, forest and valley (`benches/distance_cut.rs` of commit
 /// 2d559b4). A width that needs one outside is not used: its extinctions do not describe the scene.
 const FACTORS: [f32; 2] = [0.25, 2.0];
-/// Bundles that a task follows: 256 segments.
+/// Bundles per task: 256 segments.
 const TASK: usize = 16;
 
 /// A receiver of the pilot: two sets of sixteen segments from a point of a surface to the front of an emitter, each stratified as those of
@@ -61,7 +60,7 @@ impl Candidate<'_> {
     }
 }
 
-/// A set of the pilot, exactly and with each width.
+/// A set of the pilot: the exact results, and those with each width.
 struct Set {
     visible: u32,
     /// Work of Embree.
@@ -69,11 +68,11 @@ struct Set {
     met: [SetMet; WIDTHS.len()],
 }
 
-/// What the cut found for a set with one width.
+/// Results of the cut for a set with one width.
 #[derive(Clone, Copy)]
 struct SetMet {
     depths: [f32; LANES],
-    /// Segments that are open but for aggregated children.
+    /// Segments that are open if aggregated children are ignored.
     open: u32,
     class: usize,
     work: f64,
@@ -81,7 +80,7 @@ struct SetMet {
 }
 
 impl Cut {
-    /// Whether more than a few segments of the pilot meet what the largest width averages. Extinctions need not be known.
+    /// Whether more than a few segments of the pilot meet children that the largest width averages. Extinctions are not needed.
     pub(super) fn averages_enough<'a>(
         &self,
         candidate: &(impl Fn(u32) -> Option<Candidate<'a>> + Sync),
@@ -109,7 +108,7 @@ impl Cut {
             let found: Vec<Candidate> = (next[0]..next[1]).into_par_iter().filter_map(&candidate).collect();
             pairs.par_extend(found.par_chunks(TASK).flat_map_iter(|part| self.sets(part, exact)));
             let modes: Vec<(Mode, bool)> = (0..WIDTHS.len()).filter_map(|k| mode(&pairs, k)).collect();
-            // The first look knows gains of rare classes to about a fifth.
+            // The first round measures the gains of rare classes to about a fifth.
             let hopeful = |mode: &Mode, smallest: f32| {
                 mode.fits.iter().any(|fit| fit.part >= SMALLEST_PART && fit.gain() >= smallest)
             };
@@ -180,7 +179,7 @@ struct Totals {
     exact: f64,
     spread: f64,
     single: f64,
-    /// Squares of the error of the model, and the squares of those.
+    /// Sums of the squares of the error of the model, and of the squares of these values.
     model: [f64; 2],
     /// T (1 - T).
     binary: f64,
@@ -189,8 +188,8 @@ struct Totals {
 }
 
 impl Totals {
-    /// Adds a receiver to the classes of its sets. The sets are independent: half of the square of a difference is a variance, and a
-    /// product of errors has none of theirs.
+    /// Adds a receiver to the classes of its sets. The sets are independent: half of the square of their difference estimates a
+    /// variance, and the product of their errors does not contain their variances.
     fn add(of_class: &mut [Totals; CLASSES], pair: &[Set; 2], width: usize, factors: &[f32; CLASSES]) {
         let n = LANES as f64;
         let met = pair.each_ref().map(|set| &set.met[width]);
@@ -238,7 +237,7 @@ impl Totals {
         ((square - mean * mean).max(0.0) / (0.5 * self.packets - 1.0)).sqrt()
     }
 
-    /// None for few packets, or where all segments agree.
+    /// The fit of the class; none for few packets, or where all segments agree.
     fn fit(&self, factor: f32, all: f64) -> Option<Fit> {
         if self.packets < 4.0 || self.binary <= 0.0 || self.work[1] <= 0.0 {
             return None;
@@ -260,7 +259,7 @@ impl Totals {
     }
 }
 
-/// The mode of a width, and whether the means of all classes are known; none if no factor makes the means right, or if the width
+/// The mode of a width, and whether the means of all classes are known; none if no factor corrects the means, or if the width
 /// averages nothing.
 fn mode(pairs: &[[Set; 2]], width: usize) -> Option<(Mode, bool)> {
     let sets = || pairs.as_flattened().iter();
@@ -273,7 +272,7 @@ fn mode(pairs: &[[Set; 2]], width: usize) -> Option<(Mode, bool)> {
         let of_class = sets().map(|set| (set, &set.met[width])).filter(|(_, met)| met.class == class);
         let of_class: Vec<_> = of_class.collect();
         if decides(of_class.len() as f64, 2.0 * pairs.len() as f64) {
-            // Where hardly anything is averaged no factor may do; the common one then changes hardly anything.
+            // Where hardly anything is averaged, there may be no factor; the common factor then changes the result very little.
             *own = factor(&of_class).unwrap_or(common);
         }
     }
@@ -296,7 +295,7 @@ fn mode(pairs: &[[Set; 2]], width: usize) -> Option<(Mode, bool)> {
     Some((Mode { width: WIDTHS[width], fits }, known))
 }
 
-/// Whether a class with so many of all packets decides by itself.
+/// Whether a class with this number of all packets uses its own measurements.
 fn decides(packets: f64, all: f64) -> bool {
     packets >= FEWEST_PACKETS && packets >= f64::from(SMALLEST_PART) * all
 }

@@ -168,7 +168,7 @@ fn flat_groups(scene: &Scene, pieces: &Pieces, margin: f32) -> Vec<(f64, Vec<u32
     groups.into_iter().map(|(_, area, triangles)| (area, triangles)).collect()
 }
 
-/// For each group of triangles the centre of the box of all others: receivers lie around what a shell encloses.
+/// For each group of triangles the centre of the box of all others: receivers lie around the geometry that a shell encloses.
 fn enclosed_centres(scene: &Scene, groups: &[(f64, Vec<u32>)]) -> Vec<Vec3> {
     let mut grouped = vec![false; scene.triangles.len()];
     groups.iter().flat_map(|group| &group.1).for_each(|&t| grouped[t as usize] = true);

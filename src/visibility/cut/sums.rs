@@ -18,14 +18,14 @@ const EMBREE_WORK: [f64; 5] = [10.0, 0.0, 0.0, 6.0, 12.0];
 /// is less.
 const PACKETS: [f64; 3] = [5.0, 10.0, 35.0];
 
-/// What the segments of a bundle follow.
+/// How the segments of a bundle are traced.
 #[derive(Clone, Copy)]
 pub(super) enum How<'a> {
-    /// Nothing is averaged; whether shells that the bundle cannot meet are tested nevertheless.
+    /// Nothing is averaged; `shells` states whether shells that the bundle cannot meet are tested nevertheless.
     Exact { shells: bool },
     /// A mode.
     Mode(&'a Mode),
-    /// A mode, for bundles of several packets only if that pays in the class of the first of them.
+    /// A mode; for bundles of several packets only if the mode pays in the class of the first packet.
     IfItPays(&'a Mode),
 }
 
@@ -66,7 +66,7 @@ pub struct Sums {
     pub node_tests: u32,
     /// Tests of a segment against a block.
     pub block_tests: u32,
-    /// Sums of [`Fit::averaged`](super::modes::Fit::averaged) of a packet's, and of the model's error, over the segments.
+    /// Sums over the segments of their packet's [`Fit::averaged`](super::modes::Fit::averaged), and of the model's error.
     pub(super) variance: f32,
     pub(super) model: f32,
     /// Sum of the variance of single segments of the class, relative to T (1 - T), over the segments.
@@ -75,7 +75,7 @@ pub struct Sums {
     pub left: bool,
 }
 
-/// Kernel that follows the segments of bundles, and passes what those of each packet met and transmit, and their class, to `each`.
+/// Kernel that follows the segments of bundles, and passes the results and transmittances of each packet, and its class, to `each`.
 pub(super) struct Bundles<'a> {
     pub cut: &'a Cut,
     pub bundles: &'a [Bundle<'a>],
@@ -119,7 +119,7 @@ impl Kernel for Bundles<'_> {
     }
 }
 
-/// What the segments of a packet met and transmit.
+/// The results and transmittances of the segments of a packet.
 pub(super) struct Packeted<'a> {
     pub met: &'a Met,
     pub segments: u32,
@@ -129,7 +129,7 @@ pub(super) struct Packeted<'a> {
     pub left: bool,
 }
 
-/// What the segments of a packet transmit with a factor of all extinctions.
+/// The transmittances of the segments of a packet with a factor of all extinctions.
 #[inline(always)]
 fn transmittances<S: Simd>(simd: S, met: &Met, factor: f32) -> [f32; LANES] {
     let depth = simd.mul(simd.load(&met.depths), simd.splat(factor));

@@ -22,12 +22,12 @@ pub(super) struct Entry {
     small: bool,
 }
 
-/// Entries that wait.
+/// Entries that are still to be tested.
 pub(super) type Stack = [Entry; STACK];
 /// A stack without entries.
 pub(super) const EMPTY_STACK: Stack = [Entry { reference: 0, lanes: 0, small: false }; STACK];
 
-/// What segments average.
+/// The rule by which children are averaged.
 #[derive(Clone, Copy)]
 pub(super) struct Rule {
     /// Width of the part of the emitter that a segment stands for, a length: blockers up to `width t` have no umbra at the receiver and
@@ -42,7 +42,7 @@ impl Rule {
     pub const NOTHING: Rule = Rule { width: 0.0, opaque: OPAQUE_DEPTH };
 }
 
-/// What the segments of a packet met.
+/// Results of the traversal for the segments of a packet.
 pub(super) struct Met {
     /// Optical depths of the aggregated children.
     pub depths: [f32; LANES],
@@ -75,7 +75,7 @@ impl<'a> Segments<'a> {
     fn of<S: Simd>(simd: S, packet: &'a Packet) -> Segments<'a> {
         let direction = vector::load(simd, &packet.direction);
         let length = simd.root(vector::dot(simd, &direction, &direction));
-        // Far below what a component of a unit vector can be, but for zero; inverses stay finite.
+        // Far below any component of a unit vector that is not zero, so that inverses stay finite.
         let smallest = simd.mul(length, simd.splat(1e-20));
         let mut all = Segments {
             packet,
@@ -171,7 +171,7 @@ impl Decoded {
         decoded
     }
 
-    /// Parameters at which the segment of a lane enters and leaves the children; entered after they are left if it misses them.
+    /// Parameters at which the segment of a lane enters and leaves the children; for children that it misses the entry is above the exit.
     #[inline(always)]
     fn pass<S: Simd>(&self, simd: S, segments: &Segments, lane: usize) -> (S::F, S::F) {
         let mut enter = simd.splat(segments.packet.near[lane]);
@@ -241,7 +241,7 @@ impl Met {
     }
 }
 
-/// The segments of a packet under way.
+/// State of the traversal for the segments of a packet.
 struct Walk<'a> {
     segments: Segments<'a>,
     met: Met,
@@ -263,7 +263,7 @@ impl Walk<'_> {
         let decoded = Decoded::of(simd, node, &self.segments);
         let (stop, width) = (simd.load_half(&node.stop), simd.splat(rule.width));
         let packet = self.segments.packet;
-        // Without branches: what is averaged and opened, and the paths through the children.
+        // Computed without branches: the averaged and the opened children, and the paths through the children.
         let (mut averaged, mut opened) = ([0u16; LANES], [0u16; LANES]);
         let mut paths = [[0.0; LANES]; LANES];
         let mut averaging = 0;

@@ -15,19 +15,19 @@ use crate::scene::{EmitterSampler, Scene};
 use std::sync::Arc;
 use targets::Targets;
 
-/// Smallest gain at which the cut looks from probes: the pilot knows gains to about a tenth.
+/// Smallest gain at which probes use the cut: the pilot measures gains to about a tenth.
 const MIN_GAIN: f32 = 1.25;
 
-/// What probes of a model are made with.
+/// Data shared by the probes of a model.
 pub struct FarField<'a> {
     cut: Arc<Cut>,
     exact: Exact,
     emitters: &'a [EmitterSampler],
-    /// By emitter.
+    /// Targets of each emitter.
     targets: Vec<Targets>,
 }
 
-/// Memory of segments, kept between probes.
+/// Reusable buffers for segments, kept between probes.
 #[derive(Default)]
 pub struct Scratch {
     packets: Vec<Packet>,

@@ -33,7 +33,7 @@ impl Targets {
         gather_neighbours(&mut order);
         let mut points = vec![(Vec3::ZERO, Vec3::ZERO, EndRule::new(0.0)); drawn.len()];
         for (cell, run) in order.chunks(SETS).enumerate() {
-            // Sets take other places in the next cell.
+            // The assignment of points to sets changes from cell to cell.
             let turn = mix(u64::from(seed) << 32 | cell as u64) as usize;
             for (k, (_, number)) in run.iter().enumerate() {
                 let (at, normal, magnitude) = drawn[number.slack() as usize];
@@ -43,7 +43,7 @@ impl Targets {
         Targets { points, cells }
     }
 
-    /// Appends segments from a probe to the points of a set on faces whose fronts look at it.
+    /// Appends segments from a probe to the points of a set on faces whose fronts are turned towards it.
     pub fn add_segments(&self, probe: &Probe, set: usize, packets: &mut Vec<Packet>) {
         let mut lane = packets.last().map_or(LANES, Packet::len);
         for &(at, normal, rule) in &self.points[set % SETS * self.cells..][..self.cells] {

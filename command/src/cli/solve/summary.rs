@@ -81,12 +81,17 @@ fn energy(text: &mut String, r: &Record, photometric: &Option<super::luminous::L
             None => "; error unknown".into(),
         };
         let estimate = if r.options.elements { estimate } else { String::new() };
-        let _ = writeln!(
-            text,
-            "mean irradiance of lit surfaces {red}, {green}, {blue} W/m\u{b2} (red, green, blue){estimate}"
-        );
+        let is_radiometric = photometry.is_none_or(|of| !of.holds_lumens());
+        if is_radiometric {
+            let _ = writeln!(
+                text,
+                "mean irradiance of lit surfaces {red}, {green}, {blue} W/m\u{b2} (red, green, blue){estimate}"
+            );
+        }
         if let Some(l) = photometric {
-            let _ = writeln!(text, "mean illuminance of lit surfaces {} lx", number(l.mean_illuminance_lx));
+            let estimate = if is_radiometric { "" } else { &estimate };
+            let mean = number(l.mean_illuminance_lx);
+            let _ = writeln!(text, "mean illuminance of lit surfaces {mean} lx{estimate}");
         }
     }
 }
