@@ -57,8 +57,8 @@ options! {
         /// Normal irradiance of the sun, W/m² (lx if photometric).
         #[serde(deserialize_with = "amount")]
         pub direct_normal: Option<Amount> = None,
-        /// Horizontal irradiance of the sky without `sun`, with the bright spots of a map, W/m² (lx if photometric). Without any level the skies `uniform`, `overcast` and `cie` have 1, so that
-        /// irradiances are daylight factors, and a map alone has its own values. It replaces the
+        /// Horizontal irradiance of the sky without `sun`, with the bright spots of a map, W/m² (lx if photometric). Without any level the skies
+        /// `uniform`, `overcast` and `cie` have 1, so that irradiances are daylight factors, and a map alone has its own values. It replaces the
         /// irradiance of `perez` and `clear`, as three numbers for their colour.
         #[serde(deserialize_with = "amount")]
         pub diffuse_horizontal: Option<Amount> = None,

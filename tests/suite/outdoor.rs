@@ -100,7 +100,7 @@ fn terrain_computes_maps_of_height_fields() {
         let day = format!("--output irradiance --day={minutes} --sky clear:3 {time}");
         scratch.mrvis(&format!("terrain slope.asc --out d --json d.json {day}")).exits(0)
     };
-    at_80_north(60, 12).warns("the sun does not rise");
+    at_80_north(60, 12).warns("the sun is below the horizon at all times");
     let polar = |minutes: u32| {
         at_80_north(minutes, 6);
         scratch.json("d.json")["quantities"][0]["mean"].as_f64().expect("a number")
@@ -263,6 +263,10 @@ fn skies_have_the_photometric_unit_of_lamps() {
     };
     refused(&solve("sky.toml --photometric"), "--photometric=red");
     refused(&solve("sky.toml"), "--photometric=red");
+    let elements =
+        "solve ground.obj --up z --sky sky.toml --photometric=red --error 0.1 --audit 0 --output vtu --out e";
+    let text = scratch.mrvis(elements).exits(0).stdout;
+    assert!(text.contains("mean illuminance of lit surfaces") && !text.contains("W/m"), "{text}");
     refused(&solve("perez:600,120 --sun 180,45 --photometric=red"), "`photometric = true`");
     let lux = |options: &str| {
         solve(options).exits(0);

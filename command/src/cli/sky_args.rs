@@ -20,29 +20,41 @@ impl SceneArgs {
         }
     }
 
+    /// The sky and the sun that are asked for, if any.
+    fn sky_options(&self) -> Result<Option<SkyOptions>> {
+        let texts = [&self.sky, &self.sun, &self.place, &self.time].map(|text| text.as_deref());
+        if texts.iter().all(Option::is_none) {
+            return Ok(None);
+        }
+        let [sky, sun, place, time] = texts;
+        SkyOptions::of_texts(sky, sun, place, time).map(Some)
+    }
+
+    /// Refuses a sky in lux without channels that hold lumens, for commands that state light.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for such a sky.
+    pub(super) fn with_light(&self) -> Result<()> {
+        match self.photometric {
+            None | Some(Channels::Rgb) if self.sky_options()?.is_some_and(|sky| sky.photometric) => {
+                let what = "the sky has `photometric = true`, so that all channels hold lux: give --photometric=red, with all other light \
+                            in lumens and lux too, or remove that line";
+                Err(Error::arguments(what.into()))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Lights the scene by the sky and the sun that are asked for.
     ///
     /// # Errors
     /// A value is wrong, or the values do not fit together.
     pub(super) fn add_sky(&self, scene: &mut Scene) -> Result<()> {
-        let SceneArgs { sky, sun, place, time, .. } = self;
-        if [sky, sun, place, time].into_iter().all(Option::is_none) {
-            return Ok(());
-        }
-        let [sky, sun, place, time] = [sky, sun, place, time].map(|text| text.as_deref());
-        let options = SkyOptions::of_texts(sky, sun, place, time)?;
-        match self.photometric {
-            None | Some(Channels::Rgb) if options.photometric => {
-                let what = "the sky has `photometric = true`, so that all channels hold lux: give --photometric=red, with all other light \
-                            in lumens and lux too, or remove that line";
-                return Err(Error::arguments(what.into()));
-            }
-            Some(Channels::Red | Channels::Green | Channels::Blue) if options.is_radiometric() => {
-                let what = "--photometric of one channel takes light in lumens and lux, and the skies `perez` and `clear` are in W/m²: set \
-                            `photometric = true` in a sky.toml, or give --photometric alone";
-                return Err(Error::arguments(what.into()));
-            }
-            _ => {}
+        let Some(options) = self.sky_options()? else { return Ok(()) };
+        if self.photometric.is_some_and(|channels| channels != Channels::Rgb) && options.is_radiometric() {
+            let what = "--photometric of one channel takes light in lumens and lux, and the skies `perez` and `clear` are in W/m²: set \
+                        `photometric = true` in a sky.toml, or give --photometric alone";
+            return Err(Error::arguments(what.into()));
         }
         scene.set_sky(&options)
     }

@@ -225,12 +225,13 @@ fn note_of_day(args: &Args, sky: &SkyOptions) -> Result<Option<String>> {
     let Some(minutes) = args.day.filter(|_| args.outputs.contains(&Quantity::Irradiance)) else {
         return Ok(None);
     };
-    let mut rises = false;
+    let mut computed = 0;
     for (minute, _) in intervals(minutes) {
-        rises |= sky.at_minute(minute)?.is_some();
+        computed += usize::from(sky.at_minute(minute)?.is_some());
     }
-    if !rises {
-        return Ok(Some("the sun does not rise at this place on this day: the irradiance is 0".into()));
+    if computed == 0 {
+        let what = "the sun is below the horizon at all times of this day that are computed: the irradiance is 0 (⟨day⟩ sets the minutes between)";
+        return Ok(Some(what.into()));
     }
     let is_clear = matches!(sky.sky.0, SkyModel::Clear { .. });
     let what = "the sun moves, but the irradiances of sky and sun are the same at all times of the day; with --sky clear:TURBIDITY they change";

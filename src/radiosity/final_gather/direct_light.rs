@@ -51,7 +51,7 @@ impl FinalGather<'_> {
     }
 
     /// Traces more rays to emitters that are mostly hidden from points with little other light, because the small visible part may be all the light of the
-    /// point. An emitter uses its own engine, or the last one. Of many emitters without a passing ray, only some are drawn at random, in proportion to their
+    /// point. `engines` are in the order of the emitters; the last one serves all further emitters. Of many emitters without a passing ray, only some are drawn at random, in proportion to their
     /// unoccluded light. Their results are divided by the probability of the choice, so that the mean is that of all.
     fn trace_hidden(
         &self,

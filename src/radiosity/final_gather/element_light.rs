@@ -36,8 +36,8 @@ const MIN_EXCESS: f64 = 1.1;
 /// Elements of one parallel task that traces a ray along the normal of each.
 const CHUNK: usize = 256;
 
-/// Largest factor by which reflected light is scaled to conserve its power, and the inverse of the smallest: eight rays of a lamp that stands on a floor
-/// find up to three times the light that the floor sends there.
+/// Largest factor by which reflected light is scaled to conserve its power, and the inverse of the smallest: with eight rays each, the faces of a
+/// lamp that stands on a floor find up to three times the light that the floor sends there.
 const MAX_REFLECTED_FACTOR: f64 = 4.0;
 
 /// The light that elements have gathered.

@@ -90,8 +90,8 @@ pub fn assign_noise(
     }
 }
 
-/// Increases the weight of errors on sides that have less than [`DIM_SIDE`] of the mean light: in images of a room that the sky lights through a window, the
-/// light of the room is a hundredth of that of the ground outside. All leaves of such a side have one deviation: few of their rays pass through the window.
+/// Increases the weight of errors on sides that have less than [`DIM_SIDE`] of the mean light: an image of a room that the sky lights
+/// through a window shows the light of the room alone, a hundredth of that of the ground outside. All leaves of such a side have one deviation: few of their rays pass through the window.
 pub fn weigh_errors(elements: &Elements, leaves: &[u32], results: &mut [LocalResult]) {
     let side_of = |leaf: u32| match elements.elements[leaf as usize].shape {
         Shape::Surface { side, .. } => side as usize,

@@ -11,6 +11,7 @@
 use super::bright_leaves::Brightest;
 use super::gatherer::FinalGather;
 use super::local_noise::{LocalResult, assign_noise, weigh_errors};
+use super::neighbours::axis;
 use super::ray_rows::{PathEnd, RayRow, RayRows};
 use super::untraced::estimate_untraced;
 use crate::radiosity::deadline::{Deadline, GATHER_SHARE};
@@ -82,18 +83,15 @@ impl FinalGather<'_> {
             _ => (1.0, sampled.share),
         };
         let direct = [0, 1].map(|half| direct_light(&rows, half, factor));
-        // If the deadline ends the iteration at once, its start is the result: then the light along links. Otherwise the start is the
-        // direct light, because links bring a little light to rooms without any.
+        // After the deadline few iterations are made: they start from the light along links. Otherwise the start is the direct light,
+        // because links bring a little light to rooms without any.
         let along_links = |row: &RayRow| states[row.leaf as usize].irradiance;
         let start = deadline.late().then(|| rows.rows.iter().map(along_links).collect());
         let mut transport = RayTransport::new(self.exchange(&rows), self.path_exchange(&rows), direct);
         let (first, convergence) = solve(&mut transport, start, deadline);
         let light = transport.both(first);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
-        for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {
-            // Light is not negative. Negative values are rounding in the dark, or noise: rows with too large a sum send negative light to themselves.
-            results[row.leaf as usize].irradiance = from_fn(|k| (0.5 * (a[k] + b[k])).max(0.0));
-        }
+        self.assign_irradiance(&rows, &light, &mut results);
         let leaves: Vec<u32> = rows.rows.iter().map(|row| row.leaf).collect();
         rows.add_light_of_ends(|row| Some(self.reflected_by(leaves[row as usize], &results)));
         let halves = transport.row_sums();
@@ -113,17 +111,19 @@ impl FinalGather<'_> {
         }
         self.light_apart(&mut apart, factor, &mut results);
         let arrived = self.arrived(&[&rows, &apart], &all, &results);
-        let element_rays = rays.map(|rays| match deadline.limited() {
-            true => ((1.0 - EXCHANGE_SHARE) * useful).min(GATHER_SHARE * deadline.left() / seconds_a_ray),
-            false => (1.0 - EXCHANGE_SHARE) * rays,
-        });
         let exchanged = rays.map_or(0.0, |rays| EXCHANGE_SHARE * rays);
-        let traced_part = (exchanged + element_rays.unwrap_or(0.0)) / useful;
-        let element_rays = element_rays.filter(|_| self.elements).map(|rays| {
+        let mut wanted = EXCHANGE_SHARE * useful;
+        let element_rays = rays.filter(|_| self.elements).map(|_| {
             weigh_errors(&self.linked.elements, &all, &mut results);
-            let possible = if deadline.limited() { rays } else { (1.0 - EXCHANGE_SHARE) * most };
-            possible.min(self.needed_rays(&all, &results))
+            let needed = ((1.0 - EXCHANGE_SHARE) * most).min(self.needed_rays(&all, &results));
+            wanted += needed;
+            if deadline.limited() {
+                needed.min(GATHER_SHARE * deadline.left() / seconds_a_ray)
+            } else {
+                needed
+            }
         });
+        let traced_part = (exchanged + element_rays.unwrap_or(0.0)) / wanted;
         let RayRows { hurried, mut tally, .. } = rows;
         tally.add(apart.tally);
         let hurried = hurried + apart.hurried;
@@ -138,6 +138,33 @@ impl FinalGather<'_> {
             hurried,
             untraced,
             tally,
+        }
+    }
+
+    /// Assigns the mean irradiance of both halves to all leaves with rows. Light is not negative: negative values are rounding in the dark, or noise, as rows
+    /// with too large a sum send negative light to themselves, and rays that something blocks are compared with the open sky. They become 0, and leaves that
+    /// face the same way lose what is added by this: below terrain over bright ground 1.3 % of all light.
+    fn assign_irradiance(&self, rows: &RayRows, light: &[Field; 2], results: &mut [LocalResult]) {
+        let Elements { elements, sides, .. } = &self.linked.elements;
+        let facing = |row: &RayRow| axis(sides[self.side_of(row.leaf) as usize].normal);
+        // By signed axis and channel, the power and the power without negative values.
+        let mut powers = [[[0.0; 2]; 3]; 6];
+        for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {
+            let (area, result) = (elements[row.leaf as usize].area, &mut results[row.leaf as usize]);
+            for (k, power) in powers[facing(row)].iter_mut().enumerate() {
+                let own = 0.5 * (a[k] + b[k]);
+                result.irradiance[k] = own.max(0.0);
+                power.iter_mut().zip([own, own.max(0.0)]).for_each(|(sum, of)| *sum += area * of);
+            }
+        }
+        let factors = powers.map(|channels| channels.map(|[all, positive]| (all / positive).clamp(0.0, 1.0)));
+        for row in &rows.rows {
+            let factors = factors[facing(row)].map(|factor| if factor.is_nan() { 1.0 } else { factor });
+            results[row.leaf as usize]
+                .irradiance
+                .iter_mut()
+                .zip(factors)
+                .for_each(|(e, factor)| *e *= factor);
         }
     }
 

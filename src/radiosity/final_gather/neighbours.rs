@@ -44,7 +44,7 @@ impl Place {
         cosine >= MIN_COSINE && height <= MAX_BEND * half_angle * offset.length() + MAX_STEP * self.radius
     }
 
-    /// A segment to another element that clears the surface between both if that bends evenly or at one edge, and stays below surfaces above either: an edge
+    /// A segment to another element that clears the surface between them, if this bends evenly or at one edge, and stays below surfaces above either: an edge
     /// between two planes is at most d/2 tan(θ/2) above the line between points at the distance d with the angle θ between their normals.
     fn segment_to(&self, other: &Place) -> [Vec3; 2] {
         let cosine = self.normal.dot(other.normal);
@@ -231,7 +231,7 @@ impl<'a> Neighbourhood<'a> {
 }
 
 /// The signed axis nearest to a vector.
-fn axis(normal: Vec3) -> usize {
+pub(super) fn axis(normal: Vec3) -> usize {
     let k = normal.abs().max_position();
     2 * k + usize::from(normal[k] < 0.0)
 }

@@ -119,7 +119,7 @@ impl FinalGather<'_> {
     }
 
     /// Traces the rays of all leaves, those in the exchange and those outside of it; the share of each leaf depends on its area and importance.
-    /// After the deadline, each leaf traces only the smallest number of rays, and of many leaves only some are traced.
+    /// After the deadline, each leaf traces at most its share of [`LATE_RAYS`], and of many leaves only some are traced.
     pub(super) fn trace_rows(&self, leaves: &[u32], rays: Option<f64>, deadline: &Deadline) -> [RayRows; 2] {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let area = |e: u32| elements.elements[e as usize].area;

@@ -128,7 +128,7 @@ impl Shaft {
             return false;
         }
         let (normal, first, bend) = (normal.as_dvec3(), polygon[0].as_dvec3(), bend(polygon, normal));
-        // The ends have a corner below the polygon's plane and a corner above it, both by more than the rounding at that end.
+        // One corner of the ends lies below the polygon's plane and another above it, each by more than the rounding at its own end.
         let beyond = |side: f64| {
             self.corners.iter().zip(self.rules).any(|(corners, rule)| {
                 let flat = f64::from(rule.slack() - bend);

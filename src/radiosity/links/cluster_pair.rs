@@ -24,7 +24,7 @@ const MAX_FORM_FACTOR: f32 = 0.9;
 /// Largest ratio of diameter to distance in the deviation, which keeps the error of overlapping clusters finite. 2 or 8
 /// instead change irradiance without a local pass by less than 0.08 % (`constants.py solve`).
 const MAX_NEARNESS: f32 = 4.0;
-/// The same limit for clusters, half as large: their samples vary for other reasons than visibility.
+/// [`FEW_SEGMENTS_ERROR`] for clusters, halved: their samples vary for other reasons than visibility.
 const FEW_SEGMENTS_CLUSTER_ERROR: f32 = 0.5 * FEW_SEGMENTS_ERROR;
 /// Smallest projected area of a surface as part of its area in the model that the error oracle reads. 0.1 or 0.4
 /// instead change irradiance without a local pass by less than 0.04 % (`constants.py solve`).

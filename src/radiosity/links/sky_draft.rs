@@ -102,7 +102,8 @@ impl SkyDraft {
     /// The link, given the answers of its segments. Without segments the link counts as clear.
     pub(super) fn link(&self) -> SkyLink {
         let Answers { count, sum, visible, squares, range, table } = self.answers;
-        // A link without segments that may be blocked has only a sliver of the source above the horizon. A last measurement keeps earlier values.
+        // A link that is not certainly clear but has no segments sees only a sliver of the source above its horizon. A last measurement keeps the
+        // earlier values.
         let without_segments = |noise: f32| match self.pair.last {
             Some(Last { variation, noise, transmittance, .. }) => {
                 SkyLink { variation, noise, ..self.with(transmittance, [0.0; 2], 0.0) }

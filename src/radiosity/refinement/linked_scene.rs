@@ -28,7 +28,7 @@ const MIN_WEIGHT: f32 = 0.1;
 /// around one lamp, whose sizes grow with the distance, have a total error of .1 % (`radiosity::tests::ratios`).
 const MAX_VARIATION: f32 = 2e-5;
 
-/// Elements that are split between two checks for cancellation: 2¹² take about 1 ms.
+/// Elements that are split between two reports of progress, at which an interruption is noticed: 2¹² take about 1 ms.
 const SPLIT_SLICE: usize = 1 << 12;
 
 /// Light on a side, as a fraction of the mean over all sides, below which the side counts as dark: light leaking through the edges of a

@@ -364,3 +364,21 @@ fn points_of_streets_and_slopes_have_the_light_of_the_closed_form() {
         assert!(rms < 2e-3 && bias.abs() < 7e-4, "{want}: {rms:.5} {bias:.5}");
     }
 }
+
+/// Slopes over bright ground, seen from below by rays that meet other slopes: estimates of their light may be negative, and none is created by this.
+#[test]
+fn ground_below_slopes_creates_no_light() {
+    let at_corner = |i: i32, j: i32| {
+        let (x, y) = (0.5 * f64::from(i), 0.5 * f64::from(j));
+        DVec3::new(x, y, (1.3 * x).sin() * (1.1 * y).cos())
+    };
+    let mut pieces = Pieces::empty();
+    pieces.grey("hills", 0.2).field(0..30, at_corner);
+    let mut sky = SkyOptions::parse("uniform:150").expect("a sky");
+    sky.ground = Some(crate::sky::Amount::Grey(0.5));
+    let mut scene = pieces.scene();
+    scene.set_sky(&sky).expect("a sky of the scene");
+    let options = Options { elements: false, audit: 0, ..Options::default() };
+    let ledger = solved(&scene, &[at(DVec3::new(7.0, 7.0, 5.0), DVec3::Z)], &options).record.ledger;
+    assert!(ledger.created.abs() < 1e-3 * ledger.emitted, "{ledger:?}");
+}

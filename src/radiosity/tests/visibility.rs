@@ -104,8 +104,10 @@ fn light_of_dense_points_is_interpolated_and_leaks_through_no_wall() {
     let direct = |points: &[Point], visibility, error| solved(&scene, points, &options(visibility, error));
     let free = largest(&solved(&room(0), &points, &options(Visibility::Exact, 0.1)));
     let truth = direct(&points[..JUDGED], Visibility::Exact, 0.008);
-    let (exact, mr) = (direct(&points, Visibility::Exact, 0.02), direct(&points, Visibility::Mr, 0.02));
-    let segments = [&exact, &mr].map(|found| found.record.bundles.segments);
+    // Exact rays are traced for each point by itself: a quarter of the points shows how many.
+    let exact = direct(&points[..points.len() / 4], Visibility::Exact, 0.02);
+    let mr = direct(&points, Visibility::Mr, 0.02);
+    let segments = [4 * exact.record.bundles.segments, mr.record.bundles.segments];
     // Behind the wall both trace all rays.
     assert!(5 * segments[1] < 2 * segments[0], "{segments:?}");
     let [by_rays, smooth] = [&exact, &mr].map(|found| mean_square(found, &truth, free));

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 const TOLERANCE: f64 = 1e-4;
 /// Largest number of iterations: limits the time to 200 products with the matrix if the iteration does not converge.
 const MAX_ITERATIONS: usize = 100;
-/// Iterations that are made even after the deadline: at least three, and as many as read 50 million terms together, which
-/// limits the delay to a fraction of a second. Change results with a time limit only.
+/// Iterations of one solution, and passes along paths, that are made even after the deadline: at least three, and as many as read 50 million terms
+/// together, which limits the delay of either to a fraction of a second. Change results with a time limit only.
 const MIN_ITERATIONS: usize = 3;
 const LATE_TERMS: usize = 50_000_000;
 /// Terms of the matrix that take as much memory traffic as the vectors of one unknown in one iteration: some 16 reads and writes of
@@ -26,8 +26,8 @@ const MAX_MISSING: f64 = 1e-3;
 const MAX_PASSES: usize = 64;
 
 /// The light along rays and paths: solves the exchange along rays, adds the light along paths as direct light, and repeats both until a pass adds little.
-/// A system with the paths as unknowns would be exact, but the noise of few rays can join groups of elements to few others, which then trap their light:
-/// single points of an office were several times too bright. Few passes do not build up such light.
+/// One system with the paths as further terms would be exact, but the noise of few rays can join groups of elements to few others, which then trap their
+/// light: single points of an office were several times too bright. A limited number of passes does not build up such light.
 ///
 /// After the deadline, passes continue as far as [`LATE_TERMS`] allow, at least [`MIN_ITERATIONS`] of them.
 pub fn solve(
@@ -35,7 +35,7 @@ pub fn solve(
     start: Option<Field>,
     deadline: &Deadline,
 ) -> (Field, Convergence) {
-    // If the iteration ends at once, this guess is the result.
+    // Paths first bring the light of the guess.
     if let Some(start) = &start {
         transport.bring(&[start.clone(), start.clone()]);
     }
@@ -47,10 +47,10 @@ pub fn solve(
     for pass in 0..MAX_PASSES {
         let light = transport.both(first.clone());
         let power: f64 = dot(transport, &light[0], &vec![[1.0; 3]; light[0].len()]).iter().sum();
-        if power - before <= MAX_MISSING * power {
+        if (power - before).abs() <= MAX_MISSING * power {
             return (first, convergence);
         }
-        added = 1.0 - before / power;
+        added = (1.0 - before / power).abs();
         if pass >= MIN_ITERATIONS && late_terms > LATE_TERMS && deadline.late() {
             break;
         }
@@ -58,7 +58,7 @@ pub fn solve(
         transport.bring(&light);
         let found;
         (first, found) = krylov(transport, Some(first), deadline);
-        late_terms += if deadline.late() { found.sweeps * transport.terms() } else { 0 };
+        late_terms += if deadline.late() { found.sweeps * terms(transport) } else { 0 };
         convergence = Convergence { sweeps: convergence.sweeps + found.sweeps, ..found };
     }
     (first, Convergence { residual: added, converged: false, ..convergence })
@@ -77,8 +77,7 @@ pub fn krylov(transport: &RayTransport, start: Option<Field>, deadline: &Deadlin
     let mut best = start.unwrap_or_else(|| direct.clone());
     let mut space = Space::new(transport, direct, best.clone());
     let mut sound = true;
-    let terms = transport.terms() + TERMS_OF_VECTORS * direct.len();
-    let min_iterations = (LATE_TERMS / terms.max(1)).clamp(MIN_ITERATIONS, MAX_ITERATIONS);
+    let min_iterations = (LATE_TERMS / terms(transport).max(1)).clamp(MIN_ITERATIONS, MAX_ITERATIONS);
     for iteration in 0..MAX_ITERATIONS {
         let left = dot(transport, &space.r, &space.r);
         let worst = (0..3).map(|k| left[k] / want[k].max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
@@ -100,6 +99,11 @@ pub fn krylov(transport: &RayTransport, start: Option<Field>, deadline: &Deadlin
         sound = space.advance(transport, done);
     }
     (best, convergence)
+}
+
+/// Terms that take as much time as an iteration, its vectors included.
+fn terms(transport: &RayTransport) -> usize {
+    transport.terms() + TERMS_OF_VECTORS * transport.weights().len()
 }
 
 /// `x - K x`.

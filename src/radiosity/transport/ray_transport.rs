@@ -85,9 +85,10 @@ impl RayTransport {
         &self.halves[0].area
     }
 
-    /// Terms that one application of both halves adds up.
+    /// Terms that one application of both halves, and what paths bring, add up.
     pub fn terms(&self) -> usize {
-        self.halves.iter().map(TransportMatrix::entries).sum()
+        let of_paths: usize = self.paths.iter().map(Vec::len).sum();
+        of_paths + self.halves.iter().map(TransportMatrix::entries).sum::<usize>()
     }
 
     /// The light by a half, from that by the other one.

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 /// Rows of one parallel task.
 const CHUNK: usize = 256;
-/// Smallest limit of the excess of a row sum over its expected value e; above it the exchange of the row is scaled down. With the reflectance ρ, an excess of
-/// (1/ρ − e)/2 is allowed: the parts of the row add up to at most 1/ρ, whatever their signs, and no light grows. A larger excess is safe for white rows: of
+/// A row sum may exceed its expected value e by this, or by (1/ρ − e)/2 if that is more, where ρ is the reflectance; beyond, the exchange of the row is
+/// scaled down. With (1/ρ − e)/2 the parts of the row add up to at most 1/ρ, whatever their signs, and no light grows. A larger excess is safe for white rows: of
 /// products of both halves for closed boxes with 2 to 16 rays a row, none has an eigenvalue above 1 with 0.25, some have 1.16 with 0.5. In a deep shade of
 /// reflectance 0.8, with eight rays, elements receive 4.7 % too much light with 0, 0.6 % with 0.25.
 const MIN_EXCESS: f64 = 0.25;
