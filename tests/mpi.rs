@@ -172,18 +172,26 @@ fn a_batch_goes_on_after_a_rank_has_died() {
 }
 
 fn goes_on_after(signal: &str, whole: &Path) {
-    let scratch = prepared();
     let line = ["batch", "jobs.toml", "--threads", "1", "--jobs-at-once", "1", "--out", "o"];
-    let child = ranks(&scratch, 2, &[&line[..], &["--mpi"]].concat()).spawn().expect("mpirun runs");
-    wait_until(120, "no jobs end", || journal(&scratch.path("o"))[1] >= 3);
-    signal_rank_1(signal, &scratch);
-    assert_ne!(Outcome::at_end(child).code, Some(0), "{signal}");
-    let [_, before] = journal(&scratch.path("o"));
-    assert!((3..COUNT).contains(&before), "{before} jobs were done");
-    let ran = scratch.mrvis(&line).exits(0);
-    assert!(ran.stdout.contains(&format!("{before} were done before")), "{before}: {}", ran.stdout);
-    assert_eq!(journal(&scratch.path("o"))[1], COUNT);
-    assert_same(&scratch.path("o"), whole);
+    // On a busy machine all jobs may end before the signal.
+    for _ in 0..5 {
+        let scratch = prepared();
+        let child = ranks(&scratch, 2, &[&line[..], &["--mpi"]].concat()).spawn().expect("mpirun runs");
+        wait_until(120, "no jobs end", || journal(&scratch.path("o"))[1] >= 3);
+        signal_rank_1(signal, &scratch);
+        let code = Outcome::at_end(child).code;
+        let [_, before] = journal(&scratch.path("o"));
+        if before == COUNT {
+            continue;
+        }
+        assert!(code != Some(0) && before >= 3, "{signal}: {code:?}, {before} jobs were done");
+        let ran = scratch.mrvis(&line).exits(0);
+        assert!(ran.stdout.contains(&format!("{before} were done before")), "{before}: {}", ran.stdout);
+        assert_eq!(journal(&scratch.path("o"))[1], COUNT);
+        assert_same(&scratch.path("o"), whole);
+        return;
+    }
+    panic!("{signal}: all jobs ended before the signal");
 }
 
 /// A job that fails on any rank is told and run again as often as is asked for; the others are done.

@@ -43,8 +43,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     args.mpi.on_first(|| check_file(&args.out))?;
     common.check_json()?;
     let mut points = read_points(&args.points)?;
-    args.scene.with_light()?;
-    let scene = args.scene.load(common)?;
+    let scene = args.scene.with_light()?.load(common)?;
     lower(&scene, &mut points);
     let read = scene.parts().files.iter().chain([&args.points]);
     let inputs = Inputs::of(read.map(PathBuf::as_path));

@@ -30,18 +30,18 @@ impl SceneArgs {
         SkyOptions::of_texts(sky, sun, place, time).map(Some)
     }
 
-    /// Refuses a sky in lux without channels that hold lumens, for commands that state light.
+    /// These arguments; refuses a sky in lux without channels that hold lumens, for commands that state light.
     ///
     /// # Errors
     /// [`Error::Argument`] for such a sky.
-    pub(super) fn with_light(&self) -> Result<()> {
+    pub(super) fn with_light(&self) -> Result<&SceneArgs> {
         match self.photometric {
             None | Some(Channels::Rgb) if self.sky_options()?.is_some_and(|sky| sky.photometric) => {
                 let what = "the sky has `photometric = true`, so that all channels hold lux: give --photometric=red, with all other light \
                             in lumens and lux too, or remove that line";
                 Err(Error::arguments(what.into()))
             }
-            _ => Ok(()),
+            _ => Ok(self),
         }
     }
 

@@ -228,8 +228,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     args.common.check_json()?;
     let mut points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
-    scene.with_light()?;
-    let scene = scene.load_flat(&args.common)?;
+    let scene = scene.with_light()?.load_flat(&args.common)?;
     lower(&scene, &mut points);
     let grids = Grids::of(&args.grids, &scene)?;
     points.extend(grids.points());

@@ -44,8 +44,10 @@ pub struct LocalPass {
     pub results: Vec<LocalResult>,
     /// Rays for the light of the elements; `None` if this light is not requested or the time is too short for them.
     pub element_rays: Option<f64>,
-    /// Rays of both passes together, as part of those that are useful.
+    /// Rays of both passes together, as part of `wanted`.
     pub traced_part: f64,
+    /// The rays that the error asked for needs in both passes.
+    pub wanted: f64,
     /// Part of the emitted power that meets elements, by rays from the emitters.
     pub sampled: SampledShare,
     /// The same by these rays and the rays of the elements together, by channel.
@@ -131,6 +133,7 @@ impl FinalGather<'_> {
             results,
             element_rays,
             traced_part,
+            wanted,
             sampled,
             received,
             arrived,
