@@ -219,13 +219,16 @@ impl Reader<'_> {
         })
     }
 
-    /// Text, or a number as it is written.
+    /// Text, or a number or a time as it is written.
     fn text(&self, node: &Node) -> Result<String> {
         match node.get_ref() {
             DeValue::String(text) => Ok(text.to_string()),
             DeValue::Integer(n) if n.radix() == 10 => Ok(n.as_str().to_owned()),
             DeValue::Float(x) => Ok(x.as_str().to_owned()),
-            other => Err(self.error(node, format!("must be text or a number, not {}", other.type_str()))),
+            DeValue::Datetime(time) => Ok(time.to_string()),
+            other => {
+                Err(self.error(node, format!("must be text, a number or a time, not {}", other.type_str())))
+            }
         }
     }
 

@@ -62,12 +62,13 @@ fn ranges_are_linear_or_logarithmic() {
 fn own_options_replace_the_defaults() {
     let text = format!(
         "[defaults]\noptions = {{ seed = 3, error = 0.2 }}\nlimits = {{ seconds = 5, memory = '2G' }}\nretry = 2\n\
-         {SOLVE}options = {{ error = 0.1 }}\nlimits = {{ seconds = 7 }}\n"
+         {SOLVE}options = {{ error = 0.1, time = 2026-06-21T10:00:00+02:00 }}\nlimits = {{ seconds = 7 }}\n"
     );
     let job = jobs(&text).expect("a job").remove(0);
     assert_eq!(job.option("seed"), Some(&Value::Text("3".into())));
     assert_eq!(job.options.iter().filter(|o| o.name == "error").count(), 1);
     assert_eq!(job.option("error"), Some(&Value::Text("0.1".into())));
+    assert_eq!(job.option("time"), Some(&Value::Text("2026-06-21T10:00:00+02:00".into())));
     assert_eq!(job.limits, Limits { seconds: Some(7.0), memory: Some(2 << 30) });
     assert_eq!(job.retry, 2);
 }
