@@ -153,7 +153,8 @@ mrv_status mrv_scene_flatten(const mrv_scene *scene, uint64_t max_triangles, mrv
 
 /* The same scene below a sky and a sun, instead of those that it has; the texts are those of the command's options --sky, --sun, --place and
  * --time, and may be NULL: `sky` "uniform:E", "overcast:E", "cie:N,E", "clear:TURBIDITY", "perez:DNI,DHI", or the name of a map (.exr, .hdr)
- * or of a description (.toml); `sun` "AZIMUTH,ELEVATION:E" or "X,Y,Z:E". MRV_ERROR_INPUT if they are wrong or do not fit together. */
+ * or of a description (.toml); `sun` "AZIMUTH,ELEVATION:E" or "X,Y,Z:E". Below a sky of a description with `photometric = true`, which is in
+ * lux, all other light of the scene must be in lumens and lux. MRV_ERROR_INPUT if the texts are wrong or do not fit together. */
 mrv_status mrv_scene_with_sky(const mrv_scene *scene, const char *sky, const char *sun, const char *place, const char *time,
                               mrv_scene **lit);
 

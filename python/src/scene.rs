@@ -117,7 +117,8 @@ impl PyScene {
     ///
     /// The texts are those of the command's options: sky "uniform:E", "overcast:E", "cie:N,E", "clear:TURBIDITY", "perez:DNI,DHI", or the name
     /// of a map (.exr, .hdr) or of a description (.toml); sun "AZIMUTH,ELEVATION:E" or "X,Y,Z:E"; place "LATITUDE,LONGITUDE"; time as
-    /// 2026-06-21T12:00+02:00. InputError if they are wrong or do not fit together.
+    /// 2026-06-21T12:00+02:00. Below a sky of a description with `photometric = true`, which is in lux, all other light of the scene must be in
+    /// lumens and lux. InputError if the texts are wrong or do not fit together.
     #[pyo3(signature = (sky=None, *, sun=None, place=None, time=None))]
     fn with_sky(
         &self,
