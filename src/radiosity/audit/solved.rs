@@ -65,6 +65,7 @@ impl Solved {
         let balanced = |state: &ElementState| std::array::from_fn(|k| factors[k] * state.irradiance[k]);
         let light: Vec<Rgb> = states.iter().map(balanced).collect();
         self.linked.set_irradiance(light.into_iter());
+        self.linked.update_oracle_statistics();
     }
 
     /// The final light of the local pass.
@@ -76,15 +77,16 @@ impl Solved {
 
     /// The light of elements by a part of their rays; none where there is no time for rays.
     pub fn sample_elements(
-        &self,
+        &mut self,
         model: &Model,
         options: &Options,
         part: f64,
         deadline: &Deadline,
     ) -> Option<ElementSamples> {
-        let Closing::Rays(local) = &self.closing else { return None };
+        let Closing::Rays(local) = &mut self.closing else { return None };
         let rays = part * local.element_rays.filter(|_| !deadline.late())?;
-        Some(FinalGather::new(model, &self.linked, options).sample_elements(local, rays, deadline))
+        let known = std::mem::take(&mut local.samples);
+        Some(FinalGather::new(model, &self.linked, options).sample_elements(local, known, rays, deadline))
     }
 
     /// Splits leaves into parts with the same light, which are returned.

@@ -17,10 +17,9 @@ pub struct Lookup {
 /// Parametrisation of one side.
 struct Frame {
     origin: Vec3,
-    axes: [Vec3; 2],
-    /// Edges that the two parameters run along, in the axes. Triangle: the two edges from its first corner, twice. Quad: the
+    /// Gradients of the two parameters, which run along two edges. Triangle: the two edges from its first corner, twice. Quad: the
     /// edges 0-1 and 1-2 on one side of its diagonal, 3-2 and 0-3 on the other.
-    edges: [[Vec2; 2]; 2],
+    gradients: [[Vec3; 2]; 2],
     element: u32,
     triangle: bool,
     /// Levels that the grid spans and its first cell: `2^depth` rows of `2^depth` cells, of twice as many for triangles.
@@ -38,7 +37,11 @@ impl Lookup {
         let frames = elements.sides.par_iter().map(|side| {
             let c = elements.corners(side);
             let (x, y) = side.normal.any_orthonormal_pair();
-            let flat = |v: Vec3| Vec2::new(v.dot(x), v.dot(y));
+            let gradients = |[e, f]: [Vec3; 2]| {
+                let [e, f] = [e, f].map(|v| Vec2::new(v.dot(x), v.dot(y)));
+                let area = e.perp_dot(f);
+                [(f.y * x - f.x * y) / area, (e.x * y - e.y * x) / area]
+            };
             let triangle = is_triangle(c);
             let edges = if triangle {
                 [[c[1] - c[0], c[2] - c[0]]; 2]
@@ -47,8 +50,7 @@ impl Lookup {
             };
             Frame {
                 origin: c[0],
-                axes: [x, y],
-                edges: edges.map(|pair| pair.map(flat)),
+                gradients: edges.map(gradients),
                 element: side.element,
                 triangle,
                 depth: 0,
@@ -101,8 +103,7 @@ impl Lookup {
         if frame.depth == 0 {
             return frame.element;
         }
-        let from = point - frame.origin;
-        let (u, v) = frame.parameters(Vec2::new(from.dot(frame.axes[0]), from.dot(frame.axes[1])));
+        let (u, v) = frame.parameters(point - frame.origin);
         let rows = 1u32 << frame.depth;
         let (x, y) = (u * rows as f32, v * rows as f32);
         // The conversion turns NaN into 0.
@@ -142,13 +143,10 @@ impl Frame {
     /// Triangle: weights of the second and third corner. Quad: parameters with corners at (0, 0), (1, 0), (1, 1), (0, 1), linear
     /// on either side of the diagonal u = v, so that quarters halve both parameters.
     #[inline]
-    fn parameters(&self, h: Vec2) -> (f32, f32) {
-        let along = |[e, f]: [Vec2; 2]| {
-            let area = e.perp_dot(f);
-            (h.perp_dot(f) / area, e.perp_dot(h) / area)
-        };
-        let (u, v) = along(self.edges[0]);
-        if self.triangle || v <= u { (u, v) } else { along(self.edges[1]) }
+    fn parameters(&self, from: Vec3) -> (f32, f32) {
+        let along = |[u, v]: [Vec3; 2]| (from.dot(u), from.dot(v));
+        let (u, v) = along(self.gradients[0]);
+        if self.triangle || v <= u { (u, v) } else { along(self.gradients[1]) }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Small bright surfaces as light sources: the inside of a lamp shade, the ceiling above an uplight. The rays of a point or an element rarely hit them,
 //! and a ray that does stands for all that miss, which causes noise. Shadow rays to these surfaces find their light without this noise.
 
+use super::gatherer::Reflected;
 use crate::radiosity::elements::emitter_face::EmitterFace;
 use crate::radiosity::elements::emitters::{Emitter, Emitters};
 use crate::radiosity::elements::{Elements, Shape};
@@ -35,14 +36,14 @@ impl BrightLeaves {
     /// The elements that [`Brightest::of`] chooses; `None` if it chooses none.
     pub fn of(
         linked: &LinkedScene,
-        reflected: &[[f32; 3]],
+        reflected: &[Reflected],
         rays: [usize; 2],
         error: f64,
     ) -> Option<BrightLeaves> {
         let Elements { elements, states, .. } = &linked.elements;
         let leaves = linked.leaves();
         let area = |e: u32| elements[e as usize].area;
-        let light = |e: u32| mean(reflected[e as usize].map(f64::from));
+        let light = |e: u32| mean(reflected[e as usize].light.map(f64::from));
         let received: f64 = leaves.iter().map(|&e| area(e) * mean(states[e as usize].irradiance)).sum();
         let lit: Vec<(u32, f64)> = leaves.iter().map(|&e| (e, light(e))).collect();
         let Brightest { chosen, face_of } = Brightest::of(&linked.elements, &lit, rays, error * received);
@@ -52,7 +53,7 @@ impl BrightLeaves {
         let mut sums = vec![[0.0; 3]; chosen.len()];
         for &leaf in leaves.iter().filter(|&&leaf| face_of[leaf as usize] != Elements::NONE) {
             let sum = &mut sums[face_of[leaf as usize] as usize];
-            add(sum, area(leaf), reflected[leaf as usize].map(f64::from));
+            add(sum, area(leaf), reflected[leaf as usize].light.map(f64::from));
         }
         let (sides, faces): (Vec<u32>, Vec<EmitterFace>) =
             chosen.iter().zip(&sums).map(|(&e, &sum)| face(&linked.elements, e, sum)).unzip();

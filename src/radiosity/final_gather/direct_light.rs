@@ -270,7 +270,7 @@ impl FinalGather<'_> {
     /// Radiosity reflected at a point on a face of the bright leaves, W/m²; `None` for emitters. The leaves below one face differ.
     fn reflected_at(&self, emitter: usize, face: usize, at: Vec3) -> Option<Vec3> {
         let bright = self.bright().filter(|_| emitter >= self.emitters.emitters.len())?;
-        Some(Vec3::from(self.reflected[self.lookup.leaf(bright.sides[face], at) as usize]))
+        Some(self.reflected_from(self.lookup.leaf(bright.sides[face], at)))
     }
 }
 

@@ -56,7 +56,7 @@ pub struct Gathered {
 
 /// The light of leaves by rays of their own, before it is shared.
 pub struct ElementSamples {
-    /// Leaves, in ascending order.
+    /// Leaves, in any order.
     leaves: Vec<u32>,
     /// Their light.
     light: Vec<ElementLight>,
@@ -119,9 +119,15 @@ impl FinalGather<'_> {
         weight.sqrt() * deviation
     }
 
-    /// The light of all leaves after a local pass, by about `rays` rays of their own. Leaves without rays because of the deadline are
-    /// missing.
-    pub fn sample_elements(&self, local: &LocalPass, rays: f64, deadline: &Deadline) -> ElementSamples {
+    /// The light of all leaves after a local pass: that of some leaves is `known`, the others trace about their share of `rays` rays of all leaves. Leaves
+    /// without rays because of the deadline are missing.
+    pub fn sample_elements(
+        &self,
+        local: &LocalPass,
+        known: Vec<(u32, ElementLight)>,
+        rays: f64,
+        deadline: &Deadline,
+    ) -> ElementSamples {
         let all = self.linked.leaves();
         let sum: f64 = all.iter().map(|&e| self.wanted_rays(local, e)).sum();
         let mut samples = ElementSamples {
@@ -131,7 +137,11 @@ impl FinalGather<'_> {
             hurried: 0,
             tally: Tally::default(),
         };
-        self.add_samples(&mut samples, local, &all, deadline);
+        let mut is_known = vec![false; self.linked.elements.len()];
+        known.iter().for_each(|(leaf, _)| is_known[*leaf as usize] = true);
+        let others: Vec<u32> = all.into_iter().filter(|leaf| !is_known[*leaf as usize]).collect();
+        (samples.leaves, samples.light) = known.into_iter().unzip();
+        self.add_samples(&mut samples, local, &others, deadline);
         samples
     }
 

@@ -113,7 +113,7 @@ impl FinalGather<'_> {
         let light_of = |ray: &EmitterRay| {
             let leaf = self.lookup.leaf(bright.sides[ray.face], ray.ends[1]);
             let level = Vec3::from(bright.emitter().faces[ray.face].exitance.map(|m| m as f32));
-            ray.light.element_sum() / level.element_sum() * Vec3::from(self.reflected[leaf as usize])
+            ray.light.element_sum() / level.element_sum() * self.reflected_from(leaf)
         };
         let sent =
             self.visible_parts(&bright.emitters, |vertex| (cut(vertex), false), light_of, random, buffers);

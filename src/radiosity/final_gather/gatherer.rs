@@ -1,10 +1,11 @@
 //! Gathers light by rays from a scene whose elements have light.
 
 use super::bright_leaves::BrightLeaves;
+use super::hemisphere::{grid_of, hemisphere};
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
 use crate::math::on_plane;
-use crate::math::sampling::{cosine_direction, mix, numbers};
+use crate::math::sampling::mix;
 use crate::model::Model;
 use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
 use crate::radiosity::elements::emitters::Emitters;
@@ -13,7 +14,7 @@ use crate::radiosity::links::{Scratch, VisibilityEngine};
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::LinkedScene;
 use crate::ranks::Ranks;
-use crate::ray::{LANES, Packet};
+use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::sky::Environment;
 use glam::Vec3;
@@ -54,8 +55,8 @@ pub struct FinalGather<'a> {
     pub(super) has_time: bool,
     /// [`FinalGather::engine_of_elements`], once it is asked for.
     pub(super) of_elements: OnceLock<VisibilityEngine>,
-    /// Reflected radiosity by element, W/m².
-    pub(super) reflected: Vec<[f32; 3]>,
+    /// By element.
+    pub(super) reflected: Vec<Reflected>,
     /// [`FinalGather::bright`], once it is asked for.
     bright: OnceLock<Option<BrightLeaves>>,
     /// Low-discrepancy numbers for the shadow rays of a point to an emitter.
@@ -75,6 +76,24 @@ pub struct FinalGather<'a> {
     pub(super) length: f32,
     /// The processes that share the rows.
     pub(in crate::radiosity) ranks: Ranks,
+}
+
+/// The light that an element reflects, as rays read it.
+#[derive(Clone, Copy)]
+pub struct Reflected {
+    /// Reflected radiosity by channel, W/m².
+    pub light: [f32; 3],
+    /// Smallest distance from which the mean light of the element stands for the light at each of its points (secondary final gathers, Jensen 2001), scene
+    /// units: the radius of the element; 0 in scenes without clusters, where links have divided elements as finely as their light varies; infinite outside
+    /// the exchange.
+    pub trusted_from: f32,
+}
+
+impl Reflected {
+    /// Whether the element is outside the exchange.
+    pub fn is_apart(&self) -> bool {
+        self.trusted_from == f32::INFINITY
+    }
 }
 
 /// A point of a path on a surface.
@@ -158,14 +177,22 @@ impl<'a> FinalGather<'a> {
             (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ mix(k as u64)))).collect();
         let shadow_rays = (MORE_WHERE_BRIGHT * options.light_rays()).min(MAX_SHADOW_RAYS) as u32;
         let table = (0..shadow_rays).map(|i| [sample(i, 0, 7), sample(i, 1, 7)]).collect();
-        let reflected = elements.elements.par_iter().zip(&elements.states).map(|(e, state)| match e.shape {
-            Shape::Cluster(_) => [0.0; 3],
-            Shape::Surface { side, .. } => {
-                let emitted = elements.sides[side as usize].exitance;
-                std::array::from_fn(|k| (state.radiosity[k] - emitted[k]) as f32)
-            }
+        let reflected = elements.elements.par_iter().zip(&elements.states).map(|(e, state)| {
+            let light = match e.shape {
+                Shape::Cluster(_) => [0.0; 3],
+                Shape::Surface { side, .. } => {
+                    let emitted = elements.sides[side as usize].exitance;
+                    std::array::from_fn(|k| (state.radiosity[k] - emitted[k]) as f32)
+                }
+            };
+            let trusted_from = match (state.is_apart(), elements.large_from > 0) {
+                (true, _) => f32::INFINITY,
+                (false, true) => e.radius,
+                (false, false) => 0.0,
+            };
+            Reflected { light, trusted_from }
         });
-        let reflected: Vec<[f32; 3]> = reflected.collect();
+        let reflected: Vec<Reflected> = reflected.collect();
         FinalGather {
             model,
             lookup: Lookup::new(elements),
@@ -208,6 +235,11 @@ impl<'a> FinalGather<'a> {
         self.bright.get_or_init(of).as_ref()
     }
 
+    /// The radiosity that an element reflects, W/m².
+    pub(super) fn reflected_from(&self, element: u32) -> Vec3 {
+        Vec3::from(self.reflected[element as usize].light)
+    }
+
     /// The scene that is gathered from.
     pub fn linked(&self) -> &'a LinkedScene {
         self.linked
@@ -228,13 +260,6 @@ impl<'a> FinalGather<'a> {
         let at = on_plane(self.scene.corners(triangle), at);
         let leaf = self.lookup.leaf(side, at);
         Some(PathVertex { at, side, leaf, path: 0, share: Vec3::ONE })
-    }
-
-    /// Smallest distance at which the mean light of an element stands for the light at each of its points, scene units: the radius of
-    /// the element; 0 in scenes without clusters, where links have divided elements as finely as their light varies.
-    pub(super) fn trust_distance(&self, element: u32) -> f32 {
-        let elements = &self.linked.elements;
-        if elements.large_from > 0 { elements.elements[element as usize].radius } else { 0.0 }
     }
 
     /// Finds the groups of emitter faces from which an element draws its emitter rays.
@@ -258,26 +283,4 @@ impl<'a> FinalGather<'a> {
         let LinkedScene { feature_sizes, elements, .. } = self.linked;
         feature_sizes.of_surface(elements, element as usize).unwrap_or(self.feature_size)
     }
-}
-
-/// Columns and rows of the blocks of 4 by 4 cells of a grid of at least `count` cells.
-fn grid_of(count: usize) -> [usize; 2] {
-    let blocks = count.div_ceil(LANES);
-    let across = (blocks as f64).sqrt().ceil() as usize;
-    [across, blocks.div_ceil(across)]
-}
-
-/// At least `count` directions about +z with the density cos/π: one in each cell of a grid, in blocks of 4 by 4.
-fn hemisphere(count: usize, seed: u64) -> Vec<Vec3> {
-    let [across, down] = grid_of(count);
-    (0..across * down * LANES)
-        .map(|k| {
-            let (block, lane) = (k / LANES, k % LANES);
-            let (i, j) = (block % across * 4 + lane % 4, block / across * 4 + lane / 4);
-            let [r, s, ..] = numbers(seed, k as u64);
-            let place =
-                |cell: usize, within: f32, blocks: usize| (cell as f32 + within) / (4 * blocks) as f32;
-            cosine_direction(Vec3::Z, place(i, r, across), place(j, s, down))
-        })
-        .collect()
 }

@@ -1,13 +1,15 @@
 //! Light of surfaces and sky at a point: a grid of rays, one for each cell of a hemisphere of equal cosine weight. Cells are divided where
 //! neighbours differ, as at the edges of a window, of a bright part of the sky or of a sunlit wall.
 
+use super::cells_around::{Cell, Surroundings, WHOLE};
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
+use super::hemisphere::Hemisphere;
 use super::paths::EndOfPaths;
 use super::sky_light::SkyLight;
-use super::uneven_cells::{Cell, Surroundings, TOLERANCE, USUAL_ERROR, Uneven, WHOLE, bound_of_errors};
+use super::uneven_cells::{TOLERANCE, USUAL_ERROR, Uneven, bound_of_errors};
 use crate::embree::Hits;
-use crate::math::sampling::{cosine_direction, mix, numbers};
+use crate::math::sampling::{mix, numbers};
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::ray::{LANES, Packet};
 use glam::{DVec3, Vec3};
@@ -52,33 +54,6 @@ enum Seen {
     Surface(Vec3, Vec3),
 }
 
-/// A grid on the hemisphere about the normal of a point: axes, and columns and rows of the undivided grid on the square that is mapped to the hemisphere
-/// (Shirley and Chiu 1997).
-#[derive(Clone, Copy)]
-struct Hemisphere {
-    frame: [Vec3; 3],
-    size: [usize; 2],
-    /// Length of rays, scene units.
-    reach: f32,
-}
-
-impl Hemisphere {
-    /// The cells of the undivided grid, row after row.
-    fn places(&self) -> Vec<[u32; 2]> {
-        let [columns, rows] = self.size.map(|n| n as u32);
-        (0..rows).flat_map(|j| (0..columns).map(move |i| [i, j])).collect()
-    }
-
-    /// The direction at a place of the grid's square, given in cells of a level.
-    fn direction(&self, level: u32, [u, v]: [f32; 2]) -> Vec3 {
-        let [x, y, z] = self.frame;
-        let scale = (1u32 << level) as f32;
-        let d =
-            cosine_direction(Vec3::Z, u / (scale * self.size[0] as f32), v / (scale * self.size[1] as f32));
-        d.x * x + d.y * y + d.z * z
-    }
-}
-
 impl FinalGather<'_> {
     /// Irradiance at a point by surfaces and the sky, W/m². `known` is the light of emitters and suns, mean over the channels: in the sun, the
     /// light of the sky needs less accuracy than in a shadow. `openings` are those of [`FinalGather::openings`].
@@ -90,8 +65,13 @@ impl FinalGather<'_> {
         buffers: &mut Buffers,
     ) -> Rgb {
         let hemisphere = self.hemisphere_of(point);
-        let whole = hemisphere.places();
         let rays_of_cells = self.trace_whole(&hemisphere, point, buffers);
+        if let Some(light) = self.even_light(&rays_of_cells, known) {
+            buffers.scratch.tally.add_rays(rays_of_cells.len());
+            return light;
+        }
+        let rays_of_cells = hemisphere.in_rows(&rays_of_cells);
+        let whole = hemisphere.places();
         let mut levels = vec![self.cells(&hemisphere, 0, (&whole, &[]), &rays_of_cells, point)];
         // Where all rays met sides that no light reaches, as from below the ground, or the sky is dark, no opening is searched for.
         let is_dark = rays_of_cells.iter().all(|ray| matches!(ray.seen, Seen::Dark))
@@ -111,10 +91,7 @@ impl FinalGather<'_> {
             let open = cells.iter().filter(|cell| cell.is_open && cell.sky > 0.0).count();
             let is_undivided = cells.len() == whole.len() << (2 * level) && cells.len() < MAX_WHOLE;
             let is_whole = is_undivided && open < MIN_OPEN && !is_dark;
-            let tolerance = (TOLERANCE * self.error * (known + mean(sum.to_array()))).powi(2);
-            if level == 0 && !is_whole && openings.is_empty() && bound_of_errors(cells, area) <= tolerance {
-                break;
-            }
+            let tolerance = self.tolerance_at(known + mean(sum.to_array()));
             let surroundings = Surroundings::new(&levels, hemisphere.size);
             let (mut uneven, inner) = surroundings.uneven(area, &openings);
             sum += area * inner.iter().map(|k| cells[*k as usize].smoothing().as_dvec3()).sum::<DVec3>();
@@ -162,6 +139,33 @@ impl FinalGather<'_> {
         sum.max(DVec3::ZERO).to_array()
     }
 
+    /// The mean light along the rays of the undivided grid, if no light comes from beyond the scene and no cell needs to be divided, as for most points of
+    /// rooms.
+    fn even_light(&self, rays: &[CellRay], known: f64) -> Option<Rgb> {
+        if self.has_environment() {
+            return None;
+        }
+        let (mut sum, mut range) = (DVec3::ZERO, [f32::INFINITY, f32::NEG_INFINITY]);
+        for ray in rays {
+            let level = match ray.seen {
+                Seen::Sky => continue,
+                Seen::Dark => 0.0,
+                Seen::Surface(light, of_element) => {
+                    sum += light.as_dvec3();
+                    of_element.element_sum() / 3.0
+                }
+            };
+            range = [range[0].min(level), range[1].max(level)];
+        }
+        let light = (sum / rays.len() as f64).to_array();
+        (bound_of_errors(rays.len(), range) <= self.tolerance_at(known + mean(light))).then_some(light)
+    }
+
+    /// The tolerated sum of squared errors of cells at a point with this irradiance, (W/m²)².
+    fn tolerance_at(&self, irradiance: f64) -> f64 {
+        (TOLERANCE * self.error * irradiance).powi(2)
+    }
+
     /// The largest number of rays in divided cells of a point.
     fn most_divided(&self) -> usize {
         (MAX_RAYS * (USUAL_ERROR / self.error).powi(2)).clamp(MAX_RAYS, MAX_RAYS_OF_ALL) as usize
@@ -176,7 +180,7 @@ impl FinalGather<'_> {
         Hemisphere { frame, size: self.hemisphere_grid, reach: self.reach_from(point.at) }
     }
 
-    /// What the rays of the undivided grid have found, row after row. Their directions are stored in blocks of 4 by 4 cells.
+    /// What the rays of the undivided grid have found, in blocks of 4 by 4 cells.
     fn trace_whole(
         &self,
         hemisphere: &Hemisphere,
@@ -197,15 +201,7 @@ impl FinalGather<'_> {
             }
             (packet.near, packet.far, packet.active) = ([0.0; LANES], [1.0; LANES], 0xffff);
         }
-        let blocks = self.seen(&vec![None; directions.len()], point.seed, buffers);
-        let mut seen = blocks.clone();
-        let columns = hemisphere.size[0];
-        for (k, found) in blocks.into_iter().enumerate() {
-            let (block, lane) = (k / LANES, k % LANES);
-            let (across, down) = (block % (columns / 4), block / (columns / 4));
-            seen[(4 * down + lane / 4) * columns + 4 * across + lane % 4] = found;
-        }
-        seen
+        self.seen(&vec![None; directions.len()], point.seed, buffers)
     }
 
     /// The results of the first rays of `buffers.packets`, one for each of `surfaces`. Where the light of surfaces is known approximately, one ray in
@@ -231,7 +227,7 @@ impl FinalGather<'_> {
             if self.direct_only || self.is_bright(met.leaf) {
                 return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
             }
-            let of_element = Vec3::from(self.reflected[met.leaf as usize]);
+            let of_element = self.reflected_from(met.leaf);
             let distance = packet.point(lane, 0.0).distance(packet.point(lane, hits.t[lane]));
             let light = self.reflected_or_next(met, distance, near.len() as u32);
             let light = light.unwrap_or_else(|vertex| {

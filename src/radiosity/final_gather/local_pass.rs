@@ -9,6 +9,7 @@
 //! measure. See `docs/method.md`, Local pass.
 
 use super::bright_leaves::Brightest;
+use super::element_samples::ElementLight;
 use super::gatherer::FinalGather;
 use super::local_noise::{LocalResult, assign_noise, weigh_errors};
 use super::neighbours::axis;
@@ -44,6 +45,8 @@ pub struct LocalPass {
     pub results: Vec<LocalResult>,
     /// Rays for the light of the elements; `None` if this light is not requested or the time is too short for them.
     pub element_rays: Option<f64>,
+    /// Leaves whose light is known by the rays of the exchange, with this light.
+    pub samples: Vec<(u32, ElementLight)>,
     /// Rays of both passes together, as part of `wanted`.
     pub traced_part: f64,
     /// The rays that the error asked for needs in both passes.
@@ -77,7 +80,7 @@ impl FinalGather<'_> {
         let traced: f64 = rows.rows.iter().chain(&apart.rows).map(|row| f64::from(row.rays)).sum();
         let seconds_a_ray = (deadline.elapsed() - start) / traced.max(1.0);
         let untraced = all.len() - rows.rows.len() - apart.rows.len();
-        rows.number_rows(self.linked.elements.len(), &self.reflected);
+        rows.number_rows(self.linked.elements.len(), |leaf| self.reflected_from(leaf));
         let sampled = self.emitted_share();
         // The light of leaves that were not traced is not known here.
         let (factor, received) = match untraced {
@@ -114,9 +117,10 @@ impl FinalGather<'_> {
         self.light_apart(&mut apart, factor, &mut results);
         let arrived = self.arrived(&[&rows, &apart], &all, &results);
         let exchanged = rays.map_or(0.0, |rays| EXCHANGE_SHARE * rays);
-        let mut wanted = EXCHANGE_SHARE * useful;
+        let (mut wanted, mut samples) = (EXCHANGE_SHARE * useful, Vec::new());
         let element_rays = rays.filter(|_| self.elements).map(|_| {
             weigh_errors(&self.linked.elements, &all, &mut results);
+            samples = self.exchange_samples(&rows, &results);
             let needed = ((1.0 - EXCHANGE_SHARE) * most).min(self.needed_rays(&all, &results));
             wanted += needed;
             if deadline.limited() {
@@ -132,6 +136,7 @@ impl FinalGather<'_> {
         LocalPass {
             results,
             element_rays,
+            samples,
             traced_part,
             wanted,
             sampled,
@@ -199,7 +204,7 @@ impl FinalGather<'_> {
         let elements = &self.linked.elements.elements;
         let rows = || rows.iter().flat_map(|rows| &rows.rows);
         let beyond = |row: &RayRow| {
-            (elements[row.leaf as usize].area, row.sky / row.rays as f32, row.sun / row.rays as f32)
+            (elements[row.leaf as usize].area, row.sky / row.rays as f32, row.sun() / row.rays as f32)
         };
         let power = |leaf: u32| elements[leaf as usize].area * mean(results[leaf as usize].irradiance);
         let known: f64 = rows().map(|row| power(row.leaf)).sum();
@@ -219,7 +224,7 @@ impl FinalGather<'_> {
         for row in rows() {
             let normal = sides[self.side_of(row.leaf) as usize].normal.as_dvec3();
             let free: f64 = self.suns().iter().map(|sun| mean(sun.irradiance_on(normal))).sum();
-            let found = [f64::from(row.sun.element_sum()) / 3.0, f64::from(row.rays) * free];
+            let found = [f64::from(row.sun().element_sum()) / 3.0, f64::from(row.rays) * free];
             sums[parent(row)].iter_mut().zip(found).for_each(|(sum, v)| *sum += v);
         }
         for row in rows() {
@@ -265,7 +270,7 @@ impl FinalGather<'_> {
     }
 
     /// Reflected radiosity of a leaf by these results, W/m².
-    fn reflected_by(&self, leaf: u32, results: &[LocalResult]) -> Vec3 {
+    pub(super) fn reflected_by(&self, leaf: u32, results: &[LocalResult]) -> Vec3 {
         let (reflectance, irradiance) = (self.reflectance(leaf), results[leaf as usize].irradiance);
         Vec3::from_array(from_fn(|k| reflectance[k] * irradiance[k] as f32))
     }

@@ -2,14 +2,17 @@
 //! elements gather from it.
 
 mod bright_leaves;
+mod cells_around;
 mod direct_light;
 mod element_light;
 mod element_rays;
 mod element_samples;
 mod engine_choice;
+mod exchange_samples;
 mod face_parts;
 mod gather_point;
 mod gatherer;
+mod hemisphere;
 mod kept_power;
 mod light_cells;
 mod local_noise;

@@ -55,13 +55,6 @@ pub(super) struct EmitterRay {
 }
 
 impl FinalGather<'_> {
-    /// Whether the mean light of an element may stand for the light at a point on it: if the point is seen from further away than
-    /// the element is large (secondary final gathers, Jensen 2001), and it takes part in the exchange.
-    fn trusts(&self, met: &PathVertex, distance: f32) -> bool {
-        distance >= self.trust_distance(met.leaf)
-            && !self.linked.elements.states[met.leaf as usize].is_apart()
-    }
-
     /// Traces one cosine-weighted ray and one shadow ray from each of `buffers.vertices`, and writes `buffers.results`. `random`
     /// returns four numbers in `[0, 1)` for each vertex: for the direction, and for the point on an emitter.
     fn trace(&self, engine: &VisibilityEngine, random: impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
@@ -227,10 +220,11 @@ impl FinalGather<'_> {
             for (i, (vertex, found)) in vertices.iter().zip(results.iter()).enumerate() {
                 let mut received = found.direct + found.sun + found.sky;
                 if found.met.side != Elements::NONE {
-                    if ends != EndOfPaths::Nowhere && self.trusts(&found.met, found.distance) {
+                    let reflected = &self.reflected[found.met.leaf as usize];
+                    if ends != EndOfPaths::Nowhere && found.distance >= reflected.trusted_from {
                         match ends {
                             EndOfPaths::Listed => path_ends.push((vertex.path, found.met.leaf, vertex.share)),
-                            _ => received += Vec3::from(self.reflected[found.met.leaf as usize]),
+                            _ => received += Vec3::from(reflected.light),
                         }
                     } else {
                         let next = self.continued(found.met, vertex.share, vertex.path);
@@ -268,8 +262,9 @@ impl FinalGather<'_> {
         distance: f32,
         path: u32,
     ) -> Result<Vec3, PathVertex> {
-        if self.trusts(&met, distance) {
-            Ok(Vec3::from(self.reflected[met.leaf as usize]))
+        let reflected = &self.reflected[met.leaf as usize];
+        if distance >= reflected.trusted_from {
+            Ok(Vec3::from(reflected.light))
         } else {
             Err(self.continued(met, Vec3::ONE, path))
         }
@@ -277,7 +272,6 @@ impl FinalGather<'_> {
 
     /// For each of `buffers.results` that hit an element outside the exchange, the result of the paths that continue there.
     pub(super) fn paths_onwards(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<Onwards>> {
-        let states = &self.linked.elements.states;
         let results = std::mem::take(&mut buffers.results);
         buffers.vertices.clear();
         let part = 1.0 / PATHS_ONWARDS as f32;
@@ -285,9 +279,10 @@ impl FinalGather<'_> {
         let paths: Vec<Option<u32>> = results
             .iter()
             .map(|found| {
-                let goes_on = found.met.side != Elements::NONE && states[found.met.leaf as usize].is_apart();
+                let met = &found.met;
+                let goes_on = met.side != Elements::NONE && self.reflected[met.leaf as usize].is_apart();
                 goes_on.then(|| {
-                    let start = self.continued(found.met, Vec3::ONE, count);
+                    let start = self.continued(*met, Vec3::ONE, count);
                     buffers.vertices.extend([start; PATHS_ONWARDS]);
                     count += 1;
                     count - 1

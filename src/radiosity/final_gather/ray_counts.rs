@@ -30,7 +30,7 @@ const MAX_LATE_LEAVES: usize = 100_000;
 /// Part of the light that is reflected in scenes for which [`RAYS_TIMES_ERROR_SQUARED`] holds: half.
 const USUAL_REFLECTED: f64 = 0.5;
 /// Neighbours that share their rays.
-const NEIGHBOURS: f64 = 16.0;
+pub(super) const NEIGHBOURS: f64 = 16.0;
 /// Rays of an element times the square of the error: one ray deviates by about half of the mean, neighbours share their rays, and direct and
 /// reflected light each have that variance.
 const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / NEIGHBOURS;
@@ -124,7 +124,7 @@ impl FinalGather<'_> {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let area = |e: u32| elements.elements[e as usize].area;
         let counted = |e: u32| area(e) * f64::from(states[e as usize].importance);
-        let light = |e: u32| mean(self.reflected[e as usize].map(f64::from));
+        let light = |e: u32| mean(self.reflected[e as usize].light.map(f64::from));
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
         let all_light: f64 = leaves.iter().map(|&e| counted(e) * light(e)).sum();
         // Noise of the rays of a leaf is in proportion to the light that it sends.

@@ -21,11 +21,12 @@ pub struct RayRow {
     pub rays: u32,
     /// The independent halves of its rays: the first and the last ones.
     pub halves: [RowHalf; 2],
-    /// Sums over the rays of the irradiance from suns and from the sky, W/m².
-    pub sun: Vec3,
+    /// Sum over the rays of the irradiance from the sky, W/m².
     pub sky: Vec3,
-    /// Sum over the rays of the square of its mean over the channels.
+    /// Sum over the rays of the square of all their light that counts as direct, mean over the channels.
     pub squares: f32,
+    /// The same of the light of emitters and suns, and of the other light.
+    pub squares_by_kind: [f32; 2],
     /// Rays that left the scene.
     pub gone: u32,
     /// Irradiance from emitters and suns at the starts of the rays that left the scene, mean over the channels, sum over the rays, W/m².
@@ -42,6 +43,8 @@ pub struct RowHalf {
     pub direct: Vec3,
     /// The part of `direct` by the emitters of the scene, W/m².
     pub emitted: Vec3,
+    /// The part of `direct` by suns, W/m².
+    pub sun: Vec3,
     /// Rays that met leaves outside the exchange: paths have gone on from there.
     pub continued: u32,
 }
@@ -92,6 +95,11 @@ impl RayRow {
         self.halves[0].emitted + self.halves[1].emitted
     }
 
+    /// Sum over the rays of the irradiance from suns, W/m².
+    pub fn sun(&self) -> Vec3 {
+        self.halves[0].sun + self.halves[1].sun
+    }
+
     /// Rays that met leaves outside the exchange.
     pub fn continued(&self) -> u32 {
         self.halves[0].continued + self.halves[1].continued
@@ -100,7 +108,7 @@ impl RayRow {
     /// The part of the light reflected by the leaf that stays in the scene, for a leaf that lies both inside and outside of a room: each ray
     /// has the weight of the light at its start.
     pub fn kept_of_lit(&self) -> f32 {
-        let lit = (self.emitted() + self.sun).element_sum() / 3.0;
+        let lit = (self.emitted() + self.sun()).element_sum() / 3.0;
         if lit > 0.0 {
             (1.0 - self.gone_lit / lit).clamp(0.0, 1.0)
         } else {
@@ -169,12 +177,13 @@ impl RayRows {
         let mut results = buffers.results.iter().zip(paths);
         for of in batch {
             let (leaf, rays, outside) = (of.leaf, 2 * of.count, 0);
-            let (mut halves, mut squares, mut gone) = ([RowHalf::default(); 2], 0.0, 0);
-            let (mut sun, mut sky, mut gone_lit) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+            let (mut halves, mut gone, mut gone_lit) = ([RowHalf::default(); 2], 0, 0.0);
+            let (mut sky, mut squares, mut squares_by_kind) = (Vec3::ZERO, 0.0, [0.0; 2]);
             for (k, (found, path)) in results.by_ref().take(rays as usize).enumerate() {
                 let onwards = path.as_ref().map_or(Vec3::ZERO, |path| path.light);
-                let light = found.direct + found.sun + found.sky + onwards;
-                let direct = light.element_sum() / 3.0;
+                let (lit, others) = (found.direct + found.sun, found.sky + onwards);
+                let light = lit + others;
+                let [direct, of_lit, of_others] = [light, lit, others].map(|light| light.element_sum() / 3.0);
                 for &(met, share) in path.iter().flat_map(|path| &path.ends) {
                     let row = self.rows.len() as u32;
                     self.ends.push(PathEnd { row, ray: k as u32, met, share, direct });
@@ -182,11 +191,14 @@ impl RayRows {
                 let half = &mut halves[k / of.count as usize];
                 half.direct += light;
                 half.emitted += found.direct;
+                half.sun += found.sun;
                 half.continued += u32::from(path.is_some());
-                (sun, sky) = (sun + found.sun, sky + found.sky);
+                sky += found.sky;
                 gone += u32::from(found.gone);
-                gone_lit += if found.gone { (found.direct + found.sun).element_sum() / 3.0 } else { 0.0 };
+                gone_lit += if found.gone { of_lit } else { 0.0 };
                 squares += direct.powi(2);
+                squares_by_kind[0] += of_lit.powi(2);
+                squares_by_kind[1] += of_others.powi(2);
                 let met = match path {
                     None if found.met.side != Elements::NONE => found.met.leaf,
                     _ => Elements::NONE,
@@ -194,7 +206,18 @@ impl RayRows {
                 self.met.push(met);
             }
             let end = self.met.len();
-            self.rows.push(RayRow { leaf, end, rays, halves, sun, sky, squares, gone, gone_lit, outside });
+            self.rows.push(RayRow {
+                leaf,
+                end,
+                rays,
+                halves,
+                sky,
+                squares,
+                squares_by_kind,
+                gone,
+                gone_lit,
+                outside,
+            });
         }
     }
 
@@ -208,20 +231,21 @@ impl RayRows {
             let half = row.half_of(ray);
             row.halves[half].direct += light;
             row.squares += mean * (2.0 * direct + mean);
+            row.squares_by_kind[1] += mean.powi(2);
             of_ray.iter_mut().for_each(|end| end.direct += mean);
         }
     }
 
     /// Replaces the leaves that rays have met by the numbers of their rows. Leaves without rows count as outside: the light that they
     /// reflect (by element, W/m²) becomes direct light.
-    pub fn number_rows(&mut self, elements: usize, reflected: &[[f32; 3]]) {
+    pub fn number_rows(&mut self, elements: usize, reflected: impl Fn(u32) -> Vec3) {
         let mut row_of = vec![Elements::NONE; elements];
         for (i, row) in (0..).zip(&self.rows) {
             row_of[row.leaf as usize] = i;
         }
         // The light that paths bring from leaves without rows is known.
         let is_row = |leaf: u32| row_of[leaf as usize] != Elements::NONE;
-        self.add_light_of_ends(|leaf| (!is_row(leaf)).then(|| Vec3::from(reflected[leaf as usize])));
+        self.add_light_of_ends(|leaf| (!is_row(leaf)).then(|| reflected(leaf)));
         let RayRows { rows, met, ends, .. } = self;
         ends.retain(|end| is_row(end.met));
         ends.iter_mut().for_each(|end| end.met = row_of[end.met as usize]);
@@ -231,9 +255,11 @@ impl RayRows {
             for (k, met) in met[first..row.end].iter_mut().enumerate() {
                 let Some(&number) = row_of.get(*met as usize) else { continue };
                 if number == Elements::NONE {
-                    let light = Vec3::from(reflected[*met as usize]);
+                    let light = reflected(*met);
                     row.halves[usize::from(k >= half)].direct += light;
-                    row.squares += (light.element_sum() / 3.0).powi(2);
+                    let square = (light.element_sum() / 3.0).powi(2);
+                    row.squares += square;
+                    row.squares_by_kind[1] += square;
                     row.outside += 1;
                 }
                 *met = number;

@@ -1,10 +1,10 @@
 //! Light from infinitely far: rays that leave the scene meet the sky, and points send rays to the suns.
 
 use super::bright_leaves::PART_OF_ERROR;
+use super::cells_around::Cell;
 use super::element_rays::LeafRays;
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
-use super::uneven_cells::Cell;
 use crate::math::sampling::{numbers, shifted};
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::Rgb;

@@ -1,7 +1,6 @@
 //! Which cells of a point's grid of rays differ from their neighbours, and are divided.
 
-use glam::Vec3;
-use std::ops::Range;
+use super::cells_around::{Cell, Near, RINGS, Surroundings};
 
 /// Standard deviation of the open part of a cell that only its ray determines: two rays locate an edge at a random place in their two cells to
 /// √(1/12) = .29 of a cell.
@@ -17,54 +16,6 @@ pub(super) const TOLERANCE: f64 = 0.1;
 /// Weight of squared errors of the light of surfaces, whose error may be about the error asked for instead of a tenth of it.
 const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;
 
-/// Rings of neighbours that are compared in a grid whose cells are all of one size; of smaller cells those that are as near, at least one. Ends of strips of
-/// sky and what rises a little above the horizon are thinner than a cell: at points in a street two rings leave .5 %, three .2 %.
-const RINGS: usize = 3;
-
-/// A cell of the grid or of one of its divisions.
-#[derive(Clone, Copy)]
-pub(super) struct Cell {
-    /// Column and row among the cells of its level.
-    pub place: [u32; 2],
-    /// Whether its ray leaves the scene.
-    pub is_open: bool,
-    /// Irradiance by the cell over its area, if its ray represents all of it, W/m². The sky is taken in the direction of the ray, because the sky that an
-    /// edge hides may be brighter than the rest: the mean sky times the visible part errs by 1 % in courtyards under an overcast sky.
-    pub light: Vec3,
-    /// The same by the mean light of the element that its ray has hit, or of the surfaces around it where only one of four quarters was evaluated,
-    /// W/m²; it has no noise of paths.
-    pub surfaces: Vec3,
-    /// Irradiance over the area of the cell if all of it is open, mean over the channels, W/m².
-    pub sky: f32,
-    /// The same by channel.
-    pub unblocked: Vec3,
-    /// The same in the direction of the ray alone.
-    pub at_ray: Vec3,
-    /// Square of the error of `sky`, mean over the channels, (W/m²)².
-    pub error: f32,
-    /// Index of the first of its quarters in the next level; [`WHOLE`] if it is not divided.
-    pub quarters: u32,
-}
-
-impl Cell {
-    /// Correction of the light of a cell whose neighbours are all open, W/m²: if its own ray is open, its light becomes the mean of the sky.
-    pub fn smoothing(&self) -> Vec3 {
-        self.unblocked - self.at_ray
-    }
-
-    pub fn smooth(&mut self) {
-        self.light += self.smoothing();
-    }
-
-    /// [`Cell::surfaces`], mean over the channels.
-    fn level_of_surfaces(&self) -> f32 {
-        self.surfaces.element_sum() / 3.0
-    }
-}
-
-/// Index of the quarters of a cell that is not divided.
-pub(super) const WHOLE: u32 = u32::MAX;
-
 /// A cell that may be divided, by its index in its level.
 pub(super) struct Uneven {
     pub cell: u32,
@@ -78,165 +29,18 @@ impl Uneven {
     }
 }
 
-/// Ranges of light of some cells, and whether they are open or blocked.
-#[derive(Clone, Copy)]
-struct Near {
-    /// Range of the light of the sky, blocked or not, W/m².
-    sky: [f32; 2],
-    /// Range of the light of surfaces in blocked cells, W/m².
-    surfaces: [f32; 2],
-    /// Whether one is open, and whether one is blocked.
-    open: bool,
-    blocked: bool,
-}
-
-impl Near {
-    const NOTHING: Near = Near {
-        sky: [f32::INFINITY, f32::NEG_INFINITY],
-        surfaces: [f32::INFINITY, f32::NEG_INFINITY],
-        open: false,
-        blocked: false,
-    };
-
-    fn of(cells: &[Cell]) -> Near {
-        let mut near = Near::NOTHING;
-        cells.iter().for_each(|cell| near.add(cell));
-        near
-    }
-
-    fn add(&mut self, cell: &Cell) {
-        widen(&mut self.sky, [cell.sky; 2]);
-        match cell.is_open {
-            true => self.open = true,
-            false => {
-                widen(&mut self.surfaces, [cell.level_of_surfaces(); 2]);
-                self.blocked = true;
-            }
-        }
-    }
-
-    fn join(&mut self, other: &Near) {
-        widen(&mut self.sky, other.sky);
-        widen(&mut self.surfaces, other.surfaces);
-        (self.open, self.blocked) = (self.open | other.open, self.blocked | other.blocked);
-    }
-}
-
-fn widen([low, high]: &mut [f32; 2], by: [f32; 2]) {
-    *low = if by[0] < *low { by[0] } else { *low };
-    *high = if by[1] > *high { by[1] } else { *high };
-}
-
-/// The cells around each cell of the finest level.
-pub(super) struct Surroundings<'a> {
-    levels: &'a [Vec<Cell>],
-    /// Columns and rows of the finest level.
-    size: [usize; 2],
-    /// Columns of the undivided grid.
-    columns: usize,
-    /// Rings of neighbours that are compared.
-    reach: usize,
-    /// The finest level row by row if all cells are of its size, else empty.
-    in_rows: Vec<Cell>,
-}
-
-impl<'a> Surroundings<'a> {
-    /// For the finest of `levels`; the undivided grid has `columns` columns and `rows` rows.
-    pub fn new(levels: &'a [Vec<Cell>], [columns, rows]: [usize; 2]) -> Surroundings<'a> {
-        let finest = levels.len() - 1;
-        let size = [columns << finest, rows << finest];
-        let is_whole = |(level, cells): &(usize, &Vec<Cell>)| cells.len() == (columns * rows) << (2 * level);
-        let whole = levels.iter().enumerate().take_while(is_whole).count() - 1;
-        let mut in_rows = if whole == finest { levels[finest].clone() } else { Vec::new() };
-        for cell in levels[finest].iter().filter(|_| whole == finest && finest > 0) {
-            in_rows[cell.place[1] as usize * size[0] + cell.place[0] as usize] = *cell;
-        }
-        Surroundings { levels, size, columns, reach: RINGS.div_ceil(1 << (finest - whole)), in_rows }
-    }
-
-    /// The cell of the finest level at a place, or the smallest that is not divided there.
-    fn at(&self, [i, j]: [usize; 2]) -> &Cell {
-        let finest = self.levels.len() - 1;
-        let mut cell = &self.levels[0][(j >> finest) * self.columns + (i >> finest)];
-        for (depth, cells) in self.levels.iter().enumerate().skip(1) {
-            if cell.quarters == WHOLE {
-                break;
-            }
-            let half = |at: usize| (at >> (finest - depth)) & 1;
-            cell = &cells[cell.quarters as usize + half(i) + 2 * half(j)];
-        }
-        cell
-    }
-
-    /// Columns, or rows for `axis` 1, that are compared with one of them.
-    fn range(&self, at: u32, axis: usize) -> Range<usize> {
-        (at as usize).saturating_sub(self.reach)..(at as usize + self.reach + 1).min(self.size[axis])
-    }
-
-    fn for_each_near(&self, place: [u32; 2], mut visit: impl FnMut(&Cell)) {
-        for row in self.range(place[1], 1) {
-            let columns = self.range(place[0], 0);
-            let own = if row == place[1] as usize { place[0] as usize } else { usize::MAX };
-            match self.in_rows.get(row * self.size[0]..(row + 1) * self.size[0]) {
-                Some(cells) => {
-                    columns.clone().zip(&cells[columns]).filter(|at| at.0 != own).for_each(|at| visit(at.1))
-                }
-                None => {
-                    columns.filter(|column| *column != own).for_each(|column| visit(self.at([column, row])))
-                }
-            }
-        }
-    }
-
-    /// For each place of a grid of cells of one size, row after row, the cells in reach in its row, its own included.
-    fn rows(&self) -> Vec<Near> {
-        let mut rows = Vec::with_capacity(self.in_rows.len());
-        for cells in self.in_rows.chunks(self.size[0]) {
-            rows.extend((0..cells.len()).map(|i| Near::of(&cells[self.range(i as u32, 0)])));
-        }
-        rows
-    }
-
-    /// The cells around a place.
-    fn near(&self, [i, j]: [u32; 2], rows: &[Near]) -> Near {
-        let mut near = Near::NOTHING;
-        if rows.is_empty() {
-            self.for_each_near([i, j], |cell| near.add(cell));
-            return near;
-        }
-        let [column, own] = [i as usize, j as usize];
-        for row in self.range(j, 1).filter(|row| *row != own) {
-            near.join(&rows[row * self.size[0] + column]);
-        }
-        let first = own * self.size[0];
-        for other in self.range(i, 0).filter(|other| *other != column) {
-            near.add(&self.in_rows[first + other]);
-        }
-        near
-    }
-
-    /// Mean light of the surfaces around a cell of the finest level, W/m².
-    pub fn surfaces_around(&self, cell: u32) -> Vec3 {
-        let (mut sum, mut count) = (Vec3::ZERO, 0u16);
-        self.for_each_near(self.levels[self.levels.len() - 1][cell as usize].place, |near| {
-            if !near.is_open {
-                (sum, count) = (sum + near.surfaces, count + 1);
-            }
-        });
-        sum / f32::from(count.max(1))
-    }
-
+impl Surroundings<'_> {
     /// The cells of the finest level, each of `area`, whose neighbours differ from each other, and the cells whose neighbours are all open. The ray of a
     /// cell itself does not decide whether it is divided: otherwise partly open cells whose ray happens to be blocked would stay undivided. A neighbour at a
     /// coarser level counts as its larger cell. A cell at the rim of the hemisphere is also compared with all others of the finest level at the rim. At
     /// `openings`, points of the grid's unit square, the sky is visible: cells there and beside them count as neighbours of an open cell.
     pub fn uneven(&self, area: f64, openings: &[[f32; 2]]) -> (Vec<Uneven>, Vec<u32>) {
         let finest = self.levels.len() - 1;
-        let (beside_openings, rows) = (self.beside(openings), self.rows());
+        let (beside_openings, whole) = (self.beside(openings), self.in_whole_grid());
         let rim = self.rim();
         let (mut found, mut inner) = (Vec::new(), Vec::new());
         for (k, cell) in self.levels[finest].iter().enumerate() {
-            let near = self.near(cell.place, &rows);
+            let near = self.near(cell.place, &whole);
             let Near { sky, surfaces, blocked, .. } = near;
             let open = near.open || beside_openings.binary_search(&cell.place).is_ok();
             if near.open && !blocked {
@@ -308,17 +112,11 @@ impl<'a> Surroundings<'a> {
     }
 }
 
-/// An upper bound of the sum of the squared errors of [`Surroundings::uneven`] for the undivided grid, (W/m²)²; infinite if a ray reaches a sky with light.
-/// For most points of rooms this bound suffices.
-pub(super) fn bound_of_errors(cells: &[Cell], area: f64) -> f64 {
-    if cells.iter().any(|cell| cell.is_open) && cells.iter().any(|cell| cell.sky > 0.0) {
-        return f64::INFINITY;
-    }
-    let levels = cells.iter().filter(|cell| !cell.is_open).map(Cell::level_of_surfaces);
-    let [low, high] =
-        levels.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], by| [low.min(by), high.max(by)]);
-    let between = ERROR_OF_EDGE * f64::from(high - low);
-    cells.len() as f64 * area * area * WEIGHT_OF_SURFACES * between * between / (2 * RINGS + 1) as f64
+/// An upper bound of the sum of the squared errors of [`Surroundings::uneven`] for an undivided grid of `count` cells below a dark sky, (W/m²)². `range` is
+/// that of the light of surfaces in blocked cells, W/m².
+pub(super) fn bound_of_errors(count: usize, [low, high]: [f32; 2]) -> f64 {
+    let between = ERROR_OF_EDGE * f64::from((high - low).max(0.0));
+    WEIGHT_OF_SURFACES * between * between / (count * (2 * RINGS + 1)) as f64
 }
 
 /// Abrupt change of the sky at a cell of the undivided grid, W/m²: the larger of the second differences along a row and along a column, which is the step
@@ -339,8 +137,10 @@ fn step_at(cells: &[Cell], k: usize, columns: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cells_around::WHOLE;
     use super::*;
     use crate::math::sampling::{mix, numbers};
+    use glam::Vec3;
 
     /// Cells of a level whose light is random, in the order of quarters.
     fn level(places: impl Iterator<Item = [u32; 2]>, level: u64, sky: f32) -> Vec<Cell> {
@@ -370,9 +170,13 @@ mod tests {
     fn errors_of_surfaces_have_a_bound() {
         let levels = [level(whole(), 0, 0.0)];
         let errors: f64 =
-            Surroundings::new(&levels, [12, 8]).uneven(0.1, &[]).0.iter().map(Uneven::error).sum();
-        assert!(errors > 0.0 && errors <= bound_of_errors(&levels[0], 0.1));
-        assert_eq!(bound_of_errors(&level(whole(), 0, 1.0), 0.1), f64::INFINITY);
+            Surroundings::new(&levels, [12, 8]).uneven(1.0 / 96.0, &[]).0.iter().map(Uneven::error).sum();
+        let mut all = Near::NOTHING;
+        levels[0].iter().for_each(|cell| all.add(cell));
+        let range = all.surfaces;
+        assert!(
+            errors > 0.0 && errors <= bound_of_errors(96, range) && bound_of_errors(96, range) < 2.0 * errors
+        );
     }
 
     #[test]

@@ -238,11 +238,10 @@ impl LinkedScene {
         self.last_field = None;
     }
 
-    /// Sets the irradiance of all elements, W/m², and derives radiosities and statistics.
+    /// Sets the irradiance of all elements, W/m², and derives radiosities. The statistics of the error oracle stay those of the last refinement.
     pub fn set_irradiance(&mut self, irradiance: impl Iterator<Item = Rgb>) {
         self.elements.states.iter_mut().zip(irradiance).for_each(|(state, e)| state.irradiance = e);
         self.pull_radiosity();
-        self.update_oracle_statistics();
     }
 
     /// Radiosity of all elements from the irradiance of the leaves; elements with children have the mean by area.

@@ -3,27 +3,55 @@
 use super::limits::truth;
 use super::*;
 use crate::sky::SkyOptions;
+use std::collections::HashMap;
+
+/// Mountains of 65 x 65 samples under a sky and a sun, of at most so many triangles.
+fn mountains(triangles: usize) -> (crate::terrain::Grid, Scene) {
+    let grid = crate::terrain::mountains(65, 3).expect("a grid");
+    let mut soup = Soup::new("ground");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let object = soup.object("ground");
+    crate::scene::add_coarse(&mut soup, &grid, (object, grey), triangles).expect("a ground");
+    let options = LoadOptions { up: Some(crate::scene::UpAxis::Z), ..LoadOptions::default() };
+    let mut scene = resolve(soup, &options).expect("a scene");
+    let sky = SkyOptions::parse("uniform:300").and_then(|sky| sky.with_sun("120,30:700")).expect("a sky");
+    scene.set_sky(&sky).expect("a sky of the scene");
+    (grid, scene)
+}
+
+/// Where the rays of the exchange leave little noise, elements trace no rays of their own but those in partial shadow, and have the light of many rays.
+#[test]
+fn elements_keep_the_rays_of_the_exchange_where_these_suffice() {
+    let scene = mountains(1 << 20).1;
+    let of = |error: f64| solved(&scene, &[], &Options { error, audit: 0, ..Options::default() });
+    let [few, many] = [0.1, 0.01].map(of);
+    let light = |of: &Outcome| -> f64 { of.mesh.elements.iter().map(|e| e.area * mean(e.irradiance)).sum() };
+    let leaves = few.mesh.elements.len() as u64;
+    assert!(few.record.exact_rays < 9 * leaves, "{} rays of {leaves}", few.record.exact_rays);
+    let bias = light(&few) / light(&many) - 1.0;
+    assert!(bias.abs() < 2e-3, "{bias}");
+    // Elements that were split are not compared.
+    let whole = many.mesh.elements.iter().filter(|e| e.level == 0);
+    let wanted: HashMap<_, f64> = whole.map(|e| ((e.triangle, e.front), mean(e.irradiance))).collect();
+    let (mut squares, mut sum, mut count) = (0.0, 0.0, 0.0);
+    for e in few.mesh.elements.iter().filter(|e| e.level == 0) {
+        let Some(wanted) = wanted.get(&(e.triangle, e.front)) else { continue };
+        squares += (mean(e.irradiance) - wanted).powi(2);
+        (sum, count) = (sum + wanted, count + 1.0);
+    }
+    let error = (squares * count).sqrt() / sum;
+    assert!(error < 0.1, "{error}");
+}
 
 /// A height field with sixteen cells for each triangle that light is exchanged with: points and paths meet the cells, and have the light that they have where
 /// all of them exchange light.
 #[test]
 fn fine_ground_gives_points_the_light_of_all_its_cells() {
-    let grid = crate::terrain::mountains(65, 3).expect("a grid");
+    let ((grid, whole), (_, coarse)) = (mountains(1 << 20), mountains(512));
     let (columns, place) = (grid.columns(), |c: usize, r: usize| {
         let [x, y] = grid.georeference().position(c, r);
         DVec3::new(x, y, grid.height(c, r).into())
     });
-    let lit = |triangles: usize| {
-        let mut soup = Soup::new("ground");
-        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-        let object = soup.object("ground");
-        crate::scene::add_coarse(&mut soup, &grid, (object, grey), triangles).expect("a ground");
-        let options = LoadOptions { up: Some(crate::scene::UpAxis::Z), ..LoadOptions::default() };
-        let mut scene = resolve(soup, &options).expect("a scene");
-        let sky = SkyOptions::parse("uniform:300").and_then(|sky| sky.with_sun("120,30:700")).expect("a sky");
-        scene.set_sky(&sky).expect("a sky of the scene");
-        scene
-    };
     let points: Vec<Point> = (0..60)
         .map(|k| {
             let (c, r) = (2 + (17 * k) % (columns - 4), 2 + (29 * k) % (columns - 4));
@@ -31,7 +59,6 @@ fn fine_ground_gives_points_the_light_of_all_its_cells() {
             Point { position: (a + b + c) / 3.0, normal: (b - a).cross(c - a).normalize() }
         })
         .collect();
-    let (whole, coarse) = (lit(1 << 20), lit(512));
     assert!(8 * coarse.triangles.len() < whole.triangles.len(), "{} faces", coarse.triangles.len());
     let wanted = truth(&whole, &points, 4096);
     let options = Options { audit: 0, elements: false, ..Options::default() };
