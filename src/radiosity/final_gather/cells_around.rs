@@ -3,7 +3,7 @@
 use glam::Vec3;
 use std::ops::Range;
 
-/// Rings of neighbours that are compared in a grid whose cells are all of one size; of smaller cells those that are as near, at least one. Ends of strips of
+/// Rings of neighbours that are compared below a sky in a grid whose cells are all of one size; of smaller cells those that are as near, at least one. Ends of strips of
 /// sky and what rises a little above the horizon are thinner than a cell: at points in a street two rings leave .5 %, three .2 %.
 pub(super) const RINGS: usize = 3;
 
@@ -129,7 +129,7 @@ pub(super) struct Surroundings<'a> {
 
 impl<'a> Surroundings<'a> {
     /// For the finest of `levels`; the undivided grid has `columns` columns and `rows` rows.
-    pub fn new(levels: &'a [Vec<Cell>], [columns, rows]: [usize; 2]) -> Surroundings<'a> {
+    pub fn new(levels: &'a [Vec<Cell>], [columns, rows]: [usize; 2], rings: usize) -> Surroundings<'a> {
         let finest = levels.len() - 1;
         let size = [columns << finest, rows << finest];
         let is_whole = |(level, cells): &(usize, &Vec<Cell>)| cells.len() == (columns * rows) << (2 * level);
@@ -138,7 +138,7 @@ impl<'a> Surroundings<'a> {
         for (k, cell) in (0..).zip(&levels[finest]).filter(|_| whole == finest) {
             in_rows[cell.place[1] as usize * size[0] + cell.place[0] as usize] = k;
         }
-        Surroundings { levels, size, columns, reach: RINGS.div_ceil(1 << (finest - whole)), in_rows }
+        Surroundings { levels, size, columns, reach: rings.div_ceil(1 << (finest - whole)), in_rows }
     }
 
     /// The cell of the finest level at a place, or the smallest that is not divided there.

@@ -4,7 +4,6 @@ use super::bright_leaves::BrightLeaves;
 use super::hemisphere::{grid_of, hemisphere};
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
-use crate::math::on_plane;
 use crate::math::sampling::mix;
 use crate::model::Model;
 use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
@@ -245,7 +244,7 @@ impl<'a> FinalGather<'a> {
         self.linked
     }
 
-    /// Where a ray of a packet ended.
+    /// Where a ray of a packet ended, with the rounding error of a long ray.
     pub(super) fn met(&self, packet: &Packet, hits: &Hits, lane: usize) -> Option<PathVertex> {
         let triangle = hits.triangle[lane];
         if triangle == Hits::NOTHING {
@@ -256,8 +255,6 @@ impl<'a> FinalGather<'a> {
         if side == Elements::NONE {
             return None;
         }
-        // The rounding error at the end of a long ray exceeds the height to which the next ray is lifted.
-        let at = on_plane(self.scene.corners(triangle), at);
         let leaf = self.lookup.leaf(side, at);
         Some(PathVertex { at, side, leaf, path: 0, share: Vec3::ONE })
     }

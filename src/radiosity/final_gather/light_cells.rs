@@ -1,13 +1,15 @@
 //! Light of surfaces and sky at a point: a grid of rays, one for each cell of a hemisphere of equal cosine weight. Cells are divided where
 //! neighbours differ, as at the edges of a window, of a bright part of the sky or of a sunlit wall.
 
-use super::cells_around::{Cell, Surroundings, WHOLE};
+use super::cells_around::{Cell, RINGS, Surroundings, WHOLE};
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
 use super::hemisphere::Hemisphere;
 use super::paths::EndOfPaths;
 use super::sky_light::SkyLight;
-use super::uneven_cells::{TOLERANCE, USUAL_ERROR, Uneven, bound_of_errors};
+use super::uneven_cells::{
+    TOLERANCE, USUAL_ERROR, Uneven, all_cells, bound_of_errors, largest_errors, next_tolerance,
+};
 use crate::embree::Hits;
 use crate::math::sampling::{mix, numbers};
 use crate::radiosity::rgb::{Rgb, mean};
@@ -24,11 +26,6 @@ const MAX_RAYS_OF_ALL: f64 = 131_072.0;
 /// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices for the rim of
 /// a sunlit patch. Where all cells differ, as in a room full of objects, four times as many rays halve the error.
 const MORE_FOR_SURFACES: usize = 4;
-/// Cells are divided further where it is cheap, down to this part of the tolerated squared error of the sky's light: where the next level has at most
-/// [`CHEAP_RAYS`] times the rays so far. Edges along lines, as of roofs and windows, need about as many rays again to reduce the error to a third. Edges
-/// in all cells, as of foliage, need three times as many to halve it.
-const CHEAP_TOLERANCE: f64 = 0.25;
-const CHEAP_RAYS: usize = 2;
 /// Smallest number of cells whose rays reach the sky: a grid with fewer is refined as a whole, because it may miss a window smaller than a cell.
 const MIN_OPEN: usize = 64;
 /// Number of cells from which on a grid is not refined as a whole. An opening that shows a thousandth of the light of an open sky then has four cells,
@@ -92,7 +89,7 @@ impl FinalGather<'_> {
             let is_undivided = cells.len() == whole.len() << (2 * level) && cells.len() < MAX_WHOLE;
             let is_whole = is_undivided && open < MIN_OPEN && !is_dark;
             let tolerance = self.tolerance_at(known + mean(sum.to_array()));
-            let surroundings = Surroundings::new(&levels, hemisphere.size);
+            let surroundings = Surroundings::new(&levels, hemisphere.size, self.rings());
             let (mut uneven, inner) = surroundings.uneven(area, &openings);
             sum += area * inner.iter().map(|k| cells[*k as usize].smoothing().as_dvec3()).sum::<DVec3>();
             let next =
@@ -158,12 +155,19 @@ impl FinalGather<'_> {
             range = [range[0].min(level), range[1].max(level)];
         }
         let light = (sum / rays.len() as f64).to_array();
-        (bound_of_errors(rays.len(), range) <= self.tolerance_at(known + mean(light))).then_some(light)
+        (bound_of_errors(rays.len(), range, self.rings()) <= self.tolerance_at(known + mean(light)))
+            .then_some(light)
     }
 
     /// The tolerated sum of squared errors of cells at a point with this irradiance, (W/m²)².
     fn tolerance_at(&self, irradiance: f64) -> f64 {
         (TOLERANCE * self.error * irradiance).powi(2)
+    }
+
+    /// Rings of neighbours that are compared. Without a sky there are no thin strips of it. One ring instead of three leaves the errors at points of three
+    /// furnished rooms as they are and takes a sixth less time in a Cornell box, whose light changes gradually over several cells.
+    fn rings(&self) -> usize {
+        if self.has_environment() { RINGS } else { 1 }
     }
 
     /// The largest number of rays in divided cells of a point.
@@ -341,52 +345,6 @@ impl FinalGather<'_> {
         };
         places.iter().zip(rays).enumerate().map(cell).collect()
     }
-}
-
-/// A cell to divide, with the light of the surfaces around it where errors of surface light matter little, as at the edges of leaves before the sky: then
-/// one quarter of four is evaluated for all.
-type ToDivide = (u32, Option<Vec3>);
-
-fn to_divide(of: &Uneven, surroundings: &Surroundings, least: f64) -> ToDivide {
-    (of.cell, (of.errors[1] <= least).then(|| surroundings.surfaces_around(of.cell)))
-}
-
-/// The tolerated sum of squared errors for the next division, after `rays` rays; `left` is that of the cells that stay undivided. `None` if no cell is to be
-/// divided. If the errors are within `tolerance`, only cells whose error is mainly that of the sky are kept.
-fn next_tolerance(uneven: &mut Vec<Uneven>, left: f64, tolerance: f64, rays: usize) -> Option<f64> {
-    let error: f64 = uneven.iter().map(Uneven::error).sum();
-    if left + error > tolerance {
-        return Some(tolerance);
-    }
-    uneven.retain(|of| of.errors[0] > of.errors[1]);
-    let of_sky: f64 = uneven.iter().map(|of| of.errors[0]).sum();
-    let finer = CHEAP_TOLERANCE * tolerance;
-    (of_sky > finer && 4 * uneven.len() <= CHEAP_RAYS * rays).then_some(finer)
-}
-
-/// All cells of the finest level.
-fn all_cells(cells: &[Cell], surroundings: &Surroundings, uneven: &[Uneven], least: f64) -> Vec<ToDivide> {
-    let even = |(k, of): (u32, &Cell)| (k, (!of.is_open).then_some(of.surfaces));
-    let mut all: Vec<ToDivide> = (0..).zip(cells).map(even).collect();
-    uneven.iter().for_each(|of| all[of.cell as usize] = to_divide(of, surroundings, least));
-    all
-}
-
-/// The cells with errors above `least`, the largest first. Cells divided mainly for surfaces are limited to `most` rays in all.
-fn largest_errors(
-    surroundings: &Surroundings,
-    uneven: &[Uneven],
-    least: f64,
-    (for_surfaces, most): (&mut usize, usize),
-) -> Vec<ToDivide> {
-    let mut chosen: Vec<&Uneven> = uneven.iter().filter(|of| of.error() > least).collect();
-    chosen.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));
-    chosen.retain(|of| {
-        let by_surfaces = of.errors[1] > of.errors[0];
-        *for_surfaces += if by_surfaces { 4 } else { 0 };
-        !by_surfaces || *for_surfaces <= most
-    });
-    chosen.into_iter().map(|of| to_divide(of, surroundings, least)).collect()
 }
 
 /// Sum of the light of cells.

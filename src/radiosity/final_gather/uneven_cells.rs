@@ -1,6 +1,7 @@
 //! Which cells of a point's grid of rays differ from their neighbours, and are divided.
 
-use super::cells_around::{Cell, Near, RINGS, Surroundings};
+use super::cells_around::{Cell, Near, Surroundings};
+use glam::Vec3;
 
 /// Standard deviation of the open part of a cell that only its ray determines: two rays locate an edge at a random place in their two cells to
 /// √(1/12) = .29 of a cell.
@@ -16,6 +17,11 @@ pub(super) const TOLERANCE: f64 = 0.1;
 /// Weight of squared errors of the light of surfaces, whose error may be about the error asked for instead of a tenth of it.
 const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;
 
+/// Cells are divided further where it is cheap, down to this part of the tolerated squared error of the sky's light: where the next level has at most
+/// [`CHEAP_RAYS`] times the rays so far. Edges along lines, as of roofs and windows, need about as many rays again to reduce the error to a third. Edges
+/// in all cells, as of foliage, need three times as many to halve it.
+const CHEAP_TOLERANCE: f64 = 0.25;
+const CHEAP_RAYS: usize = 2;
 /// A cell that may be divided, by its index in its level.
 pub(super) struct Uneven {
     pub cell: u32,
@@ -112,11 +118,11 @@ impl Surroundings<'_> {
     }
 }
 
-/// An upper bound of the sum of the squared errors of [`Surroundings::uneven`] for an undivided grid of `count` cells below a dark sky, (W/m²)². `range` is
-/// that of the light of surfaces in blocked cells, W/m².
-pub(super) fn bound_of_errors(count: usize, [low, high]: [f32; 2]) -> f64 {
+/// An upper bound of the sum of the squared errors of [`Surroundings::uneven`] for an undivided grid of `count` cells below a dark sky, (W/m²)². The range is
+/// that of the light of surfaces in blocked cells, W/m²; `rings` of neighbours are compared.
+pub(super) fn bound_of_errors(count: usize, [low, high]: [f32; 2], rings: usize) -> f64 {
     let between = ERROR_OF_EDGE * f64::from((high - low).max(0.0));
-    WEIGHT_OF_SURFACES * between * between / (count * (2 * RINGS + 1)) as f64
+    WEIGHT_OF_SURFACES * between * between / (count * (2 * rings + 1)) as f64
 }
 
 /// Abrupt change of the sky at a cell of the undivided grid, W/m²: the larger of the second differences along a row and along a column, which is the step
@@ -135,12 +141,67 @@ fn step_at(cells: &[Cell], k: usize, columns: usize) -> f64 {
     across.max(bend(k.checked_sub(columns), Some(k + columns)))
 }
 
+/// A cell to divide, with the light of the surfaces around it where errors of surface light matter little, as at the edges of leaves before the sky: then
+/// one quarter of four is evaluated for all.
+pub(super) type ToDivide = (u32, Option<Vec3>);
+
+fn to_divide(of: &Uneven, surroundings: &Surroundings, least: f64) -> ToDivide {
+    (of.cell, (of.errors[1] <= least).then(|| surroundings.surfaces_around(of.cell)))
+}
+
+/// The tolerated sum of squared errors for the next division, after `rays` rays; `left` is that of the cells that stay undivided. `None` if no cell is to be
+/// divided. If the errors are within `tolerance`, only cells whose error is mainly that of the sky are kept.
+pub(super) fn next_tolerance(
+    uneven: &mut Vec<Uneven>,
+    left: f64,
+    tolerance: f64,
+    rays: usize,
+) -> Option<f64> {
+    let error: f64 = uneven.iter().map(Uneven::error).sum();
+    if left + error > tolerance {
+        return Some(tolerance);
+    }
+    uneven.retain(|of| of.errors[0] > of.errors[1]);
+    let of_sky: f64 = uneven.iter().map(|of| of.errors[0]).sum();
+    let finer = CHEAP_TOLERANCE * tolerance;
+    (of_sky > finer && 4 * uneven.len() <= CHEAP_RAYS * rays).then_some(finer)
+}
+
+/// All cells of the finest level.
+pub(super) fn all_cells(
+    cells: &[Cell],
+    surroundings: &Surroundings,
+    uneven: &[Uneven],
+    least: f64,
+) -> Vec<ToDivide> {
+    let even = |(k, of): (u32, &Cell)| (k, (!of.is_open).then_some(of.surfaces));
+    let mut all: Vec<ToDivide> = (0..).zip(cells).map(even).collect();
+    uneven.iter().for_each(|of| all[of.cell as usize] = to_divide(of, surroundings, least));
+    all
+}
+
+/// The cells with errors above `least`, the largest first. Cells divided mainly for surfaces are limited to `most` rays in all.
+pub(super) fn largest_errors(
+    surroundings: &Surroundings,
+    uneven: &[Uneven],
+    least: f64,
+    (for_surfaces, most): (&mut usize, usize),
+) -> Vec<ToDivide> {
+    let mut chosen: Vec<&Uneven> = uneven.iter().filter(|of| of.error() > least).collect();
+    chosen.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));
+    chosen.retain(|of| {
+        let by_surfaces = of.errors[1] > of.errors[0];
+        *for_surfaces += if by_surfaces { 4 } else { 0 };
+        !by_surfaces || *for_surfaces <= most
+    });
+    chosen.into_iter().map(|of| to_divide(of, surroundings, least)).collect()
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::cells_around::WHOLE;
+    use super::super::cells_around::{RINGS, WHOLE};
     use super::*;
     use crate::math::sampling::{mix, numbers};
-    use glam::Vec3;
 
     /// Cells of a level whose light is random, in the order of quarters.
     fn level(places: impl Iterator<Item = [u32; 2]>, level: u64, sky: f32) -> Vec<Cell> {
@@ -169,13 +230,19 @@ mod tests {
     #[test]
     fn errors_of_surfaces_have_a_bound() {
         let levels = [level(whole(), 0, 0.0)];
-        let errors: f64 =
-            Surroundings::new(&levels, [12, 8]).uneven(1.0 / 96.0, &[]).0.iter().map(Uneven::error).sum();
+        let errors: f64 = Surroundings::new(&levels, [12, 8], RINGS)
+            .uneven(1.0 / 96.0, &[])
+            .0
+            .iter()
+            .map(Uneven::error)
+            .sum();
         let mut all = Near::NOTHING;
         levels[0].iter().for_each(|cell| all.add(cell));
         let range = all.surfaces;
         assert!(
-            errors > 0.0 && errors <= bound_of_errors(96, range) && bound_of_errors(96, range) < 2.0 * errors
+            errors > 0.0
+                && errors <= bound_of_errors(96, range, RINGS)
+                && bound_of_errors(96, range, RINGS) < 2.0 * errors
         );
     }
 
@@ -186,8 +253,8 @@ mod tests {
         let quarters =
             |[i, j]: [u32; 2]| [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[a, b]| [2 * i + a, 2 * j + b]);
         let levels = [first, level(whole().flat_map(quarters), 1, 1.0)];
-        let by_row = Surroundings::new(&levels, [12, 8]);
-        let by_descent = Surroundings { in_rows: Vec::new(), ..Surroundings::new(&levels, [12, 8]) };
+        let by_row = Surroundings::new(&levels, [12, 8], RINGS);
+        let by_descent = Surroundings { in_rows: Vec::new(), ..Surroundings::new(&levels, [12, 8], RINGS) };
         let found = |of: &Surroundings| -> Vec<(u32, [f64; 2])> {
             of.uneven(1.0, &[[0.3, 0.3]]).0.iter().map(|of| (of.cell, of.errors)).collect()
         };
