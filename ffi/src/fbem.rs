@@ -73,8 +73,7 @@ pub unsafe extern "C" fn mrv_fbem(
         // SAFETY: the caller gives a record.
         let given = unsafe { read(images, "images") }?;
         let options = fbem_options(&given)?;
-        let side = |value: u64| count_of(value);
-        let (width, height) = (side(given.width), side(given.height));
+        let (width, height) = (count_of(given.width), count_of(given.height));
         let texels = width.saturating_mul(height);
         check_apart(
             &[

@@ -40,45 +40,6 @@ mod update;
 mod visibility;
 mod words;
 
-/// Name and size of a record, and its members with their offsets.
-#[cfg(test)]
-type Layout = (&'static str, usize, words::Members);
-
-/// The layout of each record.
-#[cfg(test)]
-fn layouts() -> Vec<Layout> {
-    fn of<R: record::Record>() -> Layout {
-        (R::NAME, size_of::<R>(), R::MEMBERS)
-    }
-    vec![
-        of::<scene::mrv_load_options>(),
-        of::<scene::mrv_generate_options>(),
-        of::<scene::mrv_scene_info>(),
-        of::<builder::mrv_mesh>(),
-        of::<model::mrv_prepare_options>(),
-        of::<model::mrv_model_info>(),
-        of::<update::mrv_instance>(),
-        of::<update::mrv_instance_change>(),
-        of::<visibility::mrv_segments>(),
-        of::<visibility::mrv_answers>(),
-        of::<visibility::mrv_cost>(),
-        of::<query::mrv_query>(),
-        of::<query::mrv_answer>(),
-        of::<solve::mrv_solve_options>(),
-        of::<solve::mrv_solution_info>(),
-        of::<elements::mrv_elements>(),
-        of::<images::mrv_camera>(),
-        of::<images::mrv_image_options>(),
-        of::<images::mrv_lightmap_options>(),
-        of::<images::mrv_lightmap_arrays>(),
-        of::<bench::mrv_bench_options>(),
-        of::<bench::mrv_reference_options>(),
-        of::<fbem::mrv_fbem_images>(),
-        of::<form_factors::mrv_form_factor_options>(),
-        of::<form_factors::mrv_form_factor_arrays>(),
-    ]
-}
-
 /// A handle `mrv_model *` of a model, for the benchmark of this interface.
 #[doc(hidden)]
 pub fn model_handle(model: mrvis::Model) -> *mut std::ffi::c_void {

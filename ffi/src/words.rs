@@ -5,8 +5,8 @@ use mrvis::internals::error::parts_of;
 use smallvec::SmallVec;
 use std::cell::RefCell;
 
-/// Names and offsets of the members of a record.
-pub type Members = &'static [(&'static str, usize)];
+/// Names of the members of a record.
+pub type Members = &'static [&'static str];
 
 /// Records: the argument that each is, and its members. No call reads more than two, so that noting them takes no memory.
 pub type Records = SmallVec<[(&'static str, Members); 2]>;
@@ -70,7 +70,7 @@ pub fn word(name: &str) -> String {
 fn argument_of(word: &str) -> Option<&'static str> {
     let found = RECORDS.try_with(|records| {
         let records = records.borrow();
-        let is_it = |(_, members): &&(&str, Members)| members.iter().any(|(member, _)| *member == word);
+        let is_it = |(_, members): &&(&str, Members)| members.contains(&word);
         records.iter().find(is_it).map(|(argument, _)| *argument)
     });
     found.ok().flatten()
@@ -83,8 +83,8 @@ mod tests {
     #[test]
     fn names_are_those_of_the_header() {
         let records: [(&str, Members); 2] = [
-            ("segments", &[("origins", 0), ("targets", 0), ("offsets", 0)]),
-            ("options", &[("max_links", 0), ("feature_sizes", 0), ("unit", 0)]),
+            ("segments", &["origins", "targets", "offsets"]),
+            ("options", &["max_links", "feature_sizes", "unit"]),
         ];
         exchange_records(Records::from_iter(records));
         for (name, want) in [
