@@ -4,7 +4,7 @@ use super::blocks::Blocks;
 use super::item::{Item, Panel};
 use super::table::{Table, count, number};
 use super::view::irradiance;
-use super::{Context, counts_of, fixed};
+use super::{CERTAIN, Context, counts_of, fixed};
 use glam::DVec3;
 use mrvis::internals::math::triangle_area;
 use mrvis::internals::radiosity::{self, Inside, Options, Outcome, RowSums};
@@ -261,8 +261,6 @@ fn table(received: &[Received], names: &[&str]) -> Table {
     table
 }
 
-/// Standard errors by which a difference is certain.
-const CERTAIN: f64 = 3.0;
 /// Part of what is created without visibility up to which powers count as equal: ours.
 const EQUAL: f64 = 0.1;
 

@@ -2,19 +2,19 @@
 
 use super::bsize::blocker_sizes;
 use super::cubes::{COLUMNS, COVERAGE, EDGES, TEXEL, covering_scene, shadow_widths, wall};
-use super::feature_verdict::{Measured, PAPER_SECONDS, SIZES, Times, judge, judge_coverage};
+use super::feature_verdict::{Measured, PAPER_SECONDS, SIZES, judge, judge_coverage};
 use super::item::{Chart, ChartRow, Item, Panel, VISIBLE};
 use super::plain::{Descent, Leaves, PlainTree, Visits};
 use super::shadow::{Wall, mean, paper_features};
 use super::table::{Cell, Table, number};
-use super::{Context, fixed, list};
+use super::{CERTAIN, Context, Repeated, fixed, list};
 use glam::Vec3;
 use mrvis::internals::ModelParts;
 use mrvis::internals::metrics::{FeatureSet, norms};
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Series};
 use mrvis::internals::visibility::LeafMode;
 use mrvis::metrics::{FbemOptions, Image, fbem};
-use mrvis::{Detail, Model, PrepareOptions, Result};
+use mrvis::{Detail, Model, Result};
 
 /// Other coverages of the groups, for which the work is counted as well.
 const OTHER_COVERAGES: [f64; 2] = [0.3, 0.5];
@@ -117,7 +117,7 @@ impl Series9 {
         Ok(Measured {
             leaves,
             visits: self.sized.iter().map(|walls| walls.visits.all() as f64 / 1e6).collect(),
-            times: Times(self.sized.iter().map(|walls| walls.seconds).collect()),
+            times: Repeated(self.sized.iter().map(|walls| walls.seconds).collect()),
             errors: self.errors(reference)?,
             noise,
             light: [light(&self.reference), light(&self.sized[3])],
@@ -161,8 +161,7 @@ pub fn figure_9(context: &Context) -> Result<Item> {
         rays(context),
         fixed(100.0 * COVERAGE, 0)
     ));
-    let model =
-        Model::prepare_watched(covering_scene(COVERAGE)?, &PrepareOptions::default(), context.progress)?;
+    let model = context.model(covering_scene(COVERAGE)?, Detail::Optics)?;
     let by_rays = |rays: usize, stream: u64| -> Result<Vec<Image<'static>>> {
         walls(context).iter().map(|wall| Ok(wall.grid(&model).by_rays(rays, stream, 1)?.image)).collect()
     };
@@ -187,9 +186,7 @@ pub fn figure_9(context: &Context) -> Result<Item> {
 
 /// Work at the smallest feature size relative to that at the largest, with groups that cover this part of the wall.
 fn work_factor(context: &Context, coverage: f64) -> Result<f64> {
-    let mut options = PrepareOptions::default();
-    options.detail = Detail::Clusters;
-    let model = Model::prepare_watched(covering_scene(coverage)?, &options, context.progress)?;
+    let model = context.model(covering_scene(coverage)?, Detail::Clusters)?;
     let tree = &model.base().hierarchy().micro;
     let sizes = blocker_sizes(model.scene(), tree, Vec3::Y);
     let plain = (&PlainTree::new(model.scene(), tree, &sizes), Leaves::Extinction);
@@ -284,17 +281,16 @@ fn times(name: &str, made: &Series9, exact: &[Image]) -> Result<Table> {
 
 /// A sentence about the times of this engine.
 fn engine_times(name: &str, made: &Series9) -> String {
-    let times = Times(made.engine.iter().map(|(seconds, _)| *seconds).collect());
+    let times = Repeated(made.engine.iter().map(|(seconds, _)| *seconds).collect());
     let [first, last] = [times.mean(0), times.mean(3)];
     let noise = 2.0f64.sqrt() * times.noise();
-    let change = 1.0 - last / first;
     format!(
         " {name}: this engine's time at s = {} is {} % of that at s = {}, ± {} %{}.",
         SIZES[3],
         fixed(100.0 * last / first, 0),
         SIZES[0],
         fixed(100.0 * noise, 0),
-        match change > 3.0 * noise {
+        match 1.0 - last / first > CERTAIN * noise {
             true => "",
             false => ", so that it does not certainly fall with s",
         }

@@ -4,32 +4,12 @@ use super::cubes::COVERAGE;
 use super::item::Item;
 use super::plain::Leaves;
 use super::table_1::{SATISFACTORY, paper_parts, satisfactory_spread};
-use super::{fixed, list};
+use super::{CERTAIN, Repeated, fixed, list};
 
 /// Feature sizes of the paper, in its relative unit.
 pub const SIZES: [f64; 4] = [2.0, 2.8, 3.5, 5.0];
 /// The paper's seconds for these sizes.
 pub const PAPER_SECONDS: [f64; 4] = [1984.0, 1648.0, 1459.0, 1356.0];
-
-/// Standard errors by which a difference is certain.
-const CERTAIN: f64 = 3.0;
-
-/// Seconds by feature size, in two repetitions.
-#[derive(Clone, Debug)]
-pub struct Times(pub Vec<[f64; 2]>);
-
-impl Times {
-    /// Mean of the repetitions.
-    pub fn mean(&self, size: usize) -> f64 {
-        0.5 * (self.0[size][0] + self.0[size][1])
-    }
-
-    /// Standard error of a mean, as a part of it: half the difference of the repetitions, pooled over sizes.
-    pub fn noise(&self) -> f64 {
-        let square: f64 = self.0.iter().map(|[a, b]| ((a - b) / (a + b)).powi(2)).sum();
-        (square / self.0.len() as f64).sqrt()
-    }
-}
 
 /// What is judged, for one treatment of leaves, by feature size.
 #[derive(Clone, Debug)]
@@ -37,7 +17,8 @@ pub struct Measured {
     pub leaves: Leaves,
     /// Millions.
     pub visits: Vec<f64>,
-    pub times: Times,
+    /// Seconds, in two repetitions.
+    pub times: Repeated,
     /// L2 and FBEM(s) of each group, per cent of the light.
     pub errors: Vec<[[f64; 2]; 4]>,
     /// L2 by the noise of the images, per cent.
@@ -126,9 +107,7 @@ fn judge_work(item: &mut Item, measured: &Measured) {
         },
     );
     let seconds: Vec<f64> = (0..times.0.len()).map(|k| times.mean(k)).collect();
-    let noise = times.noise();
-    // Of the difference of the logarithms of two times.
-    let certain = CERTAIN * 2.0f64.sqrt() * noise;
+    let certain = times.certain();
     let steps: Vec<f64> = seconds.windows(2).map(|pair| (pair[1] / pair[0]).ln()).collect();
     let rises = steps.iter().position(|step| *step > certain);
     let fall = (seconds[0] / seconds[3]).ln();
@@ -136,7 +115,7 @@ fn judge_work(item: &mut Item, measured: &Measured) {
         format!(
             "{name}: time falls with s: from the first to the last by over three standard errors, and nowhere does it rise by as much"
         ),
-        format!("{} s, standard error {} % of each", list(&seconds, 2), fixed(100.0 * noise, 1)),
+        format!("{} s, standard error {} % of each", list(&seconds, 2), fixed(100.0 * times.noise(), 1)),
         fall > certain && rises.is_none(),
         || match rises {
             Some(k) => format!("it rises from s = {} to s = {}", SIZES[k], SIZES[k + 1]),
@@ -307,8 +286,8 @@ mod tests {
     use super::*;
 
     /// Seconds that differ by a hundredth between repetitions.
-    fn times(seconds: [f64; 4]) -> Times {
-        Times(seconds.map(|s| [s, 1.01 * s]).to_vec())
+    fn times(seconds: [f64; 4]) -> Repeated {
+        Repeated(seconds.map(|s| [s, 1.01 * s]).to_vec())
     }
 
     /// Numbers like those of the paper: all checks hold.

@@ -8,11 +8,10 @@ use super::shadow::{Wall, mean, meshed, paper_features};
 use super::table::{Table, count, number};
 use super::table_1::{paper_spread, range};
 use super::{Context, fixed, list};
-use mrvis::internals::ModelParts;
 use mrvis::internals::metrics::{FeatureSet, norms};
 use mrvis::internals::raster::BitImage;
 use mrvis::metrics::Image;
-use mrvis::{Detail, Model, PrepareOptions, Result};
+use mrvis::{Detail, Result};
 
 /// Texels along an element of the coarse mesh: more than the largest size of Table 1.
 const ELEMENT: usize = 44;
@@ -29,9 +28,7 @@ pub struct Groups {
 
 impl Groups {
     pub fn new(context: &Context) -> Result<Groups> {
-        let mut options = PrepareOptions::default();
-        options.detail = Detail::Rays;
-        let model = Model::prepare_watched(covering_scene(COVERAGE)?, &options, context.progress)?;
+        let model = context.model(covering_scene(COVERAGE)?, Detail::Rays)?;
         let rays = if context.small { 16 } else { 128 };
         let four = |make: &dyn Fn(&Wall) -> Result<Image<'static>>| -> Result<[Image<'static>; 4]> {
             let images = (0..4).map(|k| make(&wall(k, COLUMNS, TEXEL))).collect::<Result<Vec<_>>>()?;

@@ -4,15 +4,15 @@ use super::item::{Item, Panel};
 use super::office_light::{ANGLE, SIZE, VIEW, bright};
 use super::table::{Table, number};
 use super::view::{irradiance, seen};
-use super::{Context, fixed};
+use super::{CERTAIN, Context, fixed};
 use glam::DVec3;
+use mrvis::internals::SceneParts;
 use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::{self, Options, Visibility};
 use mrvis::internals::scene::Object;
 use mrvis::internals::scene::generate::{self, DESKS, Spec};
-use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::Image;
-use mrvis::{Model, PrepareOptions, Result};
+use mrvis::{Detail, Result};
 
 /// Feature size where one looks, metres.
 const LOOKED: f32 = 0.05;
@@ -24,8 +24,6 @@ const POINTS: [i32; 2] = [32, 16];
 const SEEDS: [u64; 2] = [8, 2];
 /// Number of those with the large size everywhere, whose noise is not needed.
 const COARSE_SEEDS: u64 = 2;
-/// Standard errors by which work is certainly saved.
-const CERTAIN: f64 = 3.0;
 /// Part of the goal by which errors may differ, with two standard errors of the difference, that count as the same quality: ours.
 const SAME: f64 = 0.1;
 /// Name of that case.
@@ -79,11 +77,7 @@ fn at_desk() -> [DVec3; 2] {
 
 /// Section 6: feature sizes and errors by importance. One looks at the desks.
 pub fn importance(context: &Context) -> Result<Item> {
-    let model = Model::prepare_watched(
-        generate::build(&Spec::new("office"))?,
-        &PrepareOptions::default(),
-        context.progress,
-    )?;
+    let model = context.model(generate::build(&Spec::new("office"))?, Detail::Optics)?;
     let points = desk();
     let small = usize::from(context.small);
     let error = [Options::default().error, 0.05][small];

@@ -34,7 +34,8 @@ pub use item::Item;
 pub use page::page;
 
 use groups::Groups;
-use mrvis::{Error, Progress, Result};
+use mrvis::internals::ModelParts;
+use mrvis::{Detail, Error, Model, PrepareOptions, Progress, Result, Scene};
 use serde::Serialize;
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Instant;
@@ -53,6 +54,13 @@ impl<'a> Context<'a> {
     /// A context without images.
     pub fn new(small: bool, progress: &'a dyn Progress) -> Context<'a> {
         Context { small, progress, groups: OnceLock::new(), making: Mutex::new(()) }
+    }
+
+    /// A scene prepared up to this detail.
+    fn model(&self, scene: Scene, detail: Detail) -> Result<Model> {
+        let mut options = PrepareOptions::default();
+        options.detail = detail;
+        Model::prepare_watched(scene, &options, self.progress)
     }
 
     /// The images of the four groups, made once.
@@ -273,6 +281,30 @@ impl Entry {
         item.holds = !item.checks.is_empty() && item.checks.iter().all(|check| check.holds);
         item.seconds = start.elapsed().as_secs_f64();
         Ok(item)
+    }
+}
+
+/// Standard errors by which a difference is certain.
+const CERTAIN: f64 = 3.0;
+
+/// Pairs of measurements of the same.
+#[derive(Clone, Debug)]
+struct Repeated(Vec<[f64; 2]>);
+
+impl Repeated {
+    fn mean(&self, k: usize) -> f64 {
+        0.5 * (self.0[k][0] + self.0[k][1])
+    }
+
+    /// Standard error of a mean, as a part of it: half the difference of the two, pooled over pairs.
+    fn noise(&self) -> f64 {
+        let square: f64 = self.0.iter().map(|[a, b]| ((a - b) / (a + b)).powi(2)).sum();
+        (square / self.0.len() as f64).sqrt()
+    }
+
+    /// Difference of the logarithms of two means that is certain.
+    fn certain(&self) -> f64 {
+        CERTAIN * 2.0f64.sqrt() * self.noise()
     }
 }
 

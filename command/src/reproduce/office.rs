@@ -10,11 +10,11 @@ use super::shadow::{Rendered, Wall};
 use super::table::{Table, count, number};
 use super::{Context, counts_of, fixed, office_light};
 use glam::DVec3;
+use mrvis::internals::clusters;
 use mrvis::internals::radiosity::Visibility;
 use mrvis::internals::scene::generate::{self, ROOM, Spec};
-use mrvis::internals::{ModelParts, clusters};
 use mrvis::metrics::{FbemOptions, Image, fbem};
-use mrvis::{Builder, Detail, Model, PrepareOptions, Result};
+use mrvis::{Builder, Detail, Result};
 
 /// Side of a texel of the floor, metres: a sixteenth of the depth of a desk.
 const TEXEL: f64 = 0.05;
@@ -66,9 +66,7 @@ impl Floors {
         builders: &[(Option<Builder>, &'static str)],
     ) -> Result<Floors> {
         let scene = generate::build(&Spec::new("office"))?;
-        let mut options = PrepareOptions::default();
-        options.detail = Detail::Rays;
-        let model = Model::prepare_watched(scene, &options, context.progress)?;
+        let model = context.model(scene, Detail::Rays)?;
         let grid = floor(context.small).grid(&model);
         let rays = if context.small { 4 } else { 16 };
         let exact = grid.by_rays(if context.small { 32 } else { 128 }, 1, 1)?.image;

@@ -2,12 +2,11 @@
 
 use super::item::Item;
 use super::table::{Cell, Table, count, number};
-use super::{Context, counts_of, fixed, list};
-use mrvis::internals::ModelParts;
+use super::{Context, Repeated, counts_of, fixed, list};
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Scale, Series};
 use mrvis::internals::radiosity::{self, Options, Oracle, Record, Visibility};
 use mrvis::internals::scene::generate::{self, Spec};
-use mrvis::{Model, PrepareOptions, Result};
+use mrvis::{Detail, Result};
 
 /// The paper's seconds per iteration.
 const PAPER_SECONDS: f64 = 2.0;
@@ -23,8 +22,6 @@ const EARLY_ENDS: [usize; 3] = [100, 1000, 10_000];
 const CREATED: f64 = 1e-4;
 /// Seeds of these solves and of the elements at which errors are measured; their differences tell the noise.
 const SEEDS: [u64; 2] = [1, 2];
-/// Standard errors by which a difference is certain.
-const CERTAIN: f64 = 3.0;
 
 /// The measured errors of solves with two seeds that end at the same number of links.
 #[derive(Clone, Copy, Debug)]
@@ -67,8 +64,7 @@ struct Measured {
 pub fn multigridding(context: &Context) -> Result<Item> {
     let spec = Spec { count: Some(7000), ..Spec::new("urban-block") };
     let polygons = generate::soup(&spec)?.polygons();
-    let model =
-        Model::prepare_watched(generate::build(&spec)?, &PrepareOptions::default(), context.progress)?;
+    let model = context.model(generate::build(&spec)?, Detail::Optics)?;
     let small = usize::from(context.small);
     let (step, max_links) = [(0.1, 20_000), (0.05, 1000)][small];
     let audit = AUDITED[small];
@@ -122,8 +118,7 @@ struct EarlyEnd {
 
 /// Solves of the office, a closed room, that end after few links.
 fn early_ends(context: &Context) -> Result<Vec<EarlyEnd>> {
-    let scene = generate::build(&Spec::new("office"))?;
-    let model = Model::prepare_watched(scene, &PrepareOptions::default(), context.progress)?;
+    let model = context.model(generate::build(&Spec::new("office"))?, Detail::Optics)?;
     let end = |max_links: usize| -> Result<EarlyEnd> {
         let visibility = Visibility::Exact;
         let options = Options { max_links, visibility, local_rays: Some(0), audit: 0, ..Options::default() };
@@ -175,7 +170,8 @@ fn iterations(measured: &Measured) -> Table {
 
 /// Errors by number of links and by criterion of refinement.
 fn errors(measured: &Measured) -> Table {
-    let title = format!("Errors; standard error {} % of each", fixed(100.0 * noise(measured), 1));
+    let noise = repeated(measured).noise();
+    let title = format!("Errors; standard error {} % of each", fixed(100.0 * noise, 1));
     let mut table = Table::new(title, "links refined by | links | RMS error, %");
     let mut push = |name: &str, of: &Audited| {
         table.push([name.into(), count(of.links), of.cell()]);
@@ -187,11 +183,10 @@ fn errors(measured: &Measured) -> Table {
     table
 }
 
-/// Standard error of an error, as a part of it: half the difference of two seeds, pooled over solves.
-fn noise(measured: &Measured) -> f64 {
-    let all = || measured.ends.iter().chain([&measured.own, &measured.other, &measured.by_transport]);
-    let part = |of: &Audited| ((of.errors[0] - of.errors[1]) / (of.errors[0] + of.errors[1])).powi(2);
-    (all().map(part).sum::<f64>() / all().count() as f64).sqrt()
+/// All errors that are compared, by two seeds.
+fn repeated(measured: &Measured) -> Repeated {
+    let all = measured.ends.iter().chain([&measured.own, &measured.other, &measured.by_transport]);
+    Repeated(all.map(|of| of.errors).collect())
 }
 
 fn judge(item: &mut Item, measured: &Measured) {
@@ -253,10 +248,9 @@ fn judge_early_ends(item: &mut Item, ends: &[EarlyEnd]) {
 /// Whether errors are known, and fall.
 fn judge_errors(item: &mut Item, measured: &Measured) {
     let Measured { ends, own, other, by_transport, .. } = measured;
-    let noise = noise(measured);
-    let both = format!("standard error {} % of each", fixed(100.0 * noise, 1));
-    // Of the difference of the logarithms of two errors.
-    let certain = CERTAIN * 2.0f64.sqrt() * noise;
+    let repeated = repeated(measured);
+    let both = format!("standard error {} % of each", fixed(100.0 * repeated.noise(), 1));
+    let certain = repeated.certain();
     let all: Vec<f64> = ends.iter().map(Audited::error).collect();
     let links: Vec<usize> = ends.iter().map(|end| end.links).collect();
     let steps: Vec<f64> = all.windows(2).map(|pair| (pair[1] / pair[0]).ln()).collect();

@@ -7,11 +7,11 @@ use super::shadow::Wall;
 use super::table::{Table, count, number};
 use super::{Context, fixed};
 use glam::{DVec3, Vec3};
+use mrvis::internals::SceneParts;
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Series};
 use mrvis::internals::raster::{BitImage, Opener};
-use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::{Image, Morphology};
-use mrvis::{Model, PrepareOptions, Result};
+use mrvis::{Detail, Result};
 
 /// Distance between emitter and receiver, metres.
 const DISTANCE: f64 = 4.0;
@@ -55,7 +55,7 @@ fn square_shadow(context: &Context, wall: &Wall, (e, b, d1): (f64, f64, f64)) ->
     blocks.rectangle(DVec3::ZERO, RECEIVER * DVec3::X, RECEIVER * DVec3::Y, false);
     blocks.rectangle(DVec3::new(0.0, 0.0, DISTANCE - d1), b * DVec3::X, b * DVec3::Y, false);
     light(&mut blocks, e);
-    let model = Model::prepare_watched(blocks.scene()?, &rays(), context.progress)?;
+    let model = context.model(blocks.scene()?, Detail::Rays)?;
     wall.grid(&model).sees(&lattice(e, 17))
 }
 
@@ -131,13 +131,6 @@ fn judge_figure_5(item: &mut Item, worst: [f64; 2], vanishes: &[(f64, f64, f64)]
             false => format!("the formula predicts another one at {}", wrong.join(", ")),
         },
     );
-}
-
-/// Preparation for exact rays.
-fn rays() -> PrepareOptions {
-    let mut options = PrepareOptions::default();
-    options.detail = mrvis::Detail::Rays;
-    options
 }
 
 /// Side of the cluster's box, metres.
@@ -221,7 +214,7 @@ fn cluster_shadow(
     blocks.rectangle(DVec3::ZERO, RECEIVER * DVec3::X, RECEIVER * DVec3::Y, false);
     blocks.random_cubes(cubes, edge, centre, CLUSTER);
     light(&mut blocks, EMITTER);
-    let model = Model::prepare_watched(blocks.scene()?, &rays(), context.progress)?;
+    let model = context.model(blocks.scene()?, Detail::Rays)?;
     let scene = model.scene();
     let is_cube = |&t: &u32| {
         scene.parts().objects[scene.parts().triangle_object[t as usize] as usize].name.starts_with("box")
