@@ -173,12 +173,15 @@ pub fn read_journals(out: &Path) -> Result<Journals> {
     Ok(Journals { entries, damaged })
 }
 
-/// Whether a batch has begun in this folder.
+/// Refuses a folder in which no batch has begun.
 ///
 /// # Errors
-/// The folder cannot be read.
-pub fn has_journal(out: &Path) -> Result<bool> {
-    Ok(!journals(out)?.is_empty())
+/// It has no journal, or cannot be read.
+pub fn check_has_journal(out: &Path) -> Result<()> {
+    match journals(out)?.is_empty() {
+        true => Err(Error::format(out, None, "is no output folder of a batch: it has no journal")),
+        false => Ok(()),
+    }
 }
 
 /// The journals of an output folder.

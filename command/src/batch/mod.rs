@@ -33,7 +33,7 @@ pub use hashes::{HashedFile, Hashes, hash_file, key};
 #[cfg(test)]
 pub use job::COMMANDS;
 pub use job::{Job, Limits, Opt, Out, Reads, Value};
-pub use journal::{Entries, Entry, Journal, Journals, Status, has_journal, read_journals};
+pub use journal::{Entries, Entry, Journal, Journals, Status, check_has_journal, read_journals};
 pub use listed::{Listed, read_listed};
 pub use names::{TABLES, suggestion};
 pub use parse::parse;

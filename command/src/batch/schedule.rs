@@ -61,17 +61,12 @@ impl Schedule {
 
     /// Moves jobs to those that are ready.
     fn release(&mut self) {
-        let free = |&k: &usize| self.tasks[k].needs.iter().all(|&need| self.done[need]);
-        let (free, blocked): (Vec<usize>, BTreeSet<usize>) = {
-            let free: Vec<usize> = self.blocked.iter().copied().filter(free).collect();
-            let still = self.blocked.iter().copied().filter(|k| free.binary_search(k).is_err());
-            let still = still.collect();
-            (free, still)
-        };
+        let is_free = |&k: &usize| self.tasks[k].needs.iter().all(|&need| self.done[need]);
+        let free: Vec<usize> = self.blocked.iter().copied().filter(is_free).collect();
         if free.is_empty() {
             return;
         }
-        self.blocked = blocked;
+        self.blocked.retain(|k| free.binary_search(k).is_err());
         self.ready.extend(free);
         // Jobs that run alone come last, so that they do not hold up the others.
         let order = |&k: &usize| (!self.tasks[k].alone, self.tasks[k].work);

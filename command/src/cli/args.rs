@@ -25,7 +25,7 @@ use std::{
 };
 
 /// Options of every subcommand.
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
     /// Number of threads; default: one per core, but one for the timed sections of `bench`.

@@ -4,7 +4,7 @@ mod materials;
 
 use super::args::{Common, SceneArgs, grouped};
 use super::{flags::with_flags, inputs::Inputs, values::ClusterArgs};
-use materials::{list_materials, reflectances};
+use materials::{left_out, list_materials, reflectances};
 use mrvis::internals::error::{quote, shown};
 use mrvis::internals::scene::{Emitter, Photometry};
 use mrvis::internals::sky::Environment;
@@ -99,14 +99,15 @@ fn outside_files(out: &mut String, s: &Scene) -> std::fmt::Result {
 }
 
 fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
-    let (bounds, unit) = (s.world_bounds(), &s.parts().unit);
+    let p = s.parts();
+    let (bounds, unit) = (s.world_bounds(), &p.unit);
     let e = bounds.extent();
-    let (min, max) = (s.parts().origin + bounds.min.as_dvec3(), s.parts().origin + bounds.max.as_dvec3());
-    writeln!(out, "{} (read in {seconds:.2} s, unit {unit})", shown(s.parts().path))?;
-    writeln!(out, "  triangles   {:>12}", grouped(s.parts().triangles.len()))?;
-    if !s.parts().placements.is_empty() {
-        let meshes = grouped(s.parts().shared.len());
-        writeln!(out, "  instances   {:>12} of {meshes} shared meshes", grouped(s.parts().placements.len()))?;
+    let (min, max) = (p.origin + bounds.min.as_dvec3(), p.origin + bounds.max.as_dvec3());
+    writeln!(out, "{} (read in {seconds:.2} s, unit {unit})", shown(p.path))?;
+    writeln!(out, "  triangles   {:>12}", grouped(p.triangles.len()))?;
+    if !p.placements.is_empty() {
+        let meshes = grouped(p.shared.len());
+        writeln!(out, "  instances   {:>12} of {meshes} shared meshes", grouped(p.placements.len()))?;
         writeln!(
             out,
             "  stored      {:>12} triangles, those of shared meshes once",
@@ -115,8 +116,8 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
         writeln!(out, "  visible     {:>12} triangles", grouped(s.visible_triangles() as usize))?;
     }
     writeln!(out, "  vertices    {:>12}", grouped(stored(s, |m| m.parts().positions.len())))?;
-    writeln!(out, "  objects     {:>12}", grouped(s.parts().objects.len()))?;
-    writeln!(out, "  materials   {:>12}", grouped(s.parts().materials.len()))?;
+    writeln!(out, "  objects     {:>12}", grouped(p.objects.len()))?;
+    writeln!(out, "  materials   {:>12}", grouped(p.materials.len()))?;
     writeln!(
         out,
         "  parts       {:>12} closed, {} sheet",
@@ -126,19 +127,13 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
     writeln!(out, "  size        {} x {} x {} {unit}", round(e.x), round(e.y), round(e.z))?;
     let (up, from) = s.up_from();
     writeln!(out, "  up          {} ({})", up.name(), from.words())?;
-    for line in s.parts().sky.iter().flat_map(|sky| &sky.notes) {
+    for line in p.sky.iter().flat_map(|sky| &sky.notes) {
         writeln!(out, "  light       {line}")?;
     }
     writeln!(out, "  from        {} {} {}", round64(min.x), round64(min.y), round64(min.z))?;
     writeln!(out, "  to          {} {} {}", round64(max.x), round64(max.y), round64(max.z))?;
-    if s.parts().origin != glam::DVec3::ZERO {
-        writeln!(
-            out,
-            "  origin      {} {} {} (kept apart)",
-            s.parts().origin.x,
-            s.parts().origin.y,
-            s.parts().origin.z
-        )?;
+    if p.origin != glam::DVec3::ZERO {
+        writeln!(out, "  origin      {} {} {} (kept apart)", p.origin.x, p.origin.y, p.origin.z)?;
     }
     Ok(())
 }
@@ -181,16 +176,17 @@ impl ClusterCounts {
 }
 
 fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std::fmt::Result {
+    let p = s.parts();
     let is_lit = |sky: &Environment| !sky.suns().is_empty() || sky.sky().is_some();
-    if s.parts().emitters.is_empty() && s.parts().sky.is_some_and(is_lit) {
+    if p.emitters.is_empty() && p.sky.is_some_and(is_lit) {
         return Ok(());
     }
-    if s.parts().emitters.is_empty() {
+    if p.emitters.is_empty() {
         return writeln!(out, "no emitter: nothing has Ke; make one with --emitter NAME=W");
     }
-    let sides = if s.parts().two_sided_emission { "both sides" } else { "front side" };
-    writeln!(out, "emitters      {} ({sides})", s.parts().emitters.len())?;
-    for e in s.parts().emitters.iter().take(20) {
+    let sides = if p.two_sided_emission { "both sides" } else { "front side" };
+    writeln!(out, "emitters      {} ({sides})", p.emitters.len())?;
+    for e in p.emitters.iter().take(20) {
         let n = e.normal;
         let normal = if n.length() < 0.01 {
             "all round".to_owned()
@@ -208,11 +204,11 @@ fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std:
             quote(&e.name),
             round64(e.area),
             round(e.min_width),
-            u = s.parts().unit,
+            u = p.unit,
         )?;
     }
-    if s.parts().emitters.len() > 20 {
-        writeln!(out, "  and {} more", s.parts().emitters.len() - 20)?;
+    if p.emitters.len() > 20 {
+        writeln!(out, "  and {} more", p.emitters.len() - 20)?;
     }
     Ok(())
 }
@@ -229,10 +225,7 @@ fn list_objects(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
     for &(object, count) in counts.iter().take(limit) {
         writeln!(out, "  {:>12}  {}", grouped(count), quote(&s.parts().objects[object].name))?;
     }
-    if counts.len() > limit {
-        writeln!(out, "  and {} more (--all)", counts.len() - limit)?;
-    }
-    Ok(())
+    left_out(out, counts.len(), limit)
 }
 
 fn list_meshes(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
@@ -251,10 +244,7 @@ fn list_meshes(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
             grouped(instances)
         )?;
     }
-    if meshes.len() > limit {
-        writeln!(out, "  and {} more (--all)", meshes.len() - limit)?;
-    }
-    Ok(())
+    left_out(out, meshes.len(), limit)
 }
 
 /// Shared meshes with their numbers of visible instances, those with most visible triangles first.
@@ -313,8 +303,8 @@ fn round64(value: f64) -> String {
 
 fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
     let ClusterCounts { clusters, levels, large, builder } = counts;
-    let emitters: Vec<Value> = s
-        .parts()
+    let p = s.parts();
+    let emitters: Vec<Value> = p
         .emitters
         .iter()
         .map(|e| {
@@ -329,51 +319,49 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
             emitter
         })
         .collect();
-    let objects: Vec<Value> = face_counts(s)
-        .iter()
-        .map(|&(i, n)| json!({ "name": s.parts().objects[i].name, "triangles": n }))
-        .collect();
+    let objects: Vec<Value> =
+        face_counts(s).iter().map(|&(i, n)| json!({ "name": p.objects[i].name, "triangles": n })).collect();
     let materials: Vec<Value> = reflectances(s)
         .into_iter()
         .map(|(m, rgb)| {
             let mean = rgb.iter().sum::<f64>() / 3.0;
-            json!({ "name": s.parts().materials[m].name, "reflectance": rgb, "mean_reflectance": mean })
+            json!({ "name": p.materials[m].name, "reflectance": rgb, "mean_reflectance": mean })
         })
         .collect();
     let bounds = s.world_bounds();
     let mut scene = json!({
-        "path": s.parts().path, "triangles": s.parts().triangles.len(), "vertices": stored(s, |m| m.parts().positions.len()),
-        "objects": s.parts().objects.len(), "materials": s.parts().materials.len(), "emitters": s.parts().emitters.len(),
+        "path": p.path, "triangles": p.triangles.len(), "vertices": stored(s, |m| m.parts().positions.len()),
+        "objects": p.objects.len(), "materials": p.materials.len(), "emitters": p.emitters.len(),
         "closed_parts": stored(s, |m| m.parts().closed_parts), "sheet_parts": stored(s, |m| m.parts().sheet_parts),
         "clusters": clusters, "levels": levels, "large_surface_triangles": large, "builder": builder,
-        "origin": s.parts().origin.to_array(), "min": bounds.min.to_array(), "max": bounds.max.to_array(),
-        "two_sided_emission": s.parts().two_sided_emission, "up": s.up_axis(), "up_from": s.up_from().1.words(),
-        "files": s.parts().files, "files_outside": outside(s),
+        "origin": p.origin.to_array(), "min": bounds.min.to_array(), "max": bounds.max.to_array(),
+        "two_sided_emission": p.two_sided_emission, "up": s.up_axis(), "up_from": s.up_from().1.words(),
+        "files": p.files, "files_outside": outside(s),
     });
-    if let Some(sky) = s.parts().sky {
+    if let Some(sky) = p.sky {
         scene["sky"] = json!(sky.notes);
     }
-    if !s.parts().placements.is_empty() {
-        scene["instances"] = json!(s.parts().placements.len());
-        scene["shared_meshes"] = json!(s.parts().shared.len());
+    if !p.placements.is_empty() {
+        scene["instances"] = json!(p.placements.len());
+        scene["shared_meshes"] = json!(p.shared.len());
         scene["stored_triangles"] = json!(s.triangle_count());
         scene["visible_triangles"] = json!(s.visible_triangles());
         let meshes = mesh_counts(s).into_iter().map(|(mesh, instances)| {
             json!({
-                "name": mesh_name(s, mesh), "triangles": s.parts().shared[mesh].parts().triangles.len(), "instances": instances,
+                "name": mesh_name(s, mesh), "triangles": p.shared[mesh].parts().triangles.len(), "instances": instances,
             })
         });
         scene["meshes"] = meshes.collect();
     }
     json!({
         "mrvis": env!("CARGO_PKG_VERSION"),
-        "unit": s.parts().unit,
+        "unit": p.unit,
         "scene": scene,
         "build": { "load_s": seconds },
         "emitters": emitters,
         "objects": objects,
         "materials": materials,
-        "repairs": s.parts().repairs,
+        "repairs": p.repairs,
     })
 }
 

@@ -1,8 +1,8 @@
 //! `mrvis merge DIR... --out OUT`: joins the outputs of the parts of a batch.
 
 use crate::batch::{
-    Entries, Entry, Journal, Journals, Listed, Status, begin, check_outputs, has_journal, lock, publish,
-    publish_left, read_journals, read_listed, seal, sync_up, work, write_results,
+    Entries, Entry, Journal, Journals, Listed, Status, begin, check_has_journal, check_outputs, lock,
+    publish, publish_left, read_journals, read_listed, seal, sync_up, work, write_results,
 };
 use mrvis::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -24,11 +24,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     let out = args.out.as_ref().unwrap_or(&args.folders[0]);
-    for folder in &args.folders {
-        if !has_journal(folder)? {
-            return Err(Error::format(folder, None, "is no output folder of a batch: it has no journal"));
-        }
-    }
+    args.folders.iter().try_for_each(|folder| check_has_journal(folder))?;
     let _lock = lock(out, "lock", false)?;
     let former = read_journals(out)?.entries;
     let (Journals { mut entries, mut damaged }, out_listed) = read_listed(out)?;

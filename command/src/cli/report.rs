@@ -5,10 +5,12 @@ use super::{
     merge::{missing, take_out_spoilt},
     one_line,
 };
-use crate::batch::{Entry, JobPicture, Journals, Report, grids, has_journal, read_listed, report_page, rows};
+use crate::batch::{
+    Entry, JobPicture, Journals, Report, check_has_journal, grids, read_listed, report_page, rows,
+};
+use mrvis::Result;
 use mrvis::internals::files::WholeFile;
 use mrvis::internals::image_io::thumbnail;
-use mrvis::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -33,9 +35,7 @@ const SIDE: u32 = 320;
 const MAX_PICTURES: usize = 96;
 
 pub fn run(args: &Args) -> Result<ExitCode> {
-    if !has_journal(&args.folder)? {
-        return Err(Error::format(&args.folder, None, "is no output folder of a batch: it has no journal"));
-    }
+    check_has_journal(&args.folder)?;
     let (Journals { mut entries, damaged }, listed) = read_listed(&args.folder)?;
     let mut faults: Vec<String> = take_out_spoilt(&args.folder, &mut entries, false)
         .into_iter()

@@ -143,9 +143,8 @@ fn errors<'a>(
 fn headline(report: &Report) -> Markup {
     let rows = report.rows;
     let total = |column: &str| rows.iter().filter_map(|row| value(row, column)).sum::<f64>();
-    let failed = rows.iter().filter(|row| text(row, "status") == "failed").count();
-    let missed = rows.iter().filter(|row| text(row, "status") == "missed").count();
-    let skipped = rows.iter().filter(|row| text(row, "status") == "skipped").count();
+    let [failed, missed, skipped] = ["failed", "missed", "skipped"]
+        .map(|status| rows.iter().filter(|row| text(row, "status") == status).count());
     html! {
         header {
             p.kicker { "Batch of jobs" }

@@ -17,10 +17,12 @@ pub(super) fn list_materials(out: &mut String, s: &Scene, limit: usize) -> std::
             quote(&s.parts().materials[*material].name)
         )?;
     }
-    if materials.len() > limit {
-        writeln!(out, "  and {} more (--all)", materials.len() - limit)?;
-    }
-    Ok(())
+    left_out(out, materials.len(), limit)
+}
+
+/// The last line of a list of `limit` things if there are more.
+pub(super) fn left_out(out: &mut String, all: usize, limit: usize) -> std::fmt::Result {
+    if all > limit { writeln!(out, "  and {} more (--all)", all - limit) } else { Ok(()) }
 }
 
 /// Materials that faces have, with the reflectance of these faces in the mean over their area, that of textures included; by area in
