@@ -15,7 +15,7 @@ fn library() -> PathBuf {
 }
 
 /// Functions that the header declares.
-fn declared() -> Vec<String> {
+pub fn declared() -> Vec<String> {
     let text = std::fs::read_to_string(project("ffi/include/mrvis.h")).expect("the header");
     let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let mut names: Vec<String> = text

@@ -3,7 +3,6 @@
 
 use crate::hostile::{self, SCENE, quick, refused};
 use crate::run::{Scratch, words};
-use mrvis::internals::scene::generate::Spec;
 use std::time::{Duration, Instant};
 
 fn scratch() -> Scratch {
@@ -219,18 +218,6 @@ fn emitters_can_be_added() {
     let scratch = scratch();
     scratch.mrvis(&quick("bench dark.obj --emitter lamp=100 --json r.json --quiet")).exits(0);
     assert_eq!(scratch.json("r.json")["scene"]["emitters"], 1);
-}
-
-/// Scenes of the command equal those of the library and can be read.
-#[test]
-fn generated_scenes_can_be_read_back() {
-    let scratch = scratch();
-    scratch.mrvis("generate louvres --out made.obj --seed 1").exits(0);
-    let spec = Spec::new("louvres");
-    let library = std::fs::read(scratch.path(&scratch.generate(&spec))).expect("written");
-    let made = std::fs::read(scratch.path("made.obj")).expect("written");
-    let faces = |bytes: &[u8]| bytes.split(|b| *b == b'\n').filter(|l| l.starts_with(b"f ")).count();
-    assert!(faces(&made) > 0 && faces(&made) == faces(&library));
 }
 
 /// `info` counts stored and visible triangles of a forest of instances.

@@ -1,6 +1,6 @@
 //! Equal scene, options and seed give equal results on any number of threads.
 
-use crate::run::Scratch;
+use crate::run::{Scratch, assert_same_lines};
 use mrvis::internals::scene::generate::Spec;
 use serde_json::Value;
 
@@ -32,25 +32,6 @@ pub fn strip(value: &mut Value) {
     }
 }
 
-/// The places where two values differ.
-fn differences(a: &Value, b: &Value, place: String, found: &mut Vec<String>) {
-    match (a, b) {
-        (Value::Object(x), Value::Object(y)) => {
-            for key in x.keys().chain(y.keys().filter(|k| !x.contains_key(*k))) {
-                let (x, y) = (x.get(key).unwrap_or(&Value::Null), y.get(key).unwrap_or(&Value::Null));
-                differences(x, y, format!("{place}/{key}"), found);
-            }
-        }
-        (Value::Array(x), Value::Array(y)) if x.len() == y.len() => {
-            for (i, (x, y)) in x.iter().zip(y).enumerate() {
-                differences(x, y, format!("{place}/{i}"), found);
-            }
-        }
-        _ if a == b => {}
-        _ => found.push(format!("{place}: {a} and {b}")),
-    }
-}
-
 #[test]
 fn bench_reports_the_same_figures_on_any_number_of_threads() {
     let scratch = Scratch::new();
@@ -69,9 +50,7 @@ fn bench_reports_the_same_figures_on_any_number_of_threads() {
     let averaged =
         one["mr"].as_array().expect("rows").iter().filter_map(|row| row["aggregated_fraction"].as_f64());
     assert!(averaged.fold(0.0, f64::max) > 0.2, "nothing is averaged: {one}");
-    let mut found = Vec::new();
-    differences(&one, &two, String::new(), &mut found);
-    assert!(found.is_empty(), "one thread and two:\n{}", found.join("\n"));
+    assert_same_lines(&format!("{one:#}"), &format!("{two:#}"), "one thread and two");
 }
 
 /// Cached clusters give the results of measured ones; a damaged file is not used.

@@ -52,21 +52,21 @@ fn pipes_and_devices_are_not_read() {
             refused(&scratch.mrvis_within(60.0, &format!("info {name}")), "pipe or a device");
         }
         scratch.write("library.obj", SCENE.replace("scene.mtl", target));
-        refused(&scratch.mrvis_within(60.0, "info library.obj"), "pipe or a device");
         scratch.write("texture.mtl", format!("{LIBRARY}map_Kd {target}\n"));
         scratch.write("texture.obj", SCENE.replace("scene.mtl", "texture.mtl"));
         scratch.mrvis_within(60.0, "info texture.obj").exits(0).prints("pipe or a device");
         let buffer = r#"{"asset":{"version":"2.0"},"buffers":[{"byteLength":4,"uri":"TARGET"}]}"#;
         scratch.write("buffer.gltf", buffer.replace("TARGET", target));
-        refused(&scratch.mrvis_within(60.0, "info buffer.gltf"), "pipe or a device");
-        let call = ["solve", "scene.obj", "--out", "o", "--points", target];
-        refused(&scratch.mrvis_within(60.0, &call), "pipe or a device");
-        let call = ["solve", "scene.obj", "--out", "o", "--feature-sizes", target];
-        refused(&scratch.mrvis_within(60.0, &call), "pipe or a device");
-        let call = ["compare", target, "points.csv"];
-        refused(&scratch.mrvis_within(60.0, &call), "pipe or a device");
-        let call = ["fbem", target, target];
-        refused(&scratch.mrvis_within(60.0, &call), "pipe or a device");
+        for call in [
+            "info library.obj",
+            "info buffer.gltf",
+            &format!("solve scene.obj --out o --points {target}"),
+            &format!("solve scene.obj --out o --feature-sizes {target}"),
+            &format!("compare {target} points.csv"),
+            &format!("fbem {target} {target}"),
+        ] {
+            refused(&scratch.mrvis_within(60.0, call), "pipe or a device");
+        }
     }
 }
 
@@ -211,11 +211,7 @@ fn full_disks_are_said_with_the_name_of_the_file() {
     let scratch = scratch();
     // Writes beyond 1 KB fail with an error instead of a signal.
     let script = "trap '' XFSZ; ulimit -f 1; exec \"$0\" generate cubes --count 2000 --out big.obj";
-    let mut shell = Command::new("bash");
-    shell.args(["-c", script, env!("CARGO_BIN_EXE_mrvis")]).current_dir(scratch.path(""));
-    let output = shell.output().expect("a shell");
-    let text = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{text}");
+    let text = scratch.bash(script).exits(2).stderr;
     assert!(text.contains("big.") && !text.contains(".mrvis-"), "{text}");
     let left = std::fs::read_dir(scratch.path("")).expect("the folder").flatten();
     assert!(left.into_iter().all(|e| !e.file_name().to_string_lossy().starts_with('.')));
@@ -290,9 +286,7 @@ fn refused_memory_is_an_error() {
         let script = format!(
             "ulimit -v {kilobytes}; exec \"$0\" solve f.obj --out o --output none --threads 2 --quiet"
         );
-        let mut shell = Command::new("bash");
-        shell.args(["-c", &script, env!("CARGO_BIN_EXE_mrvis")]).current_dir(scratch.path(""));
-        refused(&Outcome::of(shell.output().expect("a shell")), "mrvis: out of memory: ");
+        refused(&scratch.bash(&script), "mrvis: out of memory: ");
     }
 }
 

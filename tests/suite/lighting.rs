@@ -16,12 +16,6 @@ fn hall() -> Scratch {
     scratch
 }
 
-/// Lines of a CSV file without its header.
-fn rows(scratch: &Scratch, name: &str) -> Vec<Vec<f64>> {
-    let text = scratch.text(name);
-    text.lines().skip(1).map(|l| l.split(',').map(|x| x.parse().expect("a number")).collect()).collect()
-}
-
 #[test]
 fn a_grid_of_points_needs_no_file() {
     let scratch = hall();
@@ -36,7 +30,7 @@ fn a_grid_of_points_needs_no_file() {
     // Points of a grid above its surface are meant to be there; the point of the file is on the floor.
     assert!(!solved.stdout.contains("from every surface"), "{}", solved.stdout);
     // The point of the file comes first, then both grids from their lower left corners.
-    let found = rows(&scratch, "s/irradiance.csv");
+    let found = scratch.rows("s/irradiance.csv");
     assert_eq!(found.len(), 1 + 8 + 32);
     assert_eq!((&found[0][..6], &found[1][..3]), (&[1.0, 1.0, 0.0, 0.0, 0.0, 1.0][..], &[0.5, 0.5, 0.0][..]));
     assert!((found[9][2] - 0.8).abs() < 1e-6 && (found[9][0] - 0.25).abs() < 1e-6, "{:?}", found[9]);

@@ -25,13 +25,7 @@ fn sky_and_sun_light_points_and_are_named_in_outputs() {
         .mrvis(&format!("solve {scene} --out s --audit 0 --error 0.1"))
         .exits(0)
         .prints("sun at azimuth 180.0000, elevation 30.0000 degrees");
-    let light = |name: &str| -> Vec<f64> {
-        let text = scratch.text(name);
-        text.lines()
-            .skip(1)
-            .map(|l| l.split(',').nth(6).expect("a value").parse().expect("a number"))
-            .collect()
-    };
+    let light = |name: &str| scratch.rows(name).iter().map(|row| row[6]).collect::<Vec<f64>>();
     assert!(
         light("s/irradiance.csv").iter().all(|e| (e - 500.0).abs() < 1.5),
         "{:?}",
@@ -197,9 +191,7 @@ fn height_fields_are_scenes() {
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n1055,2055,60,0,-0.7071068,0.7071068\n");
     let solve = "solve slope.asc --out s --points points.csv --audit 0 --error 0.1";
     scratch.mrvis(&format!("{solve} --sky uniform:100 --sun 180,45:800")).exits(0);
-    let text = scratch.text("s/irradiance.csv");
-    let value: f64 =
-        text.lines().nth(1).and_then(|l| l.split(',').nth(6)).expect("a value").parse().expect("a number");
+    let value = scratch.rows("s/irradiance.csv")[0][6];
     assert!((value - 885.36).abs() < 3.0, "{value}");
 }
 
@@ -219,10 +211,7 @@ fn scenes_of_height_fields_and_objects_have_several_files() {
     let light = "--sky uniform:100 --sun 180,45:800 --add east.asc --add wall.obj";
     for curved in ["", "--curvature=1.1667"] {
         scratch.mrvis(&format!("{solve} {light} {curved}")).exits(0);
-        let text = scratch.text("s/irradiance.csv");
-        let value =
-            |line: &str| line.split(',').nth(6).and_then(|v| v.parse::<f64>().ok()).expect("a number");
-        let found: Vec<f64> = text.lines().skip(1).map(value).collect();
+        let found: Vec<f64> = scratch.rows("s/irradiance.csv").iter().map(|row| row[6]).collect();
         assert!(found[0] < 90.0 && found[1..].iter().all(|e| (e - 885.0).abs() < 15.0), "{found:?}");
     }
     for (option, words) in [("--add tree.glb", "cannot be added"), ("--curvature=0.1 --quiet", "curvature")] {
@@ -270,13 +259,7 @@ fn skies_have_the_photometric_unit_of_lamps() {
     refused(&solve("perez:600,120 --sun 180,45 --photometric=red"), "`photometric = true`");
     let lux = |options: &str| {
         solve(options).exits(0);
-        let text = scratch.text("s/irradiance.csv");
-        text.lines()
-            .nth(1)
-            .and_then(|l| l.rsplit(',').next())
-            .expect("a value")
-            .parse::<f64>()
-            .expect("a number")
+        *scratch.rows("s/irradiance.csv")[0].last().expect("a value")
     };
     let [file, uniform] = ["sky.toml", "uniform:20000"].map(|sky| lux(&format!("{sky} --photometric=red")));
     assert!(file > 1e4 && (uniform / 2e4 - 1.0).abs() < 0.01, "{file} {uniform}");
@@ -300,8 +283,7 @@ fn suns_of_gltf_files_shine_beside_a_sky() {
     scratch.write("points.csv", "x,y,z,nx,ny,nz\n0.3,0,0.4,0,1,0\n");
     let light = |sky: &str| -> f64 {
         scratch.mrvis(&format!("solve yard.gltf --out s --points points.csv --audit 0 {sky}")).exits(0);
-        let text = scratch.text("s/irradiance.csv");
-        text.lines().nth(1).and_then(|l| l.split(',').nth(6)).expect("a value").parse().expect("a number")
+        scratch.rows("s/irradiance.csv")[0][6]
     };
     let sun = light("");
     let sky = light("--sky uniform:100 --sun none");

@@ -182,10 +182,24 @@ impl Scratch {
         Outcome::at_end(child)
     }
 
+    /// Runs a script of bash, for which the command is `$0`.
+    pub fn bash(&self, script: &str) -> Outcome {
+        let mut shell = Command::new("bash");
+        shell.args(["-c", script, env!("CARGO_BIN_EXE_mrvis")]).current_dir(self.0.path());
+        Outcome::of(shell.output().expect("a shell"))
+    }
+
     /// The content of a text file.
     #[track_caller]
     pub fn text(&self, name: impl AsRef<Path>) -> String {
         std::fs::read_to_string(self.0.path().join(name)).expect("a text file")
+    }
+
+    /// The rows of a CSV file of numbers, without its header.
+    #[track_caller]
+    pub fn rows(&self, name: impl AsRef<Path>) -> Vec<Vec<f64>> {
+        let row = |line: &str| line.split(',').map(|cell| cell.parse().expect("a number")).collect();
+        self.text(name).lines().skip(1).map(row).collect()
     }
 
     /// The contents of a JSON file.
@@ -216,6 +230,15 @@ pub fn job_files(
         }
     }
     found
+}
+
+/// Compares line by line, so that a failure names the first difference.
+#[track_caller]
+pub fn assert_same_lines(found: &str, expected: &str, who: &str) {
+    for (i, (found, expected)) in found.lines().zip(expected.lines()).enumerate() {
+        assert_eq!(found, expected, "{who}: line {}", i + 1);
+    }
+    assert_eq!(found.lines().count(), expected.lines().count(), "{who}: lines");
 }
 
 pub fn assert_same_files(found: &BTreeMap<PathBuf, Vec<u8>>, want: &BTreeMap<PathBuf, Vec<u8>>) {

@@ -64,30 +64,26 @@ fn all_crates() -> Vec<File> {
     CRATES[..3].iter().flat_map(|folder| files_of(&project(folder))).collect()
 }
 
+/// Path of the module of a file below the folder of its crate.
+fn module_path(root: &Path, file: &Path) -> Vec<String> {
+    let relative = file.strip_prefix(root).expect("below src").with_extension("");
+    let mut module: Vec<String> =
+        relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
+    module.pop_if(|last| last == "mod");
+    module
+}
+
 /// Files below a folder of sources, without tests.
 fn files_of(root: &Path) -> Vec<File> {
-    let is_test = |p: &Path| {
-        p.components()
-            .any(|c| ["tests", "tests.rs", "testing.rs"].contains(&&*c.as_os_str().to_string_lossy()))
+    let is_test = |module: &[String]| module.iter().any(|part| part == "tests" || part == "testing");
+    let files = rust_files(root).into_iter().map(|path| (module_path(root, &path), path));
+    let file = |(module, path): (Vec<String>, PathBuf)| {
+        let text = without_comments(&read(&path));
+        // Inline test modules are last in their files.
+        let end = text.find("#[cfg(test)]\nmod tests {").unwrap_or(text.len());
+        File { path, module, code: text[..end].to_owned() }
     };
-    rust_files(root)
-        .into_iter()
-        .filter_map(|path| {
-            let relative = path.strip_prefix(root).expect("below src").with_extension("");
-            if is_test(path.strip_prefix(root).expect("below src")) {
-                return None;
-            }
-            let mut module: Vec<String> =
-                relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
-            if module.last().is_some_and(|m| m == "mod") {
-                module.pop();
-            }
-            let text = without_comments(&fs::read_to_string(&path).expect("a source file"));
-            // Inline test modules are last in their files.
-            let end = text.find("#[cfg(test)]\nmod tests {").unwrap_or(text.len());
-            Some(File { path, module, code: text[..end].to_owned() })
-        })
-        .collect()
+    files.filter(|(module, _)| !is_test(module)).map(file).collect()
 }
 
 /// Offsets at which `word` occurs as a whole word.
@@ -234,22 +230,14 @@ fn rooms_use_only_what_the_map_allows() {
 fn every_allowed_use_is_used() {
     // An allowed use that does not occur is removed from the table.
     let mut used: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    for file in library() {
-        used.entry(file.room().to_owned())
-            .or_default()
-            .extend(uses(&file.code).into_iter().map(|(_, name)| name));
-    }
-    for (room, may) in table().into_iter().filter(|(room, _)| room != "bench") {
-        let idle: Vec<_> = may.iter().filter(|m| !used[&room].contains(*m)).collect();
-        assert!(idle.is_empty(), "`{room}` does not use {idle:?}");
-    }
-    let mut used: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    for (room, file) in other_rooms() {
+    let own = library().into_iter().map(|file| (file.room().to_owned(), file));
+    for (room, file) in own.chain(other_rooms()) {
         let names = uses(&file.code).into_iter().chain(names_after(&file.code, "internals"));
         used.entry(room).or_default().extend(names.map(|(_, name)| name));
     }
-    for (room, may) in other_table() {
-        let idle: Vec<_> = may.iter().flatten().filter(|m| !used[&room].contains(*m)).collect();
+    let others = other_table().into_iter().map(|(room, may)| (room, may.into_iter().flatten().collect()));
+    for (room, may) in table().into_iter().filter(|(room, _)| room != "bench").chain(others) {
+        let idle: Vec<_> = may.iter().filter(|m| !used[&room].contains(*m)).collect();
         assert!(idle.is_empty(), "`{room}` does not use {idle:?}");
     }
 }

@@ -1,7 +1,8 @@
 //! C and C++ programs are compiled against the header and the library, and run.
 
-use super::{declared, expected, library};
+use super::{expected, library};
 use crate::install::{output, project};
+use crate::run::assert_same_lines;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
@@ -56,20 +57,12 @@ fn printed(program: &Path) -> String {
     output(&mut Command::new(program))
 }
 
-/// Compares line by line, so that a failure names the first difference.
-fn assert_same(found: &str, expected: &str, who: &str) {
-    for (i, (found, expected)) in found.lines().zip(expected.lines()).enumerate() {
-        assert_eq!(found, expected, "{who}: line {}", i + 1);
-    }
-    assert_eq!(found.lines().count(), expected.lines().count(), "{who}: lines");
-}
-
 #[test]
 fn c_programs_get_the_answers_of_the_crate() {
     let folder = tempfile::tempdir().expect("a folder");
     let expected = expected::all();
     let program = compiled_by_all(&folder, "answers.c");
-    assert_same(&printed(&program), &expected, "answers.c");
+    assert_same_lines(&printed(&program), &expected, "answers.c");
 }
 
 #[test]
@@ -84,7 +77,7 @@ fn cpp_programs_get_the_answers_of_the_crate() {
         ] {
             if run {
                 let program = compiled(&folder, compiler, "wrapper.cpp", flags);
-                assert_same(&printed(&program), &expected, &format!("{compiler} {flags:?}"));
+                assert_same_lines(&printed(&program), &expected, &format!("{compiler} {flags:?}"));
             } else {
                 check(compiler, "wrapper.cpp", flags);
             }
@@ -160,14 +153,4 @@ const ARGUMENTS: &str = "answer answers approximation arrays builder camera chan
 fn callbacks_may_cancel_ask_and_release() {
     let folder = tempfile::tempdir().expect("a folder");
     printed(&compiled_by_all(&folder, "progress.c"));
-}
-
-/// The library exports the functions of the header and nothing else: no symbol of Rust or of Embree.
-#[test]
-fn only_declared_functions_are_exported() {
-    let output = Command::new("nm").args(["-D", "--defined-only"]).arg(library()).output().expect("nm runs");
-    let text = String::from_utf8(output.stdout).expect("text");
-    let mut symbols: Vec<&str> = text.lines().filter_map(|line| line.split_whitespace().nth(2)).collect();
-    symbols.sort_unstable();
-    assert_eq!(symbols, declared(), "exported (left), declared (right)");
 }

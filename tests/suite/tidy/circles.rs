@@ -4,9 +4,8 @@
 //! through a re-export counts as an import from the file that defines the name.
 
 use super::style::circle;
-use super::{CRATES, project, rust_files, source};
+use super::{CRATES, module_path, project, read, rust_files, source};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::Path;
 
 /// The names that a file defines and imports.
@@ -140,16 +139,12 @@ fn of_source(root: &Path) -> Modules {
     rust_files(root)
         .iter()
         .map(|file| {
-            let relative = file.strip_prefix(root).expect("below src").with_extension("");
-            let mut path: Vec<String> =
-                relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
-            if path.last().is_some_and(|last| last == "mod" || last == "lib") {
-                path.pop();
-            }
+            let mut path = module_path(root, file);
+            path.pop_if(|last| last == "lib");
             (path, file)
         })
         .filter(|(path, _)| !is_test(path))
-        .map(|(path, file)| (path, module(&fs::read_to_string(file).expect("a source file"))))
+        .map(|(path, file)| (path, module(&read(file))))
         .collect()
 }
 
