@@ -85,21 +85,16 @@ fn terrain_computes_maps_of_height_fields() {
     scratch.mrvis("terrain slope.asc --out t --output irradiance").exits(2).warns("give --sky");
     // A clear day in June on a slope to the south: about as much as on a level plane, 8 kWh/m2.
     let day = "--output irradiance --day=60 --sky clear:3 --time 2026-06-21T12:00+01:00 --place";
-    scratch.mrvis(&format!("terrain slope.asc --out d --json d.json {day} 47,11")).exits(0);
-    let energy = scratch.json("d.json")["quantities"][0]["mean"].as_f64().expect("a number");
+    let energy = mean_of(&scratch, &format!("{day} 47,11"));
     assert!((6000.0..9000.0).contains(&energy), "{energy}");
     // At the midnight sun the last interval ends with the day.
     let at_80_north = |minutes: u32, month: u32| {
         let time = format!("--time 2026-{month:02}-21T12:00+01:00 --place 80,15");
-        let day = format!("--output irradiance --day={minutes} --sky clear:3 {time}");
-        scratch.mrvis(&format!("terrain slope.asc --out d --json d.json {day}")).exits(0)
+        format!("--output irradiance --day={minutes} --sky clear:3 {time}")
     };
-    at_80_north(60, 12).warns("the sun is below the horizon at all times");
-    let polar = |minutes: u32| {
-        at_80_north(minutes, 6);
-        scratch.json("d.json")["quantities"][0]["mean"].as_f64().expect("a number")
-    };
-    let [even, odd] = [120, 200].map(polar);
+    let dark = scratch.mrvis(&format!("terrain slope.asc --out d {}", at_80_north(60, 12))).exits(0);
+    dark.warns("the sun is below the horizon at all times");
+    let [even, odd] = [120, 200].map(|minutes| mean_of(&scratch, &at_80_north(minutes, 6)));
     assert!((odd / even - 1.0).abs() < 0.01, "{odd} {even}");
     scratch.mrvis(&format!("terrain slope.asc --out d {day} 947,11")).exits(2).warns("latitude 947");
     let job = "[[job]]\ncommand = 'terrain'\nname = 'maps'\nscene = 'slope.asc'\noptions = { output = 'sky-view-factor' }\n";
