@@ -92,9 +92,9 @@ impl Args {
     /// Refuses a log that would be written into an input or a table of the batch.
     fn check_log(&self, plan: &Plan) -> Result<()> {
         let Some(log) = &self.log else { return Ok(()) };
-        let files = plan.lines.iter().flat_map(|line| &line.files).map(PathBuf::as_path);
+        let files = plan.lines.iter().flat_map(|line| &line.files);
         let tables = Output::within("--out", &self.out, TABLES.map(String::from));
-        Inputs::of(files.chain([self.jobs.as_path()])).check(tables.chain([Output::new("--log", log)]))
+        Inputs::of(files.chain([&self.jobs])).check(tables.chain([Output::new("--log", log)]))
     }
 }
 

@@ -131,7 +131,7 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
 
 /// Refuses outputs that would replace an input or each other.
 fn check_outputs(args: &Args, scene: &Scene) -> Result<()> {
-    let inputs = Inputs::of(scene.parts().files.iter().map(PathBuf::as_path));
+    let inputs = Inputs::of(scene.parts().files);
     let Some(folder) = &args.out else { return args.common.check_outputs(&inputs, []) };
     // Which surfaces have pictures is not known yet: of other files, the names that a picture may get.
     let stems: Vec<String> = if args.receivers.is_empty() {

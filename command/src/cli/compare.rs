@@ -28,7 +28,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     if let Some(t) = args.tolerance.filter(|t| !(t.is_finite() && *t >= 0.0)) {
         return Err(Error::arguments(format!("--tolerance {t}: must be a number not below 0")));
     }
-    args.common.check_outputs(&Inputs::of([args.reference.as_path(), &args.test]), [])?;
+    args.common.check_outputs(&Inputs::of([&args.reference, &args.test]), [])?;
     let found = compare(&read_irradiance(&args.reference)?, &read_irradiance(&args.test)?)?;
     args.common.write_json(&found)?;
     args.common.print(&text(&found))?;

@@ -91,7 +91,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     if args.tolerance.is_some_and(|t| t.is_nan() || t < 0.0) {
         return Err(Error::arguments("--tolerance must be a number of at least 0".into()));
     }
-    let inputs = Inputs::of([args.reference.as_path(), &args.approximation]);
+    let inputs = Inputs::of([&args.reference, &args.approximation]);
     // Other common options have no effect here.
     let common = Common { json: args.json.clone(), quiet: args.quiet, ..Common::default() };
     common.check_outputs(&inputs, [])?;

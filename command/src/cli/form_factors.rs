@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         return Err(Error::arguments(format!("--tolerance {v}: must be a number not below 0")));
     }
     let scene = args.scene.load_flat(common)?;
-    let inputs = Inputs::of(scene.parts().files.iter().map(PathBuf::as_path));
+    let inputs = Inputs::of(scene.parts().files);
     common.check_outputs(&inputs, [Output::new("--out", &args.out)])?;
     warn(common, &scene.parts().repairs.messages);
     let facets = Facets::new_unless(&scene, &())?;

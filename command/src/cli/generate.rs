@@ -6,6 +6,7 @@ use mrvis::internals::scene::generate::{KINDS, Kind, Spec, placed, soup};
 use mrvis::internals::scene::{mtl_path, write_gltf, write_obj};
 use mrvis::internals::terrain::{Layer, mountains, write_geotiff};
 use mrvis::{Error, Result};
+use serde_json::{Value, json};
 use std::{
     fmt::Write,
     path::{Path, PathBuf},
@@ -85,11 +86,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             return Ok(ExitCode::SUCCESS);
         }
     };
-    if args.is_terrain() {
-        return terrain(args, out);
-    }
+    let common = &args.common;
     let spec = Spec {
-        seed: args.common.seed,
+        seed: common.seed,
         count: args.count,
         trees: args.trees,
         leaves: args.leaves,
@@ -99,96 +98,61 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         light_size: args.light_size,
         ..Spec::new(name)
     };
-    let kind = spec.kind()?;
-    if args.instances { with_instances(args, &spec, kind, out) } else { flat(args, &spec, kind, out) }
+    // A height field is no scene of polygons.
+    let kind = if args.is_terrain() { None } else { Some(spec.kind()?) };
+    let materials = (kind.is_some() && !args.instances).then(|| mtl_path(out));
+    let files = std::iter::once(out.to_owned()).chain(materials).map(|path| Output::new("--out", path));
+    common.check_outputs(&Inputs::default(), files)?;
+    let spinner = common.spinner(format!("generating {name}"));
+    let (mut json, text) = match kind {
+        None => terrain(args, out)?,
+        Some(kind) if args.instances => with_instances(&spec, kind, out)?,
+        Some(kind) => flat(&spec, kind, out)?,
+    };
+    drop(spinner);
+    (json["mrvis"], json["path"]) = (env!("CARGO_PKG_VERSION").into(), json!(out));
+    json["seed"] = common.seed.into();
+    common.write_json(&json)?;
+    common.print(&format!("{}{text}\n", out.display()))?;
+    Ok(ExitCode::SUCCESS)
 }
 
-/// Writes a height field.
-fn terrain(args: &Args, out: &Path) -> Result<ExitCode> {
-    args.common.check_outputs(&Inputs::default(), [Output::new("--out", out)])?;
-    let spinner = args.common.spinner("generating terrain");
+/// Writes a height field; returns facts for the JSON, and the text after the name of the file.
+fn terrain(args: &Args, out: &Path) -> Result<(Value, String)> {
     let grid = mountains(args.count.unwrap_or(TERRAIN_SIDE), args.common.seed)?;
     write_geotiff(out, &grid, &[Layer { name: "height", values: grid.heights() }])?;
-    drop(spinner);
-    let [columns, rows] = [grid.columns(), grid.rows()];
-    args.common.write_json(&serde_json::json!({
-        "mrvis": env!("CARGO_PKG_VERSION"),
-        "path": out,
-        "unit": "m",
-        "columns": columns,
-        "rows": rows,
-        "cell": grid.cell(),
-        "seed": args.common.seed,
-    }))?;
-    let [cell, _] = grid.cell();
-    args.common.print(&format!(
-        "{}: {} x {} samples, {cell} m apart\n",
-        out.display(),
-        grouped(columns),
-        grouped(rows)
-    ))?;
-    Ok(ExitCode::SUCCESS)
+    let ([columns, rows], [cell, _]) = ([grid.columns(), grid.rows()], grid.cell());
+    let json = json!({ "unit": "m", "columns": columns, "rows": rows, "cell": grid.cell() });
+    Ok((json, format!(": {} x {} samples, {cell} m apart", grouped(columns), grouped(rows))))
 }
 
-/// Writes an OBJ file.
-fn flat(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
-    let files = [out.to_owned(), mtl_path(out)].map(|path| Output::new("--out", path));
-    args.common.check_outputs(&Inputs::default(), files)?;
-    let spinner = args.common.spinner(format!("generating {}", kind.name));
+/// Writes an OBJ file; returns as [`terrain`].
+fn flat(spec: &Spec, kind: &Kind, out: &Path) -> Result<(Value, String)> {
     let soup = soup(spec)?;
     write_obj(out, &soup, &[&format!("{}: {}", origin(kind), kind.about)])?;
-    drop(spinner);
-    args.common.write_json(&serde_json::json!({
-        "mrvis": env!("CARGO_PKG_VERSION"),
-        "path": out,
-        "unit": kind.unit,
-        "polygons": soup.polygons(),
-        "objects": soup.objects.len(),
-        "seed": spec.seed,
-    }))?;
+    let (polygons, objects) = (soup.polygons(), soup.objects.len());
     let unit = if kind.unit == "m" { String::new() } else { format!("; read it with --unit {}", kind.unit) };
-    args.common.print(&format!(
-        "{} and {}: {} polygons, {} objects{unit}\n",
-        out.display(),
-        file_name(&mtl_path(out)),
-        grouped(soup.polygons()),
-        grouped(soup.objects.len()),
-    ))?;
-    Ok(ExitCode::SUCCESS)
+    let (materials, [p, o]) = (file_name(&mtl_path(out)), [polygons, objects].map(grouped));
+    let json = json!({ "unit": kind.unit, "polygons": polygons, "objects": objects });
+    Ok((json, format!(" and {materials}: {p} polygons, {o} objects{unit}")))
 }
 
-/// Writes a glTF file with shared meshes.
-fn with_instances(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
-    args.common.check_outputs(&Inputs::default(), [Output::new("--out", out)])?;
-    let spinner = args.common.spinner(format!("generating {}", kind.name));
+/// Writes a glTF file with shared meshes; returns as [`terrain`].
+fn with_instances(spec: &Spec, kind: &Kind, out: &Path) -> Result<(Value, String)> {
     let placed = placed(spec)?.with_y_up();
     write_gltf(out, &placed, &origin(kind))?;
-    drop(spinner);
     let own = placed.soup.polygons();
     let stored = own + placed.meshes.iter().map(|m| m.polygons()).sum::<usize>();
     let visible = placed.placements.iter().map(|p| placed.meshes[p.mesh as usize].polygons() as u64);
     let visible = visible.fold(own as u64, |sum, n| sum + n);
-    args.common.write_json(&serde_json::json!({
-        "mrvis": env!("CARGO_PKG_VERSION"),
-        "path": out,
-        "unit": kind.unit,
-        "polygons": stored,
-        "objects": placed.soup.objects.len(),
-        "species": placed.meshes.len(),
-        "instances": placed.placements.len(),
+    let (objects, species) = (placed.soup.objects.len(), placed.meshes.len());
+    let instances = placed.placements.len();
+    let json = json!({
+        "unit": kind.unit, "polygons": stored, "objects": objects, "species": species, "instances": instances,
         "visible_polygons": visible,
-        "seed": spec.seed,
-    }))?;
-    args.common.print(&format!(
-        "{}: {} polygons stored, {} visible, {} objects, {} instances of {} meshes\n",
-        out.display(),
-        grouped(stored),
-        grouped(visible as usize),
-        grouped(placed.soup.objects.len()),
-        grouped(placed.placements.len()),
-        grouped(placed.meshes.len()),
-    ))?;
-    Ok(ExitCode::SUCCESS)
+    });
+    let [s, v, o, i, m] = [stored, visible as usize, objects, instances, species].map(grouped);
+    Ok((json, format!(": {s} polygons stored, {v} visible, {o} objects, {i} instances of {m} meshes")))
 }
 
 fn has_extension(path: &Path, extensions: &[&str]) -> bool {

@@ -35,7 +35,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let start = Instant::now();
     let scene = args.scene.load(&args.common)?;
     let seconds = start.elapsed().as_secs_f64();
-    args.common.check_outputs(&Inputs::of(scene.parts().files.iter().map(PathBuf::as_path)), [])?;
+    args.common.check_outputs(&Inputs::of(scene.parts().files), [])?;
     let counts = {
         let _spinner = args.common.spinner("clustering");
         ClusterCounts::of(&scene, args.clusters.builder)

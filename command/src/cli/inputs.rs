@@ -44,9 +44,9 @@ impl Output {
 
 impl Inputs {
     /// These files; those that do not exist and standard input are left out.
-    pub fn of<'a>(files: impl IntoIterator<Item = &'a Path>) -> Inputs {
-        let files = files.into_iter().filter(|file| !is_standard_input(file));
-        Inputs(files.filter_map(|file| file.canonicalize().ok()).collect())
+    pub fn of(files: impl IntoIterator<Item: AsRef<Path>>) -> Inputs {
+        let files = files.into_iter().filter(|file| !is_standard_input(file.as_ref()));
+        Inputs(files.filter_map(|file| file.as_ref().canonicalize().ok()).collect())
     }
 
     /// Refuses outputs that would replace an input or each other.

@@ -45,8 +45,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let mut points = read_points(&args.points)?;
     let scene = args.scene.with_light()?.load(common)?;
     lower(&scene, &mut points);
-    let read = scene.parts().files.iter().chain([&args.points]);
-    let inputs = Inputs::of(read.map(PathBuf::as_path));
+    let inputs = Inputs::of(scene.parts().files.iter().chain([&args.points]));
     common.check_outputs(&inputs, [Output::new("--out", &args.out)])?;
     warn(common, &scene.parts().repairs.messages);
     if scene.parts().emitters.is_empty() && scene.parts().sky.is_none() {

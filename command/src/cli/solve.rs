@@ -235,7 +235,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     // Grids without a height are on their surfaces.
     options.points_in_space = grids.points().count();
     let read = scene.parts().files.iter().chain(&args.points).chain(&args.feature_sizes);
-    let inputs = Inputs::of(read.map(PathBuf::as_path));
+    let inputs = Inputs::of(read);
     let mut written = args.outputs.names(&scene, args.has_points());
     written.push("solution.json".into());
     written.extend(args.has_points().then(|| "irradiance.csv".into()));

@@ -136,7 +136,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         args.format.iter().flat_map(|format| q.files(*format, args.azimuths)).collect::<Vec<_>>()
     };
     let names = args.outputs.iter().flat_map(files);
-    common.check_outputs(&Inputs::of([args.grid.as_path()]), Output::within("--out", &args.out, names))?;
+    common.check_outputs(&Inputs::of([&args.grid]), Output::within("--out", &args.out, names))?;
     let options = ReadOptions {
         cell: args.cell.as_deref().map(cell).transpose()?,
         height_scale: args.height_scale,

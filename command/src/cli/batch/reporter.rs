@@ -71,7 +71,7 @@ impl Reporter {
     }
 
     /// Writes a line of the log. A log that cannot be written any more does not end the batch.
-    fn note(&self, event: &str, mut what: serde_json::Value) {
+    fn note(&self, event: impl Into<serde_json::Value>, mut what: serde_json::Value) {
         let Some(log) = &self.log else { return };
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         what["event"] = event.into();
@@ -123,12 +123,6 @@ impl Reporter {
     /// A job has ended.
     pub fn ended(&self, job: usize, entry: &Entry) {
         self.clear_line(job);
-        let status = match entry.status {
-            Status::Done => "done",
-            Status::Missed => "missed",
-            Status::Failed => "failed",
-            Status::Skipped => "skipped",
-        };
         let left = {
             let mut state = self.state();
             state.ended += 1;
@@ -154,7 +148,7 @@ impl Reporter {
             None if self.bars.is_some() => {}
             None => self.say(&format!("{left} done {name}, {:.2} s", entry.seconds)),
         }
-        self.note(status, what);
+        self.note(json!(entry.status), what);
     }
 
     /// A job is not run because it needs a failed one.
