@@ -3,8 +3,8 @@
 mod again;
 mod crossings;
 mod daylight;
-mod fine_ground;
 mod generated;
+mod ground;
 mod hurried;
 mod limits;
 mod ratios;

@@ -247,6 +247,7 @@ impl FinalGather<'_> {
                         at: point_on(&corners, u, v),
                         side,
                         leaf: element,
+                        triangle: Elements::NONE,
                         path: 0,
                         share: Vec3::ONE,
                     }

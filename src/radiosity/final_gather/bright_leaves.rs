@@ -1,7 +1,7 @@
 //! Small bright surfaces as light sources: the inside of a lamp shade, the ceiling above an uplight. The rays of a point or an element rarely hit them,
 //! and a ray that does stands for all that miss, which causes noise. Shadow rays to these surfaces find their light without this noise.
 
-use super::gatherer::Reflected;
+use super::reflected::Reflected;
 use crate::radiosity::elements::emitter_face::EmitterFace;
 use crate::radiosity::elements::emitters::{Emitter, Emitters};
 use crate::radiosity::elements::{Elements, Shape};

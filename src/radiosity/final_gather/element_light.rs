@@ -119,7 +119,8 @@ impl FinalGather<'_> {
         weight.sqrt() * deviation
     }
 
-    /// The light of all leaves after a local pass: that of some leaves is `known`, the others trace about their share of `rays` rays of all leaves. Leaves
+    /// The light of all leaves after a local pass: that of some leaves is `known`, each other leaf traces the rays that it would have if all leaves had about
+    /// `rays` rays together. Leaves
     /// without rays because of the deadline are missing.
     pub fn sample_elements(
         &self,

@@ -197,7 +197,14 @@ impl FinalGather<'_> {
                     let [u, v, ..] = sample_4d(k, 1, seed);
                     buffers.quarters.push(2 * u8::from(u >= 0.5) + u8::from(v >= 0.5));
                     let at = point_on(&corners, u, v);
-                    buffers.vertices.push(PathVertex { at, side, leaf, path, share: Vec3::ONE });
+                    buffers.vertices.push(PathVertex {
+                        at,
+                        side,
+                        leaf,
+                        triangle: Elements::NONE,
+                        path,
+                        share: Vec3::ONE,
+                    });
                     random.push(sample_4d(k, 0, seed));
                     // Further start points of rays to suns, in the same quarter of the element.
                     let place = |m: u32| {

@@ -67,6 +67,11 @@ impl ElementLight {
         f64::from(self.halves[kind].iter().sum::<Vec3>().element_sum()) / 6.0
     }
 
+    /// Variance of the mean light of a kind by the spread of its rays, (W/m²)².
+    pub fn variance_of_mean(&self, kind: usize) -> f64 {
+        f64::from(self.squares[kind]) / f64::from(2 * self.rays.max(1)).powi(2)
+    }
+
     /// Multiplies the light of a kind by a factor for each channel; the light of suns and sky does not change.
     pub fn scale(&mut self, kind: usize, factor: Vec3) {
         let beyond = if kind == DIRECT { self.sun } else { self.sky };
@@ -144,8 +149,7 @@ impl SharedLight {
     /// The light of an element by its own rays alone.
     pub fn alone(light: &ElementLight) -> SharedLight {
         let sum = light.halves.iter().flatten().map(|half| 0.5 * *half).sum::<Vec3>();
-        let rays = f64::from(2 * light.rays.max(1));
-        let error = light.squares.iter().map(|squares| f64::from(*squares)).sum::<f64>() / (rays * rays);
+        let error = light.variance_of_mean(DIRECT) + light.variance_of_mean(REFLECTED);
         SharedLight { irradiance: sum.to_array().map(f64::from), error }
     }
 }

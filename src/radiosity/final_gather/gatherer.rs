@@ -2,6 +2,7 @@
 
 use super::bright_leaves::BrightLeaves;
 use super::hemisphere::{grid_of, hemisphere};
+use super::reflected::Reflected;
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
 use crate::math::sampling::mix;
@@ -54,7 +55,7 @@ pub struct FinalGather<'a> {
     pub(super) has_time: bool,
     /// [`FinalGather::engine_of_elements`], once it is asked for.
     pub(super) of_elements: OnceLock<VisibilityEngine>,
-    /// By element.
+    /// The light that each element reflects.
     pub(super) reflected: Vec<Reflected>,
     /// [`FinalGather::bright`], once it is asked for.
     bright: OnceLock<Option<BrightLeaves>>,
@@ -77,24 +78,6 @@ pub struct FinalGather<'a> {
     pub(in crate::radiosity) ranks: Ranks,
 }
 
-/// The light that an element reflects, as rays read it.
-#[derive(Clone, Copy)]
-pub struct Reflected {
-    /// Reflected radiosity by channel, W/m².
-    pub light: [f32; 3],
-    /// Smallest distance from which the mean light of the element stands for the light at each of its points (secondary final gathers, Jensen 2001), scene
-    /// units: the radius of the element; 0 in scenes without clusters, where links have divided elements as finely as their light varies; infinite outside
-    /// the exchange.
-    pub trusted_from: f32,
-}
-
-impl Reflected {
-    /// Whether the element is outside the exchange.
-    pub fn is_apart(&self) -> bool {
-        self.trusted_from == f32::INFINITY
-    }
-}
-
 /// A point of a path on a surface.
 #[derive(Clone, Copy)]
 pub struct PathVertex {
@@ -104,6 +87,8 @@ pub struct PathVertex {
     pub side: u32,
     /// The leaf element at the position.
     pub leaf: u32,
+    /// The triangle at the position, where a ray has ended.
+    pub triangle: u32,
     /// Index of the path's sum.
     pub path: u32,
     /// Part of the light sent here that reaches the start of the path, by channel.
@@ -134,7 +119,14 @@ impl RayResult {
         direct: Vec3::ZERO,
         sun: Vec3::ZERO,
         sky: Vec3::ZERO,
-        met: PathVertex { at: Vec3::ZERO, side: Elements::NONE, leaf: 0, path: 0, share: Vec3::ZERO },
+        met: PathVertex {
+            at: Vec3::ZERO,
+            side: Elements::NONE,
+            leaf: 0,
+            triangle: Elements::NONE,
+            path: 0,
+            share: Vec3::ZERO,
+        },
         distance: 0.0,
         gone: false,
     };
@@ -256,7 +248,7 @@ impl<'a> FinalGather<'a> {
             return None;
         }
         let leaf = self.lookup.leaf(side, at);
-        Some(PathVertex { at, side, leaf, path: 0, share: Vec3::ONE })
+        Some(PathVertex { at, side, leaf, triangle, path: 0, share: Vec3::ONE })
     }
 
     /// Finds the groups of emitter faces from which an element draws its emitter rays.

@@ -45,11 +45,10 @@ pub(super) fn keep_power(
     let mut by_side = vec![Received::default(); sides];
     for (i, shared) in all.iter().enumerate() {
         let (area, own) = (areas[i], &light[i]);
-        let rays = 2.0 * f64::from(own.rays.max(1));
         let side = &mut by_side[places[i].side as usize];
         side.count += 1;
         side.own += area * own.mean(kind);
-        side.variance += area * area * f64::from(own.squares[kind]) / (rays * rays);
+        side.variance += area * area * own.variance_of_mean(kind);
         side.shared += area * mean(shared.irradiance[kind]);
     }
     let factor_of = |Received { own, variance, shared, count }: Received| {

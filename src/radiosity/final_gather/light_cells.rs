@@ -64,7 +64,6 @@ impl FinalGather<'_> {
         let hemisphere = self.hemisphere_of(point);
         let rays_of_cells = self.trace_whole(&hemisphere, point, buffers);
         if let Some(light) = self.even_light(&rays_of_cells, known) {
-            buffers.scratch.tally.add_rays(rays_of_cells.len());
             return light;
         }
         let rays_of_cells = hemisphere.in_rows(&rays_of_cells);
@@ -128,7 +127,7 @@ impl FinalGather<'_> {
             sky.add(quarters.iter(), 0.25 * area, 1.0);
             levels.push(quarters);
         }
-        buffers.scratch.tally.add_rays(rays);
+        buffers.scratch.tally.add_rays(rays - whole.len());
         if let Some(environment) = self.environment {
             sum += sky.compared_with(environment.sky_irradiance(point.normal.as_dvec3()).into());
         }
@@ -205,6 +204,7 @@ impl FinalGather<'_> {
             }
             (packet.near, packet.far, packet.active) = ([0.0; LANES], [1.0; LANES], 0xffff);
         }
+        buffers.scratch.tally.add_rays(directions.len());
         self.seen(&vec![None; directions.len()], point.seed, buffers)
     }
 

@@ -35,10 +35,6 @@ const DIRECT_ERROR: f64 = 0.01;
 /// a living room a seventh and two sevenths leave errors of the elements that differ by less than a tenth (`scenes/room.py`).
 pub(super) const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
 
-/// Visible part of the suns' light up to which a surface counts as shaded, and hidden part up to which it counts as sunlit: half a ray of sixteen, which
-/// are the rays of four leaves.
-const SHADED: f64 = 1.0 / 32.0;
-
 /// The result of the local pass.
 pub struct LocalPass {
     /// By element; 0 for clusters and elements with children.
@@ -210,27 +206,6 @@ impl FinalGather<'_> {
         let known: f64 = rows().map(|row| power(row.leaf)).sum();
         let part = if known > 0.0 { all.iter().map(|&leaf| power(leaf)).sum::<f64>() / known } else { 1.0 };
         Arrived::of(rows().map(beyond)).times(part)
-    }
-
-    /// Marks leaves in partial shadow: rays to suns, from the leaf and from leaves with the same parent, find a part of the light.
-    fn mark_shadows(&self, rows: &[&RayRows], results: &mut [LocalResult]) {
-        let Elements { elements, sides, .. } = &self.linked.elements;
-        if self.suns().is_empty() {
-            return;
-        }
-        let parent = |row: &RayRow| elements[row.leaf as usize].parent as usize;
-        let rows = || rows.iter().flat_map(|rows| &rows.rows);
-        let mut sums = vec![[0.0f64; 2]; elements.len()];
-        for row in rows() {
-            let normal = sides[self.side_of(row.leaf) as usize].normal.as_dvec3();
-            let free: f64 = self.suns().iter().map(|sun| mean(sun.irradiance_on(normal))).sum();
-            let found = [f64::from(row.sun().element_sum()) / 3.0, f64::from(row.rays) * free];
-            sums[parent(row)].iter_mut().zip(found).for_each(|(sum, v)| *sum += v);
-        }
-        for row in rows() {
-            let [seen, free] = sums[parent(row)];
-            results[row.leaf as usize].sun_varies = seen > SHADED * free && seen < (1.0 - SHADED) * free;
-        }
     }
 
     /// The direct light of rows from the emitters of the scene, W/m² times scene units squared.

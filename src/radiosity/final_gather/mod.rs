@@ -23,10 +23,12 @@ mod paths;
 mod points;
 mod ray_counts;
 mod ray_rows;
+mod reflected;
 mod sharing;
 mod sky_light;
 mod smooth_light;
 mod starts;
+mod sun_shadows;
 mod uneven_cells;
 mod untraced;
 

@@ -177,6 +177,15 @@ impl<'a> Neighbourhood<'a> {
         (!late()).then_some(Neighbourhood { places, groups })
     }
 
+    /// Marks all places in each run of `count` places of a tree, which lie together, if one of the run is marked.
+    pub fn spread(&self, marked: &mut [bool], count: usize) {
+        for run in self.groups.iter().flat_map(|group| group.members.chunks(count)) {
+            if run.iter().any(|&i| marked[i as usize]) {
+                run.iter().for_each(|&i| marked[i as usize] = true);
+            }
+        }
+    }
+
     /// The nearest `count` neighbours of an element with their squared distances, nearest first; the first one is itself.
     pub fn nearest<'s>(&self, of: u32, count: usize, search: &'s mut Search) -> &'s [(f32, u32)] {
         let Search { found, stack } = search;

@@ -2,6 +2,7 @@
 
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
+use crate::math::on_plane;
 use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
 use crate::radiosity::elements::emitters::{Emitters, density_ratio};
@@ -302,13 +303,12 @@ impl FinalGather<'_> {
         paths.into_iter().map(|path| path.map(|path| std::mem::take(&mut found[path as usize]))).collect()
     }
 
-    /// The vertex from which a path goes on where a ray has ended. It lies in the plane of the element: the rounding error at the end of a long ray exceeds
+    /// The vertex from which a path goes on where a ray has ended. It lies in the plane of the triangle: the rounding error at the end of a long ray exceeds
     /// the height to which the next ray is lifted.
     fn continued(&self, met: PathVertex, share: Vec3, path: u32) -> PathVertex {
-        let Elements { elements, sides, .. } = &self.linked.elements;
-        let Side { normal, reflectance, .. } = sides[met.side as usize];
-        let above = normal.dot(met.at - elements[met.leaf as usize].centre);
-        PathVertex { at: met.at - above * normal, share: share * Vec3::from(reflectance), path, ..met }
+        let reflectance = Vec3::from(self.linked.elements.sides[met.side as usize].reflectance);
+        let at = on_plane(self.scene.corners(met.triangle), met.at);
+        PathVertex { at, share: share * reflectance, path, ..met }
     }
 }
 

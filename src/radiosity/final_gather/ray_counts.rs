@@ -77,7 +77,7 @@ impl FinalGather<'_> {
     }
 
     /// The part of all light that surfaces reflect. The ground under an open sky receives a hundredth of its light from itself.
-    fn reflected_everywhere(&self) -> f64 {
+    pub(super) fn reflected_everywhere(&self) -> f64 {
         let LinkedScene { elements, surroundings, .. } = self.linked;
         f64::from(elements.clusters[0].reflectance * surroundings.enclosed[0])
     }

@@ -25,8 +25,8 @@ pub struct RayRow {
     pub sky: Vec3,
     /// Sum over the rays of the square of all their light that counts as direct, mean over the channels.
     pub squares: f32,
-    /// The same of the light of emitters and suns, and of the other light.
-    pub squares_by_kind: [f32; 2],
+    /// The same without the light of suns.
+    pub squares_beside_suns: f32,
     /// Rays that left the scene.
     pub gone: u32,
     /// Irradiance from emitters and suns at the starts of the rays that left the scene, mean over the channels, sum over the rays, W/m².
@@ -43,8 +43,8 @@ pub struct RowHalf {
     pub direct: Vec3,
     /// The part of `direct` by the emitters of the scene, W/m².
     pub emitted: Vec3,
-    /// The part of `direct` by suns, W/m².
-    pub sun: Vec3,
+    /// The part of `direct` by suns, sums over the first and over the other half of these rays, W/m².
+    pub sun: [Vec3; 2],
     /// Rays that met leaves outside the exchange: paths have gone on from there.
     pub continued: u32,
 }
@@ -97,7 +97,7 @@ impl RayRow {
 
     /// Sum over the rays of the irradiance from suns, W/m².
     pub fn sun(&self) -> Vec3 {
-        self.halves[0].sun + self.halves[1].sun
+        self.halves.iter().flat_map(|half| half.sun).sum()
     }
 
     /// Rays that met leaves outside the exchange.
@@ -178,27 +178,27 @@ impl RayRows {
         for of in batch {
             let (leaf, rays, outside) = (of.leaf, 2 * of.count, 0);
             let (mut halves, mut gone, mut gone_lit) = ([RowHalf::default(); 2], 0, 0.0);
-            let (mut sky, mut squares, mut squares_by_kind) = (Vec3::ZERO, 0.0, [0.0; 2]);
+            let (mut sky, mut squares, mut squares_beside_suns) = (Vec3::ZERO, 0.0, 0.0);
             for (k, (found, path)) in results.by_ref().take(rays as usize).enumerate() {
                 let onwards = path.as_ref().map_or(Vec3::ZERO, |path| path.light);
-                let (lit, others) = (found.direct + found.sun, found.sky + onwards);
-                let light = lit + others;
-                let [direct, of_lit, of_others] = [light, lit, others].map(|light| light.element_sum() / 3.0);
+                let beside_suns = found.direct + found.sky + onwards;
+                let light = beside_suns + found.sun;
+                let direct = light.element_sum() / 3.0;
                 for &(met, share) in path.iter().flat_map(|path| &path.ends) {
                     let row = self.rows.len() as u32;
                     self.ends.push(PathEnd { row, ray: k as u32, met, share, direct });
                 }
-                let half = &mut halves[k / of.count as usize];
+                let (number, count) = (k % of.count as usize, of.count as usize);
+                let half = &mut halves[k / count];
                 half.direct += light;
                 half.emitted += found.direct;
-                half.sun += found.sun;
+                half.sun[usize::from(number >= count / 2)] += found.sun;
                 half.continued += u32::from(path.is_some());
                 sky += found.sky;
                 gone += u32::from(found.gone);
-                gone_lit += if found.gone { of_lit } else { 0.0 };
+                gone_lit += if found.gone { (found.direct + found.sun).element_sum() / 3.0 } else { 0.0 };
                 squares += direct.powi(2);
-                squares_by_kind[0] += of_lit.powi(2);
-                squares_by_kind[1] += of_others.powi(2);
+                squares_beside_suns += (beside_suns.element_sum() / 3.0).powi(2);
                 let met = match path {
                     None if found.met.side != Elements::NONE => found.met.leaf,
                     _ => Elements::NONE,
@@ -213,7 +213,7 @@ impl RayRows {
                 halves,
                 sky,
                 squares,
-                squares_by_kind,
+                squares_beside_suns,
                 gone,
                 gone_lit,
                 outside,
@@ -231,7 +231,7 @@ impl RayRows {
             let half = row.half_of(ray);
             row.halves[half].direct += light;
             row.squares += mean * (2.0 * direct + mean);
-            row.squares_by_kind[1] += mean.powi(2);
+            row.squares_beside_suns += mean.powi(2);
             of_ray.iter_mut().for_each(|end| end.direct += mean);
         }
     }
@@ -259,7 +259,7 @@ impl RayRows {
                     row.halves[usize::from(k >= half)].direct += light;
                     let square = (light.element_sum() / 3.0).powi(2);
                     row.squares += square;
-                    row.squares_by_kind[1] += square;
+                    row.squares_beside_suns += square;
                     row.outside += 1;
                 }
                 *met = number;

@@ -5,7 +5,7 @@
 //! of the rays: the fit to one half is compared with the element's estimate by the other half, averaged over the neighbours (Rousselle, Knaus and Zwicker 2012
 //! choose filters in this way). The same comparison gives the error of the result, noise and bias together. Direct and reflected light have separate windows.
 
-use super::element_samples::{ElementLight, KINDS, SharedLight};
+use super::element_samples::{DIRECT, ElementLight, KINDS, REFLECTED, SharedLight};
 use super::kept_power::{SharedKinds, keep_power};
 use super::neighbours::{Neighbourhood, Place, Search, Sight};
 use crate::radiosity::deadline::Deadline;
@@ -50,7 +50,7 @@ struct Comparison {
 }
 
 /// The irradiance of all elements from the rays of their neighbourhood; after the deadline from their own rays. `areas` are those of the elements.
-/// Elements keep their own light if its noise is less than the part `needed` of their light and of the mean light. All elements together receive
+/// Elements keep their own light if its noise is less than the part `needed` of their light and of the mean light, and so is that of direct light around. All elements together receive
 /// as much as by their own rays.
 pub fn share(
     (places, areas): (&[Place], &[f64]),
@@ -66,17 +66,21 @@ pub fn share(
         let of = |(light, area): (&ElementLight, &f64)| area * light.mean(kind);
         light.iter().zip(areas).map(of).sum::<f64>() / areas.iter().sum::<f64>().max(f64::MIN_POSITIVE)
     });
-    let is_noisy = |i: usize| {
-        let own = [0, 1].map(|kind| light[i].mean(kind));
-        let needed = needed * (own[0] + own[1]).min(level[0] + level[1]);
-        SharedLight::alone(&light[i]).error >= needed * needed
+    let needed_square = |light: &ElementLight| {
+        (needed * (light.mean(DIRECT) + light.mean(REFLECTED)).min(level[DIRECT] + level[REFLECTED])).powi(2)
     };
+    let has_noise = |light: &ElementLight| SharedLight::alone(light).error >= needed_square(light);
+    // Few rays may agree by chance: below small gaps, elements without sunlight would stay dark while others share theirs.
+    let in_shadows = |light: &ElementLight| light.variance_of_mean(DIRECT) >= needed_square(light);
+    let mut is_noisy: Vec<bool> = light.par_iter().map(in_shadows).collect();
+    around.iter().for_each(|around| around.spread(&mut is_noisy, WINDOWS[WINDOWS.len() - 1]));
+    is_noisy.par_iter_mut().zip(light).for_each(|(noisy, light)| *noisy |= has_noise(light));
     let rows = ranks.rows(places.len());
     let buffers = <(Search, Vec<(f32, u32)>)>::default;
     let made = rows.numbers().with_min_len(256).map_init(buffers, |(search, kept), i| {
         let own = [(0.0, i as u32)];
         let found = match &around {
-            Some(around) if is_noisy(i) && !deadline.late() => {
+            Some(around) if is_noisy[i] && !deadline.late() => {
                 let found = around.nearest(i as u32, WINDOWS[WINDOWS.len() - 1], search);
                 sight.visible(places, i as u32, found, kept);
                 &kept[..]

@@ -22,6 +22,7 @@ const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;
 /// in all cells, as of foliage, need three times as many to halve it.
 const CHEAP_TOLERANCE: f64 = 0.25;
 const CHEAP_RAYS: usize = 2;
+
 /// A cell that may be divided, by its index in its level.
 pub(super) struct Uneven {
     pub cell: u32,

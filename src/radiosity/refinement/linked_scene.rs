@@ -298,14 +298,15 @@ impl LinkedScene {
         }
     }
 
-    /// Effect of the errors of all other surfaces on the important ones, relative to their effect if they cancelled: √(A / A_important).
+    /// Twice the effect of the errors of all other surfaces on the important ones, relative to their effect if they cancelled: 2 √(A / A_important).
     /// Patches of area A_p that see important surfaces of area A_i with form factors of importance I = A_i / A change the light of these by Σ
-    /// (A_p / A_i) I δ = δ if their errors δ are alike, and by δ √(A_p / A) if not.
+    /// (A_p / A_i) I δ = δ if their errors δ are alike, and by δ √(A_p / A) if not. The factor 2 limits this effect to half of the error asked for, so that it
+    /// and the errors of the important surfaces' own links together are within that error.
     fn effect_of_errors_together(&self) -> f32 {
         let Elements { elements, sides, area, .. } = &self.elements;
         let is_important = sides.iter().zip(&self.feature_sizes.important).filter(|(_, of)| **of);
         let important: f64 = is_important.map(|(side, _)| elements[side.element as usize].area).sum();
-        if important > 0.0 { (area / important).sqrt() as f32 } else { 1.0 }
+        if important > 0.0 { 2.0 * (area / important).sqrt() as f32 } else { 1.0 }
     }
 
     /// Sweeps along the links, starting from the light of the last sweeps, and sets radiosity and irradiance of all elements.

@@ -252,17 +252,18 @@ fn open_corners_and_yards_have_the_daylight_of_paths() {
     }
 }
 
+/// Slats 2 cm apart at a height of 10 m, with gaps of this part between them.
+fn slats(gap: f64) -> impl Iterator<Item = Vec<DVec3>> {
+    let low = |k: i32| 0.02 * f64::from(k);
+    (-50..50).map(move |k| rectangle([low(k), -1.0], [low(k) + (1.0 - gap) * 0.02, 1.0], |_, _| 10.0))
+}
+
 /// Points below slats with narrow gaps: a twenty-fifth of the sun's disc is seen, and the first sixteen rays of every other point all end on slats. On the mean
 /// the points have the light of the gaps, and below narrow slats with wide gaps all but that of the slats.
 #[test]
 fn gaps_and_slats_before_the_sun_have_their_part_of_its_light() {
-    let (pitch, height) = (0.02, 10.0);
     for gap in [0.04, 0.96] {
-        let slat = |k: i32| {
-            let low = pitch * f64::from(k);
-            rectangle([low, -1.0], [low + (1.0 - gap) * pitch, 1.0], |_, _| height)
-        };
-        let scene = outdoors(0.0, &(-50..50).map(slat).collect::<Vec<_>>(), "none", "0,0,1:1000");
+        let scene = outdoors(0.0, &slats(gap).collect::<Vec<_>>(), "none", "0,0,1:1000");
         let place = |k: u32| {
             let [x, y] = [k % 64, k / 64].map(|at| 0.01 * f64::from(at) - 0.32);
             at(DVec3::new(x + 1e-3 * y, y, 0.0), DVec3::Z)
@@ -271,8 +272,33 @@ fn gaps_and_slats_before_the_sun_have_their_part_of_its_light() {
         let options = Options { audit: 0, elements: false, ..Options::default() };
         let found = solved(&scene, &points, &options).irradiance;
         let found = found.into_iter().map(mean).sum::<f64>() / points.len() as f64 / 1000.0;
-        let part = gap.min(1.0 - gap);
-        assert!((found - gap).abs() < 0.08 * part, "{gap}: {found}");
+        assert!((found - gap).abs() < 0.08 * gap.min(1.0 - gap), "{gap}: {found}");
+    }
+}
+
+/// The same for elements that keep the rays of their exchange: other rays to the sun find its light than those that tell where it is partly visible.
+#[test]
+fn elements_below_gaps_and_slats_have_their_part_of_the_sun() {
+    let pad = |k: u32| {
+        let low = [k % 64, k / 64].map(|at| 0.01 * f64::from(at) - 0.32);
+        rectangle(low, low.map(|at| at + 0.0095), |_, _| 0.0)
+    };
+    for gap in [0.04, 0.96] {
+        let pieces: Vec<Vec<DVec3>> = slats(gap).chain((0..4096).map(pad)).collect();
+        let light = |sun: &str| {
+            let options = Options { audit: 0, error: 0.2, ..Options::default() };
+            let Outcome { mesh, record, .. } =
+                solved(&outdoors(0.0, &pieces, "uniform:500", sun), &[], &options);
+            assert!(record.exact_rays < 20 * mesh.elements.len() as u64, "{} rays", record.exact_rays);
+            let height = |e: &Element| f64::from(mesh.vertices[e.corners[0] as usize].z) + mesh.origin.z;
+            let pads = mesh.elements.iter().filter(|e| height(e) < 1.0 && e.front);
+            let (sum, area) =
+                pads.fold((0.0, 0.0), |(s, a), e| (s + e.area * mean(e.irradiance), a + e.area));
+            sum / area
+        };
+        let found = (light("0,0,1:1000") - light("none")) / 1000.0;
+        // Windows of neighbours that happen to be dark differ least from each other: a fifth of the light of gaps goes to other elements.
+        assert!((found - gap).abs() < 0.3 * gap.min(1.0 - gap), "{gap}: {found}");
     }
 }
 
@@ -363,22 +389,4 @@ fn points_of_streets_and_slopes_have_the_light_of_the_closed_form() {
         let bias = errors.iter().sum::<f64>() / 200.0;
         assert!(rms < 2e-3 && bias.abs() < 7e-4, "{want}: {rms:.5} {bias:.5}");
     }
-}
-
-/// Slopes over bright ground, seen from below by rays that meet other slopes: estimates of their light may be negative, and none is created by this.
-#[test]
-fn ground_below_slopes_creates_no_light() {
-    let at_corner = |i: i32, j: i32| {
-        let (x, y) = (0.5 * f64::from(i), 0.5 * f64::from(j));
-        DVec3::new(x, y, (1.3 * x).sin() * (1.1 * y).cos())
-    };
-    let mut pieces = Pieces::empty();
-    pieces.grey("hills", 0.2).field(0..30, at_corner);
-    let mut sky = SkyOptions::parse("uniform:150").expect("a sky");
-    sky.ground = Some(crate::sky::Amount::Grey(0.5));
-    let mut scene = pieces.scene();
-    scene.set_sky(&sky).expect("a sky of the scene");
-    let options = Options { elements: false, audit: 0, ..Options::default() };
-    let ledger = solved(&scene, &[at(DVec3::new(7.0, 7.0, 5.0), DVec3::Z)], &options).record.ledger;
-    assert!(ledger.created.abs() < 1e-3 * ledger.emitted, "{ledger:?}");
 }
