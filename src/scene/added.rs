@@ -1,11 +1,10 @@
 //! Scenes of several files, and the curvature of the earth.
 
 use super::soup::{Soup, SoupMaterial};
-use super::{UpAxis, read_grid, read_obj, read_ply, seams, sources::Sources};
+use super::{UpAxis, names::UniqueNames, read_grid, read_obj, read_ply, seams, size::ends, sources::Sources};
 use crate::terrain::{EARTH_RADIUS, ReadOptions};
 use crate::{Error, Result, error::shown, math::Aabb};
 use glam::{DAffine3, DVec3, Vec3};
-use std::collections::HashSet;
 use std::io::BufReader;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -82,8 +81,8 @@ pub(super) fn add(soup: &mut Soup, added: &AddedFiles, placed: &[Aabb]) -> Resul
 }
 
 fn append(soup: &mut Soup, of: &Soup, placed: &[Aabb]) {
-    let mut objects: HashSet<String> = soup.objects.iter().cloned().collect();
-    let mut materials: HashSet<String> = soup.materials.iter().map(|m| m.name.clone()).collect();
+    let mut objects = UniqueNames::beside(soup.objects.iter());
+    let mut materials = UniqueNames::beside(soup.materials.iter().map(|m| &m.name));
     let counts = [soup.positions.len(), soup.corners.len(), soup.objects.len(), soup.materials.len()];
     let [position, corner, object, material] = counts.map(|n| n as u32);
     let all_texcoords = !soup.corner_texcoords.is_empty() || !of.corner_texcoords.is_empty();
@@ -111,8 +110,8 @@ fn append(soup: &mut Soup, of: &Soup, placed: &[Aabb]) {
     soup.ends.extend(of.ends.iter().map(|k| corner + k));
     soup.polygon_object.extend(of.polygon_object.iter().map(|k| object + k));
     soup.polygon_material.extend(of.polygon_material.iter().map(|k| material + k));
-    soup.objects.extend(of.objects.iter().map(|name| free(name, &mut objects)));
-    let named = |m: &SoupMaterial| SoupMaterial { name: free(&m.name, &mut materials), ..m.clone() };
+    soup.objects.extend(of.objects.iter().map(|name| objects.of(name)));
+    let named = |m: &SoupMaterial| SoupMaterial { name: materials.of(&m.name), ..m.clone() };
     soup.materials.extend(of.materials.iter().map(named));
     soup.cameras.extend(of.cameras.iter().cloned());
     soup.suns.extend(of.suns.iter().cloned());
@@ -171,15 +170,6 @@ fn take_degrees(soup: &mut Soup, of: &Soup, first: [u32; 2]) {
     soup.metres_of_degree = soup.metres_of_degree.or(of.metres_of_degree);
 }
 
-/// The name, with a number if it is taken.
-fn free(name: &str, taken: &mut HashSet<String>) -> String {
-    let numbered = (2..).map(|k| format!("{name} {k}"));
-    let free = std::iter::once(name.to_owned()).chain(numbered).find(|name| !taken.contains(name));
-    let free = free.unwrap_or_default();
-    taken.insert(free.clone());
-    free
-}
-
 /// How the earth curves away below a scene that was measured on a map: at the horizontal distance d from the middle, heights are d²/2R less.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Curved {
@@ -203,10 +193,7 @@ impl Curved {
             let cure = "set ⟨up⟩, unless the scene is a height field";
             return Err(Error::argument("curvature", factor, "needs the upward axis").with_cure(cure));
         };
-        let (low, high) = soup
-            .positions
-            .iter()
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
+        let (low, high) = ends(soup.positions.iter().copied());
         let radius = factor * EARTH_RADIUS / metres;
         let curved = Curved { up, middle: 0.5 * (low + high), radius };
         let place = |p: DVec3| curved.place(p, DVec3::ZERO).0;

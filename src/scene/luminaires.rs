@@ -1,10 +1,10 @@
 //! Luminaires: plane emitters with an intensity distribution, placed in a scene.
 
 use super::load_options::{PlacedLuminaire, Placements};
-use super::names::counted;
+use super::names::{UniqueNames, counted};
 use super::profile::{Distribution, Profile, axes};
 use super::read_luminaire::{Luminaire, read};
-use super::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial, power::unit_in_metres};
+use super::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial, power::unit_in_metres, size::ends};
 use crate::error::{in_words, quote};
 use crate::files::input;
 use crate::{Error, Result};
@@ -169,11 +169,10 @@ pub fn lit_from_memory(format: &str, bytes: &[u8]) -> Result<super::Scene> {
 /// Adds the luminaires of the options to the scene's polygons.
 pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
     let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
-    let mut taken: HashSet<String> = soup.objects.iter().cloned().collect();
-    let mut numbers = HashMap::<String, usize>::new();
+    let mut names = UniqueNames::beside(soup.objects.iter());
     let mut noted = HashSet::new();
     let places = soup.positions.iter().copied().chain(options.luminaires.list.iter().map(|placed| placed.at));
-    let (low, high) = places.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+    let (low, high) = ends(places);
     let extent = (high - low).length();
     let mut flux = 0.0;
     for placed in &options.luminaires.list {
@@ -182,20 +181,12 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
         if let Some(note) = luminaire.note.as_ref().filter(|_| noted.insert(Arc::as_ptr(&luminaire))) {
             soup.repairs.messages.push(format!("luminaire `{}`: {note}", quote(&name)));
         }
-        // Of equal names the next number is known.
-        let next = numbers.entry(name.clone()).or_insert(1);
-        let free = loop {
-            let numbered = if *next == 1 { name.clone() } else { format!("{name} {next}") };
-            *next += 1;
-            if taken.insert(numbered.clone()) {
-                break numbered;
-            }
-        };
+        let name = names.of(&name);
         let size = luminaire.opening.map(|v| v / metres);
         let distribution = luminaire.distribution.clone();
         let emitted: f64 = distribution.halves().iter().sum();
         flux += emitted * scale * factors[0] * factors[1];
-        Lamp { name: free, at, axes, size, distribution, scale, factors, colour: [1.0; 3] }
+        Lamp { name, at, axes, size, distribution, scale, factors, colour: [1.0; 3] }
             .add(soup, extent, options);
     }
     if options.unit == "m" {

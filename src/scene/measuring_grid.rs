@@ -1,7 +1,7 @@
 //! Regular grids of measuring points over plane surfaces.
 
 use super::Scene;
-use super::emitters::hull;
+use super::{emitters::hull, size::ends};
 use crate::error::quote;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
@@ -134,8 +134,8 @@ impl Scene {
             }
         }
         let corners = || self.corners_of(&faces);
-        let low = corners().reduce(DVec3::min)?;
-        let extent = corners().fold(low, DVec3::max).distance(low);
+        let (low, high) = ends(corners());
+        let extent = high.distance(low);
         let side = if reversed.length() > sum.length() { -1.0 } else { 1.0 };
         let normal = side * (sum + reversed).try_normalize()?;
         let origin = corners().next()?;

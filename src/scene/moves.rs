@@ -1,6 +1,6 @@
 //! Objects, and nodes of glTF files, that are moved before a scene is checked: variants of one file.
 
-use super::{Soup, UpAxis, names::some_names};
+use super::{Soup, UpAxis, names::some_names, size::ends};
 use crate::{
     Error, Result,
     error::{figure, quote},
@@ -130,9 +130,6 @@ fn unknown<'a, S: AsRef<str> + ?Sized + 'a>(motion: &Move, names: impl Iterator<
 
 /// Centre of the bounding box; the origin without points.
 fn centre(points: impl Iterator<Item = DVec3>) -> DVec3 {
-    let ends = |ends: Option<(DVec3, DVec3)>, p: DVec3| {
-        let (min, max) = ends.unwrap_or((p, p));
-        Some((min.min(p), max.max(p)))
-    };
-    points.fold(None, ends).map_or(DVec3::ZERO, |(min, max)| (min + max) / 2.0)
+    let (low, high) = ends(points);
+    if low.x <= high.x { (low + high) / 2.0 } else { DVec3::ZERO }
 }

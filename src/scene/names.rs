@@ -1,6 +1,7 @@
 //! Names of objects, groups and materials, and counts, in messages.
 
 use crate::{Error, error::quote};
+use std::collections::{HashMap, HashSet};
 
 /// Similarity of two names above which one is suggested for the other, as in clap's suggestions of options; and number of
 /// names that are compared: a microsecond each.
@@ -26,7 +27,7 @@ pub(super) fn counted(count: usize, noun: &str) -> String {
 
 /// The first few distinct names, for messages.
 pub(super) fn some_names<'a, S: AsRef<str> + ?Sized + 'a>(names: impl Iterator<Item = &'a S>) -> String {
-    let mut seen = std::collections::HashSet::new();
+    let mut seen = HashSet::new();
     let mut list: Vec<String> = names
         .map(AsRef::as_ref)
         .filter(|n: &&str| seen.insert(*n))
@@ -37,4 +38,29 @@ pub(super) fn some_names<'a, S: AsRef<str> + ?Sized + 'a>(names: impl Iterator<I
         list[8] = "others".into();
     }
     list.join(", ")
+}
+
+/// Makes names unique.
+#[derive(Default)]
+pub(super) struct UniqueNames(HashMap<String, usize>);
+
+impl UniqueNames {
+    /// Beside these, which are unique.
+    pub fn beside<'a>(taken: impl Iterator<Item = &'a String>) -> UniqueNames {
+        UniqueNames(taken.map(|name| (name.clone(), 1)).collect())
+    }
+
+    /// `name`, with a number behind it if it is taken.
+    pub fn of(&mut self, name: &str) -> String {
+        let mut n = self.0.get(name).copied().unwrap_or(0);
+        loop {
+            n += 1;
+            let candidate = if n == 1 { name.to_owned() } else { format!("{name} {n}") };
+            if n == 1 || !self.0.contains_key(&candidate) {
+                self.0.insert(candidate.clone(), 1);
+                self.0.insert(name.to_owned(), n);
+                return candidate;
+            }
+        }
+    }
 }

@@ -16,7 +16,7 @@ use super::{
     keep::Kept,
     luminaires, moves, names, overlap,
     power::{self, Surfaces},
-    size::areas,
+    size::{areas, ends},
     stack::{Order, stack},
 };
 use crate::{
@@ -254,9 +254,8 @@ fn origin(soup: &Soup) -> Result<DVec3> {
 fn median_size(soup: &Soup) -> f64 {
     let starts = std::iter::once(&0).chain(&soup.ends);
     let size = |(&from, &to): (&u32, &u32)| {
-        let corners = soup.corners[from as usize..to as usize].iter().map(|&v| soup.positions[v as usize]);
         let (low, high) =
-            corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+            ends(soup.corners[from as usize..to as usize].iter().map(|&v| soup.positions[v as usize]));
         (high - low).max_element()
     };
     median(starts.zip(&soup.ends).map(size).collect())

@@ -2,7 +2,7 @@
 
 use super::Scene;
 use crate::math::Aabb;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Ratio of the whole scene to what does not emit, above which emitters do not count: rooms with their lamps and terrains
 /// under their skies are below 3, distant lights of glTF files above 20.
@@ -25,6 +25,11 @@ impl Scene {
     pub(crate) fn size(&self) -> f32 {
         self.placed_bounds(self.near_bounds()).diagonal()
     }
+}
+
+/// Smallest and largest coordinates of points; infinite without any.
+pub(super) fn ends(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
+    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
 }
 
 pub(super) fn twice_area([a, b, c]: [Vec3; 3]) -> f64 {

@@ -12,6 +12,7 @@ mod sharing;
 
 use super::{
     LoadOptions, MAX_PLACEMENTS, Repairs, Scene, SoupMaterial, StoredCamera,
+    names::UniqueNames,
     sources::{Sources, TextureKey},
     texture::Texture,
     up::from_y_to_z,
@@ -262,24 +263,4 @@ fn image_keys(path: &Path, document: &gltf::Document) -> HashMap<usize, TextureK
         });
     }
     keys
-}
-
-/// Makes names unique.
-#[derive(Default)]
-struct UniqueNames(HashMap<String, usize>);
-
-impl UniqueNames {
-    /// `name`, with a number behind it if it is taken.
-    fn of(&mut self, name: &str) -> String {
-        let mut n = self.0.get(name).copied().unwrap_or(0);
-        loop {
-            n += 1;
-            let candidate = if n == 1 { name.to_owned() } else { format!("{name} {n}") };
-            if n == 1 || !self.0.contains_key(&candidate) {
-                self.0.insert(candidate.clone(), 1);
-                self.0.insert(name.to_owned(), n);
-                return candidate;
-            }
-        }
-    }
 }
