@@ -1,8 +1,8 @@
 //! The largest rectangle inside a patch: the image of a disc or of an L-shaped floor shows no texel beside it.
 
 use super::rectangle::Rectangle;
+use super::relief::highest;
 use crate::scene::Scene;
-use glam::DVec2;
 
 /// Cells along the longer side of the rectangle around the patch: the rectangle inside is found to 2 %.
 const CELLS: usize = 128;
@@ -11,7 +11,8 @@ const CELLS: usize = 128;
 pub(super) fn inscribed(scene: &Scene, triangles: &[u32], around: &Rectangle) -> Option<Rectangle> {
     let cell = around.width / CELLS as f64;
     let rows = (around.height / cell).floor().max(1.0) as usize;
-    let covered = covered(scene, triangles, around, (rows, cell));
+    let highest = highest(scene, triangles, around, (CELLS, rows, cell));
+    let covered: Vec<bool> = highest.iter().map(Option::is_some).collect();
     let [left, top, right, bottom] = largest(&covered, CELLS)?;
     let up = around.normal.cross(around.right);
     let (width, height) = ((right - left) as f64 * cell, (bottom - top) as f64 * cell);
@@ -22,36 +23,6 @@ pub(super) fn inscribed(scene: &Scene, triangles: &[u32], around: &Rectangle) ->
         true => inside,
         false => Rectangle { right: up, width: height, height: width, ..inside }.upright(),
     })
-}
-
-/// Whether a triangle covers the centre of each cell, row by row from the top left.
-fn covered(scene: &Scene, triangles: &[u32], around: &Rectangle, (rows, cell): (usize, f64)) -> Vec<bool> {
-    let up = around.normal.cross(around.right);
-    let mut covered = vec![false; CELLS * rows];
-    for &t in triangles {
-        let flat = scene.corners(t).map(|p| {
-            let p = p.as_dvec3() - around.centre;
-            DVec2::new(p.dot(around.right), -p.dot(up)) / cell + 0.5 * DVec2::new(CELLS as f64, rows as f64)
-        });
-        let twice = (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]);
-        if twice == 0.0 {
-            continue;
-        }
-        let (low, high) = (flat[0].min(flat[1]).min(flat[2]), flat[0].max(flat[1]).max(flat[2]));
-        let span = |from: f64, to: f64, n: usize| {
-            (from.floor().max(0.0) as usize).min(n)..(to.ceil().max(0.0) as usize).min(n)
-        };
-        for y in span(low.y, high.y, rows) {
-            for x in span(low.x, high.x, CELLS) {
-                let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-                let share = |i: usize, j: usize| (flat[i] - p).perp_dot(flat[j] - p) / twice;
-                if [share(1, 2), share(2, 0), share(0, 1)].iter().all(|&w| w >= -1e-9) {
-                    covered[y * CELLS + x] = true;
-                }
-            }
-        }
-    }
-    covered
 }
 
 /// The rectangle with the most cells that are all true: first column and row, one past the last column and row.

@@ -6,22 +6,16 @@ use crate::math::triangle_normal;
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
 
-/// Highest points of the faces at the centres of the texels of a rectangle, row by row from the top left, a
-/// thousandth of a texel above the surface. Texels beside the faces get the height of the nearest texel in the row.
-pub(super) fn points(
+/// Height of the highest face above the centre of each texel of a rectangle, and its normal on the side of the height, row by row from the
+/// top left; none beside the faces.
+pub(super) fn highest(
     scene: &Scene,
     triangles: &[u32],
-    rectangle: &Rectangle,
+    &Rectangle { right, normal, centre, .. }: &Rectangle,
     (width, height, texel): (usize, usize, f64),
-) -> Vec<ReceiverPoint> {
-    let Rectangle { right, normal, centre, .. } = *rectangle;
-    let magnitude = scene.magnitude_of(triangles);
+) -> Vec<Option<(f64, DVec3)>> {
     let up = normal.cross(right);
-    let middle = |x: usize, y: usize| {
-        let at = |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * texel;
-        DVec2::new(at(x, width), -at(y, height))
-    };
-    let mut highest: Vec<(f64, DVec3)> = vec![(f64::MIN, normal); width * height];
+    let mut highest: Vec<Option<(f64, DVec3)>> = vec![None; width * height];
     for &t in triangles {
         let [a, b, c] = scene.corners(t);
         let corners = [a, b, c].map(|p| p.as_dvec3() - centre);
@@ -41,33 +35,51 @@ pub(super) fn points(
         };
         for y in span(-high.y, -low.y, height) {
             for x in span(low.x, high.x, width) {
-                let p = middle(x, y);
+                let p = middle([x, y], [width, height], texel);
                 let part = |i: usize, j: usize| (flat[i] - p).perp_dot(flat[j] - p) / twice;
                 let weights = [part(1, 2), part(2, 0), part(0, 1)];
                 if weights.iter().all(|&w| w >= -1e-9) {
                     let rise = weights.iter().zip(heights).map(|(w, h)| w * h).sum::<f64>();
                     let found = &mut highest[y * width + x];
-                    if rise > found.0 {
-                        *found = (rise, face);
+                    if found.is_none_or(|(other, _)| rise > other) {
+                        *found = Some((rise, face));
                     }
                 }
             }
         }
     }
+    highest
+}
+
+/// The centre of a texel, in axes to the right and upwards from the middle of so many columns and rows.
+fn middle([x, y]: [usize; 2], [width, height]: [usize; 2], texel: f64) -> DVec2 {
+    let at = |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * texel;
+    DVec2::new(at(x, width), -at(y, height))
+}
+
+/// Highest points of the faces at the centres of the texels of a rectangle, row by row from the top left, a
+/// thousandth of a texel above the surface. Texels beside the faces get the height of the nearest texel in the row.
+pub(super) fn points(
+    scene: &Scene,
+    triangles: &[u32],
+    rectangle: &Rectangle,
+    (width, height, texel): (usize, usize, f64),
+) -> Vec<ReceiverPoint> {
+    let Rectangle { right, normal, centre, .. } = *rectangle;
+    let magnitude = scene.magnitude_of(triangles);
+    let up = normal.cross(right);
+    let mut highest = highest(scene, triangles, rectangle, (width, height, texel));
     for row in highest.chunks_mut(width) {
-        let outline: Vec<usize> = (0..row.len()).filter(|&x| row[x].0 > f64::MIN).collect();
+        let outline: Vec<usize> = (0..row.len()).filter(|&x| row[x].is_some()).collect();
         for x in (0..row.len()).filter(|x| !outline.contains(x)) {
-            let nearest = outline.iter().min_by_key(|o| o.abs_diff(x));
-            row[x] = nearest.map_or((rectangle.rise[0], normal), |&o| row[o]);
+            row[x] = outline.iter().min_by_key(|o| o.abs_diff(x)).and_then(|&o| row[o]);
         }
     }
-    highest
-        .into_iter()
-        .enumerate()
-        .map(|(i, (rise, face))| {
-            let p = middle(i % width, i / width);
-            let position = centre + p.x * right + p.y * up + rise * normal + 1e-3 * texel * face;
-            ReceiverPoint { position: position.as_vec3(), normal: face.as_vec3(), magnitude }
-        })
-        .collect()
+    let point = |(i, found): (usize, Option<(f64, DVec3)>)| {
+        let (rise, face) = found.unwrap_or((rectangle.rise[0], normal));
+        let p = middle([i % width, i / width], [width, height], texel);
+        let position = centre + p.x * right + p.y * up + rise * normal + 1e-3 * texel * face;
+        ReceiverPoint { position: position.as_vec3(), normal: face.as_vec3(), magnitude }
+    };
+    highest.into_iter().enumerate().map(point).collect()
 }
