@@ -8,14 +8,13 @@ mod stopped;
 use super::*;
 use crate::model::{Detail, Model, PrepareOptions};
 use crate::ray::{LANES, Packet};
-use crate::scene::generate::{Spec, build};
+use crate::scene::testing::{self, Pieces};
 use crate::visibility::{Bundle, Method, Workspace};
 use glam::Vec3;
 
 /// A small forest under its sky panel.
 fn forest() -> Model {
-    let spec = Spec { trees: 9, leaves: 200, ..Spec::new("forest") };
-    Model::prepare(build(&spec).unwrap(), &PrepareOptions::default()).unwrap()
+    Model::prepare(testing::forest(9, 200), &PrepareOptions::default()).unwrap()
 }
 
 /// Origins, targets, offsets of bundles, and sizes of emitters.
@@ -187,7 +186,7 @@ fn single_questions_agree_with_batches() {
 #[test]
 fn what_lies_near_an_end_blocks_however_large_the_scene_is() {
     use glam::DVec3;
-    let mut pieces = crate::scene::testing::Pieces::new();
+    let mut pieces = Pieces::new();
     pieces.quad(DVec3::ZERO, 10.0 * DVec3::X, 10.0 * DVec3::Y);
     pieces.object("plate").quad(0.002 * DVec3::Z, 2.0 * DVec3::X, 2.0 * DVec3::Y);
     pieces.light(5e4 * DVec3::Z, 10.0 * DVec3::Y, 10.0 * DVec3::X);
@@ -282,9 +281,8 @@ fn empty_bundles_and_batches_are_answered() {
 
 #[test]
 fn without_optics_visibility_is_exact() {
-    let spec = Spec { trees: 4, leaves: 50, ..Spec::new("forest") };
     let options = PrepareOptions { detail: Detail::Rays, threads: 2, ..PrepareOptions::default() };
-    let model = Model::prepare(build(&spec).unwrap(), &options).unwrap();
+    let model = Model::prepare(testing::forest(4, 50), &options).unwrap();
     let up = |engine| {
         let visibility = model.visibility().with_engine(engine);
         visibility.from_point([0.0, 0.0, 0.01], [0.0, 0.0, 1.0]).to_source(0).feature_size(0.1).answer()
@@ -298,11 +296,7 @@ fn without_optics_visibility_is_exact() {
 
 #[test]
 fn form_factors_have_rows() {
-    let model = Model::prepare(
-        build(&Spec::new("cornell")).unwrap(),
-        &PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() },
-    );
-    let model = model.unwrap();
+    let model = crate::model::testing::model(&testing::generated("cornell"), Detail::Rays);
     let found =
         model.form_factors(&FormFactorOptions { rays: Some(1024), ..FormFactorOptions::default() }).unwrap();
     assert!(found.names.is_empty() && found.offsets.len() == found.areas.len() + 1);
@@ -328,19 +322,4 @@ fn form_factors_have_rows() {
     assert!(
         model.form_factors(&FormFactorOptions { rays: Some(0), ..FormFactorOptions::default() }).is_err()
     );
-}
-
-#[test]
-fn a_solution_answers_points_at_any_time() {
-    let scene = build(&Spec::new("cornell")).unwrap();
-    let options = PrepareOptions { detail: Detail::Clusters, ..PrepareOptions::default() };
-    let solution = {
-        let model = Model::prepare(scene, &options).unwrap();
-        model.solve(&SolveOptions { error: 0.1, ..SolveOptions::default() }).unwrap()
-    };
-    let point = |normal| SurfacePoint { position: [278.0, 0.5, 279.5], normal };
-    let found = solution.irradiance(&[point([0.0, 1.0, 0.0]), point([0.0, 3.0, 0.0])]).unwrap();
-    assert!(found[0].iter().all(|e| *e > 0.0) && solution.report().mean_irradiance[0] > 0.0);
-    let (a, b) = (found[0][1], found[1][1]);
-    assert!((a / b - 1.0).abs() < 0.1, "{a} {b}");
 }

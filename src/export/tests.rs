@@ -2,9 +2,9 @@ use super::*;
 use crate::model::Model;
 use crate::progress::testing::stop_when;
 use crate::radiosity::mesh::{Element, PlacedElement, RadiosityMesh};
-use crate::scene::testing::Pieces;
+use crate::scene::testing::{Pieces, facing_up};
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
-use glam::{DVec3, Vec3, dvec3};
+use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -30,6 +30,13 @@ fn grey(corners: [u32; 4], irradiance: f64, area: f64, triangle: u32) -> Element
         crossed: false,
         walls: 0,
     }
+}
+
+/// Adds a quad as an element with an irradiance.
+fn add_quad(solution: &mut RadiosityMesh, corners: [DVec3; 4], irradiance: f64, area: f64, triangle: u32) {
+    let first = solution.vertices.len() as u32;
+    solution.vertices.extend(corners.map(|p| p.as_vec3()));
+    solution.elements.push(grey([first, first + 1, first + 2, first + 3], irradiance, area, triangle));
 }
 
 /// The unit square at z = 0, facing up, with one quarter split again; `light` is the irradiance at an element's
@@ -149,12 +156,9 @@ fn lightmaps_of_crumbs_leave_room_for_walls() {
     let mut solution = RadiosityMesh::default();
     for k in 0..1001u32 {
         let (at, side) = if k == 0 { (0.0, 1.0) } else { (2.0 + 0.01 * f64::from(k), 1e-3) };
-        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
-            .map(|[x, y]| dvec3(at + side * x, side * y, 0.01 * f64::from(k)));
+        let corners = facing_up([at, at + side], [0.0, side], 0.01 * f64::from(k));
         pieces.polygon(&corners);
-        let first = solution.vertices.len() as u32;
-        solution.vertices.extend(corners.map(|p| p.as_vec3()));
-        solution.elements.push(grey([first, first + 1, first + 2, first + 3], 1.0, side * side, 2 * k));
+        add_quad(&mut solution, corners, 1.0, side * side, 2 * k);
     }
     let scene = pieces.scene();
     let mesh = Mesh::new(&solution);
@@ -173,18 +177,14 @@ fn unwrapped(gap: f32, texels: usize) -> Result<Lightmap, String> {
     soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
     let mut solution = RadiosityMesh::default();
     for k in 0..2u32 {
-        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
-            .map(|[x, y]| dvec3(x + 2.0 * f64::from(k), y, 0.0));
+        let corners = facing_up([0.0, 1.0].map(|x| x + 2.0 * f64::from(k)), [0.0, 1.0], 0.0);
         soup.polygon(0, 0, &corners);
         let left = k as f32 * (0.4 + gap) + 0.05;
         let uv = [[left, 0.1], [left + 0.4, 0.1], [left + 0.4, 0.9], [left, 0.9]];
         let start = soup.texcoords.len() as u32;
         soup.texcoords.extend(uv);
         soup.corner_texcoords.extend((0..4).map(|i| start + i));
-        let first = solution.vertices.len() as u32;
-        solution.vertices.extend(corners.map(|p| p.as_vec3()));
-        let e = if k == 0 { 1.0 } else { 100.0 };
-        solution.elements.push(grey([first, first + 1, first + 2, first + 3], e, 1.0, 2 * k));
+        add_quad(&mut solution, corners, if k == 0 { 1.0 } else { 100.0 }, 1.0, 2 * k);
     }
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
     let mesh = Mesh::new(&solution);

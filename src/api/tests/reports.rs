@@ -1,20 +1,14 @@
 //! Benchmarks and references from the front door.
 
-use crate::model::{Detail, Model, PrepareOptions};
+use crate::model::{Detail, testing::model};
 use crate::progress::testing::stop_when;
-use crate::scene::Scene;
-use crate::scene::generate::{Spec, build};
+use crate::scene::testing::{forest, generated};
 use crate::{Answers, BenchOptions, Error, Segments, SolveOptions, Strided, SurfacePoint};
 use std::sync::Arc;
 
-fn model(scene: Scene, detail: Detail) -> Model {
-    Model::prepare(scene, &PrepareOptions { detail, ..PrepareOptions::default() }).unwrap()
-}
-
 #[test]
 fn benchmarks_have_a_record_and_a_page() {
-    let spec = Spec { trees: 4, leaves: 40, ..Spec::new("forest") };
-    let model_of = |detail| model(build(&spec).unwrap(), detail);
+    let model_of = |detail| model(&forest(4, 40), detail);
     let optics = model_of(Detail::Optics);
     let options = BenchOptions {
         points: 60,
@@ -46,7 +40,7 @@ fn benchmarks_have_a_record_and_a_page() {
 
 #[test]
 fn references_agree_with_solutions() {
-    let model = model(Scene::generate("cornell").unwrap(), Detail::Clusters);
+    let model = model(&generated("cornell"), Detail::Clusters);
     let floor = SurfacePoint { position: [278.0, 0.0, 279.6], normal: [0.0, 2.0, 0.0] };
     let found = model.reference(&[floor], 4096, 1).unwrap();
     let solved = model.solve(&SolveOptions { error: 0.05, ..SolveOptions::default() }).unwrap();
@@ -65,7 +59,7 @@ fn references_agree_with_solutions() {
 
 #[test]
 fn batches_stop_in_their_middle() {
-    let model = model(Scene::generate("cornell").unwrap(), Detail::Rays);
+    let model = model(&generated("cornell"), Detail::Rays);
     let (ends, offsets) = ([100.0f32, 100.0, 100.0, 400.0, 400.0, 400.0], Vec::from_iter(0..=100_000));
     let [from, to] = [&ends[..3], &ends[3..]].map(|p| Strided::repeated(p.try_into().unwrap(), 100_000));
     let (segments, mut clear) = (Segments::new(from, to, &offsets), vec![-1.0; 100_000]);

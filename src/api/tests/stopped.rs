@@ -3,7 +3,7 @@
 use crate::model::testing::{model, prepared_in};
 use crate::model::{Detail, Model};
 use crate::progress::testing::stop_when;
-use crate::scene::Scene;
+use crate::scene::{Scene, testing::generated};
 use crate::{
     Answers, Engine, Error, FormFactorOptions, GenerateOptions, Grouping, Progress, Segments, SolveOptions,
     SurfacePoint,
@@ -66,7 +66,7 @@ fn form_factors_stop_at_any_step() {
 /// Facets are made, and the matrix is put together, in steps that a caller can stop at.
 #[test]
 fn form_factors_stop_before_and_after_their_rays() {
-    let model = model(&Scene::generate("cubes").expect("a scene"), Detail::Rays);
+    let model = model(&generated("cubes"), Detail::Rays);
     let options =
         FormFactorOptions { rays: Some(16), grouping: Grouping::Material, ..FormFactorOptions::default() };
     let all = Arc::new(at_ask(u64::MAX));
@@ -87,7 +87,7 @@ fn form_factors_stop_before_and_after_their_rays() {
 /// A bundle of many chunks is answered in parts, and stops between them.
 #[test]
 fn one_large_bundle_stops() {
-    let model = model(&Scene::generate("cubes").expect("a scene"), Detail::Optics);
+    let model = model(&generated("cubes"), Detail::Optics);
     let [low, high] = model.scene().bounds().map(|corner| corner.map(|x| x as f32));
     let count = 5 << 14;
     let at = |i: usize, z: f32| {

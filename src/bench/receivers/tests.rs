@@ -3,29 +3,23 @@
 use super::*;
 use crate::model::{Detail, testing};
 use crate::ray::Brute;
-use crate::scene::testing::generated;
+use crate::scene::testing::{Pieces, generated};
 use glam::{DVec3, Vec3};
 
 /// Feature sizes that do not limit the texels of these scenes.
 const SIZES: [f64; 2] = [1e6, 1e6];
 
-/// The images of these surfaces.
-fn grids(
-    model: &Model,
-    exact: &dyn Occluder,
-    names: &[String],
-    sizes: [f64; 2],
-) -> Result<Vec<ReceiverGrid>> {
-    Ok(choose(model, exact, names)?.grids(model, exact, sizes))
-}
-
-fn cornell() -> Scene {
-    generated("cornell")
+/// The images of these surfaces of a scene.
+fn grids(scene: &Scene, names: &[&str], sizes: [f64; 2]) -> Result<Vec<ReceiverGrid>> {
+    let (model, names) =
+        (testing::model(scene, Detail::Rays), names.iter().map(|n| n.to_string()).collect::<Vec<_>>());
+    let exact = model.exact();
+    Ok(choose(&model, &exact, &names)?.grids(&model, &exact, sizes))
 }
 
 #[test]
 fn rectangles_fit_tilted_quads() {
-    let scene = cornell();
+    let scene = generated("cornell");
     // The top of the tall block is turned about the vertical; its rectangle is a square of about 165 mm.
     let faces: Vec<u32> = (0..scene.triangles.len() as u32).collect();
     let patches = patches(&scene, &faces);
@@ -48,9 +42,7 @@ fn rectangles_fit_tilted_quads() {
 
 #[test]
 fn default_receivers_are_lit_and_distinct() {
-    let scene = cornell();
-    let model = testing::model(&scene, Detail::Rays);
-    let receivers = grids(&model, &Brute::new(&scene.positions, &scene.triangles), &[], SIZES).unwrap();
+    let receivers = grids(&generated("cornell"), &[], SIZES).unwrap();
     assert!(!receivers.is_empty() && receivers.len() <= DEFAULT_COUNT);
     for r in &receivers {
         assert!(r.lit && r.width == 96 && r.height <= 96, "{}", r.name);
@@ -60,10 +52,8 @@ fn default_receivers_are_lit_and_distinct() {
 
 #[test]
 fn names_that_nothing_has_are_errors() {
-    let scene = cornell();
-    let brute = Brute::new(&scene.positions, &scene.triangles);
-    let model = testing::model(&scene, Detail::Rays);
-    let message = grids(&model, &brute, &["nothing".into()], SIZES).unwrap_err().to_string();
+    let scene = generated("cornell");
+    let message = grids(&scene, &["nothing"], SIZES).unwrap_err().to_string();
     assert!(message.contains("nothing") && message.contains(&scene.objects[0].name), "{message}");
 }
 
@@ -82,7 +72,7 @@ fn images_show_what_is_up_at_the_top() {
     let back = wall.turned();
     assert_eq!((back.normal, back.normal.cross(back.right)), (-DVec3::Y, DVec3::Z));
     let patch = Patch { triangles: Vec::new(), area: 2.0, rectangle: back, relief: false };
-    let points = patch.points(&cornell(), &back, (2, 1, 1.0));
+    let points = patch.points(&generated("cornell"), &back, (2, 1, 1.0));
     let points: Vec<Vec3> = points.iter().map(|p| p.position).collect();
     // Seen from -y with z up, x grows to the right.
     assert!(points[0].x < points[1].x);
@@ -92,7 +82,6 @@ fn images_show_what_is_up_at_the_top() {
 #[test]
 fn placed_meshes_are_receivers() {
     use crate::scene::Placement;
-    use crate::scene::testing::Pieces;
     use glam::{DAffine3, DQuat};
     let mut mesh = Pieces::new();
     mesh.object("board").quad(DVec3::ZERO, 2.0 * DVec3::X, DVec3::Y);
@@ -113,12 +102,10 @@ fn placed_meshes_are_receivers() {
     let placements =
         vec![place("left", first, true), place("right", second, true), place("ghost", first, false)];
     scene.placements = placements;
-    let model = testing::model(&scene, Detail::Rays);
-    let exact = model.exact();
     for (name, at) in [("left", first), ("right", second), ("board", first)] {
         let options = crate::bench::BenchOptions { receivers: vec![name.into()], ..Default::default() };
         options.check_for(&scene).expect(name);
-        let receivers = grids(&model, &exact, &[name.to_owned()], SIZES).expect(name);
+        let receivers = grids(&scene, &[name], SIZES).expect(name);
         assert!(receivers.len() == 1 && receivers[0].lit && receivers[0].name == name);
         assert!((receivers[0].surface[0] - 3.0).abs() < 1e-4, "{:?}", receivers[0].surface);
         let normal = turn * DVec3::Z;
@@ -128,14 +115,13 @@ fn placed_meshes_are_receivers() {
             assert!(point.normal.as_dvec3().dot(normal) > 0.999);
         }
     }
-    let ghost = grids(&model, &exact, &["ghost".to_owned()], SIZES).expect_err("hidden").to_string();
+    let ghost = grids(&scene, &["ghost"], SIZES).expect_err("hidden").to_string();
     assert!(ghost.contains("`ghost`") && ghost.contains("`left`"), "{ghost}");
 }
 
 /// Terrain under an emitter: the image is taken from above, every texel is on the surface and faces upwards.
 #[test]
 fn a_terrain_is_a_receiver() {
-    use crate::scene::testing::Pieces;
     let height = |x: f64, y: f64| 0.3 * (0.9 * x).sin() * (0.7 * y).cos();
     let mut pieces = Pieces::new();
     pieces.object("hills");
@@ -146,10 +132,8 @@ fn a_terrain_is_a_receiver() {
     pieces.field(0..40, at);
     pieces.light(DVec3::new(4.0, 4.0, 6.0), DVec3::Y, DVec3::X);
     let scene = pieces.scene();
-    let model = testing::model(&scene, Detail::Rays);
-    let exact = model.exact();
-    for names in [vec![], vec!["hills".to_owned()]] {
-        let receivers = grids(&model, &exact, &names, SIZES).expect("receivers");
+    for names in [&[][..], &["hills"]] {
+        let receivers = grids(&scene, names, SIZES).expect("receivers");
         assert_eq!(receivers.iter().map(|r| r.name.as_str()).collect::<Vec<_>>(), ["hills"]);
         let points = &receivers[0].points;
         assert_eq!(points.len(), receivers[0].width * receivers[0].height);
@@ -166,7 +150,6 @@ fn a_terrain_is_a_receiver() {
 
 /// A scene under a closed dome that emits: a round ground of 720 triangles, and a block on it.
 fn round_garden() -> Scene {
-    use crate::scene::testing::Pieces;
     use std::f64::consts::TAU;
     let mut pieces = Pieces::new();
     pieces.object("ground");
@@ -193,10 +176,8 @@ fn a_round_ground_is_a_receiver() {
         scene.triangle_object.iter().filter(|&&o| scene.objects[o as usize].name == "ground").count(),
         720
     );
-    let model = testing::model(&scene, Detail::Rays);
-    let exact = model.exact();
-    for names in [vec![], vec!["ground".to_owned()]] {
-        let receivers = grids(&model, &exact, &names, SIZES).expect("receivers");
+    for names in [&[][..], &["ground"]] {
+        let receivers = grids(&scene, names, SIZES).expect("receivers");
         let ground = receivers.iter().find(|r| r.name == "ground").expect("the ground");
         assert!(ground.lit);
         let points: Vec<DVec3> = ground.points.iter().map(|p| p.position.as_dvec3() + scene.origin).collect();
@@ -209,16 +190,13 @@ fn a_round_ground_is_a_receiver() {
 /// Texels of half the feature size on a large floor with one block: the image is a window with the block's shadow.
 #[test]
 fn windows_are_where_the_shadows_are() {
-    use crate::scene::testing::Pieces;
     let mut pieces = Pieces::new();
     pieces.object("floor").quad(DVec3::ZERO, 40.0 * DVec3::X, 30.0 * DVec3::Y);
     pieces.object("block").cuboid(DVec3::new(11.0, -9.0, 0.0), DVec3::new(12.0, -8.0, 1.0));
     pieces.light(DVec3::new(0.0, 0.0, 20.0), DVec3::Y, DVec3::X);
     let scene = pieces.scene();
-    let model = testing::model(&scene, Detail::Rays);
-    let exact = model.exact();
     let sizes = [0.04, 0.2];
-    let receivers = grids(&model, &exact, &["floor".to_owned()], sizes).expect("the floor");
+    let receivers = grids(&scene, &["floor"], sizes).expect("the floor");
     let floor = &receivers[0];
     assert!(floor.texel <= 0.5 * sizes[0] && floor.width <= 512, "{} {}", floor.texel, floor.width);
     assert_eq!(floor.surface, [40.0, 30.0]);
@@ -238,7 +216,6 @@ fn windows_are_where_the_shadows_are() {
 #[test]
 fn default_sizes_are_what_images_show() {
     use crate::bench::sizes::of_images;
-    use crate::scene::testing::Pieces;
     let mut pieces = Pieces::new();
     pieces.object("floor").quad(DVec3::ZERO, 40.0 * DVec3::X, 30.0 * DVec3::Y);
     pieces.object("step").quad(DVec3::new(50.0, 0.0, 0.0), 4.0 * DVec3::X, 3.0 * DVec3::Y);

@@ -9,6 +9,7 @@ use crate::scene::Scene;
 use crate::scene::generate::{Spec, build};
 use crate::scene::testing::{Pieces, on_threads};
 use glam::{DVec3, dvec3};
+use std::collections::BTreeMap;
 use std::io::Read;
 
 fn quads(list: &[(DVec3, DVec3, DVec3)]) -> Scene {
@@ -244,22 +245,13 @@ fn files_hold_the_matrix() {
     let scene = town(100);
     let facets = Facets::new(&scene);
     let m = by_groups(run(&scene, |_| ()).0, &scene, &facets, Grouping::Material, &()).unwrap();
-    let folder = tempfile::tempdir().expect("scratch folder");
-    let path = |name: &str| folder.path().join(name);
-    for (name, format) in [("f.npz", Format::Npz), ("f.csv", Format::Csv), ("f.mtx", Format::Mtx)] {
-        assert_eq!(Format::of(&path(name)).expect("known"), format);
-        write(&path(name), &m, format, None).expect("written");
-    }
-    let text = |name: &str| std::fs::read_to_string(path(name)).expect("text");
-    let rows: Vec<String> = text("f.csv").lines().map(str::to_owned).collect();
+    let (rows, mtx, archive) = files(&m, None);
     assert_eq!((rows[0].as_str(), rows.len()), ("from,to,factor", 1 + m.columns.len()));
     let entry: Vec<&str> = rows[1].split(',').collect();
     assert_eq!(entry[0], m.names[0]);
     assert_eq!(entry[2].parse::<f32>().expect("a number"), m.factors[0]);
-    let mtx = text("f.mtx");
     let size = format!("{0} {0} {1}", m.len(), m.columns.len());
     assert!(mtx.starts_with("%%MatrixMarket matrix coordinate real general\n") && mtx.contains(&size));
-    let archive = members(&path("f.npz"));
     let data = &archive["data.npy"];
     assert!(data.starts_with(b"\x93NUMPY\x01\x00"));
     let header = u16::from_le_bytes([data[8], data[9]]) as usize;
@@ -276,18 +268,27 @@ fn files_hold_the_matrix() {
     }
 }
 
-/// Names and contents of the members of an archive, whose sums are right.
-fn members(path: &std::path::Path) -> std::collections::BTreeMap<String, Vec<u8>> {
-    let archive = rawzip::ZipArchive::from_slice(std::fs::read(path).expect("a file")).expect("an archive");
+/// The matrix in files of all formats: lines of CSV, MatrixMarket, and names and contents of the members of an archive, whose sums are right.
+fn files(m: &FormFactors, labels: Option<&Labels>) -> (Vec<String>, String, BTreeMap<String, Vec<u8>>) {
+    let folder = tempfile::tempdir().expect("scratch folder");
+    let written = |name: &str, format| {
+        let path = folder.path().join(name);
+        assert_eq!(Format::of(&path).expect("known"), format);
+        write(&path, m, format, labels).expect("written");
+        std::fs::read(&path).expect("a file")
+    };
+    let [csv, mtx] = [written("f.csv", Format::Csv), written("f.mtx", Format::Mtx)]
+        .map(|bytes| String::from_utf8(bytes).expect("text"));
+    let archive = rawzip::ZipArchive::from_slice(written("f.npz", Format::Npz)).expect("an archive");
     let mut entries = archive.entries();
-    let mut found = std::collections::BTreeMap::new();
+    let mut found = BTreeMap::new();
     while let Some(entry) = entries.next_entry().expect("a member") {
         let file = archive.get_entry(entry.wayfinder()).expect("content");
         let mut bytes = Vec::new();
         file.verifying_reader(file.data()).read_to_end(&mut bytes).expect("right sums");
         found.insert(String::from_utf8(entry.file_path().as_bytes().to_vec()).expect("a name"), bytes);
     }
-    found
+    (csv.lines().map(str::to_owned).collect(), mtx, found)
 }
 
 /// Facets have numbers; their objects and materials are in the files as well.
@@ -296,20 +297,13 @@ fn files_name_the_objects_of_facets() {
     let scene = town(100);
     let facets = Facets::new(&scene);
     let (m, labels) = (run(&scene, |_| ()).0, facets.labels(&scene));
-    let folder = tempfile::tempdir().expect("scratch folder");
-    let path = |name: &str| folder.path().join(name);
-    for (name, format) in [("f.npz", Format::Npz), ("f.csv", Format::Csv), ("f.mtx", Format::Mtx)] {
-        write(&path(name), &m, format, Some(&labels)).expect("written");
-    }
-    let text = |name: &str| std::fs::read_to_string(path(name)).expect("text");
-    let rows: Vec<String> = text("f.csv").lines().map(str::to_owned).collect();
+    let (rows, mtx, archive) = files(&m, Some(&labels));
     assert_eq!(rows[0], "from,to,factor,from_object,to_object");
     let fields: Vec<&str> = rows[1].split(',').collect();
     let facet: usize = fields[0].parse().expect("a number");
     let object = &scene.objects[scene.triangle_object[facets.triangle(facet)] as usize].name;
     assert_eq!(fields[3], object);
-    assert!(text("f.mtx").contains(&format!("% {} {object}\n", facet + 1)));
-    let archive = members(&path("f.npz"));
+    assert!(mtx.contains(&format!("% {} {object}\n", facet + 1)));
     for name in ["object", "object_names", "material", "material_names"] {
         assert!(archive.contains_key(&format!("{name}.npy")), "{name}");
     }

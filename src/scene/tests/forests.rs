@@ -6,11 +6,6 @@ fn spec() -> generate::Spec {
     generate::Spec { trees: 30, leaves: 40, species: 3, instances: true, ..generate::Spec::new("forest") }
 }
 
-/// Corners of all triangles.
-fn all_corners(s: &Scene) -> Vec<[Vec3; 3]> {
-    (0..s.triangles.len() as u32).map(|t| s.corners(t)).collect()
-}
-
 #[test]
 fn generated_forests_load_as_they_were() {
     let folder = tempfile::tempdir().expect("scratch folder");

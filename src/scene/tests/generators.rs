@@ -51,8 +51,7 @@ fn written_scenes_load_as_they_were() {
             .expect(kind.name);
         check_consistent(&loaded);
         // Vertices in the file are in the order of their first use.
-        let corners = |s: &Scene| (0..s.triangles.len() as u32).map(|t| s.corners(t)).collect::<Vec<_>>();
-        assert_eq!(corners(&built), corners(&loaded), "{}", kind.name);
+        assert_eq!(all_corners(&built), all_corners(&loaded), "{}", kind.name);
         assert_eq!(built.triangle_object, loaded.triangle_object);
         assert_eq!(built.triangle_sides, loaded.triangle_sides);
         assert_eq!(built.triangle_reflectance, loaded.triangle_reflectance);

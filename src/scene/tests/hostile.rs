@@ -1,7 +1,6 @@
 //! Invalid files give a scene or an error, quickly, and never a panic; `suite::fuzz` changes bytes of files.
 
 use super::{
-    formats::load_bytes,
     instances::{file, orchard},
     *,
 };

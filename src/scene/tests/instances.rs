@@ -1,6 +1,6 @@
 //! Meshes with several placements.
 
-use super::{formats::load_bytes, *};
+use super::*;
 use base64::{Engine, engine::general_purpose::STANDARD};
 use serde_json::{Value, json};
 
@@ -53,11 +53,8 @@ fn read(file: &Value) -> Result<Scene> {
     read_with(file, &LoadOptions::default())
 }
 
-fn read_with(file: &Value, options: &LoadOptions) -> Result<Scene> {
-    let folder = tempfile::tempdir().expect("scratch folder");
-    let path = folder.path().join("scene.gltf");
-    fs::write(&path, file.to_string()).expect("scratch file");
-    Scene::load_with(&path, options)
+pub(super) fn read_with(file: &Value, options: &LoadOptions) -> Result<Scene> {
+    load_file("gltf", file.to_string().as_bytes(), &[], options)
 }
 
 /// The same file with a copy of the mesh for each node.

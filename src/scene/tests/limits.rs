@@ -1,6 +1,6 @@
 //! Textures that are shared, polygons of many corners, and what is left out with a note.
 
-use super::{formats::load_bytes, *};
+use super::*;
 use base64::{Engine, engine::general_purpose::STANDARD};
 use serde_json::{Value, json};
 

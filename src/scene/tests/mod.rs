@@ -15,15 +15,27 @@ mod repairs;
 use super::*;
 use std::fs;
 
-/// Loads `obj` from a file in a temporary folder, beside the other files given.
-fn load_with(obj: &str, others: &[(&str, &[u8])], options: &LoadOptions) -> Result<Scene> {
+/// Loads bytes from a file of the given extension in a temporary folder, beside the other files given.
+fn load_file(
+    extension: &str,
+    bytes: &[u8],
+    others: &[(&str, &[u8])],
+    options: &LoadOptions,
+) -> Result<Scene> {
     let folder = tempfile::tempdir().expect("scratch folder");
-    for (name, bytes) in others {
+    let name = format!("scene.{extension}");
+    for (name, bytes) in others.iter().chain(&[(name.as_str(), bytes)]) {
         fs::write(folder.path().join(name), bytes).expect("scratch file");
     }
-    let path = folder.path().join("scene.obj");
-    fs::write(&path, obj).expect("scratch file");
-    Scene::load_with(&path, options)
+    Scene::load_with(folder.path().join(name), options)
+}
+
+fn load_bytes(extension: &str, bytes: &[u8]) -> Result<Scene> {
+    load_file(extension, bytes, &[], &LoadOptions::default())
+}
+
+fn load_with(obj: &str, others: &[(&str, &[u8])], options: &LoadOptions) -> Result<Scene> {
+    load_file("obj", obj.as_bytes(), others, options)
 }
 
 fn load(obj: &str) -> Result<Scene> {
@@ -34,6 +46,11 @@ fn load(obj: &str) -> Result<Scene> {
 fn message(result: Result<Scene>) -> String {
     let text = result.expect_err("an error").to_string();
     text.rsplit_once("scene.obj").map_or(text.clone(), |(_, tail)| tail.to_owned())
+}
+
+/// Corners of all triangles.
+fn all_corners(s: &Scene) -> Vec<[Vec3; 3]> {
+    (0..s.triangles.len() as u32).map(|t| s.corners(t)).collect()
 }
 
 fn area(scene: &Scene) -> f64 {

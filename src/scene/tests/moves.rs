@@ -1,6 +1,6 @@
 //! Objects and nodes that options move.
 
-use super::instances::{file, orchard};
+use super::instances::{file, orchard, read_with};
 use super::*;
 use glam::DAffine3;
 use std::f64::consts::SQRT_2;
@@ -55,13 +55,9 @@ fn objects_turn_about_their_centres() {
 #[test]
 fn instances_move_as_their_triangles() {
     let file = file(orchard());
-    let folder = tempfile::tempdir().expect("scratch folder");
-    let path = folder.path().join("scene.gltf");
-    fs::write(&path, file.to_string()).expect("scratch file");
     let load = |moves: &[&str]| {
         let moves = moves.iter().map(|m| Move::parse(m).expect("a move")).collect();
-        let scene =
-            Scene::load_with(&path, &LoadOptions { moves, ..LoadOptions::default() }).expect("a scene");
+        let scene = read_with(&file, &LoadOptions { moves, ..LoadOptions::default() }).expect("a scene");
         let place = |name: &str| {
             let found = scene.placements.iter().find(|p| p.name == name).expect("an instance");
             DAffine3::from_translation(scene.origin) * found.transform

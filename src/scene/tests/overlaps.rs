@@ -14,6 +14,18 @@ fn sheets(turn: DMat3, at: DVec3, list: &[(&str, DVec3, DVec3, DVec3)]) -> Scene
     pieces.scene()
 }
 
+/// Coordinates along a direction of the corners of objects.
+fn heights(scene: &Scene, along: DVec3, counts: impl Fn(&str) -> bool) -> Vec<f32> {
+    let object = |t: u32| &scene.objects[scene.triangle_object[t as usize] as usize].name;
+    let counted = (0..scene.triangles.len() as u32).filter(|&t| counts(object(t)));
+    counted.flat_map(|t| scene.corners(t).map(|p| p.dot(along.as_vec3()))).collect()
+}
+
+/// By how much all of these are above all of those.
+fn gap(upper: &[f32], lower: &[f32]) -> f32 {
+    upper.iter().copied().fold(f32::MAX, f32::min) - lower.iter().copied().fold(f32::MIN, f32::max)
+}
+
 fn said(scene: &Scene) -> Option<&String> {
     scene.repairs.messages.iter().find(|m| m.contains("in the same plane"))
 }
@@ -49,14 +61,9 @@ fn sheets_that_face_each_other_are_stacked() {
     for list in [[wall, poster], [poster, wall]] {
         let scene = sheets(DMat3::IDENTITY, DVec3::ZERO, &list);
         assert!(said(&scene).is_none());
-        for t in 0..scene.triangles.len() as u32 {
-            let z = scene.corners(t).map(|p| p.z);
-            if scene.objects[scene.triangle_object[t as usize] as usize].name == "wall" {
-                assert!(z.iter().all(|&z| z < -1e-5 && z > -4e-5), "{z:?}");
-            } else {
-                assert_eq!(z, [0.0; 3]);
-            }
-        }
+        let of = |name: &str| heights(&scene, DVec3::Z, |object| object == name);
+        assert!(of("wall").iter().all(|&z| z < -1e-5 && z > -4e-5), "{:?}", of("wall"));
+        assert_eq!(of("poster"), [0.0; 6]);
     }
 }
 
@@ -70,14 +77,9 @@ fn lamps_stay_in_front_of_their_ceiling() {
         pieces.grey("ceiling", 0.5).polygon(&front);
         pieces.glowing("lamp", 1.0).polygon(&rectangle(0.5 * Y, 0.5 * X));
         let scene = pieces.scene();
-        let heights = |emits: bool| -> Vec<f32> {
-            let own = (0..scene.triangles.len() as u32)
-                .filter(|&t| (scene.triangle_emitter[t as usize] != u32::MAX) == emits);
-            own.flat_map(|t| scene.corners(t).map(|p| p.z)).collect()
-        };
-        let lowest_of_ceiling = heights(false).into_iter().fold(f32::MAX, f32::min);
-        let highest_of_lamp = heights(true).into_iter().fold(f32::MIN, f32::max);
-        assert!(lowest_of_ceiling > highest_of_lamp, "{up}: {lowest_of_ceiling} {highest_of_lamp}");
+        let [ceiling, lamp] =
+            ["ceiling", "lamp"].map(|name| heights(&scene, DVec3::Z, |object| object == name));
+        assert!(gap(&ceiling, &lamp) > 0.0, "{up}: {ceiling:?} {lamp:?}");
     }
 }
 
@@ -145,15 +147,9 @@ fn faces_back_to_back_are_seen_from_their_own_sides() {
         [vec![up, down], vec![down, up], vec![up, pieces[0], pieces[1]], vec![pieces[0], up, pieces[1]]]
     {
         let scene = sheets(DMat3::from_rotation_x(0.4), DVec3::new(1.0, 2.0, 3.0), &list);
-        let normal = DMat3::from_rotation_x(0.4).z_axis.as_vec3();
-        let heights = |is_up: bool| -> Vec<f32> {
-            let own = (0..scene.triangles.len() as u32).filter(|&t| {
-                (scene.objects[scene.triangle_object[t as usize] as usize].name == "up") == is_up
-            });
-            own.flat_map(|t| scene.corners(t).map(|p| p.dot(normal))).collect()
-        };
-        let lowest = heights(true).into_iter().fold(f32::MAX, f32::min);
-        let highest = heights(false).into_iter().fold(f32::MIN, f32::max);
-        assert!(lowest > highest + 1e-5 && lowest < highest + 1e-3, "{lowest} {highest}");
+        let normal = DMat3::from_rotation_x(0.4).z_axis;
+        let [up, down] =
+            [true, false].map(|is_up| heights(&scene, normal, |object| (object == "up") == is_up));
+        assert!((1e-5..1e-3).contains(&gap(&up, &down)), "{up:?} {down:?}");
     }
 }
