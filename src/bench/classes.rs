@@ -22,21 +22,8 @@ const MAX_TIME: Duration = Duration::from_secs(3);
 
 impl Bench<'_> {
     /// Rows of each class that has points, in the order of [`ReceiverClass::ALL`]. `whole` are the rows over all points, which are those
-    /// of the class if there is only one. A class in which nothing is averaged has one row, unless sizes were asked for.
+    /// of the class if there is only one.
     pub fn classes(
-        &self,
-        workload: &Workload,
-        engine: &MultiResolution,
-        whole: &Measured,
-    ) -> Result<Vec<ClassRecord>> {
-        let mut classes = self.all_rows(workload, engine, whole)?;
-        if self.options.feature_sizes.is_empty() {
-            classes.iter_mut().for_each(|class| class.keep_one_if_unaveraged(self.options.rays));
-        }
-        Ok(classes)
-    }
-
-    fn all_rows(
         &self,
         workload: &Workload,
         engine: &MultiResolution,

@@ -12,7 +12,6 @@ use crate::Result;
 use crate::embree::Traversal;
 use crate::model::Model;
 use crate::progress::{Progress, go_on, timed};
-use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::visibility::{Exact, MultiResolution, Route, fastest_traversal};
 
@@ -117,12 +116,11 @@ impl Bench<'_> {
         let pairs = workload.pairs.len();
         let run = (1024 / rays).clamp(1, 256).min(pairs);
         let runs = (TRIAL_SEGMENTS / (run * rays)).max(1).min(pairs.div_ceil(run));
-        let (mut sample, mut part): (Vec<Packet>, Vec<Packet>) = (Vec::new(), Vec::new());
+        let mut sample = Vec::new();
         for k in 0..runs {
             let first = (pairs - run) * k / runs;
             let pairs: Vec<usize> = (first..first + run).collect();
-            workload.packed(self.scene, &pairs, rays, 0, &mut part);
-            sample.append(&mut part);
+            workload.pack(self.scene, &pairs, rays, 0, &mut sample);
         }
         fastest_traversal(self.model.traced(), self.model.native_width(), &sample)
     }

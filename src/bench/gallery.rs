@@ -13,7 +13,7 @@ use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log, ratio, speed
 use super::rounds::{MAX_ROUNDS, MAX_TIME, rounds};
 use super::workload::Workload;
 use crate::embree::Traversal;
-use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
+use crate::metrics::{Image, fbem::fbem_at, missing_features, norms};
 use crate::model::Model;
 use crate::visibility::{Cost, Exact, MultiResolution, Route};
 use crate::{Error, Result, error::quote};
@@ -228,8 +228,8 @@ impl Bench<'_> {
                 let features = missing_features(&reference, &image, s)?;
                 errors.push(ReceiverFbem {
                     feature_size: s,
-                    exact16: fbem_of(&reference, &exact16, s)?,
-                    mr: fbem_of(&reference, &image, s)?,
+                    exact16: fbem_at(&reference, &exact16, s)?.value,
+                    mr: fbem_at(&reference, &image, s)?.value,
                     l2_exact16: l2,
                     l2_mr: norms(&reference, &image)?.l2,
                     features: features.features(),
@@ -255,10 +255,6 @@ impl Bench<'_> {
     }
 }
 
-pub(super) fn fbem_of(reference: &Image, image: &Image, size: f64) -> Result<f64> {
-    Ok(fbem(reference, image, &[size], &FbemOptions::default())?[0].value)
-}
-
 /// The texels of all receivers as one workload.
 struct Gallery<'a> {
     receivers: &'a [ReceiverGrid],
@@ -281,7 +277,7 @@ impl Gallery<'_> {
         let (mut sum, mut area) = (0.0, 0.0);
         for (reference, image) in references.iter().zip(images) {
             let a = (reference.width() * reference.height()) as f64 * reference.texel() * reference.texel();
-            sum += a * fbem_of(reference, image, size)?.powi(2);
+            sum += a * fbem_at(reference, image, size)?.value.powi(2);
             area += a;
         }
         Ok((sum / f64::max(area, f64::MIN_POSITIVE)).sqrt())

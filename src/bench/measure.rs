@@ -160,7 +160,8 @@ impl Timer {
         let sections = self.chunk_by_chunk(
             chunks(pairs.len(), rays),
             |chunk: &mut Chunk<u32>| {
-                workload.packed(scene, &pairs[chunk.pairs.clone()], rays, 0, &mut chunk.packets);
+                chunk.packets.clear();
+                workload.pack(scene, &pairs[chunk.pairs.clone()], rays, 0, &mut chunk.packets);
                 chunk.answers.clear();
                 chunk.answers.resize(chunk.packets.len(), 0);
             },

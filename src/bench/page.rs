@@ -83,12 +83,7 @@ pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> R
 /// Title, the result in one sentence, and the largest speed-ups.
 fn headline(record: &Record) -> Markup {
     let best_of = |speed: fn(&MrRow) -> Option<f64>| {
-        record
-            .shown_rows()
-            .iter()
-            .filter_map(speed)
-            .filter(|v| v.is_finite())
-            .fold(None, |m: Option<f64>, v| Some(m.map_or(v, |m| m.max(v))))
+        record.shown_rows().iter().filter_map(speed).filter(|v| v.is_finite()).reduce(f64::max)
     };
     let figure = |value: Option<f64>, what: &str| figure(&times(value), what);
     html! {

@@ -35,7 +35,8 @@ impl Reference {
                 .map_init(
                     || (Vec::new(), Vec::new()),
                     |(packets, blocked), part| {
-                        workload.packed(scene, &pairs[part.clone()], half, stream, packets);
+                        packets.clear();
+                        workload.pack(scene, &pairs[part.clone()], half, stream, packets);
                         blocked.clear();
                         blocked.resize(packets.len(), 0);
                         engine.occluded(packets, blocked);

@@ -75,7 +75,11 @@ pub fn run(
     let queries = Queries { scene, workload: &workload, pairs: &every };
     spent.choice_s = start.elapsed().as_secs_f64();
     let measured = timed(&mut spent.points_s, || bench.points(queries, &mr, &sample, MAX_TIME));
-    let classes = timed(&mut spent.classes_s, || bench.classes(&workload, &mr, &measured))?;
+    let mut classes = timed(&mut spent.classes_s, || bench.classes(&workload, &mr, &measured))?;
+    // Sizes that were asked for keep their rows.
+    if options.feature_sizes.is_empty() {
+        classes.iter_mut().for_each(|class| class.keep_one_if_unaveraged(options.rays));
+    }
     bench.go_on()?;
     warnings.extend(unseen_sky(&workload, &measured.reference));
     let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;

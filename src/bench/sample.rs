@@ -95,7 +95,8 @@ impl Sample {
         let (mut packets, mut blocked) = (Vec::new(), Vec::new());
         for (half, stream) in sample.truth.iter_mut().zip(TRUTH_STREAMS) {
             for &pair in &chosen {
-                workload.packed(scene, &[pair], extent.truth_rays, stream, &mut packets);
+                packets.clear();
+                workload.pack(scene, &[pair], extent.truth_rays, stream, &mut packets);
                 blocked.clear();
                 blocked.resize(packets.len(), 0);
                 exact.occluded(&packets, &mut blocked);

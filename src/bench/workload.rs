@@ -100,12 +100,7 @@ impl Workload {
         packets: &mut Vec<Packet>,
     ) {
         let first = packets.len();
-        self.each_segment(scene, pair, rays, stream, |i, a, b, rules| {
-            if i % LANES == 0 {
-                packets.push(Packet::EMPTY);
-            }
-            packets.last_mut().expect("just pushed").set_lifted(i % LANES, a, b, rules);
-        });
+        self.pack(scene, &[pair], rays, stream, packets);
         Packet::share_slack(&mut packets[first..]);
     }
 
@@ -141,19 +136,11 @@ impl Workload {
         sums.into_iter().map(|(sum, weight)| if weight > 0.0 { (sum / weight) as f32 } else { 0.0 }).collect()
     }
 
-    /// Puts `rays` segments of each of these pairs into packets without gaps, for engines that need no bundles.
-    pub fn packed(
-        &self,
-        scene: &Scene,
-        pairs: &[usize],
-        rays: usize,
-        stream: u64,
-        packets: &mut Vec<Packet>,
-    ) {
-        packets.clear();
+    /// Appends `rays` segments of each of these pairs to packets without gaps, from a new packet on, for engines that need no bundles.
+    pub fn pack(&self, scene: &Scene, pairs: &[usize], rays: usize, stream: u64, packets: &mut Vec<Packet>) {
         let mut n = 0;
         for &pair in pairs {
-            self.each_segment(scene, pair, rays, stream, |_, a, b, rules| {
+            self.each_segment(scene, pair, rays, stream, |a, b, rules| {
                 if n % LANES == 0 {
                     packets.push(Packet::EMPTY);
                 }
@@ -169,7 +156,7 @@ impl Workload {
         pair: usize,
         rays: usize,
         stream: u64,
-        mut f: impl FnMut(usize, Vec3, Vec3, [EndRule; 2]),
+        mut f: impl FnMut(Vec3, Vec3, [EndRule; 2]),
     ) {
         let point = &self.points[self.pairs[pair].point as usize];
         let seed = scramble(self.seed ^ stream << 56 ^ (pair as u64) << 8);
@@ -194,6 +181,6 @@ impl Workload {
             }
         };
         gather_neighbours(&mut ends);
-        ends.into_iter().enumerate().for_each(|(i, (end, there))| f(i, from, end, [rule, there]));
+        ends.into_iter().for_each(|(end, there)| f(from, end, [rule, there]));
     }
 }

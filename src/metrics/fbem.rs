@@ -48,6 +48,12 @@ pub struct Fbem {
     pub outside: f64,
 }
 
+/// [`fbem`] for one feature size, with default options.
+#[cfg(feature = "reports")]
+pub(crate) fn fbem_at(reference: &Image, approximation: &Image, size: f64) -> Result<Fbem> {
+    Ok(fbem(reference, approximation, &[size], &FbemOptions::default())?[0])
+}
+
 /// ‖f̂ − f‖ₚˢ of [SD95 sec 2.2], divided by the area, for each feature size s of `sizes` (scene units, at least 0): texels of features larger
 /// than s in the reference are compared one by one, averages over boxes of side s elsewhere. Several sizes are the error spectrum.
 ///

@@ -116,7 +116,7 @@ fn segments_end_in_their_patch() {
         let hull = workload.hull(k);
         let edges = [hull[1] - hull[0], hull[2] - hull[0], hull[4] - hull[0]];
         let mut packets = Vec::new();
-        workload.packed(model.scene(), &[k], 64, 0, &mut packets);
+        workload.pack(model.scene(), &[k], 64, 0, &mut packets);
         for packet in &packets {
             for lane in packet.lanes() {
                 let along = packet.point(lane, 1.0) - packet.point(lane, 0.0);

@@ -3,9 +3,9 @@
 use super::{Made, Map, Planned};
 use crate::Result;
 use crate::bench::context::PlannedRow;
-use crate::bench::gallery::fbem_of;
 use crate::bench::record::{Build, MapExactRow, MapMrRow, MapRecord, interpolate_log_log, ratio, speedup};
 use crate::metrics::Image;
+use crate::metrics::fbem::fbem_at;
 
 impl Map<'_> {
     /// Image and errors of the light of all texels.
@@ -54,7 +54,7 @@ impl Map<'_> {
                 seconds,
                 rms: made.rms,
                 bias: made.bias,
-                fbem: fbem_of(&self.image, &made.image, row.feature_size)?,
+                fbem: fbem_at(&self.image, &made.image, row.feature_size)?.value,
                 aggregated_fraction: made.aggregated,
                 ..row
             };
@@ -102,7 +102,7 @@ impl Map<'_> {
         };
         let mut by_features = Vec::new();
         for (_, e, made) in exact {
-            by_features.push((e.seconds, fbem_of(&self.image, &made.image, row.feature_size)?));
+            by_features.push((e.seconds, fbem_at(&self.image, &made.image, row.feature_size)?.value));
         }
         let queries = over(usize::MAX, &|e| e.seconds, row.seconds);
         let with_setup = |spacing| over(spacing, &|e| e.seconds, row.seconds + row.setup_s);

@@ -2,10 +2,11 @@
 
 use maud::{Markup, html};
 
-use super::receivers::{Spot, fbem_at};
+use super::receivers::Spot;
 use super::{MrImage, ReceiverImages};
 use crate::Result;
 use crate::bench::record::Record;
+use crate::metrics::fbem::fbem_at;
 use crate::page::{Cell, length, signed, table, times};
 use crate::plot::number;
 

@@ -7,8 +7,9 @@ use crate::Result;
 use crate::bench::record::Record;
 use crate::image_io::{Picture, difference, grey, mask_overlay};
 use crate::metrics::{
-    Fbem, FbemOptions, FeatureOptions, FeatureSet, Image, difference as differences, fbem, norms,
-    spectrum_sizes,
+    FbemOptions, FeatureOptions, FeatureSet, Image, difference as differences,
+    fbem::{fbem, fbem_at},
+    norms, spectrum_sizes,
 };
 use crate::page::{data_url, length, signed};
 use crate::plot::number;
@@ -159,11 +160,6 @@ impl Spot {
         let place = format!("left:{:.2}%;top:{:.2}%", part(self.x, self.of[0]), part(self.y, self.of[1]));
         html! { div.spot style=(place) {} }
     }
-}
-
-/// FBEM with default options.
-pub(super) fn fbem_at(reference: &Image, image: &Image, size: f64) -> Result<Fbem> {
-    Ok(fbem(reference, image, &[size], &FbemOptions::default())?[0])
 }
 
 /// Sizes of the spectrum of the exact image: up to 1.5 times the largest size of an MR image.
