@@ -98,7 +98,7 @@ impl Pairs<'_> {
         packets.clear();
         for (i, [u, v, s, t]) in table.shifted(settings.seed << 32 ^ u64::from(facet)).enumerate() {
             let (point, k) = from.point(u, v);
-            let normal = from.normal(k).as_vec3();
+            let normal = from.normals[k].as_vec3();
             // Density cos θ / π (Malley): a point on the disc, projected to the hemisphere.
             let (sin, cos) = (std::f32::consts::TAU * t).sin_cos();
             let (x, y) = normal.any_orthonormal_pair();

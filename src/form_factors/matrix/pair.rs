@@ -141,7 +141,10 @@ impl Pairs<'_> {
         f64::from(self.settings.rays) * (exchange / a.area + exchange / b.area)
     }
 
-    /// Transmittance of a pair that expects `c` discovery rays, from its own bundles of about `size` rays.
+    /// Transmittance of a pair that expects `c` discovery rays, from its own bundles of about `size` rays: from one if all or
+    /// none of its rays are blocked or `c` is small; else the mean over many bundles, without those of which all or no rays are
+    /// blocked. Each averaged bundle then has the distribution of a first bundle that was mixed, so that continuing only after
+    /// mixed bundles adds no bias.
     pub fn sampled(
         &self,
         pair: (&Facet, &Facet),
@@ -150,30 +153,15 @@ impl Pairs<'_> {
         key: u64,
         rays: &mut u64,
     ) -> Transmittance {
-        let Settings { bundle, seed, .. } = *self.settings;
-        let size = power_of_4(size.min(f64::from(bundle)));
-        self.transmittance(pair, c, table(buffers, size, seed as u32), key, rays)
-    }
-
-    /// Transmittance of a pair that expects `c` discovery rays: from one bundle if all or none of its rays are blocked
-    /// or `c` is small; else the mean over many bundles, without those of which all or no rays are blocked. Each
-    /// averaged bundle then has the distribution of a first bundle that was mixed, so that continuing only after mixed
-    /// bundles adds no bias.
-    fn transmittance(
-        &self,
-        pair: (&Facet, &Facet),
-        c: f64,
-        table: &SampleTable,
-        key: u64,
-        rays: &mut u64,
-    ) -> Transmittance {
+        let Settings { bundle, largest_bundle, seed, .. } = *self.settings;
+        let table = table(buffers, power_of_4(size.min(f64::from(bundle))), seed as u32);
         let size = table.len() as f64;
         let first = self.bundle(pair, table, key);
         *rays += table.len() as u64;
         if first.error == 0.0 || c <= MIN_MORE_BUNDLES_EXPECTED {
             return first;
         }
-        let wanted = (16.0 * c).min(f64::from(self.settings.largest_bundle)) / size;
+        let wanted = (16.0 * c).min(f64::from(largest_bundle)) / size;
         let (mut sum, mut squares, mut count) = (first.value, first.error.powi(2), 1.0);
         for k in 1..wanted as u64 {
             if self.progress.stopped() {
@@ -239,11 +227,11 @@ pub fn segment(
 ) -> Option<f64> {
     let ((p, m), (q, n)) = (a.point(s, t), b.point(u, v));
     let to = (q - p).as_dvec3();
-    let (here, there) = (a.normal(m).dot(to), -b.normal(n).dot(to));
+    let (here, there) = (a.normals[m].dot(to), -b.normals[n].dot(to));
     (here > 0.0 && there > 0.0).then(|| {
         let rules = [a.end, b.end.seen_from(a.end)];
-        let start = rules[0].lifted(p, a.normal(m).as_vec3());
-        let end = rules[1].lifted(q, b.normal(n).as_vec3());
+        let start = rules[0].lifted(p, a.normals[m].as_vec3());
+        let end = rules[1].lifted(q, b.normals[n].as_vec3());
         packet.set_lifted(lane, start, end, rules);
         here * there / to.length_squared().powi(2)
     })

@@ -6,7 +6,7 @@ use crate::math::sampling::mix;
 use crate::math::triangle_normal;
 use crate::model::Model;
 use crate::ray::Packet;
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use sobol_burley::sample_4d;
 
 /// Rays sorted by direction are coherent enough for packets.
@@ -104,10 +104,5 @@ impl Facet {
         }
         let ([a, b, c], root) = (self.triangles[k].0, u.sqrt());
         (a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v), k)
-    }
-
-    /// The unit normal of one of its triangles.
-    pub fn normal(&self, triangle: usize) -> DVec3 {
-        self.normals[triangle]
     }
 }

@@ -142,7 +142,7 @@ fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
         let mut packet = Packet::EMPTY;
         for lane in 0..16 {
             let (point, k) = from.point(next(), next());
-            let normal = from.normal(k).as_vec3();
+            let normal = from.normals[k].as_vec3();
             let (x, y) = normal.any_orthonormal_pair();
             let (s, (sin, cos)) = (next(), (std::f32::consts::TAU * next()).sin_cos());
             packet.set_ray(
