@@ -89,21 +89,13 @@ impl SceneBuilder {
         let number = index("shared meshes", self.placed.meshes.len())?;
         let mut soup = Soup::new(format!("{PATH}#{}", mesh.name.replace(['/', '\\'], "_")));
         append(&mut soup, mesh)?;
-        let mut place = vec![None; all.len()];
-        for material in &mut soup.polygon_material {
-            let used = &all[*material as usize];
-            if used.emission != [0.0; 3] {
-                return Err(Error::arguments(format!(
-                    "shared mesh `{}`: its material `{}` emits; add it as an object, emitters are not shared",
-                    quote(mesh.name),
-                    quote(&used.name)
-                )));
-            }
-            let first = &mut place[*material as usize];
-            *material = *first.get_or_insert_with(|| {
-                soup.materials.push(used.clone());
-                soup.materials.len() as u32 - 1
-            });
+        soup.copy_materials(all);
+        if let Some(used) = soup.materials.iter().find(|m| m.emission != [0.0; 3]) {
+            return Err(Error::arguments(format!(
+                "shared mesh `{}`: its material `{}` emits; add it as an object, emitters are not shared",
+                quote(mesh.name),
+                quote(&used.name)
+            )));
         }
         self.placed.meshes.push(soup);
         self.meshes.insert(mesh.name.into());

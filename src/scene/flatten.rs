@@ -45,11 +45,12 @@ impl Scene {
     pub fn flattened(&self, max_triangles: u64) -> Result<Scene> {
         let max = max_triangles.min(MAX_FLATTENED_TRIANGLES);
         self.check_size(max)?;
-        let mut flat = Flat { scene: self.own(), materials: Vec::new(), polygons: 0 };
-        flat.polygons = flat.scene.triangle_polygon.last().map_or(0, |&p| p + 1);
+        let instances = self.triangles_of_instances();
+        let scene = Scene { shared: Vec::new(), placements: Vec::new(), instances, ..self.clone() };
+        let polygons = scene.triangle_polygon.last().map_or(0, |&p| p + 1);
+        let mut flat = Flat { scene, materials: Vec::new(), polygons };
         flat.merge_materials(self);
         let mut first_number = self.triangles.len() as u64;
-        flat.scene.instances = self.triangles_of_instances();
         for p in &self.placements {
             let (mesh, start) = (&self.shared[p.mesh as usize], flat.scene.triangles.len() as u32);
             if p.visible {
@@ -65,11 +66,6 @@ impl Scene {
             flat.scene.repairs.messages.push(format!("{dropped} {what}"));
         }
         Ok(flat.scene)
-    }
-
-    /// A copy without shared meshes and placements.
-    fn own(&self) -> Scene {
-        Scene { shared: Vec::new(), placements: Vec::new(), instances: Vec::new(), ..self.clone() }
     }
 
     /// Checks the limits, and that placements refer to existing meshes and materials.

@@ -127,6 +127,15 @@ impl Soup {
         self.materials.len() as u32 - 1
     }
 
+    /// Adds copies of the materials that polygons name by their place in `all`, in order of their first use.
+    pub fn copy_materials(&mut self, all: &[SoupMaterial]) {
+        let mut place = vec![None; all.len()];
+        for i in 0..self.polygons() {
+            let k = self.polygon_material[i] as usize;
+            self.polygon_material[i] = *place[k].get_or_insert_with(|| self.material(all[k].clone()));
+        }
+    }
+
     /// Adds an object with a unique name; returns its index.
     pub fn object(&mut self, name: impl Into<String>) -> u32 {
         self.objects.push(name.into());

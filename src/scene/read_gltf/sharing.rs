@@ -243,12 +243,7 @@ fn mesh_soup(reader: &Reader, mesh: &gltf::Mesh, names: &mut UniqueNames) -> Res
     path.push(format!("#{fragment}"));
     let mut soup = Soup::new(path);
     reader.mesh(&mut soup, &name, mesh, DAffine3::IDENTITY)?;
-    let mut place = vec![None; reader.materials.len()];
-    for i in 0..soup.polygons() {
-        let material = soup.polygon_material[i] as usize;
-        soup.polygon_material[i] =
-            *place[material].get_or_insert_with(|| soup.material(reader.materials[material].clone()));
-    }
+    soup.copy_materials(&reader.materials);
     Ok(soup)
 }
 
