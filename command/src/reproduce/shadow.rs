@@ -97,7 +97,8 @@ impl<'a> Grid<'a> {
             let bundles: Vec<Vec<Packet>> = pairs
                 .iter()
                 .map(|&pair| {
-                    self.workload.packed(self.model.scene(), &[pair], rays, stream, &mut packets);
+                    packets.clear();
+                    self.workload.pack(self.model.scene(), &[pair], rays, stream, &mut packets);
                     packets.clone()
                 })
                 .collect();
@@ -119,7 +120,8 @@ impl<'a> Grid<'a> {
             let (mut packets, mut found, mut visits) = (Vec::new(), Vec::new(), Visits::default());
             let mut seconds = 0.0;
             for &pair in &self.pairs[run] {
-                self.workload.packed(self.model.scene(), &[pair], rays, 0, &mut packets);
+                packets.clear();
+                self.workload.pack(self.model.scene(), &[pair], rays, 0, &mut packets);
                 let descent = descent(self.workload.pairs[pair].emitter_size);
                 let start = Instant::now();
                 let mut sum = 0.0;
