@@ -298,7 +298,8 @@ impl LinkedScene {
         }
     }
 
-    /// Twice the effect of the errors of all other surfaces on the important ones, relative to their effect if they cancelled: 2 √(A / A_important).
+    /// Twice the effect of the errors of all other surfaces on the important ones, relative to their effect if they cancelled: 2 √((A - A_i) / A_i), at
+    /// least 1.
     /// Patches of area A_p that see important surfaces of area A_i with form factors of importance I = A_i / A change the light of these by Σ
     /// (A_p / A_i) I δ = δ if their errors δ are alike, and by δ √(A_p / A) if not. The factor 2 limits this effect to half of the error asked for, so that it
     /// and the errors of the important surfaces' own links together are within that error.
@@ -306,7 +307,9 @@ impl LinkedScene {
         let Elements { elements, sides, area, .. } = &self.elements;
         let is_important = sides.iter().zip(&self.feature_sizes.important).filter(|(_, of)| **of);
         let important: f64 = is_important.map(|(side, _)| elements[side.element as usize].area).sum();
-        if important > 0.0 { 2.0 * (area / important).sqrt() as f32 } else { 1.0 }
+        let others = (area - important).max(0.0);
+        // The errors of important surfaces count in full.
+        if important > 0.0 { (2.0 * (others / important).sqrt() as f32).max(1.0) } else { 1.0 }
     }
 
     /// Sweeps along the links, starting from the light of the last sweeps, and sets radiosity and irradiance of all elements.

@@ -127,7 +127,7 @@ fn a_missed_target_is_recorded() {
 #[test]
 fn targets_are_kept_by_more_rays() {
     let coarse = Options { error: 0.2, ..Options::default() };
-    let target = 0.014;
+    let target = 0.018;
     let solve = |target_error| {
         let record = solved(&clutter(), &[], &Options { target_error, ..coarse.clone() }).record;
         (record.error_estimate.expect("an audit"), record)
