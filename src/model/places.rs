@@ -5,7 +5,6 @@ use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, numbers};
 use crate::math::{edge_distance, places_around};
 use crate::ray::{EndRule, LANES, Packet};
-use crate::scene::magnitude;
 use glam::Vec3;
 
 /// Pairs of places around a point that lie opposite each other.
@@ -14,9 +13,9 @@ const OPPOSITE: [[usize; 2]; 4] = [[1, 2], [3, 4], [5, 7], [6, 8]];
 impl Model {
     /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where a wall stands on
     /// the surface at the point, the places from which most rays pass the wall come first, of equal ones those from which rays go farther: on the
-    /// line where a box touches a floor, light is that of the floor beside the box, not that of the floor in it.
-    pub(crate) fn places_of(&self, point: Vec3, normal: Vec3) -> [Vec3; 9] {
-        let size = magnitude([point]);
+    /// line where a box touches a floor, light is that of the floor beside the box, not that of the floor in it. `size` is the largest coordinate of the
+    /// point or of the faces around it.
+    pub(crate) fn places_of(&self, point: Vec3, normal: Vec3, size: f32) -> [Vec3; 9] {
         let mut places = places_around(point, normal, edge_distance(size));
         let lifted = places.map(|place| EndRule::new(size).lifted(place, normal));
         let mut across = Packet::EMPTY;

@@ -76,7 +76,7 @@ impl<'a> Surfaces<'a> {
             |points: &[Vec3]| edge_distance(points.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max));
         let found = self
             .model
-            .places_of(given, normal)
+            .places_of(given, normal, given.abs().max_element())
             .into_iter()
             .find_map(|place| Some((place, self.nearest(place, normal)?)));
         let Some((place, (depth, hit))) = found else {

@@ -23,9 +23,9 @@ use super::*;
 use crate::model::Model;
 use crate::points::Point;
 use crate::progress::{Progress, testing::stop_when};
-use crate::scene::testing::{Pieces, Wall, facing_down, facing_up, generated, on_threads};
+use crate::scene::testing::{Pieces, Wall, facing_down, facing_up, generated, on_threads, walls};
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 /// A unit cube seen from inside whose walls reflect and emit alike.
 fn furnace(reflectance: f32) -> Scene {
@@ -298,6 +298,30 @@ fn light_on_edges_is_the_limit_from_inside() {
     for light in [solved(&scene, &points, &quick()).irradiance, traced(&scene, &points, 4096, 1)] {
         for (k, pair) in light.chunks_exact(2).enumerate() {
             assert!((pair[0][0] / pair[1][0] - 1.0).abs() < 0.04, "{:?}: {pair:?}", points[2 * k]);
+        }
+    }
+}
+
+/// The corner of a turned room that lies in the origin: its coordinates are 0, but not the rounding errors of its faces.
+#[test]
+fn corners_in_the_origin_have_the_light_of_points_beside_them() {
+    let options = Options { direct_only: true, elements: false, audit: 0, ..Options::default() };
+    for k in 0..12 {
+        let angle = |m: u32| f64::from(k * m % 13);
+        let turn = DQuat::from_euler(glam::EulerRot::XYZ, angle(3), angle(5), angle(7));
+        let turned = |corners: &[DVec3]| corners.iter().map(|&at| turn * at).collect::<Vec<DVec3>>();
+        let mut pieces = Pieces::empty();
+        pieces.grey("walls", 0.5);
+        for (_, corners) in walls(DVec3::ZERO, DVec3::new(3.7, 2.9, 2.4)) {
+            pieces.polygon(&turned(&corners));
+        }
+        pieces.glowing("lamp", 10.0).polygon(&turned(&facing_down([1.0, 2.0], [1.0, 2.0], 2.35)));
+        let point = |at: DVec3, normal: DVec3| Point { position: turn * at, normal: turn * normal };
+        let beside = |normal: DVec3| point(1e-3 * (DVec3::ONE - normal), normal);
+        let points: Vec<Point> =
+            DVec3::AXES.into_iter().flat_map(|normal| [point(DVec3::ZERO, normal), beside(normal)]).collect();
+        for (pair, normal) in solved(&pieces.scene(), &points, &options).irradiance.chunks_exact(2).zip(0..) {
+            assert!((pair[0][0] / pair[1][0] - 1.0).abs() < 0.04, "{k}, {normal}: {pair:?}");
         }
     }
 }

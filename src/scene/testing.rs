@@ -202,7 +202,7 @@ pub enum Wall {
 }
 
 /// The faces of a box, wound inward; outward if `low` and `high` are exchanged along one axis.
-fn walls(low: DVec3, high: DVec3) -> [(Wall, [DVec3; 4]); 6] {
+pub fn walls(low: DVec3, high: DVec3) -> [(Wall, [DVec3; 4]); 6] {
     let at = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
     [
         (Wall::Floor, [0, 1, 3, 2]),
