@@ -173,8 +173,8 @@ impl<'a> Surroundings<'a> {
         }
     }
 
-    /// For each place of a grid of cells of one size, row after row, the cells around it. The ranges are found for all places at once, which takes a tenth of
-    /// the time of the cells one by one.
+    /// For each place of a grid of cells of one size, row after row, the cells around it. The ranges of all places are found at once, by
+    /// operations on whole rows.
     pub fn in_whole_grid(&self) -> Vec<Near> {
         let finest = &self.levels[self.levels.len() - 1];
         let largest = |of: &dyn Fn(&Cell) -> f32| {

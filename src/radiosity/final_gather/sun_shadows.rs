@@ -7,8 +7,8 @@ use crate::radiosity::elements::Elements;
 use crate::radiosity::rgb::mean;
 use glam::Vec3;
 
-/// Visible part of the suns' light up to which a surface counts as shaded, and hidden part up to which it counts as sunlit: so small that one ray of the leaves with
-/// one parent, of which there are at most sixteen as a rule, decides.
+/// Visible part of the suns' light up to which leaves with one parent count as shaded, and hidden part up to which they count as sunlit: half a ray of
+/// sixteen, so that one ray that disagrees with up to thirty others puts these leaves in partial shadow.
 const SHADED: f64 = 1.0 / 32.0;
 
 impl FinalGather<'_> {
