@@ -288,6 +288,14 @@ fn refused_memory_is_an_error() {
         );
         refused(&scratch.bash(&script), "mrvis: out of memory: ");
     }
+    // Sizes that the user states.
+    let scratch = self::scratch();
+    let solve = "solve scene.obj --output lightmap --lightmap-texels 60000000 --out o --threads 1 --quiet";
+    let large = scratch.bash(&format!("ulimit -v 800000; exec \"$0\" {solve}"));
+    refused(&large, "texels of a lightmap (--lightmap-texels) take ");
+    let generate = "generate terrain --count 20000 --out t.tif --quiet";
+    let large = scratch.bash(&format!("ulimit -v 800000; exec \"$0\" {generate}"));
+    refused(&large, "mrvis: out of memory: 400000000 samples of the terrain take 3200000000 bytes");
 }
 
 #[test]
