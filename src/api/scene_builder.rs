@@ -2,10 +2,10 @@
 
 use super::mesh_arrays::MeshArrays;
 use crate::error::quote;
-use crate::math::affine;
+use crate::math::{Aabb, affine};
 use crate::scene::{
-    LoadOptions, MAX_PLACEMENTS, MAX_STRETCH, PlacedSoup, Placement, Scene, Soup, SoupMaterial,
-    resolve_placed, stretch,
+    LoadOptions, MAX_COORDINATE, MAX_PLACEMENTS, MAX_STRETCH, PlacedSoup, Placement, Scene, Soup,
+    SoupMaterial, resolve_placed, stretch,
 };
 use crate::threads::Threads;
 use crate::{Error, Result};
@@ -42,6 +42,8 @@ pub struct SceneBuilder {
     objects: HashSet<String>,
     /// Names of shared meshes.
     meshes: HashSet<String>,
+    /// Their boxes.
+    boxes: Vec<Aabb>,
 }
 
 impl SceneBuilder {
@@ -97,6 +99,7 @@ impl SceneBuilder {
                 quote(&used.name)
             )));
         }
+        self.boxes.push(Aabb::of(soup.corners.iter().map(|&v| soup.positions[v as usize].as_vec3())));
         self.placed.meshes.push(soup);
         self.meshes.insert(mesh.name.into());
         Ok(number)
@@ -106,8 +109,8 @@ impl SceneBuilder {
     /// the scene, as rows of a 3 by 4 matrix of which the last column is the translation. The name is unique among objects and instances.
     ///
     /// # Errors
-    /// [`Error::Argument`] if there is no such mesh, the name is empty or taken, or the transform is not finite, has the scale 0, or has shear or
-    /// unequal scale of more than 1 %.
+    /// [`Error::Argument`] if there is no such mesh, the name is empty or taken, or the transform is not finite, has the scale 0, leads beyond 1e12,
+    /// or has shear or unequal scale of more than 1 %.
     pub fn add_instance(&mut self, mesh: u32, name: &str, transform: [[f64; 4]; 3]) -> Result<()> {
         let transform = affine(&transform);
         let of = format!("of instance `{}`", quote(name));
@@ -127,6 +130,14 @@ impl SceneBuilder {
         if transform.matrix3.determinant() == 0.0 {
             let problem = "the mesh would be flat or a point: its scale must not be 0";
             return Err(Error::argument("transform", of, problem));
+        }
+        let reach = f64::from(self.boxes[mesh as usize].transformed(&transform).magnitude());
+        // A box whose corners overflow is empty: its ends are infinite.
+        if reach > MAX_COORDINATE {
+            let problem = format!("it would have coordinates beyond {MAX_COORDINATE:e}");
+            return Err(
+                Error::argument("transform", of, problem).with_cure("lower the scale or the translation")
+            );
         }
         let ratio = stretch(transform.matrix3);
         if ratio > MAX_STRETCH {

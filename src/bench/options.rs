@@ -157,9 +157,10 @@ impl BenchOptions {
     /// Checks that a run fits into the usable memory, bytes, if that is known.
     fn check_memory(&self, emitters: usize, usable: Option<u64>) -> Result<()> {
         let bytes = self.bytes(emitters);
+        let plural = if emitters == 1 { "" } else { "s" };
         match usable {
             Some(usable) if bytes > usable as f64 => Err(Error::arguments(format!(
-                "⟨points⟩ {} with {emitters} emitters and ⟨rays⟩ {} need about {:.1} GB of memory, {:.1} GB may be used: \
+                "⟨points⟩ {} with {emitters} emitter{plural} and ⟨rays⟩ {} need about {:.1} GB of memory, {:.1} GB may be used: \
                  lower ⟨points⟩ or ⟨rays⟩, or raise ⟨max_memory⟩",
                 self.points,
                 self.rays,
@@ -197,6 +198,6 @@ mod tests {
         let message = BenchOptions { rays: 65_536, ..BenchOptions::default() }
             .check_memory(1, Some(1_000_000))
             .unwrap_err();
-        assert!(message.to_string().contains("`rays` 65536"), "{message}");
+        assert!(message.to_string().contains("with 1 emitter and `rays` 65536"), "{message}");
     }
 }

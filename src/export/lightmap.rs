@@ -5,7 +5,7 @@ use super::Mesh;
 use crate::progress::{self, Progress};
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::Scene;
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 #[cfg(any(test, feature = "internals"))]
@@ -63,6 +63,9 @@ const MARGIN_TEXELS: usize = 2;
 /// Largest side of an image, texels: the limit of common graphics hardware.
 pub(super) const MAX_SIDE_TEXELS: usize = 16_384;
 
+/// Largest memory of a texel, bytes: irradiance (12), three flags, and for the file a copy (12) and a buffer that doubles (24).
+const BYTES_PER_TEXEL: u64 = 12 + 3 + 12 + 24;
+
 /// Triangles that are drawn between two looks at the caller: below a millisecond.
 pub(super) const TRIANGLES_BETWEEN_LOOKS: usize = 1 << 10;
 
@@ -91,7 +94,7 @@ impl Chart {
 /// Lightmap of a mesh with about `texels` texels; with more if there are more charts.
 ///
 /// # Errors
-/// The charts do not fit into an image of 16,384 texels per side; [`Error::Cancelled`] if `progress` stops it.
+/// The charts do not fit into an image of 16,384 texels per side; [`Error::OutOfMemory`]; [`Error::Cancelled`] if `progress` stops it.
 pub fn lightmap(
     mesh: &Mesh,
     solution: &RadiosityMesh,
@@ -118,6 +121,7 @@ pub fn lightmap(
             charts.len()
         ))
     })?;
+    check_room(width, height)?;
     let mut map = Lightmap {
         width,
         height,
@@ -141,6 +145,17 @@ pub fn lightmap(
     }
     map.fill_margins(progress)?;
     Ok(map)
+}
+
+/// Refuses a lightmap that would not fit into the memory.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub(super) fn check_room(width: usize, height: usize) -> Result<()> {
+    let texels = (width * height) as u64;
+    memory::check_room(BYTES_PER_TEXEL * texels, || {
+        format!("{texels} texels of a lightmap (⟨lightmap_texels⟩)")
+    })
 }
 
 /// Column and row of the texels of an image of so many columns and rows whose centres lie in a triangle, and the barycentric coordinates

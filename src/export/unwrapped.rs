@@ -1,6 +1,8 @@
 //! Lightmaps in the texture coordinates of the scene's file.
 
-use super::lightmap::{MAX_SIDE_TEXELS, TRIANGLES_BETWEEN_LOOKS, covered_texels, go_on, middle, weights};
+use super::lightmap::{
+    MAX_SIDE_TEXELS, TRIANGLES_BETWEEN_LOOKS, check_room, covered_texels, go_on, middle, weights,
+};
 use super::{Lightmap, Stage};
 use crate::Result;
 use crate::error::quote;
@@ -20,7 +22,7 @@ const FREE: u32 = u32::MAX;
 /// unsuitable: they are missing, leave 0..1, have no area, or overlap.
 ///
 /// # Errors
-/// [`Error::Cancelled`](crate::Error::Cancelled) if `progress` stops it.
+/// [`Error::OutOfMemory`](crate::Error::OutOfMemory); [`Error::Cancelled`](crate::Error::Cancelled) if `progress` stops it.
 pub fn unwrapped_lightmap(
     stage: &Stage,
     scene: &Scene,
@@ -32,6 +34,7 @@ pub fn unwrapped_lightmap(
         Ok(faces) => faces,
         Err(why) => return Ok(Err(why)),
     };
+    check_room(side, side)?;
     let owner = match owners(scene, &faces, side, progress)? {
         Ok(owner) => owner,
         Err(why) => return Ok(Err(why)),

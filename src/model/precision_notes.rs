@@ -5,14 +5,17 @@ use super::emitter_notes::PACKETS;
 use crate::embree::Hits;
 use crate::error::{figure, quote};
 use crate::math::Aabb;
-use crate::ray::{LANES, Packet};
-use crate::scene::Emitter;
-use glam::Vec3;
+use crate::ray::{EndRule, LANES, Packet};
+use crate::scene::{Emitter, magnitude};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Smallest height at which rays start above a surface, as a part of its distance from an emitter, or of the height of a thing that stands on
-/// it, of which a note tells: shadows and reflected light there err by up to that part.
+/// Smallest height at which rays start above a surface, as a part of its distance from an emitter, of which a note tells: shadows and reflected
+/// light there err by up to that part.
 const COARSE: f32 = 0.01;
+/// The same as a part of the height of a thing that stands on the surface: the shadow of the thing ends too early by that part of its length, here
+/// by a tenth.
+const SHORT: f32 = 0.1;
 /// Distance to which the reader moves overlapping faces of one plane off each other, as a multiple of the height at which rays start: 9e-6 of the
 /// largest coordinate against 2e-6, and their rounding.
 const MOVED: f32 = 6.0;
@@ -23,6 +26,8 @@ const MIN_COARSE_SHARE: f64 = 0.05;
 const MAX_THINGS: usize = 4096;
 /// Height of a thing, as a part of its diagonal, up to which it is flush with the surface, as a panel in a ceiling is.
 const FLUSH: f32 = 0.01;
+/// Largest coordinate of a scene relative to its extent up to which it counts as centred: that of a centred one is half.
+const MAX_CENTRED: f32 = 0.75;
 /// How far outside the box of a thing its rays run, as a part of the extent of the box.
 const OUTSIDE: f32 = 0.01;
 
@@ -39,12 +44,12 @@ impl Model {
         let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
         Some(format!(
             "the emitter `{}`{more} is so close to a surface, {} {unit}, that rounding of the surface's coordinates limits the \
-             accuracy: rays start {} {unit} above it, so that shadows and reflected light there may be wrong by up to {:.0} %; divide that surface into \
-             smaller faces, or move the scene nearer to the origin",
+             accuracy: rays start {} {unit} above it, so that shadows and reflected light there may be wrong by up to {:.0} %; {}",
             quote(&worst.name),
             two_digits(distance),
             two_digits(height),
-            100.0 * (height / distance).min(1.0)
+            100.0 * (height / distance).min(1.0),
+            self.cure_of_coarseness(height, worst.triangles[0])
         ))
     }
 
@@ -67,43 +72,64 @@ impl Model {
         coarse.into_iter().filter(|_| enough).max_by(|(h, d), (i, e)| (h / d).total_cmp(&(i / e)))
     }
 
-    /// A note if things stand on a surface above which rays start so high that they miss part of the things: their shadows are wrong near them.
+    /// A note if things stand on a surface of another object above which rays start so high that they miss part of the things: their shadows are
+    /// too short.
     pub(super) fn note_of_small_things(&self) -> Option<String> {
         let scene = self.scene();
         let bounds = scene.component_bounds();
+        let mut first = vec![0; bounds.len()];
+        scene
+            .triangle_component
+            .iter()
+            .enumerate()
+            .rev()
+            .for_each(|(t, &part)| first[part as usize] = t as u32);
         // Nothing that rises higher than this stands on a surface that is too coarse for it.
-        let highest = self.end_rule().height() / COARSE;
-        let low = |own: &Aabb| own.extent().min_element() < highest;
-        let small: Vec<u32> =
-            (0u32..).zip(&bounds).filter(|(_, own)| low(own)).map(|(part, _)| part).collect();
-        let tested: Vec<u32> =
+        let highest = self.end_rule().height() / SHORT;
+        let low = |(_, own): &(&u32, &Aabb)| own.extent().min_element() < highest;
+        let small: Vec<(&u32, &Aabb)> = first.iter().zip(&bounds).filter(low).collect();
+        let tested: Vec<(&u32, &Aabb)> =
             small.iter().copied().step_by(small.len().div_ceil(MAX_THINGS).max(1)).collect();
-        let coarse =
-            |&part: &u32| self.ground_of_thing(part, bounds[part as usize]).map(|found| (found, part));
+        let coarse = |(thing, own): &(&u32, &Aabb)| Some((self.ground_of_thing(**thing, **own)?, **thing));
         let found: Vec<(Ground, u32)> = tested.par_iter().filter_map(coarse).collect();
-        let coarseness = |ground: &Ground| ground.start / ground.rise;
-        let (Ground { start, rise, triangle }, worst) =
-            found.iter().max_by(|(a, i), (b, j)| coarseness(a).total_cmp(&coarseness(b)).then(j.cmp(i)))?;
-        let name = |triangle: usize| {
-            let object = scene.triangle_object[triangle] as usize;
+        let (ground, worst) =
+            found.iter().max_by(|(a, i), (b, j)| a.coarseness().total_cmp(&b.coarseness()).then(j.cmp(i)))?;
+        let name = |triangle: u32| {
+            let object = scene.triangle_object[triangle as usize] as usize;
             quote(scene.object_names().nth(object).unwrap_or_default()).to_string()
         };
-        let thing = name(scene.triangle_component.iter().position(|part| part == worst)?);
         let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
         let unit = &scene.unit;
         Some(format!(
-            "`{thing}`{more} is only {} {unit} high on `{}`, whose coordinates are so large that single precision limits the accuracy: \
-             rays start {} {unit} above it, so that shadows and light beside such low things are wrong; divide that surface into smaller \
-             faces there, or move the scene nearer to the origin",
-            two_digits(*rise),
-            name(*triangle as usize),
-            two_digits(*start),
+            "`{}`{more} is {} {unit} high and stands on `{}`, and rounding of that surface's coordinates limits the accuracy: rays start {} \
+             {unit} above it, so that the shadow is about {:.0} % too short; {}",
+            name(*worst),
+            two_digits(ground.rise),
+            name(ground.triangle),
+            two_digits(ground.start),
+            100.0 * ground.coarseness().min(1.0),
+            self.cure_of_coarseness(ground.start, *worst)
         ))
     }
 
-    /// The coarsest surface on which an edge-connected part with this box stands: rays along the axes, just outside the box on all of its sides,
-    /// look for it.
-    fn ground_of_thing(&self, part: u32, bounds: Aabb) -> Option<Ground> {
+    /// What to change if rays start at this height, scene units, above a surface near a triangle.
+    fn cure_of_coarseness(&self, height: f32, near: u32) -> &'static str {
+        let scene = self.scene();
+        let (low, high) = (self.bounds().min, self.bounds().max);
+        let is_off_centre = magnitude([low, high]) > MAX_CENTRED * (high - low).max_element();
+        if magnitude(scene.corners(near)) < 0.5 * EndRule::magnitude_of_height(height) {
+            "divide that surface into smaller faces there"
+        } else if scene.origin == DVec3::ZERO && is_off_centre {
+            "move the centre of the scene to the origin"
+        } else {
+            "divide that surface into smaller faces, and leave out what is far from there"
+        }
+    }
+
+    /// The coarsest surface of another object on which a thing with this triangle and this box, an edge-connected part of the scene, stands:
+    /// rays along the axes, just outside the box on all of its sides, look for it.
+    fn ground_of_thing(&self, thing: u32, bounds: Aabb) -> Option<Ground> {
+        let objects = &self.scene().triangle_object;
         let (middle, half) = (0.5 * (bounds.min + bounds.max), 0.5 * bounds.extent());
         let margin = OUTSIDE * bounds.diagonal();
         let mut rays = Vec::with_capacity(24);
@@ -131,15 +157,16 @@ impl Model {
             // The first instance holds the scene's own faces.
             let other = triangle != Hits::NOTHING
                 && instance == 0
-                && self.scene().triangle_component[triangle as usize] != part;
+                && objects[triangle as usize] != objects[thing as usize];
             if other {
                 let start = self.end_on(instance, triangle).height();
                 let rise = t * way.length() + half.dot(way.abs().normalize_or_zero());
-                let is_low = start > COARSE * rise && rise > FLUSH * bounds.diagonal();
-                grounds.extend(is_low.then_some(Ground { start, rise, triangle }));
+                let ground = Ground { start, rise, triangle };
+                let is_low = ground.coarseness() > SHORT && rise > FLUSH * bounds.diagonal();
+                grounds.extend(is_low.then_some(ground));
             }
         }
-        grounds.into_iter().max_by(|a, b| (a.start / a.rise).total_cmp(&(b.start / b.rise)))
+        grounds.into_iter().max_by(|a: &Ground, b| a.coarseness().total_cmp(&b.coarseness()))
     }
 }
 
@@ -155,6 +182,13 @@ struct Ground {
     rise: f32,
     /// One of its triangles.
     triangle: u32,
+}
+
+impl Ground {
+    /// Part of the thing's height below which no rays start.
+    fn coarseness(&self) -> f32 {
+        self.start / self.rise
+    }
 }
 
 #[cfg(test)]
@@ -202,6 +236,31 @@ mod tests {
         assert_eq!(note(10.0, 0.1), None);
         assert_eq!(note(1e4, 3.0), None);
         let found = note(1e4, 0.1).expect("a note");
-        assert!(found.contains("`step` is only 0.1 m high on `floor`"), "{found}");
+        assert!(found.contains("`step` is 0.1 m high and stands on `floor`"), "{found}");
+        assert!(
+            found.ends_with(
+                "20 % too short; divide that surface into smaller faces, and leave out what is far from there"
+            ),
+            "{found}"
+        );
+    }
+
+    /// Rays start 9e-6 above the floor of a room of 4.5.
+    #[test]
+    fn small_parts_of_furniture_have_no_note() {
+        let note = |object: &str, height: f64| {
+            let mut pieces = Pieces::empty();
+            pieces.grey("floor", 0.5).polygon(&facing_up([0.0, 4.5], [0.0, 4.5], 0.0));
+            if object != "floor" {
+                pieces.grey(object, 0.5);
+            }
+            pieces.rectangle(DVec3::new(3.0, 3.0, 0.0), 20.0 * height * DVec3::X, height * DVec3::Z);
+            pieces.glowing("lamp", 10.0).polygon(&facing_down([2.0, 2.5], [2.0, 2.5], 2.0));
+            model(&pieces.scene(), Detail::Rays).note_of_small_things()
+        };
+        assert_eq!(note("floor", 5e-5), None, "a part of the object below it");
+        assert_eq!(note("rim", 5e-4), None, "its shadow is 2 % too short");
+        let found = note("rim", 5e-5).expect("a note");
+        assert!(found.ends_with("18 % too short; move the centre of the scene to the origin"), "{found}");
     }
 }

@@ -4,7 +4,7 @@ use super::load_options::{PlacedLuminaire, Placements};
 use super::names::{UniqueNames, counted};
 use super::profile::{Distribution, Profile, axes};
 use super::read_luminaire::{Luminaire, read};
-use super::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial, power::unit_in_metres, size::ends};
+use super::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial, Strength, power::unit_in_metres, size::ends};
 use crate::error::{in_words, quote};
 use crate::files::input;
 use crate::{Error, Result};
@@ -174,7 +174,6 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
     let places = soup.positions.iter().copied().chain(options.luminaires.list.iter().map(|placed| placed.at));
     let (low, high) = ends(places);
     let extent = (high - low).length();
-    let mut flux = 0.0;
     for placed in &options.luminaires.list {
         let PlacedLuminaire { name, luminaire, at, axes, scale, factors } = placed.clone();
         // Once for each file.
@@ -184,19 +183,28 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
         let name = names.of(&name);
         let size = luminaire.opening.map(|v| v / metres);
         let distribution = luminaire.distribution.clone();
-        let emitted: f64 = distribution.halves().iter().sum();
-        flux += emitted * scale * factors[0] * factors[1];
         Lamp { name, at, axes, size, distribution, scale, factors, colour: [1.0; 3] }
             .add(soup, extent, options);
     }
-    if options.unit == "m" {
-        soup.repairs.messages.extend(too_large(high - low, flux, options.luminaires.list.len()));
-    }
 }
 
-/// A question if the luminaires light less than a clear night does, and would light a room well if the lengths were millimetres. `extents`:
-/// those of the scene, m; `flux`: that of its luminaires, lm.
-fn too_large(extents: DVec3, flux: f64, luminaires: usize) -> Option<String> {
+/// Asks for the unit if all emitters whose flux is stated in lumens light a scene in metres as if it were a thousand times too large.
+pub(super) fn question_unit(soup: &mut Soup, options: &LoadOptions) {
+    if options.unit != "m" {
+        return;
+    }
+    let stated = options.emitters.iter().filter_map(|(_, strength)| match strength {
+        Strength::Lumens(flux) => Some(*flux),
+        Strength::Watts(_) | Strength::Luminance(_) => None,
+    });
+    let fluxes: Vec<f64> = soup.fluxes.iter().copied().chain(stated).filter(|flux| *flux > 0.0).collect();
+    let (low, high) = ends(soup.positions.iter().copied());
+    soup.repairs.messages.extend(too_large(high - low, fluxes.iter().sum(), fluxes.len()));
+}
+
+/// A question if emitters light less than a clear night does, and would light a room well if the lengths were millimetres. `extents`:
+/// those of the scene, m; `flux`: that of its emitters, lm.
+fn too_large(extents: DVec3, flux: f64, emitters: usize) -> Option<String> {
     let mut sides = extents.to_array();
     sides.sort_by(f64::total_cmp);
     let [height, width, length] = sides;
@@ -204,9 +212,9 @@ fn too_large(extents: DVec3, flux: f64, luminaires: usize) -> Option<String> {
     // Terrains are flatter than 1 km.
     let is_a_room = height > 1000.0 && (MIN_LUX..MAX_LUX).contains(&(1e6 * lux));
     (is_a_room && lux < NIGHT).then(|| {
-        let some = counted(luminaires, "luminaire");
+        let some = counted(emitters, "emitter");
         format!(
-            "{some} of {flux:.0} lm in a scene of {length:.0} m x {width:.0} m, {lux:.1e} lx: is the file in millimetres? set ⟨LoadOptions::unit⟩ to mm"
+            "{some} of {flux:.0} lm in total in a scene of {length:.0} m x {width:.0} m, {lux:.1e} lx: is the file in millimetres? set ⟨LoadOptions::unit⟩ to mm"
         )
     })
 }
@@ -247,6 +255,7 @@ impl Lamp {
         let [axis, c0, c90] = self.axes;
         let object = soup.object(&self.name);
         let area = length * width * metres * metres;
+        soup.fluxes.push(total * self.scale * self.factors[0] * self.factors[1]);
         for (half, flux) in halves.into_iter().enumerate().filter(|(_, f)| *f > DARK_HALF * total) {
             let [dimming, maintenance] = self.factors;
             let watts = flux * self.scale * dimming * maintenance / options.photometry().lumens_per_watt;

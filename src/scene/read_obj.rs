@@ -355,12 +355,14 @@ fn uncommented(rest: &str) -> impl Iterator<Item = &str> {
     rest.split_whitespace().take_while(|w| !w.starts_with('#'))
 }
 
-/// The files of a `mtllib` statement: one name, which may contain spaces, or several names. Then the files of the other reading that do
+/// The files of a `mtllib` statement: one name, which may contain spaces, or several names, of which one exists or all end in `.mtl`. Then the files of the other reading that do
 /// not exist.
 fn libraries(obj: &Path, rest: &str) -> (Vec<PathBuf>, Vec<PathBuf>) {
     let whole = beside(obj, rest);
     let mut several: Vec<PathBuf> = rest.split_whitespace().map(|name| beside(obj, name)).collect();
-    if several.len() > 1 && !whole.exists() && several.iter().any(|p| p.exists()) {
+    let is_library = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mtl"));
+    let are_several = || several.iter().any(|path| path.exists()) || several.iter().all(is_library);
+    if several.len() > 1 && !whole.exists() && are_several() {
         return (several, vec![whole]);
     }
     // Names of different lengths differ at once; paths are compared part by part.

@@ -42,6 +42,7 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
 /// As [`resolve`].
 pub(super) fn resolve_moved(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
     luminaires::add_placed(&mut soup, options);
+    luminaires::question_unit(&mut soup, options);
     let axes = (options.up, power::unit_in_metres(&options.unit).unwrap_or(1.0));
     let curved = options.curvature.map(|factor| Curved::lower(&mut soup, factor, axes)).transpose()?;
     let ground = soup.ground.take();

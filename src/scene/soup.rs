@@ -34,6 +34,8 @@ pub struct Soup {
     pub cameras: Vec<StoredCamera>,
     /// Lights that are infinitely far away.
     pub suns: Vec<Sun>,
+    /// Luminous fluxes of its lamps and luminaires, lm.
+    pub fluxes: Vec<f64>,
     /// Height fields of which the polygons are a simpler form.
     pub ground: Option<FineGround>,
     /// Its height fields.

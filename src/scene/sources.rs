@@ -2,7 +2,7 @@
 //!
 //! All are read here, so that each is a regular file below the limit of size, is decoded once, and is listed.
 
-use super::{Repairs, texture::Texture};
+use super::{Repairs, names::counted, texture::Texture};
 use crate::error::{is_obeyed, shown};
 use crate::files::input::{Input, MAX_SMALL_FILE, guarded};
 use crate::{Error, Result, memory};
@@ -156,8 +156,14 @@ impl Repairs {
             n if n <= MAX_MESSAGES => {
                 self.messages.push(message.chars().filter(|c| !is_obeyed(*c)).collect())
             }
-            n if n == MAX_MESSAGES + 1 => self.messages.push("more files could not be read".into()),
-            _ => {}
+            n => {
+                let text = |more| format!("{} could not be read", counted(more, "more file"));
+                let before = text(n - 1 - MAX_MESSAGES);
+                match self.messages.iter_mut().rfind(|message| **message == before) {
+                    Some(last) => *last = text(n - MAX_MESSAGES),
+                    None => self.messages.push(text(n - MAX_MESSAGES)),
+                }
+            }
         }
     }
 }

@@ -113,7 +113,7 @@ impl SkyOptions {
         let text = String::from_utf8(bytes).map_err(|_| Error::format(path, None, "not a text in UTF-8"))?;
         let mut options: SkyOptions = toml::from_str(&text).map_err(|e| {
             let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
-            Error::format(path, line, in_words(e.message()).replace('\n', " "))
+            Error::format(path, line, with_key(&in_words(e.message()).replace('\n', " "), line, &text))
         })?;
         let beside = |name: &mut PathBuf| *name = path.with_file_name("").join(&*name);
         options.map.iter_mut().for_each(beside);
@@ -211,6 +211,22 @@ impl SkyOptions {
             amount.rgb().into_iter().try_for_each(|v| positive(v, "irradiance").map(drop))?;
         }
         Ok(())
+    }
+}
+
+/// What is wrong with a line of a description, with the key of the line, if it has one, and the cure of a table.
+fn with_key(what: &str, line: Option<usize>, text: &str) -> String {
+    let content = line.and_then(|line| text.lines().nth(line - 1)).unwrap_or_default();
+    let key = content.split('=').next().unwrap_or_default().trim_matches(['[', ']', ' ', '\t']);
+    let is_key = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    match is_key && what.starts_with("invalid type") {
+        true if what.contains(": map") => {
+            format!(
+                "`{key}` is a table ({what}): write {key} = VALUE on one line, such as sky = \"overcast\""
+            )
+        }
+        true => format!("`{key}`: {what}"),
+        false => what.into(),
     }
 }
 

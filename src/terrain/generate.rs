@@ -1,13 +1,18 @@
 //! Height fields made by formulas: a rough one, and those with known sky view factors.
 
 use super::Grid;
-use crate::Result;
+use crate::{Result, memory};
 use rayon::prelude::*;
+
+/// Memory of a sample, bytes: its height, and the same in the file that is written.
+const BYTES_PER_SAMPLE: u64 = 8;
 
 /// A grid of `columns × rows` samples at the distance `cell` in m, whose heights are a function of the distances from the middle
 /// towards east and north, m.
 pub fn of(columns: usize, rows: usize, cell: f64, height: impl Fn(f64, f64) -> f64 + Sync) -> Result<Grid> {
     super::grid::check_sides(columns, rows).map_err(crate::Error::arguments)?;
+    let samples = (columns * rows) as u64;
+    memory::check_room(BYTES_PER_SAMPLE * samples, || format!("{samples} samples of the terrain"))?;
     let (x0, y0) = (0.5 * (columns - 1) as f64, 0.5 * (rows - 1) as f64);
     let mut heights = vec![0.0f32; columns * rows];
     heights.par_chunks_mut(columns).enumerate().for_each(|(r, line)| {

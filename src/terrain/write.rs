@@ -21,6 +21,8 @@ pub struct Layer<'a> {
 
 /// Bytes of a strip: 36 strips for a band of 3,000 × 3,000, and a part of the file can be read without the rest.
 const STRIP: usize = 1 << 20;
+/// Room for what precedes and follows the bands in a file, bytes.
+const HEADER: usize = 1 << 16;
 /// Bytes of a TIFF file whose offsets have 32 bits, less room for tags; larger ones are BigTIFF.
 const MAX_SMALL_TIFF: u64 = (1 << 32) - (16 << 20);
 
@@ -46,8 +48,8 @@ fn check(grid: &Grid, layers: &[Layer]) -> Result<()> {
 pub fn write_geotiff(path: &Path, grid: &Grid, layers: &[Layer]) -> Result<()> {
     check(grid, layers)?;
     let bytes = 4 * (layers.len() * grid.heights().len()) as u64;
-    memory::check_room(bytes, || format!("{} bands of a GeoTIFF", layers.len()))?;
-    let mut out = Cursor::new(Vec::new());
+    memory::check_room(bytes + HEADER as u64, || format!("{} bands of a GeoTIFF", layers.len()))?;
+    let mut out = Cursor::new(Vec::with_capacity(bytes as usize + HEADER));
     let written = match bytes > MAX_SMALL_TIFF {
         true => {
             TiffEncoder::<_, TiffKindBig>::new_generic(&mut out).and_then(|e| encode(e, grid, layers, |v| v))

@@ -493,7 +493,7 @@ static void queries_and_points(void) {
 
 /* Form factors of a scene with an instance: only of the flat scene. */
 static void flattened(const mrv_scene *placed) {
-  mrv_scene *flat;
+  mrv_scene *flat, *copy;
   mrv_model *m;
   mrv_form_factors *f;
   mrv_scene_info info = {sizeof info, 0, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
@@ -512,6 +512,12 @@ static void flattened(const mrv_scene *placed) {
   OK(mrv_scene_flatten(placed, 0, &flat));
   OK(mrv_scene_get_info(flat, &info));
   CHECK(info.triangles == 2 && info.visible == 2);
+  /* A scene without placed meshes is copied. */
+  OK(mrv_scene_flatten(flat, 0, &copy));
+  mrv_scene_release(flat);
+  OK(mrv_scene_get_info(copy, &info));
+  CHECK(info.triangles == 2 && info.visible == 2);
+  flat = copy;
   OK(mrv_model_prepare(flat, &rays, &m));
   OK(mrv_model_form_factors(m, NULL, &f));
   mrv_form_factors_release(f);

@@ -262,6 +262,17 @@ fn failures_are_kept_to_one_job() {
     );
 }
 
+/// Memory that a limit of the address space refuses ends one job: each has a process of its own.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_limit_of_the_address_space_is_that_of_each_job() {
+    let scratch = prepared();
+    scratch.write("jobs.toml", "[[job]]\ncommand = 'info'\nscene = 'cornell.obj'\n");
+    scratch.bash("ulimit -v 900000; exec \"$0\" batch jobs.toml --out o").exits(0);
+    let lines = journal(&scratch.path("o"));
+    assert!(lines.len() == 1 && lines[0]["peak_bytes"].is_number(), "{lines:?}");
+}
+
 /// When no more can be written the batch stops with what is done, and goes on when there is room.
 #[test]
 fn a_full_disk_stops_the_batch_until_there_is_room() {

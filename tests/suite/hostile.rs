@@ -288,6 +288,18 @@ fn refused_memory_is_an_error() {
         );
         refused(&scratch.bash(&script), "mrvis: out of memory: ");
     }
+    // Sizes that the user states.
+    let scratch = self::scratch();
+    let solve = "solve scene.obj --output lightmap --lightmap-texels 60000000 --out o --threads 1 --quiet";
+    let large = scratch.bash(&format!("ulimit -v 800000; exec \"$0\" {solve}"));
+    refused(&large, "texels of a lightmap (--lightmap-texels) take ");
+    for (generated, what) in [
+        ("terrain --count 20000 --out t.tif", "400000000 samples of the terrain take 3200000000 bytes"),
+        ("forest --trees 10000 --out f.obj", "10000000 leaves take 1240000000 bytes"),
+    ] {
+        let large = scratch.bash(&format!("ulimit -v 800000; exec \"$0\" generate {generated} --quiet"));
+        refused(&large, &format!("mrvis: out of memory: {what}"));
+    }
 }
 
 #[test]

@@ -83,6 +83,12 @@ fn terrain_computes_maps_of_height_fields() {
         assert!(scratch.path(&format!("t/{name}")).metadata().is_ok_and(|file| file.len() > 60), "{name}");
     }
     scratch.mrvis("terrain slope.asc --out t --output irradiance").exits(2).warns("give --sky");
+    let unused = |options: &str, words: &str| {
+        refused(&scratch.mrvis(&format!("terrain slope.asc --out t {options}")), words);
+    };
+    unused("--sun 135,30", "--sun has no effect without --output sunlit or --output irradiance");
+    unused("--place 47,11 --output horizon", "--place has no effect without --output sunlit");
+    unused("--sun 135,30 --day --output sunlit", "--day has no effect without --output irradiance");
     // A clear day in June on a slope to the south: about as much as on a level plane, 8 kWh/m2.
     let day = "--output irradiance --day=60 --sky clear:3 --time 2026-06-21T12:00+01:00 --place";
     let energy = mean_of(&scratch, &format!("{day} 47,11"));

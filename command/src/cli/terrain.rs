@@ -132,6 +132,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     let _folder = check_folder(&args.out)?;
     common.check_json()?;
+    check_light(args)?;
     let files = |q: &Quantity| {
         args.format.iter().flat_map(|format| q.files(*format, args.azimuths)).collect::<Vec<_>>()
     };
@@ -215,6 +216,25 @@ fn compute(
         }
         Quantity::Irradiance => vec![(name, light(args, grid, sweep, sky)?)],
     })
+}
+
+/// Refuses options of light that no output needs.
+fn check_light(args: &Args) -> Result<()> {
+    let Args { sky, sun, place, time, day, outputs, .. } = args;
+    let light = [("--sky", sky), ("--sun", sun), ("--place", place), ("--time", time)];
+    let given = light.map(|(name, text)| (name, text.is_some(), "sunlit or --output irradiance"));
+    let needs = |q: &Quantity| matches!(q, Quantity::Sunlit | Quantity::Irradiance);
+    let unused = if outputs.contains(&Quantity::Irradiance) {
+        None
+    } else if outputs.iter().any(needs) {
+        day.map(|_| ("--day", "irradiance"))
+    } else {
+        let given = given.into_iter().chain([("--day", day.is_some(), "irradiance")]);
+        given.filter(|given| given.1).map(|(name, _, outputs)| (name, outputs)).next()
+    };
+    let what =
+        |(name, outputs)| format!("{name} has no effect without --output {outputs}: add it, or omit {name}");
+    unused.map_or(Ok(()), |unused| Err(Error::arguments(what(unused))))
 }
 
 /// What is assumed about the light of a day.

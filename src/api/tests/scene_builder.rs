@@ -94,6 +94,7 @@ fn arrays_make_the_scene_of_the_file() {
         let arrays = built(&PlacedSoup { soup, ..PlacedSoup::default() });
         let arrays = arrays.finish(&LoadOptions::default()).unwrap();
         assert_eq!(content(&file), content(&arrays), "{name}");
+        assert_eq!(content(&file), content(&file.flattened(u64::MAX).unwrap()), "nothing to flatten");
         assert_eq!(answers(file), answers(arrays), "{name}");
     }
 }
@@ -179,6 +180,12 @@ fn wrong_arrays_are_named() {
     says(builder.add_instance(0, "a", rows(&DAffine3::IDENTITY)), "this name is taken");
     says(builder.add_instance(0, "i", rows(&DAffine3::from_scale(DVec3::new(1.0, 2.0, 1.0)))), "ratio 2.000");
     says(builder.add_instance(0, "i", rows(&DAffine3::from_translation(DVec3::NAN))), "not finite");
+    says(builder.add_instance(0, "i", [[0.0; 4]; 3]), "its scale must not be 0");
+    says(
+        builder.add_instance(0, "i", rows(&DAffine3::from_scale(DVec3::splat(1e200)))),
+        "beyond 1e12; lower the scale",
+    );
+    says(builder.add_instance(0, "i", rows(&DAffine3::from_scale(DVec3::splat(2e12)))), "beyond 1e12");
     builder.add_instance(0, "i", rows(&DAffine3::IDENTITY)).unwrap();
     says(
         builder.finish(&LoadOptions {

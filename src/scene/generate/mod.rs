@@ -10,7 +10,7 @@ pub(super) mod shapes;
 mod urban;
 
 use super::{LoadOptions, MAX_PLACEMENTS, PlacedSoup, Scene, Soup, instances::resolve_placed, resolve};
-use crate::{Error, Result, error::quote};
+use crate::{Error, Result, error::quote, memory};
 
 #[cfg(test)]
 pub use forest::ground_and_sky;
@@ -112,8 +112,12 @@ pub struct Spec {
     pub light_size: Option<f64>,
 }
 
-/// Largest number of items: limits a forest to 4 GB, at 40 bytes of corners and faces per leaf.
+/// Largest number of items: limits a forest to 12 GB.
 const MAX_ITEMS: usize = 100_000_000;
+/// Memory of a leaf, bytes: four vertices (96), their indices (16), and end, object and material of the polygon (12).
+const BYTES_PER_LEAF: u64 = 124;
+/// Smallest memory of another item, bytes: its place.
+const BYTES_PER_ITEM: u64 = 24;
 
 impl Spec {
     /// The defaults of the kind `name`: seed 1, forest of 100 trees with 1,000 leaves each, no instances, one species.
@@ -186,7 +190,12 @@ impl Spec {
             let size = self.light_size.unwrap_or(0.0);
             return Err(Error::argument("light_size", size, "must lie in 0..1e6, above 0"));
         }
-        Ok(())
+        let (items, bytes, what) = match (self.name.as_str(), self.instances) {
+            ("forest", true) => (self.species * self.leaves, BYTES_PER_LEAF, "leaves"),
+            ("forest", false) => (self.trees * self.leaves, BYTES_PER_LEAF, "leaves"),
+            _ => (self.count.unwrap_or(0), BYTES_PER_ITEM, "items"),
+        };
+        memory::check_room(bytes * items as u64, || format!("{items} {what}"))
     }
 }
 

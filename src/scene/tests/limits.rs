@@ -128,4 +128,10 @@ fn missing_files_give_few_messages() {
     let obj = "mtllib a.mtl\nusemtl m1\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     let scene = load_with(obj, &[("a.mtl", library.as_bytes())], &LoadOptions::default()).expect("a scene");
     assert!(scene.repairs.missing_files == 50_000 && scene.repairs.messages.len() < 30);
+    // The same of material libraries, named in one line.
+    let names: Vec<String> = (0..50_000).map(|i| format!("a{i}.mtl")).collect();
+    let scene = load(&format!("mtllib {}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", names.join(" ")));
+    let notes = scene.expect("a scene").repairs.messages.clone();
+    let has = |what: &str| notes.iter().any(|note| note.contains(what));
+    assert!(has("a0.mtl: ") && has("49980 more files could not be read") && notes.len() < 30, "{notes:?}");
 }

@@ -123,6 +123,13 @@ fn files_describe_everything() {
         ("sky = \"uniform\"\ndirect_normal = -4\n", 2, "-4"),
         ("sky = \"uniform\"\nsun = \"up\"\n", 2, "AZIMUTH,ELEVATION"),
         ("sky = \"uniform\"\nzenith = \"high\"\n", 2, "expected a number"),
+        ("sky = \"uniform\"\nmap_north = \"south\"\n", 2, "`map_north`: invalid type"),
+        (
+            "# mine\n[sky]\nmodel = \"cie:3\"\n",
+            2,
+            "`sky` is a table (invalid type: map, expected a string): write sky = VALUE",
+        ),
+        ("sky = { model = \"cie:3\" }\n", 1, "`sky` is a table"),
         ("sky = \"other.toml\"\n", 1, "cannot name another"),
     ] {
         std::fs::write(&path, text).expect("written");

@@ -126,13 +126,22 @@ pub fn as_process(line: &Line, shown: &str, threads: usize, limits: Limits) -> E
         let seconds = limits.seconds.unwrap_or_default();
         return Ended::failed(format!("the time limit of {seconds} s was over; raise `limits.seconds`"));
     }
-    // Some ends of the standard library are followed by a list of functions.
-    let text = text.split("stack backtrace:").next().unwrap_or_default();
+    Ended::failed(cause(&status.to_string(), limits, &text))
+}
+
+/// Why a process ended, from what it wrote to standard error.
+fn cause(status: &str, limits: Limits, text: &str) -> String {
+    // The standard library adds how to get a list of functions.
+    let text = text.split("note: run with").next().unwrap_or_default();
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let limit = limits.memory.map_or(String::new(), |bytes| {
         format!(" (its memory limit is {:.1} GiB: `limits.memory`)", bytes as f64 / (1u64 << 30) as f64)
     });
-    Ended::failed(format!("the process of the job ended with {status}{limit} {text}").trim_end())
+    let refused = text.strip_prefix("memory allocation of ").and_then(|text| text.strip_suffix(" failed"));
+    match refused {
+        Some(bytes) => format!("out of memory: {bytes} at once are refused{limit}"),
+        None => format!("the process of the job ended with {status}{limit} {text}").trim_end().into(),
+    }
 }
 
 /// Reads a pipe to its end.
@@ -148,6 +157,8 @@ fn read_on_thread(pipe: Option<impl Read + Send + 'static>) -> JoinHandle<String
 fn started(request: &Request) -> std::io::Result<Child> {
     let mut command = Command::new(std::env::current_exe()?);
     command.arg("run-job").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    // The message of a job is one line.
+    command.env("RUST_BACKTRACE", "0");
     // An interruption from the terminal reaches the batch only, which then ends the job.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
@@ -181,7 +192,8 @@ pub fn run_requested() -> Result<ExitCode> {
 /// Sets the limit of address space, and lets the job end with the batch.
 #[cfg(target_os = "linux")]
 fn limit_process(request: &Request) -> Result<()> {
-    use rustix::process::{Resource, Rlimit, Signal, getppid, set_parent_process_death_signal, setrlimit};
+    use rustix::process::{Resource, Rlimit, Signal, getppid, getrlimit};
+    use rustix::process::{set_parent_process_death_signal, setrlimit};
     let at = |e: rustix::io::Errno| Error::io("limits of the process", e.into());
     set_parent_process_death_signal(Some(Signal::KILL)).map_err(at)?;
     let parent = getppid().map(|pid| pid.as_raw_nonzero().get() as u32);
@@ -189,6 +201,8 @@ fn limit_process(request: &Request) -> Result<()> {
         return Err(Error::Cancelled("the batch has ended".into()));
     }
     if let Some(bytes) = request.memory {
+        // A limit cannot be raised.
+        let bytes = bytes.min(getrlimit(Resource::As).maximum.unwrap_or(u64::MAX));
         setrlimit(Resource::As, Rlimit { current: Some(bytes), maximum: Some(bytes) }).map_err(at)?;
     }
     Ok(())
@@ -199,4 +213,21 @@ fn peak() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(1024 * line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refused_memory_is_one_sentence() {
+        let limits = Limits { memory: Some(1 << 30), ..Limits::default() };
+        let text =
+            "memory allocation of 99 bytes failed\nnote: run with `RUST_BACKTRACE=1` environment variable\n";
+        let want =
+            "out of memory: 99 bytes at once are refused (its memory limit is 1.0 GiB: `limits.memory`)";
+        assert_eq!(cause("exit status: 2", limits, text), want);
+        let other = cause("signal: 9", Limits::default(), "");
+        assert_eq!(other, "the process of the job ended with signal: 9");
+    }
 }

@@ -15,6 +15,7 @@ use crate::cli::interruption;
 #[cfg(feature = "mpi")]
 use crate::cli::mpi::World;
 use crate::cli::shared_scenes::SharedScenes;
+use mrvis::internals::memory;
 use mrvis::{Error, Result};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -255,11 +256,14 @@ impl<'a> Runner<'a> {
     }
 
     /// The limits of a job; one that takes much of the budget of its process, or may have ended an earlier batch, has at least that
-    /// limit.
+    /// limit, and so has every job if the address space is limited.
     fn limits(&self, job: usize, threads: usize, budget: u64) -> Limits {
         let mut limits = self.plan.jobs[job].limits;
         let expected = self.plan.memory(job, &Entries::new()).unwrap_or(0);
-        if self.begun[job] || expected.saturating_sub(MIN_MEMORY) > budget / MAX_SHARED_PART {
+        // Memory that a limit of the address space refuses ends a whole process.
+        let is_refusable = memory::left_of_address_space().is_some();
+        let is_large = expected.saturating_sub(MIN_MEMORY) > budget / MAX_SHARED_PART;
+        if self.begun[job] || is_large || is_refusable {
             let reserved = RESERVED_BY_THREAD.saturating_mul(threads as u64 + 1);
             limits.memory = limits.memory.or(Some(budget.saturating_add(reserved)));
         }

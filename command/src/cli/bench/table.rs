@@ -29,11 +29,17 @@ fn head(record: &Record) -> String {
     let Record { scene, build, workload, threads, isa, .. } = record;
     let SceneSummary { triangles, objects, emitters, closed_parts, sheet_parts, clusters, levels, .. } =
         scene;
-    let mut text = format!(
-        "{}: {triangles} triangles, {objects} objects, {emitters} emitters, {closed_parts} closed parts, {sheet_parts} sheets, \
-         {clusters} clusters in {levels} levels\n",
-        quote(&scene.path)
-    );
+    let counted = |n: &usize, noun: &str| format!("{n} {noun}{}", if *n == 1 { "" } else { "s" });
+    let [t, o, e, p, s, c, l] = [
+        counted(triangles, "triangle"),
+        counted(objects, "object"),
+        counted(emitters, "emitter"),
+        counted(closed_parts, "closed part"),
+        counted(sheet_parts, "sheet"),
+        counted(clusters, "cluster"),
+        counted(levels, "level"),
+    ];
+    let mut text = format!("{}: {t}, {o}, {e}, {p}, {s}, {c} in {l}\n", quote(&scene.path));
     let [reading, embree] = [build.load_s, build.embree_s].map(seconds);
     text += &format!("built in: reading {reading}, Embree {embree}, {}\n", clusters_of(build));
     let BytesPerTriangle { scene, hierarchy, optics, wide, embree, total } = build.bytes_per_triangle;
