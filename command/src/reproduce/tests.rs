@@ -109,12 +109,6 @@ fn fig10_holds_as_far_as_few_solves_tell() {
     );
 }
 
-#[test]
-#[ignore = "long: many solves"]
-fn multigridding_holds_whatever_the_balance() {
-    holds_but("multigridding", &["consistent whenever it ends"]);
-}
-
 /// With importance links are so few that the light of the desk may change; two solves do not tell how much.
 #[test]
 #[ignore = "long: many solves"]
