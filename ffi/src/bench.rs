@@ -1,11 +1,11 @@
 //! Measurements of a model: exact against multi-resolution visibility, and irradiance by path tracing.
 
 use super::arguments::{Place, c_text, count_of, set, slice, slice_mut, texts};
+use super::arguments::{Span, check_apart};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard};
 use super::handle::{give, handle, object};
 use super::model::mrv_model;
-use super::overlap::{Span, check_apart};
 use super::record::{read_optional, record};
 use super::solve::points_of;
 use super::status::mrv_status;

@@ -1,10 +1,10 @@
 //! The elements of a solution in arrays of the caller, and its record as text.
 
 use super::arguments::{Place, c_text, check_array, slice_mut, text, wrong};
+use super::arguments::{Span, check_apart};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard};
 use super::handle::object;
-use super::overlap::{Span, check_apart};
 use super::record::{Record, read, record};
 use super::solve::{mrv_solution, mrv_solve_options};
 use super::status::mrv_status;

@@ -20,18 +20,14 @@ mod builder;
 mod call_progress;
 mod elements;
 mod fbem;
-mod float_state;
 mod form_factors;
 mod guard;
 mod handle;
 mod images;
 mod library;
 mod model;
-mod overlap;
-mod query;
 mod record;
 mod scene;
-mod sky;
 mod solve;
 mod status;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Scenes: read, generated, and what they say about themselves.
+//! Scenes: read, generated, put under a sky, and what they say about themselves.
 
 use super::arguments::{
     Place, c_text, count_of, no_reserved, one_of, optional_text, put_text, set, slice, text, texts, wrong,
@@ -8,8 +8,9 @@ use super::handle::{give, handle, object};
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
 use super::words::word;
-use mrvis::internals::{SceneParts, error::worded};
-use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, Strength, UpAxis};
+use mrvis::internals::SceneParts;
+use mrvis::internals::error::worded;
+use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, SkyOptions, Strength, UpAxis};
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -322,5 +323,33 @@ pub unsafe extern "C" fn mrv_scene_get_unit(
         let scene = object(call, scene, "scene")?;
         // SAFETY: the caller gives room for `size` bytes.
         unsafe { put_text(scene.scene.unit(), text, size, "text") }
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_with_sky(
+    scene: *const mrv_scene,
+    sky: *const c_char,
+    sun: *const c_char,
+    place: *const c_char,
+    time: *const c_char,
+    lit: *mut *mut mrv_scene,
+) -> mrv_status {
+    guard("mrv_scene_with_sky", |call| {
+        let scene = object(call, scene, "scene")?;
+        // SAFETY: the caller gives texts that end with a zero, or NULL.
+        let [sky, sun, place, time] = unsafe {
+            [
+                optional_text(sky, "sky")?,
+                optional_text(sun, "sun")?,
+                optional_text(place, "place")?,
+                optional_text(time, "time")?,
+            ]
+        };
+        // SAFETY: the caller gives a place.
+        let into = unsafe { Place::of(lit, "lit") }?;
+        let mut made = Scene::clone(&scene.scene);
+        made.set_sky(&SkyOptions::of_texts(sky, sun, place, time)?)?;
+        into.set(give(NamedScene::new(Arc::new(made))))
     })
 }

@@ -1,11 +1,11 @@
 //! The light in a model.
 
 use super::arguments::{Place, count_of, set, slice, slice_mut, texts};
+use super::arguments::{Span, check_apart};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard};
 use super::handle::{give, handle, object};
 use super::model::mrv_model;
-use super::overlap::{Span, check_apart};
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
 use super::visibility::engine_of;

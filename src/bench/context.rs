@@ -1,11 +1,11 @@
 //! Data and engines that all rows of a run share.
 
 use super::audit::{AUDIT_RAYS, AuditRays};
+use super::measure::WARM_UP_PAIRS;
 use super::measure::{MrRun, Queries, Run, Timer};
 use super::options::BenchOptions;
 use super::record::MrRow;
 use super::reference::Reference;
-use super::rounds::WARM_UP_PAIRS;
 use super::sample::Sample;
 use super::workload::Workload;
 use crate::Result;

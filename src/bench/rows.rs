@@ -2,10 +2,10 @@
 
 use super::audit::AuditRays;
 use super::context::{Bench, PlannedRow};
+use super::measure::rounds;
 use super::measure::{MrRun, Queries, Run};
 use super::record::{ExactRow, MrRow};
 use super::reference::Reference;
-use super::rounds::rounds;
 use super::sample::Sample;
 use crate::visibility::MultiResolution;
 use std::time::Duration;

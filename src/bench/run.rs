@@ -2,6 +2,7 @@
 
 use super::context::Bench;
 use super::gallery::single_rays;
+use super::measure::MAX_TIME;
 use super::measure::{Queries, Timer};
 use super::options::BenchOptions;
 use super::page::ReceiverImages;
@@ -9,7 +10,6 @@ use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
 use super::record::{self, Record, Spent};
 use super::reference::Reference;
-use super::rounds::MAX_TIME;
 use super::rows::Measured;
 use super::sizes::{default_sizes, of_images};
 use super::workload::{Workload, surface_points};

@@ -1,9 +1,9 @@
 //! Names and dependencies of all jobs.
 
+use super::expand::outputs_of;
 use super::job::Job;
+use super::job::TomlSource;
 use super::names::{fault, suggestion};
-use super::template::outputs_of;
-use super::toml_source::TomlSource;
 use mrvis::Result;
 use mrvis::internals::error::quote;
 use std::collections::{BTreeMap, HashMap};

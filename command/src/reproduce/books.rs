@@ -2,7 +2,7 @@
 
 use super::blocks::Blocks;
 use super::item::{Item, Panel};
-use super::table::{Table, count, number};
+use super::item::{Table, count, number};
 use super::view::irradiance;
 use super::{CERTAIN, Context, counts_of, fixed};
 use glam::DVec3;

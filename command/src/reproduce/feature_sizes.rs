@@ -3,10 +3,10 @@
 use super::bsize::blocker_sizes;
 use super::cubes::{COLUMNS, COVERAGE, EDGES, TEXEL, covering_scene, shadow_widths, wall};
 use super::feature_verdict::{Measured, PAPER_SECONDS, SIZES, judge, judge_coverage};
+use super::item::{Cell, Table, number};
 use super::item::{Chart, ChartRow, Item, Panel, VISIBLE};
 use super::plain::{Descent, Leaves, PlainTree, Visits};
 use super::shadow::{Wall, mean, paper_features};
-use super::table::{Cell, Table, number};
 use super::{CERTAIN, Context, Repeated, fixed, list};
 use glam::Vec3;
 use mrvis::internals::ModelParts;

@@ -7,9 +7,7 @@
 mod blocks;
 mod books;
 mod bsize;
-mod cells;
 mod cubes;
-mod desks;
 mod erosion;
 mod feature_sizes;
 mod feature_verdict;
@@ -22,7 +20,6 @@ mod office_verdict;
 mod page;
 mod plain;
 mod shadow;
-mod table;
 mod table_1;
 #[cfg(test)]
 mod tests;

@@ -2,8 +2,8 @@
 
 use super::cubes::TEXEL;
 use super::item::Item;
+use super::item::{Table, number};
 use super::shadow::paper_features;
-use super::table::{Table, number};
 use super::{Context, fixed, list};
 use mrvis::Result;
 use mrvis::metrics::{FbemOptions, fbem};

@@ -3,8 +3,8 @@
 use super::blocks::Blocks;
 use super::bsize::{PIXELS, sizes};
 use super::item::{Item, Panel, VISIBLE};
+use super::item::{Table, count, number};
 use super::shadow::Wall;
-use super::table::{Table, count, number};
 use super::{Context, fixed};
 use glam::{DVec3, Vec3};
 use mrvis::internals::SceneParts;

@@ -1,8 +1,8 @@
 //! Planar patches of surfaces.
 
-use super::inscribed::inscribed;
-use super::rectangle::{Rectangle, fit};
+use super::inscribed;
 use super::relief::points as relief_points;
+use super::{Rectangle, fit};
 use crate::bench::workload::ReceiverPoint;
 use crate::clusters::MIN_COPLANAR_COSINE;
 use crate::scene::Scene;

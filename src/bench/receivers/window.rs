@@ -1,8 +1,8 @@
 //! Number, size and place of a receiver's texels.
 
+use super::Rectangle;
 use super::patch::Patch;
 use super::probe;
-use super::rectangle::Rectangle;
 use crate::model::Model;
 use crate::ray::Occluder;
 use crate::scene::Scene;

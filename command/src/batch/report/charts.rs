@@ -1,6 +1,6 @@
 //! Charts of errors against times: one for each scene, kind of error and two swept options.
 
-use super::super::row::Row;
+use super::super::table::Row;
 use super::{COMPARED, COMPARED_NOISE, errors, swept, text, value};
 use maud::Markup;
 use mrvis::Result;

@@ -2,7 +2,7 @@
 
 use super::charts::front;
 use super::*;
-use crate::batch::grids::RecordedGrid;
+use crate::batch::table::RecordedGrid;
 use serde_json::json;
 
 fn row(value: serde_json::Value) -> Row {

@@ -1,13 +1,13 @@
 //! The record of a benchmark as text.
 
-mod classes;
-mod headline;
-
+use crate::cli::args::grouped;
 use mrvis::internals::bench::record::{
-    Build, BytesPerTriangle, ExactRow, MapMrRow, MapRecord, MrRow, Record, SceneSummary, Workload,
+    Build, BytesPerTriangle, ClassRecord, ExactRow, MapMrRow, MapRecord, MrRow, NO_FASTER, Record,
+    SceneSummary, Workload,
 };
 use mrvis::internals::error::quote;
 use mrvis::internals::plot::number;
+use std::fmt::Write as _;
 
 /// The record as text.
 pub fn table(record: &Record) -> String {
@@ -15,12 +15,12 @@ pub fn table(record: &Record) -> String {
     let mut text = head(record);
     text += &exact_rows(record);
     text += &mr_rows(record.shown_rows());
-    text += &classes::lines(&record.classes, unit);
+    text += &lines(&record.classes, unit);
     text += &maps(&record.maps);
     text += &setup(record);
     text += &spent(record);
     text += &audits(&record.mr);
-    let result = record.nothing_averaged.clone().unwrap_or_else(|| headline::of(record));
+    let result = record.nothing_averaged.clone().unwrap_or_else(|| of(record));
     text + &format!("\n{result}\n")
 }
 
@@ -192,10 +192,69 @@ fn times(v: Option<f64>, about: bool) -> String {
     v.map_or("-".into(), |v| format!("{}{v:.2}x", if about { "~" } else { "" }))
 }
 
+/// Of each class of receivers the best row, in one line.
+pub(super) fn lines(classes: &[ClassRecord], unit: &str) -> String {
+    let mut text = String::new();
+    if !classes.is_empty() {
+        text += "\nreceivers    points  same RMS       RMS       bias\n";
+    }
+    for class in classes {
+        let Some(row) = class.shown_row() else { continue };
+        let _ = writeln!(
+            text,
+            "{:<9} {:>9} {:>9} {:>9.5} {:>+10.5}  by {}, s = {} {unit} with {} segments",
+            class.class.name(),
+            grouped(class.points),
+            times(row.speedup_at_same_rms, row.extrapolated),
+            row.rms,
+            row.bias,
+            row.route_in_words(),
+            number(row.feature_size),
+            row.rays
+        );
+    }
+    text
+}
+
+/// The result in one sentence.
+pub(super) fn of(record: &Record) -> String {
+    let unit = &record.unit;
+    let Some((row, speed)) = record.best().and_then(|row| Some((row, row.speedup_at_same_rms?))) else {
+        return "no multi-resolution row could be compared with exact at the same error".into();
+    };
+    let about = if row.extrapolated { "about " } else { "" };
+    let speed = match speed {
+        v if v >= NO_FASTER[1] => format!("{about}{} times faster than", number(v)),
+        v if v > NO_FASTER[0] => "no faster than".into(),
+        v => format!("{about}{} times slower than", number(1.0 / v)),
+    };
+    let gain = row.certificates_gain();
+    let extrapolated =
+        if row.extrapolated { " (more exact rays than were measured, extrapolated)" } else { "" };
+    let certificates = match gain > NO_FASTER[1] {
+        true => format!("; certificates alone make exact rays {} times faster", number(gain)),
+        false => String::new(),
+    };
+    let features = record.faster_at_same_fbem().map_or(String::new(), |(row, speed)| {
+        let s = number(row.feature_size);
+        format!("; at the same feature error (FBEM) s = {s} {unit} is {} times faster", number(speed))
+    });
+    format!(
+        "best: s = {} {unit} with {} segments is {speed} {} at the same RMS error of {} %{extrapolated} (per segment {}); {} % of \
+         its segments met averaged clusters{features}{certificates}",
+        number(row.feature_size),
+        row.rays,
+        row.compared_in_words(),
+        number(100.0 * row.rms),
+        times(Some(row.speedup_per_segment), false),
+        number(100.0 * row.aggregated_fraction)
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mrvis::internals::bench::record::ExactRow;
+    use mrvis::internals::bench::record::{ExactRow, MrRow, ReceiverClass};
 
     /// Whatever its measured time says, a row of plain exact rays is what it is compared with.
     #[test]
@@ -237,5 +296,66 @@ mod tests {
         let text = table(&record);
         assert!(text.ends_with("\nNothing.\n") && !text.contains("best:"), "{text}");
         assert!(text.contains("\n     0.4     16") && !text.contains("\n     0.1     16"), "{text}");
+    }
+
+    #[test]
+    fn each_class_has_a_line() {
+        let row = |route: &str, speed| MrRow {
+            route: route.into(),
+            speedup_at_same_rms: Some(speed),
+            rays: 16,
+            ..MrRow::default()
+        };
+        let class = |class, mr| ClassRecord { class, points: 1200, mr, ..ClassRecord::default() };
+        let text = lines(
+            &[
+                class(ReceiverClass::Open, vec![row("cut", 4.5), row("bundle", 1.5)]),
+                class(ReceiverClass::Inside, vec![row("embree", 1.0)]),
+            ],
+            "m",
+        );
+        assert_eq!(text.lines().count(), 4, "{text}");
+        assert!(
+            text.contains("open") && text.contains("4.50x") && text.contains("by distance cut"),
+            "{text}"
+        );
+        assert!(
+            text.contains("inside") && text.contains("1.00x") && text.contains("by exact rays"),
+            "{text}"
+        );
+        assert!(!text.contains("1.50x"), "{text}");
+        assert_eq!(lines(&[], "m"), "");
+    }
+
+    #[test]
+    fn losses_are_said_plainly() {
+        let row = |speed| MrRow {
+            speedup_at_same_rms: Some(speed),
+            rms: 0.01,
+            feature_size: 0.1,
+            ..MrRow::default()
+        };
+        let said = |rows: &[MrRow]| of(&Record { mr: rows.into(), unit: "m".into(), ..Record::default() });
+        assert!(said(&[row(2.0)]).contains("2 times faster"));
+        assert!(said(&[row(0.5)]).contains("2 times slower"));
+        assert!(said(&[row(1.03)]).contains("no faster than exact rays"));
+        assert!(said(&[]).contains("no multi-resolution row"));
+        let features = MrRow { feature_size: 0.4, speedup_at_same_fbem: Some(9.29), ..row(0.97) };
+        let both = said(&[row(1.03), features]);
+        assert!(
+            both.contains("no faster") && both.contains("(FBEM) s = 0.4 m is 9.29 times faster"),
+            "{both}"
+        );
+    }
+
+    #[test]
+    fn what_certificates_gain_is_not_the_gain_of_averaging() {
+        let exact = ExactRow { rays: 16, seconds: 2.0, rms: 0.01, ..ExactRow::default() };
+        let certified = ExactRow { seconds: 1.0, ..exact.clone() };
+        let mut row = MrRow { rays: 16, seconds: 1.0, rms: 0.01, ..MrRow::default() };
+        row.compare(&[exact], &[certified]);
+        let text = of(&Record { mr: vec![row], unit: "m".into(), ..Record::default() });
+        assert!(text.contains("no faster than exact rays (Embree) with certificates"), "{text}");
+        assert!(text.contains("certificates alone make exact rays 2 times faster"), "{text}");
     }
 }
