@@ -18,7 +18,6 @@ mod run;
 mod sample;
 pub mod side_by_side;
 pub mod sizes;
-mod surface;
 mod unaveraged;
 pub mod workload;
 
