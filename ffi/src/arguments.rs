@@ -159,6 +159,14 @@ pub fn count_of(number: u64) -> usize {
     usize::try_from(number).unwrap_or(usize::MAX)
 }
 
+/// The entry of a list that a caller asks for by its number; `of` has the list.
+pub fn nth<'a, T>(list: &'a [T], index: u64, of: &str, what: &str) -> Outcome<&'a T> {
+    match list.get(count_of(index)) {
+        Some(entry) => Ok(entry),
+        None => wrong(format!("`index` {index}: {of} has {} {what}", list.len())),
+    }
+}
+
 /// Refuses members that have no meaning yet.
 pub fn no_reserved(value: u32, name: &str) -> Outcome {
     if value == 0 { Ok(()) } else { wrong(format!("`{name}` {value}: must be 0")) }

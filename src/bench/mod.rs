@@ -16,6 +16,7 @@ pub mod reference;
 mod rows;
 mod run;
 mod sample;
+mod shown;
 pub mod side_by_side;
 pub mod sizes;
 mod unaveraged;
@@ -25,3 +26,5 @@ pub use options::BenchOptions;
 #[cfg(any(test, feature = "internals"))]
 pub use record::Record;
 pub use run::run;
+#[cfg(any(test, feature = "internals"))]
+pub use shown::text;

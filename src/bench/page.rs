@@ -3,20 +3,17 @@
 //! One file without references to other files or to the network: pictures are inline PNG and SVG. The page is a pure
 //! function of record and images.
 
-mod classes;
 mod losses;
 mod maps;
 mod receivers;
 mod trust;
 
-use super::record::{Build, ExactRow, MrRow, NO_FASTER, Record, Workload};
+use super::record::{ExactRow, MrRow, ReceiverClass, Record};
+use super::shown::{self, MR_COLUMNS};
 use crate::Result;
 use crate::metrics::{Fbem, Image};
-use crate::page::{
-    Cell, bytes, chart, count, document, figure, file_name, length, percent, properties, seconds, signed,
-    table, times,
-};
-use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
+use crate::page::{chart, count, document, figure, file_name, length, properties, table, times};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series};
 use maud::{Markup, html};
 
 /// Shadow images of one receiver, of equal size: fraction of the unoccluded irradiance at each texel, in [0, 1].
@@ -64,7 +61,7 @@ pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> R
             (error_against_time(record)?)
         }
         (measurements(record))
-        (classes::section(&record.classes, &record.unit))
+        (classes(record))
         (trust::calibration(record)?)
         section {
             h2 { "Shadow images" }
@@ -90,7 +87,7 @@ fn headline(record: &Record) -> Markup {
         header {
             p.kicker { "Exact against multi-resolution visibility" }
             h1 { (file_name(&record.scene.path)) }
-            (sentence(record))
+            p.lead { (shown::result(record)) }
             div.figures {
                 (figure(best_of(|row| row.speedup_at_same_rms), "speed-up at the same error (RMS)"))
                 (figure(best_of(|row| row.speedup_at_same_fbem), "speed-up at the same feature error (FBEM)"))
@@ -102,59 +99,12 @@ fn headline(record: &Record) -> Markup {
     }
 }
 
-/// The best row in one sentence.
-fn sentence(record: &Record) -> Markup {
-    if let Some(nothing) = &record.nothing_averaged {
-        return html! { p.lead { (nothing) } };
-    }
-    let Some((best, speed)) = record.best().and_then(|row| Some((row, row.speedup_at_same_rms?))) else {
-        return html! { p.lead { "This run has no multi-resolution row whose speed could be compared." } };
-    };
-    let size = length(best.feature_size, &record.unit);
-    let (exact, gain) = (best.compared_in_words(), best.certificates_gain());
-    html! {
-        p.lead {
-            @if speed >= NO_FASTER[1] {
-                "At feature size " (size) " multi-resolution visibility was "
-                strong { (times(Some(speed))) " faster" }
-                " than " (exact) " of the same accuracy"
-            } @else if speed > NO_FASTER[0] {
-                "Multi-resolution visibility was " strong { "no faster" }
-                " than " (exact) " of the same accuracy on this scene; its best feature size was " (size)
-            } @else {
-                "On this scene multi-resolution visibility was " strong { "slower" }
-                " than " (exact) " of the same accuracy: " (times(Some(speed))) " of its speed at best, at "
-                (size)
-            }
-            ", with a root mean square error of " (percent(best.rms)) " of the light. "
-            (percent(best.aggregated_fraction)) " of its segments met averaged clusters."
-            @if let Some((row, speed)) = record.faster_at_same_fbem() {
-                " At the same feature error (FBEM) it was " strong { (times(Some(speed))) " as fast" }
-                " at feature size " (length(row.feature_size, &record.unit)) "."
-            }
-            @if gain > NO_FASTER[1] {
-                " Certificates alone, without averaging, make exact rays " (times(Some(gain))) " as fast."
-            }
-        }
-        @if best.extrapolated {
-            p.note {
-                "No measured number of exact rays is as accurate. The time of exact rays is extrapolated: half the \
-                 error takes four times the rays."
-            }
-        }
-    }
-}
-
 /// Versions, settings and the command that repeats the run, if there is one.
 fn footer(record: &Record, command: &str) -> Markup {
-    let plural = if record.threads == 1 { "thread" } else { "threads" };
     html! {
         footer {
             h2 { "To repeat this" }
-            p {
-                "mrvis " (record.mrvis) " · Embree " (record.embree) " (" (record.isa) ") · "
-                (record.threads) " " (plural) " in the timed sections · seed " (record.seed) " · lengths in " (record.unit)
-            }
+            p { (shown::settings(record)) }
             @if !command.is_empty() { pre { (command) } }
             p.note {
                 "A repetition gives the same results except for times, which depend on the machine and its load. \
@@ -310,84 +260,14 @@ pub(super) fn cross_section(images: [&Image; 3], row: usize, unit: &str) -> Resu
 }
 
 /// Scene, preparation and workload.
-pub(super) fn scene(record: &Record) -> Markup {
-    let (scene, build, work) = (&record.scene, &record.build, &record.workload);
-    let spent: Vec<(&str, String)> = record.spent.parts().map(|(name, s)| (name, seconds(s))).into();
+fn scene(record: &Record) -> Markup {
     html! {
         section {
             h2 { "Scene and workload" }
-            div.columns {
-                (properties("Scene", &[
-                    ("triangles", count(scene.triangles as u64)),
-                    ("objects", count(scene.objects as u64)),
-                    ("emitters", count(scene.emitters as u64)),
-                    ("closed parts", count(scene.closed_parts as u64)),
-                    ("sheets", count(scene.sheet_parts as u64)),
-                    ("clusters", count(scene.clusters as u64)),
-                    ("levels", count(scene.levels as u64)),
-                ]))
-                (properties("Preparation", &[
-                    ("reading", seconds(build.load_s)),
-                    ("Embree's tree", seconds(build.embree_s)),
-                    ("hierarchy", format!("{} ({})", seconds(build.hierarchy_s), build.builder)),
-                    ("measuring clusters", seconds(build.characterise_s)),
-                    ("clusters' cache", cache(build)),
-                    ("budget of exact rays", seconds(build.budget_s)),
-                    ("set-up, exact", seconds(build.exact_setup_s)),
-                    ("set-up, multi-resolution", seconds(build.mr_setup_s)),
-                    ("memory, clusters", bytes(build.hierarchy_bytes)),
-                    ("memory, Embree", bytes(build.embree_bytes)),
-                    ("memory per triangle", per_triangle(build)),
-                ]))
-                (properties("Workload", &workload(work)))
-                (properties("Time of this run", &spent))
-            }
-            @if let Some(note) = &build.cache_note { p.note { (note) } }
+            div.columns { @for (title, list) in shown::properties(record) { (properties(title, &list)) } }
+            @if let Some(note) = &record.build.cache_note { p.note { (note) } }
             (repairs(record))
         }
-    }
-}
-
-/// The queries, with the sources of light at infinity.
-fn workload(work: &Workload) -> Vec<(&'static str, String)> {
-    let mut rows = vec![
-        ("points", count(work.points as u64)),
-        ("segments per point and emitter", count(work.rays as u64)),
-        ("segments", count(work.segments)),
-        ("reference rays", count(work.reference_rays as u64)),
-        ("noise of the reference (RMS)", number(work.reference_rms)),
-    ];
-    if let Some(sky) = &work.sky {
-        rows.extend([
-            ("patches of the sky", count(sky.patches as u64)),
-            ("largest angle of a patch", format!("{:.1}°", sky.largest_angle)),
-            ("patches per point", count(sky.patches_per_point as u64)),
-            ("suns", count(sky.suns as u64)),
-        ]);
-    }
-    rows
-}
-
-/// Memory by part, bytes per triangle.
-fn per_triangle(build: &Build) -> String {
-    let b = build.bytes_per_triangle;
-    let parts = [
-        ("scene", b.scene),
-        ("clusters", b.hierarchy),
-        ("optics", b.optics),
-        ("traversal", b.wide),
-        ("Embree", b.embree),
-    ];
-    let parts: Vec<String> = parts.iter().map(|(name, bytes)| format!("{name} {bytes:.0}")).collect();
-    format!("{:.0} B ({})", b.total, parts.join(", "))
-}
-
-/// Origin of the clusters.
-fn cache(build: &Build) -> String {
-    match build.cache.as_str() {
-        "hit" => format!("read in {}", seconds(build.cache_s)),
-        "made" => format!("written in {}", seconds(build.cache_s)),
-        _ => "not used".into(),
     }
 }
 
@@ -415,46 +295,19 @@ fn repairs(record: &Record) -> Markup {
 }
 
 /// Both tables of rows and the meaning of their columns.
-pub(super) fn measurements(record: &Record) -> Markup {
-    let columns = [
-        ("s", "feature size, a length on the receiving surface"),
-        ("rays", "segments from a point to an emitter"),
-        (
-            "by",
-            "what answers: walks of bundles, the distance cut, exact rays where these are expected to be faster (speed-ups are 1), or \
-            certified exact rays",
-        ),
-        (
-            "time",
-            "time of the queries alone, minimum of several runs (as many for every row), without preparation",
-        ),
-        ("RMS", "root mean square error of the visible fraction, the reference's noise subtracted"),
-        ("bias", "mean error; positive: too bright"),
-        (
-            "speed-up, same RMS",
-            "time of the fastest exact rays for this RMS error, certificates included, divided by this row's time; ~: \
-            extrapolated beyond the largest measured number of rays",
-        ),
-        ("speed-up, same FBEM", "the same with the feature-based error of the shadow images at this s"),
-        ("speed-up, segment", "best exact time for the same number of segments, divided by this row's time"),
-        ("averaged", "part of the segments that met at least one averaged cluster"),
-        ("exact rays", "segments of bundles for which triangles were tested, by MR or by Embree"),
-        ("nodes", "mean number of visited clusters per segment"),
-        ("in bounds", "part of the stated intervals that the reference confirms"),
-    ];
-    let mr: Vec<_> = record.shown_rows().iter().map(|row| mr_row(row, &record.unit)).collect();
-    let exact: Vec<_> = record.exact.iter().chain(&record.certified).map(exact_row).collect();
+fn measurements(record: &Record) -> Markup {
+    let exact = shown::exact(record);
     html! {
         section {
             h2 { "Measurements" }
             h3 { "Multi-resolution" }
-            (table(&columns.map(|(name, _)| name).join(" | "), &mr))
+            (table(&MR_COLUMNS.map(|(name, _)| name).join(" | "), &shown::mr(record)))
             h3 { "Exact" }
-            (table("rays | time | RMS | bias | call", &exact))
+            (table(exact.0, &exact.1))
             details.details open {
                 summary { "What the columns mean" }
                 dl.glossary {
-                    @for (name, meaning) in columns { dt { (name) } dd { (meaning) } }
+                    @for (name, meaning) in MR_COLUMNS { dt { (name) } dd { (meaning) } }
                     dt { "call" } dd {
                         "Embree's fastest ray call: 1, 4, 8 or 16 rays at once; certified: exact rays with certificates"
                     }
@@ -464,32 +317,36 @@ pub(super) fn measurements(record: &Record) -> Markup {
     }
 }
 
-fn mr_row(row: &MrRow, unit: &str) -> [Cell; 13] {
-    [
-        length(row.feature_size, unit).into(),
-        row.rays.into(),
-        Cell::words(row.route_in_a_word()),
-        seconds(row.seconds).into(),
-        number(row.rms).into(),
-        signed(row.bias).into(),
-        Cell::speedup(row.speedup_at_same_rms, row.extrapolated),
-        Cell::speedup(row.speedup_at_same_fbem, false),
-        Cell::speedup(Some(row.speedup_per_segment), false),
-        percent(row.aggregated_fraction).into(),
-        count(row.exact_rays).into(),
-        number(row.nodes_per_segment).into(),
-        percent(row.interval_coverage).into(),
-    ]
+/// The best row of each class; empty without any class.
+fn classes(record: &Record) -> Markup {
+    let shown = shown::classes(record);
+    html! {
+        @if !shown.1.is_empty() {
+            section {
+                h2 { "Classes of receivers" }
+                p {
+                    "How much averaging gains depends on what lies around a receiver point. Each line is the row of its class with the largest \
+                     speed-up at the same error; “slowest row” is the smallest such speed-up of a row of the class. What answers is decided \
+                     for each class and row on a sample."
+                }
+                (table(shown.0, &shown.1))
+                dl.glossary {
+                    @for class in &record.classes { dt { (class.class.name()) } dd { (meaning(class.class)) } }
+                }
+            }
+        }
+    }
 }
 
-fn exact_row(row: &ExactRow) -> [Cell; 5] {
-    [
-        row.rays.into(),
-        seconds(row.seconds).into(),
-        number(row.rms).into(),
-        signed(row.bias).into(),
-        Cell::from(&row.mode),
-    ]
+fn meaning(class: ReceiverClass) -> &'static str {
+    match class {
+        ReceiverClass::Open => "On a large surface, with nothing small near: a lawn, a facade.",
+        ReceiverClass::Near => "On a large surface, with something small near: ground under a hedge.",
+        ReceiverClass::Inside => {
+            "On something small: a leaf, a twig, a blade of grass, an object on a table outdoors."
+        }
+        ReceiverClass::Interior => "Enclosed by large surfaces: the emitters are in the same room.",
+    }
 }
 
 #[cfg(test)]

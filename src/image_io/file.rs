@@ -43,7 +43,7 @@ impl Channel {
 /// [0, 1]. Alpha is ignored. Texels get the side `texel` in scene units (with 1, sizes are in texels).
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be opened, [`Error::Format`] if the file is no such image or holds a value that is
+/// [`Error::Io`] if the file cannot be opened, [`Error::File`] if the file is no such image or holds a value that is
 /// not finite, [`Error::Argument`] if `texel` is not a positive length.
 pub fn read_image(path: &Path, channel: Channel, texel: f64) -> Result<Image<'static>> {
     let bytes = input::read(path, memory::usable().unwrap_or(u64::MAX >> 1))?;

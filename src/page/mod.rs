@@ -83,10 +83,12 @@ impl<T: ToString> From<T> for Cell {
 
 /// A table. The headings of its columns stand between vertical bars. In windows too narrow for its columns each row is a list of headings
 /// and values.
-pub fn table<const N: usize>(columns: &str, rows: &[[Cell; N]]) -> Markup {
-    debug_assert_eq!(columns.split(" | ").count(), N, "a heading for each column");
+pub fn table(columns: &str, rows: &[impl AsRef<[Cell]>]) -> Markup {
+    let rows: Vec<&[Cell]> = rows.iter().map(AsRef::as_ref).collect();
+    let count = columns.split(" | ").count();
+    debug_assert!(rows.iter().all(|row| row.len() == count), "a heading for each column");
     // More columns than this do not fit into a tablet.
-    let class = if N > 6 { "rows many" } else { "rows" };
+    let class = if count > 6 { "rows many" } else { "rows" };
     html! {
         table class=(class) {
             thead {
@@ -97,12 +99,42 @@ pub fn table<const N: usize>(columns: &str, rows: &[[Cell; N]]) -> Markup {
                 }
             }
             tbody {
-                @for row in rows {
+                @for row in &rows {
                     tr { @for (cell, name) in row.iter().zip(columns.split(" | ")) { td class=[cell.class] data-name=(name) { (cell.text) } } }
                 }
             }
         }
     }
+}
+
+/// Text of a page for a terminal: with spaces that break lines, and digits in groups as in other texts.
+pub fn text_of(text: &str) -> String {
+    text.replace('\u{a0}', " ").replace('\u{202f}', ",")
+}
+
+/// A table as lines of text. A heading with a comma takes two lines.
+#[cfg(any(test, feature = "internals"))]
+pub fn text_table(columns: &str, rows: &[Vec<Cell>]) -> String {
+    let headings: Vec<[&str; 2]> = (columns.split(" | "))
+        .map(|name| name.split_once(", ").map_or(["", name], |(first, second)| [first, second]))
+        .collect();
+    let heading = |line: usize| headings.iter().map(|heading| heading[line].to_owned()).collect();
+    let mut lines: Vec<Vec<String>> = vec![heading(0), heading(1)];
+    lines.retain(|line| line.iter().any(|name| !name.is_empty()));
+    lines.extend(rows.iter().map(|row| row.iter().map(|cell| text_of(&cell.text)).collect()));
+    let is_words =
+        |k: usize| rows.first().is_some_and(|row: &Vec<Cell>| k > 0 && row[k].class == Some("text"));
+    let width = |k: usize| lines.iter().map(|line| line[k].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..headings.len()).map(width).collect();
+    let line = |line: &Vec<String>| {
+        let cells =
+            line.iter().zip(&widths).enumerate().map(|(k, (cell, &width))| match k == 0 || is_words(k) {
+                true => format!("{cell:<width$}"),
+                false => format!("{cell:>width$}"),
+            });
+        cells.collect::<Vec<_>>().join("  ").trim_end().to_owned() + "\n"
+    };
+    lines.iter().map(line).collect()
 }
 
 /// A chart with its caption; `height` in wide windows, pixels.

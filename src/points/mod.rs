@@ -51,7 +51,7 @@ const MAX_COORDINATE: f64 = 1e18;
 /// Reads a point file: at least one point, unit normals.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read. [`Error::Format`] with file and line if the header does not begin with
+/// [`Error::Io`] if the file cannot be read. [`Error::File`] with file and line if the header does not begin with
 /// `x,y,z,nx,ny,nz`, there is no point, a field is not a finite number, or a normal has not unit length.
 pub fn read_points(path: &Path) -> Result<Vec<Point>> {
     let mut points = Vec::new();

@@ -291,6 +291,6 @@ impl TomlSource {
         let line = 1 + before.matches('\n').count();
         let column = 1 + before.rsplit('\n').next().unwrap_or_default().chars().count();
         let (path, line, column) = (self.path.clone(), Some(line), Some(column));
-        Error::Format { path, line, column, what: what.to_string() }
+        Error::File { path, line, column, what: what.to_string() }
     }
 }

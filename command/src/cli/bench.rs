@@ -1,7 +1,5 @@
 //! `mrvis bench SCENE`: exact against multi-resolution visibility on the same segments.
 
-mod table;
-
 use super::args::{CacheArgs, Common, SceneArgs, command_line, distinct, plain};
 use super::inputs::check_folder;
 use super::inputs::{Inputs, Output};
@@ -120,7 +118,7 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     record.build.load_s = load_s;
     drop(model);
     bar.stage("writing", 0);
-    let mut text = table::table(&record);
+    let mut text = bench::text(&record);
     if let Some(folder) = &args.out {
         write_pictures(folder, &images)?;
         text += &write_page(folder, &page::render(&record, &images, &command_line())?)?;

@@ -165,7 +165,7 @@ impl Plan {
     /// Refuses to replace folders that no batch made.
     ///
     /// # Errors
-    /// [`Error::Format`] with the folders.
+    /// [`Error::File`] with the folders.
     pub fn check_folders(&self, entries: &Entries, done: &[bool]) -> Result<()> {
         /// Names of folders in a message.
         const MAX_NAMES: usize = 20;
