@@ -1,7 +1,6 @@
 //! Measurements of a model: exact against multi-resolution visibility, and irradiance by path tracing.
 
-use super::arguments::{Place, c_text, count_of, set, slice, slice_mut, texts};
-use super::arguments::{Span, check_apart};
+use super::arguments::{Place, Span, c_text, check_apart, count_of, set, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
 use super::entry::entry;
 use super::guard::{Outcome, guard};

@@ -1,7 +1,6 @@
 //! The elements of a solution in arrays of the caller, and its record as text.
 
-use super::arguments::{Span, check_apart};
-use super::arguments::{c_text, check_array, nth, slice_mut, text, wrong};
+use super::arguments::{Span, c_text, check_apart, check_array, nth, slice_mut, text, wrong};
 use super::call_progress::{mrv_progress, with_progress};
 use super::entry::entry;
 use super::guard::{Outcome, guard};

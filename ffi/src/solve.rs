@@ -1,7 +1,6 @@
 //! The light in a model.
 
-use super::arguments::{Span, check_apart};
-use super::arguments::{count_of, set, slice, slice_mut, texts};
+use super::arguments::{Span, check_apart, count_of, set, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
 use super::entry::entry;
 use super::guard::{Outcome, guard};

@@ -1,8 +1,7 @@
 //! Data and engines that all rows of a run share.
 
 use super::audit::{AUDIT_RAYS, AuditRays};
-use super::measure::WARM_UP_PAIRS;
-use super::measure::{MrRun, Queries, Run, Timer};
+use super::measure::{MrRun, Queries, Run, Timer, WARM_UP_PAIRS};
 use super::options::BenchOptions;
 use super::record::MrRow;
 use super::reference::Reference;

@@ -6,8 +6,7 @@
 
 use super::context::{Bench, PlannedRow};
 use super::lights;
-use super::measure::{MAX_ROUNDS, MAX_TIME, rounds};
-use super::measure::{MrRun, Queries, Timer};
+use super::measure::{MAX_ROUNDS, MAX_TIME, MrRun, Queries, Timer, rounds};
 use super::page::{MrImage, ReceiverImages};
 use super::receivers::{Crop, ReceiverGrid, Surfaces};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log, ratio, speedup};

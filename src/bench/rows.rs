@@ -2,8 +2,7 @@
 
 use super::audit::AuditRays;
 use super::context::{Bench, PlannedRow};
-use super::measure::rounds;
-use super::measure::{MrRun, Queries, Run};
+use super::measure::{MrRun, Queries, Run, rounds};
 use super::record::{ExactRow, MrRow};
 use super::reference::Reference;
 use super::sample::Sample;

@@ -2,8 +2,7 @@
 
 use super::context::Bench;
 use super::gallery::single_rays;
-use super::measure::MAX_TIME;
-use super::measure::{Queries, Timer};
+use super::measure::{MAX_TIME, Queries, Timer};
 use super::options::BenchOptions;
 use super::page::ReceiverImages;
 use super::prepare::build_of;

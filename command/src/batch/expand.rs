@@ -1,9 +1,7 @@
 //! Expands the tables of a job file to jobs: patterns of scenes, and templates, in which `{key}` stands for a value of the job and `{out:NAME}` for
 //! the output folder of another job.
 
-use super::job::{Axis, JobEntry, JobFile};
-use super::job::{Job, Opt, Value};
-use super::job::{Span, TomlSource};
+use super::job::{Axis, Job, JobEntry, JobFile, Opt, Span, TomlSource, Value};
 use super::names::{plain, suggestion};
 use mrvis::Result;
 use mrvis::internals::error::quote;

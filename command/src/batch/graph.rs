@@ -1,8 +1,7 @@
 //! Names and dependencies of all jobs.
 
 use super::expand::outputs_of;
-use super::job::Job;
-use super::job::TomlSource;
+use super::job::{Job, TomlSource};
 use super::names::{fault, suggestion};
 use mrvis::Result;
 use mrvis::internals::error::quote;

@@ -1,18 +1,16 @@
 //! `mrvis bench SCENE`: exact against multi-resolution visibility on the same segments.
 
 use super::args::{CacheArgs, Common, SceneArgs, command_line, distinct, plain};
-use super::inputs::check_folder;
-use super::inputs::{Inputs, Output};
+use super::inputs::{Inputs, Output, check_folder};
 use super::limits;
 use super::progress::Bar;
 use super::values::{ClusterArgs, Values, one_of};
-use mrvis::internals::bench;
 use mrvis::internals::bench::page::{self, MrImage, ReceiverImages};
 use mrvis::internals::image_io::{difference, grey, mask_overlay, write_atomically, write_exr, write_png};
 use mrvis::internals::metrics::FeatureSet;
 use mrvis::internals::optics::Extinction;
 use mrvis::internals::threads::Threads;
-use mrvis::internals::{ModelParts, SceneParts};
+use mrvis::internals::{ModelParts, SceneParts, bench};
 use mrvis::metrics::{FeatureOptions, Image};
 use mrvis::{BenchOptions, Model, Progress, Result, Scene};
 use std::path::{Path, PathBuf};

@@ -2,8 +2,7 @@
 
 use super::args::{Common, SceneArgs, file_name, grouped, warn};
 use super::flags::with_flags;
-use super::inputs::check_file;
-use super::inputs::{Inputs, Output};
+use super::inputs::{Inputs, Output, check_file};
 use super::job_context;
 use super::limits::{self, GIB};
 use super::mpi::MpiArgs;

@@ -1,8 +1,7 @@
 //! `mrvis reproduce --out DIR`: the figures and tables of the paper, made again.
 
 use super::args::{Common, command_line};
-use super::inputs::check_folder;
-use super::inputs::{Inputs, Output};
+use super::inputs::{Inputs, Output, check_folder};
 use super::progress::Bar;
 use crate::reproduce::{Context, Item, chosen, page, run as make};
 use mrvis::Result;

@@ -6,8 +6,7 @@ mod watch;
 
 use super::args::{CacheArgs, Common, SceneArgs, command_line, grouped};
 use super::flags::with_flags;
-use super::inputs::check_folder;
-use super::inputs::{Inputs, Output};
+use super::inputs::{Inputs, Output, check_folder};
 use super::interruption;
 use super::mpi::MpiArgs;
 use super::outputs::{Outputs, Written};

@@ -2,8 +2,7 @@
 
 use super::args::{Common, grouped, warn};
 use super::flags::with_flags;
-use super::inputs::check_folder;
-use super::inputs::{Inputs, Output};
+use super::inputs::{Inputs, Output, check_folder};
 use super::mesh_grid;
 use super::values::{Values, cell, name_of, one_of};
 use mrvis::internals::sky::{DVec3, Environment, SkyModel};

@@ -3,8 +3,7 @@
 use super::bsize::blocker_sizes;
 use super::cubes::{COLUMNS, COVERAGE, EDGES, TEXEL, covering_scene, shadow_widths, wall};
 use super::feature_verdict::{Measured, PAPER_SECONDS, SIZES, judge, judge_coverage};
-use super::item::{Cell, Table, number};
-use super::item::{Chart, ChartRow, Item, Panel, VISIBLE};
+use super::item::{Cell, Chart, ChartRow, Item, Panel, Table, VISIBLE, number};
 use super::plain::{Descent, Leaves, PlainTree, Visits};
 use super::shadow::{Wall, mean, paper_features};
 use super::{CERTAIN, Context, Repeated, fixed, list};

@@ -1,7 +1,6 @@
 //! Importance and feature sizes by surface: section 6 of the paper.
 
-use super::item::{Item, Panel};
-use super::item::{Table, number};
+use super::item::{Item, Panel, Table, number};
 use super::office_light::{ANGLE, SIZE, VIEW, bright};
 use super::view::{irradiance, seen};
 use super::{CERTAIN, Context, fixed};

@@ -1,12 +1,9 @@
 //! An office, with clusters by three builders: Figures 7 and 8 of the paper.
 
-use super::item::{Item, Panel, VISIBLE};
-use super::item::{Table, count, number};
-use super::office_light::InRadiosity;
-use super::office_light::{SHELL, contrast};
+use super::item::{Item, Panel, Table, VISIBLE, count, number};
+use super::office_light::{InRadiosity, SHELL, contrast};
 use super::office_verdict::{self, Contrasts, Cost};
-use super::plain::cell_tree;
-use super::plain::{Descent, Leaves, PlainTree, Visits};
+use super::plain::{Descent, Leaves, PlainTree, Visits, cell_tree};
 use super::shadow::{Rendered, Wall};
 use super::{Context, counts_of, fixed, office_light};
 use glam::DVec3;

@@ -1,7 +1,6 @@
 //! Radiosity in the office with clusters by three builders: the pictures of Figures 7 and 8.
 
-use super::item::{Item, Panel};
-use super::item::{Table, count, number};
+use super::item::{Item, Panel, Table, count, number};
 use super::shadow::{crop, mean};
 use super::view::irradiance;
 use super::{Context, fixed};

@@ -1,8 +1,7 @@
 //! Table 1 of the paper: the feature-based error metric tells groups of cubes apart.
 
 use super::cubes::TEXEL;
-use super::item::Item;
-use super::item::{Table, number};
+use super::item::{Item, Table, number};
 use super::shadow::paper_features;
 use super::{Context, fixed, list};
 use mrvis::Result;

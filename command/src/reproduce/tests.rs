@@ -1,7 +1,6 @@
 //! Small versions of all items: what the paper states comes out.
 
-use super::item::Cell;
-use super::item::Check;
+use super::item::{Cell, Check};
 use super::*;
 
 /// Makes a small version of an item, and asserts all checks that are not of times but those whose statements contain one of these texts:

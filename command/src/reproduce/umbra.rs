@@ -2,8 +2,7 @@
 
 use super::blocks::Blocks;
 use super::bsize::{PIXELS, sizes};
-use super::item::{Item, Panel, VISIBLE};
-use super::item::{Table, count, number};
+use super::item::{Item, Panel, Table, VISIBLE, count, number};
 use super::shadow::Wall;
 use super::{Context, fixed};
 use glam::{DVec3, Vec3};

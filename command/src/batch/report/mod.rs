@@ -4,9 +4,7 @@ mod charts;
 #[cfg(test)]
 mod tests;
 
-use super::table::JobGrid;
-use super::table::{COMPARED, COMPARED_NOISE};
-use super::table::{Row, cell};
+use super::table::{COMPARED, COMPARED_NOISE, JobGrid, Row, cell};
 use charts::{Chart, charts};
 use maud::{Markup, PreEscaped, html};
 use mrvis::Result;

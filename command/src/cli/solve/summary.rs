@@ -2,8 +2,7 @@
 
 use super::super::args::grouped;
 use super::super::values::{ENGINES, name_of};
-use super::grids;
-use super::{Luminous, Reported};
+use super::{Luminous, Reported, grids};
 use mrvis::internals::bench::side_by_side::{ComparedRecord, Versus};
 use mrvis::internals::plot::number;
 use mrvis::internals::radiosity::Record;
