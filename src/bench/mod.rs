@@ -26,5 +26,4 @@ pub use options::BenchOptions;
 #[cfg(any(test, feature = "internals"))]
 pub use record::Record;
 pub use run::run;
-#[cfg(any(test, feature = "internals"))]
 pub use shown::text;

@@ -5,8 +5,9 @@ use super::options::BenchOptions;
 use super::record::{Build, BytesPerTriangle};
 use super::sample::{Extent, Sample};
 use super::workload::{Workload, surface_points};
-use crate::model::{Detail, Mesh, Model, PrepareOptions};
 #[cfg(any(test, feature = "internals"))]
+use crate::model::{Detail, PrepareOptions};
+use crate::model::{Mesh, Model};
 use crate::progress::timed;
 use crate::ray::LANES;
 use crate::visibility::{Candidate, Cut, LeafMode, MultiResolution, Workspace};

@@ -300,7 +300,6 @@ pub(super) fn settings(record: &Record) -> String {
 }
 
 /// The record as text.
-#[cfg(any(test, feature = "internals"))]
 pub fn text(record: &Record) -> String {
     let mut text = format!("{}\n{}\n", quote(&record.scene.path), settings(record));
     for (title, list) in properties(record) {

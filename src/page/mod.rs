@@ -113,7 +113,6 @@ pub fn text_of(text: &str) -> String {
 }
 
 /// A table as lines of text. A heading with a comma takes two lines.
-#[cfg(any(test, feature = "internals"))]
 pub fn text_table(columns: &str, rows: &[Vec<Cell>]) -> String {
     let headings: Vec<[&str; 2]> = (columns.split(" | "))
         .map(|name| name.split_once(", ").map_or(["", name], |(first, second)| [first, second]))
