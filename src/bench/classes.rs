@@ -13,9 +13,9 @@
 //! Classes are found before anything is timed, and are the same for both engines.
 
 use super::context::Bench;
+use super::context::Measured;
 use super::measure::{Queries, Timer};
 use super::record::{ClassRecord, ReceiverClass};
-use super::rows::Measured;
 use super::workload::{ReceiverPoint, Workload};
 use crate::Result;
 use crate::embree::Hits;

@@ -13,7 +13,6 @@ mod prepare;
 pub mod receivers;
 pub mod record;
 pub mod reference;
-mod rows;
 mod run;
 mod sample;
 mod shown;

@@ -1,6 +1,7 @@
 //! A benchmark run: from a model to a record and images.
 
 use super::context::Bench;
+use super::context::Measured;
 use super::gallery::single_rays;
 use super::measure::{MAX_TIME, Queries, Timer};
 use super::options::BenchOptions;
@@ -9,7 +10,6 @@ use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
 use super::record::{self, Record, Spent};
 use super::reference::Reference;
-use super::rows::Measured;
 use super::sizes::{default_sizes, of_images};
 use super::workload::{Workload, surface_points};
 use super::{lights, unaveraged};

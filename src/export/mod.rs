@@ -13,23 +13,20 @@ mod lightmap;
 mod mesh;
 mod picture;
 mod ply;
-#[cfg(any(test, feature = "internals"))]
-mod scene_view;
 mod solve_page;
 #[cfg(test)]
 mod tests;
-mod unwrapped;
 mod view;
 mod vtu;
 
 pub use camera::{Camera, First, Frame, Stage, render};
 pub use gltf::write_glb;
+pub use lightmap::unwrapped_lightmap;
 pub use lightmap::{Lightmap, lightmap};
 pub use mesh::Mesh;
 pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, Tone, bytes_per_pixel, picture, suitable_lightmap};
 pub use ply::write_ply;
 pub use solve_page::{PageView, solve_page};
-pub use unwrapped::unwrapped_lightmap;
 pub use view::{VIEW, best_view};
 pub use vtu::write_vtu;
 #[cfg(any(test, feature = "internals"))]
@@ -37,6 +34,6 @@ pub use {
     grid_picture::GridLight,
     lightmap::write_lightmap_mesh,
     picture::developed,
-    scene_view::scene_view,
     solve_page::{PageGrid, SurfaceLight, grid_section, surfaces},
+    view::scene_view,
 };

@@ -1,4 +1,4 @@
-//! Automatic camera.
+//! Automatic cameras: for a solution, and for a scene whose light is not known, the same for all its solutions.
 //!
 //! Eyes stand on the ground, at eye height, and look to the places that are dense in detail. If nearly all directions
 //! from there meet a surface, the scene is enclosed (a room, a garden under a dome), and only they are considered;
@@ -8,12 +8,14 @@
 #[cfg(test)]
 mod tests;
 
+use super::Mesh;
 use super::camera::{Camera, First, Frame, Stage, render};
 use super::picture::luminance;
+use crate::Result;
 use crate::math::Aabb;
-use crate::radiosity::mesh::RadiosityMesh;
+use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::ray::Packet;
-use crate::scene::unit_in_metres;
+use crate::scene::{Scene, unit_in_metres};
 use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 
@@ -308,4 +310,58 @@ fn dense_places(solution: &RadiosityMesh, bounds: Aabb) -> Vec<Vec3> {
         }
     }
     middles
+}
+
+/// Part of the diagonal by which a lamp may reach out of the box around everything else: lamps in openings of a ceiling.
+const INSIDE: f32 = 0.01;
+
+/// The automatic camera for a scene with the same light on all surfaces. It depends neither on options of the solver nor on which lamps
+/// within the scene are on.
+///
+/// # Errors
+/// Embree fails.
+pub fn scene_view(scene: &Scene) -> Result<Camera> {
+    let solution = evenly_lit(scene);
+    // Nothing stops it.
+    let mesh = Mesh::new_unless(&solution, &()).unwrap_or_default();
+    let stage = Stage::new(&mesh, &solution)?;
+    Ok(best_view(&stage, &solution, scene.up_axis().vector(), &scene.unit))
+}
+
+/// The scene with equal light on all lit sides, one element per side of a triangle. Emitters outside the box around everything else emit:
+/// the sun, a sky. Others are surfaces like all.
+pub(super) fn evenly_lit(scene: &Scene) -> RadiosityMesh {
+    let of_emitter = |t: usize| scene.triangle_emitter[t] != u32::MAX;
+    let corners = |t: usize| scene.triangles[t].map(|v| scene.positions[v as usize]);
+    let dark = Aabb::of((0..scene.triangles.len()).filter(|&t| !of_emitter(t)).flat_map(corners));
+    let reach = INSIDE * dark.diagonal();
+    let is_outside =
+        |t: usize| corners(t).iter().any(|p| (*p - dark.min).min(dark.max - *p).min_element() < -reach);
+    let mut solution =
+        RadiosityMesh { origin: scene.origin, vertices: scene.positions.clone(), ..RadiosityMesh::default() };
+    for (t, &[a, b, c]) in scene.triangles.iter().enumerate() {
+        let emits = of_emitter(t) && is_outside(t);
+        for front in [true, false].into_iter().take(usize::from(scene.triangle_sides[t])) {
+            let corners = if front { [a, b, c, c] } else { [a, c, b, b] };
+            let exitance = [f64::from(u8::from(emits && front)); 3];
+            solution.elements.push(Element {
+                corners,
+                radiosity: exitance.map(|e| e + 0.5),
+                irradiance: [1.0; 3],
+                error: [0.0; 3],
+                albedo: [0.5; 3],
+                exitance,
+                area: 1.0,
+                level: 0,
+                links: 0,
+                triangle: t as u32,
+                object: scene.triangle_object[t],
+                material: 0,
+                front,
+                crossed: false,
+                walls: 0,
+            });
+        }
+    }
+    solution
 }

@@ -6,7 +6,6 @@
 
 mod blocks;
 mod books;
-mod bsize;
 mod cubes;
 mod erosion;
 mod feature_sizes;

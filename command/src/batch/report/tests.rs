@@ -1,6 +1,6 @@
 //! The page of a batch.
 
-use super::charts::front;
+use super::front;
 use super::*;
 use crate::batch::table::RecordedGrid;
 use serde_json::json;
