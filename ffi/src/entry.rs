@@ -18,30 +18,27 @@ macro_rules! taken {
     ($call:ident, $name:ident, Handle<$of:ty>) => {
         super::handle::object($call, $name, stringify!($name))?
     };
-    // SAFETY: the caller gives a record or NULL.
-    ($call:ident, $name:ident, Given<$of:ty>) => {
+    ($call:ident, $name:ident, Given<$of:ty>) => {{
+        // SAFETY: the caller gives a record or NULL.
         unsafe { super::record::read_optional($name, stringify!($name)) }?
-    };
-    // SAFETY: the caller gives text.
-    ($call:ident, $name:ident, Text) => {
+    }};
+    ($call:ident, $name:ident, Text) => {{
+        // SAFETY: the caller gives text.
         unsafe { super::arguments::text($name, stringify!($name)) }?
-    };
-    // SAFETY: the caller gives text or NULL.
-    ($call:ident, $name:ident, OptionalText) => {
+    }};
+    ($call:ident, $name:ident, OptionalText) => {{
+        // SAFETY: the caller gives text or NULL.
         unsafe { super::arguments::optional_text($name, stringify!($name)) }?
-    };
-    // SAFETY: the caller gives a place.
-    ($call:ident, $name:ident, Place<$of:ty>) => {
-        unsafe { super::arguments::Place::of($name, stringify!($name)) }?
-    };
-    // SAFETY: the caller gives a record.
-    ($call:ident, $name:ident, RecordPlace<$of:ty>) => {
+    }};
+    ($call:ident, $name:ident, RecordPlace<$of:ty>) => {{
+        // SAFETY: the caller gives a record.
         unsafe { super::record::RecordPlace::of($name, stringify!($name)) }?
-    };
-    // SAFETY: the caller gives a place.
-    ($call:ident, $name:ident, Made<$of:ty>) => {
+    }};
+    // A `Place`, or one of a handle that is `Made`.
+    ($call:ident, $name:ident, $place:ident<$of:ty>) => {{
+        // SAFETY: the caller gives a place.
         unsafe { super::arguments::Place::of($name, stringify!($name)) }?
-    };
+    }};
     ($call:ident, $name:ident, $kind:ty) => {
         $name
     };
