@@ -21,7 +21,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A file was read but its content cannot be used.
-    Format {
+    File {
         /// The file.
         path: PathBuf,
         /// The line, counted from 1, where the format has lines.
@@ -96,7 +96,7 @@ impl Error {
                 ErrorCategory::OutOfMemory
             }
             Error::Io { .. } => ErrorCategory::Io,
-            Error::Format { .. } | Error::Scene(_) | Error::Argument { .. } => ErrorCategory::Input,
+            Error::File { .. } | Error::Scene(_) | Error::Argument { .. } => ErrorCategory::Input,
             Error::Unsupported(_) => ErrorCategory::Unsupported,
             Error::OutOfMemory(_) => ErrorCategory::OutOfMemory,
             Error::Cancelled(_) => ErrorCategory::Cancelled,
@@ -110,10 +110,10 @@ impl Error {
         Error::Io { path: path.into(), source }
     }
 
-    /// An [`Error::Format`] at `path`, optionally at a line counted from 1.
+    /// An [`Error::File`] at `path`, optionally at a line counted from 1.
     #[doc(hidden)]
     pub fn format(path: impl Into<PathBuf>, line: Option<usize>, what: impl Into<String>) -> Self {
-        Error::Format { path: path.into(), line, column: None, what: what.into() }
+        Error::File { path: path.into(), line, column: None, what: what.into() }
     }
 
     /// An [`Error::Argument`] without a cure.
@@ -163,7 +163,7 @@ impl Error {
     pub fn worded(&self, word: impl Fn(&str) -> String) -> String {
         let text = match self {
             Error::Io { path, source } => format!("{}: {source}", shown(path)),
-            Error::Format { path, line, column, what } => {
+            Error::File { path, line, column, what } => {
                 let place = line.iter().chain(column).map(|n| format!(":{n}"));
                 format!("{}{}: {what}", shown(path), place.collect::<String>())
             }
@@ -315,8 +315,7 @@ mod tests {
         );
         assert_eq!(Error::argument("cell", "⟨up⟩", "is wrong").to_string(), "`cell` ‹up›: is wrong");
         assert_eq!(worded("a ⟨b and ⟨c d⟩ raise ⟨error⟩", own_word), "a ⟨b and ⟨c d⟩ raise `error`");
-        let column =
-            Error::Format { path: "a.toml".into(), line: Some(3), column: Some(7), what: "x".into() };
+        let column = Error::File { path: "a.toml".into(), line: Some(3), column: Some(7), what: "x".into() };
         assert_eq!(column.to_string(), "a.toml:3:7: x");
     }
 

@@ -8,19 +8,11 @@ pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, Sc
 /// The measurement behind `mrvis bench`.
 pub mod bench {
     pub use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
-    pub use crate::bench::{Record, run};
+    pub use crate::bench::{Record, run, text};
 
     /// Its report.
     pub mod page {
         pub use crate::bench::page::{MrImage, ReceiverImages, render};
-    }
-
-    /// Its record.
-    pub mod record {
-        pub use crate::bench::record::{
-            Build, BytesPerTriangle, ClassRecord, ExactRow, MapMrRow, MapRecord, MrRow, NO_FASTER,
-            ReceiverClass, Record, SceneSummary, Spent, Workload,
-        };
     }
 
     /// Two builders.

@@ -159,6 +159,14 @@ pub fn count_of(number: u64) -> usize {
     usize::try_from(number).unwrap_or(usize::MAX)
 }
 
+/// The entry of a list that a caller asks for by its number; `of` has the list.
+pub fn nth<'a, T>(list: &'a [T], index: u64, of: &str, what: &str) -> Outcome<&'a T> {
+    match list.get(count_of(index)) {
+        Some(entry) => Ok(entry),
+        None => wrong(format!("`index` {index}: {of} has {} {what}", list.len())),
+    }
+}
+
 /// Refuses members that have no meaning yet.
 pub fn no_reserved(value: u32, name: &str) -> Outcome {
     if value == 0 { Ok(()) } else { wrong(format!("`{name}` {value}: must be 0")) }
@@ -189,5 +197,44 @@ pub unsafe fn put_text(text: &str, room: *mut c_char, size: usize, name: &str) -
     let length = (0..=text.len().min(size - 1)).rev().find(|&n| text.is_char_boundary(n)).unwrap_or(0);
     room[..length].copy_from_slice(&text.as_bytes()[..length]);
     room[length] = 0;
+    Ok(())
+}
+
+/// Memory of an array.
+#[derive(Clone, Copy)]
+pub struct Span {
+    name: &'static str,
+    start: usize,
+    end: usize,
+}
+
+impl Span {
+    /// An array of so many bytes; NULL is no memory.
+    pub fn new<T>(name: &'static str, array: *const T, bytes: usize) -> Span {
+        let start = array.addr();
+        Span { name, start, end: start.saturating_add(bytes) }
+    }
+
+    /// An array of so many entries.
+    pub fn of<T>(name: &'static str, array: *const T, count: usize) -> Span {
+        Span::new(name, array, count.saturating_mul(size_of::<T>()))
+    }
+
+    fn overlaps(&self, other: &Span) -> bool {
+        self.start != 0 && other.start != 0 && self.start < other.end && other.start < self.end
+    }
+}
+
+/// Refuses outputs that overlap each other or an input.
+pub fn check_apart(inputs: &[Span], outputs: &[Span]) -> Outcome {
+    for (i, out) in outputs.iter().enumerate() {
+        let others = inputs.iter().chain(&outputs[i + 1..]);
+        if let Some(other) = others.into_iter().find(|other| out.overlaps(other)) {
+            return wrong(format!(
+                "`{}` and `{}` overlap: give each memory of its own",
+                out.name, other.name
+            ));
+        }
+    }
     Ok(())
 }

@@ -1,11 +1,11 @@
 //! Measurements of a model: exact against multi-resolution visibility, and irradiance by path tracing.
 
-use super::arguments::{Place, c_text, count_of, set, slice, slice_mut, texts};
+use super::arguments::{Place, Span, c_text, check_apart, count_of, set, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
+use super::entry::entry;
 use super::guard::{Outcome, guard};
-use super::handle::{give, handle, object};
+use super::handle::{handle, object};
 use super::model::mrv_model;
-use super::overlap::{Span, check_apart};
 use super::record::{read_optional, record};
 use super::solve::points_of;
 use super::status::mrv_status;
@@ -66,26 +66,13 @@ unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
     Ok(options)
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_model_bench(
-    model: *const mrv_model,
-    options: *const mrv_bench_options,
-    report: *mut *mut mrv_bench_report,
-) -> mrv_status {
-    guard("mrv_model_bench", |call| {
-        let model = object(call, model, "model")?;
-        // SAFETY: the caller gives a record.
-        let given = unsafe { read_optional(options, "options") }?;
-        // SAFETY: as above.
-        let options = unsafe { bench_options(&given) }?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(report, "report") }?;
-        let run = |progress| model.model.with_progress(progress).bench(&options);
-        let found: BenchReport = with_progress(call, given.progress, given.user, run)??;
-        let (json, page) = (c_text(&found.json), c_text(&found.page));
-        place.set(give(ReportText { json, page }))
-    })
-}
+entry!(mrv_model_bench(call, model: Handle<mrv_model>, options: Given<mrv_bench_options>) -> report: Made<mrv_bench_report> {
+    // SAFETY: the record holds arrays and text as the header says.
+    let wanted = unsafe { bench_options(&options) }?;
+    let run = |progress| model.model.with_progress(progress).bench(&wanted);
+    let found: BenchReport = with_progress(call, options.progress, options.user, run)??;
+    ReportText { json: c_text(&found.json), page: c_text(&found.page) }
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_bench_report_get_text(

@@ -1,10 +1,10 @@
 //! The elements of a solution in arrays of the caller, and its record as text.
 
-use super::arguments::{Place, c_text, check_array, slice_mut, text, wrong};
+use super::arguments::{Span, c_text, check_apart, check_array, nth, slice_mut, text, wrong};
 use super::call_progress::{mrv_progress, with_progress};
+use super::entry::entry;
 use super::guard::{Outcome, guard};
 use super::handle::object;
-use super::overlap::{Span, check_apart};
 use super::record::{Record, read, record};
 use super::solve::{mrv_solution, mrv_solve_options};
 use super::status::mrv_status;
@@ -114,40 +114,17 @@ pub unsafe extern "C" fn mrv_solution_get_elements(
     })
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_solution_get_json(
-    solution: *const mrv_solution,
-    json: *mut *const c_char,
-) -> mrv_status {
-    guard("mrv_solution_get_json", |call| {
-        let solution = object(call, solution, "solution")?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(json, "json") }?;
-        let text = solution.json.get_or_init(|| c_text(&solution.solution.json()));
-        place.set(text.as_ptr())
-    })
-}
+entry!(mrv_solution_get_json(call, solution: Handle<mrv_solution>) -> json: Place<*const c_char> {
+    solution.json.get_or_init(|| c_text(&solution.solution.json())).as_ptr()
+});
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_solution_get_warning(
-    solution: *const mrv_solution,
-    index: u64,
-    text: *mut *const c_char,
-) -> mrv_status {
-    guard("mrv_solution_get_warning", |call| {
-        let solution = object(call, solution, "solution")?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(text, "text") }?;
-        let all = solution.warnings.get_or_init(|| {
-            add_record("options", mrv_solve_options::MEMBERS);
-            solution.solution.notes().iter().map(|note| c_text(&worded(note, word))).collect()
-        });
-        let Some(text) = usize::try_from(index).ok().and_then(|i| all.get(i)) else {
-            return wrong(format!("`index` {index}: the solution has {} warnings", all.len()));
-        };
-        place.set(text.as_ptr())
-    })
-}
+entry!(mrv_solution_get_warning(call, solution: Handle<mrv_solution>, index: u64) -> text: Place<*const c_char> {
+    let all = solution.warnings.get_or_init(|| {
+        add_record("options", mrv_solve_options::MEMBERS);
+        solution.solution.notes().iter().map(|note| c_text(&worded(note, word))).collect()
+    });
+    nth(all, index, "the solution", "warnings")?.as_ptr()
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_solution_write(
@@ -165,19 +142,10 @@ pub unsafe extern "C" fn mrv_solution_write(
     })
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_solution_get_page(
-    solution: *const mrv_solution,
-    html: *mut *const c_char,
-) -> mrv_status {
-    guard("mrv_solution_get_page", |call| {
-        let solution = object(call, solution, "solution")?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(html, "html") }?;
-        if solution.page.get().is_none() {
-            // Another thread may have set it meanwhile; either page serves.
-            let _ = solution.page.set(c_text(&solution.solution.page()?));
-        }
-        place.set(solution.page.get().map_or(c"".as_ptr(), |page| page.as_ptr()))
-    })
-}
+entry!(mrv_solution_get_page(call, solution: Handle<mrv_solution>) -> html: Place<*const c_char> {
+    if solution.page.get().is_none() {
+        // Another thread may have set it meanwhile; either page serves.
+        let _ = solution.page.set(c_text(&solution.solution.page()?));
+    }
+    solution.page.get().map_or(c"".as_ptr(), |page| page.as_ptr())
+});

@@ -1,8 +1,7 @@
 //! The feature-based error metric of two images.
 
-use super::arguments::{count_of, no_reserved, one_of, set, slice, slice_mut};
+use super::arguments::{Span, check_apart, count_of, no_reserved, one_of, set, slice, slice_mut};
 use super::guard::{Outcome, guard};
-use super::overlap::{Span, check_apart};
 use super::record::{read, record};
 use super::status::mrv_status;
 use mrvis::internals::memory;

@@ -2,10 +2,11 @@
 
 use super::arguments::{Place, c_text, one_of, set, text, wrong};
 use super::call_progress::{mrv_progress, with_progress};
+use super::entry::entry;
 use super::guard::{Outcome, guard};
-use super::handle::{give, handle, object};
+use super::handle::{handle, object};
 use super::model::mrv_model;
-use super::record::{RecordPlace, read_optional, record};
+use super::record::record;
 use super::status::mrv_status;
 use mrvis::{FormFactorOptions, FormFactors, Grouping};
 use std::ffi::{CString, c_char, c_void};
@@ -51,25 +52,13 @@ fn form_factor_options(given: &mrv_form_factor_options) -> Outcome<FormFactorOpt
     Ok(options)
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_model_form_factors(
-    model: *const mrv_model,
-    options: *const mrv_form_factor_options,
-    factors: *mut *mut mrv_form_factors,
-) -> mrv_status {
-    guard("mrv_model_form_factors", |call| {
-        let model = object(call, model, "model")?;
-        // SAFETY: the caller gives a record.
-        let given = unsafe { read_optional(options, "options") }?;
-        let options = form_factor_options(&given)?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(factors, "factors") }?;
-        let compute = |progress| model.model.with_progress(progress).form_factors(&options);
-        let factors = with_progress(call, given.progress, given.user, compute)??;
-        let names = factors.names.iter().map(|name| c_text(name)).collect();
-        place.set(give(NamedFactors { factors, names }))
-    })
-}
+entry!(mrv_model_form_factors(call, model: Handle<mrv_model>, options: Given<mrv_form_factor_options>) -> factors: Made<mrv_form_factors> {
+    let wanted = form_factor_options(&options)?;
+    let compute = |progress| model.model.with_progress(progress).form_factors(&wanted);
+    let factors = with_progress(call, options.progress, options.user, compute)??;
+    let names = factors.names.iter().map(|name| c_text(name)).collect();
+    NamedFactors { factors, names }
+});
 
 record!(88: struct mrv_form_factor_arrays {
     struct_size: usize,
@@ -86,33 +75,23 @@ record!(88: struct mrv_form_factor_arrays {
     closed_row_sum_error: f64,
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_form_factors_get_arrays(
-    factors: *const mrv_form_factors,
-    arrays: *mut mrv_form_factor_arrays,
-) -> mrv_status {
-    guard("mrv_form_factors_get_arrays", |call| {
-        let factors = &object(call, factors, "factors")?.factors;
-        // SAFETY: the caller gives a record.
-        let place = unsafe { RecordPlace::of(arrays, "arrays") }?;
-        let (offsets, columns, values) = (&factors.offsets, &factors.columns, &factors.factors);
-        let arrays = mrv_form_factor_arrays {
-            struct_size: 0,
-            rows: factors.areas.len() as u64,
-            entries: columns.len() as u64,
-            offsets: offsets.as_ptr(),
-            columns: columns.as_ptr(),
-            values: values.as_ptr(),
-            areas: factors.areas.as_ptr(),
-            escaped: factors.escaped.as_ptr(),
-            lost: factors.lost.as_ptr(),
-            rays: factors.rays,
-            row_sum_error: factors.row_sum_error,
-            closed_row_sum_error: factors.closed_row_sum_error,
-        };
-        place.set(arrays)
-    })
-}
+entry!(mrv_form_factors_get_arrays(call, factors: Handle<mrv_form_factors>) -> arrays: RecordPlace<mrv_form_factor_arrays> {
+    let factors = &factors.factors;
+    mrv_form_factor_arrays {
+        struct_size: 0,
+        rows: factors.areas.len() as u64,
+        entries: factors.columns.len() as u64,
+        offsets: factors.offsets.as_ptr(),
+        columns: factors.columns.as_ptr(),
+        values: factors.factors.as_ptr(),
+        areas: factors.areas.as_ptr(),
+        escaped: factors.escaped.as_ptr(),
+        lost: factors.lost.as_ptr(),
+        rays: factors.rays,
+        row_sum_error: factors.row_sum_error,
+        closed_row_sum_error: factors.closed_row_sum_error,
+    }
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_form_factors_get_row(
@@ -135,21 +114,10 @@ pub unsafe extern "C" fn mrv_form_factors_get_row(
     })
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_form_factors_get_name(
-    factors: *const mrv_form_factors,
-    row: u64,
-    name: *mut *const c_char,
-) -> mrv_status {
-    guard("mrv_form_factors_get_name", |call| {
-        let factors = object(call, factors, "factors")?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(name, "name") }?;
-        let row = index(row, factors.factors.areas.len())?;
-        let name = factors.names.get(row).map_or(c"".as_ptr(), |name| name.as_ptr());
-        place.set(name)
-    })
-}
+entry!(mrv_form_factors_get_name(call, factors: Handle<mrv_form_factors>, row: u64) -> name: Place<*const c_char> {
+    let row = index(row, factors.factors.areas.len())?;
+    factors.names.get(row).map_or(c"".as_ptr(), |name| name.as_ptr())
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_form_factors_write(

@@ -1,6 +1,5 @@
 //! What stands around the body of every entry: panics and errors become statuses, the floating-point state of the caller is kept.
 
-use super::float_state::FloatState;
 use super::status::{self, MRV_ERROR_INTERNAL, MRV_OK, mrv_status};
 use super::words::{Records, exchange_records, word};
 use mrvis::Error;
@@ -92,3 +91,68 @@ pub fn words_of(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<&str>().copied();
     text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
 }
+
+/// The floating-point control register as a caller left it.
+#[derive(Clone, Copy)]
+struct FloatState(Register);
+
+#[cfg(target_arch = "x86_64")]
+type Register = u32;
+#[cfg(not(target_arch = "x86_64"))]
+type Register = u64;
+
+/// What Rust code assumes, and what makes results the same in every host: round to nearest, no flush to zero, no traps.
+#[cfg(target_arch = "x86_64")]
+const DEFAULT: Register = 0x1f80;
+#[cfg(not(target_arch = "x86_64"))]
+const DEFAULT: Register = 0;
+
+impl FloatState {
+    /// The default state.
+    pub const DEFAULT: FloatState = FloatState(DEFAULT);
+
+    /// Makes this the state of the thread; gives the one before.
+    pub fn enter(&self) -> FloatState {
+        let before = read();
+        if before != self.0 {
+            write(self.0);
+        }
+        FloatState(before)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn read() -> Register {
+    let mut value: Register = 0;
+    // SAFETY: stores MXCSR into a local variable; every x86-64 processor has the instruction.
+    unsafe { std::arch::asm!("stmxcsr [{}]", in(reg) &raw mut value, options(nostack, preserves_flags)) };
+    value
+}
+
+#[cfg(target_arch = "x86_64")]
+fn write(value: Register) {
+    // SAFETY: `value` is the default or was read from the register, so that no reserved bit is set.
+    unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, preserves_flags)) };
+}
+
+#[cfg(target_arch = "aarch64")]
+fn read() -> Register {
+    let value: Register;
+    // SAFETY: reads FPCR, which user code may read.
+    unsafe { std::arch::asm!("mrs {}, fpcr", out(reg) value, options(nomem, nostack, preserves_flags)) };
+    value
+}
+
+#[cfg(target_arch = "aarch64")]
+fn write(value: Register) {
+    // SAFETY: `value` is the default or was read from the register, so that no reserved bit is set.
+    unsafe { std::arch::asm!("msr fpcr, {}", in(reg) value, options(nomem, nostack, preserves_flags)) };
+}
+
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+fn read() -> Register {
+    DEFAULT
+}
+
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+fn write(_: Register) {}

@@ -1,10 +1,11 @@
 //! Pictures and lightmaps of a solution.
 
-use super::arguments::{Place, c_text, count_of, slice_mut, wrong};
+use super::arguments::{c_text, count_of, nth, slice_mut};
 use super::call_progress::{mrv_progress, with_progress};
+use super::entry::entry;
 use super::guard::guard;
-use super::handle::{give, handle, object};
-use super::record::{RecordPlace, read, read_optional, record};
+use super::handle::{handle, object};
+use super::record::{read, read_optional, record};
 use super::scene::mrv_scene;
 use super::solve::mrv_solution;
 use super::status::mrv_status;
@@ -24,38 +25,14 @@ fn camera_record(camera: Camera) -> mrv_camera {
     mrv_camera { struct_size: 0, eye, target, up, angle }
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_get_camera(
-    scene: *const mrv_scene,
-    index: u64,
-    camera: *mut mrv_camera,
-) -> mrv_status {
-    guard("mrv_scene_get_camera", |call| {
-        let scene = &object(call, scene, "scene")?.scene;
-        // SAFETY: the caller gives a record.
-        let place = unsafe { RecordPlace::of(camera, "camera") }?;
-        let mut cameras = scene.cameras();
-        let count = cameras.len();
-        let Some((_, camera)) = usize::try_from(index).ok().and_then(|i| cameras.nth(i)) else {
-            return wrong(format!("`index` {index}: the scene has {count} cameras"));
-        };
-        place.set(camera_record(camera))
-    })
-}
+entry!(mrv_scene_get_camera(call, scene: Handle<mrv_scene>, index: u64) -> camera: RecordPlace<mrv_camera> {
+    let all: Vec<Camera> = scene.scene.cameras().map(|(_, camera)| camera).collect();
+    camera_record(*nth(&all, index, "the scene", "cameras")?)
+});
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_solution_get_camera(
-    solution: *const mrv_solution,
-    camera: *mut mrv_camera,
-) -> mrv_status {
-    guard("mrv_solution_get_camera", |call| {
-        let solution = &object(call, solution, "solution")?.solution;
-        // SAFETY: the caller gives a record.
-        let place = unsafe { RecordPlace::of(camera, "camera") }?;
-        let camera = solution.automatic_camera()?;
-        place.set(camera_record(camera))
-    })
-}
+entry!(mrv_solution_get_camera(call, solution: Handle<mrv_solution>) -> camera: RecordPlace<mrv_camera> {
+    camera_record(solution.solution.automatic_camera()?)
+});
 
 record!(40: struct mrv_image_options {
     struct_size: usize,
@@ -110,25 +87,13 @@ record!(32: struct mrv_lightmap_options {
 /// Texels by default: an image of 1,024 by 1,024.
 const TEXELS: usize = 1 << 20;
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_solution_lightmap(
-    solution: *const mrv_solution,
-    options: *const mrv_lightmap_options,
-    lightmap: *mut *mut mrv_lightmap,
-) -> mrv_status {
-    guard("mrv_solution_lightmap", |call| {
-        let solution = &object(call, solution, "solution")?.solution;
-        // SAFETY: the caller gives a record.
-        let given = unsafe { read_optional(options, "options") }?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(lightmap, "lightmap") }?;
-        let texels = if given.texels == 0 { TEXELS } else { count_of(given.texels) };
-        let draw = |progress| solution.with_progress(progress).lightmap(texels);
-        let map = with_progress(call, given.progress, given.user, draw)??;
-        let note = map.note.as_deref().map(c_text);
-        place.set(give(NotedLightmap { map, note }))
-    })
-}
+entry!(mrv_solution_lightmap(call, solution: Handle<mrv_solution>, options: Given<mrv_lightmap_options>) -> lightmap: Made<mrv_lightmap> {
+    let texels = if options.texels == 0 { TEXELS } else { count_of(options.texels) };
+    let draw = |progress| solution.solution.with_progress(progress).lightmap(texels);
+    let map = with_progress(call, options.progress, options.user, draw)??;
+    let note = map.note.as_deref().map(c_text);
+    NotedLightmap { map, note }
+});
 
 record!(80: struct mrv_lightmap_arrays {
     struct_size: usize,
@@ -143,28 +108,18 @@ record!(80: struct mrv_lightmap_arrays {
     note: *const c_char,
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_lightmap_get_arrays(
-    lightmap: *const mrv_lightmap,
-    arrays: *mut mrv_lightmap_arrays,
-) -> mrv_status {
-    guard("mrv_lightmap_get_arrays", |call| {
-        let lightmap = object(call, lightmap, "lightmap")?;
-        // SAFETY: the caller gives a record.
-        let place = unsafe { RecordPlace::of(arrays, "arrays") }?;
-        let map = &lightmap.map;
-        let arrays = mrv_lightmap_arrays {
-            struct_size: 0,
-            width: map.width as u64,
-            height: map.height as u64,
-            irradiance: map.irradiance.as_ptr().cast(),
-            vertices: map.positions.len() as u64,
-            positions: map.positions.as_ptr().cast(),
-            triangles: map.triangles.len() as u64,
-            corners: map.triangles.as_ptr().cast(),
-            texcoords: map.texcoords.as_ptr().cast(),
-            note: lightmap.note.as_ref().map_or(std::ptr::null(), |note| note.as_ptr()),
-        };
-        place.set(arrays)
-    })
-}
+entry!(mrv_lightmap_get_arrays(call, lightmap: Handle<mrv_lightmap>) -> arrays: RecordPlace<mrv_lightmap_arrays> {
+    let map = &lightmap.map;
+    mrv_lightmap_arrays {
+        struct_size: 0,
+        width: map.width as u64,
+        height: map.height as u64,
+        irradiance: map.irradiance.as_ptr().cast(),
+        vertices: map.positions.len() as u64,
+        positions: map.positions.as_ptr().cast(),
+        triangles: map.triangles.len() as u64,
+        corners: map.triangles.as_ptr().cast(),
+        texcoords: map.texcoords.as_ptr().cast(),
+        note: lightmap.note.as_ref().map_or(std::ptr::null(), |note| note.as_ptr()),
+    }
+});

@@ -1,6 +1,6 @@
 //! The C interface `ffi/include/mrvis.h`: translation onto the public interface of the crate, and nothing else.
 //!
-//! Every entry is one [`guard::guard`] around a body. A body turns pointers into slices, records and handles with the functions of
+//! Every entry is one [`guard::guard`] around a body; those of usual arguments are defined by the macro `entry`. A body turns pointers into slices, records and handles with the functions of
 //! `arguments`, `record` and `handle`, calls the crate, and writes its outputs last.
 //!
 //! Decisions that other interfaces take differently:
@@ -19,19 +19,16 @@ mod bench;
 mod builder;
 mod call_progress;
 mod elements;
+mod entry;
 mod fbem;
-mod float_state;
 mod form_factors;
 mod guard;
 mod handle;
 mod images;
 mod library;
 mod model;
-mod overlap;
-mod query;
 mod record;
 mod scene;
-mod sky;
 mod solve;
 mod status;
 #[cfg(test)]

@@ -1,12 +1,12 @@
 //! Models: scenes prepared for queries.
 
-use super::arguments::{Place, no_reserved, one_of, optional_text};
+use super::arguments::{no_reserved, one_of, optional_text};
 use super::call_progress::{mrv_progress, with_progress};
-use super::guard::{Outcome, guard};
-use super::handle::{give, handle, object};
-use super::record::{RecordPlace, read_optional, record};
+use super::entry::entry;
+use super::guard::Outcome;
+use super::handle::handle;
+use super::record::record;
 use super::scene::{NamedScene, mrv_scene};
-use super::status::mrv_status;
 use mrvis::internals::ModelParts;
 use mrvis::{Builder, Detail, Model, PrepareOptions};
 use std::ffi::{CString, c_char, c_void};
@@ -76,38 +76,16 @@ unsafe fn prepare_options(given: &mrv_prepare_options) -> Outcome<PrepareOptions
     Ok(options)
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_model_prepare(
-    scene: *const mrv_scene,
-    options: *const mrv_prepare_options,
-    model: *mut *mut mrv_model,
-) -> mrv_status {
-    guard("mrv_model_prepare", |call| {
-        let scene = object(call, scene, "scene")?;
-        // SAFETY: the caller gives a record with text.
-        let given = unsafe { read_optional(options, "options") }?;
-        // SAFETY: as above.
-        let options = unsafe { prepare_options(&given) }?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(model, "model") }?;
-        let prepare = |progress| Model::prepare(scene.scene.clone(), &options.with_progress(progress));
-        let model = with_progress(call, given.progress, given.user, prepare)??;
-        place.set(give(NamedModel::new(model)))
-    })
-}
+entry!(mrv_model_prepare(call, scene: Handle<mrv_scene>, options: Given<mrv_prepare_options>) -> model: Made<mrv_model> {
+    // SAFETY: the record holds text as the header says.
+    let wanted = unsafe { prepare_options(&options) }?;
+    let prepare = |progress| Model::prepare(scene.scene.clone(), &wanted.with_progress(progress));
+    NamedModel::new(with_progress(call, options.progress, options.user, prepare)??)
+});
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_model_get_scene(
-    model: *const mrv_model,
-    scene: *mut *mut mrv_scene,
-) -> mrv_status {
-    guard("mrv_model_get_scene", |call| {
-        let model = object(call, model, "model")?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(scene, "scene") }?;
-        place.set(give(NamedScene::new(model.model.shared_scene())))
-    })
-}
+entry!(mrv_model_get_scene(call, model: Handle<mrv_model>) -> scene: Made<mrv_scene> {
+    NamedScene::new(model.model.shared_scene())
+});
 
 record!(80: struct mrv_model_info {
     struct_size: usize,
@@ -123,33 +101,23 @@ record!(80: struct mrv_model_info {
     from_cache: i32,
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_model_get_info(
-    model: *const mrv_model,
-    info: *mut mrv_model_info,
-) -> mrv_status {
-    guard("mrv_model_get_info", |call| {
-        let model = &object(call, model, "model")?.model;
-        // SAFETY: the caller gives a record.
-        let place = unsafe { RecordPlace::of(info, "info") }?;
-        let report = model.report();
-        let info = mrv_model_info {
-            struct_size: 0,
-            sources: model.sources().len() as u64,
-            instances: model.instances().len() as u64,
-            revision: model.revision(),
-            embree_bytes: report.embree_bytes,
-            embree_seconds: report.embree_s,
-            cluster_seconds: report.clusters_s,
-            optics_seconds: report.optics_s,
-            cache_seconds: report.cache_s,
-            detail: match model.detail() {
-                Detail::Rays => MRV_DETAIL_RAYS,
-                Detail::Clusters => MRV_DETAIL_CLUSTERS,
-                Detail::Optics => MRV_DETAIL_OPTICS,
-            },
-            from_cache: i32::from(report.from_cache),
-        };
-        place.set(info)
-    })
-}
+entry!(mrv_model_get_info(call, model: Handle<mrv_model>) -> info: RecordPlace<mrv_model_info> {
+    let (model, report) = (&model.model, model.model.report());
+    mrv_model_info {
+        struct_size: 0,
+        sources: model.sources().len() as u64,
+        instances: model.instances().len() as u64,
+        revision: model.revision(),
+        embree_bytes: report.embree_bytes,
+        embree_seconds: report.embree_s,
+        cluster_seconds: report.clusters_s,
+        optics_seconds: report.optics_s,
+        cache_seconds: report.cache_s,
+        detail: match model.detail() {
+            Detail::Rays => MRV_DETAIL_RAYS,
+            Detail::Clusters => MRV_DETAIL_CLUSTERS,
+            Detail::Optics => MRV_DETAIL_OPTICS,
+        },
+        from_cache: i32::from(report.from_cache),
+    }
+});

@@ -1,15 +1,18 @@
-//! Scenes: read, generated, and what they say about themselves.
+//! Scenes: read, generated, put under a sky, and what they say about themselves.
 
 use super::arguments::{
-    Place, c_text, count_of, no_reserved, one_of, optional_text, put_text, set, slice, text, texts, wrong,
+    Place, c_text, count_of, no_reserved, nth, one_of, optional_text, put_text, set, slice, text, texts,
+    wrong,
 };
+use super::entry::entry;
 use super::guard::{Outcome, guard};
 use super::handle::{give, handle, object};
-use super::record::{RecordPlace, read_optional, record};
+use super::record::{read_optional, record};
 use super::status::mrv_status;
 use super::words::word;
-use mrvis::internals::{SceneParts, error::worded};
-use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, Strength, UpAxis};
+use mrvis::internals::SceneParts;
+use mrvis::internals::error::worded;
+use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, SkyOptions, Strength, UpAxis};
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -165,17 +168,9 @@ pub unsafe extern "C" fn mrv_scene_from_memory(
     })
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_generate(name: *const c_char, scene: *mut *mut mrv_scene) -> mrv_status {
-    guard("mrv_scene_generate", |_| {
-        // SAFETY: the caller gives text and a place.
-        let name = unsafe { text(name, "name") }?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(scene, "scene") }?;
-        let scene = Scene::generate(name)?;
-        place.set(give(NamedScene::new(Arc::new(scene))))
-    })
-}
+entry!(mrv_scene_generate(call, name: Text) -> scene: Made<mrv_scene> {
+    NamedScene::new(Arc::new(Scene::generate(name)?))
+});
 
 record!(56: struct mrv_generate_options {
     struct_size: usize,
@@ -188,45 +183,23 @@ record!(56: struct mrv_generate_options {
     reserved: u32,
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_generate_with(
-    name: *const c_char,
-    options: *const mrv_generate_options,
-    scene: *mut *mut mrv_scene,
-) -> mrv_status {
-    guard("mrv_scene_generate_with", |_| {
-        // SAFETY: the caller gives text and a record.
-        let (name, given) = unsafe { (text(name, "name")?, read_optional(options, "options")?) };
-        no_reserved(given.reserved, "options.reserved")?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(scene, "scene") }?;
-        let number = |n: u64| (n != 0).then(|| count_of(n));
-        let mut options = GenerateOptions::default();
-        set(&mut options.seed, given.seed);
-        options.count = number(given.count);
-        options.trees = number(given.trees);
-        options.leaves = number(given.leaves);
-        options.light_size = (given.light_size != 0.0).then_some(given.light_size);
-        options.trunks = given.trunks != 0;
-        let scene = Scene::generate_with(name, &options)?;
-        place.set(give(NamedScene::new(Arc::new(scene))))
-    })
-}
+entry!(mrv_scene_generate_with(call, name: Text, options: Given<mrv_generate_options>) -> scene: Made<mrv_scene> {
+    no_reserved(options.reserved, "options.reserved")?;
+    let number = |n: u64| (n != 0).then(|| count_of(n));
+    let mut wanted = GenerateOptions::default();
+    set(&mut wanted.seed, options.seed);
+    wanted.count = number(options.count);
+    wanted.trees = number(options.trees);
+    wanted.leaves = number(options.leaves);
+    wanted.light_size = (options.light_size != 0.0).then_some(options.light_size);
+    wanted.trunks = options.trunks != 0;
+    NamedScene::new(Arc::new(Scene::generate_with(name, &wanted)?))
+});
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_flatten(
-    scene: *const mrv_scene,
-    max_triangles: u64,
-    flat: *mut *mut mrv_scene,
-) -> mrv_status {
-    guard("mrv_scene_flatten", |call| {
-        let scene = object(call, scene, "scene")?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(flat, "flat") }?;
-        let made = scene.scene.flattened(if max_triangles == 0 { u64::MAX } else { max_triangles })?;
-        place.set(give(NamedScene::new(Arc::new(made))))
-    })
-}
+entry!(mrv_scene_flatten(call, scene: Handle<mrv_scene>, max_triangles: u64) -> flat: Made<mrv_scene> {
+    let most = if max_triangles == 0 { u64::MAX } else { max_triangles };
+    NamedScene::new(Arc::new(scene.scene.flattened(most)?))
+});
 
 record!(136: struct mrv_scene_info {
     struct_size: usize,
@@ -242,32 +215,23 @@ record!(136: struct mrv_scene_info {
     origin: [f64; 3],
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_get_info(
-    scene: *const mrv_scene,
-    info: *mut mrv_scene_info,
-) -> mrv_status {
-    guard("mrv_scene_get_info", |call| {
-        let scene = &object(call, scene, "scene")?.scene;
-        // SAFETY: the caller gives a record.
-        let place = unsafe { RecordPlace::of(info, "info") }?;
-        let [low, high] = scene.bounds();
-        let info = mrv_scene_info {
-            struct_size: 0,
-            triangles: scene.triangle_count() as u64,
-            visible: scene.visible_triangle_count(),
-            objects: scene.object_names().len() as u64,
-            materials: scene.material_names().len() as u64,
-            emitters: scene.emitter_names().len() as u64,
-            repairs: scene.repairs().len() as u64,
-            cameras: scene.cameras().len() as u64,
-            low,
-            high,
-            origin: scene.origin(),
-        };
-        place.set(info)
-    })
-}
+entry!(mrv_scene_get_info(call, scene: Handle<mrv_scene>) -> info: RecordPlace<mrv_scene_info> {
+    let scene = &scene.scene;
+    let [low, high] = scene.bounds();
+    mrv_scene_info {
+        struct_size: 0,
+        triangles: scene.triangle_count() as u64,
+        visible: scene.visible_triangle_count(),
+        objects: scene.object_names().len() as u64,
+        materials: scene.material_names().len() as u64,
+        emitters: scene.emitter_names().len() as u64,
+        repairs: scene.repairs().len() as u64,
+        cameras: scene.cameras().len() as u64,
+        low,
+        high,
+        origin: scene.origin(),
+    }
+});
 
 pub const MRV_NAME_OBJECT: i32 = 0;
 pub const MRV_NAME_MATERIAL: i32 = 1;
@@ -275,42 +239,28 @@ pub const MRV_NAME_EMITTER: i32 = 2;
 pub const MRV_NAME_REPAIR: i32 = 3;
 pub const MRV_NAME_CAMERA: i32 = 4;
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_get_name(
-    scene: *const mrv_scene,
-    kind: i32,
-    index: u64,
-    name: *mut *const c_char,
-) -> mrv_status {
-    guard("mrv_scene_get_name", |call| {
-        let scene = object(call, scene, "scene")?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(name, "name") }?;
-        let all = scene.names.get_or_init(|| {
-            let scene = &scene.scene;
-            [
-                scene.object_names().map(c_text).collect(),
-                scene.material_names().map(c_text).collect(),
-                scene.emitter_names().map(c_text).collect(),
-                scene.parts().repairs.messages.iter().map(|note| c_text(&worded(note, word))).collect(),
-                scene.cameras().map(|(name, _)| c_text(name)).collect(),
-            ]
-        });
-        let list = one_of!(
-            "kind",
-            kind,
-            MRV_NAME_OBJECT => &all[0],
-            MRV_NAME_MATERIAL => &all[1],
-            MRV_NAME_EMITTER => &all[2],
-            MRV_NAME_REPAIR => &all[3],
-            MRV_NAME_CAMERA => &all[4],
-        );
-        let Some(text) = usize::try_from(index).ok().and_then(|i| list.get(i)) else {
-            return wrong(format!("`index` {index}: the scene has {} names of this kind", list.len()));
-        };
-        place.set(text.as_ptr())
-    })
-}
+entry!(mrv_scene_get_name(call, scene: Handle<mrv_scene>, kind: i32, index: u64) -> name: Place<*const c_char> {
+    let all = scene.names.get_or_init(|| {
+        let scene = &scene.scene;
+        [
+            scene.object_names().map(c_text).collect(),
+            scene.material_names().map(c_text).collect(),
+            scene.emitter_names().map(c_text).collect(),
+            scene.parts().repairs.messages.iter().map(|note| c_text(&worded(note, word))).collect(),
+            scene.cameras().map(|(name, _)| c_text(name)).collect(),
+        ]
+    });
+    let list = one_of!(
+        "kind",
+        kind,
+        MRV_NAME_OBJECT => &all[0],
+        MRV_NAME_MATERIAL => &all[1],
+        MRV_NAME_EMITTER => &all[2],
+        MRV_NAME_REPAIR => &all[3],
+        MRV_NAME_CAMERA => &all[4],
+    );
+    nth(list, index, "the scene", "names of this kind")?.as_ptr()
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_scene_get_unit(
@@ -324,3 +274,11 @@ pub unsafe extern "C" fn mrv_scene_get_unit(
         unsafe { put_text(scene.scene.unit(), text, size, "text") }
     })
 }
+
+entry!(mrv_scene_with_sky(
+    call, scene: Handle<mrv_scene>, sky: OptionalText, sun: OptionalText, place: OptionalText, time: OptionalText
+) -> lit: Made<mrv_scene> {
+    let mut made = Scene::clone(&scene.scene);
+    made.set_sky(&SkyOptions::of_texts(sky, sun, place, time)?)?;
+    NamedScene::new(Arc::new(made))
+});

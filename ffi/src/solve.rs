@@ -1,12 +1,12 @@
 //! The light in a model.
 
-use super::arguments::{Place, count_of, set, slice, slice_mut, texts};
+use super::arguments::{Span, check_apart, count_of, set, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
+use super::entry::entry;
 use super::guard::{Outcome, guard};
-use super::handle::{give, handle, object};
+use super::handle::{handle, object};
 use super::model::mrv_model;
-use super::overlap::{Span, check_apart};
-use super::record::{RecordPlace, read_optional, record};
+use super::record::record;
 use super::status::mrv_status;
 use super::visibility::engine_of;
 use mrvis::internals::SolutionParts;
@@ -91,25 +91,12 @@ unsafe fn solve_options(given: &mrv_solve_options) -> Outcome<SolveOptions> {
     Ok(options)
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_model_solve(
-    model: *const mrv_model,
-    options: *const mrv_solve_options,
-    solution: *mut *mut mrv_solution,
-) -> mrv_status {
-    guard("mrv_model_solve", |call| {
-        let model = object(call, model, "model")?;
-        // SAFETY: the caller gives a record.
-        let given = unsafe { read_optional(options, "options") }?;
-        // SAFETY: as above.
-        let options = unsafe { solve_options(&given) }?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(solution, "solution") }?;
-        let solve = |progress| model.model.with_progress(progress).solve(&options);
-        let solution = with_progress(call, given.progress, given.user, solve)??;
-        place.set(give(NotedSolution::new(solution)))
-    })
-}
+entry!(mrv_model_solve(call, model: Handle<mrv_model>, options: Given<mrv_solve_options>) -> solution: Made<mrv_solution> {
+    // SAFETY: the record holds arrays and text as the header says.
+    let wanted = unsafe { solve_options(&options) }?;
+    let solve = |progress| model.model.with_progress(progress).solve(&wanted);
+    NotedSolution::new(with_progress(call, options.progress, options.user, solve)??)
+});
 
 record!(64: struct mrv_solution_info {
     struct_size: usize,
@@ -122,29 +109,19 @@ record!(64: struct mrv_solution_info {
     warnings: u64,
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_solution_get_info(
-    solution: *const mrv_solution,
-    info: *mut mrv_solution_info,
-) -> mrv_status {
-    guard("mrv_solution_get_info", |call| {
-        let solution = &object(call, solution, "solution")?.solution;
-        // SAFETY: the caller gives a record.
-        let place = unsafe { RecordPlace::of(info, "info") }?;
-        let report = solution.report();
-        let info = mrv_solution_info {
-            struct_size: 0,
-            vertices: solution.vertices().len() as u64,
-            elements: solution.elements().len() as u64,
-            mean_irradiance: report.mean_irradiance,
-            error_estimate: report.error_estimate.unwrap_or(-1.0),
-            interrupted: i32::from(report.interrupted),
-            reserved: 0,
-            warnings: report.warnings.len() as u64,
-        };
-        place.set(info)
-    })
-}
+entry!(mrv_solution_get_info(call, solution: Handle<mrv_solution>) -> info: RecordPlace<mrv_solution_info> {
+    let (solution, report) = (&solution.solution, solution.solution.report());
+    mrv_solution_info {
+        struct_size: 0,
+        vertices: solution.vertices().len() as u64,
+        elements: solution.elements().len() as u64,
+        mean_irradiance: report.mean_irradiance,
+        error_estimate: report.error_estimate.unwrap_or(-1.0),
+        interrupted: i32::from(report.interrupted),
+        reserved: 0,
+        warnings: report.warnings.len() as u64,
+    }
+});
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_solution_irradiance(

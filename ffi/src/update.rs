@@ -1,10 +1,11 @@
 //! Instances of a model, and changes of them.
 
-use super::arguments::{Place, c_text, check_pointer, no_reserved, optional_text, wrong};
+use super::arguments::{Place, c_text, check_pointer, count_of, no_reserved, nth, optional_text, wrong};
+use super::entry::entry;
 use super::guard::{Outcome, guard};
 use super::handle::{give, object};
 use super::model::{NamedModel, mrv_model};
-use super::record::{RecordPlace, read_entry, record};
+use super::record::{read_entry, record};
 use super::status::mrv_status;
 use mrvis::{Instance, InstanceChange};
 use std::ffi::c_char;
@@ -22,34 +23,21 @@ record!(136: struct mrv_instance {
     reserved: u32,
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_model_get_instance(
-    model: *const mrv_model,
-    index: u64,
-    instance: *mut mrv_instance,
-) -> mrv_status {
-    guard("mrv_model_get_instance", |call| {
-        let model = object(call, model, "model")?;
-        // SAFETY: the caller gives a record.
-        let place = unsafe { RecordPlace::of(instance, "instance") }?;
-        let all = model.model.instances();
-        let Some((i, found)) = usize::try_from(index).ok().and_then(|i| Some((i, all.get(i)?))) else {
-            return wrong(format!("`index` {index}: the model has {} instances", all.len()));
-        };
-        let names = model.names.get_or_init(|| all.iter().map(|instance| c_text(&instance.name)).collect());
-        let instance = mrv_instance {
-            struct_size: 0,
-            name: names[i].as_ptr(),
-            transform: std::array::from_fn(|i| found.transform[i / 4][i % 4]),
-            material: found.material.map_or(i64::from(MRV_MATERIAL_KEEP), i64::from),
-            mesh: found.mesh,
-            visible: i32::from(found.visible),
-            removed: i32::from(found.removed),
-            reserved: 0,
-        };
-        place.set(instance)
-    })
-}
+entry!(mrv_model_get_instance(call, model: Handle<mrv_model>, index: u64) -> instance: RecordPlace<mrv_instance> {
+    let all = model.model.instances();
+    let found = nth(all, index, "the model", "instances")?;
+    let names = model.names.get_or_init(|| all.iter().map(|instance| c_text(&instance.name)).collect());
+    mrv_instance {
+        struct_size: 0,
+        name: names[count_of(index)].as_ptr(),
+        transform: std::array::from_fn(|i| found.transform[i / 4][i % 4]),
+        material: found.material.map_or(i64::from(MRV_MATERIAL_KEEP), i64::from),
+        mesh: found.mesh,
+        visible: i32::from(found.visible),
+        removed: i32::from(found.removed),
+        reserved: 0,
+    }
+});
 
 pub const MRV_CHANGE_MOVE: i32 = 1;
 pub const MRV_CHANGE_ADD: i32 = 2;

@@ -76,6 +76,9 @@ class _SolveOptions(TypedDict, total=False):
     max_seconds: float | None
     max_links: int | None
     target_error: float | None
+    audit: int | None
+    light_rays: int | None
+    gather_rays: int | None
     seed: int | None
 
 class _BenchOptions(TypedDict, total=False):

@@ -276,8 +276,9 @@ impl PyModel {
     /// which need detail "optics". feature_size: of all receivers, scene units; feature_sizes: of named objects, groups or materials, a dict.
     /// importance: names whose light matters. min_area: smallest element as a fraction of the scene's area, default 2e-5. direct_only: no
     /// reflected light at points (default False). max_seconds: time limit of this call. max_links: default ten
-    /// million. target_error: RMS error until which more rays are traced. seed: 0 to 2**64 - 1, default 1.
-    /// progress: as for `Model`, but if it returns False the result is what was reached: `Solution.interrupted` is True.
+    /// million. target_error: RMS error until which more rays are traced. audit: number of elements whose error bars independent paths check,
+    /// default 200. light_rays, gather_rays: rays from a point to a partly visible emitter, and for reflected light; default: from the error.
+    /// seed: 0 to 2**64 - 1, default 1. progress: as for `Model`, but if it returns False the result is what was reached: `Solution.interrupted` is True.
     #[pyo3(signature = (*, progress=None, **options))]
     fn solve(
         this: &Bound<'_, Self>,

@@ -34,6 +34,9 @@ pub fn solve_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<SolveOptio
             "max_seconds" => all.max_seconds = Some(value(&name, &given)?),
             "max_links" => all.max_links = whole(&name, &given)?,
             "target_error" => all.target_error = Some(value(&name, &given)?),
+            "audit" => all.audit = whole(&name, &given)?,
+            "light_rays" => all.light_rays = Some(whole(&name, &given)?),
+            "gather_rays" => all.gather_rays = Some(whole(&name, &given)?),
             "seed" => all.seed = whole(&name, &given)?,
             _ => return unknown("solve", &name),
         }

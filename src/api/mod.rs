@@ -5,9 +5,6 @@ mod batch;
 mod bench;
 mod form_factors;
 mod mesh_arrays;
-mod query;
-#[cfg(feature = "reports")]
-mod reference;
 mod scene_builder;
 mod segments;
 #[cfg(feature = "reports")]
@@ -22,17 +19,17 @@ pub use crate::bench::BenchOptions;
 pub use crate::form_factors::matrix::{FormFactors, Grouping};
 pub use crate::radiosity::mesh::Element;
 #[cfg(feature = "reports")]
+pub use bench::Reference;
+#[cfg(feature = "reports")]
 pub use bench::{BenchReport, BenchRow};
 pub use form_factors::FormFactorOptions;
 pub use mesh_arrays::{MeshArrays, Positions};
-pub use query::Query;
-#[cfg(feature = "reports")]
-pub use reference::Reference;
 pub use scene_builder::SceneBuilder;
 pub use segments::{Answers, Segments, Strided};
 #[cfg(feature = "reports")]
 pub use shown::{Camera, ImageOptions, Lightmap};
 pub use solve::{Solution, SolveOptions, SolveReport, SurfacePoint};
+pub use visibility::Query;
 pub use visibility::{Engine, Visibility};
 
 use crate::{Error, Result};

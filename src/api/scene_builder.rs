@@ -156,7 +156,7 @@ impl SceneBuilder {
     /// one. Shared meshes of a scene without instances are left out.
     ///
     /// # Errors
-    /// [`Error::Format`] if no face has an area, of the scene or of a shared mesh, or its extent is too small; [`Error::Argument`] if an
+    /// [`Error::File`] if no face has an area, of the scene or of a shared mesh, or its extent is too small; [`Error::Argument`] if an
     /// option is out of its range or names no emitter, or one that is shared.
     pub fn finish(self, options: &LoadOptions) -> Result<Scene> {
         let mut placed = self.placed;

@@ -6,11 +6,10 @@
 
 use super::context::{Bench, PlannedRow};
 use super::lights;
-use super::measure::{MrRun, Queries, Timer};
+use super::measure::{MAX_ROUNDS, MAX_TIME, MrRun, Queries, Timer, rounds};
 use super::page::{MrImage, ReceiverImages};
 use super::receivers::{Crop, ReceiverGrid, Surfaces};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log, ratio, speedup};
-use super::rounds::{MAX_ROUNDS, MAX_TIME, rounds};
 use super::workload::Workload;
 use crate::embree::Traversal;
 use crate::metrics::{Image, fbem::fbem_at, missing_features, norms};

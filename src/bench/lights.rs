@@ -8,11 +8,10 @@
 //!
 //! A luminous dome is divided in the same way: its parts are surfaces that are asked like patches.
 
-mod dome;
-
 use super::record::SkySources;
+use crate::math::Aabb;
 use crate::model::Model;
-use crate::scene::{EmitterSampler, Scene};
+use crate::scene::{Emitter, EmitterSampler, Scene};
 use crate::sky::Environment;
 use glam::{DVec2, DVec3, Vec3};
 use std::sync::Arc;
@@ -243,7 +242,7 @@ pub(super) fn patches(environment: &Environment) -> Vec<u32> {
 
 /// The suns and patches among the emitters of a scene.
 pub(super) fn record(scene: &Scene) -> Option<SkySources> {
-    let (sky, domes) = (scene.sky(), dome::domes(scene));
+    let (sky, domes) = (scene.sky(), domes(scene));
     if sky.is_none() && domes.is_empty() {
         return None;
     }
@@ -278,7 +277,7 @@ fn suns(environment: &Environment) -> impl Iterator<Item = usize> {
 
 /// Largest number of sources that a point of a workload is paired with.
 pub(super) fn per_point(scene: &Scene) -> usize {
-    let domes = dome::domes(scene);
+    let domes = domes(scene);
     let lamps = scene.emitters.len() - domes.len() + scene.sky().map_or(0, |sky| suns(sky).count());
     let parts: usize = domes.iter().map(|(_, parts)| parts.len()).sum();
     lamps + PATCHES_PER_POINT.min(parts + scene.sky().map_or(0, |sky| patches(sky).len()))
@@ -304,9 +303,9 @@ pub(super) struct Lights {
 impl Lights {
     pub fn of(model: &Model, asked: Asked) -> Lights {
         let mut all: Vec<Light> = model.samplers().iter().cloned().map(Light::Surface).collect();
-        let divided = if asked == Asked::Shown { Vec::new() } else { dome::domes(model.scene()) };
+        let divided = if asked == Asked::Shown { Vec::new() } else { domes(model.scene()) };
         let domes = divided.iter().map(|(k, _)| *k).collect();
-        let part = |part: dome::Part| {
+        let part = |part: Part| {
             Light::Surface(EmitterSampler::new(model.scene(), &part.emitter, model.base().magnitudes()))
         };
         let parts = divided.into_iter().flat_map(|(_, parts)| parts).map(part);
@@ -383,6 +382,81 @@ fn drawn(sources: &[(u32, (f32, f32))], chance: f64) -> Vec<(u32, (f32, f32))> {
             found.push((k, (size, (each * (upto - before) as f64) as f32)));
         }
         before = upto;
+    }
+    found
+}
+
+/// A part of a dome.
+pub struct Part {
+    pub emitter: Emitter,
+    /// Half angle of the cone around it from the middle of the scene, radians.
+    pub half_angle: f64,
+}
+
+/// The emitters that are domes, with their parts: emissive surfaces that are not plane, whose faces all look at the middle of the other surfaces, and that
+/// are wider from there than a patch may be. A part that is one face may be wider too.
+pub fn domes(scene: &Scene) -> Vec<(usize, Vec<Part>)> {
+    let count = scene.triangles.len() as u32;
+    let others = (0..count).filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX);
+    let bounds = Aabb::of(others.flat_map(|t| scene.corners(t)));
+    if !bounds.center().is_finite() {
+        return Vec::new();
+    }
+    let middle = bounds.center();
+    let looks_inwards = |t: &u32| {
+        let [a, b, c] = scene.corners(*t);
+        (b - a).cross(c - a).dot(middle - a) > 0.0
+    };
+    let parts_of = |emitter: &Emitter| {
+        let is_plane = emitter.normal.length() > MAX_HALF_ANGLE.cos() as f32;
+        if is_plane || !emitter.triangles.iter().all(looks_inwards) {
+            return None;
+        }
+        let faces: Vec<Face> = emitter.triangles.iter().map(|&t| Face::new(scene, t, middle)).collect();
+        let groups = divided(faces);
+        let part = |faces: Vec<Face>| {
+            let triangles = faces.iter().map(|face| face.triangle).collect();
+            Part { emitter: emitter.part(scene, triangles), half_angle: half_angle(&faces) }
+        };
+        (groups.len() > 1).then(|| groups.into_iter().map(part).collect())
+    };
+    scene.emitters.iter().enumerate().filter_map(|(k, emitter)| Some((k, parts_of(emitter)?))).collect()
+}
+
+/// A face with the directions of its corners from the middle of the scene.
+struct Face {
+    triangle: u32,
+    corners: [Vec3; 3],
+    centre: Vec3,
+}
+
+impl Face {
+    fn new(scene: &Scene, triangle: u32, from: Vec3) -> Face {
+        let corners = scene.corners(triangle).map(|corner| (corner - from).normalize_or_zero());
+        Face { triangle, corners, centre: corners.iter().sum::<Vec3>().normalize_or_zero() }
+    }
+}
+
+/// Half angle of a cone around the directions of all corners.
+fn half_angle(faces: &[Face]) -> f64 {
+    let axis = faces.iter().map(|face| face.centre).sum::<Vec3>().normalize_or_zero();
+    let cosines = faces.iter().flat_map(|face| &face.corners).map(|corner| axis.dot(*corner));
+    f64::from(cosines.fold(1.0f32, f32::min)).clamp(-1.0, 1.0).acos()
+}
+
+/// Groups of faces, halved across their largest extent until each is no wider than a patch of the sky may be.
+fn divided(faces: Vec<Face>) -> Vec<Vec<Face>> {
+    let (mut found, mut open) = (Vec::new(), vec![faces]);
+    while let Some(mut faces) = open.pop() {
+        if faces.len() == 1 || half_angle(&faces) <= MAX_HALF_ANGLE {
+            found.push(faces);
+            continue;
+        }
+        let extent = Aabb::of(faces.iter().map(|face| face.centre)).extent();
+        let axis = extent.max_position();
+        faces.sort_by(|a, b| a.centre[axis].total_cmp(&b.centre[axis]).then(a.triangle.cmp(&b.triangle)));
+        let rest = faces.split_off(faces.len() / 2);
+        open.extend([rest, faces]);
     }
     found
 }

@@ -13,13 +13,11 @@ mod prepare;
 pub mod receivers;
 pub mod record;
 pub mod reference;
-mod rounds;
-mod rows;
 mod run;
 mod sample;
+mod shown;
 pub mod side_by_side;
 pub mod sizes;
-mod surface;
 mod unaveraged;
 pub mod workload;
 
@@ -27,3 +25,4 @@ pub use options::BenchOptions;
 #[cfg(any(test, feature = "internals"))]
 pub use record::Record;
 pub use run::run;
+pub use shown::text;

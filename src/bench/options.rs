@@ -1,7 +1,7 @@
 //! Options of a benchmark and their validity for a scene.
 
 use super::lights;
-use super::rounds::MAX_ROUNDS;
+use super::measure::MAX_ROUNDS;
 use super::sample::Sample;
 use crate::clusters::Builder;
 use crate::error::{quote, shown};

@@ -6,22 +6,14 @@
 //! the scene's unit, times in seconds of wall clock. `rms` and `bias` are errors of the visible fraction of each
 //! emitter at each point, in [0, 1], relative to the reference, whose noise is subtracted.
 
-mod classes;
 mod compared;
 mod maps;
-mod sky;
-mod spent;
-mod trust;
-
-pub use crate::model::summary::SceneSummary;
-pub use classes::{ClassRecord, ReceiverClass};
-pub use compared::{NO_FASTER, ratio, speedup};
-pub use maps::{MapExactRow, MapMrRow, MapRecord};
-pub use sky::SkySources;
-pub use spent::Spent;
-pub use trust::{CalibrationBin, IntervalAudit};
 
 use serde::Serialize;
+
+pub use crate::model::summary::SceneSummary;
+pub use compared::{NO_FASTER, ratio, speedup};
+pub use maps::{MapExactRow, MapMrRow, MapRecord};
 
 /// Results of one run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -343,6 +335,190 @@ pub fn interpolate_log_log(points: &[(f64, f64)], error: f64) -> Option<Interpol
     let (t0, e0) = best[reached - 1];
     let part = (e0 / error).ln() / (e0 / e1).ln();
     measured(t0 * (t1 / t0).powf(part))
+}
+
+/// What lies around a receiver point; the rule is in docs/report.md, Receiver classes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ReceiverClass {
+    /// Nothing small lies near.
+    #[default]
+    Open,
+    /// Something small lies near.
+    Near,
+    /// The point lies on something small.
+    Inside,
+    /// Large surfaces enclose the point.
+    Interior,
+}
+
+impl ReceiverClass {
+    /// All classes, in the order of records.
+    pub const ALL: [ReceiverClass; 4] =
+        [ReceiverClass::Open, ReceiverClass::Near, ReceiverClass::Inside, ReceiverClass::Interior];
+
+    /// The name in records.
+    pub fn name(self) -> &'static str {
+        match self {
+            ReceiverClass::Open => "open",
+            ReceiverClass::Near => "near",
+            ReceiverClass::Inside => "inside",
+            ReceiverClass::Interior => "interior",
+        }
+    }
+}
+
+/// Rows over the receiver points of one class.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ClassRecord {
+    /// The class.
+    pub class: ReceiverClass,
+    /// Receiver points of this class that face an emitter.
+    pub points: usize,
+    /// Number of these that the rows are measured on.
+    pub measured: usize,
+    /// RMS noise of the reference, estimated from its two halves; it is subtracted from errors.
+    pub reference_rms: f64,
+    /// As [`Record::exact`](Record::exact).
+    pub exact: Vec<ExactRow>,
+    /// As [`Record::certified`](Record::certified).
+    pub certified: Vec<ExactRow>,
+    /// As [`Record::mr`](Record::mr); `speedup_at_same_fbem` is `null`. The route of each row is decided for this class.
+    pub mr: Vec<MrRow>,
+}
+
+impl ClassRecord {
+    /// The row that table and page show: that with the largest `speedup_at_same_rms`, or the first if none is defined.
+    pub fn shown_row(&self) -> Option<&MrRow> {
+        best_of(&self.mr).or(self.mr.first())
+    }
+
+    /// The smallest `speedup_at_same_rms` of a row.
+    pub fn smallest_speedup(&self) -> Option<f64> {
+        self.mr.iter().filter_map(|row| row.speedup_at_same_rms).min_by(f64::total_cmp)
+    }
+}
+
+/// Sources of light around the scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SkySources {
+    /// Patches of the sky, of the ground below the horizon if that is not black, and of luminous domes.
+    pub patches: usize,
+    /// Largest angle across a patch, degrees.
+    pub largest_angle: f64,
+    /// Most patches that a point asks, drawn in proportion to its irradiance by them.
+    pub patches_per_point: usize,
+    /// Emissive surfaces around the scene that are divided into patches.
+    pub domes: usize,
+    /// Suns.
+    pub suns: usize,
+    /// Emitters of the shadow images and maps: `lamps` (emissive surfaces and suns), or `patch`, the one with the largest
+    /// irradiance of a horizontal plane, if there are none.
+    pub shown: String,
+}
+
+impl SkySources {
+    /// What the sources are, in one or two sentences.
+    pub fn sentence(&self) -> String {
+        let mut sources = Vec::new();
+        if self.patches > 0 {
+            sources.push(format!(
+                "{} patches of {} up to {:.1}° wide, of which a point asks up to {}, drawn in proportion to its irradiance by them",
+                self.patches,
+                if self.domes > 0 { "the sky or a luminous dome" } else { "the sky" },
+                self.largest_angle,
+                self.patches_per_point
+            ));
+        }
+        match self.suns {
+            0 => {}
+            1 => sources.push("the sun".into()),
+            suns => sources.push(format!("{suns} suns")),
+        }
+        let shown = match (self.shown.as_str(), self.patches) {
+            ("patch", 1..) => {
+                " Shadow images show the light of the patch with the largest irradiance of a horizontal plane."
+            }
+            (_, 1..) => " Shadow images show the light of suns and whole emissive surfaces, without the sky.",
+            _ => "",
+        };
+        format!("Emitters around the scene: {}.{shown}", sources.join("; and "))
+    }
+}
+
+/// What a run itself takes by part, seconds: most of it are references, and several runs of each row.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Spent {
+    /// Choice of points, receivers and ray calls.
+    pub choice_s: f64,
+    /// Rows over all points.
+    pub points_s: f64,
+    /// Rows by class of receiver.
+    pub classes_s: f64,
+    /// Shadow images.
+    pub images_s: f64,
+    /// Maps.
+    pub maps_s: f64,
+}
+
+impl Spent {
+    /// Names and seconds of the parts.
+    pub fn parts(&self) -> [(&'static str, f64); 5] {
+        [
+            ("choices", self.choice_s),
+            ("rows over all points", self.points_s),
+            ("classes of receivers", self.classes_s),
+            ("shadow images", self.images_s),
+            ("maps", self.maps_s),
+        ]
+    }
+}
+
+/// Comparison of the stated intervals of a row with independent exact rays on a random part of the bundles.
+///
+/// A 95 % interval claims a standard error of its width / (2 · 1.96). The noise of the audit's rays is subtracted
+/// from the observed error.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct IntervalAudit {
+    /// Requested part of the bundles, in `(0, 1]`.
+    pub fraction: f64,
+    /// Number of audited bundles.
+    pub bundles: usize,
+    /// Exact rays per bundle.
+    pub rays: usize,
+    /// Root mean square of the claimed standard errors.
+    pub claimed_rms: f64,
+    /// Observed RMS error.
+    pub observed_rms: f64,
+    /// 95 % interval of `observed_rms`, lower end.
+    pub observed_lo: f64,
+    /// 95 % interval of `observed_rms`, upper end.
+    pub observed_hi: f64,
+    /// Part of the stated intervals, in `[0, 1]`, that the audit confirms: mean p of the rays and answer x satisfy |p
+    /// − x| ≤ √(h² + 1.96² q (1 − q) / rays), with h the half width of the interval on p's side and q = p clamped to
+    /// the interval. Correct intervals have 0.95, for any number of rays.
+    pub coverage: f64,
+    /// 95 % interval (Wilson) of `coverage`, lower end.
+    pub coverage_lo: f64,
+    /// 95 % interval (Wilson) of `coverage`, upper end.
+    pub coverage_hi: f64,
+    /// Groups of bundles with similar claims, by ascending claim.
+    pub bins: Vec<CalibrationBin>,
+}
+
+/// Bundles with similar claimed errors.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct CalibrationBin {
+    /// Number of bundles.
+    pub count: usize,
+    /// Root mean square of the claimed standard errors.
+    pub claimed: f64,
+    /// Observed RMS error.
+    pub observed: f64,
+    /// 95 % interval of `observed`, lower end.
+    pub observed_lo: f64,
+    /// 95 % interval of `observed`, upper end.
+    pub observed_hi: f64,
 }
 
 #[cfg(test)]

@@ -1,16 +1,15 @@
 //! A benchmark run: from a model to a record and images.
 
 use super::context::Bench;
+use super::context::Measured;
 use super::gallery::single_rays;
-use super::measure::{Queries, Timer};
+use super::measure::{MAX_TIME, Queries, Timer};
 use super::options::BenchOptions;
 use super::page::ReceiverImages;
 use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
 use super::record::{self, Record, Spent};
 use super::reference::Reference;
-use super::rounds::MAX_TIME;
-use super::rows::Measured;
 use super::sizes::{default_sizes, of_images};
 use super::workload::{Workload, surface_points};
 use super::{lights, unaveraged};

@@ -6,38 +6,27 @@
 
 mod camera;
 mod false_colours;
-mod gather;
 mod gltf;
 #[cfg(any(test, feature = "internals"))]
 mod grid_picture;
-#[cfg(any(test, feature = "internals"))]
-mod isolines;
-#[cfg(any(test, feature = "internals"))]
-mod lettering;
 mod lightmap;
 mod mesh;
 mod picture;
 mod ply;
-#[cfg(any(test, feature = "internals"))]
-mod scene_view;
 mod solve_page;
 #[cfg(test)]
 mod tests;
-mod tone;
-mod unwrapped;
 mod view;
 mod vtu;
 
 pub use camera::{Camera, First, Frame, Stage, render};
-pub use gather::{light_of, visible_points};
 pub use gltf::write_glb;
+pub use lightmap::unwrapped_lightmap;
 pub use lightmap::{Lightmap, lightmap};
 pub use mesh::Mesh;
-pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, bytes_per_pixel, picture, suitable_lightmap};
+pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, Tone, bytes_per_pixel, picture, suitable_lightmap};
 pub use ply::write_ply;
 pub use solve_page::{PageView, solve_page};
-pub use tone::Tone;
-pub use unwrapped::unwrapped_lightmap;
 pub use view::{VIEW, best_view};
 pub use vtu::write_vtu;
 #[cfg(any(test, feature = "internals"))]
@@ -45,6 +34,6 @@ pub use {
     grid_picture::GridLight,
     lightmap::write_lightmap_mesh,
     picture::developed,
-    scene_view::scene_view,
     solve_page::{PageGrid, SurfaceLight, grid_section, surfaces},
+    view::scene_view,
 };

@@ -3,11 +3,7 @@
 //! Pictures, the irradiance in false colours with its scale, where the emitted power goes, whether the error bars are
 //! right, and where the time went.
 
-mod audit;
 mod flow;
-#[cfg(any(test, feature = "internals"))]
-mod grids;
-mod surfaces;
 #[cfg(test)]
 mod tests;
 
@@ -15,16 +11,16 @@ use super::false_colours::{Bands, hatched};
 use crate::Result;
 use crate::error::{own_word, worded};
 use crate::image_io::Picture;
-use crate::page::{bytes, count, data_url, document, figure, file_name, percent, properties, seconds};
-use crate::plot::number;
+use crate::page::{
+    Cell, bytes, chart, count, data_url, document, figure, file_name, percent, properties, seconds, table,
+};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::{Record, Seconds};
 use crate::scene::{Photometry, Scene};
-#[cfg(any(test, feature = "internals"))]
-pub use grids::{PageGrid, grid_section};
 use maud::{Markup, html};
-#[cfg(any(test, feature = "internals"))]
-pub use surfaces::{SurfaceLight, surfaces};
+use serde::Serialize;
+use std::collections::HashMap;
 
 /// More notes than this are at the end of the page: the pictures come first.
 const SHORT_NOTES: usize = 3;
@@ -99,8 +95,8 @@ pub fn solve_page(
             h2 { "Where the light goes" }
             (flow::section(&record.ledger, shown, scene, solution))
         }
-        (surfaces::section(scene, shown, solution))
-        (audit::section(record)?)
+        (surface_section(scene, shown, solution))
+        (error_bars(record)?)
         section {
             h2 { "Where the time goes" }
             (stages(&record.seconds))
@@ -258,4 +254,197 @@ fn solution_properties(record: &Record) -> Markup {
             ("memory of elements and links", bytes(record.bytes as u64)),
         ],
     )
+}
+
+/// Part of normally distributed errors within 1/4, 2/4, … 12/4 standard deviations: erf(k/4 / √2).
+const NORMAL: [f64; 12] =
+    [0.1974, 0.3829, 0.5467, 0.6827, 0.7887, 0.8664, 0.9199, 0.9545, 0.9756, 0.9876, 0.9940, 0.9973];
+
+/// What the part of the errors within one error bar says, where chance explains twice its standard deviation.
+fn verdict(elements: usize, within_one: f64) -> &'static str {
+    let chance = 2.0 * (NORMAL[3] * (1.0 - NORMAL[3]) / elements as f64).sqrt();
+    match within_one - NORMAL[3] {
+        more if more > chance => "the bars are cautious, and most errors are smaller than they say",
+        less if less < -chance => "the bars are too narrow, and errors are larger than they say",
+        _ => "the bars say how large errors are",
+    }
+}
+
+/// Plot and words; empty without an audit.
+fn error_bars(record: &Record) -> Result<Markup> {
+    let Some(audit) = record.audit.as_ref().filter(|audit| audit.elements > 0) else { return Ok(html! {}) };
+    let series = |name: &str, parts: &[f64; 12], marks| {
+        Series::new(
+            name,
+            parts
+                .iter()
+                .enumerate()
+                .map(|(k, &y)| PlotPoint { x: 0.25 * (k + 1) as f64, y, label: String::new() })
+                .collect(),
+            marks,
+        )
+    };
+    let plot = Plot::new(
+        ("error, in error bars", Scale::Linear),
+        ("part of the elements", Scale::Linear),
+        vec![
+            series("normal distribution", &NORMAL, Marks::Line),
+            series("elements of the audit", &audit.within_quarters, Marks::Points),
+        ],
+    );
+    let chart = chart(
+        &plot,
+        320,
+        "Part of the audited elements whose error is at most so many error bars. Points above the line: the bars are \
+         wider than the errors; below: too narrow.",
+    )?;
+    Ok(html! {
+        section {
+            h2 { "Are the error bars right?" }
+            p {
+                "The light of " (audit.elements) " elements, drawn by area, was computed again by independent paths of \
+                 exact rays. " (percent(audit.within_one)) " of their errors lie within one error bar and "
+                (percent(audit.within_two)) " within two (68 and 95 % for a normal distribution): " (verdict(audit.elements, audit.within_one)) ". The error of the \
+                 whole solution above comes from the same paths."
+            }
+            (chart)
+        }
+    })
+}
+
+/// A grid of the page.
+pub struct PageGrid<'a> {
+    /// The object, group or material.
+    pub name: &'a str,
+    /// Number of points along its sides.
+    pub counts: [usize; 2],
+    /// Height above the surface, scene units.
+    pub height: f64,
+    /// Unit of the light.
+    pub unit: &'a str,
+    /// Smallest, mean and largest light.
+    pub light: [f64; 3],
+    /// Minimum divided by mean.
+    pub uniformity: Option<f64>,
+    /// The light in false colours.
+    pub picture: &'a Picture,
+}
+
+/// The section of the page; empty without grids. `unit`: of lengths.
+///
+/// # Errors
+/// A picture has no pixels.
+pub fn grid_section(grids: &[PageGrid], unit: &str) -> Result<Markup> {
+    let Some(first) = grids.first() else { return Ok(Markup::default()) };
+    let [height, mean] = [format!("height {unit}"), format!("mean {}", first.unit)];
+    let columns = format!("surface | points | {height} | minimum | {mean} | maximum | uniformity U0");
+    let row = |grid: &PageGrid| {
+        let [minimum, mean, maximum] = grid.light.map(|light| Cell::from(number(light)));
+        let points = format!("{} × {}", grid.counts[0], grid.counts[1]);
+        let uniformity = grid.uniformity.map_or_else(String::new, |u| format!("{u:.2}"));
+        let height = number(grid.height).into();
+        [Cell::words(grid.name), points.into(), height, minimum, mean, maximum, uniformity.into()]
+    };
+    let rows: Vec<_> = grids.iter().map(row).collect();
+    let urls = grids.iter().map(|grid| Ok((grid, data_url(grid.picture)?))).collect::<Result<Vec<_>>>()?;
+    Ok(html! {
+        section {
+            h2 { "Grids of points" }
+            (table(&columns, &rows))
+            p.note { "Uniformity U0 is the minimum divided by the mean (EN 12464). Isolines are at the limits of the colours." }
+            div.views {
+                @for (grid, url) in &urls {
+                    figure {
+                        div.frame { img src=(url) alt=(format!("light on the grid of {}", grid.name)); }
+                        figcaption { b { (grid.name) } " in " (grid.unit) ", " (number(grid.height)) " " (unit) " above the surface" }
+                    }
+                }
+            }
+        }
+    })
+}
+
+/// Number of surfaces that are listed, the largest.
+const MAX_SURFACES: usize = 50;
+
+/// Light of the elements on one side of the faces of an object.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SurfaceLight {
+    /// The object.
+    pub name: String,
+    /// `front` or `back`: sheets have both.
+    pub side: &'static str,
+    /// Area of the elements, scene units squared.
+    pub area: f64,
+    /// lx, or W/m² (mean of the channels).
+    pub unit: &'static str,
+    /// Mean over the area.
+    pub mean: f64,
+    /// Of the darkest element.
+    pub minimum: f64,
+    /// Of the brightest element.
+    pub maximum: f64,
+}
+
+/// The light of the fronts of all objects, and of the backs that light reaches; the 50 of the largest area, in descending order.
+pub fn surfaces(
+    scene: &Scene,
+    photometry: Option<Photometry>,
+    solution: &RadiosityMesh,
+) -> Vec<SurfaceLight> {
+    let shown = Shown(photometry);
+    let mut sides: HashMap<(u32, bool), [f64; 4]> = HashMap::new();
+    for e in &solution.elements {
+        let light = shown.of(e.irradiance);
+        let [area, power, minimum, maximum] =
+            sides.entry((e.object, e.front)).or_insert([0.0, 0.0, f64::INFINITY, 0.0]);
+        *area += e.area;
+        *power += e.area * light;
+        *minimum = minimum.min(light);
+        *maximum = maximum.max(light);
+    }
+    let is_listed = |((_, front), [area, .., maximum]): &((u32, bool), [f64; 4])| {
+        *area > 0.0 && (*front || *maximum > 0.0)
+    };
+    let mut sides: Vec<_> = sides.into_iter().filter(is_listed).collect();
+    sides.sort_by(|(a, [s, ..]), (b, [t, ..])| t.total_cmp(s).then((a.0, !a.1).cmp(&(b.0, !b.1))));
+    let of = |((object, front), [area, power, minimum, maximum]): ((u32, bool), [f64; 4])| {
+        let name = scene.objects.get(object as usize).map_or_else(String::new, |o| o.name.clone());
+        let side = if front { "front" } else { "back" };
+        SurfaceLight { name, side, area, unit: shown.unit(), mean: power / area, minimum, maximum }
+    };
+    sides.into_iter().take(MAX_SURFACES).map(of).collect()
+}
+
+/// The table.
+fn surface_section(scene: &Scene, shown: Shown, solution: &RadiosityMesh) -> Markup {
+    let surfaces = surfaces(scene, shown.0, solution);
+    let (name, area) = (format!("mean {}", shown.unit()), format!("area {}²", scene.unit));
+    let columns = format!("object | side | {area} | {name} | minimum | maximum");
+    let row = |s: &SurfaceLight| {
+        [
+            Cell::words(&s.name),
+            Cell::words(s.side),
+            number(s.area).into(),
+            number(s.mean).into(),
+            number(s.minimum).into(),
+            number(s.maximum).into(),
+        ]
+    };
+    let rows: Vec<_> = surfaces.iter().map(row).collect();
+    html! {
+        section {
+            h2 { "Light by surface" }
+            (table(&columns, &rows))
+            p.note {
+                (capital(shown.name())) " of the elements of each object, the mean weighted by their area"
+                @if rows.len() == MAX_SURFACES { "; the " (count(MAX_SURFACES as u64)) " largest surfaces" }
+                "."
+            }
+        }
+    }
+}
+
+fn capital(text: &str) -> String {
+    text.chars().take(1).flat_map(char::to_uppercase).chain(text.chars().skip(1)).collect()
 }

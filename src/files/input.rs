@@ -41,7 +41,7 @@ impl Input {
     /// Opens a regular file, or standard input if `path` is `-`. At most `limit` bytes can be read.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be opened, [`Error::Format`] if it is no regular file (standard input: a device that is no
+    /// [`Error::Io`] if the file cannot be opened, [`Error::File`] if it is no regular file (standard input: a device that is no
     /// terminal) or larger than `limit`.
     pub fn open(path: &Path, limit: u64) -> Result<Input> {
         if is_standard_input(path) {

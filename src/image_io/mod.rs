@@ -4,18 +4,13 @@
 //! display; the function that makes a picture documents the mapping of values. Files are written beside their target
 //! and renamed, so that no reader sees a partial file.
 
+#[cfg(any(test, feature = "internals"))]
+mod file;
 mod picture;
-#[cfg(any(test, feature = "internals"))]
-mod read;
-#[cfg(any(test, feature = "internals"))]
-mod thumbnail;
-#[cfg(any(test, feature = "internals"))]
-mod write;
 
 pub use picture::{Picture, difference, false_colour, grey, linear_to_srgb, mask_overlay};
 #[cfg(any(test, feature = "internals"))]
 pub use {
-    read::{Channel, read_image},
-    thumbnail::thumbnail,
-    write::{write_atomically, write_exr, write_exr_rgb, write_png},
+    file::{Channel, read_image, write_atomically, write_exr, write_exr_rgb, write_png},
+    picture::thumbnail,
 };

@@ -95,7 +95,7 @@ impl LoadOptions {
     /// which is read now.
     ///
     /// # Errors
-    /// [`Error::Io`](crate::Error::Io) or [`Error::Format`](crate::Error::Format): it, or a file that it names, cannot be read or is wrong.
+    /// [`Error::Io`](crate::Error::Io) or [`Error::File`](crate::Error::File): it, or a file that it names, cannot be read or is wrong.
     pub fn with_luminaires(mut self, placements: impl AsRef<Path>) -> Result<LoadOptions> {
         self.luminaires = read_placements(placements.as_ref())?;
         Ok(self)

@@ -279,7 +279,7 @@ impl Scene {
     ///
     /// # Errors
     /// [`Error::Argument`](crate::Error::Argument) if the values of the description do not fit together, such as a sky that needs a sun above
-    /// the horizon and has none; [`Error::Io`](crate::Error::Io) or [`Error::Format`](crate::Error::Format) of a map.
+    /// the horizon and has none; [`Error::Io`](crate::Error::Io) or [`Error::File`](crate::Error::File) of a map.
     pub fn set_sky(&mut self, sky: &SkyOptions) -> Result<()> {
         let environment = sky.environment_with(self.up_vector(), &self.suns)?;
         self.environment = Some(Arc::new(environment));

@@ -124,7 +124,7 @@ impl Sources {
             Err(error) => {
                 let why = match &error {
                     Error::Io { source, .. } => source.to_string(),
-                    Error::Format { what, .. } => what.clone(),
+                    Error::File { what, .. } => what.clone(),
                     other => other.to_string(),
                 };
                 repairs.unreadable(&format!("texture {}: {why}", shown(&file)));

@@ -22,7 +22,7 @@ impl Texture {
     /// Decodes the image of `file`, which may take `limit` bytes.
     ///
     /// # Errors
-    /// [`Error::Format`] if it cannot be decoded or has more than [`MAX_SIDE`] columns or rows, [`Error::OutOfMemory`]
+    /// [`Error::File`] if it cannot be decoded or has more than [`MAX_SIDE`] columns or rows, [`Error::OutOfMemory`]
     /// beyond `limit`.
     pub fn decode(file: &Path, bytes: &[u8], limit: u64) -> Result<Texture> {
         let unusable = |e: image::ImageError| {

@@ -41,7 +41,7 @@ impl SkyMap {
     /// Reads an OpenEXR or Radiance HDR file. `north` is the azimuth of its centre column, degrees.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it is no such map or holds too many values that no radiance can have;
+    /// [`Error::Io`] if the file cannot be read; [`Error::File`] if it is no such map or holds too many values that no radiance can have;
     /// [`Error::OutOfMemory`].
     pub fn read(path: &Path, north: f64) -> Result<SkyMap> {
         let limit = memory::usable().unwrap_or(u64::MAX >> 1);

@@ -96,7 +96,7 @@ impl SkyOptions {
     /// `.hdr`, or of a description `.toml`, which is read now. E is the diffuse horizontal irradiance.
     ///
     /// # Errors
-    /// [`Error::Argument`] if the text is wrong; [`Error::Io`] or [`Error::Format`] with file and line from a description.
+    /// [`Error::Argument`] if the text is wrong; [`Error::Io`] or [`Error::File`] with file and line from a description.
     pub(crate) fn parse(text: &str) -> Result<SkyOptions> {
         match parsed("sky", text)? {
             SkyText::Model(model, level) => Ok(SkyOptions { sky: (model, level), ..SkyOptions::default() }),
@@ -107,7 +107,7 @@ impl SkyOptions {
     /// Reads a description in TOML. Names of maps are relative to its folder.
     ///
     /// # Errors
-    /// [`Error::Io`] if it cannot be read, [`Error::Format`] with the line if it is wrong.
+    /// [`Error::Io`] if it cannot be read, [`Error::File`] with the line if it is wrong.
     pub fn read(path: &Path) -> Result<SkyOptions> {
         let bytes = input::read(path, MAX_SMALL_FILE)?;
         let text = String::from_utf8(bytes).map_err(|_| Error::format(path, None, "not a text in UTF-8"))?;
@@ -132,7 +132,7 @@ impl SkyOptions {
     /// `2026-06-21T12:00+02:00`.
     ///
     /// # Errors
-    /// [`Error::Argument`] if a text is wrong; [`Error::Io`] or [`Error::Format`] with file and line from a description.
+    /// [`Error::Argument`] if a text is wrong; [`Error::Io`] or [`Error::File`] with file and line from a description.
     pub fn of_texts(
         sky: Option<&str>,
         sun: Option<&str>,

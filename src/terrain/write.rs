@@ -1,8 +1,7 @@
 //! Values of samples in files: GeoTIFF with the georeference of the grid, NumPy archives, pictures.
 
 use super::Grid;
-use crate::files::WholeFile;
-use crate::files::npz::NpzWriter;
+use crate::files::{NpzWriter, WholeFile};
 use crate::{Error, Result, memory};
 use std::io::{Cursor, Write};
 use std::path::Path;

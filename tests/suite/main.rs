@@ -4,7 +4,6 @@
 mod batch;
 mod capi;
 mod cli;
-mod cures;
 mod determinism;
 mod ended;
 mod features;
@@ -22,5 +21,3 @@ mod run;
 mod scenes;
 mod shown;
 mod tidy;
-mod under_a_sky;
-mod upright;

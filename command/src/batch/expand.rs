@@ -1,12 +1,11 @@
-//! Expands the tables of a job file to jobs.
+//! Expands the tables of a job file to jobs: patterns of scenes, and templates, in which `{key}` stands for a value of the job and `{out:NAME}` for
+//! the output folder of another job.
 
-use super::glob_scenes::scenes;
-use super::job::{Job, Opt, Value};
-use super::job_file::{Axis, JobEntry, JobFile};
-use super::names::plain;
-use super::template::{Fields, fill};
-use super::toml_source::{Span, TomlSource};
+use super::job::{Axis, Job, JobEntry, JobFile, Opt, Span, TomlSource, Value};
+use super::names::{plain, suggestion};
 use mrvis::Result;
+use mrvis::internals::error::quote;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Largest number of jobs: a journal of this many lines is read in a second.
@@ -113,4 +112,110 @@ fn default_name(entry: &JobEntry, point: &Point) -> String {
     let scene = if entry.scenes.is_empty() { "" } else { "-{scene}" };
     let swept: String = point.iter().map(|(axis, _)| format!("-{0}={{{0}}}", axis.name)).collect();
     format!("{{command}}{scene}{swept}")
+}
+
+/// The scenes of a pattern relative to the job file, in alphabetic order. A path that exists, or without signs of a pattern, is that file; one that names outputs of a job is left as it is.
+///
+/// # Errors
+/// No file matches, or the pattern is invalid.
+pub fn scenes(source: &TomlSource, pattern: &str, span: &Span) -> Result<Vec<String>> {
+    if pattern.contains("{out:") {
+        return Ok(vec![pattern.into()]);
+    }
+    let folder = source.folder();
+    if !pattern.contains(['*', '?', '[']) || folder.join(pattern).is_file() {
+        return match std::fs::metadata(folder.join(pattern)) {
+            Ok(about) if about.is_file() => Ok(vec![pattern.into()]),
+            Ok(_) => Err(source.error(span, format!("`{}` is not a file", quote(pattern)))),
+            Err(e) => Err(source.error(span, format!("the scene `{}` cannot be read ({e})", quote(pattern)))),
+        };
+    }
+    let escaped = glob::Pattern::escape(&folder.to_string_lossy());
+    let whole = std::path::Path::new(&escaped).join(pattern);
+    let found = glob::glob(&whole.to_string_lossy()).map_err(|e| source.error(span, e.msg))?;
+    let mut scenes = Vec::new();
+    for path in found {
+        let path = path.map_err(|e| source.error(span, e))?;
+        let relative = path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().into_owned();
+        scenes.extend(path.is_file().then_some(relative));
+    }
+    if scenes.is_empty() {
+        return Err(source.error(span, format!("no file matches `{}`", quote(pattern))));
+    }
+    Ok(scenes)
+}
+
+/// Values by key.
+pub type Fields = BTreeMap<String, String>;
+
+/// A part of a template.
+enum Part<'a> {
+    Text(&'a str),
+    /// The content of a pair of braces, which may hold others.
+    Braces(&'a str),
+}
+
+/// Splits a template at its outer braces.
+fn parts(text: &str) -> Result<Vec<Part<'_>>, String> {
+    let (mut parts, mut rest) = (Vec::new(), text);
+    while let Some(start) = rest.find(['{', '}']) {
+        parts.push(Part::Text(&rest[..start]));
+        let mut depth = 0;
+        let end = rest[start..].char_indices().find_map(|(i, c)| {
+            depth += i32::from(c == '{') - i32::from(c == '}');
+            (depth <= 0).then_some(start + i)
+        });
+        let Some(end) = end.filter(|_| rest[start..].starts_with('{')) else {
+            return Err(format!("`{}` has a brace without its partner", quote(text)));
+        };
+        parts.push(Part::Braces(&rest[start + 1..end]));
+        rest = &rest[end + 1..];
+    }
+    parts.push(Part::Text(rest));
+    Ok(parts)
+}
+
+/// The text with values for keys. Names in `{out:NAME}` are filled in and stay in their braces.
+///
+/// # Errors
+/// A key is unknown, or braces do not match.
+pub fn fill(text: &str, fields: &Fields) -> Result<String, String> {
+    let mut out = String::new();
+    for part in parts(text)? {
+        match part {
+            Part::Text(text) => out += text,
+            Part::Braces(inner) => match inner.strip_prefix("out:") {
+                Some(name) => out += &format!("{{out:{}}}", fill(name, fields)?),
+                None => {
+                    out += fields.get(inner).ok_or_else(|| {
+                        let similar = suggestion(inner, fields.keys().map(String::as_str));
+                        format!("`{{{}}}` is no value of this job{similar}", quote(inner))
+                    })?
+                }
+            },
+        }
+    }
+    Ok(out)
+}
+
+/// Names of the jobs whose outputs a filled text names.
+pub fn outputs_of(text: &str) -> Vec<&str> {
+    let parts = parts(text).unwrap_or_default();
+    parts
+        .into_iter()
+        .filter_map(|part| match part {
+            Part::Braces(inner) => inner.strip_prefix("out:"),
+            Part::Text(_) => None,
+        })
+        .collect()
+}
+
+/// A filled text with the folders of the jobs that it names.
+pub fn resolve_outputs(text: &str, folder: impl Fn(&str) -> String) -> String {
+    let parts = parts(text).unwrap_or_default();
+    let resolved = parts.into_iter().map(|part| match part {
+        Part::Text(text) => text.to_owned(),
+        Part::Braces(inner) => inner.strip_prefix("out:").map_or_else(|| format!("{{{inner}}}"), &folder),
+    });
+    resolved.collect()
 }

@@ -1,9 +1,8 @@
 //! Names and dependencies of all jobs.
 
-use super::job::Job;
+use super::expand::outputs_of;
+use super::job::{Job, TomlSource};
 use super::names::{fault, suggestion};
-use super::template::outputs_of;
-use super::toml_source::TomlSource;
 use mrvis::Result;
 use mrvis::internals::error::quote;
 use std::collections::{BTreeMap, HashMap};

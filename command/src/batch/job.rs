@@ -1,7 +1,10 @@
-//! One job of a batch.
+//! Job files and the jobs that they hold.
 
-use super::toml_source::Span;
+use mrvis::internals::files::input;
+use mrvis::{Error, Result};
 use serde::Serialize;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 /// A value of an option.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -189,5 +192,105 @@ impl Job {
         let inputs = self.inputs.iter().map(|text| (text.as_str(), &self.span));
         let options = self.options.iter().flat_map(|o| o.value.texts().iter().map(|t| (t.as_str(), &o.span)));
         inputs.chain(options)
+    }
+}
+
+/// Keys of the file.
+pub const FILE_KEYS: [&str; 2] = ["defaults", "job"];
+/// Keys of `[defaults]`.
+pub const DEFAULT_KEYS: [&str; 4] = ["options", "limits", "retry", "tags"];
+/// Keys of `[[job]]`.
+pub const JOB_KEYS: [&str; 12] = [
+    "name", "command", "scene", "inputs", "tags", "after", "options", "limits", "retry", "sweep", "zip",
+    "each",
+];
+/// Keys of `limits`.
+pub const LIMIT_KEYS: [&str; 2] = ["seconds", "memory"];
+/// Keys of a range of a sweep.
+pub const AXIS_KEYS: [&str; 5] = ["from", "to", "steps", "by", "scale"];
+
+/// A job file.
+#[derive(Debug, Default)]
+pub struct JobFile {
+    /// Its tables `[[job]]`, with the defaults filled in.
+    pub entries: Vec<JobEntry>,
+}
+
+/// A table `[[job]]`: one job or a sweep of them.
+#[derive(Clone, Debug)]
+pub struct JobEntry {
+    /// Template of the name.
+    pub name: Option<(String, Span)>,
+    /// The command.
+    pub command: &'static CommandKind,
+    /// Patterns of the scenes; each scene is a job.
+    pub scenes: Vec<(String, Span)>,
+    /// Files that the command reads by position.
+    pub inputs: Vec<String>,
+    /// Tags.
+    pub tags: Vec<String>,
+    /// Templates of names or tags of jobs that must be done before.
+    pub after: Vec<(String, Span)>,
+    /// Options.
+    pub options: Vec<Opt>,
+    /// Limits.
+    pub limits: Limits,
+    /// How often a job is run again after a failure.
+    pub retry: u32,
+    /// Lists that are combined with each other, those of `each` among them.
+    pub sweep: Vec<Axis>,
+    /// Lists of one length that are read side by side.
+    pub zip: Vec<Axis>,
+    /// Where the table begins.
+    pub span: Span,
+}
+
+/// The values that an option, or a key of templates, takes in a sweep.
+#[derive(Clone, Debug)]
+pub struct Axis {
+    /// The option or key.
+    pub name: String,
+    /// Whether it is an option of the command, not only a key of templates.
+    pub is_option: bool,
+    /// Its values.
+    pub values: Vec<Value>,
+    /// Where the axis is stated.
+    pub span: Span,
+}
+
+/// A range of bytes of the job file.
+pub type Span = Range<usize>;
+
+/// A job file as it was read.
+pub struct TomlSource {
+    /// The file.
+    pub path: PathBuf,
+    /// Its content.
+    pub text: String,
+}
+
+impl TomlSource {
+    /// Reads a job file.
+    ///
+    /// # Errors
+    /// The file cannot be read or is not text in UTF-8.
+    pub fn read(path: &Path) -> Result<TomlSource> {
+        let bytes = input::read(path, input::MAX_SMALL_FILE)?;
+        let text = String::from_utf8(bytes).map_err(|_| Error::format(path, None, "not text in UTF-8"))?;
+        Ok(TomlSource { path: path.into(), text })
+    }
+
+    /// The folder that paths of the job file are relative to; empty for the working folder.
+    pub fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
+    }
+
+    /// An error at a place: `jobs.toml:3:7: …`.
+    pub fn error(&self, span: &Span, what: impl std::fmt::Display) -> Error {
+        let before = &self.text[..span.start.min(self.text.len())];
+        let line = 1 + before.matches('\n').count();
+        let column = 1 + before.rsplit('\n').next().unwrap_or_default().chars().count();
+        let (path, line, column) = (self.path.clone(), Some(line), Some(column));
+        Error::File { path, line, column, what: what.to_string() }
     }
 }

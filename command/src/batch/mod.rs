@@ -5,44 +5,37 @@
 
 mod expand;
 mod folders;
-mod glob_scenes;
 mod graph;
-mod grids;
 mod hashes;
 mod job;
-mod job_file;
 mod journal;
 mod listed;
 mod names;
 mod parse;
-mod places;
 mod report;
-mod row;
 mod schedule;
 mod table;
-mod template;
-mod toml_source;
 
 pub use expand::expand;
+pub use expand::resolve_outputs;
 pub use folders::{
     begin, check_outputs, lock, lock_split, publish, publish_left, remove, seal, sync_up, withdraw, work,
 };
 pub use graph::{check, order};
-pub use grids::grids;
 pub use hashes::{HashedFile, Hashes, hash_file, key};
 #[cfg(test)]
 pub use job::COMMANDS;
+pub use job::TomlSource;
 pub use job::{Job, Limits, Opt, Out, Reads, Value};
 pub use journal::{Entries, Entry, Journal, Journals, Status, check_has_journal, read_journals};
 pub use listed::{Listed, read_listed};
+pub use names::Places;
 pub use names::{TABLES, suggestion};
 pub use parse::parse;
-pub use places::Places;
 pub use report::{JobPicture, Report, report_page};
 pub use schedule::{Capacity, Schedule, Task};
+pub use table::grids;
 pub use table::{rows, write_results};
-pub use template::resolve_outputs;
-pub use toml_source::TomlSource;
 
 #[cfg(test)]
 mod tests;

@@ -1,9 +1,10 @@
 //! Reads a job file.
 
-use super::job::{COMMANDS, CommandKind, Limits, Opt, Reads, Value};
-use super::job_file::{AXIS_KEYS, Axis, DEFAULT_KEYS, FILE_KEYS, JOB_KEYS, JobEntry, JobFile, LIMIT_KEYS};
+use super::job::{
+    AXIS_KEYS, Axis, COMMANDS, CommandKind, DEFAULT_KEYS, FILE_KEYS, JOB_KEYS, JobEntry, JobFile, LIMIT_KEYS,
+    Limits, Opt, Reads, Span, TomlSource, Value,
+};
 use super::names::suggestion;
-use super::toml_source::{Span, TomlSource};
 use mrvis::internals::error::quote;
 use mrvis::{Error, Result};
 use toml::Spanned;

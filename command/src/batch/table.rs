@@ -1,11 +1,11 @@
-//! The tables of all jobs: `results.csv` and `results.jsonl`.
+//! The tables of all jobs, `results.csv` and `results.jsonl`, and the light on grids of points in the records of `solve` jobs.
 
+use super::expand::outputs_of;
 use super::journal::Entry;
-use super::row::{Row, cell};
-use super::template::outputs_of;
 use mrvis::internals::files::{WholeFile, csv_text};
 use mrvis::{Error, Result};
-use serde_json::Value as Json;
+use serde::Deserialize;
+use serde_json::{Map, Value, Value as Json};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -158,6 +158,61 @@ fn figures(record: &Path) -> Vec<(String, Json)> {
         }
     }
     found
+}
+
+/// Values by the names of their columns.
+pub type Row = Map<String, Value>;
+
+/// A value in a cell of text.
+pub fn cell(value: Option<&Value>) -> String {
+    match value {
+        None | Some(Value::Null) => String::new(),
+        Some(Value::String(text)) => text.clone(),
+        Some(other) => other.to_string(),
+    }
+}
+
+/// A grid in a record; see `--grid` of `mrvis solve`.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+pub struct RecordedGrid {
+    /// The object, group or material.
+    pub name: String,
+    /// Number of points along the horizontal side.
+    pub columns: usize,
+    /// Number of points along the vertical side.
+    pub rows: usize,
+    /// Height above the surface, scene units.
+    pub height: f64,
+    /// Unit of the light.
+    pub unit: String,
+    /// Smallest light.
+    pub minimum: f64,
+    /// Mean light.
+    pub mean: f64,
+    /// Largest light.
+    pub maximum: f64,
+    /// Minimum divided by mean.
+    pub uniformity: Option<f64>,
+}
+
+/// A grid of a job.
+#[derive(Clone, Debug)]
+pub struct JobGrid {
+    /// Name of the job.
+    pub job: String,
+    /// The grid.
+    pub grid: RecordedGrid,
+}
+
+/// The grids of jobs with outputs below `out`, in the order of the jobs.
+pub fn grids<'a>(out: &Path, entries: impl IntoIterator<Item = &'a Entry>) -> Vec<JobGrid> {
+    let of = |entry: &Entry| -> Vec<JobGrid> {
+        let fields = record(&out.join(&entry.job).join(&entry.record)).unwrap_or_default();
+        let grids = fields.get("grids").and_then(|grids| Vec::<RecordedGrid>::deserialize(grids).ok());
+        let of_job = |grid| JobGrid { job: entry.job.clone(), grid };
+        grids.unwrap_or_default().into_iter().map(of_job).collect()
+    };
+    entries.into_iter().filter(|entry| entry.has_outputs()).flat_map(of).collect()
 }
 
 #[cfg(test)]

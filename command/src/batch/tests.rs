@@ -178,7 +178,7 @@ fn the_schema_has_the_keys_of_the_parser() {
         names.sort();
         names
     };
-    use super::job_file::{AXIS_KEYS, DEFAULT_KEYS, FILE_KEYS, JOB_KEYS, LIMIT_KEYS};
+    use super::job::{AXIS_KEYS, DEFAULT_KEYS, FILE_KEYS, JOB_KEYS, LIMIT_KEYS};
     assert_eq!(keys(""), sorted(&FILE_KEYS));
     assert_eq!(keys("/properties/defaults"), sorted(&DEFAULT_KEYS));
     assert_eq!(keys("/$defs/job"), sorted(&JOB_KEYS));

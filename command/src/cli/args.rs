@@ -1,7 +1,7 @@
 //! Arguments shared by several subcommands.
 
+use super::inputs::{check_file, check_folder};
 use super::values::{CHANNELS, UP, cell, one_of};
-use super::writable::{check_file, check_folder};
 use super::{
     flags::with_flags,
     inputs::{Inputs, Output},

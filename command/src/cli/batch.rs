@@ -8,7 +8,6 @@ mod plan;
 mod ranks;
 mod reporter;
 mod runner;
-mod shard;
 mod words;
 
 pub use job_run::run_requested;
@@ -20,10 +19,9 @@ use crate::batch::{Capacity, Hashes, Journal, Status, TABLES, lock, lock_split, 
 use mrvis::Result;
 use mrvis::internals::memory;
 use mrvis::internals::threads::MAX_THREADS;
-use plan::{Earlier, Plan};
+use plan::{Earlier, Plan, Shard};
 use reporter::Reporter;
 use runner::Settings;
-use shard::Shard;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -56,7 +54,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=100))]
     retry: u32,
     /// Only a part of the jobs, for several machines: part i of n; `mrvis merge` then makes the tables.
-    #[arg(long, value_name = "i/n", value_parser = shard::parse)]
+    #[arg(long, value_name = "i/n", value_parser = plan::read_shard)]
     shard: Option<Shard>,
     #[command(flatten)]
     pub mpi: MpiArgs,

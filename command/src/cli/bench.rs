@@ -1,19 +1,17 @@
 //! `mrvis bench SCENE`: exact against multi-resolution visibility on the same segments.
 
-mod pictures;
-mod table;
-
-use super::args::{CacheArgs, Common, SceneArgs, command_line};
-use super::inputs::{Inputs, Output};
+use super::args::{CacheArgs, Common, SceneArgs, command_line, distinct, plain};
+use super::inputs::{Inputs, Output, check_folder};
 use super::limits;
 use super::progress::Bar;
 use super::values::{ClusterArgs, Values, one_of};
-use super::writable::check_folder;
-use mrvis::internals::bench::{self, page};
-use mrvis::internals::image_io::write_atomically;
+use mrvis::internals::bench::page::{self, MrImage, ReceiverImages};
+use mrvis::internals::image_io::{difference, grey, mask_overlay, write_atomically, write_exr, write_png};
+use mrvis::internals::metrics::FeatureSet;
 use mrvis::internals::optics::Extinction;
 use mrvis::internals::threads::Threads;
-use mrvis::internals::{ModelParts, SceneParts};
+use mrvis::internals::{ModelParts, SceneParts, bench};
+use mrvis::metrics::{FeatureOptions, Image};
 use mrvis::{BenchOptions, Model, Progress, Result, Scene};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -118,9 +116,9 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     record.build.load_s = load_s;
     drop(model);
     bar.stage("writing", 0);
-    let mut text = table::table(&record);
+    let mut text = bench::text(&record);
     if let Some(folder) = &args.out {
-        pictures::write_pictures(folder, &images)?;
+        write_pictures(folder, &images)?;
         text += &write_page(folder, &page::render(&record, &images, &command_line())?)?;
     }
     common.write_json(&record)?;
@@ -135,15 +133,15 @@ fn check_outputs(args: &Args, scene: &Scene) -> Result<()> {
     let Some(folder) = &args.out else { return args.common.check_outputs(&inputs, []) };
     // Which surfaces have pictures is not known yet: of other files, the names that a picture may get.
     let stems: Vec<String> = if args.receivers.is_empty() {
-        scene.parts().objects.iter().map(|object| pictures::file_stem(&object.name)).collect()
+        scene.parts().objects.iter().map(|object| file_stem(&object.name)).collect()
     } else {
-        args.receivers.iter().map(|name| pictures::file_stem(name)).collect()
+        args.receivers.iter().map(|name| file_stem(name)).collect()
     };
     let json = args.common.json.iter().filter_map(|json| json.file_name());
     let others = json.chain(scene.parts().files.iter().filter_map(|file| file.file_name()));
     let mut names: Vec<String> = others
         .map(|name| name.to_string_lossy().into_owned())
-        .filter(|name| pictures::may_be_written(&stems, name))
+        .filter(|name| may_be_written(&stems, name))
         .collect();
     names.sort();
     names.dedup();
@@ -159,4 +157,76 @@ fn write_page(folder: &Path, page: &str) -> Result<String> {
     let path = folder.join(REPORT);
     write_atomically(&path, page.as_bytes())?;
     Ok(format!("report: {}\n", path.display()))
+}
+
+/// Writes images as PNG (tone-mapped) and EXR (values), differences and feature masks.
+pub fn write_pictures(folder: &Path, receivers: &[ReceiverImages]) -> Result<()> {
+    let stems = distinct(receivers.iter().map(|receiver| file_stem(&receiver.name)));
+    for (receiver, stem) in receivers.iter().zip(stems) {
+        let both = |what: &str, image: &Image| -> Result<()> {
+            write_png(&folder.join(format!("{stem}-{what}.png")), &grey(image, 1.0))?;
+            write_exr(&folder.join(format!("{stem}-{what}.exr")), image)
+        };
+        let reference = &receiver.reference;
+        both("reference", reference)?;
+        let compared = |what: &str, image: &Image| -> Result<()> {
+            both(what, image)?;
+            let picture = difference(reference, image, 0.5)?;
+            write_png(&folder.join(format!("{stem}-{what}-difference.png")), &picture)
+        };
+        compared("exact16", &receiver.exact16)?;
+        let mut features = FeatureSet::new(reference, &FeatureOptions::default())?;
+        for MrImage { size: s, image, .. } in &receiver.mr {
+            compared(&format!("mr-{s}"), image)?;
+            let mask = mask_overlay(reference, 1.0, &features.mask(f64::from(*s)))?;
+            write_png(&folder.join(format!("{stem}-mask-{s}.png")), &mask)?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether a picture of a receiver with one of the stems may get the name `file`.
+fn may_be_written(stems: &[String], file: &str) -> bool {
+    let Some((name, _)) = file.rsplit_once('.').filter(|(_, end)| ["png", "exr"].contains(end)) else {
+        return false;
+    };
+    let number = |text: &str| text.parse::<f32>().is_ok();
+    let is_picture = |what: &str| {
+        let of_size = what.strip_prefix("mr-").map(|s| s.strip_suffix("-difference").unwrap_or(s));
+        ["reference", "exact16", "exact16-difference"].contains(&what)
+            || of_size.or(what.strip_prefix("mask-")).is_some_and(number)
+    };
+    // Of equal stems the later ones are numbered.
+    let numbered = |rest: &str| rest.split_once('-').is_some_and(|(n, what)| number(n) && is_picture(what));
+    let of_stem = |stem: &String| name.strip_prefix(stem).and_then(|rest| rest.strip_prefix('-'));
+    stems.iter().filter_map(of_stem).any(|rest| is_picture(rest) || numbered(rest))
+}
+
+/// A name that is valid in every file system.
+pub fn file_stem(name: &str) -> String {
+    let stem = plain(name);
+    if stem.is_empty() { "receiver".into() } else { stem }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_become_file_names() {
+        assert_eq!(file_stem("a/b: c"), "a_b__c");
+        assert_eq!(file_stem(""), "receiver");
+    }
+
+    #[test]
+    fn names_of_pictures_are_known() {
+        let stems = ["floor".to_string()];
+        for name in ["floor-reference.exr", "floor-2-mask-0.5.png", "floor-mr-0.25-difference.png"] {
+            assert!(may_be_written(&stems, name), "{name}");
+        }
+        for name in ["wood.png", "floor.png", "wall-reference.exr", "floor-reference.obj", "floor-mask-a.png"]
+        {
+            assert!(!may_be_written(&stems, name), "{name}");
+        }
+    }
 }

@@ -2,13 +2,12 @@
 
 use super::args::{Common, SceneArgs, file_name, grouped, warn};
 use super::flags::with_flags;
-use super::inputs::{Inputs, Output};
+use super::inputs::{Inputs, Output, check_file};
 use super::job_context;
 use super::limits::{self, GIB};
 use super::mpi::MpiArgs;
 use super::progress::Bar;
 use super::values::{Values, one_of};
-use super::writable::check_file;
 use mrvis::internals::form_factors::{
     Facets, Format, Grouping, Report, Settings, by_groups, compute, memory_bound, write,
 };

@@ -1,7 +1,11 @@
 //! Help on one screen (`--help`), and at length in groups (`mrvis help COMMAND`).
 
 use super::Cli;
+use super::inputs::check_folder;
 use clap::{Arg, Command, CommandFactory};
+use mrvis::{Error, Result};
+use std::path::PathBuf;
+use std::process::ExitCode;
 
 /// Options of `solve` by group; the others are in the groups that their definitions state.
 const GROUPS: [(&str, &[&str]); 3] = [
@@ -90,6 +94,42 @@ fn first_sentence(text: &str) -> &str {
     let end =
         ends.iter().filter_map(|sign| text.match_indices(sign).map(|(at, _)| at).find(is_outside)).min();
     text[..end.unwrap_or(text.len())].trim_end_matches('.')
+}
+
+#[derive(clap::Args, Debug)]
+pub struct CompletionsArgs {
+    /// The shell.
+    #[arg(value_name = "SHELL", value_enum)]
+    shell: clap_complete::Shell,
+}
+
+#[derive(clap::Args, Debug)]
+pub struct ManArgs {
+    /// Folder for the pages (created if missing).
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// Prints the script that completes options and subcommands.
+///
+/// # Errors
+/// Standard output cannot be written.
+pub fn completions(args: &CompletionsArgs) -> Result<ExitCode> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut command(), "mrvis", &mut script);
+    super::print(&String::from_utf8_lossy(&script))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes one page for the command and one for each subcommand.
+///
+/// # Errors
+/// A page cannot be written.
+pub fn pages(args: &ManArgs) -> Result<ExitCode> {
+    let _folder = check_folder(&args.out)?;
+    let command = command().disable_help_subcommand(true);
+    clap_mangen::generate_to(command, &args.out).map_err(|e| Error::io(&args.out, e))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 #[cfg(test)]

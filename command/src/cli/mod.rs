@@ -17,7 +17,6 @@ mod inputs;
 mod interruption;
 mod job_context;
 mod limits;
-mod manual;
 mod merge;
 mod mesh_grid;
 mod mpi;
@@ -31,7 +30,6 @@ mod sky_args;
 mod solve;
 mod terrain;
 mod values;
-mod writable;
 
 use clap::{
     FromArgMatches, Parser, Subcommand,
@@ -97,10 +95,10 @@ enum Command {
     Generate(generate::Args),
     /// Print the script that completes options in a shell.
     #[command(hide = true)]
-    Completions(manual::CompletionsArgs),
+    Completions(help::CompletionsArgs),
     /// Write the manual pages.
     #[command(hide = true)]
-    Man(manual::ManArgs),
+    Man(help::ManArgs),
     /// Run the job that standard input describes, for `batch`.
     #[command(hide = true)]
     RunJob,
@@ -145,8 +143,8 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Terrain(args) => terrain::run(args),
         Command::Reproduce(args) => reproduce::run(args),
         Command::Generate(args) => generate::run(args),
-        Command::Completions(args) => manual::completions(args),
-        Command::Man(args) => manual::pages(args),
+        Command::Completions(args) => help::completions(args),
+        Command::Man(args) => help::pages(args),
         Command::RunJob => batch::run_requested(),
     }
 }
@@ -248,7 +246,7 @@ fn one_line(error: &Error) -> String {
 
 /// Feature sizes by name from the content of a file; see `solve --feature-sizes`.
 pub(crate) fn feature_sizes(path: &std::path::Path, bytes: &[u8]) -> Result<Vec<(String, f32)>> {
-    solve::sizes::parse(path, bytes)
+    solve::parse(path, bytes)
 }
 
 /// Writes to standard output.

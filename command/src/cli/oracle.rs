@@ -2,12 +2,11 @@
 
 use super::args::{Common, SceneArgs, file_name, grouped, warn};
 use super::flags::with_flags;
-use super::inputs::{Inputs, Output};
+use super::inputs::{Inputs, Output, check_file};
 use super::job_context;
 use super::mpi::MpiArgs;
 use super::progress::Bar;
 use super::values::lower;
-use super::writable::check_file;
 use mrvis::Result;
 use mrvis::internals::path_tracer::{Settings, irradiance};
 use mrvis::internals::plot::number;

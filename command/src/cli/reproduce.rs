@@ -1,9 +1,8 @@
 //! `mrvis reproduce --out DIR`: the figures and tables of the paper, made again.
 
 use super::args::{Common, command_line};
-use super::inputs::{Inputs, Output};
+use super::inputs::{Inputs, Output, check_folder};
 use super::progress::Bar;
-use super::writable::check_folder;
 use crate::reproduce::{Context, Item, chosen, page, run as make};
 use mrvis::Result;
 use mrvis::internals::files::{WholeFile, write_json};

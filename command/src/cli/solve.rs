@@ -1,41 +1,41 @@
 //! `mrvis solve SCENE --out DIR`: light in a scene.
 
-mod at_points;
 mod grids;
-mod luminous;
-pub mod sizes;
 mod summary;
-mod views;
 mod watch;
 
-use super::args::{CacheArgs, Common, SceneArgs, command_line};
+use super::args::{CacheArgs, Common, SceneArgs, command_line, grouped};
 use super::flags::with_flags;
-use super::inputs::{Inputs, Output};
+use super::inputs::{Inputs, Output, check_folder};
 use super::interruption;
 use super::mpi::MpiArgs;
 use super::outputs::{Outputs, Written};
 use super::progress::Bar;
 use super::values::{ClusterArgs, ENGINES, Values, lower, one_of};
-use super::writable::check_folder;
-use at_points::AtPoints;
-use grids::{GridArg, Grids, section};
-use luminous::{Luminous, Reported};
+use crate::cli::mpi::Sharing;
+use glam::DVec3;
+use grids::{GridArg, Grids, MeasuredGrid, section};
 use mrvis::internals::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
-use mrvis::internals::export::{solve_page, surfaces};
-use mrvis::internals::files::{WholeFile, write_json};
+use mrvis::internals::error::{in_words, quote};
+use mrvis::internals::export::{SurfaceLight, solve_page, surfaces};
+use mrvis::internals::files::{WholeFile, input, write_json};
 use mrvis::internals::image_io::{Picture, write_png};
+use mrvis::internals::plot::number;
 use mrvis::internals::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::internals::radiosity::{
-    self, Inside, Options, Oracle, Outcome, PointLight, RowSums, Solution, Visibility,
+    self, Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View, Visibility,
 };
+use mrvis::internals::scene::{Photometry, StoredCamera};
 use mrvis::internals::{ModelParts, SceneParts};
-use mrvis::{Error, Progress, Result};
+use mrvis::{Error, Progress, Result, Scene};
+use serde::Serialize;
 use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use summary::summary;
-use views::views;
 use watch::{Watch, prepare};
 
 /// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
@@ -180,7 +180,7 @@ fn options(args: &Args) -> Result<Options> {
         row_sums: args.rows,
         visibility: args.visibility,
         feature_size: args.feature_size,
-        feature_sizes: args.feature_sizes.as_deref().map(sizes::read).transpose()?.unwrap_or_default(),
+        feature_sizes: args.feature_sizes.as_deref().map(read).transpose()?.unwrap_or_default(),
         inside: args.inside,
         importance: args.importance.clone(),
         views: Vec::new(),
@@ -338,4 +338,184 @@ fn write(
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }
     Ok(())
+}
+
+/// Smallest, mean and largest light at points.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AtPoints {
+    /// Number of points.
+    pub count: usize,
+    /// lx, or W/m² (mean of the channels).
+    pub unit: &'static str,
+    pub minimum: f64,
+    pub mean: f64,
+    pub maximum: f64,
+    /// Points without any light, as those below furniture.
+    pub dark: usize,
+    /// Uniformity U0 of EN 12464: the minimum divided by the mean; `null` in the dark.
+    pub uniformity: Option<f64>,
+}
+
+impl AtPoints {
+    /// Of irradiances, W/m²; none without points.
+    pub fn of(irradiance: &[[f64; 3]], photometry: Option<Photometry>) -> Option<AtPoints> {
+        let values = || irradiance.iter().map(|e| AtPoints::value(*e, photometry));
+        let mean = values().sum::<f64>() / irradiance.len() as f64;
+        let minimum = values().reduce(f64::min)?;
+        Some(AtPoints {
+            count: irradiance.len(),
+            unit: if photometry.is_some() { "lx" } else { "W/m\u{b2}" },
+            minimum,
+            mean,
+            maximum: values().fold(minimum, f64::max),
+            dark: values().filter(|&light| light == 0.0).count(),
+            uniformity: (mean > 0.0).then_some(minimum / mean),
+        })
+    }
+
+    /// What is stated of an irradiance, W/m².
+    pub fn value(irradiance: [f64; 3], photometry: Option<Photometry>) -> f64 {
+        photometry
+            .map_or_else(|| irradiance.iter().sum::<f64>() / 3.0, |photometry| photometry.of(irradiance))
+    }
+
+    /// The numbers in words.
+    pub fn words(&self) -> String {
+        let AtPoints { count, unit, minimum, mean, maximum, dark, uniformity } = self;
+        let mut line = format!(
+            "{} point{}: minimum {}, mean {}, maximum {} {unit}",
+            grouped(*count),
+            if *count == 1 { "" } else { "s" },
+            number(*minimum),
+            number(*mean),
+            number(*maximum),
+        );
+        // Writing to a string cannot fail.
+        if let Some(uniformity) = uniformity {
+            let _ = write!(line, ", uniformity U0 (minimum / mean) {uniformity:.2}");
+            if *dark > 0 {
+                let of = if *dark == 1 { "point that receives" } else { "points that receive" };
+                let _ = write!(line, " with {} {of} no light (below or inside of things?)", grouped(*dark));
+            }
+        }
+        line
+    }
+}
+
+/// The record with luminous quantities, and what the ranks have shared.
+#[derive(Serialize)]
+pub struct Reported {
+    #[serde(flatten)]
+    pub compared: ComparedRecord,
+    /// Only with `--photometric`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub photometric: Option<Luminous>,
+    /// Light at the points of `--points`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_points: Option<AtPoints>,
+    /// Light on the grids of `--grid`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub grids: Vec<MeasuredGrid>,
+    /// Light of the largest surfaces, where the light of elements is asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub surfaces: Vec<SurfaceLight>,
+    /// Only with `--mpi`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sharing: Option<Sharing>,
+}
+
+/// Luminous quantities of the whole scene.
+#[derive(Serialize)]
+pub struct Luminous {
+    #[serde(flatten)]
+    pub photometry: Photometry,
+    /// Mean illuminance of the elements, lx.
+    pub mean_illuminance_lx: f64,
+    /// Powers of the energy ledger.
+    pub ledger: LuminousLedger,
+}
+
+/// Luminous powers, summed over all surfaces.
+#[derive(Serialize)]
+pub struct LuminousLedger {
+    /// lm, or lx times scene units squared where the length of a scene unit is not known.
+    pub unit: String,
+    #[serde(flatten)]
+    pub powers: Powers<f64>,
+}
+
+impl Luminous {
+    /// From the record of a solution.
+    pub fn of(photometry: Photometry, record: &Record) -> Luminous {
+        let (powers, unit) = record.ledger.shown(Some(photometry));
+        Luminous {
+            photometry,
+            mean_illuminance_lx: photometry.of(record.mean_irradiance),
+            ledger: LuminousLedger { unit, powers },
+        }
+    }
+}
+
+/// Reads feature sizes by name.
+///
+/// # Errors
+/// The file cannot be read or is no such file.
+pub fn read(path: &Path) -> Result<Vec<(String, f32)>> {
+    parse(path, &input::read(path, input::MAX_SMALL_FILE)?)
+}
+
+/// Feature sizes by name from the content of a file.
+///
+/// # Errors
+/// It is no TOML, or has something else than numbers.
+pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<(String, f32)>> {
+    let text = str::from_utf8(bytes).map_err(|_| Error::format(path, None, "not text in UTF-8"))?;
+    let sizes: BTreeMap<String, f32> = toml::from_str(text).map_err(|e| {
+        let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
+        Error::format(
+            path,
+            line,
+            format!("{}; write lines like `sofa = 0.05`", quote(&in_words(e.message()))),
+        )
+    })?;
+    Ok(sizes.into_iter().collect())
+}
+
+/// The cameras of `--importance-camera`.
+pub fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
+    let views: Vec<View> = match given {
+        Some([x, y, z, u, v, w, degrees]) => {
+            let eye = DVec3::new(x, y, z);
+            let forward = (DVec3::new(u, v, w) - eye).normalize();
+            vec![View { eye, forward, angle: degrees.to_radians() }]
+        }
+        None => {
+            let of = |c: &StoredCamera| View { eye: c.eye, forward: c.forward, angle: c.angle };
+            scene.parts().cameras.iter().map(of).collect()
+        }
+    };
+    if views.is_empty() {
+        return Err(Error::arguments(
+            "--importance-camera: the scene has no camera; give one with --camera".into(),
+        ));
+    }
+    Ok(views)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uniformity_is_minimum_over_mean() {
+        let found = AtPoints::of(&[[1.0, 2.0, 3.0], [6.0; 3]], None).expect("points");
+        assert_eq!((found.count, found.minimum, found.mean, found.maximum), (2, 2.0, 4.0, 6.0));
+        assert_eq!((found.uniformity, found.dark), (Some(0.5), 0));
+        let found = AtPoints::of(&[[0.0; 3], [6.0; 3]], None).expect("points");
+        assert!(
+            found.words().ends_with("0.00 with 1 point that receives no light (below or inside of things?)")
+        );
+        assert_eq!(AtPoints::of(&[[0.0; 3]], None).expect("a point").uniformity, None);
+        assert_eq!(AtPoints::of(&[], None), None);
+    }
 }

@@ -2,10 +2,9 @@
 
 use super::args::{Common, grouped, warn};
 use super::flags::with_flags;
-use super::inputs::{Inputs, Output};
+use super::inputs::{Inputs, Output, check_folder};
 use super::mesh_grid;
 use super::values::{Values, cell, name_of, one_of};
-use super::writable::check_folder;
 use mrvis::internals::sky::{DVec3, Environment, SkyModel};
 use mrvis::internals::terrain::{
     EARTH_RADIUS, Grid, Layer, Light, ReadOptions, Sun, SweepOptions, horizon, irradiance, read,

@@ -1,8 +1,7 @@
 //! Light inside clusters: Figure 10 of the paper.
 
 use super::blocks::Blocks;
-use super::item::{Item, Panel};
-use super::table::{Table, count, number};
+use super::item::{Item, Panel, Table, count, number};
 use super::view::irradiance;
 use super::{CERTAIN, Context, counts_of, fixed};
 use glam::DVec3;

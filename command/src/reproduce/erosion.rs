@@ -2,8 +2,7 @@
 
 use super::cubes::{EDGES, TEXEL, shadow_widths};
 use super::groups::shadow_mask;
-use super::item::{FEATURES, Item, Panel};
-use super::table::{Table, count, number};
+use super::item::{FEATURES, Item, Panel, Table, count, number};
 use super::{Context, counts_of, fixed, list};
 use mrvis::Result;
 use mrvis::internals::raster::{BitImage, Opener, expand};

@@ -1,12 +1,11 @@
 //! Multi-resolution visibility at four feature sizes: Figure 9 of the paper and its bar charts.
 
-use super::bsize::blocker_sizes;
 use super::cubes::{COLUMNS, COVERAGE, EDGES, TEXEL, covering_scene, shadow_widths, wall};
 use super::feature_verdict::{Measured, PAPER_SECONDS, SIZES, judge, judge_coverage};
-use super::item::{Chart, ChartRow, Item, Panel, VISIBLE};
+use super::item::{Cell, Chart, ChartRow, Item, Panel, Table, VISIBLE, number};
 use super::plain::{Descent, Leaves, PlainTree, Visits};
 use super::shadow::{Wall, mean, paper_features};
-use super::table::{Cell, Table, number};
+use super::umbra::blocker_sizes;
 use super::{CERTAIN, Context, Repeated, fixed, list};
 use glam::Vec3;
 use mrvis::internals::ModelParts;

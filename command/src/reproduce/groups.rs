@@ -3,9 +3,8 @@
 use super::cubes::{
     COLUMNS, COVERAGE, EDGES, LIGHT, LIGHT_DISTANCE, TEXEL, coverage_tolerance, covering_scene, light, wall,
 };
-use super::item::{Item, Panel, VISIBLE};
+use super::item::{Item, Panel, Table, VISIBLE, count, number};
 use super::shadow::{Wall, mean, meshed, paper_features};
-use super::table::{Table, count, number};
 use super::table_1::{paper_spread, range};
 use super::{Context, fixed, list};
 use mrvis::internals::metrics::{FeatureSet, norms};

@@ -1,8 +1,7 @@
 //! Importance and feature sizes by surface: section 6 of the paper.
 
-use super::item::{Item, Panel};
+use super::item::{Item, Panel, Table, number};
 use super::office_light::{ANGLE, SIZE, VIEW, bright};
-use super::table::{Table, number};
 use super::view::{irradiance, seen};
 use super::{CERTAIN, Context, fixed};
 use glam::DVec3;

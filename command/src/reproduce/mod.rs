@@ -6,10 +6,7 @@
 
 mod blocks;
 mod books;
-mod bsize;
-mod cells;
 mod cubes;
-mod desks;
 mod erosion;
 mod feature_sizes;
 mod feature_verdict;
@@ -21,9 +18,7 @@ mod office_light;
 mod office_verdict;
 mod page;
 mod plain;
-mod progressive;
 mod shadow;
-mod table;
 mod table_1;
 #[cfg(test)]
 mod tests;
@@ -186,14 +181,6 @@ pub const ENTRIES: &[Entry] = &[
                 modulated (section 6.1).",
         of_program: false,
         make: books::figure_10,
-    },
-    Entry {
-        names: &["multigridding"],
-        title: "Section 6.2: progressive multi-gridding",
-        claim: "A histogram of the error bounds of links gives the threshold at which at most k links are refined. For a scene with over \
-                6,000 polygons iterations are computed every 2 seconds, starting from a coarse solution.",
-        of_program: true,
-        make: progressive::multigridding,
     },
     Entry {
         names: &["importance"],

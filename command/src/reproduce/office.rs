@@ -1,13 +1,10 @@
 //! An office, with clusters by three builders: Figures 7 and 8 of the paper.
 
-use super::cells::cell_tree;
-use super::desks::{SHELL, contrast};
-use super::item::{Item, Panel, VISIBLE};
-use super::office_light::InRadiosity;
+use super::item::{Item, Panel, Table, VISIBLE, count, number};
+use super::office_light::{InRadiosity, SHELL, contrast};
 use super::office_verdict::{self, Contrasts, Cost};
-use super::plain::{Descent, Leaves, PlainTree, Visits};
+use super::plain::{Descent, Leaves, PlainTree, Visits, cell_tree};
 use super::shadow::{Rendered, Wall};
-use super::table::{Table, count, number};
 use super::{Context, counts_of, fixed, office_light};
 use glam::DVec3;
 use mrvis::internals::clusters;

@@ -1,7 +1,6 @@
 //! The page of a reproduction: for each item the paper's claim, what was made here, and the verdict.
 
-use super::item::{Chart, ChartRow, Check, Item, PictureRow};
-use super::table::Table;
+use super::item::{Chart, ChartRow, Check, Item, PictureRow, Table};
 use super::{Report, fixed};
 use maud::{Markup, html};
 use mrvis::Result;

@@ -1,9 +1,8 @@
 //! Table 1 of the paper: the feature-based error metric tells groups of cubes apart.
 
 use super::cubes::TEXEL;
-use super::item::Item;
+use super::item::{Item, Table, number};
 use super::shadow::paper_features;
-use super::table::{Table, number};
 use super::{Context, fixed, list};
 use mrvis::Result;
 use mrvis::metrics::{FbemOptions, fbem};

@@ -1,7 +1,6 @@
 //! Small versions of all items: what the paper states comes out.
 
-use super::item::Check;
-use super::table::Cell;
+use super::item::{Cell, Check};
 use super::*;
 
 /// Makes a small version of an item, and asserts all checks that are not of times but those whose statements contain one of these texts:
@@ -107,12 +106,6 @@ fn fig10_holds_as_far_as_few_solves_tell() {
         "fig10",
         &["without visibility or orientation energy is created", "with visibility energy is preserved"],
     );
-}
-
-#[test]
-#[ignore = "long: many solves"]
-fn multigridding_holds_whatever_the_balance() {
-    holds_but("multigridding", &["consistent whenever it ends"]);
 }
 
 /// With importance links are so few that the light of the desk may change; two solves do not tell how much.

@@ -27,6 +27,18 @@ fn shown(syntax: &impl quote::ToTokens) -> String {
     text.replace("usize]", "]").replace(",)", ")").replace(",>", ">")
 }
 
+/// What the macro `in_c` makes of an argument of an entry.
+fn in_c(kind: &str) -> String {
+    let inner = |kind: &str| kind.strip_suffix('>').expect("a type").to_owned();
+    match kind.split_once('<') {
+        Some(("Handle" | "Given", of)) => format!("*const{}", inner(of)),
+        Some(("Place" | "RecordPlace", of)) => format!("*mut{}", inner(of)),
+        Some(("Made", of)) => format!("*mut*mut{}", inner(of)),
+        _ if kind.ends_with("Text") => "*constc_char".into(),
+        _ => kind.into(),
+    }
+}
+
 impl Side {
     fn add(&mut self, source: &str, exported_only: bool) {
         let file = syn::parse_file(source).expect("Rust");
@@ -75,6 +87,16 @@ impl Side {
                         let function = functions.next().expect("a function");
                         self.functions.insert(function.into(), format!("(*const{name}) -> {output}"));
                     }
+                }
+                syn::Item::Macro(item) if item.mac.path.is_ident("entry") => {
+                    let text = shown(&item.mac.tokens);
+                    let (name, rest) = text.split_once("(call,").expect("a name");
+                    let (arguments, result) = rest.split_once(")->").expect("a result");
+                    let result = result.split('{').next().expect("a result");
+                    let arguments = arguments.split(',').chain([result]);
+                    let types: Vec<String> =
+                        arguments.map(|argument| in_c(argument.split_once(':').expect("a type").1)).collect();
+                    self.functions.insert(name.into(), format!("({}) -> mrv_status", types.join(", ")));
                 }
                 syn::Item::Const(constant) if constant.ident.to_string().starts_with("MRV_") => {
                     let value = shown(&constant.expr);
@@ -205,8 +227,10 @@ fn versions_agree() {
 fn every_function_is_guarded() {
     for entry in fs::read_dir(project("src")).expect("a room") {
         let path = entry.expect("an entry").path();
-        // `handle!` writes functions with their guards.
-        if path.is_dir() || path.file_name().is_some_and(|name| name == "guard.rs" || name == "handle.rs") {
+        // `handle!` and `entry!` write functions with their guards.
+        let writers = ["guard.rs", "handle.rs", "entry.rs"];
+        if path.is_dir() || path.file_name().is_some_and(|name| writers.iter().any(|writer| name == *writer))
+        {
             continue;
         }
         let text = fs::read_to_string(&path).expect("a file");

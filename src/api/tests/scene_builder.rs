@@ -194,7 +194,7 @@ fn wrong_arrays_are_named() {
         }),
         "the instance `i` would emit",
     );
-    assert!(matches!(SceneBuilder::default().finish(&LoadOptions::default()), Err(Error::Format { .. })));
+    assert!(matches!(SceneBuilder::default().finish(&LoadOptions::default()), Err(Error::File { .. })));
 }
 
 proptest! {

@@ -1,6 +1,6 @@
 //! Classes of points in made scenes, and the rows of a small forest.
 
-use super::surroundings::Surroundings;
+use super::Surroundings;
 use crate::bench::BenchOptions;
 use crate::bench::record::ReceiverClass;
 use crate::bench::workload::{ReceiverPoint, Workload, surface_points};

@@ -3,9 +3,10 @@
 use maud::{Markup, html};
 
 use crate::Result;
-use crate::bench::record::{MapExactRow, MapMrRow, MapRecord};
-use crate::page::{Cell, chart, length, seconds, signed, table};
-use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
+use crate::bench::record::MapRecord;
+use crate::bench::shown;
+use crate::page::{chart, length, table};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series};
 
 /// All maps; empty without any.
 pub(super) fn section(maps: &[MapRecord], unit: &str) -> Result<Markup> {
@@ -29,66 +30,18 @@ pub(super) fn section(maps: &[MapRecord], unit: &str) -> Result<Markup> {
 }
 
 fn article(map: &MapRecord, unit: &str) -> Result<Markup> {
-    let exact: Vec<_> = map.best_exact().into_iter().map(exact_row).collect();
-    let mr: Vec<_> = map.best_by_size().into_iter().map(|row| mr_row(row, unit)).collect();
-    let columns = "s | segments | every | time | set-up | RMS | bias | FBEM | speed-up, same RMS | with set-up | over every texel | with clusters \
-         | same FBEM";
+    let [mr, exact] = shown::map_rows(map, unit);
     Ok(html! {
         article {
             h3 { (map.receiver) }
-            p.note {
-                (map.width) " × " (map.height) " texels of " (length(map.texel, unit)) "; reference of "
-                (map.reference_rays) " rays a texel, whose noise of " (number(map.reference_rms)) " is subtracted."
-            }
+            p.note { (shown::map(map, unit)) }
             (plot(map, unit)?)
             h4 { "Multi-resolution, the best row of each size" }
-            (table(columns, &mr))
+            (table(mr.0, &mr.1))
             h4 { "Exact, rows that no other surpasses" }
-            (table("rays | every | time | set-up | RMS | bias", &exact))
+            (table(exact.0, &exact.1))
         }
     })
-}
-
-/// Spacing of the columns and rows at which light is computed.
-fn every(spacing: usize) -> Cell {
-    if spacing == 1 { "texel".into() } else { format!("{spacing} texels").into() }
-}
-
-fn exact_row(row: &MapExactRow) -> [Cell; 6] {
-    measured(row.rays, row.spacing, [row.seconds, row.setup_s], [row.rms, row.bias])
-}
-
-/// Segments, spacing, times and errors: columns of both tables.
-fn measured(rays: usize, spacing: usize, [time, setup]: [f64; 2], [rms, bias]: [f64; 2]) -> [Cell; 6] {
-    [
-        rays.into(),
-        every(spacing),
-        seconds(time).into(),
-        seconds(setup).into(),
-        number(rms).into(),
-        signed(bias).into(),
-    ]
-}
-
-fn mr_row(row: &MapMrRow, unit: &str) -> [Cell; 13] {
-    let speed = |v: Option<f64>| Cell::speedup(v, row.extrapolated);
-    let [rays, spacing, time, setup, rms, bias] =
-        measured(row.rays, row.spacing, [row.seconds, row.setup_s], [row.rms, row.bias]);
-    [
-        length(row.feature_size, unit).into(),
-        rays,
-        spacing,
-        time,
-        setup,
-        rms,
-        bias,
-        number(row.fbem).into(),
-        speed(row.speedup_at_same_rms),
-        speed(row.speedup_with_setup),
-        Cell::speedup(row.speedup_over_texels, row.texels_extrapolated),
-        speed(row.speedup_with_preparation),
-        Cell::speedup(row.speedup_at_same_fbem, false),
-    ]
 }
 
 /// Error against time of exact rows, interpolated and not, and of the shown MR rows.

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::{MrImage, ReceiverImages, plots};
+use super::{MrImage, ReceiverImages, cross_section, spectrum};
 use crate::Result;
 use crate::bench::record::Record;
 use crate::image_io::{Picture, difference, grey, mask_overlay};
@@ -70,7 +70,7 @@ pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup
             }
             @for row in same { p.note { (row) } }
             @for row in rows { (row) }
-            (plots::spectrum(&exact, &own, unit)?)
+            (spectrum(&exact, &own, unit)?)
         }
     })
 }
@@ -106,7 +106,7 @@ impl Compared<'_> {
                 (picture(&colours, Some(&spot), "difference", &largest)?)
                 (picture(&tinted, None, "feature mask", &covered(error.masked_fraction))?)
             }
-            (plots::cross_section([reference, exact16, image], spot.y, self.unit)?)
+            (cross_section([reference, exact16, image], spot.y, self.unit)?)
         })
     }
 }

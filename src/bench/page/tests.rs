@@ -166,7 +166,7 @@ fn a_page_stands_alone_and_escapes_names() {
     assert!(page.contains("64 patches of the sky up to 29.4° wide, of which a point asks up to 4"));
     assert!(page.contains(">walks</td>") && page.contains("Time of this run"));
     assert!(
-        page.contains("At the same feature error (FBEM) it was <strong>7.00×"),
+        page.contains("At the same feature error (FBEM) it was 7.00×"),
         "the headline names the gain of the table"
     );
     assert_eq!(page, render(&record, &receivers, "mrvis bench").unwrap());
@@ -257,9 +257,9 @@ fn classes_show_their_best_rows() {
 fn the_headline_says_when_it_is_slower() {
     let (mut record, _) = example();
     record.mr.iter_mut().for_each(|row| row.speedup_at_same_rms = Some(0.5));
-    assert!(render(&record, &[], "").unwrap().contains("<strong>slower</strong>"));
+    assert!(render(&record, &[], "").unwrap().contains("was slower than exact rays"));
     record.mr.iter_mut().for_each(|row| row.speedup_at_same_rms = Some(1.0));
-    assert!(render(&record, &[], "").unwrap().contains("<strong>no faster</strong>"));
+    assert!(render(&record, &[], "").unwrap().contains("was no faster than exact rays"));
 }
 
 /// A scene in which nothing is averaged has one sentence and one row, although the sizes that were asked for keep theirs in the record.
@@ -289,6 +289,6 @@ fn the_headline_compares_with_certified_rows() {
     assert!(mr[0].speedup_at_same_rms == Some(1.0) && mr[0].compared_with == "certified", "{:?}", mr[0]);
     assert!(mr[0].speedup_over_plain_exact.is_some_and(|s| s > 20.0));
     let page = render(&record, &[], "").unwrap();
-    assert!(page.contains("<strong>no faster</strong> than exact rays (Embree) with certificates"));
+    assert!(page.contains("no faster than exact rays (Embree) with certificates"));
     assert!(page.contains("Certificates alone"));
 }

@@ -4,20 +4,18 @@ use maud::{Markup, html};
 
 use crate::Result;
 use crate::bench::record::{IntervalAudit, MrRow, Record};
-use crate::page::{Cell, chart, length, percent, table};
-use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
+use crate::bench::shown;
+use crate::page::{chart, length, table};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series};
 
 /// Largest number of feature sizes in the plot: with the diagonal, one per colour.
 const MAX_SIZES: usize = 4;
 
 /// Calibration plot and table; empty without an audit.
 pub(super) fn calibration(record: &Record) -> Result<Markup> {
-    let audited = record.shown_rows().iter().filter_map(|row| Some((row, row.audit.as_ref()?)));
-    let rows: Vec<(&MrRow, &IntervalAudit)> =
-        audited.filter(|(row, _)| row.rays == record.workload.rays).collect();
+    let rows = shown::audited(record);
     let Some(&(_, any)) = rows.first() else { return Ok(html! {}) };
-    let columns = "s | claimed RMS | observed RMS | its 95 % interval | intervals confirmed | their 95 % interval | in bounds, all bundles";
-    let lines: Vec<_> = rows.iter().map(|(row, audit)| line(row, audit, &record.unit)).collect();
+    let audits = shown::audits(record);
     Ok(html! {
         section {
             h2 { "Claimed and observed errors" }
@@ -29,7 +27,7 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
                  observed error is larger than claimed."
             }
             (plot(&rows, &record.unit)?)
-            (table(columns, &lines))
+            (table(audits.0, &audits.1))
             p.note {
                 "Rows of " (record.workload.rays) " segments. The noise of the audit's rays is subtracted from the \
                  observed error. An interval is confirmed if the mean of the rays differs from the answer by no more \
@@ -40,19 +38,6 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
             }
         }
     })
-}
-
-fn line(row: &MrRow, audit: &IntervalAudit, unit: &str) -> [Cell; 7] {
-    let range = |low: String, high: String| Cell::from(format!("{low} to {high}"));
-    [
-        length(row.feature_size, unit).into(),
-        number(audit.claimed_rms).into(),
-        number(audit.observed_rms).into(),
-        range(number(audit.observed_lo), number(audit.observed_hi)),
-        Cell::from(percent(audit.coverage)).loss(audit.coverage_hi < 0.95),
-        range(percent(audit.coverage_lo), percent(audit.coverage_hi)),
-        Cell::from(percent(row.interval_coverage)).loss(row.interval_coverage < 0.95),
-    ]
 }
 
 fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {

@@ -1,8 +1,7 @@
 //! Planar patches of surfaces.
 
-use super::inscribed::inscribed;
-use super::rectangle::{Rectangle, fit};
 use super::relief::points as relief_points;
+use super::{Rectangle, fit, inscribed};
 use crate::bench::workload::ReceiverPoint;
 use crate::clusters::MIN_COPLANAR_COSINE;
 use crate::scene::Scene;

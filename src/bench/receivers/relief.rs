@@ -1,7 +1,7 @@
 //! Receivers that are not planar: heights of terrain, texel by texel.
 
 use super::super::workload::ReceiverPoint;
-use super::rectangle::Rectangle;
+use super::Rectangle;
 use crate::math::triangle_normal;
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};

@@ -236,3 +236,11 @@ fn default_sizes_are_what_images_show() {
     }
     assert!(choose(&model, &brute, &[]).is_ok_and(|all| all.feature_sizes().is_some()));
 }
+
+#[test]
+fn the_largest_rectangle_is_found() {
+    let picture = ["..##....", ".#####..", ".#####..", ".####.#.", "........"];
+    let cells: Vec<bool> = picture.iter().flat_map(|row| row.chars().map(|c| c == '#')).collect();
+    assert_eq!(largest(&cells, 8), Some([1, 1, 5, 4]));
+    assert_eq!(largest(&[false; 6], 3), None);
+}

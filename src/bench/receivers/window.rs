@@ -1,8 +1,7 @@
 //! Number, size and place of a receiver's texels.
 
 use super::patch::Patch;
-use super::probe;
-use super::rectangle::Rectangle;
+use super::{Rectangle, probe};
 use crate::model::Model;
 use crate::ray::Occluder;
 use crate::scene::Scene;

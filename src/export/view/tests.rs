@@ -1,9 +1,6 @@
 //! The automatic camera in rooms, gardens, terrain and before single objects.
 
 use super::*;
-use crate::export::Mesh;
-use crate::export::scene_view::evenly_lit;
-use crate::scene::Scene;
 use crate::scene::testing::{Pieces, generated};
 use glam::{DMat3, DVec3, dvec3};
 
@@ -108,4 +105,36 @@ fn the_cornell_box_shows_its_blocks() {
     assert!(camera.up.y.abs() > 0.9, "{camera:?}");
     let seen = parts[..scene.objects.len()].iter().filter(|&&p| p > 0.01).count();
     assert!(seen >= 6 && *parts.last().unwrap() < 0.6, "{parts:?}");
+}
+
+/// A room with two lamps below its ceiling, of which the second emits if it is on, otherwise it is a dark plate; and a sun.
+fn room(is_on: bool) -> Scene {
+    let mut pieces = Pieces::new();
+    pieces.object("room").quad(dvec3(3.0, 2.0, 0.0), 6.0 * DVec3::X, 4.0 * DVec3::Y);
+    for x in [0.0, 6.0] {
+        let side = if x == 0.0 { 4.0 * DVec3::Y } else { -4.0 * DVec3::Y };
+        pieces.quad(dvec3(x, 2.0, 1.5), side, 3.0 * DVec3::Z);
+    }
+    pieces.object("cupboard").cuboid(dvec3(0.5, 0.5, 0.0), dvec3(1.5, 1.0, 1.8));
+    pieces.object("table").cuboid(dvec3(3.0, 2.0, 0.0), dvec3(4.5, 3.0, 0.7));
+    pieces.light(dvec3(1.0, 2.0, 2.9), DVec3::Y, DVec3::X);
+    if is_on {
+        pieces.light(dvec3(5.0, 2.0, 2.9), DVec3::Y, DVec3::X);
+    } else {
+        pieces.object("plate").quad(dvec3(5.0, 2.0, 2.9), DVec3::Y, DVec3::X);
+    }
+    pieces.light(dvec3(100.0, 0.0, 100.0), 5.0 * DVec3::Y, 5.0 * DVec3::X);
+    pieces.scene()
+}
+
+#[test]
+fn the_camera_is_the_same_whichever_lamps_are_on() {
+    let [on, off] = [true, false].map(|is_on| {
+        let scene = room(is_on);
+        let camera = scene_view(&scene).expect("a camera");
+        (camera.eye.as_dvec3() + scene.origin, camera)
+    });
+    assert!(on.0.distance(off.0) < 1e-4 && on.1.forward.distance(off.1.forward) < 1e-5, "{on:?} {off:?}");
+    // The sun does not widen the view.
+    assert!(on.0.distance(dvec3(3.0, 2.0, 1.0)) < 20.0, "{on:?}");
 }

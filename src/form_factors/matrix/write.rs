@@ -2,8 +2,7 @@
 
 use super::{FormFactors, Labels};
 use crate::error::{is_obeyed, shown};
-use crate::files::npz::NpzWriter;
-use crate::files::{WholeFile, csv_text};
+use crate::files::{NpzWriter, WholeFile, csv_text};
 use crate::{Error, Result};
 use std::io::Write;
 use std::path::Path;

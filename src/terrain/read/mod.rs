@@ -51,7 +51,7 @@ struct Raw {
 /// Reads a grid; the extension determines the format: `asc`, `tif`, `tiff`, `png`, `npy` or `npz`.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read; [`Error::Format`] with the file, where it has lines the line, and the cure, if its
+/// [`Error::Io`] if the file cannot be read; [`Error::File`] with the file, where it has lines the line, and the cure, if its
 /// content is no grid; [`Error::Argument`] for options out of range; [`Error::OutOfMemory`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     check(options)?;

@@ -1,6 +1,6 @@
 use super::*;
 use crate::Result;
-use crate::files::npz::header;
+use crate::files::header;
 use std::path::{Path, PathBuf};
 use tiff::encoder::{TiffEncoder, colortype};
 use tiff::tags::Tag;

@@ -1,8 +1,8 @@
 //! The page of a batch.
 
-use super::charts::front;
+use super::front;
 use super::*;
-use crate::batch::grids::RecordedGrid;
+use crate::batch::table::RecordedGrid;
 use serde_json::json;
 
 fn row(value: serde_json::Value) -> Row {

@@ -1,7 +1,7 @@
 //! Grids of measuring points over surfaces, `--grid`.
 
 use super::super::args::{distinct, plain};
-use super::at_points::AtPoints;
+use super::AtPoints;
 use maud::Markup;
 use mrvis::internals::SceneParts;
 use mrvis::internals::error::quote;

@@ -2,8 +2,7 @@
 
 use super::super::args::grouped;
 use super::super::values::{ENGINES, name_of};
-use super::grids;
-use super::luminous::Reported;
+use super::{Luminous, Reported, grids};
 use mrvis::internals::bench::side_by_side::{ComparedRecord, Versus};
 use mrvis::internals::plot::number;
 use mrvis::internals::radiosity::Record;
@@ -53,7 +52,7 @@ pub fn summary(reported: &Reported) -> String {
 }
 
 /// Powers, and the mean irradiance of lit surfaces.
-fn energy(text: &mut String, r: &Record, photometric: &Option<super::luminous::Luminous>) {
+fn energy(text: &mut String, r: &Record, photometric: &Option<Luminous>) {
     let l = &r.ledger;
     let photometry = photometric.as_ref().map(|l| l.photometry);
     let (powers, unit) = l.shown(photometry);

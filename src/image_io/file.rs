@@ -1,14 +1,13 @@
-//! Reads one scalar quantity from an image file.
+//! Image files: reads one scalar quantity, writes values and pictures.
 
-use std::io::Cursor;
-use std::path::Path;
-
-use image::{DynamicImage, ImageError, ImageReader};
-
-use crate::error::quote;
-use crate::files::input;
+use super::picture::{Picture, encode};
+use crate::files::{WholeFile, input};
 use crate::metrics::Image;
-use crate::{Error, Result, memory};
+use crate::progress::{Progress, Stoppable};
+use crate::{Error, Result, error::quote, memory};
+use image::{DynamicImage, ImageError, ImageFormat, ImageReader, Rgb32FImage};
+use std::io::{Cursor, Write};
+use std::path::Path;
 
 /// The value of a pixel as a function of its components.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -44,7 +43,7 @@ impl Channel {
 /// [0, 1]. Alpha is ignored. Texels get the side `texel` in scene units (with 1, sizes are in texels).
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be opened, [`Error::Format`] if the file is no such image or holds a value that is
+/// [`Error::Io`] if the file cannot be opened, [`Error::File`] if the file is no such image or holds a value that is
 /// not finite, [`Error::Argument`] if `texel` is not a positive length.
 pub fn read_image(path: &Path, channel: Channel, texel: f64) -> Result<Image<'static>> {
     let bytes = input::read(path, memory::usable().unwrap_or(u64::MAX >> 1))?;
@@ -77,6 +76,42 @@ fn values(decoded: DynamicImage, channel: Channel, linear: bool) -> Vec<f32> {
 /// The linear value of an sRGB component, both in [0, 1] (IEC 61966-2-1).
 pub fn srgb_to_linear(v: f32) -> f32 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Writes `bytes` to a temporary file beside `path` and renames the file.
+///
+/// # Errors
+/// [`Error::Io`] with `path` if the folder is missing or not writable, or the disk is full; `path` is then unchanged.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    WholeFile::write(path, bytes)
+}
+
+/// Writes `width` columns of linear RGB, row by row from the top, as an OpenEXR file of 32-bit floats.
+///
+/// # Errors
+/// [`Error::Argument`] if the image is too large for the format or `pixels` is not a multiple of `width`; errors of
+/// [`write_atomically`]; an error if `progress` stops it.
+pub fn write_exr_rgb(path: &Path, width: usize, pixels: &[[f32; 3]], progress: &dyn Progress) -> Result<()> {
+    let side = |n: usize| u32::try_from(n).ok();
+    let image = side(width)
+        .zip(side(pixels.len() / width.max(1)))
+        .and_then(|(w, h)| Rgb32FImage::from_raw(w, h, pixels.as_flattened().to_vec()));
+    let bytes = encode(image.map(DynamicImage::ImageRgb32F), ImageFormat::OpenExr, progress)?;
+    let mut file = WholeFile::create(path)?;
+    Stoppable { out: &mut file, progress }.write_all(&bytes).map_err(|e| Error::io(path, e))?;
+    file.commit()
+}
+
+/// Writes the image as an OpenEXR file of 32-bit floats: three equal channels R, G, B, values unchanged. The texel side is not stored.
+/// Errors as for [`write_exr_rgb`].
+pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
+    let pixels: Vec<[f32; 3]> = image.data().iter().map(|&v| [v; 3]).collect();
+    write_exr_rgb(path, image.width(), &pixels, &())
+}
+
+/// Writes the picture to `path` as an 8-bit PNG. Errors as for [`Picture::png`] and [`write_atomically`].
+pub fn write_png(path: &Path, picture: &Picture) -> Result<()> {
+    write_atomically(path, &picture.png()?)
 }
 
 #[cfg(test)]
@@ -125,5 +160,20 @@ mod tests {
         nan.put_pixel(1, 0, image::Rgb([f32::NAN; 3]));
         nan.save(&path).unwrap();
         assert!(message(&path).contains("1,0"), "{}", message(&path));
+    }
+
+    #[test]
+    fn files_are_replaced_and_nothing_is_left_beside_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        for content in ["one", "two"] {
+            write_atomically(&path, content.as_bytes()).unwrap();
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), content);
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        let missing = folder.path().join("missing/a.txt");
+        assert!(write_atomically(&missing, b"x").unwrap_err().to_string().contains("missing/a.txt"));
+        // A folder cannot be replaced by a file.
+        assert!(write_atomically(folder.path(), b"x").is_err());
     }
 }

@@ -1,0 +1,78 @@
+//! Entries that take handles, records and text, and give one result: written by a macro.
+
+/// The type of an argument in C.
+macro_rules! in_c {
+    (Handle<$of:ty>) => { *const $of };
+    (Given<$of:ty>) => { *const $of };
+    (Text) => { *const std::ffi::c_char };
+    (OptionalText) => { *const std::ffi::c_char };
+    (Place<$of:ty>) => { *mut $of };
+    (RecordPlace<$of:ty>) => { *mut $of };
+    (Made<$of:ty>) => { *mut *mut $of };
+    ($kind:ty) => { $kind };
+}
+pub(super) use in_c;
+
+/// What an argument is to the body.
+macro_rules! taken {
+    ($call:ident, $name:ident, Handle<$of:ty>) => {
+        super::handle::object($call, $name, stringify!($name))?
+    };
+    ($call:ident, $name:ident, Given<$of:ty>) => {{
+        // SAFETY: the caller gives a record or NULL.
+        unsafe { super::record::read_optional($name, stringify!($name)) }?
+    }};
+    ($call:ident, $name:ident, Text) => {{
+        // SAFETY: the caller gives text.
+        unsafe { super::arguments::text($name, stringify!($name)) }?
+    }};
+    ($call:ident, $name:ident, OptionalText) => {{
+        // SAFETY: the caller gives text or NULL.
+        unsafe { super::arguments::optional_text($name, stringify!($name)) }?
+    }};
+    ($call:ident, $name:ident, RecordPlace<$of:ty>) => {{
+        // SAFETY: the caller gives a record.
+        unsafe { super::record::RecordPlace::of($name, stringify!($name)) }?
+    }};
+    // A `Place`, or one of a handle that is `Made`.
+    ($call:ident, $name:ident, $place:ident<$of:ty>) => {{
+        // SAFETY: the caller gives a place.
+        unsafe { super::arguments::Place::of($name, stringify!($name)) }?
+    }};
+    ($call:ident, $name:ident, $kind:ty) => {
+        $name
+    };
+}
+pub(super) use taken;
+
+/// What the body gives, as it is written into its place.
+macro_rules! given {
+    (Made<$of:ty>, $value:expr) => {
+        super::handle::give::<$of>($value)
+    };
+    ($place:ident<$of:ty>, $value:expr) => {
+        $value
+    };
+}
+pub(super) use given;
+
+/// Defines an entry of the header: its arguments, where the result goes, and the body that makes it. Arguments are `Handle`s, records that
+/// are `Given` (NULL: every member 0), `Text`, and numbers; results are values in a `Place`, records, and handles that are `Made`.
+macro_rules! entry {
+    ($function:ident($call:ident, $($name:ident: $kind:ident $(<$of:ty>)?),+) -> $result:ident: $place:ident<$made:ty> $body:block) => {
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $function(
+            $($name: super::entry::in_c!($kind $(<$of>)?),)+
+            $result: super::entry::in_c!($place<$made>),
+        ) -> super::status::mrv_status {
+            super::guard::guard(stringify!($function), |$call| {
+                let _ = $call;
+                $(let $name = super::entry::taken!($call, $name, $kind $(<$of>)?);)+
+                let place = super::entry::taken!($call, $result, $place<$made>);
+                let made = $body;
+                place.set(super::entry::given!($place<$made>, made))
+            })
+        }
+    };
+}
+pub(super) use entry;
