@@ -10,9 +10,7 @@
 
 mod coarse;
 mod generate;
-mod georeference;
 mod grid;
-mod local;
 mod numpy;
 mod quadtree;
 mod quantities;
@@ -26,17 +24,16 @@ mod write;
 
 pub use coarse::{Mesh, Piece, coarse, triangle_at};
 pub use generate::mountains;
-pub use georeference::Georeference;
-pub use grid::Grid;
+#[cfg(test)]
+use generate::{canyon, courtyard, fractal, plane, valley};
+pub use grid::{Georeference, Grid};
+#[cfg(test)]
+use quadtree::{Node, Quadtree};
+#[cfg(test)]
+use quantities::{Slopes, Tilt};
 pub use quantities::{Sun, horizon, sky_view_factor, sunlit};
 pub use read::{Loaded, ReadOptions, read};
 pub use sky::{Light, irradiance};
 pub use sweep::{EARTH_RADIUS, SweepOptions};
 #[cfg(feature = "internals")]
 pub use write::{Layer, write_geotiff, write_npz, write_png};
-#[cfg(test)]
-use {
-    generate::{canyon, courtyard, fractal, plane, valley},
-    local::{Slopes, Tilt},
-    quadtree::{Node, Quadtree},
-};

@@ -7,8 +7,7 @@ use super::instance_tree::InstanceTree;
 use super::instances::{ENTER_BUNDLE, ENTER_PACKET, InstanceBuffers, walk_instances};
 use super::shaft::Shaft;
 use super::walk::{Buffers, Rule, Walked, walk};
-use super::wide::WideTree;
-use super::work::FETCH;
+use super::wide::{FETCH_WORK, WideTree};
 use crate::ray::Packet;
 use crate::simd::{Kernel, LANES, Simd};
 use std::ops::Range;
@@ -133,7 +132,7 @@ impl Kernel for BundleWalks<'_> {
         let soft = engine.average && averages;
         let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };
         // Exact work is estimated without the cost of cache misses and of entering instances; only walks for answers include it.
-        let fetch = if engine.far && averages { FETCH } else { 0 };
+        let fetch = if engine.far && averages { FETCH_WORK } else { 0 };
         let enter = if averages || bounded { [ENTER_BUNDLE, ENTER_PACKET] } else { [0; 2] };
         lanes.clear();
         shafts.clear();

@@ -6,8 +6,9 @@
 
 use super::shaft::Shaft;
 use super::triangles;
-use super::wide::{AxisOptics, Block, LEAF, NO_OPTICS, Node, WideTree, mixed, smallest};
-use super::work::{BLOCK, NODE};
+use super::wide::{
+    AxisOptics, BLOCK_WORK, Block, LEAF, NO_OPTICS, NODE_WORK, Node, WideTree, mixed, smallest,
+};
 use crate::optics::{AXIS_COUNT, AxisMix};
 use crate::ray::Lanes;
 use crate::simd::{LANES, Simd};
@@ -63,7 +64,7 @@ impl Front {
         let (mut at, mut head, mut work) = (0, 0, 0u64);
         loop {
             let node = &tree.nodes[at];
-            work += NODE;
+            work += NODE_WORK;
             let touched = shaft.touches(simd, node);
             if touched != 0 {
                 let optics = &tree.optics[at];
@@ -84,7 +85,7 @@ impl Front {
                         self.add_box(tree, found);
                     } else {
                         let block = &tree.blocks[(child & !LEAF) as usize];
-                        work += BLOCK;
+                        work += BLOCK_WORK;
                         let met = triangles::candidates(simd, shaft, block);
                         if self.triangles + met.count_ones() as usize <= MAX_TRIANGLES {
                             self.gather(block, met);

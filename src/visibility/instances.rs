@@ -10,8 +10,7 @@ use super::instance_tree::{Frame, InstanceTree};
 use super::shaft::Shaft;
 use super::slabs::{PacketSums, Passed};
 use super::walk::{Buffers, Rule, Walked, gather, visit};
-use super::wide::WideTree;
-use super::work::NODE;
+use super::wide::{NODE_WORK, WideTree};
 use crate::clusters::placed::Child;
 use crate::optics::AxisMix;
 use crate::ray::Packet;
@@ -110,7 +109,7 @@ fn find<'a, S: Simd>(
     while let Some(&(lanes, children)) = queue.get(next) {
         next += 1;
         walked.nodes += 1;
-        walked.work += NODE + rule.fetch;
+        walked.work += NODE_WORK + rule.fetch;
         if walked.work > rule.limit {
             walked.gave_up = true;
             return;

@@ -26,19 +26,14 @@ mod multires;
 mod probe;
 #[cfg(test)]
 pub mod reference;
-mod route;
 mod routes;
 mod shaft;
 mod slabs;
 #[cfg(test)]
-mod testing;
-#[cfg(test)]
 mod tests;
 mod triangles;
 mod walk;
-mod walk_factor;
 mod wide;
-mod work;
 
 pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::{BatchBuffers, Workspace};
@@ -52,8 +47,7 @@ pub use exact::fastest_traversal;
 #[cfg(any(test, feature = "reports"))]
 pub use far_field::{FarField, Scratch};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
-pub use multires::{LeafMode, MultiResolution};
+pub use multires::{LeafMode, MultiResolution, Route};
 pub use probe::Probe;
-pub use route::Route;
 pub use routes::{Halves, RouteSample};
 pub use wide::WideTree;

@@ -6,6 +6,17 @@ use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics};
 use crate::scene::Scene;
 use crate::simd::{LANES, Simd, half_nearest, half_up};
 
+// Work of walks is counted in tests of a box or triangle against a packet. These numbers are estimates that select between engines and
+// change no answer of either.
+
+/// Work of the shaft test of a node of sixteen boxes: one for each of the six rows of bounds.
+pub(super) const NODE_WORK: u64 = 6;
+/// Work of rejecting the triangles of a block by its shaft. Twice that of a node: nine rows of corners and edges, and
+/// their cross products.
+pub(super) const BLOCK_WORK: u64 = 12;
+/// Work that accounts for the cache miss of a node, in trees larger than the caches near a core: nearly two nodes.
+pub(super) const FETCH_WORK: u64 = 10;
+
 /// Bit of a child reference that marks a leaf block.
 pub(super) const LEAF: u32 = 1 << 31;
 

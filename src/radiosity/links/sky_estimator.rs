@@ -4,7 +4,7 @@ use super::accuracy::FEW_SEGMENTS_ERROR;
 use super::cluster_pair::{CLUSTER_DEVIATION, shorten_to_box};
 use super::end_samples::{EndSamples, stratified_points};
 use super::estimator::is_behind;
-use super::sky_draft::{Answers, Last, SkyDraft, SkyPair, agreement};
+use super::sky_link::{Answers, Last, SkyDraft, SkyPair, agreement};
 use super::{Scratch, SkyLink, SkySource, VisibilityEngine, VisibilityQuery};
 use crate::math::sampling::{mix, numbers, point_on};
 use crate::radiosity::elements::{Element, Elements, Shape};

@@ -6,8 +6,7 @@
 use super::side_rays::{Met, SideRays, SurfacePoint};
 use crate::math::on_plane;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
-use crate::radiosity::elements::emitter_face::EmitterFace;
-use crate::radiosity::elements::emitters::Emitters;
+use crate::radiosity::elements::emitters::{EmitterFace, Emitters};
 use crate::radiosity::elements::{Elements, Side};
 use crate::ray::LANES;
 use crate::scene::Scene;

@@ -12,7 +12,6 @@ mod krylov;
 mod link_transport;
 mod ray_transport;
 mod row_normalisation;
-mod sweeps;
 mod transport_matrix;
 
 pub use active_nodes::ActiveNodes;
@@ -20,10 +19,9 @@ pub use cluster_reflection::emission_moments;
 pub use directional::{DirectionalIrradiance, NodeIrradiance};
 pub use gather_push_pull::{NodeRadiosity, gather, pushed};
 pub use krylov::solve;
-pub use link_transport::LinkTransport;
+pub use link_transport::{LinkTransport, sweeps};
 pub use ray_transport::{Path, RayTransport};
 pub use row_normalisation::{cap_row_sums, link_row_sums, normalise_link_rows, short_rows};
-pub use sweeps::sweeps;
 pub use transport_matrix::{MatrixRow, TransportMatrix};
 
 use crate::radiosity::rgb::Rgb;

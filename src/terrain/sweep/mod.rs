@@ -8,7 +8,6 @@
 //! A line meets the columns and rows of the grid between samples; the heights there are interpolated linearly, which is exact for the
 //! surface.
 
-mod hull;
 mod lines;
 mod taps;
 

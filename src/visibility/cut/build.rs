@@ -1,7 +1,7 @@
 //! Construction of the tree of the distance cut: surface area heuristic, sixteen children a node, full blocks.
 
 use super::layout::{Block, Extinctions, LEAF, Node};
-use super::pieces::Pieces;
+use super::shells::Pieces;
 use crate::math::Aabb;
 use crate::scene::Scene;
 use crate::simd::LANES;

@@ -10,7 +10,6 @@ mod build;
 mod extinction;
 mod layout;
 mod modes;
-mod pieces;
 mod pilot;
 mod shells;
 mod sums;
@@ -25,10 +24,10 @@ use crate::simd::{Isa, dispatch};
 pub(super) use ball::HalfBall;
 use layout::{Block, Extinctions, Node};
 pub use modes::{Mode, rays_for};
-#[cfg(any(test, feature = "reports"))]
-pub use pieces::{SURFACE_PART, surface_widths};
 pub use pilot::Candidate;
 use shells::Shell;
+#[cfg(any(test, feature = "reports"))]
+pub use shells::{SURFACE_PART, surface_widths};
 pub use sums::Sums;
 use sums::{Bundles, How, Packeted};
 use traverse::OPAQUE_DEPTH;
@@ -71,7 +70,7 @@ impl Cut {
 
     /// The tree without extinctions, and the properties of children from which these are measured.
     fn draft(scene: &Scene) -> (Cut, Vec<build::Facts>) {
-        let pieces = pieces::Pieces::of(scene);
+        let pieces = shells::Pieces::of(scene);
         let (shells, of_triangle) = shells::find(scene, &pieces);
         let draft = build::build(scene, &pieces, (shells.len() as u32, &of_triangle));
         let build::Draft { mut nodes, extinctions, blocks, facts } = draft;

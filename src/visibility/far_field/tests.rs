@@ -4,7 +4,7 @@ use super::*;
 use crate::ray::LANES;
 use crate::scene::testing::{Pieces, unit};
 use crate::visibility::LeafMode;
-use crate::visibility::testing::Stage;
+use crate::visibility::tests::Stage;
 use glam::{DVec3, Vec3};
 use rand_pcg::Pcg64Mcg;
 
