@@ -112,7 +112,7 @@ pub fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
     result
 }
 
-/// Bytes that are written between two looks at the caller: a millisecond.
+/// Bytes that are written between two checks for cancellation: a millisecond.
 const SLICE: usize = 1 << 20;
 
 /// A writer that fails once `progress` has stopped.

@@ -2,7 +2,7 @@
 //! [`Sketch`](super::draft::Sketch) of triangles.
 
 use super::FAN_OUT;
-use super::draft::{Draft, Node, Sketch, surface};
+use super::draft::{Draft, Sketch, SketchNode, surface};
 use crate::math::Aabb;
 use glam::Vec3;
 use rand_pcg::Pcg64Mcg;
@@ -34,7 +34,7 @@ fn part(faces: Vec<u32>, boxes: &[Aabb], stopped: &(dyn Fn() -> bool + Sync)) ->
         return None;
     }
     if faces.len() <= FAN_OUT {
-        sketch.add(Node::Faces(faces));
+        sketch.add(SketchNode::Faces(faces));
         return Some(sketch);
     }
     let parallel = faces.len() > PARALLEL_TRIANGLES;
@@ -44,7 +44,7 @@ fn part(faces: Vec<u32>, boxes: &[Aabb], stopped: &(dyn Fn() -> bool + Sync)) ->
         false => (part(a, boxes, stopped), part(b, boxes, stopped)),
     };
     let parts = vec![sketch.append(a?), sketch.append(b?)];
-    sketch.add(Node::Parts(parts));
+    sketch.add(SketchNode::Parts(parts));
     Some(sketch)
 }
 
@@ -142,7 +142,7 @@ impl Halving<'_> {
                 parts.push(self.divide(faces, cell, axes, left - 1)?);
             }
         }
-        Some(self.sketch.add(Node::Parts(parts)))
+        Some(self.sketch.add(SketchNode::Parts(parts)))
     }
 }
 
@@ -282,8 +282,8 @@ impl Boxes {
             let BoxNode { face, children, .. } = &self.nodes[node as usize];
             let parts = || children.iter().map(|&c| made[c as usize]).collect();
             made[node as usize] = match face {
-                Some(t) => sketch.add(Node::Faces(vec![*t])),
-                None => sketch.add(Node::Parts(parts())),
+                Some(t) => sketch.add(SketchNode::Faces(vec![*t])),
+                None => sketch.add(SketchNode::Parts(parts())),
             };
         }
         (sketch, made[self.root as usize])

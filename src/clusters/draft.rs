@@ -105,7 +105,7 @@ impl Draft {
 
 /// A node of a [`Sketch`].
 #[derive(Clone, Debug)]
-pub(super) enum Node {
+pub(super) enum SketchNode {
     /// Triangles.
     Faces(Vec<u32>),
     /// Indices of at least two nodes before this one.
@@ -115,14 +115,14 @@ pub(super) enum Node {
 /// A tree over triangles; parts come before the node that holds them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sketch {
-    nodes: Vec<Node>,
+    nodes: Vec<SketchNode>,
 }
 
 impl Sketch {
     /// Adds a node; a node of one part is that part.
-    pub fn add(&mut self, node: Node) -> u32 {
+    pub fn add(&mut self, node: SketchNode) -> u32 {
         match node {
-            Node::Parts(parts) if parts.len() == 1 => parts[0],
+            SketchNode::Parts(parts) if parts.len() == 1 => parts[0],
             node => {
                 self.nodes.push(node);
                 self.last()
@@ -138,9 +138,9 @@ impl Sketch {
     /// A node of these triangles, however many, in parts of [`FAN_OUT`].
     pub fn add_faces(&mut self, faces: &[u32]) -> u32 {
         let mut parts: Vec<u32> =
-            faces.chunks(FAN_OUT).map(|some| self.add(Node::Faces(some.to_vec()))).collect();
+            faces.chunks(FAN_OUT).map(|some| self.add(SketchNode::Faces(some.to_vec()))).collect();
         while parts.len() > 1 {
-            parts = parts.chunks(FAN_OUT).map(|some| self.add(Node::Parts(some.to_vec()))).collect();
+            parts = parts.chunks(FAN_OUT).map(|some| self.add(SketchNode::Parts(some.to_vec()))).collect();
         }
         parts[0]
     }
@@ -149,7 +149,7 @@ impl Sketch {
     pub fn append(&mut self, other: Sketch) -> u32 {
         let offset = self.nodes.len() as u32;
         self.nodes.extend(other.nodes.into_iter().map(|mut node| {
-            if let Node::Parts(parts) = &mut node {
+            if let SketchNode::Parts(parts) = &mut node {
                 parts.iter_mut().for_each(|part| *part += offset);
             }
             node
@@ -165,10 +165,10 @@ impl Sketch {
         let mut bounds: Vec<Aabb> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
             let (count, around) = match node {
-                Node::Faces(faces) => {
+                SketchNode::Faces(faces) => {
                     (faces.len(), faces.iter().fold(Aabb::EMPTY, |b, &t| b.union(boxes[t as usize])))
                 }
-                Node::Parts(parts) => parts.iter().fold((0, Aabb::EMPTY), |(n, b), &part| {
+                SketchNode::Parts(parts) => parts.iter().fold((0, Aabb::EMPTY), |(n, b), &part| {
                     (n + counts[part as usize], b.union(bounds[part as usize]))
                 }),
             };
@@ -180,7 +180,7 @@ impl Sketch {
         let mut members: Vec<Vec<Member>> = Vec::new();
         while let Some(&node) = order.get(members.len()) {
             let parts = match &self.nodes[node as usize] {
-                Node::Parts(parts) if counts[node as usize] > FAN_OUT => parts,
+                SketchNode::Parts(parts) if counts[node as usize] > FAN_OUT => parts,
                 _ => {
                     members.push(self.faces_below(node));
                     continue;
@@ -206,8 +206,8 @@ impl Sketch {
         let (mut faces, mut stack) = (Vec::new(), vec![node]);
         while let Some(node) = stack.pop() {
             match &self.nodes[node as usize] {
-                Node::Faces(own) => faces.extend(own.iter().map(|&t| Member::Face(t))),
-                Node::Parts(parts) => stack.extend(parts.iter().rev()),
+                SketchNode::Faces(own) => faces.extend(own.iter().map(|&t| Member::Face(t))),
+                SketchNode::Parts(parts) => stack.extend(parts.iter().rev()),
             }
         }
         faces
@@ -219,7 +219,7 @@ impl Sketch {
             let room = FAN_OUT + 1 - parts.len();
             let openable = parts.iter().enumerate().filter_map(|(k, &part)| {
                 let own = match &self.nodes[part as usize] {
-                    Node::Parts(own) if counts[part as usize] > FAN_OUT && own.len() <= room => own,
+                    SketchNode::Parts(own) if counts[part as usize] > FAN_OUT && own.len() <= room => own,
                     _ => return None,
                 };
                 Some((k, surface(bounds[part as usize]), own))

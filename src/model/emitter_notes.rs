@@ -14,11 +14,11 @@ use rayon::prelude::*;
 /// Largest number of emitters that are tested, evenly spread: limits the time to 0.5 million rays, some 0.1 s.
 const MAX_TESTED: usize = 4096;
 /// Packets of rays from each side of an emitter: 64 rays all miss what covers a tenth of the hemisphere with a probability of
-/// 0.9⁶⁴ = 0.1 %. What covers less is found by [`MAX_LOOKED_AT`].
+/// 0.9⁶⁴ = 0.1 %. What covers less is found by [`MAX_COMPARED_FACES`].
 pub(super) const PACKETS: usize = 4;
 /// Largest number of faces, evenly spread, whose centres are compared with the plane of an emitter: limits the time to that of
 /// as many products of vectors.
-const MAX_LOOKED_AT: usize = 4096;
+const MAX_COMPARED_FACES: usize = 4096;
 /// Names that a note lists.
 const MAX_NAMES: usize = 3;
 /// Part of an emitter's rays that must meet surfaces for a note that these are the outside of a space, and the part of those that must meet such a
@@ -208,7 +208,7 @@ impl Model {
         let scene = self.scene();
         let [a, b, c] = scene.corners(emitter.triangles[0]);
         let (normal, slack) = (triangle_normal(a, b, c), self.end_rule().height());
-        let step = scene.triangles.len().div_ceil(MAX_LOOKED_AT).max(1);
+        let step = scene.triangles.len().div_ceil(MAX_COMPARED_FACES).max(1);
         (0..scene.triangles.len() as u32).step_by(step).any(|t| {
             let centre = scene.corners(t).iter().sum::<Vec3>() / 3.0;
             normal.dot(centre - a) > slack && emitter.triangles.binary_search(&t).is_err()

@@ -6,7 +6,7 @@ use super::front::Front;
 use super::instance_tree::InstanceTree;
 use super::instances::{ENTER_BUNDLE, ENTER_PACKET, InstanceBuffers, walk_instances};
 use super::shaft::Shaft;
-use super::walk::{Buffers, Rule, Walked, walk};
+use super::walk::{Buffers, WalkRule, Walked, walk};
 use super::wide::{FETCH_WORK, WideTree};
 use crate::ray::Packet;
 use crate::simd::{Kernel, LANES, Simd};
@@ -169,7 +169,7 @@ impl Kernel for BundleWalks<'_> {
                 let s = sizes.of(k);
                 let limit = if bounded { engine.cost.limit(&bundles[k]) } else { u64::MAX };
                 let (e, factor, tolerance) = (size(&bundles[k]), engine.factor, engine.tolerance);
-                let rule = Rule { e, s, factor, soft, limit, fetch, enter, tolerance };
+                let rule = WalkRule { e, s, factor, soft, limit, fetch, enter, tolerance };
                 let mut found = match engine.instances {
                     None => walk(simd, engine.tree, shared, (packets, &shafts[k]), &rule, buffers),
                     Some(instances) => {

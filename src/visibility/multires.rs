@@ -3,7 +3,7 @@
 use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
 use super::bundle_walks::{BundleWalks, Sizes, Walker, Workspace};
 use super::cost_model::{CostModel, Work};
-use super::cut::Cut;
+use super::cut::DistanceCut;
 use super::exact::Exact;
 use super::instance_tree::InstanceTree;
 use super::wide::WideTree;
@@ -80,7 +80,7 @@ pub struct MultiResolution {
     /// Tolerance of the transmittance that feature sizes were measured for.
     tolerance: f32,
     /// The distance cut, if the model has one.
-    pub(super) cut: Option<Arc<Cut>>,
+    pub(super) cut: Option<Arc<DistanceCut>>,
     /// How bundles are answered.
     pub(super) route: Route,
 }

@@ -2,7 +2,7 @@
 
 use super::answer::{Answer, Bundle};
 use super::bundle_walks::Workspace;
-use super::cut::{Cut, Mode, Sums, rays_for};
+use super::cut::{BundleSums, DistanceCut, Mode, rays_for};
 use super::multires::{MultiResolution, Route};
 use crate::ray::{LANES, Packet};
 use std::sync::Arc;
@@ -66,7 +66,7 @@ pub(super) fn standard_error(values: &[f64]) -> f64 {
 impl MultiResolution {
     /// Adds the distance cut, if the model has one.
     #[must_use]
-    pub fn with_cut(mut self, cut: Option<Arc<Cut>>) -> Self {
+    pub fn with_cut(mut self, cut: Option<Arc<DistanceCut>>) -> Self {
         self.cut = cut;
         self
     }
@@ -126,7 +126,7 @@ impl MultiResolution {
         workspace: &mut Workspace,
     ) -> Route {
         let cuts = 0..self.cut.as_ref().map_or(0, |cut| cut.modes().len());
-        let taken = |cut: &Arc<Cut>| sample.runs.iter().flatten().any(|bundle| cut.takes(bundle));
+        let taken = |cut: &Arc<DistanceCut>| sample.runs.iter().flatten().any(|bundle| cut.takes(bundle));
         let cuts = if self.cut.as_ref().is_some_and(taken) { cuts } else { 0..0 };
         let rays = sample.runs.iter().flatten().map(|bundle| self.rays_work(bundle)).collect::<Vec<f64>>();
         let mut trial = |route, limit| self.with_route(route).trial((sample, &rays), s, limit, workspace);
@@ -224,7 +224,7 @@ impl MultiResolution {
     }
 
     /// How the cut answers a bundle, if it does.
-    fn mode(&self, bundle: &Bundle) -> Option<(&Cut, &Mode)> {
+    fn mode(&self, bundle: &Bundle) -> Option<(&DistanceCut, &Mode)> {
         let (Some(cut), Route::Cut(mode)) = (&self.cut, self.route) else { return None };
         cut.takes(bundle).then(|| (&**cut, &cut.modes()[mode]))
     }
@@ -249,14 +249,15 @@ impl MultiResolution {
         bundles: &[Bundle],
         s: f32,
         workspace: &mut Workspace,
-        mut each: impl FnMut(Answer, Sums),
+        mut each: impl FnMut(Answer, BundleSums),
     ) {
         match self.route {
             Route::Walks { .. } => {
-                return self.walked_answers(bundles, s, workspace, |answer| each(answer, Sums::default()));
+                return self
+                    .walked_answers(bundles, s, workspace, |answer| each(answer, BundleSums::default()));
             }
             Route::Certified => {
-                return self.certified(bundles, workspace, |answer| each(answer, Sums::default()));
+                return self.certified(bundles, workspace, |answer| each(answer, BundleSums::default()));
             }
             Route::Exact | Route::Cut(_) => {}
         }
@@ -270,7 +271,9 @@ impl MultiResolution {
                     });
                 }
                 None => {
-                    group.iter().for_each(|&bundle| each(self.hand_over(bundle, workspace), Sums::default()));
+                    group
+                        .iter()
+                        .for_each(|&bundle| each(self.hand_over(bundle, workspace), BundleSums::default()));
                 }
             }
         }

@@ -6,7 +6,7 @@
 //! The edges of the bundle's pyramid reject or accept all segments at once.
 
 use super::shaft::{FromReceiver, Pyramid, Shaft, filled};
-use super::wide::Block;
+use super::wide::WideBlock;
 use crate::ray::{Lanes, Packet};
 use crate::simd::vector::{self, Vector};
 use crate::simd::{LANES, Simd};
@@ -32,7 +32,7 @@ pub(super) struct Tested {
 pub(super) fn block_all<S: Simd>(
     simd: S,
     shaft: &Shaft,
-    block: &Block,
+    block: &WideBlock,
     packets: &[Packet],
     (tiles, blocked): (&mut Tiles, &mut [u32]),
 ) -> Tested {
@@ -63,7 +63,7 @@ pub(super) fn block_all<S: Simd>(
 
 /// Triangles of a block that the shaft of a group of bundles may meet, as a mask.
 #[inline(always)]
-pub(super) fn candidates<S: Simd>(simd: S, shaft: &Shaft, block: &Block) -> u32 {
+pub(super) fn candidates<S: Simd>(simd: S, shaft: &Shaft, block: &WideBlock) -> u32 {
     let corner = vector::load(simd, &block.corner);
     let (edge1, edge2) = (vector::load(simd, &block.edge1), vector::load(simd, &block.edge2));
     let misses = shaft.misses(simd, &corner, [&edge1, &edge2]);
@@ -74,7 +74,13 @@ pub(super) fn candidates<S: Simd>(simd: S, shaft: &Shaft, block: &Block) -> u32 
 
 /// Tests triangles one by one against each segment.
 #[inline(always)]
-fn each<S: Simd>(simd: S, block: &Block, candidates: u32, packets: &[Packet], blocked: &mut [u32]) -> Tested {
+fn each<S: Simd>(
+    simd: S,
+    block: &WideBlock,
+    candidates: u32,
+    packets: &[Packet],
+    blocked: &mut [u32],
+) -> Tested {
     let mut tested = Tested { any: true, ..Tested::default() };
     for k in Lanes(candidates) {
         let triangle = Triangle::of(block, k);
@@ -184,7 +190,7 @@ impl Fans {
     fn block<S: Simd>(
         &self,
         simd: S,
-        (block, touched): (&Block, u32),
+        (block, touched): (&WideBlock, u32),
         packets: &[Packet],
         (tiles, blocked): (&mut Tiles, &mut [u32]),
     ) -> Tested {
@@ -254,7 +260,7 @@ impl Fans {
 
     /// Masks of the open packets of a row that triangle `k` may block partly, and of those that it blocks entirely.
     #[inline(always)]
-    fn tiles<S: Simd>(&self, simd: S, k: usize, row: &Row) -> (u32, u32) {
+    fn tiles<S: Simd>(&self, simd: S, k: usize, row: &TileRow) -> (u32, u32) {
         // Twice the bound for single products, because bounds of products add their own rounding.
         let clearly = simd.splat(2.0 * self.rounding[k]);
         let beside = simd.sub(simd.splat(0.0), clearly);
@@ -270,7 +276,7 @@ impl Fans {
     }
 
     #[inline(always)]
-    fn planes_of<S: Simd>(&self, simd: S, block: &Block, k: usize) -> Planes<S> {
+    fn planes_of<S: Simd>(&self, simd: S, block: &WideBlock, k: usize) -> Planes<S> {
         let normal = || {
             let edge = |edge: &[[f32; LANES]; 3]| Vec3::new(edge[0][k], edge[1][k], edge[2][k]);
             let normal = edge(&block.edge2).cross(edge(&block.edge1));
@@ -361,7 +367,7 @@ struct Triangle {
 
 impl Triangle {
     #[inline(always)]
-    pub fn of(block: &Block, k: usize) -> Triangle {
+    pub fn of(block: &WideBlock, k: usize) -> Triangle {
         let pick = |v: &[[f32; LANES]; 3]| Vec3::new(v[0][k], v[1][k], v[2][k]);
         let (corner, edge1, edge2) = (pick(&block.corner), pick(&block.edge1), pick(&block.edge2));
         Triangle { corner, edge1, edge2, normal: edge2.cross(edge1) }
@@ -397,7 +403,7 @@ impl Triangle {
 // Boxes around the directions of the packets of a bundle.
 
 /// Bounds of the directions of sixteen packets.
-struct Row {
+struct TileRow {
     lo: [[f32; LANES]; 3],
     hi: [[f32; LANES]; 3],
     /// Packets with an unblocked segment.
@@ -410,7 +416,7 @@ struct Row {
 /// segments. Effective if the segments of each packet are close together, see [`crate::ray::gather_neighbours`].
 #[derive(Default)]
 pub(super) struct Tiles {
-    rows: Vec<Row>,
+    rows: Vec<TileRow>,
 }
 
 impl Tiles {
@@ -422,7 +428,7 @@ impl Tiles {
     #[inline(always)]
     pub fn make<S: Simd>(&mut self, simd: S, packets: &[Packet], blocked: &[u32]) {
         for (packets, blocked) in packets.chunks(LANES).zip(blocked.chunks(LANES)) {
-            let mut row = Row { lo: [[0.0; LANES]; 3], hi: [[0.0; LANES]; 3], open: 0 };
+            let mut row = TileRow { lo: [[0.0; LANES]; 3], hi: [[0.0; LANES]; 3], open: 0 };
             for (k, (packet, blocked)) in packets.iter().zip(blocked).enumerate() {
                 let [_, direction] = filled(simd, packet);
                 for (axis, d) in direction.into_iter().enumerate() {
@@ -436,7 +442,7 @@ impl Tiles {
     }
 }
 
-impl Row {
+impl TileRow {
     /// Smallest and largest product of a plane with the directions of each packet.
     #[inline(always)]
     pub fn products<S: Simd>(&self, simd: S, plane: Vec3) -> (S::F, S::F) {

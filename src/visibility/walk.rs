@@ -16,14 +16,14 @@ use super::front::Front;
 use super::shaft::Shaft;
 use super::slabs::{Passed, Slabs, pass};
 use super::triangles::{self, Tiles};
-use super::wide::{AxisOptics, BLOCK_WORK, LEAF, NODE_WORK, Node, WideTree, mixed};
+use super::wide::{AxisOptics, BLOCK_WORK, LEAF, NODE_WORK, WideNode, WideTree, mixed};
 use crate::optics::{AXIS_COUNT, AxisMix};
 use crate::ray::{Lanes, Packet};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
 
 /// Parameters of a walk.
-pub(super) struct Rule {
+pub(super) struct WalkRule {
     /// Emitter size and feature size, scene units.
     pub e: f32,
     pub s: f32,
@@ -73,7 +73,7 @@ pub(super) fn walk<S: Simd>(
     tree: &WideTree,
     front: Option<&Front>,
     (packets, shaft): (&[Packet], &Shaft),
-    rule: &Rule,
+    rule: &WalkRule,
     buffers: &mut Buffers,
 ) -> Walked {
     buffers.blocked.clear();
@@ -120,7 +120,7 @@ pub(super) fn gather<S: Simd>(
     tree: &WideTree,
     front: Option<&Front>,
     (packets, shaft): (&[Packet], &Shaft),
-    rule: &Rule,
+    rule: &WalkRule,
     buffers: &mut Buffers,
 ) -> (Walked, bool) {
     let Buffers { queue, slabs, tiles, blocked, .. } = buffers;
@@ -210,9 +210,9 @@ impl Walked {
 #[inline(always)]
 pub(super) fn visit<S: Simd>(
     simd: S,
-    (node, optics): (&Node, &[AxisOptics; AXIS_COUNT]),
+    (node, optics): (&WideNode, &[AxisOptics; AXIS_COUNT]),
     (shaft, from): (&Shaft, Vec3),
-    rule: &Rule,
+    rule: &WalkRule,
     mix: &AxisMix,
     slabs: &mut Slabs,
     open: &mut impl FnMut(u32),

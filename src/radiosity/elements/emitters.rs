@@ -1,7 +1,7 @@
 //! Emitting faces: closed forms use all faces of an emitter, single rays use one face drawn at random.
 
 use super::Elements;
-use super::emitter_tree::{Cut, EmitterTree, Receiver};
+use super::emitter_tree::{EmitterCut, EmitterTree, Receiver};
 use super::profiles::profile_factor;
 use crate::form_factors::analytic::{point_to_far_polygon, point_to_polygon};
 use crate::math::sampling::point_on;
@@ -81,12 +81,12 @@ impl Emitters {
     }
 
     /// Finds the groups of faces that a receiver draws from.
-    pub fn cut(&self, receiver: &Receiver, cut: &mut Cut) {
+    pub fn cut(&self, receiver: &Receiver, cut: &mut EmitterCut) {
         self.tree.cut(receiver, cut);
     }
 
     /// The faces that light the receiver of a cut, if they are so few that the cut has a node for each.
-    pub fn faces<'c>(&'c self, cut: &'c Cut) -> Option<impl Iterator<Item = &'c EmitterFace> + 'c> {
+    pub fn faces<'c>(&'c self, cut: &'c EmitterCut) -> Option<impl Iterator<Item = &'c EmitterFace> + 'c> {
         let face = |place: u32| {
             let (e, k) = self.lit[place as usize];
             &self.emitters[e as usize].faces[k as usize]
@@ -101,7 +101,7 @@ impl Emitters {
 
     /// A point on an emitter for two numbers in `[0, 1)`, the emitter and its face, and the density of the point on the face over the face's
     /// exitance (mean over the channels). None if no emitter can light the receiver.
-    pub fn sample(&self, cut: &Cut, u: f32, v: f32) -> Option<(Vec3, [usize; 2], f32)> {
+    pub fn sample(&self, cut: &EmitterCut, u: f32, v: f32) -> Option<(Vec3, [usize; 2], f32)> {
         let ([first, end], u, density) = self.tree.draw(cut, u)?;
         let (first, end) = (first as usize, end as usize);
         // The face of the group by power: the part of the running sums that belongs to the group.
@@ -118,7 +118,7 @@ impl Emitters {
     }
 
     /// The density of [`Emitters::sample`] at a point of the face with a number over the face's exitance.
-    pub fn density(&self, cut: &Cut, number: u32) -> f32 {
+    pub fn density(&self, cut: &EmitterCut, number: u32) -> f32 {
         match self.places[number as usize] {
             Elements::NONE => 0.0,
             place => self.tree.probability(cut, place),

@@ -23,7 +23,7 @@ pub use blocker_certificate::BlockerCertificate;
 pub use error_oracle::{Split, link_error};
 pub use estimator::LinkEstimator;
 pub use sky_estimator::SkyEstimator;
-pub use sky_link::{Last, SkyLink, SkyPair, SkySource, sky_link_error};
+pub use sky_link::{LastMeasurement, SkyLink, SkyPair, SkySource, sky_link_error};
 pub use visibility_engine::{Scratch, Tally, VisibilityEngine, VisibilityQuery, sample_bundles};
 
 /// The exchange of light between two elements, or between the parts of one cluster.

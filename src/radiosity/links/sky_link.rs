@@ -211,13 +211,13 @@ pub struct SkyPair {
     /// [`SkyLink::is_clear`] of the link that this one replaces.
     pub is_clear: bool,
     /// Set if the link, which is not certainly clear, is measured for the last time.
-    pub last: Option<Last>,
+    pub last: Option<LastMeasurement>,
 }
 
 /// A last measurement, with consecutive points of a sequence that all links share: the points of neighbouring receivers' links to one source then
 /// interleave, and the errors of these links cancel.
 #[derive(Clone, Copy, Default)]
-pub struct Last {
+pub struct LastMeasurement {
     /// Number of the first point.
     pub first: u32,
     /// Number of segments.
@@ -295,7 +295,7 @@ impl SkyDraft {
         // A link that is not certainly clear but has no segments sees only a sliver of the source above its horizon. A last measurement keeps the
         // earlier values.
         let without_segments = |noise: f32| match self.pair.last {
-            Some(Last { variation, noise, transmittance, .. }) => {
+            Some(LastMeasurement { variation, noise, transmittance, .. }) => {
                 SkyLink { variation, noise, ..self.with(transmittance, [0.0; 2], 0.0) }
             }
             None => self.with(1.0, [noise; 2], 0.0),
@@ -325,7 +325,7 @@ impl SkyDraft {
         }
         let link = self.with(transmittance, parts, agreed);
         match self.pair.last {
-            Some(Last { variation, noise, .. }) => {
+            Some(LastMeasurement { variation, noise, .. }) => {
                 SkyLink { variation, noise: noise.min(link.noise), ..link }
             }
             None => link,

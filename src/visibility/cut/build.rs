@@ -1,6 +1,6 @@
 //! Construction of the tree of the distance cut: surface area heuristic, sixteen children a node, full blocks.
 
-use super::layout::{Block, Extinctions, LEAF, Node};
+use super::layout::{CutBlock, CutNode, Extinctions, LEAF};
 use super::shells::Pieces;
 use crate::math::Aabb;
 use crate::scene::Scene;
@@ -72,9 +72,9 @@ pub(super) type Facts = [ChildFacts; LANES];
 
 /// A tree without extinctions, and the properties of children from which these are measured.
 pub(super) struct Draft {
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<CutNode>,
     pub extinctions: Vec<Extinctions>,
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<CutBlock>,
     pub facts: Vec<Facts>,
 }
 
@@ -113,7 +113,7 @@ impl Context<'_> {
         let room = LANES - parts.len();
         parts.extend(divide(others, room, depth >= MAX_UNEVEN));
         let around = parts.iter().fold(Aabb::EMPTY, |all, part| all.union(part.bounds));
-        let mut node = Node::within(around);
+        let mut node = CutNode::within(around);
         let mut facts = [ChildFacts::default(); LANES];
         let places: Vec<(Aabb, bool)> = parts.iter().map(|part| (part.bounds, part.surface)).collect();
         let count: usize = parts.iter().map(|part| part.items.len()).sum();
@@ -153,7 +153,7 @@ impl Context<'_> {
         let triangles = part.items.iter().map(|item| self.scene.corners(item.triangle));
         let largest =
             part.items.iter().map(|item| self.pieces.size[item.triangle as usize]).fold(0.0, f32::max);
-        let blocks = vec![Block::of(triangles)];
+        let blocks = vec![CutBlock::of(triangles)];
         (Draft { nodes: vec![], extinctions: vec![], blocks, facts: vec![] }, largest)
     }
 }

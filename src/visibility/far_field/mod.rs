@@ -5,7 +5,7 @@
 mod tests;
 
 use super::answer::{Answer, Bundle};
-use super::cut::{Cut, Mode};
+use super::cut::{DistanceCut, Mode};
 use super::exact::Exact;
 use super::multires::MultiResolution;
 use super::probe::Probe;
@@ -21,7 +21,7 @@ const MIN_GAIN: f32 = 1.25;
 
 /// Data shared by the probes of a model.
 pub struct FarField<'a> {
-    cut: Arc<Cut>,
+    cut: Arc<DistanceCut>,
     exact: Exact,
     emitters: &'a [EmitterSampler],
     /// Targets of each emitter.
@@ -30,7 +30,7 @@ pub struct FarField<'a> {
 
 /// Reusable buffers for segments, kept between probes.
 #[derive(Default)]
-pub struct Scratch {
+pub struct FarFieldBuffers {
     packets: Vec<Packet>,
     blocked: Vec<u32>,
 }
@@ -61,9 +61,9 @@ impl<'a> FarField<'a> {
         probe: &Probe,
         emitter: usize,
         sets: impl Iterator<Item = usize>,
-        scratch: &mut Scratch,
+        scratch: &mut FarFieldBuffers,
     ) -> Answer {
-        let Scratch { packets, blocked } = scratch;
+        let FarFieldBuffers { packets, blocked } = scratch;
         let (sampler, targets) = (&self.emitters[emitter], &self.targets[emitter]);
         packets.clear();
         sets.for_each(|set| targets.add_segments(probe, set, packets));
