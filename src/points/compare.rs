@@ -1,6 +1,8 @@
 //! Comparison of two irradiance files.
 
+#[cfg(feature = "internals")]
 use super::Irradiance;
+#[cfg(feature = "internals")]
 use crate::{Error, Result};
 
 /// Differences between two irradiance files over all points and channels.
@@ -25,6 +27,7 @@ pub struct Comparison {
 
 impl Comparison {
     /// Percentages that [`Comparison::percentiles`] belong to.
+    #[cfg(feature = "internals")]
     pub const SHARES: [f64; 4] = [50.0, 90.0, 99.0, 100.0];
 }
 
@@ -35,6 +38,7 @@ impl Comparison {
 /// # Errors
 /// [`Error::Argument`] unless both hold the same points in the same order; positions may differ by 1e-5 of the points'
 /// extent (rounded digits).
+#[cfg(feature = "internals")]
 pub fn compare(reference: &Irradiance, test: &Irradiance) -> Result<Comparison> {
     let (a, b) = (&reference.points, &test.points);
     if a.len() != b.len() {

@@ -5,15 +5,23 @@
 //! `Er_se,Eg_se,Eb_se` if standard errors are known. Further columns are ignored, so every irradiance file is also a
 //! point file.
 
+#[cfg(any(test, feature = "reports"))]
 mod compare;
+#[cfg(feature = "internals")]
 mod read;
 #[cfg(test)]
 mod tests;
+#[cfg(feature = "internals")]
 mod write;
 
-pub use compare::{Comparison, compare};
-pub use read::{irradiance_of, read_irradiance, read_points};
-pub use write::write_irradiance;
+#[cfg(any(test, feature = "reports"))]
+pub use compare::Comparison;
+#[cfg(feature = "internals")]
+pub use {
+    compare::compare,
+    read::{irradiance_of, read_irradiance, read_points},
+    write::write_irradiance,
+};
 
 use glam::DVec3;
 

@@ -1,6 +1,6 @@
 //! Heights at the samples of a regular grid.
 
-use crate::{Error, Result, memory};
+use crate::{Error, Result};
 use glam::DVec3;
 
 /// Largest number of columns or rows: positions along a line of samples, in columns with fractions, are exact to 1/128 of a
@@ -85,6 +85,7 @@ impl Grid {
     }
 
     /// Distances of neighbouring columns and of neighbouring rows, m.
+    #[cfg(feature = "internals")]
     pub fn cell(&self) -> [f64; 2] {
         self.cell
     }
@@ -95,6 +96,7 @@ impl Grid {
     }
 
     /// Where the grid is on the earth.
+    #[cfg(feature = "internals")]
     pub fn georeference(&self) -> &Georeference {
         &self.georeference
     }
@@ -134,8 +136,9 @@ impl Grid {
 
     /// The grid with columns and rows exchanged, without georeference: its x axis points to the south of this grid, its rows lie
     /// from west to east.
+    #[cfg(feature = "internals")]
     pub(super) fn transposed(&self) -> Result<Grid> {
-        memory::check_room(4 * self.heights.len() as u64, || "heights of the terrain".into())?;
+        crate::memory::check_room(4 * self.heights.len() as u64, || "heights of the terrain".into())?;
         Ok(Grid {
             columns: self.rows,
             rows: self.columns,
@@ -150,6 +153,7 @@ impl Grid {
 /// Slope at a sample from the heights before, at and behind it, times `scale` (1 over the distance of samples); 0 if both
 /// neighbours are missing.
 #[inline]
+#[cfg(feature = "internals")]
 pub(super) fn slope(before: f32, here: f32, behind: f32, scale: f32) -> f32 {
     let (left, right) = (here - before, behind - here);
     let both = 0.5 * (left + right);
