@@ -2,7 +2,7 @@
 //! [`Sketch`](super::draft::Sketch) of triangles.
 
 use super::FAN_OUT;
-use super::draft::{Draft, Sketch, SketchNode, surface};
+use super::draft::{Draft, Sketch, SketchNode};
 use crate::math::Aabb;
 use glam::Vec3;
 use rand_pcg::Pcg64Mcg;
@@ -62,7 +62,7 @@ fn divide(faces: Vec<u32>, boxes: &[Aabb]) -> [Vec<u32>; 2] {
             (*count, *bounds) = (*count + 1, bounds.union(boxes[t as usize]));
         }
         let join = |a: (usize, Aabb), b: &(usize, Aabb)| (a.0 + b.0, a.1.union(b.1));
-        let cost = |side: (usize, Aabb)| side.0 as f32 * surface(side.1);
+        let cost = |side: (usize, Aabb)| side.0 as f32 * side.1.half_area();
         let mut above = [(0, Aabb::EMPTY); BINS + 1];
         for k in (0..BINS).rev() {
             above[k] = join(above[k + 1], &bins[k]);
@@ -242,7 +242,7 @@ impl Boxes {
         let mut best = (f32::INFINITY, Place::Sibling(node));
         while inherited < best.0 {
             let BoxNode { bounds: own, face, children, .. } = &self.nodes[node as usize];
-            let (before, after) = (surface(*own), surface(own.union(bounds)));
+            let (before, after) = (own.half_area(), own.union(bounds).half_area());
             let sibling = inherited + 2.0 * after;
             if sibling < best.0 {
                 best = (sibling, Place::Sibling(node));
@@ -258,7 +258,7 @@ impl Boxes {
             inherited += (after - before) * count;
             let growth = |c: u32| {
                 let own = self.nodes[c as usize].bounds;
-                (surface(own.union(bounds)) - surface(own), surface(own))
+                (own.union(bounds).half_area() - own.half_area(), own.half_area())
             };
             let least = children.iter().map(|&c| (growth(c), c)).reduce(|a, b| if b.0 < a.0 { b } else { a });
             match least {

@@ -222,7 +222,7 @@ impl Sketch {
                     SketchNode::Parts(own) if counts[part as usize] > FAN_OUT && own.len() <= room => own,
                     _ => return None,
                 };
-                Some((k, surface(bounds[part as usize]), own))
+                Some((k, bounds[part as usize].half_area(), own))
             });
             // The first of equals.
             let Some((k, _, own)) = openable.reduce(|a, b| if b.1 > a.1 { b } else { a }) else {
@@ -231,10 +231,4 @@ impl Sketch {
             parts.splice(k..=k, own.iter().copied());
         }
     }
-}
-
-/// Half of the surface of a box, length²; 0 for an empty box.
-pub(super) fn surface(bounds: Aabb) -> f32 {
-    let e = bounds.extent();
-    e.x * e.y + e.y * e.z + e.z * e.x
 }

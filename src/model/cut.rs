@@ -2,7 +2,7 @@
 
 use super::Model;
 use super::engines::{SEED, Surfaces};
-use crate::math::sampling::on_triangle;
+use crate::math::sampling::{on_triangle, sobol};
 use crate::math::triangle_normal;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::threads::Threads;
@@ -125,10 +125,8 @@ impl Model {
         count: usize,
     ) -> Option<Sampled<'_>> {
         let (scene, samplers) = (self.scene(), self.samplers());
-        // A sequence serves 65,536 points.
-        let seed = SEED ^ (k >> 16).wrapping_mul(0x9e37_79b9);
-        let [u, v, w, pick] = sample_4d(k & 0xffff, 0, seed);
-        let [side, ..] = sample_4d(k & 0xffff, 1, seed);
+        let [u, v, w, pick] = sobol(k, 0, SEED);
+        let [side, ..] = sobol(k, 1, SEED);
         let face = surfaces.face(u)?;
         if scene.triangle_emitter[face as usize] != u32::MAX {
             return None;

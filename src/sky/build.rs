@@ -10,7 +10,7 @@ use super::perez::{Atmosphere, SOLAR_CONSTANT};
 use super::position::{Air, sun_position};
 use super::radiance::{Level, Sky};
 use super::sun::Sun;
-use super::{clear, gradation};
+use super::{gradation, position};
 use crate::error::shown;
 use crate::math::MAX_RADIANCE;
 use crate::{Error, Result};
@@ -256,7 +256,7 @@ impl SkyOptions {
                 let sun = self.needed(position, "clear")?;
                 let altitude = self.place.map_or(0.0, |p| p.altitude);
                 let [direct, diffuse] =
-                    clear::irradiances(turbidity, sun.zenith_angle(), altitude, sun.outside);
+                    position::clear_irradiances(turbidity, sun.zenith_angle(), altitude, sun.outside);
                 let atmosphere = Atmosphere::new(direct, diffuse, sun.outside, sun.zenith_angle());
                 let [of_diffuse, of_direct] = efficacy(&atmosphere);
                 Model {

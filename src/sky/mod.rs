@@ -12,7 +12,6 @@
 
 mod build;
 mod cells;
-mod clear;
 mod cosine;
 mod environment;
 mod frame;

@@ -5,7 +5,6 @@
 //! white the surfaces are.
 
 mod active_nodes;
-mod cluster_reflection;
 mod directional;
 mod gather_push_pull;
 mod krylov;
@@ -15,8 +14,7 @@ mod row_normalisation;
 mod transport_matrix;
 
 pub use active_nodes::ActiveNodes;
-pub use cluster_reflection::emission_moments;
-pub use directional::{DirectionalIrradiance, NodeIrradiance};
+pub use directional::{DirectionalIrradiance, NodeIrradiance, emission_moments};
 pub use gather_push_pull::{NodeRadiosity, gather, pushed};
 pub use krylov::solve;
 pub use link_transport::{LinkTransport, sweeps};

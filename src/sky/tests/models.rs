@@ -3,6 +3,7 @@
 use super::*;
 use crate::sky::gradation::{CIE_CLEAR, TRADITIONAL_OVERCAST, cie_shape};
 use crate::sky::perez::{Atmosphere, SOLAR_CONSTANT};
+use crate::sky::position::clear_irradiances;
 
 /// Horizontal irradiance over radiance at the zenith with the sun at 60° of elevation, CIE types 1 to 16 (quadrature by another program, from
 /// the coefficients of ISO 15469).
@@ -71,7 +72,7 @@ fn clear_skies_have_the_irradiance_of_pvlib() {
     for (which, what) in ["clear direct", "clear diffuse"].into_iter().enumerate() {
         for ([turbidity, elevation, altitude, .., value], _) in reference(what, 6) {
             let zenith_angle = (90.0 - elevation).to_radians();
-            let found = clear::irradiances(turbidity, zenith_angle, altitude, SOLAR_CONSTANT);
+            let found = clear_irradiances(turbidity, zenith_angle, altitude, SOLAR_CONSTANT);
             assert_near(found[which], value, 1e-4);
         }
     }

@@ -9,11 +9,10 @@ use super::cut::{DistanceCut, Mode};
 use super::exact::Exact;
 use super::multires::MultiResolution;
 use super::probe::Probe;
-use crate::math::sampling::mix;
+use crate::math::sampling::{mix, sobol};
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::scene::{EmitterSampler, Scene};
 use glam::Vec3;
-use sobol_burley::sample_4d;
 use std::sync::Arc;
 
 /// Smallest gain at which probes use the cut: the pilot measures gains to about a tenth.
@@ -105,7 +104,7 @@ impl Targets {
     pub fn new(scene: &Scene, sampler: &EmitterSampler, cells: usize, seed: u32) -> Targets {
         let faces = sampler.all();
         let draw = |i: u32| {
-            let [u, v, ..] = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
+            let [u, v, ..] = sobol(i, 0, seed);
             faces.sample(scene, u, v)
         };
         // The rule carries the number of the point through the sorting.
