@@ -73,9 +73,6 @@
 //!
 //! The formulas, with their papers, are in `docs/method.md` of the source code.
 
-// Without the command and its features a part of the crate has no user.
-#![cfg_attr(not(feature = "internals"), allow(dead_code, unused_imports))]
-
 /// Defines options: a structure that states the default of each of its fields.
 macro_rules! options {
     ($(#[$of_all:meta])* pub struct $name:ident {

@@ -48,6 +48,12 @@ impl Aabb {
         self.extent().length()
     }
 
+    /// Half of the surface, length²; 0 for the empty box.
+    pub fn half_area(self) -> f32 {
+        let e = self.extent();
+        e.x * e.y + e.y * e.z + e.z * e.x
+    }
+
     /// Largest absolute coordinate of a corner.
     pub fn magnitude(self) -> f32 {
         self.min.abs().max(self.max.abs()).max_element()

@@ -4,6 +4,7 @@
 pub mod testing;
 
 use std::fmt;
+#[cfg(any(test, feature = "reports"))]
 use std::io::{Error, Result, Seek, SeekFrom, Write};
 use std::sync::Arc;
 use std::time::Instant;
@@ -112,10 +113,12 @@ pub fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
     result
 }
 
-/// Bytes that are written between two looks at the caller: a millisecond.
+/// Bytes that are written between two checks for cancellation: a millisecond.
+#[cfg(any(test, feature = "reports"))]
 const SLICE: usize = 1 << 20;
 
 /// A writer that fails once `progress` has stopped.
+#[cfg(any(test, feature = "reports"))]
 pub struct Stoppable<'a, W> {
     /// Where the bytes go.
     pub out: W,
@@ -123,6 +126,7 @@ pub struct Stoppable<'a, W> {
     pub progress: &'a dyn Progress,
 }
 
+#[cfg(any(test, feature = "reports"))]
 impl<W: Write> Write for Stoppable<'_, W> {
     fn write(&mut self, bytes: &[u8]) -> Result<usize> {
         match self.progress.stopped() {
@@ -136,6 +140,7 @@ impl<W: Write> Write for Stoppable<'_, W> {
     }
 }
 
+#[cfg(any(test, feature = "reports"))]
 impl<W: Seek> Seek for Stoppable<'_, W> {
     fn seek(&mut self, to: SeekFrom) -> Result<u64> {
         self.out.seek(to)

@@ -1,5 +1,5 @@
 //! Processes that share one computation, for example over MPI: every rank reads the same scene with the same options, computes some rows of
-//! the parts that take long, and receives the rows of all others. All else each rank does itself.
+//! the parts that take long, and receives the rows of all others. Everything else is computed redundantly on every rank.
 //!
 //! A row depends on its number and the seed, never on the rank that computes it, and rows are put together in the order of their numbers.
 //! Sums over rows are then taken on every rank, in that order: results have the same bits for any number of ranks.
@@ -33,6 +33,7 @@ const MAX_BLOCK: usize = 1024;
 
 impl Ranks {
     /// Connected ranks.
+    #[cfg(feature = "internals")]
     pub fn of(exchange: Arc<dyn Exchange>) -> Ranks {
         Ranks(Some(exchange).filter(|e| e.count() > 1))
     }

@@ -10,7 +10,7 @@ use crate::model::{Detail, PrepareOptions};
 use crate::model::{Mesh, Model};
 use crate::progress::timed;
 use crate::ray::LANES;
-use crate::visibility::{Candidate, Cut, LeafMode, MultiResolution, Workspace};
+use crate::visibility::{Candidate, DistanceCut, LeafMode, MultiResolution, Workspace};
 use std::sync::Arc;
 
 impl BenchOptions {
@@ -54,7 +54,7 @@ const CUT_STREAMS: [u64; 2] = [12, 13];
 impl Bench<'_> {
     /// The distance cut, fitted on segments to suns and patches of the sky, too; none where [`Model::cut`] makes none but for want of
     /// emitters.
-    fn cut_under_a_sky(&self) -> Option<Arc<Cut>> {
+    fn cut_under_a_sky(&self) -> Option<Arc<DistanceCut>> {
         if self.model.instances().len() > 1 {
             return None;
         }
@@ -72,7 +72,7 @@ impl Bench<'_> {
             let forwards = packets.iter().all(|packet| packet.backwards == 0);
             forwards.then(|| Candidate { packets, emitter_size, emitter: &hulls[pair] })
         };
-        Cut::fitted(self.scene, candidate, &self.model.exact()).map(Arc::new)
+        DistanceCut::fitted(self.scene, candidate, &self.model.exact()).map(Arc::new)
     }
 
     /// Sample of the workload for the decisions of all rows.

@@ -12,11 +12,13 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 /// The text of a JSON file: indented, with a line feed at its end.
+#[cfg(any(test, feature = "reports"))]
 pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
     Ok(serde_json::to_string_pretty(value)? + "\n")
 }
 
 /// Writes a JSON file.
+#[cfg(feature = "internals")]
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     WholeFile::write(path, json_text(value).map_err(|e| Error::format(path, None, e.to_string()))?)
 }
@@ -177,6 +179,7 @@ impl WholeFile {
     }
 
     /// Writes a complete file.
+    #[cfg(feature = "internals")]
     pub fn write(target: &Path, content: impl AsRef<[u8]>) -> Result<()> {
         let mut file = WholeFile::create(target)?;
         file.write_all(content.as_ref()).map_err(|e| Error::io(target, e))?;

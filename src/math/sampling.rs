@@ -1,6 +1,7 @@
 //! Random numbers, points on surfaces and directions about normals.
 
 use glam::Vec3;
+use sobol_burley::sample_4d;
 
 /// Four numbers in `[0, 1)` for an item and a seed (SplitMix64, Steele et al. 2014).
 pub fn numbers(seed: u64, item: u64) -> [f32; 4] {
@@ -16,6 +17,12 @@ pub fn mix(v: u64) -> u64 {
     let v = (v ^ v >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let v = (v ^ v >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
     v ^ v >> 31
+}
+
+/// Four numbers in `[0, 1)` of point `i` of a scrambled Sobol sequence, which serves 65,536 points; later ones are of sequences with other
+/// seeds. `set`: further numbers of the same point.
+pub fn sobol(i: u32, set: u32, seed: u32) -> [f32; 4] {
+    sample_4d(i & 0xffff, set, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9))
 }
 
 /// A place in the unit square, moved by the `m`-th term of the sequence R2 (Roberts 2018) modulo 1: the first terms are evenly spread around it.

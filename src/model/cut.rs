@@ -2,11 +2,13 @@
 
 use super::Model;
 use super::engines::{SEED, Surfaces};
-use crate::math::sampling::on_triangle;
+use crate::math::sampling::{on_triangle, sobol};
 use crate::math::triangle_normal;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::threads::Threads;
-use crate::visibility::{Bundle, Candidate, Cut, Halves, LeafMode, MultiResolution, Route, RouteSample};
+use crate::visibility::{
+    Bundle, Candidate, DistanceCut, Halves, LeafMode, MultiResolution, Route, RouteSample,
+};
 use glam::Vec3;
 use sobol_burley::sample_4d;
 use std::sync::{Arc, PoisonError};
@@ -39,7 +41,7 @@ impl Model {
     ///
     /// # Panics
     /// If making it does.
-    pub(crate) fn cut(&self) -> Option<Arc<Cut>> {
+    pub(crate) fn cut(&self) -> Option<Arc<DistanceCut>> {
         if self.inner.top.is_some() || self.scene().emitters.is_empty() {
             return None;
         }
@@ -65,7 +67,7 @@ impl Model {
         let routes = || self.inner.engines.routes.lock().unwrap_or_else(PoisonError::into_inner);
         let known = routes().get(&(octave as i32, n)).copied();
         let engine = engine.clone().with_cut(Some(cut));
-        // Whoever decides meanwhile decides the same.
+        // The lock is not held meanwhile: another thread makes the same decision, which is deterministic.
         let route = known.unwrap_or_else(|| {
             let route = self.sampled_route(&engine, (octave + 0.5).exp2(), n);
             routes().insert((octave as i32, n), route);
@@ -99,10 +101,10 @@ impl Model {
         self.with_workspace(|workspace| engine.route(&sample, &sample.runs, s, workspace))
     }
 
-    fn made_cut(&self) -> Option<Cut> {
+    fn made_cut(&self) -> Option<DistanceCut> {
         let surfaces = Surfaces::receiving(self.scene(), self.bounds());
         let magnitudes = self.base().magnitudes();
-        Cut::fitted(self.scene(), |k| self.candidate(&surfaces, magnitudes, k), &self.exact())
+        DistanceCut::fitted(self.scene(), |k| self.candidate(&surfaces, magnitudes, k), &self.exact())
     }
 
     /// Receiver `k` of the pilot, unless it emits or faces no emitter.
@@ -123,10 +125,8 @@ impl Model {
         count: usize,
     ) -> Option<Sampled<'_>> {
         let (scene, samplers) = (self.scene(), self.samplers());
-        // A sequence serves 65,536 points.
-        let seed = SEED ^ (k >> 16).wrapping_mul(0x9e37_79b9);
-        let [u, v, w, pick] = sample_4d(k & 0xffff, 0, seed);
-        let [side, ..] = sample_4d(k & 0xffff, 1, seed);
+        let [u, v, w, pick] = sobol(k, 0, SEED);
+        let [side, ..] = sobol(k, 1, SEED);
         let face = surfaces.face(u)?;
         if scene.triangle_emitter[face as usize] != u32::MAX {
             return None;

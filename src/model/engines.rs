@@ -6,7 +6,7 @@ use crate::math::sampling::on_triangle;
 use crate::ray::{LANES, Packet};
 use crate::scene::{EmitterSampler, Scene};
 use crate::visibility::{
-    Bundle, CALIBRATION_BUNDLES, Cut, Exact, LeafMode, MultiResolution, Route, Workspace,
+    Bundle, CALIBRATION_BUNDLES, DistanceCut, Exact, LeafMode, MultiResolution, Route, Workspace,
 };
 use glam::Vec3;
 use sobol_burley::sample_4d;
@@ -20,7 +20,7 @@ pub(super) const SEED: u32 = 0x6d72_7669;
 #[derive(Default)]
 pub(super) struct Engines {
     multi_resolution: OnceLock<MultiResolution>,
-    pub(super) cut: OnceLock<Option<Arc<Cut>>>,
+    pub(super) cut: OnceLock<Option<Arc<DistanceCut>>>,
     /// The route of single queries, by the power of two of feature size and number of segments.
     pub(super) routes: Mutex<BTreeMap<(i32, usize), Route>>,
     samplers: OnceLock<Vec<EmitterSampler>>,

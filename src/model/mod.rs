@@ -7,14 +7,12 @@
 pub mod cache;
 mod cut;
 mod emitter_notes;
-mod enclosing_notes;
 mod engines;
 mod instance;
 mod mesh;
 mod places;
 mod precision_notes;
 mod prepare;
-mod source;
 pub mod summary;
 #[cfg(test)]
 pub mod testing;
@@ -22,12 +20,6 @@ pub mod testing;
 mod tests;
 mod top_level;
 mod update;
-
-pub use instance::{Instance, InstanceChange};
-pub use mesh::Mesh;
-pub(crate) use mesh::face_magnitudes;
-pub use prepare::{Detail, PrepareOptions, PrepareReport};
-pub use source::Source;
 
 use crate::embree::{CommittedScene, Device, Hits, Traversal};
 use crate::math::Aabb;
@@ -42,6 +34,10 @@ use crate::{Error, Result};
 use crate::{clusters, optics};
 use engines::Engines;
 use glam::Vec3;
+pub use instance::{Instance, InstanceChange};
+pub use mesh::Mesh;
+pub(crate) use mesh::face_magnitudes;
+pub use prepare::{Detail, PrepareOptions, PrepareReport};
 use std::sync::Arc;
 use top_level::TopLevel;
 
@@ -329,4 +325,18 @@ impl Model {
     pub(crate) fn end_rule(&self) -> EndRule {
         EndRule::new(self.magnitude())
     }
+}
+
+/// A source of light.
+///
+/// Sky and sun will be variants of their own: they have no area and lie at infinity, so that code which matches must not
+/// assume a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Source {
+    /// An emissive surface of the scene's own triangles.
+    Surface {
+        /// Index into [`Scene::emitter_names`](crate::Scene::emitter_names).
+        emitter: u32,
+    },
 }

@@ -3,9 +3,8 @@
 use super::cache::{self, CacheLocation, Origin, PreparedClusters};
 use super::instance::{Instance, is_single};
 use super::mesh::{Clusters, Measured, Mesh, commit};
-use super::source::Source;
 use super::top_level::TopLevel;
-use super::{Inner, Model};
+use super::{Inner, Model, Source};
 use crate::clusters::Builder;
 use crate::embree::Device;
 use crate::math::rows;

@@ -5,18 +5,16 @@
 
 mod averaging_width;
 mod axes;
-mod check;
 pub mod groups;
 mod silhouette;
 #[cfg(test)]
 mod tests;
 
-pub use axes::{AXES, AXIS_COUNT, AxisMix, axes_around};
-use axes::{PROBES, view};
-
 use crate::clusters::Tree;
 use crate::math::{Aabb, triangle_area};
 use crate::scene::Scene;
+pub use axes::{AXES, AXIS_COUNT, AxisMix, axes_around};
+use axes::{PROBES, view};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -317,4 +315,28 @@ fn slope(centroid: Vec3, bounds: Aabb) -> Vec3 {
 /// measured in. Source: [SD95 sec 3.1]; docs/method.md, Extinction.
 pub fn extinction(sides_times_area: f64, thickened: Aabb) -> f32 {
     (sides_times_area / (4.0 * thickened.volume()).max(f64::MIN_POSITIVE)) as f32
+}
+
+impl ClusterOptics {
+    /// Whether every value lies in its range; `longest`: largest length that can occur, scene units.
+    pub fn is_in_range(&self, longest: f32) -> bool {
+        // All fields are named, so that a new field does not compile before it is considered here.
+        let ClusterOptics {
+            extinction,
+            slope,
+            blocker_size,
+            gap_size,
+            coverage,
+            averaging_width,
+            connected_size,
+            error,
+        } = self;
+        let lengths = [blocker_size, gap_size, averaging_width, connected_size];
+        let part = |v: &f32| (0.0..=1.0).contains(v);
+        extinction.iter().all(|k| k.is_finite() && *k >= 0.0)
+            && slope.is_finite()
+            && lengths.into_iter().flatten().all(|l| (0.0..=longest).contains(l))
+            && coverage.iter().all(part)
+            && part(error)
+    }
 }

@@ -43,6 +43,7 @@ pub struct Element {
 
 impl Element {
     /// Whether the element has three corners.
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn is_triangle(&self) -> bool {
         self.corners[2] == self.corners[3]
     }
@@ -75,6 +76,7 @@ pub struct RadiosityMesh {
     /// Number of these dark sides.
     pub dark: usize,
     /// The instance of each element; empty in scenes without placed meshes.
+    #[cfg_attr(not(feature = "reports"), allow(dead_code))]
     pub instances: Vec<PlacedElement>,
 }
 

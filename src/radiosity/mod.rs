@@ -9,13 +9,17 @@
 //! Rooms, each using only those before it: `elements`, `surroundings`, `links`, `transport`, `refinement`, `final_gather`, `audit`,
 //! `pipeline`.
 
+// Solutions at given points, their audit and some options have users in the command alone.
+#[cfg_attr(not(feature = "reports"), allow(dead_code, unused_imports))]
 mod audit;
 mod deadline;
 pub mod elements;
 mod final_gather;
 pub mod links;
 pub mod mesh;
+#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 mod options;
+#[cfg_attr(not(feature = "internals"), allow(dead_code, unused_imports))]
 mod pipeline;
 mod refinement;
 mod rgb;
@@ -24,7 +28,14 @@ mod surroundings;
 mod tests;
 mod transport;
 
+#[cfg(any(test, feature = "reports"))]
 pub(crate) use audit::Ledger;
-pub use audit::Powers;
-pub use options::{Inside, Options, Oracle, RowSums, View, Visibility};
-pub use pipeline::{Outcome, PointLight, Record, Seconds, Solution, run, solve};
+pub use options::{Options, Visibility};
+pub use pipeline::{Outcome, Record, Solution, solve};
+#[cfg(any(test, feature = "reports"))]
+pub use {audit::Powers, pipeline::Seconds};
+#[cfg(feature = "internals")]
+pub use {
+    options::{Inside, Oracle, RowSums, View},
+    pipeline::{PointLight, run},
+};

@@ -5,7 +5,6 @@ mod crossings;
 mod daylight;
 mod generated;
 mod ground;
-mod hurried;
 mod limits;
 mod ratios;
 mod shades;

@@ -1,6 +1,6 @@
 //! Emitters: grouping, area, normal, minimum width.
 
-use super::{Emitter, Scene, connect::Sets};
+use super::{Emitter, connect::Sets};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -71,9 +71,10 @@ fn name(emitters: &mut [Emitter], object: impl Fn(u32) -> String) {
 
 impl Emitter {
     /// A part of this emitter: some of its faces, ascending.
-    pub(crate) fn part(&self, scene: &Scene, mut triangles: Vec<u32>) -> Emitter {
+    #[cfg(any(test, feature = "reports"))]
+    pub(crate) fn part(&self, scene: &super::Scene, mut triangles: Vec<u32>) -> Emitter {
         triangles.sort_unstable();
-        let Scene { positions, triangles: all, triangle_polygon: polygon, .. } = scene;
+        let super::Scene { positions, triangles: all, triangle_polygon: polygon, .. } = scene;
         let part = measure(&Faces { positions, triangles: all, polygon }, triangles, &|_| self.emission);
         Emitter { name: self.name.clone(), ..part }
     }

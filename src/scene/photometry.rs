@@ -56,7 +56,7 @@ impl Photometry {
     }
 
     /// Whether a channel holds lumens instead of watts.
-    #[cfg(any(test, feature = "reports"))]
+    #[cfg(feature = "internals")]
     pub fn holds_lumens(&self) -> bool {
         self.weights.contains(&1.0)
     }

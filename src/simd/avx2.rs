@@ -1,32 +1,11 @@
 //! [`Simd`] with two 256-bit registers per vector.
 #![allow(unsafe_code)]
 
+use super::x86::{feature_token, op, prefetch};
 use super::{Kernel, LANES, Simd, operations};
 use std::arch::x86_64::*;
 
-/// Token that proves the presence of AVX2 and FMA; only [`run`] makes one.
-#[derive(Clone, Copy)]
-pub(super) struct Avx2(());
-
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    #[target_feature(enable = "avx2,fma")]
-    fn inner<K: Kernel>(kernel: K) -> K::Output {
-        kernel.run(Avx2(()))
-    }
-    // Feature detection is one load and a test, cheap compared with any kernel.
-    assert!(is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"));
-    // SAFETY: the features were just detected.
-    unsafe { inner(kernel) }
-}
-
-/// The body of an operation: intrinsics without memory access, or on references of the full width.
-macro_rules! op {
-    ($e:expr) => {
-        // SAFETY: a value of `Avx2` exists only inside `run`, which checked the features; loads and stores are
-        // unaligned ones inside references to sixteen whole elements.
-        unsafe { $e }
-    };
-}
+feature_token!(Avx2, "avx2,fma", ["avx2", "fma"]);
 
 type F = [__m256; 2];
 
@@ -39,14 +18,7 @@ impl Simd for Avx2 {
     type F = F;
     type M = F;
 
-    #[inline(always)]
-    fn prefetch<T>(self, value: &T) {
-        let start: *const i8 = std::ptr::from_ref(value).cast();
-        for line in 0..size_of::<T>().div_ceil(64) {
-            // A prefetch never faults; these lines belong to the value.
-            op!(_mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)));
-        }
-    }
+    prefetch!();
     #[inline(always)]
     fn store(self, v: F, to: &mut [f32; LANES]) {
         op!({

@@ -1,45 +1,17 @@
 //! [`Simd`] with one 512-bit register per vector.
 #![allow(unsafe_code)]
 
+use super::x86::{feature_token, op, prefetch};
 use super::{Kernel, LANES, Simd, operations};
 use std::arch::x86_64::*;
 
-/// Token that proves the presence of AVX-512 F and BW; only [`run`] makes one.
-#[derive(Clone, Copy)]
-pub(super) struct Avx512(());
-
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    #[target_feature(enable = "avx512f,avx512bw")]
-    fn inner<K: Kernel>(kernel: K) -> K::Output {
-        kernel.run(Avx512(()))
-    }
-    // Feature detection is one load and a test, cheap compared with any kernel.
-    assert!(is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw"));
-    // SAFETY: the features were just detected.
-    unsafe { inner(kernel) }
-}
-
-/// The body of an operation: intrinsics without memory access, or on references of the full width.
-macro_rules! op {
-    ($e:expr) => {
-        // SAFETY: a value of `Avx512` exists only inside `run`, which checked the features; loads and stores are
-        // unaligned ones on references to sixteen whole elements.
-        unsafe { $e }
-    };
-}
+feature_token!(Avx512, "avx512f,avx512bw", ["avx512f", "avx512bw"]);
 
 impl Simd for Avx512 {
     type F = __m512;
     type M = __mmask16;
 
-    #[inline(always)]
-    fn prefetch<T>(self, value: &T) {
-        let start: *const i8 = std::ptr::from_ref(value).cast();
-        for line in 0..size_of::<T>().div_ceil(64) {
-            // A prefetch never faults; these lines belong to the value.
-            op!(_mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)));
-        }
-    }
+    prefetch!();
     #[inline(always)]
     fn store(self, v: Self::F, to: &mut [f32; LANES]) {
         op!(_mm512_storeu_ps(to.as_mut_ptr(), v))

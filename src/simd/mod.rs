@@ -14,6 +14,8 @@ mod portable;
 #[cfg(test)]
 mod tests;
 pub mod vector;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 /// Number of lanes of a vector.
 pub const LANES: usize = 16;

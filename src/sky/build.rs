@@ -10,7 +10,7 @@ use super::perez::{Atmosphere, SOLAR_CONSTANT};
 use super::position::{Air, sun_position};
 use super::radiance::{Level, Sky};
 use super::sun::Sun;
-use super::{cie, clear};
+use super::{gradation, position};
 use crate::error::shown;
 use crate::math::MAX_RADIANCE;
 use crate::{Error, Result};
@@ -231,11 +231,11 @@ impl SkyOptions {
             SkyModel::Map(ref path) => plain(Shape::Uniform, format!("sky of the map {}", shown(path))),
             SkyModel::Cie(kind) => {
                 let name = format!("CIE type {kind}");
-                let sun = match cie::needs_sun(kind) {
+                let sun = match gradation::cie_needs_sun(kind) {
                     true => self.needed(position, &name)?.local,
                     false => DVec3::Z,
                 };
-                plain(cie::shape(kind, sun), format!("CIE general sky, type {kind}"))
+                plain(gradation::cie_shape(kind, sun), format!("CIE general sky, type {kind}"))
             }
             SkyModel::Perez { direct, diffuse } => {
                 let sun = self.needed(position, "Perez")?;
@@ -256,11 +256,11 @@ impl SkyOptions {
                 let sun = self.needed(position, "clear")?;
                 let altitude = self.place.map_or(0.0, |p| p.altitude);
                 let [direct, diffuse] =
-                    clear::irradiances(turbidity, sun.zenith_angle(), altitude, sun.outside);
+                    position::clear_irradiances(turbidity, sun.zenith_angle(), altitude, sun.outside);
                 let atmosphere = Atmosphere::new(direct, diffuse, sun.outside, sun.zenith_angle());
                 let [of_diffuse, of_direct] = efficacy(&atmosphere);
                 Model {
-                    shape: cie::shape(cie::CLEAR, sun.local),
+                    shape: gradation::cie_shape(gradation::CIE_CLEAR, sun.local),
                     diffuse: Some(diffuse * of_diffuse),
                     direct: Some(direct * of_direct),
                     note: format!("CIE standard clear sky, Linke turbidity {turbidity}"),

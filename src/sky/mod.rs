@@ -12,8 +12,6 @@
 
 mod build;
 mod cells;
-mod cie;
-mod clear;
 mod cosine;
 mod environment;
 mod frame;
@@ -33,6 +31,7 @@ mod tests;
 
 pub use environment::Environment;
 pub use options::SkyOptions;
+#[cfg(feature = "internals")]
 pub use parse::SkyModel;
 pub use sun::Sun;
 #[cfg(test)]

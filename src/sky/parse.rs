@@ -56,7 +56,7 @@ impl FromStr for SkyText {
                 let model = if name == "uniform" {
                     SkyModel::Uniform
                 } else {
-                    SkyModel::Cie(super::cie::TRADITIONAL_OVERCAST)
+                    SkyModel::Cie(super::gradation::TRADITIONAL_OVERCAST)
                 };
                 match values()?[..] {
                     [] => (model, None),

@@ -9,15 +9,17 @@
 //! are in radians from north over east.
 
 mod coarse;
+#[cfg(feature = "internals")]
 mod generate;
-mod georeference;
 mod grid;
-mod local;
 mod numpy;
 mod quadtree;
+#[cfg(feature = "internals")]
 mod quantities;
 mod read;
+#[cfg(feature = "internals")]
 mod sky;
+#[cfg(feature = "internals")]
 mod sweep;
 #[cfg(test)]
 mod tests;
@@ -25,18 +27,22 @@ mod tests;
 mod write;
 
 pub use coarse::{Mesh, Piece, coarse, triangle_at};
-pub use generate::mountains;
-pub use georeference::Georeference;
-pub use grid::Grid;
-pub use quantities::{Sun, horizon, sky_view_factor, sunlit};
+pub use grid::{Georeference, Grid};
 pub use read::{Loaded, ReadOptions, read};
-pub use sky::{Light, irradiance};
-pub use sweep::{EARTH_RADIUS, SweepOptions};
 #[cfg(feature = "internals")]
-pub use write::{Layer, write_geotiff, write_npz, write_png};
+pub use {
+    generate::mountains,
+    quantities::{Sun, horizon, sky_view_factor, sunlit},
+    sky::{Light, irradiance},
+    sweep::SweepOptions,
+    write::{Layer, write_geotiff, write_npz, write_png},
+};
 #[cfg(test)]
 use {
     generate::{canyon, courtyard, fractal, plane, valley},
-    local::{Slopes, Tilt},
     quadtree::{Node, Quadtree},
+    quantities::{Slopes, Tilt},
 };
+
+/// Mean radius of the earth, m (IUGG).
+pub const EARTH_RADIUS: f64 = 6_371_008.8;

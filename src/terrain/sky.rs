@@ -1,8 +1,7 @@
 //! Irradiance on all samples from the sun and from a sky whose radiance depends on the direction.
 
 use super::Grid;
-use super::local::{Slopes, Tilt, arctangent};
-use super::quantities::{Sun, visible_parts, with_holes};
+use super::quantities::{Slopes, Sun, Tilt, arctangent, visible_parts, with_holes};
 use super::sweep::{Azimuths, Row, SweepOptions, fold};
 use crate::{Error, Result};
 use glam::DVec3;

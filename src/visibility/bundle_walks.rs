@@ -6,9 +6,8 @@ use super::front::Front;
 use super::instance_tree::InstanceTree;
 use super::instances::{ENTER_BUNDLE, ENTER_PACKET, InstanceBuffers, walk_instances};
 use super::shaft::Shaft;
-use super::walk::{Buffers, Rule, Walked, walk};
-use super::wide::WideTree;
-use super::work::FETCH;
+use super::walk::{Buffers, WalkRule, Walked, walk};
+use super::wide::{FETCH_WORK, WideTree};
 use crate::ray::Packet;
 use crate::simd::{Kernel, LANES, Simd};
 use std::ops::Range;
@@ -133,7 +132,7 @@ impl Kernel for BundleWalks<'_> {
         let soft = engine.average && averages;
         let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };
         // Exact work is estimated without the cost of cache misses and of entering instances; only walks for answers include it.
-        let fetch = if engine.far && averages { FETCH } else { 0 };
+        let fetch = if engine.far && averages { FETCH_WORK } else { 0 };
         let enter = if averages || bounded { [ENTER_BUNDLE, ENTER_PACKET] } else { [0; 2] };
         lanes.clear();
         shafts.clear();
@@ -170,7 +169,7 @@ impl Kernel for BundleWalks<'_> {
                 let s = sizes.of(k);
                 let limit = if bounded { engine.cost.limit(&bundles[k]) } else { u64::MAX };
                 let (e, factor, tolerance) = (size(&bundles[k]), engine.factor, engine.tolerance);
-                let rule = Rule { e, s, factor, soft, limit, fetch, enter, tolerance };
+                let rule = WalkRule { e, s, factor, soft, limit, fetch, enter, tolerance };
                 let mut found = match engine.instances {
                     None => walk(simd, engine.tree, shared, (packets, &shafts[k]), &rule, buffers),
                     Some(instances) => {

@@ -21,7 +21,7 @@ const SAMPLE_RUN: usize = 16;
 const MAX_SAMPLE_PART: usize = 8;
 
 /// Work of exact rays per packet until [`CostModel::calibrated`] replaces it: [`EMBREE_WORK_FACTOR`] · √1,100, for a
-/// shaft with some 90 blocks of triangles ([`super::work::BLOCK`]).
+/// shaft with some 90 blocks of triangles ([`super::wide::BLOCK_WORK`]).
 const DEFAULT_RAY_WORK: u64 = 200;
 /// Embree's work per packet in units of this engine's work, divided by the square root of the work of testing every
 /// triangle in the shaft. An estimate that selects between engines; both times of each row of `mrvis bench` check it.

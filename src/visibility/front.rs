@@ -6,8 +6,9 @@
 
 use super::shaft::Shaft;
 use super::triangles;
-use super::wide::{AxisOptics, Block, LEAF, NO_OPTICS, Node, WideTree, mixed, smallest};
-use super::work::{BLOCK, NODE};
+use super::wide::{
+    AxisOptics, BLOCK_WORK, LEAF, NO_OPTICS, NODE_WORK, WideBlock, WideNode, WideTree, mixed, smallest,
+};
 use crate::optics::{AXIS_COUNT, AxisMix};
 use crate::ray::Lanes;
 use crate::simd::{LANES, Simd};
@@ -20,14 +21,14 @@ const MAX_BOXES: usize = 64;
 const MAX_TRIANGLES: usize = 128;
 
 /// Sixteen boxes of a front, arranged as a node.
-pub(super) struct Row {
-    pub node: Node,
+pub(super) struct FrontRow {
+    pub node: WideNode,
     pub optics: [AxisOptics; AXIS_COUNT],
 }
 
 /// A child of a node that touches the group's shaft.
 #[derive(Clone, Copy)]
-struct Found {
+struct FrontChild {
     node: u32,
     lane: usize,
 }
@@ -35,11 +36,11 @@ struct Found {
 /// Start of the walks of a group.
 #[derive(Default)]
 pub(super) struct Front {
-    pub rows: Vec<Row>,
-    pub blocks: Vec<Block>,
+    pub rows: Vec<FrontRow>,
+    pub blocks: Vec<WideBlock>,
     boxes: usize,
     triangles: usize,
-    queue: Vec<Found>,
+    queue: Vec<FrontChild>,
 }
 
 impl Front {
@@ -63,7 +64,7 @@ impl Front {
         let (mut at, mut head, mut work) = (0, 0, 0u64);
         loop {
             let node = &tree.nodes[at];
-            work += NODE;
+            work += NODE_WORK;
             let touched = shaft.touches(simd, node);
             if touched != 0 {
                 let optics = &tree.optics[at];
@@ -73,7 +74,7 @@ impl Front {
                 let perhaps = simd.bits(simd.lt(smallest(simd, optics), simd.splat(coarsest.max(widest))));
                 for lane in Lanes(touched) {
                     let child = node.child[lane];
-                    let found = Found { node: at as u32, lane };
+                    let found = FrontChild { node: at as u32, lane };
                     if child & LEAF == 0 {
                         if aggregated >> lane & 1 == 1 {
                             self.add_box(tree, found);
@@ -84,7 +85,7 @@ impl Front {
                         self.add_box(tree, found);
                     } else {
                         let block = &tree.blocks[(child & !LEAF) as usize];
-                        work += BLOCK;
+                        work += BLOCK_WORK;
                         let met = triangles::candidates(simd, shaft, block);
                         if self.triangles + met.count_ones() as usize <= MAX_TRIANGLES {
                             self.gather(block, met);
@@ -97,7 +98,7 @@ impl Front {
             if head == self.queue.len() || self.queue.len() - head + self.boxes >= MAX_BOXES {
                 break;
             }
-            let Found { node, lane } = self.queue[head];
+            let FrontChild { node, lane } = self.queue[head];
             at = tree.nodes[node as usize].child[lane] as usize;
             head += 1;
         }
@@ -107,11 +108,11 @@ impl Front {
         (head as u32 + 1, work)
     }
 
-    fn add_box(&mut self, tree: &WideTree, Found { node, lane }: Found) {
+    fn add_box(&mut self, tree: &WideTree, FrontChild { node, lane }: FrontChild) {
         let (from, optics) = (&tree.nodes[node as usize], &tree.optics[node as usize]);
         let to = self.boxes % LANES;
         if to == 0 {
-            self.rows.push(Row { node: Node::EMPTY, optics: NO_OPTICS });
+            self.rows.push(FrontRow { node: WideNode::EMPTY, optics: NO_OPTICS });
         }
         self.boxes += 1;
         let row = self.rows.last_mut().expect("just pushed");
@@ -129,11 +130,11 @@ impl Front {
         }
     }
 
-    fn gather(&mut self, from: &Block, triangles: u32) {
+    fn gather(&mut self, from: &WideBlock, triangles: u32) {
         for lane in Lanes(triangles) {
             let to = self.triangles % LANES;
             if to == 0 {
-                self.blocks.push(Block::EMPTY);
+                self.blocks.push(WideBlock::EMPTY);
             }
             self.triangles += 1;
             let block = self.blocks.last_mut().expect("just pushed");

@@ -1,7 +1,7 @@
 //! The second level of clusters: placed meshes, and groups of them with their optics.
 
 use super::shaft::Shaft;
-use super::wide::{AxisOptics, NO_OPTICS, Node, WideTree, set_box, set_optics};
+use super::wide::{AxisOptics, NO_OPTICS, WideNode, WideTree, set_box, set_optics};
 use crate::clusters::placed::{self, Cells, Change, Child, Item, Key};
 use crate::math::Aabb;
 use crate::optics::groups::{self, Member, Part};
@@ -79,7 +79,7 @@ pub struct Placed {
 
 /// Children of a group side by side, as walks test them.
 pub(super) struct Lanes {
-    pub node: Node,
+    pub node: WideNode,
     pub optics: [AxisOptics; AXIS_COUNT],
 }
 
@@ -141,7 +141,7 @@ impl Lanes {
     /// The boxes of some children and the optics of those that are groups. Instances are never aggregated here: the root of their
     /// mesh may be, in the frame of the mesh, with optics that were measured on its triangles.
     fn of(children: &[Branch]) -> Lanes {
-        let (mut node, mut wide) = (Node::EMPTY, NO_OPTICS);
+        let (mut node, mut wide) = (WideNode::EMPTY, NO_OPTICS);
         for (lane, child) in children.iter().enumerate() {
             set_box(&mut node, lane, child.bounds().thickened());
             node.child[lane] = lane as u32;

@@ -9,9 +9,8 @@ use super::answer::Bundle;
 use super::instance_tree::{Frame, InstanceTree};
 use super::shaft::Shaft;
 use super::slabs::{PacketSums, Passed};
-use super::walk::{Buffers, Rule, Walked, gather, visit};
-use super::wide::WideTree;
-use super::work::NODE;
+use super::walk::{Buffers, WalkRule, Walked, gather, visit};
+use super::wide::{NODE_WORK, WideTree};
 use crate::clusters::placed::Child;
 use crate::optics::AxisMix;
 use crate::ray::Packet;
@@ -34,7 +33,7 @@ pub(super) struct InstanceBuffers {
 }
 
 /// Instances that a shaft touches, in their order; 64 of them fit without an allocation, 512 bytes of the stack.
-type Found<'a> = SmallVec<[&'a Frame; 64]>;
+type TouchedInstances<'a> = SmallVec<[&'a Frame; 64]>;
 
 /// Walks for one bundle through the model's own triangles (`base`) and all instances.
 #[inline(always)]
@@ -42,7 +41,7 @@ pub(super) fn walk_instances<S: Simd>(
     simd: S,
     (base, instances): (&WideTree, &InstanceTree),
     (bundle, shaft): (&Bundle, &Shaft),
-    rule: &Rule,
+    rule: &WalkRule,
     buffers: &mut Buffers,
     own: &mut InstanceBuffers,
 ) -> Walked {
@@ -54,7 +53,7 @@ pub(super) fn walk_instances<S: Simd>(
     own.sums.resize(packets.len(), PacketSums::EMPTY);
     let (mut walked, mut all) = gather(simd, base, None, (packets, shaft), rule, buffers);
     let mut averaged = add_slabs(simd, buffers, (packets, shared), &mut own.sums, &mut walked);
-    let mut found = Found::new();
+    let mut found = TouchedInstances::new();
     if !all && !walked.gave_up {
         find(simd, instances, shaft, rule, buffers, &mut found, &mut walked);
         averaged |= add_slabs(simd, buffers, (packets, shared), &mut own.sums, &mut walked);
@@ -70,7 +69,7 @@ pub(super) fn walk_instances<S: Simd>(
         }
         let segments = (packets, bundle.emitter);
         let inner = frame.enter(simd, instances.magnitude, segments, (&mut own.packets, &mut own.emitter));
-        let rule = Rule {
+        let rule = WalkRule {
             e: rule.e / frame.scale,
             s: rule.s / frame.scale,
             limit: rule.limit.saturating_sub(walked.work),
@@ -97,9 +96,9 @@ fn find<'a, S: Simd>(
     simd: S,
     instances: &'a InstanceTree,
     shaft: &Shaft,
-    rule: &Rule,
+    rule: &WalkRule,
     buffers: &mut Buffers,
-    found: &mut Found<'a>,
+    found: &mut TouchedInstances<'a>,
     walked: &mut Walked,
 ) {
     let from = shaft.apex.unwrap_or(Vec3::ZERO);
@@ -110,7 +109,7 @@ fn find<'a, S: Simd>(
     while let Some(&(lanes, children)) = queue.get(next) {
         next += 1;
         walked.nodes += 1;
-        walked.work += NODE + rule.fetch;
+        walked.work += NODE_WORK + rule.fetch;
         if walked.work > rule.limit {
             walked.gave_up = true;
             return;

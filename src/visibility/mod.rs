@@ -5,7 +5,7 @@
 //! * [`MultiResolution`]: clusters whose shadow features would be smaller than `s` are not opened but transmit
 //!   according to their extinction [SD95 sec 3.2]; with [`LeafMode::Average`], the paper's average visibility [SD95 sec
 //!   5].
-//! * [`Cut`]: the same rule for single segments of wide bundles, each of which stands for a part of the emitter; part of
+//! * [`DistanceCut`]: the same rule for single segments of wide bundles, each of which stands for a part of the emitter; part of
 //!   [`MultiResolution`], which routes bundles to it.
 //! * `reference`: the same rule for single segments and nodes; the reference in tests of the fast engine, compiled for them alone.
 //!
@@ -26,34 +26,28 @@ mod multires;
 mod probe;
 #[cfg(test)]
 pub mod reference;
-mod route;
 mod routes;
 mod shaft;
 mod slabs;
 #[cfg(test)]
-mod testing;
-#[cfg(test)]
 mod tests;
 mod triangles;
 mod walk;
-mod walk_factor;
 mod wide;
-mod work;
 
 pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::{BatchBuffers, Workspace};
 pub use cost_model::{CALIBRATION_BUNDLES, Work, sample_runs};
-pub use cut::{Candidate, Cut, rays_for};
+pub use cut::{Candidate, DistanceCut, rays_for};
 #[cfg(any(test, feature = "reports"))]
 pub use cut::{SURFACE_PART, surface_widths};
 pub use exact::Exact;
 #[cfg(any(test, feature = "reports"))]
 pub use exact::fastest_traversal;
 #[cfg(any(test, feature = "reports"))]
-pub use far_field::{FarField, Scratch};
+pub use far_field::{FarField, FarFieldBuffers};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
-pub use multires::{LeafMode, MultiResolution};
+pub use multires::{LeafMode, MultiResolution, Route};
 pub use probe::Probe;
-pub use route::Route;
 pub use routes::{Halves, RouteSample};
 pub use wide::WideTree;

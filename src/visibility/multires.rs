@@ -3,10 +3,9 @@
 use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
 use super::bundle_walks::{BundleWalks, Sizes, Walker, Workspace};
 use super::cost_model::{CostModel, Work};
-use super::cut::Cut;
+use super::cut::DistanceCut;
 use super::exact::Exact;
 use super::instance_tree::InstanceTree;
-use super::route::Route;
 use super::wide::WideTree;
 use crate::embree::{CommittedScene, Traversal};
 use crate::optics;
@@ -14,6 +13,36 @@ use crate::optics;
 use crate::ray::Packet;
 use crate::simd::{Isa, LANES, dispatch};
 use std::sync::Arc;
+
+/// How a batch of bundles is answered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Route {
+    /// Exact rays.
+    Exact,
+    /// Exact rays, and no rays for bundles whose answer is certain: their shaft is empty, or a single triangle covers it.
+    Certified,
+    /// Walks of the clusters by bundles.
+    Walks {
+        /// Factor of all extinctions: clusters along a segment are not independent, so that products of their transmittances have a
+        /// biased mean.
+        factor: f32,
+    },
+    /// The distance cut in one of its modes, by number, and exact rays for bundles that it does not take.
+    Cut(usize),
+}
+
+impl Route {
+    /// Walks with the extinctions of the clusters.
+    pub const WALKS: Route = Route::Walks { factor: 1.0 };
+
+    /// Factor of all extinctions of walks.
+    pub(super) fn factor(self) -> f32 {
+        match self {
+            Route::Walks { factor } => factor,
+            Route::Exact | Route::Certified | Route::Cut(_) => 1.0,
+        }
+    }
+}
 
 /// Treatment of leaves that the umbra criterion opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,7 +55,7 @@ pub enum LeafMode {
     Average,
 }
 
-/// Trees larger than this count [`super::work::FETCH`] for every node, bytes: twice the 32 MiB last-level cache of the
+/// Trees larger than this count [`super::wide::FETCH_WORK`] for every node, bytes: twice the 32 MiB last-level cache of the
 /// processor that was measured (an AMD EPYC; `lscpu`). Not read from the machine: choices of engines must not depend on
 /// it.
 const CACHE_BYTES: usize = 64 << 20;
@@ -51,7 +80,7 @@ pub struct MultiResolution {
     /// Tolerance of the transmittance that feature sizes were measured for.
     tolerance: f32,
     /// The distance cut, if the model has one.
-    pub(super) cut: Option<Arc<Cut>>,
+    pub(super) cut: Option<Arc<DistanceCut>>,
     /// How bundles are answered.
     pub(super) route: Route,
 }

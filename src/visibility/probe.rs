@@ -1,6 +1,6 @@
 //! Points of surfaces that have nothing close to them, between which light is interpolated (docs/method.md, Far-field cache).
 
-use super::cut::{Cut, HalfBall};
+use super::cut::{DistanceCut, HalfBall};
 use crate::ray::EndRule;
 use crate::scene::EmitterSampler;
 use glam::Vec3;
@@ -33,7 +33,7 @@ impl Probe {
 
     /// Whether the light of all emitters may be interpolated between probes this far apart: nothing lies within a radius that increases as
     /// the apparent size of the emitters decreases, so that penumbrae are wider than that distance.
-    pub fn is_clear(&self, cut: &Cut, emitters: &[EmitterSampler], apart: f32) -> bool {
+    pub fn is_clear(&self, cut: &DistanceCut, emitters: &[EmitterSampler], apart: f32) -> bool {
         let angle = |emitter: &EmitterSampler| {
             emitter.size_from(self.at) / emitter.distance(self.at).max(f32::MIN_POSITIVE)
         };
@@ -41,7 +41,7 @@ impl Probe {
     }
 
     /// Whether nothing lies within this radius above the surface. A triangle close to the half ball may count.
-    pub(super) fn is_empty_within(&self, cut: &Cut, radius: f32) -> bool {
+    pub(super) fn is_empty_within(&self, cut: &DistanceCut, radius: f32) -> bool {
         let Probe { at, normal, rule } = *self;
         cut.is_empty(HalfBall { at, radius, normal, depth: 0.5 * rule.height() })
     }

@@ -36,7 +36,7 @@ pub struct Segment {
 
 /// Result of a walk for one segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Met {
+pub struct SegmentWalk {
     /// Total optical depth of the aggregated clusters.
     pub depth: f64,
     /// Whether a triangle of an opened leaf or of a large surface blocks it.
@@ -45,7 +45,7 @@ pub struct Met {
     pub aggregated: usize,
 }
 
-impl Met {
+impl SegmentWalk {
     /// exp(-depth), or 0 if blocked.
     pub fn transmittance(&self) -> f64 {
         if self.blocked { 0.0 } else { (-self.depth).exp() }
@@ -63,14 +63,14 @@ pub fn walk(
     (e, s): (f32, f32),
     leaf: LeafMode,
     mut blocks: impl FnMut(u32) -> bool,
-) -> Met {
-    let mut met = Met { depth: 0.0, blocked: false, aggregated: 0 };
-    met.blocked = hierarchy.large.order.iter().any(|&t| blocks(t));
+) -> SegmentWalk {
+    let mut walked = SegmentWalk { depth: 0.0, blocked: false, aggregated: 0 };
+    walked.blocked = hierarchy.large.order.iter().any(|&t| blocks(t));
     if !hierarchy.micro.clusters.is_empty() {
         let mix = AxisMix::around(towards);
-        visit(&hierarchy.micro, 0, optics, segment, (e, s), leaf, &mix, &mut met, &mut blocks);
+        visit(&hierarchy.micro, 0, optics, segment, (e, s), leaf, &mix, &mut walked, &mut blocks);
     }
-    met
+    walked
 }
 
 #[allow(clippy::too_many_arguments)] // The state of a recursion that exists to be read beside the paper.
@@ -82,7 +82,7 @@ fn visit(
     (e, s): (f32, f32),
     leaf: LeafMode,
     mix: &AxisMix,
-    met: &mut Met,
+    walked: &mut SegmentWalk,
     blocks: &mut impl FnMut(u32) -> bool,
 ) {
     let cluster = &tree.clusters[c];
@@ -109,13 +109,13 @@ fn visit(
         let middle = segment.origin + 0.5 * (enter + leave) * segment.direction;
         let density = 1.0 + f64::from(optics[c].slope.dot(middle - bounds.center()));
         let path = path * density.max(0.0);
-        met.depth += path * f64::from(mix.mix(|axis| optics[c].extinction[axis]));
-        met.aggregated += 1;
+        walked.depth += path * f64::from(mix.mix(|axis| optics[c].extinction[axis]));
+        walked.aggregated += 1;
     } else if cluster.is_leaf() {
-        met.blocked |= tree.triangles_of(c).iter().any(|&t| blocks(t));
+        walked.blocked |= tree.triangles_of(c).iter().any(|&t| blocks(t));
     } else {
         for child in cluster.child_range() {
-            visit(tree, child, optics, segment, (e, s), leaf, mix, met, blocks);
+            visit(tree, child, optics, segment, (e, s), leaf, mix, walked, blocks);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Aggregated clusters: boxes with extinction, and the transmittance of segments through them.
 
 use super::shaft::FromReceiver;
-use super::wide::Node;
+use super::wide::WideNode;
 use crate::ray::{Lanes, Packet};
 use crate::simd::vector::{self, Vector};
 use crate::simd::{LANES, Simd, decay};
@@ -11,7 +11,7 @@ use glam::Vec3;
 /// origin if there is none.
 #[derive(Clone)]
 #[repr(C, align(64))]
-struct Row {
+struct SlabRow {
     min: [[f32; LANES]; 3],
     max: [[f32; LANES]; 3],
     /// Extinction at the boxes' centres, 1/length.
@@ -24,8 +24,8 @@ struct Row {
     lanes: u32,
 }
 
-impl Row {
-    const EMPTY: Row = Row {
+impl SlabRow {
+    const EMPTY: SlabRow = SlabRow {
         min: [[0.0; LANES]; 3],
         max: [[0.0; LANES]; 3],
         extinction: [0.0; LANES],
@@ -40,7 +40,7 @@ impl Row {
 #[derive(Default)]
 pub(super) struct Slabs {
     /// Rows in use, followed by rows allocated for earlier walks.
-    rows: Vec<Row>,
+    rows: Vec<SlabRow>,
     used: usize,
     boxes: usize,
 }
@@ -65,12 +65,12 @@ impl Slabs {
     pub fn add<S: Simd>(
         &mut self,
         simd: S,
-        (node, lanes): (&Node, u32),
+        (node, lanes): (&WideNode, u32),
         from: Vec3,
         (extinctions, errors): (S::F, S::F),
     ) {
         if self.used == self.rows.len() {
-            self.rows.push(Row::EMPTY);
+            self.rows.push(SlabRow::EMPTY);
         }
         let row = &mut self.rows[self.used];
         (self.used, self.boxes) = (self.used + 1, self.boxes + lanes.count_ones() as usize);
@@ -156,7 +156,7 @@ impl<S: Simd> Beam<S> {
 
     /// Optical depth of each line in a box.
     #[inline(always)]
-    fn depth(&self, simd: S, row: &Row, lane: usize) -> S::F {
+    fn depth(&self, simd: S, row: &SlabRow, lane: usize) -> S::F {
         let zero = simd.splat(0.0);
         let (mut enter, mut leave) = (zero, simd.splat(1.0));
         for axis in 0..3 {
@@ -183,7 +183,7 @@ impl<S: Simd> Beam<S> {
 }
 
 /// Sums over the boxes that sixteen lines pass.
-struct Sums<S: Simd> {
+struct LineSums<S: Simd> {
     /// Optical depth.
     depth: S::F,
     /// Largest optical depth of a single box.
@@ -192,10 +192,10 @@ struct Sums<S: Simd> {
     errors: S::F,
 }
 
-impl<S: Simd> Sums<S> {
+impl<S: Simd> LineSums<S> {
     /// Adds the boxes of `slabs`.
     #[inline(always)]
-    fn through(mut self, simd: S, lines: &Lines<S>, slabs: &Slabs, shared: bool) -> Sums<S> {
+    fn through(mut self, simd: S, lines: &Lines<S>, slabs: &Slabs, shared: bool) -> LineSums<S> {
         let one = simd.splat(1.0);
         let beam = Beam::of(simd, lines, shared);
         for row in &slabs.rows[..slabs.used] {
@@ -246,8 +246,8 @@ impl PacketSums {
         PacketSums { depth: [0.0; LANES], deepest: [0.0; LANES], errors: [0.0; LANES] };
 
     #[inline(always)]
-    fn loaded<S: Simd>(&self, simd: S) -> Sums<S> {
-        Sums {
+    fn loaded<S: Simd>(&self, simd: S) -> LineSums<S> {
+        LineSums {
             depth: simd.load(&self.depth),
             deepest: simd.load(&self.deepest),
             errors: simd.load(&self.errors),
@@ -337,7 +337,7 @@ impl<S: Simd> Lines<S> {
     #[inline(always)]
     fn pass(&self, simd: S, slabs: &Slabs, shared: bool) -> (S::F, Passed) {
         let zero = simd.splat(0.0);
-        Sums::<S> { depth: zero, deepest: zero, errors: zero }
+        LineSums::<S> { depth: zero, deepest: zero, errors: zero }
             .through(simd, self, slabs, shared)
             .passed(simd, self.weights)
     }

@@ -5,18 +5,12 @@
 //! through o, and a segment is inside if it lies on the right side of each: three products per packet and no division.
 //! The edges of the bundle's pyramid reject or accept all segments at once.
 
-mod single;
-mod tiles;
-
-use super::shaft::{FromReceiver, Pyramid, Shaft};
-use super::wide::Block;
+use super::shaft::{FromReceiver, Pyramid, Shaft, filled};
+use super::wide::WideBlock;
 use crate::ray::{Lanes, Packet};
 use crate::simd::vector::{self, Vector};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
-use single::Triangle;
-use tiles::Row;
-pub(super) use tiles::Tiles;
 
 /// Widening of the edges of fans relative to the largest product: the two roundings of a multiplication and an
 /// addition, 2 · 2⁻²⁴.
@@ -38,7 +32,7 @@ pub(super) struct Tested {
 pub(super) fn block_all<S: Simd>(
     simd: S,
     shaft: &Shaft,
-    block: &Block,
+    block: &WideBlock,
     packets: &[Packet],
     (tiles, blocked): (&mut Tiles, &mut [u32]),
 ) -> Tested {
@@ -69,7 +63,7 @@ pub(super) fn block_all<S: Simd>(
 
 /// Triangles of a block that the shaft of a group of bundles may meet, as a mask.
 #[inline(always)]
-pub(super) fn candidates<S: Simd>(simd: S, shaft: &Shaft, block: &Block) -> u32 {
+pub(super) fn candidates<S: Simd>(simd: S, shaft: &Shaft, block: &WideBlock) -> u32 {
     let corner = vector::load(simd, &block.corner);
     let (edge1, edge2) = (vector::load(simd, &block.edge1), vector::load(simd, &block.edge2));
     let misses = shaft.misses(simd, &corner, [&edge1, &edge2]);
@@ -80,7 +74,13 @@ pub(super) fn candidates<S: Simd>(simd: S, shaft: &Shaft, block: &Block) -> u32 
 
 /// Tests triangles one by one against each segment.
 #[inline(always)]
-fn each<S: Simd>(simd: S, block: &Block, candidates: u32, packets: &[Packet], blocked: &mut [u32]) -> Tested {
+fn each<S: Simd>(
+    simd: S,
+    block: &WideBlock,
+    candidates: u32,
+    packets: &[Packet],
+    blocked: &mut [u32],
+) -> Tested {
     let mut tested = Tested { any: true, ..Tested::default() };
     for k in Lanes(candidates) {
         let triangle = Triangle::of(block, k);
@@ -190,7 +190,7 @@ impl Fans {
     fn block<S: Simd>(
         &self,
         simd: S,
-        (block, touched): (&Block, u32),
+        (block, touched): (&WideBlock, u32),
         packets: &[Packet],
         (tiles, blocked): (&mut Tiles, &mut [u32]),
     ) -> Tested {
@@ -260,7 +260,7 @@ impl Fans {
 
     /// Masks of the open packets of a row that triangle `k` may block partly, and of those that it blocks entirely.
     #[inline(always)]
-    fn tiles<S: Simd>(&self, simd: S, k: usize, row: &Row) -> (u32, u32) {
+    fn tiles<S: Simd>(&self, simd: S, k: usize, row: &TileRow) -> (u32, u32) {
         // Twice the bound for single products, because bounds of products add their own rounding.
         let clearly = simd.splat(2.0 * self.rounding[k]);
         let beside = simd.sub(simd.splat(0.0), clearly);
@@ -276,7 +276,7 @@ impl Fans {
     }
 
     #[inline(always)]
-    fn planes_of<S: Simd>(&self, simd: S, block: &Block, k: usize) -> Planes<S> {
+    fn planes_of<S: Simd>(&self, simd: S, block: &WideBlock, k: usize) -> Planes<S> {
         let normal = || {
             let edge = |edge: &[[f32; LANES]; 3]| Vec3::new(edge[0][k], edge[1][k], edge[2][k]);
             let normal = edge(&block.edge2).cross(edge(&block.edge1));
@@ -349,4 +349,113 @@ fn at_corners<S: Simd>(simd: S, plane: &Vector<S>, pyramid: &Pyramid) -> [S::F; 
 #[inline(always)]
 fn extremes<S: Simd>(simd: S, [i, j, k, l]: [S::F; 4]) -> (S::F, S::F) {
     (simd.min(simd.min(i, j), simd.min(k, l)), simd.max(simd.max(i, j), simd.max(k, l)))
+}
+
+/// Widening of edges relative to the determinant, so that no segment passes between adjacent triangles. An edge
+/// function rounds at most 6 times (difference 1, cross product 2, dot product 3) by 2⁻²⁴ = 6e-8, which is 3.6e-7; the
+/// value leaves a factor of nearly 3.
+const EDGE_WIDENING: f32 = 1e-6;
+
+/// A triangle for tests against segments without a common end.
+struct Triangle {
+    corner: Vec3,
+    edge1: Vec3,
+    edge2: Vec3,
+    /// e2 × e1.
+    normal: Vec3,
+}
+
+impl Triangle {
+    #[inline(always)]
+    pub fn of(block: &WideBlock, k: usize) -> Triangle {
+        let pick = |v: &[[f32; LANES]; 3]| Vec3::new(v[0][k], v[1][k], v[2][k]);
+        let (corner, edge1, edge2) = (pick(&block.corner), pick(&block.edge1), pick(&block.edge2));
+        Triangle { corner, edge1, edge2, normal: edge2.cross(edge1) }
+    }
+
+    /// Lanes that the triangle blocks.
+    #[inline(always)]
+    pub fn blocks<S: Simd>(&self, simd: S, packet: &Packet) -> u32 {
+        let (e1, e2) = (vector::splat(simd, self.edge1), vector::splat(simd, self.edge2));
+        let d = vector::load(simd, &packet.direction);
+        let v = vector::sub(simd, &vector::load(simd, &packet.origin), &vector::splat(simd, self.corner));
+        let (p, q) = (vector::cross(simd, &e2, &v), vector::cross(simd, &v, &e1));
+        let det = vector::dot(simd, &d, &vector::splat(simd, self.normal));
+        // All volumes are multiplied by the sign of the determinant.
+        let zero = simd.splat(0.0);
+        let back = simd.lt(det, zero);
+        let sign = simd.select(back, simd.splat(-1.0), simd.splat(1.0));
+        let a = simd.mul(sign, vector::dot(simd, &d, &p));
+        let b = simd.mul(sign, vector::dot(simd, &d, &q));
+        let t = simd.mul(sign, vector::dot(simd, &e2, &q));
+        let det = simd.mul(sign, det);
+        let slack = simd.mul(det, simd.splat(-EDGE_WIDENING));
+        let inside = simd.and(simd.le(slack, a), simd.le(slack, b));
+        let inside = simd.and(inside, simd.le(simd.add(simd.add(a, b), slack), det));
+        let reach = simd.and(
+            simd.le(simd.mul(simd.load(&packet.near), det), t),
+            simd.le(t, simd.mul(simd.load(&packet.far), det)),
+        );
+        simd.bits(simd.and(simd.and(inside, reach), simd.lt(zero, det)))
+    }
+}
+
+// Boxes around the directions of the packets of a bundle.
+
+/// Bounds of the directions of sixteen packets.
+struct TileRow {
+    lo: [[f32; LANES]; 3],
+    hi: [[f32; LANES]; 3],
+    /// Packets with an unblocked segment.
+    pub open: u32,
+}
+
+/// The packets of a bundle as tiles: boxes around their directions, computed when the first triangle needs them.
+///
+/// A triangle that misses a tile misses its packet, and one that covers a tile blocks the packet, both without testing
+/// segments. Effective if the segments of each packet are close together, see [`crate::ray::gather_neighbours`].
+#[derive(Default)]
+pub(super) struct Tiles {
+    rows: Vec<TileRow>,
+}
+
+impl Tiles {
+    /// Removes the tiles of the last bundle.
+    pub fn clear(&mut self) {
+        self.rows.clear();
+    }
+
+    #[inline(always)]
+    pub fn make<S: Simd>(&mut self, simd: S, packets: &[Packet], blocked: &[u32]) {
+        for (packets, blocked) in packets.chunks(LANES).zip(blocked.chunks(LANES)) {
+            let mut row = TileRow { lo: [[0.0; LANES]; 3], hi: [[0.0; LANES]; 3], open: 0 };
+            for (k, (packet, blocked)) in packets.iter().zip(blocked).enumerate() {
+                let [_, direction] = filled(simd, packet);
+                for (axis, d) in direction.into_iter().enumerate() {
+                    row.lo[axis][k] = simd.least(d);
+                    row.hi[axis][k] = simd.greatest(d);
+                }
+                row.open |= u32::from(*blocked != packet.active) << k;
+            }
+            self.rows.push(row);
+        }
+    }
+}
+
+impl TileRow {
+    /// Smallest and largest product of a plane with the directions of each packet.
+    #[inline(always)]
+    pub fn products<S: Simd>(&self, simd: S, plane: Vec3) -> (S::F, S::F) {
+        let (mut least, mut greatest) = (simd.splat(0.0), simd.splat(0.0));
+        for axis in 0..3 {
+            let n = simd.splat(plane[axis]);
+            let (near, far) = match plane[axis] > 0.0 {
+                true => (&self.lo[axis], &self.hi[axis]),
+                false => (&self.hi[axis], &self.lo[axis]),
+            };
+            least = simd.fma(n, simd.load(near), least);
+            greatest = simd.fma(n, simd.load(far), greatest);
+        }
+        (least, greatest)
+    }
 }

@@ -16,15 +16,14 @@ use super::front::Front;
 use super::shaft::Shaft;
 use super::slabs::{Passed, Slabs, pass};
 use super::triangles::{self, Tiles};
-use super::wide::{AxisOptics, LEAF, Node, WideTree, mixed};
-use super::work::{BLOCK, NODE};
+use super::wide::{AxisOptics, BLOCK_WORK, LEAF, NODE_WORK, WideNode, WideTree, mixed};
 use crate::optics::{AXIS_COUNT, AxisMix};
 use crate::ray::{Lanes, Packet};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
 
 /// Parameters of a walk.
-pub(super) struct Rule {
+pub(super) struct WalkRule {
     /// Emitter size and feature size, scene units.
     pub e: f32,
     pub s: f32,
@@ -74,7 +73,7 @@ pub(super) fn walk<S: Simd>(
     tree: &WideTree,
     front: Option<&Front>,
     (packets, shaft): (&[Packet], &Shaft),
-    rule: &Rule,
+    rule: &WalkRule,
     buffers: &mut Buffers,
 ) -> Walked {
     buffers.blocked.clear();
@@ -121,7 +120,7 @@ pub(super) fn gather<S: Simd>(
     tree: &WideTree,
     front: Option<&Front>,
     (packets, shaft): (&[Packet], &Shaft),
-    rule: &Rule,
+    rule: &WalkRule,
     buffers: &mut Buffers,
 ) -> (Walked, bool) {
     let Buffers { queue, slabs, tiles, blocked, .. } = buffers;
@@ -155,7 +154,7 @@ pub(super) fn gather<S: Simd>(
                 }
             }
             for row in front.rows.iter().take(if all { 0 } else { usize::MAX }) {
-                walked.work += NODE;
+                walked.work += NODE_WORK;
                 visit(simd, (&row.node, &row.optics), (shaft, from), rule, &mix, slabs, &mut |child| {
                     push(queue, child)
                 });
@@ -175,7 +174,7 @@ pub(super) fn gather<S: Simd>(
         } else {
             let at = reference as usize;
             walked.nodes += 1;
-            walked.work += NODE + rule.fetch;
+            walked.work += NODE_WORK + rule.fetch;
             let node = (&tree.nodes[at], &tree.optics[at]);
             visit(simd, node, (shaft, from), rule, &mix, slabs, &mut |child| push(queue, child));
         }
@@ -190,7 +189,7 @@ pub(super) fn gather<S: Simd>(
 impl Walked {
     /// Counts a tested block of triangles; returns whether all segments are blocked.
     fn tested_block(&mut self, tested: &triangles::Tested) -> bool {
-        self.work += BLOCK + tested.work;
+        self.work += BLOCK_WORK + tested.work;
         self.tested |= tested.any;
         self.covered |= tested.all && !tested.any;
         tested.all
@@ -211,9 +210,9 @@ impl Walked {
 #[inline(always)]
 pub(super) fn visit<S: Simd>(
     simd: S,
-    (node, optics): (&Node, &[AxisOptics; AXIS_COUNT]),
+    (node, optics): (&WideNode, &[AxisOptics; AXIS_COUNT]),
     (shaft, from): (&Shaft, Vec3),
-    rule: &Rule,
+    rule: &WalkRule,
     mix: &AxisMix,
     slabs: &mut Slabs,
     open: &mut impl FnMut(u32),

@@ -6,13 +6,24 @@ use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics};
 use crate::scene::Scene;
 use crate::simd::{LANES, Simd, half_nearest, half_up};
 
+// Work of walks is counted in tests of a box or triangle against a packet. These numbers are estimates that select between engines and
+// change no answer of either.
+
+/// Work of the shaft test of a node of sixteen boxes: one for each of the six rows of bounds.
+pub(super) const NODE_WORK: u64 = 6;
+/// Work of rejecting the triangles of a block by its shaft. Twice that of a node: nine rows of corners and edges, and
+/// their cross products.
+pub(super) const BLOCK_WORK: u64 = 12;
+/// Work that accounts for the cache miss of a node, in trees larger than the caches near a core: nearly two nodes.
+pub(super) const FETCH_WORK: u64 = 10;
+
 /// Bit of a child reference that marks a leaf block.
 pub(super) const LEAF: u32 = 1 << 31;
 
 /// Up to sixteen children. Unused lanes hold a box at the largest finite coordinates, which no shaft touches.
 #[derive(Clone)]
 #[repr(C, align(64))]
-pub(super) struct Node {
+pub(super) struct WideNode {
     pub min: [[f32; LANES]; 3],
     pub max: [[f32; LANES]; 3],
     /// [`ClusterOptics::slope`].
@@ -36,7 +47,7 @@ pub(super) struct AxisOptics {
 
 /// Up to sixteen triangles as a corner and two edges. Unused lanes are degenerate and never block.
 #[repr(C, align(64))]
-pub(super) struct Block {
+pub(super) struct WideBlock {
     pub corner: [[f32; LANES]; 3],
     pub edge1: [[f32; LANES]; 3],
     pub edge2: [[f32; LANES]; 3],
@@ -47,14 +58,14 @@ pub(super) struct Block {
 pub struct WideTree {
     /// Largest coordinate magnitude of the scene, scene units: the scale of rounding errors.
     pub(super) magnitude: f32,
-    pub(super) nodes: Vec<Node>,
+    pub(super) nodes: Vec<WideNode>,
     pub(super) optics: Vec<[AxisOptics; AXIS_COUNT]>,
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Vec<WideBlock>,
 }
 
-impl Node {
+impl WideNode {
     /// A node without children.
-    pub const EMPTY: Node = Node {
+    pub const EMPTY: WideNode = WideNode {
         min: [[f32::MAX; LANES]; 3],
         max: [[f32::MAX; LANES]; 3],
         slope: [[0.0; LANES]; 3],
@@ -64,10 +75,10 @@ impl Node {
     };
 }
 
-impl Block {
+impl WideBlock {
     /// A block without triangles.
-    pub const EMPTY: Block =
-        Block { corner: [[0.0; LANES]; 3], edge1: [[0.0; LANES]; 3], edge2: [[0.0; LANES]; 3], used: 0 };
+    pub const EMPTY: WideBlock =
+        WideBlock { corner: [[0.0; LANES]; 3], edge1: [[0.0; LANES]; 3], edge2: [[0.0; LANES]; 3], used: 0 };
 }
 
 /// Optics of unused lanes: a huge size instead of infinity, because a weight of zero times infinity is NaN.
@@ -101,7 +112,7 @@ impl WideTree {
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> WideTree {
         let magnitude = scene.magnitude();
         let mut wide =
-            WideTree { magnitude, nodes: vec![Node::EMPTY], optics: vec![NO_OPTICS], blocks: Vec::new() };
+            WideTree { magnitude, nodes: vec![WideNode::EMPTY], optics: vec![NO_OPTICS], blocks: Vec::new() };
         let trees = [(&hierarchy.micro, Some(optics)), (&hierarchy.large, None)];
         for (lane, (tree, optics)) in trees.into_iter().filter(|(t, _)| !t.clusters.is_empty()).enumerate() {
             let references = wide.append(scene, tree, optics);
@@ -128,7 +139,7 @@ impl WideTree {
                 continue;
             }
             let place = self.nodes.len();
-            self.nodes.push(Node::EMPTY);
+            self.nodes.push(WideNode::EMPTY);
             self.optics.push(NO_OPTICS);
             for (lane, child) in cluster.child_range().enumerate() {
                 self.place((place, lane), (scene, tree), child, optics, references[child]);
@@ -166,7 +177,7 @@ impl WideTree {
 }
 
 /// Sets the box of a child.
-pub(super) fn set_box(node: &mut Node, lane: usize, bounds: Aabb) {
+pub(super) fn set_box(node: &mut WideNode, lane: usize, bounds: Aabb) {
     for axis in 0..3 {
         node.min[axis][lane] = bounds.min[axis];
         node.max[axis][lane] = bounds.max[axis];
@@ -175,7 +186,7 @@ pub(super) fn set_box(node: &mut Node, lane: usize, bounds: Aabb) {
 
 /// Sets the optics of a child, so that it may be aggregated.
 pub(super) fn set_optics(
-    (node, wide): (&mut Node, &mut [AxisOptics; AXIS_COUNT]),
+    (node, wide): (&mut WideNode, &mut [AxisOptics; AXIS_COUNT]),
     lane: usize,
     optics: &ClusterOptics,
 ) {
@@ -189,8 +200,8 @@ pub(super) fn set_optics(
     }
 }
 
-fn block_of(scene: &Scene, triangles: &[u32]) -> Block {
-    let mut block = Block::EMPTY;
+fn block_of(scene: &Scene, triangles: &[u32]) -> WideBlock {
+    let mut block = WideBlock::EMPTY;
     for (lane, &t) in triangles.iter().enumerate() {
         let [a, b, c] = scene.corners(t);
         for axis in 0..3 {

@@ -7,7 +7,7 @@ use crate::bench::context::Bench;
 use crate::bench::receivers::ReceiverGrid;
 use crate::bench::record::MapMrRow;
 use crate::progress::timed;
-use crate::visibility::{Cost, FarField, MultiResolution, Probe, Scratch};
+use crate::visibility::{Cost, FarField, FarFieldBuffers, MultiResolution, Probe};
 use std::ops::Range;
 use std::time::Instant;
 
@@ -111,7 +111,7 @@ impl Bench<'_> {
         let mut visible = Vec::new();
         for emitter in 0..self.scene.emitters.len() {
             let look = |range: Range<usize>| {
-                let (mut scratch, mut cost) = (Scratch::default(), Cost::default());
+                let (mut scratch, mut cost) = (FarFieldBuffers::default(), Cost::default());
                 let value = |node: &Node| {
                     let probe = grid.probe(node.at[0], node.at[1]);
                     let answer = field.visible(&probe, emitter, node.sets(), &mut scratch);

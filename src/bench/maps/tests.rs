@@ -9,7 +9,7 @@ use crate::bench::receivers::choose;
 use crate::bench::workload::{Workload, surface_points};
 use crate::model::{Detail, testing};
 use crate::scene::testing::forest;
-use crate::visibility::Cut;
+use crate::visibility::DistanceCut;
 use std::sync::Arc;
 
 /// More rays err less, MR rows that are handed over are rows of exact rays, and preparation makes no row faster.
@@ -74,7 +74,7 @@ fn the_cache_makes_the_same_map_on_any_number_of_threads() {
     let surfaces = choose(&model, &single_rays(&model), &["ground".into()]).expect("the ground");
     let grids = surfaces.maps((&model, &single_rays(&model)), 128, 0.3);
     let engine = model.multi_resolution().expect("optics").clone();
-    let engine = engine.with_cut(Some(Arc::new(Cut::build(model.scene()))));
+    let engine = engine.with_cut(Some(Arc::new(DistanceCut::build(model.scene()))));
     let found = [1, 2].map(|threads| {
         let bench = bench(threads);
         let map = bench.prepared(&grids[0]).expect("a map").expect("light");

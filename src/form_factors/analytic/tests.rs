@@ -1,6 +1,8 @@
 use super::*;
 use crate::form_factors::testing::{opposed_rectangles, quad, unobstructed};
+use crate::scene::testing::{direction, unit};
 use glam::{DMat3, DQuat, DVec3, dvec3};
+use rand_pcg::Pcg64Mcg;
 
 fn near(got: f64, want: f64, tolerance: f64, what: &str) {
     assert!((got - want).abs() <= tolerance, "{what}: {got} instead of {want}");
@@ -110,4 +112,32 @@ fn concave_polygons_are_differences() {
         near(f(&l), f(&whole) - f(&notch), 1e-12, "L");
         assert!(f(&l) > 0.0);
     }
+}
+
+/// Random triangles and quadrilaterals, from both sides, some across the horizon, some near.
+#[test]
+fn far_polygons_have_the_closed_form() {
+    let mut random = Pcg64Mcg::new(3);
+    let (mut found, mut rejected) = (0, 0);
+    for round in 0..20_000 {
+        let normal = direction(&mut random).as_dvec3();
+        let [u, v, plane] = [(); 3].map(|()| direction(&mut random).as_dvec3());
+        let (u, v) = (u.cross(plane), v.cross(plane));
+        let centre = direction(&mut random).as_dvec3() * (1.0 + 40.0 * unit(&mut random));
+        let mut polygon = vec![centre, centre + u, centre + v];
+        if round % 2 == 0 {
+            polygon.push(centre + v - 0.5 * u);
+        }
+        let exact = point_to_polygon(DVec3::ZERO, normal, &polygon);
+        let Some(far) = point_to_far_polygon(DVec3::ZERO, normal, &polygon) else {
+            rejected += 1;
+            continue;
+        };
+        found += 1;
+        // Faces seen at a grazing angle have a small factor: the error is relative to that of a face turned to the point.
+        let area = 0.5 * u.cross(v).length();
+        let scale = exact.abs().max(0.02 * area / centre.length_squared());
+        assert!((far - exact).abs() < 2e-3 * scale, "{far} instead of {exact}");
+    }
+    assert!(found > 4000 && rejected > 4000, "{found} far, {rejected} not");
 }

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 /// Result of the rays of one facet.
 #[derive(serde::Deserialize, serde::Serialize)]
-pub struct Found {
+pub struct FacetRays {
     /// Facets whose fronts were hit, ascending.
     pub partners: Vec<Partner>,
     /// Fraction of the rays that hit nothing.
@@ -40,7 +40,7 @@ const BATCH_PACKETS: usize = 64;
 impl Pairs<'_> {
     /// The partners of a facet with its escaped and lost shares. If all pairs are tried anyway, partners are not collected:
     /// [`STRAY_CHECK_RAYS`] rays are traced, and the full number only if some of them escaped or were lost.
-    pub fn partners(&self, facet: u32, buffers: &mut Buffers) -> Found {
+    pub fn partners(&self, facet: u32, buffers: &mut Buffers) -> FacetRays {
         let settings = self.settings;
         let Buffers { tables, packets, hits, seen } = buffers;
         let [few, all] = tables.get_or_insert_with(|| {
@@ -60,7 +60,7 @@ impl Pairs<'_> {
             seen.clear();
         }
         Partner::merge(seen);
-        Found { partners: seen.clone(), escaped: shares[0], lost: shares[1] }
+        FacetRays { partners: seen.clone(), escaped: shares[0], lost: shares[1] }
     }
 
     /// Traces the rays of a table; appends hit facets to `seen` and returns the escaped and lost shares. Ends early once
@@ -123,7 +123,7 @@ impl Pairs<'_> {
 }
 
 /// For each facet the partners with higher numbers, ascending, found from either side, with the hits of both.
-pub fn upper(found: &[Found], progress: &dyn Progress) -> Result<Vec<Vec<Partner>>> {
+pub fn upper(found: &[FacetRays], progress: &dyn Progress) -> Result<Vec<Vec<Partner>>> {
     let mut upper: Vec<Vec<Partner>> = vec![Vec::new(); found.len()];
     for (i, f) in (0u32..).zip(found) {
         go_on(progress)?;

@@ -173,7 +173,7 @@ pub fn compute(
     let pairs = pair::Pairs { traced: &traced, facets, settings, progress };
     let rows = model.ranks().rows(facets.count());
     let advance = || progress.advance(rows.steps(1) as u64);
-    let found: Vec<discover::Found> = rows
+    let found: Vec<discover::FacetRays> = rows
         .numbers()
         .map_init(discover::Buffers::default, |buffers, i| {
             go_on(progress)?;

@@ -28,7 +28,7 @@ pub struct Receiver {
 
 /// A group of faces.
 #[derive(Clone)]
-struct Node {
+struct EmitterNode {
     /// Centre and radius of a sphere around the faces.
     centre: Vec3,
     radius: f32,
@@ -45,12 +45,12 @@ struct Node {
 
 /// The tree.
 pub struct EmitterTree {
-    nodes: Vec<Node>,
+    nodes: Vec<EmitterNode>,
 }
 
 /// The nodes that a receiver draws from.
 #[derive(Clone, Debug, Default)]
-pub struct Cut {
+pub struct EmitterCut {
     nodes: Vec<u32>,
     bounds: Vec<f32>,
     /// Running sums of the bounds, in the order of the faces.
@@ -82,7 +82,7 @@ impl EmitterTree {
             Face { id, bounds: Aabb::of(corners), centre: corners.iter().sum::<Vec3>(), normal, power }
         };
         let mut known: Vec<Face> = faces.par_iter().with_min_len(PARALLEL_FACES).map(known).collect();
-        let mut nodes = vec![Node::NONE; (2 * known.len()).saturating_sub(1)];
+        let mut nodes = vec![EmitterNode::NONE; (2 * known.len()).saturating_sub(1)];
         if !known.is_empty() {
             add(&mut known, 0, &mut nodes, 0);
         }
@@ -91,7 +91,7 @@ impl EmitterTree {
     }
 
     /// The cut for a receiver: the node with the largest bound is divided first.
-    pub fn cut(&self, receiver: &Receiver, cut: &mut Cut) {
+    pub fn cut(&self, receiver: &Receiver, cut: &mut EmitterCut) {
         cut.nodes.clear();
         cut.bounds.clear();
         cut.sums.clear();
@@ -121,7 +121,7 @@ impl EmitterTree {
     }
 
     /// The faces of a cut, as places in the tree's order, if each of its nodes that can light the receiver is a single face.
-    pub fn faces<'c>(&'c self, cut: &'c Cut) -> Option<impl Iterator<Item = u32> + 'c> {
+    pub fn faces<'c>(&'c self, cut: &'c EmitterCut) -> Option<impl Iterator<Item = u32> + 'c> {
         let lit = || cut.nodes.iter().zip(&cut.bounds).filter(|(_, bound)| **bound > 0.0);
         let node = |n: u32| &self.nodes[n as usize];
         lit().all(|(n, _)| node(*n).second == 0).then(|| lit().map(move |(n, _)| node(*n).faces[0]))
@@ -157,7 +157,7 @@ impl EmitterTree {
 
     /// The range of faces that `u` in `[0, 1)` selects, the remainder of `u`, and the probability of the range over its power.
     /// None if no face can light the receiver.
-    pub fn draw(&self, cut: &Cut, u: f32) -> Option<([u32; 2], f32, f32)> {
+    pub fn draw(&self, cut: &EmitterCut, u: f32) -> Option<([u32; 2], f32, f32)> {
         let total = *cut.sums.last().filter(|sum| **sum > 0.0)?;
         let (i, u, bound) = pick(&cut.sums, u);
         let node = &self.nodes[cut.nodes[i] as usize];
@@ -165,7 +165,7 @@ impl EmitterTree {
     }
 
     /// The probability of the range that holds a face (its place in the tree's order) over the power of the range.
-    pub fn probability(&self, cut: &Cut, face: u32) -> f32 {
+    pub fn probability(&self, cut: &EmitterCut, face: u32) -> f32 {
         let total = cut.sums.last().copied().unwrap_or(0.0);
         let i = cut.nodes.partition_point(|&n| self.nodes[n as usize].faces[1] <= face);
         match cut.nodes.get(i) {
@@ -176,7 +176,7 @@ impl EmitterTree {
 }
 
 /// Builds the subtree of some faces, of which the first has the place `first`, in `nodes`, of which the first has the index `at`.
-fn add(faces: &mut [Face], first: u32, nodes: &mut [Node], at: u32) {
+fn add(faces: &mut [Face], first: u32, nodes: &mut [EmitterNode], at: u32) {
     let sum: Vec3 = faces.iter().map(|f| f.normal * f.power).sum();
     let axis = sum.try_normalize().unwrap_or(Vec3::Z);
     let (mut bounds, mut centres) = (Aabb::EMPTY, Aabb::EMPTY);
@@ -185,7 +185,7 @@ fn add(faces: &mut [Face], first: u32, nodes: &mut [Node], at: u32) {
         centres = centres.union(Aabb::of([face.centre]));
     }
     let count = faces.len();
-    nodes[0] = Node {
+    nodes[0] = EmitterNode {
         centre: 0.5 * (bounds.min + bounds.max),
         radius: 0.5 * bounds.diagonal(),
         axis,
@@ -219,8 +219,8 @@ fn add(faces: &mut [Face], first: u32, nodes: &mut [Node], at: u32) {
     nodes[0].second = second;
 }
 
-impl Node {
-    const NONE: Node = Node {
+impl EmitterNode {
+    const NONE: EmitterNode = EmitterNode {
         centre: Vec3::ZERO,
         radius: 0.0,
         axis: Vec3::Z,
@@ -318,7 +318,7 @@ mod tests {
     #[test]
     fn no_light_is_lost_and_probabilities_sum_to_one() {
         let (tree, order, (corners, faces)) = tree(100);
-        let mut cut = Cut::default();
+        let mut cut = EmitterCut::default();
         for k in 0..200 {
             let [x, y, z, w] = numbers(5, k);
             let normal =
@@ -346,7 +346,7 @@ mod tests {
     #[test]
     fn draws_have_their_probabilities() {
         let (tree, order, (_, faces)) = tree(40);
-        let mut cut = Cut::default();
+        let mut cut = EmitterCut::default();
         tree.cut(&Receiver { centre: Vec3::splat(2.0), radius: 0.1, normal: Vec3::Z }, &mut cut);
         let draws = 100_000;
         let mut found = vec![0u32; cut.nodes.len()];

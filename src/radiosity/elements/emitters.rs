@@ -1,13 +1,16 @@
 //! Emitting faces: closed forms use all faces of an emitter, single rays use one face drawn at random.
 
 use super::Elements;
-use super::emitter_face::{EmitterFace, power_of};
-use super::emitter_tree::{Cut, EmitterTree, Receiver};
+use super::emitter_tree::{EmitterCut, EmitterTree, Receiver};
+use super::profiles::profile_factor;
+use crate::form_factors::analytic::{point_to_far_polygon, point_to_polygon};
 use crate::math::sampling::point_on;
 use crate::radiosity::rgb::{Rgb, mean};
-use crate::scene::Scene;
-use glam::Vec3;
+use crate::ray::EndRule;
+use crate::scene::{Profile, Scene};
+use glam::{DVec3, Vec3};
 use rustc_hash::FxHashMap;
+use std::sync::Arc;
 
 /// One emitter of the scene.
 #[derive(Default)]
@@ -78,12 +81,12 @@ impl Emitters {
     }
 
     /// Finds the groups of faces that a receiver draws from.
-    pub fn cut(&self, receiver: &Receiver, cut: &mut Cut) {
+    pub fn cut(&self, receiver: &Receiver, cut: &mut EmitterCut) {
         self.tree.cut(receiver, cut);
     }
 
     /// The faces that light the receiver of a cut, if they are so few that the cut has a node for each.
-    pub fn faces<'c>(&'c self, cut: &'c Cut) -> Option<impl Iterator<Item = &'c EmitterFace> + 'c> {
+    pub fn faces<'c>(&'c self, cut: &'c EmitterCut) -> Option<impl Iterator<Item = &'c EmitterFace> + 'c> {
         let face = |place: u32| {
             let (e, k) = self.lit[place as usize];
             &self.emitters[e as usize].faces[k as usize]
@@ -98,7 +101,7 @@ impl Emitters {
 
     /// A point on an emitter for two numbers in `[0, 1)`, the emitter and its face, and the density of the point on the face over the face's
     /// exitance (mean over the channels). None if no emitter can light the receiver.
-    pub fn sample(&self, cut: &Cut, u: f32, v: f32) -> Option<(Vec3, [usize; 2], f32)> {
+    pub fn sample(&self, cut: &EmitterCut, u: f32, v: f32) -> Option<(Vec3, [usize; 2], f32)> {
         let ([first, end], u, density) = self.tree.draw(cut, u)?;
         let (first, end) = (first as usize, end as usize);
         // The face of the group by power: the part of the running sums that belongs to the group.
@@ -115,7 +118,7 @@ impl Emitters {
     }
 
     /// The density of [`Emitters::sample`] at a point of the face with a number over the face's exitance.
-    pub fn density(&self, cut: &Cut, number: u32) -> f32 {
+    pub fn density(&self, cut: &EmitterCut, number: u32) -> f32 {
         match self.places[number as usize] {
             Elements::NONE => 0.0,
             place => self.tree.probability(cut, place),
@@ -142,4 +145,44 @@ pub fn density_ratio(
     // Two divisions by r²: r⁴ overflows 32 bits for most lengths.
     let kernel = (from.1.dot(d).max(0.0) / r2) * ((-to.1.dot(d)).max(0.0) / r2) / std::f32::consts::PI;
     kernel / (density * mean(exitance) as f32)
+}
+
+/// One emitting face.
+pub struct EmitterFace {
+    /// Counterclockwise seen from its side; a triangle repeats its third corner.
+    pub corners: [Vec3; 4],
+    /// The same corners in double precision, for closed forms.
+    pub polygon: [DVec3; 4],
+    /// Number of distinct corners: 3 or 4.
+    pub count: usize,
+    /// Unit normal.
+    pub normal: Vec3,
+    /// The rule for ends of segments on the face.
+    pub end: EndRule,
+    /// Exitance, W/m².
+    pub exitance: Rgb,
+    /// Area, scene units squared.
+    pub area: f32,
+    /// Directions in which the face emits; none for diffuse emission.
+    pub profile: Option<Arc<Profile>>,
+}
+
+impl EmitterFace {
+    /// Form factor from a point (position, unit normal) to the face: of a diffuse face in closed form, or by quadrature to 0.1 % if it is
+    /// far; of one with a profile with its radiance relative to a diffuse face as weight.
+    pub fn factor(&self, at: DVec3, normal: DVec3) -> f64 {
+        let polygon = &self.polygon[..self.count];
+        match &self.profile {
+            None => {
+                let far = point_to_far_polygon(at, normal, polygon);
+                far.unwrap_or_else(|| point_to_polygon(at, normal, polygon)).max(0.0)
+            }
+            Some(profile) => profile_factor(profile, (at, normal), polygon),
+        }
+    }
+}
+
+/// Power of a face over π, W/π.
+pub fn power_of(face: &EmitterFace) -> f32 {
+    face.area * mean(face.exitance) as f32
 }

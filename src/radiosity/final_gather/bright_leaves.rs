@@ -2,8 +2,7 @@
 //! and a ray that does stands for all that miss, which causes noise. Shadow rays to these surfaces find their light without this noise.
 
 use super::reflected::Reflected;
-use crate::radiosity::elements::emitter_face::EmitterFace;
-use crate::radiosity::elements::emitters::{Emitter, Emitters};
+use crate::radiosity::elements::emitters::{Emitter, EmitterFace, Emitters};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{Rgb, add, mean};

@@ -9,7 +9,7 @@ pub(super) const RINGS: usize = 3;
 
 /// A cell of the grid or of one of its divisions.
 #[derive(Clone, Copy)]
-pub(super) struct Cell {
+pub(super) struct RayCell {
     /// Column and row among the cells of its level.
     pub place: [u32; 2],
     /// Whether its ray leaves the scene.
@@ -32,7 +32,7 @@ pub(super) struct Cell {
     pub quarters: u32,
 }
 
-impl Cell {
+impl RayCell {
     /// Correction of the light of a cell whose neighbours are all open, W/m²: if its own ray is open, its light becomes the mean of the sky.
     pub fn smoothing(&self) -> Vec3 {
         self.unblocked - self.at_ray
@@ -42,7 +42,7 @@ impl Cell {
         self.light += self.smoothing();
     }
 
-    /// [`Cell::surfaces`], mean over the channels.
+    /// [`RayCell::surfaces`], mean over the channels.
     fn level_of_surfaces(&self) -> f32 {
         self.surfaces.element_sum() / 3.0
     }
@@ -71,7 +71,7 @@ impl Near {
         blocked: false,
     };
 
-    pub fn add(&mut self, cell: &Cell) {
+    pub fn add(&mut self, cell: &RayCell) {
         widen(&mut self.sky, [cell.sky; 2]);
         match cell.is_open {
             true => self.open = true,
@@ -116,7 +116,7 @@ fn widen([low, high]: &mut [f32; 2], by: [f32; 2]) {
 
 /// The cells around each cell of the finest level.
 pub(super) struct Surroundings<'a> {
-    pub levels: &'a [Vec<Cell>],
+    pub levels: &'a [Vec<RayCell>],
     /// Columns and rows of the finest level.
     pub size: [usize; 2],
     /// Columns of the undivided grid.
@@ -129,10 +129,11 @@ pub(super) struct Surroundings<'a> {
 
 impl<'a> Surroundings<'a> {
     /// For the finest of `levels`; the undivided grid has `columns` columns and `rows` rows.
-    pub fn new(levels: &'a [Vec<Cell>], [columns, rows]: [usize; 2], rings: usize) -> Surroundings<'a> {
+    pub fn new(levels: &'a [Vec<RayCell>], [columns, rows]: [usize; 2], rings: usize) -> Surroundings<'a> {
         let finest = levels.len() - 1;
         let size = [columns << finest, rows << finest];
-        let is_whole = |(level, cells): &(usize, &Vec<Cell>)| cells.len() == (columns * rows) << (2 * level);
+        let is_whole =
+            |(level, cells): &(usize, &Vec<RayCell>)| cells.len() == (columns * rows) << (2 * level);
         let whole = levels.iter().enumerate().take_while(is_whole).count() - 1;
         let mut in_rows = vec![0; if whole == finest { levels[finest].len() } else { 0 }];
         for (k, cell) in (0..).zip(&levels[finest]).filter(|_| whole == finest) {
@@ -142,7 +143,7 @@ impl<'a> Surroundings<'a> {
     }
 
     /// The cell of the finest level at a place, or the smallest that is not divided there.
-    fn at(&self, [i, j]: [usize; 2]) -> &Cell {
+    fn at(&self, [i, j]: [usize; 2]) -> &RayCell {
         let finest = self.levels.len() - 1;
         if let Some(k) = self.in_rows.get(j * self.size[0] + i) {
             return &self.levels[finest][*k as usize];
@@ -163,7 +164,7 @@ impl<'a> Surroundings<'a> {
         (at as usize).saturating_sub(self.reach)..(at as usize + self.reach + 1).min(self.size[axis])
     }
 
-    fn for_each_near(&self, place: [u32; 2], mut visit: impl FnMut(&Cell)) {
+    fn for_each_near(&self, place: [u32; 2], mut visit: impl FnMut(&RayCell)) {
         for row in self.range(place[1], 1) {
             let columns = self.range(place[0], 0);
             let own = if row == place[1] as usize { place[0] as usize } else { usize::MAX };
@@ -177,11 +178,11 @@ impl<'a> Surroundings<'a> {
     /// operations on whole rows.
     pub fn in_whole_grid(&self) -> Vec<Near> {
         let finest = &self.levels[self.levels.len() - 1];
-        let largest = |of: &dyn Fn(&Cell) -> f32| {
+        let largest = |of: &dyn Fn(&RayCell) -> f32| {
             let values: Vec<f32> = self.in_rows.iter().map(|k| of(&finest[*k as usize])).collect();
             largest_around(&values, self.size[0], self.reach)
         };
-        let blocked = |cell: &Cell, light: f32| if cell.is_open { f32::NEG_INFINITY } else { light };
+        let blocked = |cell: &RayCell, light: f32| if cell.is_open { f32::NEG_INFINITY } else { light };
         let skies = [largest(&|cell| -cell.sky), largest(&|cell| cell.sky)];
         let surfaces = [
             largest(&|cell| blocked(cell, -cell.level_of_surfaces())),

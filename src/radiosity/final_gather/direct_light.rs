@@ -143,7 +143,14 @@ impl FinalGather<'_> {
                 shares.push(total);
             }
             if total > 0.0 {
-                views.push(EmitterView { point, from, free, shares, found: Found::default(), traced: 0 });
+                views.push(EmitterView {
+                    point,
+                    from,
+                    free,
+                    shares,
+                    found: ShadowRaySums::default(),
+                    traced: 0,
+                });
             }
         }
         views
@@ -189,7 +196,7 @@ impl FinalGather<'_> {
             0 => view.traced,
             more => {
                 let from = GatherPoint { seed: mix(!view.from.seed), ..view.from };
-                (view.from, view.found, view.traced) = (from, Found::default(), 0);
+                (view.from, view.found, view.traced) = (from, ShadowRaySums::default(), 0);
                 more
             }
         };
@@ -291,7 +298,7 @@ pub(super) struct EmitterView {
     free: Rgb,
     /// Running sums of the unoccluded irradiance by each face, mean over the channels, W/m².
     shares: Vec<f32>,
-    found: Found,
+    found: ShadowRaySums,
     /// Number of rays, those below the horizon included.
     traced: usize,
 }
@@ -310,7 +317,7 @@ impl EmitterView {
 
     /// Irradiance by the visible part, W/m². Each channel has its own visible part: of faces of several colours some may be hidden.
     fn light(&self) -> Rgb {
-        let Found { free, seen, .. } = self.found;
+        let ShadowRaySums { free, seen, .. } = self.found;
         std::array::from_fn(|k| if free[k] > 0.0 { self.free[k] * seen[k] / free[k] } else { self.free[k] })
     }
 
@@ -326,7 +333,7 @@ impl EmitterView {
 
 /// Sums over the shadow rays to an emitter.
 #[derive(Clone, Copy, Default)]
-struct Found {
+struct ShadowRaySums {
     /// Sums of the unoccluded light by the mean exitance of each face (`free`), and of the light that arrives (`seen`).
     free: DVec3,
     seen: DVec3,
@@ -339,7 +346,7 @@ struct Found {
     packets: f64,
 }
 
-impl Found {
+impl ShadowRaySums {
     fn add(&mut self, packet: &Packet, rays: &[ShadowRay; LANES], through: &[f32; LANES]) {
         let level = |light: DVec3| light.element_sum() / 3.0;
         let (mut free, mut seen) = (DVec3::ZERO, DVec3::ZERO);

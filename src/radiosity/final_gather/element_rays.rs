@@ -4,7 +4,7 @@ use super::element_samples::{ElementLight, REFLECTED, variance_of_quarters};
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use super::paths::{EmitterRay, EndOfPaths, weight};
 use crate::math::sampling::{mix, point_on, shifted};
-use crate::radiosity::elements::emitter_tree::Cut;
+use crate::radiosity::elements::emitter_tree::EmitterCut;
 use crate::radiosity::elements::emitters::{Emitters, density_ratio};
 use crate::radiosity::elements::{Elements, Shape, Side, centres_of_quarters, mean_over};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
@@ -107,7 +107,7 @@ impl FinalGather<'_> {
     ) -> Option<Vec<(Vec3, f32)>> {
         let bright = self.bright()?;
         let mut cuts = std::mem::take(&mut buffers.bright_cuts);
-        cuts.resize_with(batch.len().max(cuts.len()), Cut::default);
+        cuts.resize_with(batch.len().max(cuts.len()), EmitterCut::default);
         batch.iter().zip(&mut cuts).for_each(|(of, cut)| self.cut_of(&bright.emitters, of.leaf, cut));
         let cut = |vertex: &PathVertex| &cuts[(vertex.path / STREAMS) as usize];
         let light_of = |ray: &EmitterRay| {
@@ -138,9 +138,9 @@ impl FinalGather<'_> {
     }
 
     /// The groups of emitting faces for each leaf of a batch, in a list that the caller must return to `buffers.cuts`.
-    pub(super) fn cuts_of(&self, batch: &[LeafRays], buffers: &mut Buffers) -> Vec<Cut> {
+    pub(super) fn cuts_of(&self, batch: &[LeafRays], buffers: &mut Buffers) -> Vec<EmitterCut> {
         let mut cuts = std::mem::take(&mut buffers.cuts);
-        cuts.resize_with(batch.len().max(cuts.len()), Cut::default);
+        cuts.resize_with(batch.len().max(cuts.len()), EmitterCut::default);
         batch.iter().zip(&mut cuts).for_each(|(of, cut)| self.cut_of(&self.emitters, of.leaf, cut));
         cuts
     }
@@ -152,7 +152,7 @@ impl FinalGather<'_> {
         &self,
         batch: &[LeafRays],
         random: &[[f32; 4]],
-        cuts: &[Cut],
+        cuts: &[EmitterCut],
         free: &[Option<Vec3>],
         buffers: &mut Buffers,
     ) -> Vec<(Vec3, f32)> {
@@ -225,7 +225,7 @@ impl FinalGather<'_> {
 
     /// Irradiance of an element from all emitters if nothing blocked them, W/m², by closed form or quadrature. None if too many faces light the
     /// element.
-    fn unblocked(&self, leaf: u32, cut: &Cut) -> Option<Vec3> {
+    fn unblocked(&self, leaf: u32, cut: &EmitterCut) -> Option<Vec3> {
         let elements = &self.linked.elements;
         let element = &elements.elements[leaf as usize];
         let Shape::Surface { side, corners } = element.shape else { return None };
@@ -270,7 +270,7 @@ impl FinalGather<'_> {
     fn visible_parts<'c>(
         &self,
         emitters: &Emitters,
-        cut_of: impl Fn(&PathVertex) -> (&'c Cut, bool),
+        cut_of: impl Fn(&PathVertex) -> (&'c EmitterCut, bool),
         light_of: impl Fn(&EmitterRay) -> Vec3,
         random: &[[f32; 4]],
         buffers: &mut Buffers,

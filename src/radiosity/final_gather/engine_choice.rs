@@ -9,7 +9,7 @@ use super::gatherer::FinalGather;
 use crate::math::sampling::mix;
 use crate::radiosity::elements::Shape;
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
-use crate::visibility::{Cut, LeafMode, rays_for, sample_runs};
+use crate::visibility::{DistanceCut, LeafMode, rays_for, sample_runs};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -31,13 +31,13 @@ struct Trial {
 
 impl FinalGather<'_> {
     /// The distance cut, if there are enough points to repay building it, time is not limited, and visibility is multi-resolution.
-    pub(super) fn cut_for(&self, points: usize) -> Option<Arc<Cut>> {
+    pub(super) fn cut_for(&self, points: usize) -> Option<Arc<DistanceCut>> {
         match &self.linked.engine {
             VisibilityEngine::MultiResolution(engine) if engine.leaf() == LeafMode::Exact => {}
             _ => return None,
         }
         let enough = MIN_CUT_POINTS + self.scene.triangles.len() / TRIANGLES_PER_POINT;
-        (self.has_time && points >= enough).then(|| self.model.cut()).flatten()
+        (self.may_build_cut && points >= enough).then(|| self.model.cut()).flatten()
     }
 
     /// The engine for rays from elements to emitters: the rays of a leaf all end on one emitter only if the scene has a single emitter.
@@ -56,7 +56,11 @@ impl FinalGather<'_> {
     }
 
     /// By emitter, the visibility engine for points like these, which may use the cut.
-    pub(super) fn engines(&self, points: &[(Vec3, Vec3)], cut: Option<Arc<Cut>>) -> Vec<VisibilityEngine> {
+    pub(super) fn engines(
+        &self,
+        points: &[(Vec3, Vec3)],
+        cut: Option<Arc<DistanceCut>>,
+    ) -> Vec<VisibilityEngine> {
         let point = |i: usize| {
             let (at, normal) = points[i];
             self.gather_point(at, normal, mix(i as u64))
@@ -76,7 +80,7 @@ impl FinalGather<'_> {
     }
 
     /// The engines by the distance cut, with the work of a segment over that of exact rays; none unless visibility is multi-resolution.
-    fn engines_by_cut(&self, cut: Option<Arc<Cut>>) -> Vec<(VisibilityEngine, f64)> {
+    fn engines_by_cut(&self, cut: Option<Arc<DistanceCut>>) -> Vec<(VisibilityEngine, f64)> {
         let VisibilityEngine::MultiResolution(engine) = &self.linked.engine else { return Vec::new() };
         let engine = (**engine).clone().with_cut(cut);
         engine.by_cut().map(|(by, work)| (VisibilityEngine::MultiResolution(Arc::new(by)), work)).collect()

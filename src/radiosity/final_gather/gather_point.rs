@@ -1,6 +1,6 @@
 //! Points at which irradiance is computed.
 
-use crate::radiosity::elements::emitter_face::EmitterFace;
+use crate::radiosity::elements::emitters::EmitterFace;
 use crate::ray::EndRule;
 use glam::Vec3;
 

@@ -7,7 +7,7 @@ use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
 use crate::math::sampling::mix;
 use crate::model::Model;
-use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
+use crate::radiosity::elements::emitter_tree::{EmitterCut, Receiver};
 use crate::radiosity::elements::emitters::Emitters;
 use crate::radiosity::elements::{Elements, Lookup, Shape};
 use crate::radiosity::links::{Scratch, VisibilityEngine};
@@ -55,7 +55,7 @@ pub struct FinalGather<'a> {
     /// Columns and rows of the grid of the directions of a set.
     pub(super) hemisphere_grid: [usize; 2],
     /// Whether a distance cut may be built: only if the time of the solve is not limited.
-    pub(super) has_time: bool,
+    pub(super) may_build_cut: bool,
     /// [`FinalGather::engine_of_elements`], once it is asked for.
     pub(super) of_elements: OnceLock<VisibilityEngine>,
     /// The light that each element reflects.
@@ -150,9 +150,9 @@ pub struct Buffers {
     /// that arrives at the start of the path.
     pub(super) path_ends: Vec<(u32, u32, Vec3)>,
     /// By element of a batch, the groups of emitting faces from which its emitter rays are drawn.
-    pub(super) cuts: Vec<Cut>,
+    pub(super) cuts: Vec<EmitterCut>,
     /// The same for bright leaves.
-    pub(super) bright_cuts: Vec<Cut>,
+    pub(super) bright_cuts: Vec<EmitterCut>,
     /// Further places from which rays of elements to suns start, in the order of the vertices.
     pub(super) sun_places: Vec<Vec3>,
     /// By vertex of the rays of elements, the quarter of the element on which the vertex lies.
@@ -202,7 +202,7 @@ impl<'a> FinalGather<'a> {
             error: options.error,
             elements: options.elements,
             hemisphere_grid: grid_of(gathered).map(|blocks| 4 * blocks),
-            has_time: options.max_seconds.is_none(),
+            may_build_cut: options.max_seconds.is_none(),
             of_elements: OnceLock::new(),
             table,
             light_rays: options.light_rays(),
@@ -260,7 +260,7 @@ impl<'a> FinalGather<'a> {
     }
 
     /// Finds the groups of emitter faces from which an element draws its emitter rays.
-    pub(super) fn cut_of(&self, emitters: &Emitters, leaf: u32, cut: &mut Cut) {
+    pub(super) fn cut_of(&self, emitters: &Emitters, leaf: u32, cut: &mut EmitterCut) {
         let element = &self.linked.elements.elements[leaf as usize];
         if let Shape::Surface { side, corners } = element.shape {
             let normal = self.linked.elements.sides[side as usize].normal;

@@ -1,7 +1,7 @@
 //! Light of surfaces and sky at a point: a grid of rays, one for each cell of a hemisphere of equal cosine weight. Cells are divided where
 //! neighbours differ, as at the edges of a window, of a bright part of the sky or of a sunlit wall.
 
-use super::cells_around::{Cell, RINGS, Surroundings, WHOLE};
+use super::cells_around::{RINGS, RayCell, Surroundings, WHOLE};
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
 use super::hemisphere::Hemisphere;
@@ -265,7 +265,7 @@ impl FinalGather<'_> {
         hemisphere: &Hemisphere,
         point: &GatherPoint,
         buffers: &mut Buffers,
-    ) -> Vec<Cell> {
+    ) -> Vec<RayCell> {
         let surfaces: Vec<Option<Vec3>> = cells.iter().flat_map(|(_, known)| [*known; 4]).collect();
         let parts: Vec<[u32; 2]> = cells
             .iter()
@@ -294,7 +294,7 @@ impl FinalGather<'_> {
         (places, surfaces): (&[[u32; 2]], &[Option<Vec3>]),
         rays: &[CellRay],
         point: &GatherPoint,
-    ) -> Vec<Cell> {
+    ) -> Vec<RayCell> {
         let seed = mix(!point.seed ^ u64::from(level) << 32);
         let has_map = self.environment.is_some_and(|of| of.has_map());
         // The light of the sky in a cell, mean of a few places, and the square of its error, mean over the channels.
@@ -331,7 +331,7 @@ impl FinalGather<'_> {
                 Seen::Surface(light, of_element) => (light, of_element),
             };
             let surfaces = surfaces.get(k).copied().flatten().unwrap_or(of_element);
-            Cell {
+            RayCell {
                 place,
                 is_open,
                 light,
@@ -348,6 +348,6 @@ impl FinalGather<'_> {
 }
 
 /// Sum of the light of cells.
-fn light_of(cells: &[Cell]) -> DVec3 {
+fn light_of(cells: &[RayCell]) -> DVec3 {
     cells.iter().map(|cell| cell.light.as_dvec3()).sum()
 }

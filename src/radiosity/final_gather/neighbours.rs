@@ -116,7 +116,7 @@ pub struct Search {
 const LEAF_PLACES: usize = 8;
 
 /// A node of a tree over places, which halves them along the longest extent of their centres. Its first child is the next node.
-struct Node {
+struct PlaceNode {
     /// Bounds of the centres.
     bounds: Aabb,
     /// The second child, counted from this node; 0 for a leaf.
@@ -126,11 +126,11 @@ struct Node {
 }
 
 /// Builds the nodes over `members`, the first of which is number `first` of all, and orders the members by leaf.
-fn nodes_over(places: &[Place], members: &mut [u32], first: u32) -> Vec<Node> {
+fn nodes_over(places: &[Place], members: &mut [u32], first: u32) -> Vec<PlaceNode> {
     let centre = |i: u32| places[i as usize].centre;
     let bounds = Aabb::of(members.iter().map(|&i| centre(i)));
     if members.len() <= LEAF_PLACES {
-        return vec![Node { bounds, second: 0, range: [first, first + members.len() as u32] }];
+        return vec![PlaceNode { bounds, second: 0, range: [first, first + members.len() as u32] }];
     }
     let axis = bounds.extent().max_position();
     let half = members.len() / 2;
@@ -140,7 +140,7 @@ fn nodes_over(places: &[Place], members: &mut [u32], first: u32) -> Vec<Node> {
     let (low, high) =
         rayon::join(|| nodes_over(places, low, first), || nodes_over(places, high, first + half as u32));
     let mut nodes = Vec::with_capacity(1 + low.len() + high.len());
-    nodes.push(Node { bounds, second: 1 + low.len() as u32, range: [0; 2] });
+    nodes.push(PlaceNode { bounds, second: 1 + low.len() as u32, range: [0; 2] });
     nodes.extend(low);
     nodes.extend(high);
     nodes
@@ -157,7 +157,7 @@ struct Group {
     /// Its places by number, in the order of the leaves of the tree, and copies of them in that order.
     members: Vec<u32>,
     arranged: Vec<Place>,
-    nodes: Vec<Node>,
+    nodes: Vec<PlaceNode>,
 }
 
 impl<'a> Neighbourhood<'a> {

@@ -4,7 +4,7 @@ use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
 use crate::math::on_plane;
 use crate::math::sampling::{cosine_direction, mix, numbers};
-use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
+use crate::radiosity::elements::emitter_tree::{EmitterCut, Receiver};
 use crate::radiosity::elements::emitters::{Emitters, density_ratio};
 use crate::radiosity::elements::{Elements, Side, emission_gain};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
@@ -92,9 +92,9 @@ impl FinalGather<'_> {
     }
 
     /// The groups of emitting faces from which the emitter rays of `buffers.vertices` are drawn, in the buffer for them.
-    fn cuts_of_vertices(&self, buffers: &mut Buffers) -> Vec<Cut> {
+    fn cuts_of_vertices(&self, buffers: &mut Buffers) -> Vec<EmitterCut> {
         let mut cuts = std::mem::take(&mut buffers.cuts);
-        cuts.resize_with(cuts.len().max(buffers.vertices.len()), Cut::default);
+        cuts.resize_with(cuts.len().max(buffers.vertices.len()), EmitterCut::default);
         for (vertex, cut) in buffers.vertices.iter().zip(&mut cuts) {
             let Side { normal, .. } = self.linked.elements.sides[vertex.side as usize];
             self.emitters.cut(&Receiver { centre: vertex.at, radius: 0.0, normal }, cut);
@@ -106,7 +106,7 @@ impl FinalGather<'_> {
     /// returns the emitters to which the vertex, with its number, also sends shadow rays.
     pub(super) fn read_hits<'c>(
         &self,
-        cut: impl Fn(usize, &PathVertex) -> Option<&'c Cut>,
+        cut: impl Fn(usize, &PathVertex) -> Option<&'c EmitterCut>,
         buffers: &mut Buffers,
     ) {
         let Buffers { packets, hits, vertices, results, .. } = buffers;
@@ -142,7 +142,7 @@ impl FinalGather<'_> {
     fn result(
         &self,
         vertex: &PathVertex,
-        cut: Option<&Cut>,
+        cut: Option<&EmitterCut>,
         packet: &Packet,
         hits: &Hits,
         lane: usize,
@@ -178,7 +178,7 @@ impl FinalGather<'_> {
     /// A shadow ray from a vertex to a point on one of some emitters, drawn from a cut.
     pub(super) fn emitter_ray(
         &self,
-        (emitters, cut): (&Emitters, &Cut),
+        (emitters, cut): (&Emitters, &EmitterCut),
         vertex: &PathVertex,
         weight: impl Fn(f32) -> f32,
         [.., u, v]: [f32; 4],

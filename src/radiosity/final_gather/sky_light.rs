@@ -1,7 +1,7 @@
 //! Light from infinitely far: rays that leave the scene meet the sky, and points send rays to the suns.
 
 use super::bright_leaves::PART_OF_ERROR;
-use super::cells_around::Cell;
+use super::cells_around::RayCell;
 use super::element_rays::LeafRays;
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
@@ -225,7 +225,7 @@ pub(super) struct SkyLight {
 
 impl SkyLight {
     /// Adds cells, each of which is the part `area` of the hemisphere, or subtracts them if `sign` is negative.
-    pub fn add<'a>(&mut self, cells: impl Iterator<Item = &'a Cell>, area: f64, sign: f64) {
+    pub fn add<'a>(&mut self, cells: impl Iterator<Item = &'a RayCell>, area: f64, sign: f64) {
         for cell in cells {
             let (sky, error) = (f64::from(cell.sky), f64::from(cell.error));
             let error = sign * area * area * (error + (MIN_CELL_ERROR * sky).powi(2));

@@ -7,7 +7,7 @@ use super::gatherer::{Buffers, FinalGather};
 use crate::math::sampling::mix;
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::rgb::Rgb;
-use crate::visibility::{Cut, Probe};
+use crate::visibility::{DistanceCut, Probe};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -62,13 +62,13 @@ struct Plane {
 }
 
 /// A square of a plane: level of division, column and row, and its points.
-struct Cell {
+struct Square {
     level: u32,
     at: [u32; 2],
     points: Vec<(u32, Vec2)>,
 }
 
-impl Cell {
+impl Square {
     /// Its corners, as columns and rows of the finest level.
     fn corners(&self) -> [[u32; 2]; 4] {
         let [x, y] = self.at;
@@ -89,8 +89,8 @@ impl Cell {
     }
 
     /// Its quarters.
-    fn parts(self) -> [Cell; 4] {
-        let mut parts = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[i, j]| Cell {
+    fn parts(self) -> [Square; 4] {
+        let mut parts = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[i, j]| Square {
             level: self.level + 1,
             at: [2 * self.at[0] + i, 2 * self.at[1] + j],
             points: Vec::new(),
@@ -109,7 +109,7 @@ impl FinalGather<'_> {
     pub(super) fn smooth_light(
         &self,
         points: &[(Vec3, Vec3)],
-        cut: &Cut,
+        cut: &DistanceCut,
         engines: &[VisibilityEngine],
     ) -> SmoothLight {
         let mut smooth = SmoothLight { places: vec![None; points.len()], ..SmoothLight::default() };
@@ -137,7 +137,7 @@ impl FinalGather<'_> {
     fn add_plane(
         &self,
         plane: Plane,
-        cut: &Cut,
+        cut: &DistanceCut,
         corners: &mut Vec<GatherPoint>,
         places: &mut [Option<Place>],
     ) {
@@ -148,12 +148,12 @@ impl FinalGather<'_> {
             self.gather_point(at, normal, mix(self.linked.settings.seed ^ seed_of(at)))
         };
         let mut numbers: BTreeMap<[u32; 2], u32> = BTreeMap::new();
-        let mut cells = vec![Cell { level: 0, at: [0; 2], points }];
+        let mut cells = vec![Square { level: 0, at: [0; 2], points }];
         for level in 0..=MAX_LEVEL {
             cells.retain(|cell| cell.points.len() >= MIN_POINTS);
             let apart = side / (1u32 << level) as f32;
             // For the corners of the cells: whether no surface is close, and the unoccluded light there.
-            let asked: BTreeSet<[u32; 2]> = cells.iter().flat_map(Cell::corners).collect();
+            let asked: BTreeSet<[u32; 2]> = cells.iter().flat_map(Square::corners).collect();
             let probes: Vec<([u32; 2], Option<Clear>)> = asked
                 .into_par_iter()
                 .map(|place| {
@@ -259,7 +259,7 @@ mod tests {
     fn cells_hold_their_points() {
         let points: Vec<(u32, Vec2)> =
             (0..100).map(|k| (k, Vec2::new((k % 10) as f32, (k / 10) as f32) / 9.0)).collect();
-        let cell = Cell { level: 0, at: [0; 2], points };
+        let cell = Square { level: 0, at: [0; 2], points };
         assert_eq!(cell.weights(Vec2::new(1.0, 0.0)), [0.0, 1.0, 0.0, 0.0]);
         let parts = cell.parts();
         assert_eq!(parts.iter().map(|part| part.points.len()).sum::<usize>(), 100);

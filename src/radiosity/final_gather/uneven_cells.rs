@@ -1,6 +1,6 @@
 //! Which cells of a point's grid of rays differ from their neighbours, and are divided.
 
-use super::cells_around::{Cell, Near, Surroundings};
+use super::cells_around::{Near, RayCell, Surroundings};
 use glam::Vec3;
 
 /// Standard deviation of the open part of a cell that only its ray determines: two rays locate an edge at a random place in their two cells to
@@ -93,7 +93,7 @@ impl Surroundings<'_> {
     /// Variance of the visibility of a cell at the rim of the hemisphere, 0 inside. Objects a little above the plane of a point, and the sky at the foot of a
     /// wall, are strips along the rim thinner than a cell: the other cells of the rim give the probability that one crosses this cell. Where little of the
     /// rim is open, as in rooms, the edges of openings matter more: the variance is multiplied by the open part.
-    fn variance_at_rim(&self, cell: &Cell, rim: [f64; 2]) -> f64 {
+    fn variance_at_rim(&self, cell: &RayCell, rim: [f64; 2]) -> f64 {
         if !self.is_at_rim(cell.place) {
             return 0.0;
         }
@@ -128,7 +128,7 @@ pub(super) fn bound_of_errors(count: usize, [low, high]: [f32; 2], rings: usize)
 
 /// Abrupt change of the sky at a cell of the undivided grid, W/m²: the larger of the second differences along a row and along a column, which is the step
 /// itself for both cells at a step. At the rim of the grid, or beside blocked cells, it is the difference from the only neighbour.
-fn step_at(cells: &[Cell], k: usize, columns: usize) -> f64 {
+fn step_at(cells: &[RayCell], k: usize, columns: usize) -> f64 {
     let open = |k: usize| cells.get(k).filter(|cell| cell.is_open).map(|cell| f64::from(cell.sky));
     let own = f64::from(cells[k].sky);
     let bend =
@@ -170,12 +170,12 @@ pub(super) fn next_tolerance(
 
 /// All cells of the finest level.
 pub(super) fn all_cells(
-    cells: &[Cell],
+    cells: &[RayCell],
     surroundings: &Surroundings,
     uneven: &[Uneven],
     least: f64,
 ) -> Vec<ToDivide> {
-    let even = |(k, of): (u32, &Cell)| (k, (!of.is_open).then_some(of.surfaces));
+    let even = |(k, of): (u32, &RayCell)| (k, (!of.is_open).then_some(of.surfaces));
     let mut all: Vec<ToDivide> = (0..).zip(cells).map(even).collect();
     uneven.iter().for_each(|of| all[of.cell as usize] = to_divide(of, surroundings, least));
     all
@@ -205,11 +205,11 @@ mod tests {
     use crate::math::sampling::{mix, numbers};
 
     /// Cells of a level whose light is random, in the order of quarters.
-    fn level(places: impl Iterator<Item = [u32; 2]>, level: u64, sky: f32) -> Vec<Cell> {
+    fn level(places: impl Iterator<Item = [u32; 2]>, level: u64, sky: f32) -> Vec<RayCell> {
         let cell = |place: [u32; 2]| {
             let [u, v, ..] = numbers(mix(level), u64::from(place[0]) << 32 | u64::from(place[1]));
             let surfaces = Vec3::splat(if u < 0.4 { 0.0 } else { v });
-            Cell {
+            RayCell {
                 place,
                 is_open: u < 0.4,
                 light: surfaces,

@@ -82,7 +82,7 @@ fn lane_order(seed: u64) -> impl Iterator<Item = usize> {
 }
 
 /// A link before its visibility is measured.
-pub struct Draft {
+pub struct LinkDraft {
     pub(super) ids: [u32; 2],
     /// Whether the ends were exchanged.
     pub(super) swapped: bool,
@@ -97,7 +97,7 @@ pub struct Draft {
     pub(super) certificate: BlockerCertificate,
 }
 
-impl Draft {
+impl LinkDraft {
     /// The link, given the transmittances of its segments. Without segments the link counts as clear.
     pub(super) fn link(&self, packet: &Packet, transmittances: &[f32; LANES]) -> Link {
         if packet.is_empty() {

@@ -1,7 +1,7 @@
 //! The unoccluded exchange of two elements of which at least one is a cluster: an unbiased estimate over sixteen points of each
 //! end, drawn with a preference for sides that face the other end.
 
-use super::accuracy::{Accuracy, Draft, FEW_SEGMENTS_ERROR};
+use super::accuracy::{Accuracy, FEW_SEGMENTS_ERROR, LinkDraft};
 use super::end_samples::{EndSamples, kernel};
 use super::{BlockerCertificate, VisibilityQuery};
 use crate::math::Aabb;
@@ -47,7 +47,7 @@ impl ClusterPair<'_> {
         elements: &Elements,
         accuracy: Accuracy,
         seed: u64,
-    ) -> Option<(Draft, VisibilityQuery)> {
+    ) -> Option<(LinkDraft, VisibilityQuery)> {
         let [ea, eb] = self.ends;
         let towards = (eb.centre - ea.centre).normalize_or(Vec3::X);
         let from = EndSamples::draw(elements, self.ids[0], towards, 0, seed);
@@ -82,7 +82,7 @@ impl ClusterPair<'_> {
                 shorten_to_box(&elements.clusters[c as usize].bounds, &mut packet, k);
             }
         }
-        let draft = Draft {
+        let draft = LinkDraft {
             ids: self.ids,
             swapped: false,
             free,

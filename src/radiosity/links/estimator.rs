@@ -1,6 +1,6 @@
 //! Measures links: the unoccluded exchange first, then visibility for all pairs together.
 
-use super::accuracy::{Accuracy, Draft};
+use super::accuracy::{Accuracy, LinkDraft};
 use super::cluster_pair::ClusterPair;
 use super::surface_pair::SurfacePair;
 use super::{BlockerCertificate, Link, Scratch, VisibilityEngine, VisibilityQuery};
@@ -53,12 +53,12 @@ impl LinkEstimator<'_> {
     }
 
     /// The link of a pair without visibility, and the query for its visibility.
-    pub fn draft(&self, a: u32, b: u32, accuracy: Accuracy) -> Option<(Draft, VisibilityQuery)> {
+    pub fn draft(&self, a: u32, b: u32, accuracy: Accuracy) -> Option<(LinkDraft, VisibilityQuery)> {
         // Equal samples for both orders of the ends.
         if self.elements.elements[a as usize].ids > self.elements.elements[b as usize].ids {
             let accuracy = Accuracy { first_receives: !accuracy.first_receives, ..accuracy };
             let (draft, query) = self.draft(b, a, accuracy)?;
-            return Some((Draft { swapped: true, ..draft }, query));
+            return Some((LinkDraft { swapped: true, ..draft }, query));
         }
         let [ea, eb] = [a, b].map(|e| &self.elements.elements[e as usize]);
         if ea.area <= 0.0

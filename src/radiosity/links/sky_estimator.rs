@@ -4,7 +4,7 @@ use super::accuracy::FEW_SEGMENTS_ERROR;
 use super::cluster_pair::{CLUSTER_DEVIATION, shorten_to_box};
 use super::end_samples::{EndSamples, stratified_points};
 use super::estimator::is_behind;
-use super::sky_draft::{Answers, Last, SkyDraft, SkyPair, agreement};
+use super::sky_link::{Answers, LastMeasurement, SkyDraft, SkyPair, agreement};
 use super::{Scratch, SkyLink, SkySource, VisibilityEngine, VisibilityQuery};
 use crate::math::sampling::{mix, numbers, point_on};
 use crate::radiosity::elements::{Element, Elements, Shape};
@@ -175,7 +175,7 @@ impl SkyEstimator<'_> {
     }
 
     /// Four numbers in `[0, 1)` of a point of a last measurement; those of another set are independent.
-    fn number(&self, last: Last, packet: u32, lane: usize, set: u32) -> [f32; 4] {
+    fn number(&self, last: LastMeasurement, packet: u32, lane: usize, set: u32) -> [f32; 4] {
         let place = last.first.wrapping_add(packet * LANES as u32 + lane as u32);
         let turn = mix(self.seed ^ u64::from(place >> SEQUENCE_BITS)) as u32;
         sample_4d(place & ((1 << SEQUENCE_BITS) - 1), set, turn)

@@ -5,7 +5,7 @@
 //! where it is too large and kept where it is too small.
 
 use super::VisibilityQuery;
-use super::accuracy::{Accuracy, Draft, FEW_SEGMENTS_ERROR};
+use super::accuracy::{Accuracy, FEW_SEGMENTS_ERROR, LinkDraft};
 use super::blocker_certificate::{BlockerCertificate, certify};
 use super::end_samples::{gauss_points, kernel, stratified_points};
 use crate::form_factors::analytic::{clip, point_to_polygon, polygon_to_polygon};
@@ -56,11 +56,11 @@ impl SurfacePair<'_> {
         elements: &Elements,
         accuracy: Accuracy,
         seed: u64,
-    ) -> Option<(Draft, VisibilityQuery)> {
+    ) -> Option<(LinkDraft, VisibilityQuery)> {
         let ([ca, cb], [na, nb]) = (self.corners, self.normals);
         let Exchange { free, deviation } = self.exchange(accuracy)?;
         let widths = [shortest_edge(ca), shortest_edge(cb)];
-        let draft = |weights, certificate| Draft {
+        let draft = |weights, certificate| LinkDraft {
             ids: self.ids,
             swapped: false,
             free,

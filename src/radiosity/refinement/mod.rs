@@ -6,8 +6,6 @@
 
 mod crossings;
 mod feature_sizes;
-mod gaps;
-mod histogram;
 mod importance;
 mod link_measurement;
 mod linked_scene;

@@ -6,7 +6,8 @@ use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{DIRECTIONS, Elements, Shape};
 use crate::radiosity::links::{
-    Last, SkyEstimator, SkyLink, SkyPair, SkySource, Split, VisibilityEngine, VisibilityQuery, sky_link_error,
+    LastMeasurement, SkyEstimator, SkyLink, SkyPair, SkySource, Split, VisibilityEngine, VisibilityQuery,
+    sky_link_error,
 };
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::Arrived;
@@ -203,7 +204,7 @@ fn last_pairs(linked: &LinkedScene, links: &[SkyLink], threshold: f32) -> Vec<Sk
         left += scale * more(k);
         let count = least[k] + left as u32;
         left -= left.floor();
-        pair.last = Some(Last {
+        pair.last = Some(LastMeasurement {
             first,
             count,
             variation: link.variation,

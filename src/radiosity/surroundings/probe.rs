@@ -1,6 +1,6 @@
 //! A few rays from every side: how much of a cluster's light meets the cluster itself, and from which sides rays leave the scene.
 
-use super::side_rays::{ESCAPED, Met, SideRays};
+use super::side_rays::{ESCAPED, SideHit, SideRays};
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Element, Elements, Entered, Shape, Side};
@@ -186,7 +186,7 @@ fn rays_of_side(
     let mut entered = Vec::new();
     let mut found = Vec::with_capacity(count);
     let seed = seed ^ (s as u64) << 20;
-    rays(tracer, element, count, seed, packets, |Met { side, triangle, from, .. }| {
+    rays(tracer, element, count, seed, packets, |SideHit { side, triangle, from, .. }| {
         found.push(ProbeRay { area: element.area / count as f64, met: side });
         if side == Elements::NONE {
             entered.push(Entered { triangle, from, emits });
@@ -202,7 +202,7 @@ fn rays(
     count: usize,
     seed: u64,
     packets: &mut Vec<Packet>,
-    tell: impl FnMut(Met),
+    tell: impl FnMut(SideHit),
 ) {
     let Shape::Surface { side, corners } = &element.shape else { return };
     let Side { normal, end, .. } = tracer.elements.sides[*side as usize];

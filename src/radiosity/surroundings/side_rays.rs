@@ -13,7 +13,7 @@ pub type SurfacePoint = (Vec3, Vec3, EndRule);
 pub const ESCAPED: u32 = u32::MAX - 1;
 
 /// The hit of a ray.
-pub struct Met {
+pub struct SideHit {
     /// The side, [`ESCAPED`], or [`Elements::NONE`] for a side without an element.
     pub side: u32,
     /// The face, or [`Hits::NOTHING`].
@@ -38,7 +38,7 @@ impl SideRays<'_> {
         &self,
         rays: impl Iterator<Item = (SurfacePoint, Vec3)>,
         packets: &mut Vec<Packet>,
-        mut tell: impl FnMut(Met),
+        mut tell: impl FnMut(SideHit),
     ) {
         packets.clear();
         let mut count = 0;
@@ -60,7 +60,7 @@ impl SideRays<'_> {
                 Hits::NOTHING => ESCAPED,
                 triangle => self.elements.met(triangle, packet.point(lane, 1.0) - from),
             };
-            tell(Met { side, triangle, from, at: packet.point(lane, t) });
+            tell(SideHit { side, triangle, from, at: packet.point(lane, t) });
         }
     }
 }

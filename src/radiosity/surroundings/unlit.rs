@@ -3,11 +3,10 @@
 //! An element of a floor under the edge of such a box is lit as a whole and would send light into the box; in closed rooms row
 //! normalisation would even amplify that light. Sides that paths from all emitters never hit get no elements.
 
-use super::side_rays::{Met, SideRays, SurfacePoint};
+use super::side_rays::{SideHit, SideRays, SurfacePoint};
 use crate::math::on_plane;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
-use crate::radiosity::elements::emitter_face::EmitterFace;
-use crate::radiosity::elements::emitters::Emitters;
+use crate::radiosity::elements::emitters::{EmitterFace, Emitters};
 use crate::radiosity::elements::{Elements, Side};
 use crate::ray::LANES;
 use crate::scene::Scene;
@@ -62,7 +61,7 @@ impl Paths<'_> {
         });
         let mut next = [None; LANES];
         let mut lanes = known.map(|(lane, _)| lane);
-        self.rays.trace(rays, &mut Vec::new(), |Met { side, triangle, at, .. }| {
+        self.rays.trace(rays, &mut Vec::new(), |SideHit { side, triangle, at, .. }| {
             let lane = lanes.next().unwrap_or_default();
             next[lane] = self.rays.elements.sides.get(side as usize).map(|&Side { normal, end, .. }| {
                 (side, (on_plane(self.scene.corners(triangle), at), normal, end))

@@ -4,8 +4,7 @@
 //! there are links, however many triangles the scene has. The light of all other elements follows from the active nodes
 //! ([`ActiveNodes::expand`]).
 
-use super::cluster_reflection::ClusterReflection;
-use super::directional::{DirectionalIrradiance, NodeIrradiance};
+use super::directional::{ClusterReflection, DirectionalIrradiance, NodeIrradiance};
 use crate::radiosity::elements::{Elements, Shape, facing};
 use crate::radiosity::links::Link;
 use crate::radiosity::rgb::Rgb;

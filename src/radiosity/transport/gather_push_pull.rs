@@ -1,8 +1,7 @@
 //! One sweep of light over the active nodes: gather along links, push down, pull up. All sums are in double precision.
 
 use super::active_nodes::{ActiveNodes, NodeKind};
-use super::cluster_reflection::BASIS;
-use super::directional::{DirectionalIrradiance, NodeIrradiance};
+use super::directional::{BASIS, DirectionalIrradiance, NodeIrradiance};
 use crate::radiosity::elements::{DIRECTIONS, Elements, Shape, facing};
 use crate::radiosity::rgb::{Rgb, add};
 use glam::Vec3;

@@ -5,25 +5,21 @@
 //! white the surfaces are.
 
 mod active_nodes;
-mod cluster_reflection;
 mod directional;
 mod gather_push_pull;
 mod krylov;
 mod link_transport;
 mod ray_transport;
 mod row_normalisation;
-mod sweeps;
 mod transport_matrix;
 
 pub use active_nodes::ActiveNodes;
-pub use cluster_reflection::emission_moments;
-pub use directional::{DirectionalIrradiance, NodeIrradiance};
+pub use directional::{DirectionalIrradiance, NodeIrradiance, emission_moments};
 pub use gather_push_pull::{NodeRadiosity, gather, pushed};
 pub use krylov::solve;
-pub use link_transport::LinkTransport;
+pub use link_transport::{LinkTransport, sweeps};
 pub use ray_transport::{Path, RayTransport};
 pub use row_normalisation::{cap_row_sums, link_row_sums, normalise_link_rows, short_rows};
-pub use sweeps::sweeps;
 pub use transport_matrix::{MatrixRow, TransportMatrix};
 
 use crate::radiosity::rgb::Rgb;

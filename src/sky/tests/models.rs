@@ -1,7 +1,9 @@
 //! Radiance and irradiance of the models.
 
 use super::*;
+use crate::sky::gradation::{CIE_CLEAR, TRADITIONAL_OVERCAST, cie_shape};
 use crate::sky::perez::{Atmosphere, SOLAR_CONSTANT};
+use crate::sky::position::clear_irradiances;
 
 /// Horizontal irradiance over radiance at the zenith with the sun at 60° of elevation, CIE types 1 to 16 (quadrature by another program, from
 /// the coefficients of ISO 15469).
@@ -41,8 +43,8 @@ fn radiance_is_that_of_other_programs() {
             let zenith_angle = (90.0 - sun).to_radians();
             let shape = match what {
                 "perez" => Atmosphere { clearness, brightness, zenith_angle }.shape(towards),
-                "clear" => cie::shape(cie::CLEAR, towards),
-                _ => cie::shape(cie::TRADITIONAL_OVERCAST, towards),
+                "clear" => cie_shape(CIE_CLEAR, towards),
+                _ => cie_shape(TRADITIONAL_OVERCAST, towards),
             };
             // Coefficients are printed with six digits, radiance with four; the clear sky of Radiance has rounded coefficients.
             let relative = shape.relative(frame().direction(azimuth, elevation)) / shape.relative(DVec3::Z);
@@ -70,7 +72,7 @@ fn clear_skies_have_the_irradiance_of_pvlib() {
     for (which, what) in ["clear direct", "clear diffuse"].into_iter().enumerate() {
         for ([turbidity, elevation, altitude, .., value], _) in reference(what, 6) {
             let zenith_angle = (90.0 - elevation).to_radians();
-            let found = clear::irradiances(turbidity, zenith_angle, altitude, SOLAR_CONSTANT);
+            let found = clear_irradiances(turbidity, zenith_angle, altitude, SOLAR_CONSTANT);
             assert_near(found[which], value, 1e-4);
         }
     }
@@ -106,7 +108,7 @@ fn the_sun_is_where_the_worked_example_says() {
 #[test]
 fn tables_agree_with_formulas() {
     let sun = frame().direction(200.0, 35.0);
-    let mut shapes: Vec<Shape> = (1..=15).map(|kind| cie::shape(kind, sun)).collect();
+    let mut shapes: Vec<Shape> = (1..=15).map(|kind| cie_shape(kind, sun)).collect();
     let zenith_angle = 55f64.to_radians();
     for clearness in [1.02, 1.1, 1.4, 1.8, 2.3, 3.5, 5.0, 9.0] {
         shapes.extend(

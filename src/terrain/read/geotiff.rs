@@ -1,7 +1,7 @@
 //! Heights from GeoTIFF files.
 
 use super::{Raw, ReadOptions, check_size};
-use crate::terrain::georeference::{GEOGRAPHIC, Georeference, LENGTHS, MODEL_TYPE};
+use crate::terrain::grid::{GEOGRAPHIC, Georeference, LENGTHS, MODEL_TYPE};
 use crate::{Error, Result, error::quote};
 use std::io::Cursor;
 use std::path::Path;

@@ -5,8 +5,7 @@ mod ascii;
 mod geotiff;
 mod picture;
 
-use super::georeference::{Georeference, MODEL_TYPE};
-use super::grid::{MAX_HEIGHT, check_cell, check_sides};
+use super::grid::{Georeference, MAX_HEIGHT, MODEL_TYPE, check_cell, check_sides};
 use super::{Grid, numpy};
 use crate::{Error, Result, files::input, memory};
 use std::path::Path;

@@ -8,7 +8,6 @@
 //! A line meets the columns and rows of the grid between samples; the heights there are interpolated linearly, which is exact for the
 //! surface.
 
-mod hull;
 mod lines;
 mod taps;
 
@@ -19,14 +18,11 @@ use lines::{Lines, Side};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Mean radius of the earth, m (IUGG).
-pub const EARTH_RADIUS: f64 = 6_371_008.8;
-
 /// Options of the search for horizons.
 #[derive(Clone, Debug, Default)]
 pub struct SweepOptions {
     /// Radius of the earth in m, if its curvature hides distant terrain: heights at the distance d are reduced by d²/2R.
-    /// [`EARTH_RADIUS`] without refraction, 7/6 of it with the usual refraction of light. `None`: a flat earth.
+    /// [`EARTH_RADIUS`](super::EARTH_RADIUS) without refraction, 7/6 of it with the usual refraction of light. `None`: a flat earth.
     pub earth_radius: Option<f64>,
 }
 

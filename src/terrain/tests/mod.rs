@@ -4,7 +4,6 @@ mod closed_forms;
 mod coarse;
 mod files;
 mod light;
-mod memory;
 
 use super::*;
 
@@ -67,4 +66,18 @@ fn exact_sky_view(grid: &Grid, sample: [usize; 2]) -> f64 {
     let azimuths = (0..256).map(|k| std::f64::consts::TAU * (f64::from(k) + 0.5) / 256.0);
     let seen = azimuths.map(|a| tilt(grid, sample, a).seen(exact_tangent(grid, sample, a) as f32));
     seen.map(f64::from).sum::<f64>() / 256.0
+}
+
+/// 10 million samples within 2 GiB. Counts all of the process: run it alone.
+#[test]
+#[ignore = "takes a minute in a release build"]
+#[cfg(target_os = "linux")]
+fn ten_million_samples_fit_two_gibibytes() {
+    let grid = fractal(3163, 3163, 10.0, 3000.0, 0.5, 7).expect("a grid");
+    let values = sky_view(&grid);
+    let status = std::fs::read_to_string("/proc/self/status").expect("status");
+    let line = status.lines().find(|l| l.starts_with("VmHWM")).expect("a line");
+    let peak: u64 = line.split_ascii_whitespace().nth(1).and_then(|v| v.parse().ok()).expect("kB");
+    println!("{} values, {} MiB", values.len(), peak >> 10);
+    assert!(peak < 2 << 20);
 }

@@ -1,7 +1,7 @@
 //! Whether anything lies close to a receiver, above its surface.
 
-use super::Cut;
-use super::layout::{Block, LEAF, Node};
+use super::DistanceCut;
+use super::layout::{CutBlock, CutNode, LEAF};
 use crate::ray::Lanes;
 use crate::simd::{Kernel, Simd, vector};
 use glam::Vec3;
@@ -21,7 +21,7 @@ pub(in crate::visibility) struct HalfBall {
 /// Kernel that tests whether boxes of triangles leave a half ball empty. Boxes are larger than their contents, so that doubtful cases
 /// count as not empty.
 pub(super) struct IsEmpty<'a> {
-    pub cut: &'a Cut,
+    pub cut: &'a DistanceCut,
     pub ball: HalfBall,
 }
 
@@ -56,7 +56,7 @@ impl Kernel for IsEmpty<'_> {
 
 /// Whether the box of a triangle of a block meets a ball and a corner of the triangle lies above its plane.
 #[inline(always)]
-fn touches<S: Simd>(simd: S, block: &Block, ball: &HalfBall) -> bool {
+fn touches<S: Simd>(simd: S, block: &CutBlock, ball: &HalfBall) -> bool {
     let zero = simd.splat(0.0);
     let edges = [vector::load(simd, &block.edge1), vector::load(simd, &block.edge2)];
     let corner = vector::sub(simd, &vector::load(simd, &block.corner), &vector::splat(simd, ball.at));
@@ -84,7 +84,7 @@ fn touches<S: Simd>(simd: S, block: &Block, ball: &HalfBall) -> bool {
 
 /// Distances of a point from the boxes of a node.
 #[inline(always)]
-fn distances<S: Simd>(simd: S, node: &Node, at: Vec3) -> S::F {
+fn distances<S: Simd>(simd: S, node: &CutNode, at: Vec3) -> S::F {
     let zero = simd.splat(0.0);
     let mut square = zero;
     for axis in 0..3 {

@@ -1,7 +1,7 @@
 //! Construction of the tree of the distance cut: surface area heuristic, sixteen children a node, full blocks.
 
-use super::layout::{Block, Extinctions, LEAF, Node};
-use super::pieces::Pieces;
+use super::layout::{CutBlock, CutNode, Extinctions, LEAF};
+use super::shells::Pieces;
 use crate::math::Aabb;
 use crate::scene::Scene;
 use crate::simd::LANES;
@@ -46,13 +46,8 @@ impl<'a> Part<'a> {
 
     /// Expected number of tests up to a constant factor: triangles times the probability that a ray meets the box.
     fn weight(&self) -> f32 {
-        half_area(self.bounds) * self.items.len() as f32
+        self.bounds.half_area() * self.items.len() as f32
     }
-}
-
-fn half_area(bounds: Aabb) -> f32 {
-    let e = bounds.extent();
-    e.x * e.y + e.y * e.z + e.z * e.x
 }
 
 /// Properties of a child besides its place.
@@ -72,9 +67,9 @@ pub(super) type Facts = [ChildFacts; LANES];
 
 /// A tree without extinctions, and the properties of children from which these are measured.
 pub(super) struct Draft {
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<CutNode>,
     pub extinctions: Vec<Extinctions>,
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<CutBlock>,
     pub facts: Vec<Facts>,
 }
 
@@ -113,7 +108,7 @@ impl Context<'_> {
         let room = LANES - parts.len();
         parts.extend(divide(others, room, depth >= MAX_UNEVEN));
         let around = parts.iter().fold(Aabb::EMPTY, |all, part| all.union(part.bounds));
-        let mut node = Node::within(around);
+        let mut node = CutNode::within(around);
         let mut facts = [ChildFacts::default(); LANES];
         let places: Vec<(Aabb, bool)> = parts.iter().map(|part| (part.bounds, part.surface)).collect();
         let count: usize = parts.iter().map(|part| part.items.len()).sum();
@@ -153,7 +148,7 @@ impl Context<'_> {
         let triangles = part.items.iter().map(|item| self.scene.corners(item.triangle));
         let largest =
             part.items.iter().map(|item| self.pieces.size[item.triangle as usize]).fold(0.0, f32::max);
-        let blocks = vec![Block::of(triangles)];
+        let blocks = vec![CutBlock::of(triangles)];
         (Draft { nodes: vec![], extinctions: vec![], blocks, facts: vec![] }, largest)
     }
 }
@@ -221,7 +216,7 @@ fn sorted(items: &mut [Item]) -> usize {
         let mut all = Aabb::EMPTY;
         for (k, item) in items.iter().enumerate() {
             if k % unit == 0 && k > 0 {
-                cost[k / unit] += half_area(all) * k as f32;
+                cost[k / unit] += all.half_area() * k as f32;
             }
             all = all.union(item.bounds);
         }
@@ -229,7 +224,7 @@ fn sorted(items: &mut [Item]) -> usize {
         for (k, item) in items.iter().enumerate().rev() {
             all = all.union(item.bounds);
             if k % unit == 0 && k > 0 {
-                cost[k / unit] += half_area(all) * (items.len() - k) as f32;
+                cost[k / unit] += all.half_area() * (items.len() - k) as f32;
             }
         }
         for (k, &cost) in cost.iter().enumerate().skip(1) {
@@ -260,12 +255,12 @@ fn binned(items: &mut [Item]) -> usize {
     let (mut all, mut count) = (Aabb::EMPTY, 0);
     for k in 0..BINS - 1 {
         (all, count) = (all.union(bins[k].0), count + bins[k].1);
-        left[k + 1] = half_area(all) * count as f32;
+        left[k + 1] = all.half_area() * count as f32;
     }
     let (mut all, mut count, mut best) = (Aabb::EMPTY, 0, (f32::INFINITY, 1));
     for k in (1..BINS).rev() {
         (all, count) = (all.union(bins[k].0), count + bins[k].1);
-        let cost = left[k] + half_area(all) * count as f32;
+        let cost = left[k] + all.half_area() * count as f32;
         if count > 0 && count < items.len() && cost < best.0 {
             best = (cost, k);
         }

@@ -1,9 +1,9 @@
 //! Extinction of the children of the cut, measured by rays through each (docs/method.md, Distance cut).
 
-use super::Cut;
+use super::DistanceCut;
 use super::build::{ChildFacts, Facts};
 use super::layout::NEVER;
-use super::traverse::{EMPTY_STACK, Rule, trace};
+use super::traverse::{AveragingRule, EMPTY_STACK, trace};
 use crate::math::Aabb;
 use crate::optics::{AXES, AXIS_COUNT};
 use crate::ray::Packet;
@@ -19,7 +19,7 @@ const RAYS: [usize; 4] = [32, 64, 256, 1024];
 const SOLID_DEPTH: f32 = 7.0;
 
 /// Sets the extinctions of all children.
-pub(super) fn measure(cut: &mut Cut, facts: &[Facts]) {
+pub(super) fn measure(cut: &mut DistanceCut, facts: &[Facts]) {
     let tree = &*cut;
     let made: Vec<_> = (0..tree.nodes.len())
         .into_par_iter()
@@ -41,7 +41,7 @@ pub(super) fn stops(facts: &[Facts]) -> impl Iterator<Item = [u16; LANES]> + '_ 
 
 /// Kernel that measures the children of a node.
 struct NodeRays<'a> {
-    cut: &'a Cut,
+    cut: &'a DistanceCut,
     at: usize,
     facts: &'a Facts,
 }
@@ -72,9 +72,15 @@ impl Kernel for NodeRays<'_> {
                         packet.set_ray(ray, start, AXES[axis]);
                         (packet.far[ray], *length) = (through, through);
                     }
-                    let met =
-                        trace(simd, self.cut, (node.child[lane], 0), &packet, &Rule::NOTHING, &mut stack);
-                    clear += met.open.count_ones() as usize;
+                    let trace = trace(
+                        simd,
+                        self.cut,
+                        (node.child[lane], 0),
+                        &packet,
+                        &AveragingRule::NOTHING,
+                        &mut stack,
+                    );
+                    clear += trace.open.count_ones() as usize;
                 }
                 extinctions[lane] = half_nearest(fitted(&lengths, clear)).min(NEVER);
             }

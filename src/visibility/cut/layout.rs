@@ -12,7 +12,7 @@ const STEPS: f32 = 65_535.0;
 /// Up to sixteen children. Unused lanes are not in `used`.
 #[derive(Clone)]
 #[repr(C, align(64))]
-pub(super) struct Node {
+pub(super) struct CutNode {
     /// Lower and upper bounds of the boxes by axis, in steps from `origin`; rounded outwards.
     pub bounds: [[[u16; LANES]; 3]; 2],
     pub child: [u32; LANES],
@@ -32,7 +32,7 @@ pub(super) struct Extinctions(pub [[u16; LANES]; AXIS_COUNT]);
 /// Up to sixteen triangles as a corner and two edges. Unused lanes are degenerate and block nothing.
 #[derive(Clone)]
 #[repr(C, align(64))]
-pub(super) struct Block {
+pub(super) struct CutBlock {
     pub corner: [[f32; LANES]; 3],
     pub edge1: [[f32; LANES]; 3],
     pub edge2: [[f32; LANES]; 3],
@@ -41,16 +41,16 @@ pub(super) struct Block {
 /// The largest finite bfloat16: no threshold exceeds it.
 pub(super) const NEVER: u16 = 0x7f7f;
 
-impl Node {
+impl CutNode {
     /// A node without children whose boxes lie in `around`.
-    pub fn within(around: Aabb) -> Node {
+    pub fn within(around: Aabb) -> CutNode {
         // Two steps are for rounding: one beyond either side of the box.
         let step = (around.extent() / (STEPS - 4.0)).max(glam::Vec3::splat(f32::MIN_POSITIVE * 1e6));
         // Rounding of coordinates is coarser than the steps of nodes that are small and far from zero.
         let rounding = f32::EPSILON * around.min.abs().max(around.max.abs());
         let step = step.max(rounding);
         let origin = around.min - 2.0 * step;
-        Node {
+        CutNode {
             bounds: [[[u16::MAX; LANES]; 3], [[0; LANES]; 3]],
             child: [LEAF; LANES],
             stop: [NEVER; LANES],
@@ -86,11 +86,11 @@ impl Extinctions {
     pub const NONE: Extinctions = Extinctions([[0; LANES]; AXIS_COUNT]);
 }
 
-impl Block {
+impl CutBlock {
     /// Up to sixteen triangles.
-    pub fn of(triangles: impl Iterator<Item = [glam::Vec3; 3]>) -> Block {
+    pub fn of(triangles: impl Iterator<Item = [glam::Vec3; 3]>) -> CutBlock {
         let zero = [[0.0; LANES]; 3];
-        let mut block = Block { corner: zero, edge1: zero, edge2: zero };
+        let mut block = CutBlock { corner: zero, edge1: zero, edge2: zero };
         for (lane, [a, b, c]) in triangles.enumerate() {
             for axis in 0..3 {
                 block.corner[axis][lane] = a[axis];

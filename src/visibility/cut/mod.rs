@@ -10,7 +10,6 @@ mod build;
 mod extinction;
 mod layout;
 mod modes;
-mod pieces;
 mod pilot;
 mod shells;
 mod sums;
@@ -23,37 +22,37 @@ use crate::ray::{LANES, Occluder};
 use crate::scene::Scene;
 use crate::simd::{Isa, dispatch};
 pub(super) use ball::HalfBall;
-use layout::{Block, Extinctions, Node};
+use layout::{CutBlock, CutNode, Extinctions};
 pub use modes::{Mode, rays_for};
-#[cfg(any(test, feature = "reports"))]
-pub use pieces::{SURFACE_PART, surface_widths};
 pub use pilot::Candidate;
 use shells::Shell;
-pub use sums::Sums;
-use sums::{Bundles, How, Packeted};
+#[cfg(any(test, feature = "reports"))]
+pub use shells::{SURFACE_PART, surface_widths};
+pub use sums::BundleSums;
+use sums::{Bundles, Packeted, Tracing};
 use traverse::OPAQUE_DEPTH;
 
 /// The tree of the distance cut.
 #[derive(Clone)]
-pub struct Cut {
-    nodes: Vec<Node>,
+pub struct DistanceCut {
+    nodes: Vec<CutNode>,
     extinctions: Vec<Extinctions>,
-    blocks: Vec<Block>,
+    blocks: Vec<CutBlock>,
     /// Surfaces that are the first children of the root.
     shells: Vec<Shell>,
     isa: Isa,
     modes: Vec<Mode>,
 }
 
-impl Cut {
+impl DistanceCut {
     /// The tree of a scene, measured and fitted on a pilot: independent receivers by number, with exact visibility. None if the cut gains
     /// for no receiver. The result does not depend on the number of threads.
     pub fn fitted<'a>(
         scene: &Scene,
         candidate: impl Fn(u32) -> Option<Candidate<'a>> + Sync,
         exact: &impl Occluder,
-    ) -> Option<Cut> {
-        let (mut cut, facts) = Cut::draft(scene);
+    ) -> Option<DistanceCut> {
+        let (mut cut, facts) = DistanceCut::draft(scene);
         if !cut.averages_enough(&candidate) {
             return None;
         }
@@ -63,20 +62,20 @@ impl Cut {
 
     /// The tree of a scene with its extinctions, without modes.
     #[cfg(test)]
-    pub fn build(scene: &Scene) -> Cut {
-        let (mut cut, facts) = Cut::draft(scene);
+    pub fn build(scene: &Scene) -> DistanceCut {
+        let (mut cut, facts) = DistanceCut::draft(scene);
         extinction::measure(&mut cut, &facts);
         cut
     }
 
     /// The tree without extinctions, and the properties of children from which these are measured.
-    fn draft(scene: &Scene) -> (Cut, Vec<build::Facts>) {
-        let pieces = pieces::Pieces::of(scene);
+    fn draft(scene: &Scene) -> (DistanceCut, Vec<build::Facts>) {
+        let pieces = shells::Pieces::of(scene);
         let (shells, of_triangle) = shells::find(scene, &pieces);
         let draft = build::build(scene, &pieces, (shells.len() as u32, &of_triangle));
         let build::Draft { mut nodes, extinctions, blocks, facts } = draft;
         nodes.iter_mut().zip(extinction::stops(&facts)).for_each(|(node, stop)| node.stop = stop);
-        (Cut { nodes, extinctions, blocks, shells, isa: Isa::detect(), modes: Vec::new() }, facts)
+        (DistanceCut { nodes, extinctions, blocks, shells, isa: Isa::detect(), modes: Vec::new() }, facts)
     }
 
     /// Size of all arrays in bytes.
@@ -99,14 +98,14 @@ impl Cut {
 
     /// Work that Embree takes for a bundle.
     pub(super) fn embree_work(&self, bundle: &Bundle) -> f64 {
-        self.sum(bundle, How::Exact { shells: true }).embree_work()
+        self.sum(bundle, Tracing::Exact { shells: true }).embree_work()
     }
 
     /// Follows the segments of bundles and passes the number of the bundle and the results of each packet to `each`, which is not a
     /// type parameter: the compiler would compile the traversal for three instruction sets again for each caller.
-    fn each_packet(&self, bundles: &[Bundle], how: How, each: &mut dyn FnMut(usize, Packeted)) {
-        let opaque = OPAQUE_DEPTH / how.mode().map_or(1.0, Mode::smallest_factor);
-        dispatch(self.isa, Bundles { cut: self, bundles, how, opaque, each });
+    fn each_packet(&self, bundles: &[Bundle], tracing: Tracing, each: &mut dyn FnMut(usize, Packeted)) {
+        let opaque = OPAQUE_DEPTH / tracing.mode().map_or(1.0, Mode::smallest_factor);
+        dispatch(self.isa, Bundles { cut: self, bundles, tracing, opaque, each });
     }
 
     /// Whether no triangle touches a half ball.
@@ -115,28 +114,28 @@ impl Cut {
     }
 
     /// The answers to bundles in a mode with their sums, passed to `each` in order; no answers to bundles of several packets for which the
-    /// mode does not pay (see [`Sums::left`]).
+    /// mode does not pay (see [`BundleSums::left`]).
     pub(super) fn answers_that_pay(
         &self,
         bundles: &[Bundle],
         mode: &Mode,
-        mut each: impl FnMut(Option<Answer>, Sums),
+        mut each: impl FnMut(Option<Answer>, BundleSums),
     ) {
-        self.each_sum(bundles, How::IfItPays(mode), |_, sums| {
+        self.each_sum(bundles, Tracing::IfItPays(mode), |_, sums| {
             each((!sums.left).then(|| sums.answer()), sums)
         });
     }
 
     /// The answers to bundles of one packet each in a mode, with the transmittance of each segment, 0 in unused lanes.
     pub(super) fn lanes(&self, bundles: &[Bundle], mode: &Mode, mut each: impl FnMut(Answer, &[f32; LANES])) {
-        let how = How::Mode(mode);
-        self.each_packet(bundles, how, &mut |_, packet| {
-            each(Sums::of(&packet, how, packet.segments as f32).answer(), packet.lanes);
+        let tracing = Tracing::Mode(mode);
+        self.each_packet(bundles, tracing, &mut |_, packet| {
+            each(BundleSums::of(&packet, tracing, packet.segments as f32).answer(), packet.lanes);
         });
     }
 }
 
-impl Sums {
+impl BundleSums {
     fn answer(&self) -> Answer {
         let sums = self;
         let n = (sums.segments as f32).max(1.0);

@@ -1,6 +1,6 @@
 //! Modes: widths with which the cut answers, and the pilot's measurements with each width.
 
-use super::traverse::Met;
+use super::traverse::PacketTrace;
 use crate::ray::LANES;
 
 /// Number of classes of packets; see [`class`].
@@ -14,9 +14,9 @@ pub(super) const SMOOTH: f32 = 1.45;
 
 /// Class of a packet of `segments` by how often one of sixteen was tested against triangles of small pieces: never, once, and steps of
 /// four up to 256 and more.
-pub(super) fn class(met: &Met, segments: u32) -> usize {
-    match met.small_tests * LANES as u32 / segments.max(1) {
-        0 if met.small_tests == 0 => 0,
+pub(super) fn class(trace: &PacketTrace, segments: u32) -> usize {
+    match trace.small_tests * LANES as u32 / segments.max(1) {
+        0 if trace.small_tests == 0 => 0,
         tests => (1 + tests.max(1).ilog2() as usize / 2).min(CLASSES - 1),
     }
 }

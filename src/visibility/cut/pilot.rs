@@ -3,9 +3,9 @@
 //! The children of the cut along a segment belong to the same plants: they are not independent, and the product of their
 //! transmittances has a biased mean. A factor of all extinctions, one for each class and width, corrects the mean.
 
-use super::Cut;
+use super::DistanceCut;
 use super::modes::{CLASSES, Fit, Mode, SMOOTH, STRATIFIED};
-use super::sums::{How, Packeted, Sums};
+use super::sums::{BundleSums, Packeted, Tracing};
 use super::traverse::OPAQUE_DEPTH;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::answer::Bundle;
@@ -15,14 +15,14 @@ use rayon::prelude::*;
 /// Widths that are tried, relative to the emitter's: the umbra criterion allows no more than 1. Steps of about a quarter: the times to an
 /// error of neighbouring widths differ by less than the choice of routes can resolve (`benches/distance_cut.rs` of commit 2d559b4).
 const WIDTHS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
-/// Receivers of the first round of the pilot, after which scenes where no class gains are rejected.
-const FIRST: u32 = 1 << 12;
+/// Receivers of the first round, after which scenes where no class gains are rejected.
+const MIN_PILOT_RECEIVERS: u32 = 1 << 12;
 /// Receivers by which scenes are rejected before extinctions are measured, and the smallest part of their segments that must meet
 /// averaged children: that of a class of 2 % of the receivers, all of whose segments do.
-const LOOKED_AT: u32 = 1 << 10;
+const SCREENING_RECEIVERS: u32 = 1 << 10;
 const SMALLEST_AVERAGED: f64 = 0.02;
 /// Largest number of receivers: limits the time of the pilot to that of about a hundred million tests.
-const CANDIDATES: u32 = 1 << 15;
+const MAX_PILOT_RECEIVERS: u32 = 1 << 15;
 /// Smallest fraction of the packets for which a class uses its own measurements: smaller classes use those of all packets.
 const SMALLEST_PART: f32 = 0.01;
 /// Fewest packets for which a class uses its own measurements: factors are fitted to their mean, which is uncertain for a few packets.
@@ -65,12 +65,12 @@ struct Set {
     visible: u32,
     /// Work of Embree.
     work: f64,
-    met: [SetMet; WIDTHS.len()],
+    traces: [SetTrace; WIDTHS.len()],
 }
 
 /// Results of the cut for a set with one width.
 #[derive(Clone, Copy)]
-struct SetMet {
+struct SetTrace {
     depths: [f32; LANES],
     /// Segments that are open if aggregated children are ignored.
     open: u32,
@@ -79,7 +79,7 @@ struct SetMet {
     aggregated: u32,
 }
 
-impl Cut {
+impl DistanceCut {
     /// Whether more than a few segments of the pilot meet children that the largest width averages. Extinctions are not needed.
     pub(super) fn averages_enough<'a>(
         &self,
@@ -88,10 +88,10 @@ impl Cut {
         let mode = Mode::unmeasured(WIDTHS[0], FACTORS[0]);
         let counted = |k: u32| {
             let bundles = candidate(k)?;
-            let sums = self.sum(&bundles.bundles()[0], How::Mode(&mode));
+            let sums = self.sum(&bundles.bundles()[0], Tracing::Mode(&mode));
             Some([sums.aggregated, sums.segments])
         };
-        let counts: Vec<[u32; 2]> = (0..LOOKED_AT).into_par_iter().filter_map(counted).collect();
+        let counts: Vec<[u32; 2]> = (0..SCREENING_RECEIVERS).into_par_iter().filter_map(counted).collect();
         let [averaged, all] = counts.iter().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
         f64::from(averaged) > SMALLEST_AVERAGED * f64::from(all)
     }
@@ -101,9 +101,9 @@ impl Cut {
         mut self,
         candidate: impl Fn(u32) -> Option<Candidate<'a>> + Sync,
         exact: &impl Occluder,
-    ) -> Option<Cut> {
+    ) -> Option<DistanceCut> {
         let mut pairs: Vec<[Set; 2]> = Vec::new();
-        let mut next = [0, FIRST];
+        let mut next = [0, MIN_PILOT_RECEIVERS];
         loop {
             let found: Vec<Candidate> = (next[0]..next[1]).into_par_iter().filter_map(&candidate).collect();
             pairs.par_extend(found.par_chunks(TASK).flat_map_iter(|part| self.sets(part, exact)));
@@ -113,7 +113,9 @@ impl Cut {
                 mode.fits.iter().any(|fit| fit.part >= SMALLEST_PART && fit.gain() >= smallest)
             };
             let known = modes.iter().all(|(mode, known)| *known || !hopeful(mode, MIN_GAIN));
-            if known || next[1] >= CANDIDATES || !modes.iter().any(|(mode, _)| hopeful(mode, 0.75 * MIN_GAIN))
+            if known
+                || next[1] >= MAX_PILOT_RECEIVERS
+                || !modes.iter().any(|(mode, _)| hopeful(mode, 0.75 * MIN_GAIN))
             {
                 self.modes = modes.into_iter().map(|m| m.0).filter(|mode| hopeful(mode, MIN_GAIN)).collect();
                 return (!self.modes.is_empty()).then_some(self);
@@ -129,29 +131,31 @@ impl Cut {
         exact.occluded(&packets, &mut blocked);
         let bundles: Vec<Bundle> = part.iter().flat_map(Candidate::bundles).collect();
         let mut work = Vec::with_capacity(bundles.len());
-        let exactly = How::Exact { shells: true };
+        let exactly = Tracing::Exact { shells: true };
         self.each_sum(&bundles, exactly, |_, sums| work.push(sums.embree_work()));
-        let mut met = WIDTHS.map(|width| {
+        let mut traces = WIDTHS.map(|width| {
             // Depths are needed up to those that the smallest factor makes opaque.
             let mode = Mode::unmeasured(width, FACTORS[0]);
             let mut all = Vec::with_capacity(bundles.len());
-            self.each_packet(&bundles, How::Mode(&mode), &mut |_, packet| all.push(SetMet::of(&packet)));
+            self.each_packet(&bundles, Tracing::Mode(&mode), &mut |_, packet| {
+                all.push(SetTrace::of(&packet))
+            });
             all.into_iter()
         });
         let mut sets = packets.iter().zip(blocked).zip(work).map(|((packet, blocked), work)| Set {
             visible: packet.active & !blocked,
             work,
-            met: met.each_mut().map(|met| met.next().expect("a result a packet")),
+            traces: traces.each_mut().map(|trace| trace.next().expect("a result a packet")),
         });
         let pair = |_: &Candidate| [(); 2].map(|()| sets.next().expect("two sets a receiver"));
         part.iter().map(pair).collect()
     }
 }
 
-impl SetMet {
-    fn of(&Packeted { met, segments, class, .. }: &Packeted) -> SetMet {
-        let work = Sums::counted(met, segments).work();
-        SetMet { depths: met.depths, open: met.open, class, work, aggregated: met.aggregated }
+impl SetTrace {
+    fn of(&Packeted { trace, segments, class, .. }: &Packeted) -> SetTrace {
+        let work = BundleSums::counted(trace, segments).work();
+        SetTrace { depths: trace.depths, open: trace.open, class, work, aggregated: trace.aggregated }
     }
 
     /// Sum of the transmittances with a factor of all extinctions.
@@ -192,13 +196,13 @@ impl Totals {
     /// variance, and the product of their errors does not contain their variances.
     fn add(of_class: &mut [Totals; CLASSES], pair: &[Set; 2], width: usize, factors: &[f32; CLASSES]) {
         let n = LANES as f64;
-        let met = pair.each_ref().map(|set| &set.met[width]);
+        let traces = pair.each_ref().map(|set| &set.traces[width]);
         let seen = pair.each_ref().map(|set| f64::from(set.visible.count_ones()) / n);
-        let values = met.map(|met| met.transmittances(factors[met.class]));
+        let values = traces.map(|trace| trace.transmittances(factors[trace.class]));
         let means = values.map(|values| values.iter().sum::<f64>() / n);
         let errors = [means[0] - seen[0], means[1] - seen[1]];
         for k in 0..2 {
-            let totals = &mut of_class[met[k].class];
+            let totals = &mut of_class[traces[k].class];
             totals.packets += 1.0;
             totals.exact += 0.5 * (seen[0] - seen[1]).powi(2);
             totals.spread += 0.5 * (means[0] - means[1]).powi(2);
@@ -208,7 +212,7 @@ impl Totals {
             let squares = values[k].iter().map(|t| t * t).sum::<f64>() / n;
             totals.single += (squares - means[k].powi(2)) * n / (n - 1.0);
             totals.errors = [totals.errors[0] + errors[k], totals.errors[1] + errors[k] * errors[k]];
-            totals.work = [totals.work[0] + pair[k].work, totals.work[1] + met[k].work];
+            totals.work = [totals.work[0] + pair[k].work, totals.work[1] + traces[k].work];
         }
     }
 
@@ -263,13 +267,13 @@ impl Totals {
 /// averages nothing.
 fn mode(pairs: &[[Set; 2]], width: usize) -> Option<(Mode, bool)> {
     let sets = || pairs.as_flattened().iter();
-    if sets().all(|set| set.met[width].aggregated == 0) {
+    if sets().all(|set| set.traces[width].aggregated == 0) {
         return None;
     }
-    let common = factor(&sets().map(|set| (set, &set.met[width])).collect::<Vec<_>>())?;
+    let common = factor(&sets().map(|set| (set, &set.traces[width])).collect::<Vec<_>>())?;
     let mut factors = [common; CLASSES];
     for (class, own) in factors.iter_mut().enumerate() {
-        let of_class = sets().map(|set| (set, &set.met[width])).filter(|(_, met)| met.class == class);
+        let of_class = sets().map(|set| (set, &set.traces[width])).filter(|(_, trace)| trace.class == class);
         let of_class: Vec<_> = of_class.collect();
         if decides(of_class.len() as f64, 2.0 * pairs.len() as f64) {
             // Where hardly anything is averaged, there may be no factor; the common factor then changes the result very little.
@@ -302,10 +306,10 @@ fn decides(packets: f64, all: f64) -> bool {
 
 /// The factor with which the cut transmits as much as was visible, by the Illinois algorithm (M. Dowell, P. Jarratt 1971); none if it lies
 /// outside of the range.
-fn factor(all: &[(&Set, &SetMet)]) -> Option<f32> {
+fn factor(all: &[(&Set, &SetTrace)]) -> Option<f32> {
     let visible: f64 = all.iter().map(|(set, _)| f64::from(set.visible.count_ones())).sum();
     let excess = |factor: f64| -> f64 {
-        let sums: Vec<f64> = all.par_iter().map(|(_, met)| met.passed(factor as f32)).collect();
+        let sums: Vec<f64> = all.par_iter().map(|(_, trace)| trace.passed(factor as f32)).collect();
         sums.iter().sum::<f64>() - visible
     };
     let [mut low, mut high] = FACTORS.map(|factor| (f64::from(factor), excess(f64::from(factor))));

@@ -1,8 +1,8 @@
 //! Sums over the segments of bundles that the cut follows.
 
-use super::Cut;
+use super::DistanceCut;
 use super::modes::{Mode, class};
-use super::traverse::{EMPTY_STACK, Met, OPAQUE_DEPTH, Rule, trace};
+use super::traverse::{AveragingRule, EMPTY_STACK, OPAQUE_DEPTH, PacketTrace, trace};
 use crate::ray::{LANES, Packet};
 use crate::simd::{Kernel, Simd, decay};
 use crate::visibility::answer::Bundle;
@@ -20,7 +20,7 @@ const PACKETS: [f64; 3] = [5.0, 10.0, 35.0];
 
 /// How the segments of a bundle are traced.
 #[derive(Clone, Copy)]
-pub(super) enum How<'a> {
+pub(super) enum Tracing<'a> {
     /// Nothing is averaged; `shells` states whether shells that the bundle cannot meet are tested nevertheless.
     Exact { shells: bool },
     /// A mode.
@@ -29,12 +29,12 @@ pub(super) enum How<'a> {
     IfItPays(&'a Mode),
 }
 
-impl<'a> How<'a> {
+impl<'a> Tracing<'a> {
     /// The mode, if anything is averaged.
     pub fn mode(self) -> Option<&'a Mode> {
         match self {
-            How::Exact { .. } => None,
-            How::Mode(mode) | How::IfItPays(mode) => Some(mode),
+            Tracing::Exact { .. } => None,
+            Tracing::Mode(mode) | Tracing::IfItPays(mode) => Some(mode),
         }
     }
 
@@ -42,7 +42,7 @@ impl<'a> How<'a> {
     #[inline(always)]
     fn goes_on(self, class: usize, [count, segments]: [usize; 2]) -> bool {
         match self {
-            How::IfItPays(mode) if count > 1 => mode.fits[class].gain_of(segments as f32) > 1.0,
+            Tracing::IfItPays(mode) if count > 1 => mode.fits[class].gain_of(segments as f32) > 1.0,
             _ => true,
         }
     }
@@ -50,7 +50,7 @@ impl<'a> How<'a> {
 
 /// Sums over the segments of a bundle.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Sums {
+pub struct BundleSums {
     /// Sum of the transmittances.
     pub transmittance: f32,
     /// Sum of their squares.
@@ -77,9 +77,9 @@ pub struct Sums {
 
 /// Kernel that follows the segments of bundles, and passes the results and transmittances of each packet, and its class, to `each`.
 pub(super) struct Bundles<'a> {
-    pub cut: &'a Cut,
+    pub cut: &'a DistanceCut,
     pub bundles: &'a [Bundle<'a>],
-    pub how: How<'a>,
+    pub tracing: Tracing<'a>,
     /// Optical depth, before its correction, at which a segment counts as blocked.
     pub opaque: f32,
     pub each: &'a mut dyn FnMut(usize, Packeted),
@@ -93,24 +93,24 @@ impl Kernel for Bundles<'_> {
         let cut = self.cut;
         let mut stack = EMPTY_STACK;
         for (k, bundle) in self.bundles.iter().enumerate() {
-            let width = self.how.mode().map_or(0.0, |mode| mode.width * bundle.emitter_size);
-            let shells = matches!(self.how, How::Exact { shells: true });
-            let rule = Rule { width, opaque: self.opaque };
+            let width = self.tracing.mode().map_or(0.0, |mode| mode.width * bundle.emitter_size);
+            let shells = matches!(self.tracing, Tracing::Exact { shells: true });
+            let rule = AveragingRule { width, opaque: self.opaque };
             let mut left_out = 0;
             for (lane, shell) in cut.shells.iter().enumerate() {
                 left_out |= u32::from(!shells && shell.is_passive(simd, bundle)) << lane;
             }
             for (number, packet) in bundle.packets.iter().enumerate() {
-                let met = trace(simd, cut, (0, left_out), packet, &rule, &mut stack);
+                let trace = trace(simd, cut, (0, left_out), packet, &rule, &mut stack);
                 let segments = packet.len() as u32;
-                let class = class(&met, segments);
-                let factor = self.how.mode().map_or(1.0, |mode| mode.fits[class].factor);
-                let lanes = transmittances(simd, &met, factor);
+                let class = class(&trace, segments);
+                let factor = self.tracing.mode().map_or(1.0, |mode| mode.fits[class].factor);
+                let lanes = transmittances(simd, &trace, factor);
                 let left = number == 0 && {
                     let all = bundle.packets.iter().map(Packet::len).sum();
-                    !self.how.goes_on(class, [bundle.packets.len(), all])
+                    !self.tracing.goes_on(class, [bundle.packets.len(), all])
                 };
-                (self.each)(k, Packeted { met: &met, segments, class, lanes: &lanes, left });
+                (self.each)(k, Packeted { trace: &trace, segments, class, lanes: &lanes, left });
                 if left {
                     break;
                 }
@@ -121,41 +121,41 @@ impl Kernel for Bundles<'_> {
 
 /// The results and transmittances of the segments of a packet.
 pub(super) struct Packeted<'a> {
-    pub met: &'a Met,
+    pub trace: &'a PacketTrace,
     pub segments: u32,
     pub class: usize,
     pub lanes: &'a [f32; LANES],
-    /// See [`Sums::left`].
+    /// See [`BundleSums::left`].
     pub left: bool,
 }
 
 /// The transmittances of the segments of a packet with a factor of all extinctions.
 #[inline(always)]
-fn transmittances<S: Simd>(simd: S, met: &Met, factor: f32) -> [f32; LANES] {
-    let depth = simd.mul(simd.load(&met.depths), simd.splat(factor));
-    let passes = simd.bits(simd.le(depth, simd.splat(OPAQUE_DEPTH))) & met.open;
+fn transmittances<S: Simd>(simd: S, trace: &PacketTrace, factor: f32) -> [f32; LANES] {
+    let depth = simd.mul(simd.load(&trace.depths), simd.splat(factor));
+    let passes = simd.bits(simd.le(depth, simd.splat(OPAQUE_DEPTH))) & trace.open;
     let mut lanes = [0.0; LANES];
     simd.store(simd.keep(simd.mask(passes), decay(simd, depth)), &mut lanes);
     lanes
 }
 
-impl Sums {
+impl BundleSums {
     /// Numbers of tests of a packet.
-    pub(super) fn counted(met: &Met, segments: u32) -> Sums {
-        let Met { nodes, blocks, node_tests, block_tests, .. } = *met;
-        let aggregated = met.aggregated.count_ones();
-        Sums { segments, aggregated, nodes, blocks, node_tests, block_tests, ..Sums::default() }
+    pub(super) fn counted(trace: &PacketTrace, segments: u32) -> BundleSums {
+        let PacketTrace { nodes, blocks, node_tests, block_tests, .. } = *trace;
+        let aggregated = trace.aggregated.count_ones();
+        BundleSums { segments, aggregated, nodes, blocks, node_tests, block_tests, ..BundleSums::default() }
     }
 
     /// Sums of a packet of a bundle of n segments.
-    pub(super) fn of(packet: &Packeted, how: How, n: f32) -> Sums {
-        let mut sums = Sums::counted(packet.met, packet.segments);
+    pub(super) fn of(packet: &Packeted, tracing: Tracing, n: f32) -> BundleSums {
+        let mut sums = BundleSums::counted(packet.trace, packet.segments);
         sums.left = packet.left;
         for t in packet.lanes {
             sums.transmittance += t;
             sums.square += t * t;
         }
-        if let Some(mode) = how.mode() {
+        if let Some(mode) = tracing.mode() {
             let fit = &mode.fits[packet.class];
             sums.variance = fit.averaged(n) * packet.segments as f32;
             sums.model = fit.model * packet.segments as f32;
@@ -165,7 +165,7 @@ impl Sums {
     }
 
     /// Adds another packet or bundle.
-    pub fn add(&mut self, other: Sums) {
+    pub fn add(&mut self, other: BundleSums) {
         self.transmittance += other.transmittance;
         self.square += other.square;
         self.segments += other.segments;
@@ -188,10 +188,10 @@ impl Sums {
     /// Units of work that Embree takes for the same segments, if nothing was averaged, by single rays or by packets.
     pub fn embree_work(&self) -> f64 {
         let decoded = f64::from(self.nodes + self.blocks);
-        let met = f64::from(self.node_tests) / (LANES as f64 * f64::from(self.nodes.max(1)));
+        let shared = f64::from(self.node_tests) / (LANES as f64 * f64::from(self.nodes.max(1)));
         let [segment, together, apart] = PACKETS;
         let packets =
-            segment * f64::from(self.segments) + decoded * (together + apart * (1.0 - met).max(0.0));
+            segment * f64::from(self.segments) + decoded * (together + apart * (1.0 - shared).max(0.0));
         self.weighed(&EMBREE_WORK).min(packets)
     }
 
@@ -201,19 +201,24 @@ impl Sums {
     }
 }
 
-impl Cut {
+impl DistanceCut {
     /// Follows the segments of bundles, and passes the number of each bundle and its sums to `each`, in order.
-    pub(super) fn each_sum(&self, bundles: &[Bundle], how: How, mut each: impl FnMut(usize, Sums)) {
+    pub(super) fn each_sum(
+        &self,
+        bundles: &[Bundle],
+        tracing: Tracing,
+        mut each: impl FnMut(usize, BundleSums),
+    ) {
         let segments = |bundle: &Bundle| bundle.packets.iter().map(Packet::len).sum::<usize>() as f32;
-        let (mut at, mut all) = (0, Sums::default());
+        let (mut at, mut all) = (0, BundleSums::default());
         let mut n = bundles.first().map_or(0.0, segments);
-        self.each_packet(bundles, how, &mut |k, packet| {
+        self.each_packet(bundles, tracing, &mut |k, packet| {
             while at < k {
                 each(at, std::mem::take(&mut all));
                 at += 1;
                 n = segments(&bundles[at]);
             }
-            all.add(Sums::of(&packet, how, n));
+            all.add(BundleSums::of(&packet, tracing, n));
         });
         while at < bundles.len() {
             each(at, std::mem::take(&mut all));
@@ -222,9 +227,9 @@ impl Cut {
     }
 
     /// Follows the segments of a bundle.
-    pub(super) fn sum(&self, bundle: &Bundle, how: How) -> Sums {
-        let mut all = Sums::default();
-        self.each_sum(std::slice::from_ref(bundle), how, |_, sums| all = sums);
+    pub(super) fn sum(&self, bundle: &Bundle, tracing: Tracing) -> BundleSums {
+        let mut all = BundleSums::default();
+        self.each_sum(std::slice::from_ref(bundle), tracing, |_, sums| all = sums);
         all
     }
 }

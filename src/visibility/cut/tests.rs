@@ -40,12 +40,12 @@ fn packets(seed: u64, count: usize, low: Vec3, size: Vec3) -> Vec<Packet> {
 }
 
 /// Transmittance of each lane with a width relative to an emitter of width `e`.
-fn lanes(cut: &Cut, packet: &Packet, (e, width): (f32, f32)) -> ([f32; LANES], Sums) {
+fn lanes(cut: &DistanceCut, packet: &Packet, (e, width): (f32, f32)) -> ([f32; LANES], BundleSums) {
     let mode = Mode::unmeasured(width, 1.0);
-    let how = if width > 0.0 { How::Mode(&mode) } else { How::Exact { shells: false } };
-    let mut found = ([0.0; LANES], Sums::default());
-    cut.each_packet(&[Bundle::of_packet(packet, e)], how, &mut |_, packet| {
-        found = (*packet.lanes, Sums::counted(packet.met, packet.segments));
+    let tracing = if width > 0.0 { Tracing::Mode(&mode) } else { Tracing::Exact { shells: false } };
+    let mut found = ([0.0; LANES], BundleSums::default());
+    cut.each_packet(&[Bundle::of_packet(packet, e)], tracing, &mut |_, packet| {
+        found = (*packet.lanes, BundleSums::counted(packet.trace, packet.segments));
     });
     found
 }
@@ -55,7 +55,7 @@ fn lanes(cut: &Cut, packet: &Packet, (e, width): (f32, f32)) -> ([f32; LANES], S
 #[test]
 fn a_slab_of_small_squares_obeys_beers_law() {
     for (count, edge) in [(20_000, 0.05), (80_000, 0.05)] {
-        let cut = Cut::build(&slab(count, edge));
+        let cut = DistanceCut::build(&slab(count, edge));
         let kappa = count as f64 * edge * edge / (2.0 * 200.0);
         let mut random = Pcg64Mcg::new(1);
         let (mut sum, mut wanted, mut n) = (0.0, 0.0, 0.0);
@@ -81,7 +81,7 @@ fn a_slab_of_small_squares_obeys_beers_law() {
 #[test]
 fn nothing_is_averaged_without_a_size_and_answers_are_those_of_brute_force() {
     let scene = yard();
-    let (cut, brute) = (Cut::build(&scene), Brute::new(&scene.positions, &scene.triangles));
+    let (cut, brute) = (DistanceCut::build(&scene), Brute::new(&scene.positions, &scene.triangles));
     let (mut blocked, mut clear) = (0, 0);
     for packet in packets(2, 60, Vec3::new(0.0, 0.0, -0.09), Vec3::new(6.0, 6.0, 2.0)) {
         let (values, sums) = lanes(&cut, &packet, (9.0, 0.0));
@@ -113,7 +113,7 @@ fn is_near([a, b, c]: &[Vec3; 3], from: Vec3, to: Vec3) -> bool {
 #[test]
 fn the_cut_averages_nothing_that_casts_an_umbra() {
     let scene = yard();
-    let cut = Cut::build(&scene);
+    let cut = DistanceCut::build(&scene);
     let mut areas = vec![0.0f64; scene.triangles.len()];
     for (t, &object) in scene.triangle_component.iter().enumerate() {
         let [a, b, c] = scene.corners(t as u32);
@@ -153,10 +153,10 @@ fn the_cut_averages_nothing_that_casts_an_umbra() {
 #[test]
 fn threads_and_instruction_sets_change_no_bit() {
     let scene = yard();
-    let build = |threads| crate::scene::testing::on_threads(threads, || Cut::build(&scene));
-    let all: Vec<Cut> = [1, 2, 3].into_iter().map(build).collect();
-    let answers = |cut: &Cut, isa: Isa| -> Vec<[u32; LANES]> {
-        let cut = Cut { isa, ..cut.clone() };
+    let build = |threads| crate::scene::testing::on_threads(threads, || DistanceCut::build(&scene));
+    let all: Vec<DistanceCut> = [1, 2, 3].into_iter().map(build).collect();
+    let answers = |cut: &DistanceCut, isa: Isa| -> Vec<[u32; LANES]> {
+        let cut = DistanceCut { isa, ..cut.clone() };
         let bits = |packet: &Packet| lanes(&cut, packet, (9.0, 0.25)).0.map(f32::to_bits);
         packets(9, 40, Vec3::ZERO, Vec3::new(6.0, 6.0, 2.0)).iter().map(bits).collect()
     };
@@ -173,7 +173,7 @@ fn threads_and_instruction_sets_change_no_bit() {
 #[test]
 fn a_triangle_takes_at_most_ninety_bytes() {
     for scene in [slab(20_000, 0.1), yard()] {
-        let bytes = Cut::build(&scene).bytes() as f64 / scene.triangles.len() as f64;
+        let bytes = DistanceCut::build(&scene).bytes() as f64 / scene.triangles.len() as f64;
         assert!(bytes <= 90.0, "{bytes} bytes a triangle");
     }
 }
@@ -182,7 +182,7 @@ fn a_triangle_takes_at_most_ninety_bytes() {
 #[test]
 fn shells_block_what_crosses_them() {
     let scene = yard();
-    let cut = Cut::build(&scene);
+    let cut = DistanceCut::build(&scene);
     assert!(cut.shells.len() >= 2, "floor and light");
     let one = |from: Vec3, to: Vec3| {
         let mut packet = Packet::EMPTY;
@@ -208,7 +208,7 @@ fn facets_of_lamps_are_never_averaged() {
         pieces.light(at, DVec3::new(-angle.sin(), angle.cos(), 0.0) * 0.05, DVec3::Z * 0.02);
     }
     let scene = pieces.scene();
-    let (cut, brute) = (Cut::build(&scene), Brute::new(&scene.positions, &scene.triangles));
+    let (cut, brute) = (DistanceCut::build(&scene), Brute::new(&scene.positions, &scene.triangles));
     for packet in packets(4, 40, Vec3::new(-3.0, -3.0, 0.0), Vec3::new(6.0, 6.0, 1.0)) {
         let (values, sums) = lanes(&cut, &packet, (50.0, 1.0));
         assert_eq!(sums.aggregated, 0);
@@ -230,7 +230,7 @@ fn trees_are_no_deeper_than_the_stack() {
         pieces.quad(DVec3::splat(size), DVec3::X * size, DVec3::Y * size);
     }
     pieces.light(DVec3::new(0.0, 0.0, 9.0), DVec3::X, DVec3::Y * -1.0);
-    let cut = Cut::build(&pieces.scene());
+    let cut = DistanceCut::build(&pieces.scene());
     let (mut deepest, mut nodes) = (0, vec![(0u32, 1)]);
     while let Some((node, depth)) = nodes.pop() {
         deepest = deepest.max(depth);
@@ -276,7 +276,7 @@ fn sixteen_directions_have_the_axes_of_each() {
 /// segments; where it pays, and for single packets, the answers are those of the mode.
 #[test]
 fn bundles_are_left_where_a_mode_does_not_pay() {
-    let cut = Cut::build(&yard());
+    let cut = DistanceCut::build(&yard());
     let all = packets(9, 64, Vec3::new(0.0, 0.0, -0.05), Vec3::new(6.0, 6.0, 0.0));
     let of = |model: f32| {
         let fit = modes::Fit {
@@ -299,7 +299,7 @@ fn bundles_are_left_where_a_mode_does_not_pay() {
             let bundle = |packets| Bundle { packets, emitter_size: 9.0, emitter: &[] };
             let bundles: Vec<Bundle> = all.chunks(packets).map(bundle).collect();
             let mut wanted = Vec::new();
-            cut.each_sum(&bundles, How::Mode(&mode), |_, sums| wanted.push(sums));
+            cut.each_sum(&bundles, Tracing::Mode(&mode), |_, sums| wanted.push(sums));
             let mut at = wanted.iter();
             cut.answers_that_pay(&bundles, &mode, |answer, sums| {
                 let wanted = at.next().expect("an answer a bundle");

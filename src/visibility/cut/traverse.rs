@@ -1,7 +1,7 @@
 //! Traversal of the cut for the segments of a packet: a node that several of them meet is decoded once.
 
-use super::Cut;
-use super::layout::{Block, Extinctions, LEAF, NEVER, Node};
+use super::DistanceCut;
+use super::layout::{CutBlock, CutNode, Extinctions, LEAF, NEVER};
 use crate::optics::axes_around;
 use crate::ray::{Lanes, Packet};
 use crate::simd::{LANES, Simd, vector};
@@ -29,7 +29,7 @@ pub(super) const EMPTY_STACK: Stack = [Entry { reference: 0, lanes: 0, small: fa
 
 /// The rule by which children are averaged.
 #[derive(Clone, Copy)]
-pub(super) struct Rule {
+pub(super) struct AveragingRule {
     /// Width of the part of the emitter that a segment stands for, a length: blockers up to `width t` have no umbra at the receiver and
     /// are averaged.
     pub width: f32,
@@ -37,13 +37,13 @@ pub(super) struct Rule {
     pub opaque: f32,
 }
 
-impl Rule {
+impl AveragingRule {
     /// Averages nothing.
-    pub const NOTHING: Rule = Rule { width: 0.0, opaque: OPAQUE_DEPTH };
+    pub const NOTHING: AveragingRule = AveragingRule { width: 0.0, opaque: OPAQUE_DEPTH };
 }
 
 /// Results of the traversal for the segments of a packet.
-pub(super) struct Met {
+pub(super) struct PacketTrace {
     /// Optical depths of the aggregated children.
     pub depths: [f32; LANES],
     /// Segments that are not blocked.
@@ -156,7 +156,7 @@ struct Decoded {
 
 impl Decoded {
     #[inline(always)]
-    fn of<S: Simd>(simd: S, node: &Node, segments: &Segments) -> Decoded {
+    fn of<S: Simd>(simd: S, node: &CutNode, segments: &Segments) -> Decoded {
         let zero = [[0.0; LANES]; 3];
         let mut decoded = Decoded { bounds: [zero; 2], scale: zero, offset: zero };
         for axis in 0..3 {
@@ -192,20 +192,20 @@ impl Decoded {
 #[inline(always)]
 pub(super) fn trace<S: Simd>(
     simd: S,
-    cut: &Cut,
+    cut: &DistanceCut,
     (from, left_out): (u32, u32),
     packet: &Packet,
-    rule: &Rule,
+    rule: &AveragingRule,
     stack: &mut Stack,
-) -> Met {
+) -> PacketTrace {
     let segments = Segments::of(simd, packet);
-    let mut walk = Walk { met: Met::of(packet), segments };
+    let mut walk = Walk { trace: PacketTrace::of(packet), segments };
     stack[0] = Entry { reference: from, lanes: packet.active as u16, small: true };
     let (mut top, mut kept) = (1, !left_out);
     while top > 0 {
         top -= 1;
         let Entry { reference, lanes, small } = stack[top];
-        let lanes = u32::from(lanes) & walk.met.open;
+        let lanes = u32::from(lanes) & walk.trace.open;
         if lanes == 0 {
             continue;
         }
@@ -230,21 +230,21 @@ pub(super) fn trace<S: Simd>(
             top += 1;
         }
     }
-    walk.met
+    walk.trace
 }
 
-impl Met {
-    fn of(packet: &Packet) -> Met {
+impl PacketTrace {
+    fn of(packet: &Packet) -> PacketTrace {
         let (depths, open) = ([0.0; LANES], packet.active);
         let (nodes, blocks, node_tests, block_tests, small_tests) = (0, 0, 0, 0, 0);
-        Met { depths, open, aggregated: 0, nodes, blocks, node_tests, block_tests, small_tests }
+        PacketTrace { depths, open, aggregated: 0, nodes, blocks, node_tests, block_tests, small_tests }
     }
 }
 
 /// State of the traversal for the segments of a packet.
 struct Walk<'a> {
     segments: Segments<'a>,
-    met: Met,
+    trace: PacketTrace,
 }
 
 impl Walk<'_> {
@@ -254,12 +254,12 @@ impl Walk<'_> {
     fn node<S: Simd>(
         &mut self,
         simd: S,
-        (node, extinctions): (&Node, &Extinctions),
+        (node, extinctions): (&CutNode, &Extinctions),
         (lanes, children): (u32, u32),
-        rule: &Rule,
+        rule: &AveragingRule,
     ) -> [u16; LANES] {
-        self.met.nodes += 1;
-        self.met.node_tests += lanes.count_ones();
+        self.trace.nodes += 1;
+        self.trace.node_tests += lanes.count_ones();
         let decoded = Decoded::of(simd, node, &self.segments);
         let (stop, width) = (simd.load_half(&node.stop), simd.splat(rule.width));
         let packet = self.segments.packet;
@@ -283,12 +283,12 @@ impl Walk<'_> {
             let kappa = self.segments.axes.extinction(simd, extinctions, lane);
             let depth = simd.mul(kappa, simd.load(&paths[lane]));
             let depth = simd.sum(simd.keep(simd.mask(averaged[lane].into()), depth));
-            self.met.depths[lane] += self.segments.length[lane] * depth;
-            self.met.open &= !(u32::from(self.met.depths[lane] > rule.opaque) << lane);
+            self.trace.depths[lane] += self.segments.length[lane] * depth;
+            self.trace.open &= !(u32::from(self.trace.depths[lane] > rule.opaque) << lane);
         }
-        self.met.aggregated |= averaging;
+        self.trace.aggregated |= averaging;
         let mut of_child = [0u16; LANES];
-        for lane in Lanes(lanes & self.met.open) {
+        for lane in Lanes(lanes & self.trace.open) {
             for child in Lanes(opened[lane].into()) {
                 of_child[child] |= 1 << lane;
             }
@@ -298,13 +298,13 @@ impl Walk<'_> {
 
     /// Tests the triangles of a block.
     #[inline(always)]
-    fn block<S: Simd>(&mut self, simd: S, block: &Block, (lanes, small): (u32, bool)) {
-        self.met.blocks += 1;
-        self.met.block_tests += lanes.count_ones();
-        self.met.small_tests += u32::from(small) * lanes.count_ones();
+    fn block<S: Simd>(&mut self, simd: S, block: &CutBlock, (lanes, small): (u32, bool)) {
+        self.trace.blocks += 1;
+        self.trace.block_tests += lanes.count_ones();
+        self.trace.small_tests += u32::from(small) * lanes.count_ones();
         for lane in Lanes(lanes) {
             if block_blocks(simd, block, self.segments.packet, lane) {
-                self.met.open &= !(1 << lane);
+                self.trace.open &= !(1 << lane);
             }
         }
     }
@@ -312,7 +312,7 @@ impl Walk<'_> {
 
 /// Whether a triangle of a block blocks a segment (Möller and Trumbore 1997).
 #[inline(always)]
-fn block_blocks<S: Simd>(simd: S, block: &Block, packet: &Packet, lane: usize) -> bool {
+fn block_blocks<S: Simd>(simd: S, block: &CutBlock, packet: &Packet, lane: usize) -> bool {
     let corner = vector::load(simd, &block.corner);
     let (edge1, edge2) = (vector::load(simd, &block.edge1), vector::load(simd, &block.edge2));
     let (o, d) = (&packet.origin, &packet.direction);

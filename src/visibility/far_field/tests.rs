@@ -4,7 +4,7 @@ use super::*;
 use crate::ray::LANES;
 use crate::scene::testing::{Pieces, unit};
 use crate::visibility::LeafMode;
-use crate::visibility::testing::Stage;
+use crate::visibility::tests::Stage;
 use glam::{DVec3, Vec3};
 use rand_pcg::Pcg64Mcg;
 
@@ -19,7 +19,7 @@ fn scene(add: impl FnOnce(&mut Pieces)) -> Scene {
 
 fn engine(scene: &Scene) -> MultiResolution {
     let stage = Stage::apart(scene.clone(), &Default::default());
-    stage.engine(LeafMode::Exact).with_cut(Some(Arc::new(Cut::build(scene))))
+    stage.engine(LeafMode::Exact).with_cut(Some(Arc::new(DistanceCut::build(scene))))
 }
 
 fn samplers(scene: &Scene) -> Vec<EmitterSampler> {
@@ -93,7 +93,7 @@ fn probes_see_what_closed_forms_say() {
     });
     let (engine, samplers) = (engine(&scene), samplers(&scene));
     let field = FarField::new(&engine, (&scene, &samplers), (64, 1)).expect("a cut");
-    let mut scratch = Scratch::default();
+    let mut scratch = FarFieldBuffers::default();
     let mut visible = |x: f32, sets| field.visible(&on_floor(x, 0.0), 0, sets, &mut scratch).transmittance;
     // Cells that the roof's edge crosses are counted by their one segment: eight of 64.
     for set in 0..20 {

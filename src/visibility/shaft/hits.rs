@@ -3,7 +3,7 @@
 use super::{Ends, Shaft};
 use crate::simd::Simd;
 use crate::simd::vector::{self, Vector};
-use crate::visibility::wide::Node;
+use crate::visibility::wide::WideNode;
 use glam::Vec3;
 
 impl Shaft {
@@ -28,7 +28,7 @@ impl Shaft {
 
     /// Approximate parameters at which segments pass the centres of a node's boxes.
     #[inline(always)]
-    pub fn places<S: Simd>(&self, simd: S, node: &Node) -> S::F {
+    pub fn places<S: Simd>(&self, simd: S, node: &WideNode) -> S::F {
         let mut place = simd.splat(-self.axis.dot(self.ends[0].centre));
         for axis in 0..3 {
             let twice = simd.add(simd.load(&node.min[axis]), simd.load(&node.max[axis]));
@@ -65,7 +65,7 @@ impl Shaft {
     /// Children that may be aggregated: their feature size is below `s (1 - t) + e t` at the less favourable end of
     /// the box for every segment, and no segment ends inside (docs/method.md, Umbra criterion, and Segment ends).
     #[inline(always)]
-    pub fn aggregates<S: Simd>(&self, simd: S, node: &Node, sizes: S::F, e: f32, s: f32) -> u32 {
+    pub fn aggregates<S: Simd>(&self, simd: S, node: &WideNode, sizes: S::F, e: f32, s: f32) -> u32 {
         let (mut low, mut high) = (simd.splat(0.0), simd.splat(0.0));
         let from = self.ends[0];
         let mut holds = [simd.mask(0xffff); 2];
@@ -92,7 +92,7 @@ impl Shaft {
 
     /// Children of a node that may touch the shaft.
     #[inline(always)]
-    pub fn touches<S: Simd>(&self, simd: S, node: &Node) -> u32 {
+    pub fn touches<S: Simd>(&self, simd: S, node: &WideNode) -> u32 {
         let mut touched = simd.mask(0xffff);
         for axis in 0..3 {
             let below = simd.le(simd.load(&node.min[axis]), simd.splat(self.hi[axis]));

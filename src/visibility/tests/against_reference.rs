@@ -51,7 +51,7 @@ fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
             let Segment { origin, direction, near, far } = segment(packet, lane);
             let verdict = brute.verdict(origin, direction, near, far, 1e-5);
             let mut clearly = false;
-            let met = walk(
+            let walked = walk(
                 &stage.hierarchy,
                 &stage.optics,
                 segment(packet, lane),
@@ -66,22 +66,22 @@ fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
             );
             let t = fast[lane];
             let place =
-                format!("s {s}, e {e}: {t} against {met:?}, {verdict:?}, {:?}", segment(packet, lane));
+                format!("s {s}, e {e}: {t} against {walked:?}, {verdict:?}, {:?}", segment(packet, lane));
             assert!((0.0..=1.0).contains(&t), "{place}");
             assert!(!clearly || t == 0.0, "a triangle that the reference tests was not tested: {place}");
             assert!(t > 0.0 || verdict != Verdict::Clear, "blocked by nothing: {place}");
-            if met.aggregated == 0 {
+            if walked.aggregated == 0 {
                 assert!(t == 0.0 || t == 1.0, "aggregated more than the reference: {place}");
                 assert!(verdict != Verdict::Blocked || t == 0.0, "missed: {place}");
             }
-            aggregated += u64::from(met.aggregated > 0 && !met.blocked);
+            aggregated += u64::from(walked.aggregated > 0 && !walked.blocked);
             if verdict != Verdict::Marginal {
                 differences.segments += 1;
-                differences.large += usize::from((f64::from(t) - met.transmittance()).abs() > 0.01);
-                differences.sum += f64::from(t) - met.transmittance();
+                differences.large += usize::from((f64::from(t) - walked.transmittance()).abs() > 0.01);
+                differences.sum += f64::from(t) - walked.transmittance();
                 let truth = if verdict == Verdict::Clear { 1.0 } else { 0.0 };
                 differences.squares[0] += (f64::from(t) - truth).powi(2);
-                differences.squares[1] += (met.transmittance() - truth).powi(2);
+                differences.squares[1] += (walked.transmittance() - truth).powi(2);
             }
         }
         assert!(cost.aggregated <= aggregated, "s {s}: {cost:?}, the reference aggregates for {aggregated}");

@@ -32,7 +32,7 @@ fn optical_depth_is_the_same_for_every_cut() {
                 for lane in packet.lanes() {
                     fast -= f64::from(t[lane]).ln() * each;
                     let segment = segment(packet, lane);
-                    let met = walk(
+                    let walked = walk(
                         &stage.hierarchy,
                         &stage.optics,
                         segment,
@@ -41,7 +41,7 @@ fn optical_depth_is_the_same_for_every_cut() {
                         LeafMode::Average,
                         |_| false,
                     );
-                    slow += met.depth * each;
+                    slow += walked.depth * each;
                 }
             }
             // The lines are a jittered grid over boxes: tolerance two percent.
