@@ -25,4 +25,5 @@ pub use options::BenchOptions;
 #[cfg(any(test, feature = "internals"))]
 pub use record::Record;
 pub use run::run;
+#[cfg_attr(not(feature = "internals"), allow(unused_imports))]
 pub use shown::text;

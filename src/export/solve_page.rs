@@ -313,6 +313,7 @@ fn error_bars(record: &Record) -> Result<Markup> {
 }
 
 /// A grid of the page.
+#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub struct PageGrid<'a> {
     /// The object, group or material.
     pub name: &'a str,
@@ -334,6 +335,7 @@ pub struct PageGrid<'a> {
 ///
 /// # Errors
 /// A picture has no pixels.
+#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub fn grid_section(grids: &[PageGrid], unit: &str) -> Result<Markup> {
     let Some(first) = grids.first() else { return Ok(Markup::default()) };
     let [height, mean] = [format!("height {unit}"), format!("mean {}", first.unit)];

@@ -142,6 +142,7 @@ fn colour(map: &[[u8; 3]; 9], t: f32) -> [u8; 3] {
 ///
 /// # Errors
 /// The file cannot be read or is no such picture.
+#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub fn thumbnail(path: &Path, side: u32) -> Result<(Picture, [u32; 2])> {
     let bytes = input::read(path, input::MAX_SMALL_FILE)?;
     // The reader's own limits keep the memory of a damaged file small.

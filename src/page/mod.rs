@@ -108,11 +108,13 @@ pub fn table(columns: &str, rows: &[impl AsRef<[Cell]>]) -> Markup {
 }
 
 /// Text of a page for a terminal: with spaces that break lines, and digits in groups as in other texts.
+#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub fn text_of(text: &str) -> String {
     text.replace('\u{a0}', " ").replace('\u{202f}', ",")
 }
 
 /// A table as lines of text. A heading with a comma takes two lines.
+#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub fn text_table(columns: &str, rows: &[Vec<Cell>]) -> String {
     let headings: Vec<[&str; 2]> = (columns.split(" | "))
         .map(|name| name.split_once(", ").map_or(["", name], |(first, second)| [first, second]))
