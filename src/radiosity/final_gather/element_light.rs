@@ -21,7 +21,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// Smallest number of rays of each half: a quarter of a packet; a half without rays has no estimate of its noise.
-pub(super) const MIN_HALF: u32 = 4;
+const MIN_HALF: u32 = 4;
 /// Largest number of rays of each half, so that no element can use up all rays: noise of 1 % where one ray deviates by half of the mean.
 const MAX_HALF: u32 = 1024;
 /// Deviation of one ray from the mean light of its element, relative to that light, where it is not known.

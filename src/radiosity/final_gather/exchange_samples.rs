@@ -1,6 +1,5 @@
 //! The light of elements by the rays of their exchange, where these rays suffice.
 
-use super::element_light::MIN_HALF;
 use super::element_samples::{DIRECT, ElementLight, REFLECTED};
 use super::gatherer::FinalGather;
 use super::local_noise::LocalResult;
@@ -20,23 +19,14 @@ impl FinalGather<'_> {
     /// Scenes in which more light is reflected than the error asked for are left out as well: the light of an element and the part of it that leaves the
     /// scene would be known by the same rays, and their product has a bias. Where surfaces of a town reflect 0.9, absorbed and escaped power
     /// would exceed the emitted power by 1 %.
-    ///
-    /// Where only so many further rays are `possible` in time that leaves could not have the smallest number of them, all leaves keep the rays of the
-    /// exchange.
     pub(super) fn exchange_samples(
         &self,
         rows: &RayRows,
         results: &[LocalResult],
-        possible: f64,
     ) -> Vec<(u32, ElementLight)> {
-        let all = possible < f64::from(2 * MIN_HALF) * rows.rows.len() as f64;
-        let suffices = || {
-            let has_emitters = !self.emitters.emitters.is_empty();
-            !has_emitters
-                && self.reflected_everywhere() <= self.error
-                && self.exchange_suffices(rows, results)
-        };
-        if !all && !suffices() {
+        let has_emitters = !self.emitters.emitters.is_empty();
+        if has_emitters || self.reflected_everywhere() > self.error || !self.exchange_suffices(rows, results)
+        {
             return Vec::new();
         }
         let reflected: Vec<Vec3> =
@@ -46,9 +36,8 @@ impl FinalGather<'_> {
         let first = |i: usize| if i == 0 { 0 } else { rows.rows[i - 1].end };
         let of_row = |(i, row): (usize, &RayRow)| {
             let parent = self.linked.elements.elements[row.leaf as usize].parent as usize;
-            let is_kept = all || !is_partly_lit.get(parent).copied().unwrap_or(false);
-            let suns = if all { suns_of_halves(row) } else { suns_of_second_half(row) };
-            is_kept.then(|| (row.leaf, light_of_row(row, suns, &rows.met[first(i)..row.end], &reflected)))
+            let is_kept = !is_partly_lit.get(parent).copied().unwrap_or(false);
+            is_kept.then(|| (row.leaf, light_of_row(row, &rows.met[first(i)..row.end], &reflected)))
         };
         rows.rows.par_iter().enumerate().filter_map(of_row).collect()
     }
@@ -68,24 +57,13 @@ impl FinalGather<'_> {
     }
 }
 
-/// Irradiance of a leaf by suns, W/m², by each half of its rays.
-fn suns_of_halves(row: &RayRow) -> [Vec3; 2] {
-    row.halves.map(|half| (half.sun[0] + half.sun[1]) / (row.rays / 2) as f32)
-}
-
-/// The same by the two parts of the second half of its rays.
-fn suns_of_second_half(row: &RayRow) -> [Vec3; 2] {
-    let half = row.rays / 2;
-    let parts = [half / 2, half - half / 2].map(|count| count as f32);
-    [0, 1].map(|k| row.halves[1].sun[k] / parts[k])
-}
-
-/// The light of a leaf by its row: two estimates of the light of suns, the rows that its rays have met, and the light that rows reflect, W/m².
-fn light_of_row(row: &RayRow, suns: [Vec3; 2], met: &[u32], reflected: &[Vec3]) -> ElementLight {
+/// The light of a leaf by its row: the rows that its rays have met, and the light that rows reflect, W/m².
+fn light_of_row(row: &RayRow, met: &[u32], reflected: &[Vec3]) -> ElementLight {
     let half = row.rays / 2;
     let mut light = ElementLight { rays: half, sky: row.sky / row.rays as f32, ..ElementLight::default() };
-    // The variance of the mean of two values is (a - b)² / 4.
-    light.halves[DIRECT] = suns;
+    // Suns, by the second half of the rays: the variance of the mean is (a - b)² / 4.
+    let parts = [half / 2, half - half / 2].map(|count| count as f32);
+    light.halves[DIRECT] = [0, 1].map(|k| row.halves[1].sun[k] / parts[k]);
     light.sun = 0.5 * (light.halves[DIRECT][0] + light.halves[DIRECT][1]);
     let [a, b] = light.halves[DIRECT].map(|light| light.element_sum() / 3.0);
     light.squares[DIRECT] = (half as f32 * (a - b)).powi(2);

@@ -13,7 +13,6 @@ use super::element_samples::ElementLight;
 use super::gatherer::FinalGather;
 use super::local_noise::{LocalResult, assign_noise, weigh_errors};
 use super::neighbours::axis;
-use super::ray_counts::RayBudget;
 use super::ray_rows::{PathEnd, RayRow, RayRows};
 use super::untraced::{balance_untraced, estimate_untraced};
 use crate::radiosity::deadline::{Deadline, GATHER_SHARE};
@@ -65,21 +64,15 @@ pub struct LocalPass {
 }
 
 impl FinalGather<'_> {
-    /// Traces the exchange's share of a `budget` of rays, of `useful` ones, and solves the light on them. The deviations of the rays determine how many of
-    /// `most` rays the light of the elements needs: on foliage and rocks more than estimated before, because elements share little light. If `budget` is
+    /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. The deviations of the rays determine how many of
+    /// `most` rays the light of the elements needs: on foliage and rocks more than estimated before, because elements share little light. If `rays` is
     /// `None`, or after the deadline, elements trace only a few rays: enough for the light of the whole scene, not for that of each element. Of many
     /// elements, some are then not traced.
-    pub fn local_pass(
-        &self,
-        budget: Option<RayBudget>,
-        [useful, most]: [f64; 2],
-        deadline: &Deadline,
-    ) -> LocalPass {
+    pub fn local_pass(&self, rays: Option<f64>, [useful, most]: [f64; 2], deadline: &Deadline) -> LocalPass {
         let all = self.linked.leaves();
         let states = &self.linked.elements.states;
         let start = deadline.elapsed();
-        let exchanged = budget.map(|of| RayBudget { shared: EXCHANGE_SHARE * of.shared, ..of });
-        let [mut rows, mut apart] = self.trace_rows(&all, exchanged, deadline);
+        let [mut rows, mut apart] = self.trace_rows(&all, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
         let traced: f64 = rows.rows.iter().chain(&apart.rows).map(|row| f64::from(row.rays)).sum();
         let seconds_a_ray = (deadline.elapsed() - start) / traced.max(1.0);
         let untraced = all.len() - rows.rows.len() - apart.rows.len();
@@ -125,18 +118,18 @@ impl FinalGather<'_> {
             [arrived.sky, arrived.sun].into_iter().for_each(|of| add(&mut sent_here, 1.0, of));
             balance_untraced(&self.linked.elements, &all, sent_here, &mut results);
         }
-        let exchanged = exchanged.map_or(0.0, |of| of.shared);
+        let exchanged = rays.map_or(0.0, |rays| EXCHANGE_SHARE * rays);
         let (mut wanted, mut samples) = (EXCHANGE_SHARE * useful, Vec::new());
-        let element_rays = budget.filter(|_| self.elements).map(|_| {
+        let element_rays = rays.filter(|_| self.elements).map(|_| {
             weigh_errors(&self.linked.elements, &all, &mut results);
+            samples = self.exchange_samples(&rows, &results);
             let needed = ((1.0 - EXCHANGE_SHARE) * most).min(self.needed_rays(&all, &results));
             wanted += needed;
-            let possible = match deadline.limited() {
-                true => GATHER_SHARE * deadline.left() / seconds_a_ray,
-                false => f64::INFINITY,
-            };
-            samples = self.exchange_samples(&rows, &results, possible);
-            needed.min(possible)
+            if deadline.limited() {
+                needed.min(GATHER_SHARE * deadline.left() / seconds_a_ray)
+            } else {
+                needed
+            }
         });
         let traced_part = (exchanged + element_rays.unwrap_or(0.0)) / wanted;
         let RayRows { hurried, mut tally, .. } = rows;

@@ -36,4 +36,4 @@ pub use element_light::ElementSamples;
 pub use gatherer::{Buffers, FinalGather, PathVertex};
 pub use local_pass::LocalPass;
 pub use points::with_fewer_rays;
-pub use ray_counts::{LATE_RAYS, RayBudget};
+pub use ray_counts::LATE_RAYS;

@@ -6,7 +6,7 @@ use super::local_noise::LocalResult;
 use super::local_pass::EXCHANGE_SHARE;
 use super::ray_rows::RayRows;
 use crate::math::sampling::mix;
-use crate::radiosity::deadline::{Deadline, GATHER_SHARE, RAY_SHARE};
+use crate::radiosity::deadline::{Deadline, RAY_SHARE};
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::mean;
 
@@ -45,22 +45,6 @@ const TIMED_RAYS: u32 = 16;
 /// Part of the rays that remains after surfaces have been split for so many rays and each part has its smallest number:
 /// parts are made for 20 rays each and [`MIN_ROW_RAYS`] of them are fixed, 1 − 4 / 20.
 const SHARED_AFTER_SPLIT: f64 = 0.8;
-
-/// Rays of all leaves together.
-#[derive(Clone, Copy)]
-pub struct RayBudget {
-    /// Rays that leaves share by area and light.
-    pub shared: f64,
-    /// Rays of each leaf besides.
-    pub least: f64,
-}
-
-impl RayBudget {
-    /// So many rays to share, with the smallest number for each leaf that is usual.
-    pub fn usual(shared: f64) -> RayBudget {
-        RayBudget { shared, least: MIN_ROW_RAYS }
-    }
-}
 
 impl FinalGather<'_> {
     /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean irradiance. If the
@@ -115,12 +99,9 @@ impl FinalGather<'_> {
         if rays.is_finite() { rays.max(LATE_RAYS) } else { f64::INFINITY }
     }
 
-    /// The rays, at most `rays` to share, that the time allows, by the speed of a timed sample of the leaves. Leaves have at least [`MIN_ROW_RAYS`] each, or
-    /// [`FEWEST_ROW_RAYS`] where the time does not suffice for more. `None` if it does not suffice for these either.
-    ///
-    /// A ray of the exchange takes the time of its tracing over [`RAY_SHARE`], because the solution on the rays has the other part. The rays of the
-    /// elements follow, each in its own time over [`GATHER_SHARE`].
-    pub fn affordable_rays(&self, rays: f64, deadline: &Deadline) -> Option<RayBudget> {
+    /// The number of rays, at most `rays`, that the time allows, from a timed sample of the leaves. `None` if the time does not suffice
+    /// for the smallest number of rays of each element.
+    pub fn affordable_rays(&self, rays: f64, deadline: &Deadline) -> Option<f64> {
         if deadline.late() {
             return None;
         }
@@ -132,25 +113,14 @@ impl FinalGather<'_> {
         let [traced] = RayRows::trace(self, [&sample], |_| None, |_| ());
         let traced: u32 = traced.rows.iter().map(|row| row.rays).sum();
         let each = (deadline.elapsed() - start) / f64::from(traced.max(1));
-        let possible = deadline.left() / each;
-        let of_elements = if self.elements { (1.0 - EXCHANGE_SHARE) / GATHER_SHARE } else { 0.0 };
-        let with_least = |least: f64| {
-            let shared = possible - least * leaves.len() as f64 / RAY_SHARE;
-            let shared = SHARED_AFTER_SPLIT * shared / (EXCHANGE_SHARE / RAY_SHARE + of_elements);
-            (shared >= LATE_RAYS.min(rays)).then_some(RayBudget { shared: shared.min(rays), least })
-        };
-        with_least(MIN_ROW_RAYS).or_else(|| with_least(FEWEST_ROW_RAYS))
+        let possible = RAY_SHARE * deadline.left() / each;
+        let shared = (possible - MIN_ROW_RAYS * leaves.len() as f64) * SHARED_AFTER_SPLIT;
+        (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
     }
 
-    /// Traces the rays of all leaves, those in the exchange and those outside of it, within a budget for the exchange; the share of each leaf depends on its
-    /// area and importance.
+    /// Traces the rays of all leaves, those in the exchange and those outside of it; the share of each leaf depends on its area and importance.
     /// After the deadline, each leaf traces at most its share of [`LATE_RAYS`], and of many leaves only some are traced.
-    pub(super) fn trace_rows(
-        &self,
-        leaves: &[u32],
-        budget: Option<RayBudget>,
-        deadline: &Deadline,
-    ) -> [RayRows; 2] {
+    pub(super) fn trace_rows(&self, leaves: &[u32], rays: Option<f64>, deadline: &Deadline) -> [RayRows; 2] {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let area = |e: u32| elements.elements[e as usize].area;
         let counted = |e: u32| area(e) * f64::from(states[e as usize].importance);
@@ -168,7 +138,6 @@ impl FinalGather<'_> {
             false => 1.0,
         };
         let reflected = self.reflected_everywhere();
-        let budget = budget.filter(|_| !deadline.late()).unwrap_or(RayBudget::usual(LATE_RAYS));
         let count = |leaf: u32, rays: f64| {
             let stays = stay(leaf);
             // The deviation of rays is needed only where elements gather light.
@@ -181,11 +150,11 @@ impl FinalGather<'_> {
                     (MIN_ROW_RAYS * reflected / USUAL_REFLECTED).clamp(FEWEST_ROW_RAYS, MIN_ROW_RAYS)
                 }
             };
-            let rays = least.min(budget.least) + rays * stays * share(leaf);
+            let rays = least + rays * stays * share(leaf);
             (rays.min(MAX_ROW_RAYS) as u32).div_ceil(2)
         };
-        let planned =
-            leaves.iter().map(|&leaf| LeafRays { leaf, count: count(leaf, budget.shared), suns: 1 });
+        let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
+        let planned = leaves.iter().map(|&leaf| LeafRays { leaf, count: count(leaf, rays), suns: 1 });
         let (exchanged, apart): (Vec<LeafRays>, Vec<LeafRays>) =
             planned.partition(|of| !states[of.leaf as usize].is_apart());
         // Half of the leaves that are traced late are large ones, half are drawn.

@@ -16,13 +16,14 @@ const MIN_TRACED: u32 = 8;
 const MAX_FACTOR: f64 = 2.0;
 
 /// Area-weighted sums over traced leaves: of the light by rays and along links, and of their squares and product (means over the
-/// channels). Sums of the exchange values of [`LocalResult`], weighted by the power that the leaves send out.
+/// channels); the largest light of a leaf along links. Sums of the exchange values of [`LocalResult`], weighted by the power that the leaves send out.
 #[derive(Clone, Copy, Default)]
 struct Traced {
     count: u32,
     area: f64,
     rays: Rgb,
     links: Rgb,
+    brightest: Rgb,
     squares: [f64; 2],
     product: f64,
     power: f64,
@@ -40,6 +41,7 @@ impl Traced {
             area,
             rays: result.irradiance.map(|v| area * v),
             links: links.map(|v| area * v),
+            brightest: links,
             squares: [area * by_rays * by_rays, area * by_links * by_links],
             product: area * by_rays * by_links,
             power,
@@ -53,6 +55,7 @@ impl Traced {
         self.area += other.area;
         add(&mut self.rays, 1.0, other.rays);
         add(&mut self.links, 1.0, other.links);
+        (0..3).for_each(|k| self.brightest[k] = self.brightest[k].max(other.brightest[k]));
         (0..2).for_each(|k| self.squares[k] += other.squares[k]);
         self.product += other.product;
         self.power += other.power;
@@ -71,9 +74,10 @@ impl Traced {
                 ..LocalResult::default()
             };
         }
-        // Where links bring no light at all, the mean light by rays is used instead.
+        // Where links bring no light at all, the mean light by rays is used instead. Single links of unfinished refinement may bring ten thousand times the
+        // light of all leaves around: no leaf is brighter than the brightest traced leaf along links.
         let of = |k: usize| match self.links[k] > 0.0 {
-            true => links[k] * self.rays[k] / self.links[k],
+            true => links[k].min(self.brightest[k]) * self.rays[k] / self.links[k],
             false => self.rays[k] / self.area,
         };
         let [by_rays, by_links] = [mean(self.rays), mean(self.links)];
@@ -138,18 +142,21 @@ pub fn balance_untraced(elements: &Elements, leaves: &[u32], received: Rgb, resu
         let own = std::array::from_fn(|k| result.irradiance[k] * (1.0 - sent * f64::from(reflectance[k])));
         add(&mut kept[usize::from(result.rays == 0)], elements.elements[leaf as usize].area, own);
     }
-    let [traced, untraced] = kept;
-    let factor = |k: usize| match untraced[k] > 0.0 {
-        true => ((received[k] - traced[k]) / untraced[k]).clamp(1.0 / MAX_FACTOR, MAX_FACTOR),
-        false => 1.0,
-    };
-    let factors: Rgb = std::array::from_fn(factor);
+    let factors = factors(received, kept);
     for &leaf in leaves {
         let result = &mut results[leaf as usize];
         if result.rays == 0 {
             result.irradiance.iter_mut().zip(factors).for_each(|(e, factor)| *e *= factor);
         }
     }
+}
+
+/// The factors of the light of untraced leaves, by channel, for the power that traced and untraced leaves keep.
+fn factors(received: Rgb, [traced, untraced]: [Rgb; 2]) -> Rgb {
+    std::array::from_fn(|k| match untraced[k] > 0.0 {
+        true => ((received[k] - traced[k]) / untraced[k]).clamp(1.0 / MAX_FACTOR, MAX_FACTOR),
+        false => 1.0,
+    })
 }
 
 #[cfg(test)]
@@ -177,8 +184,23 @@ mod tests {
         let flat = around(&|_| 5.0).estimate([8.0; 3]);
         let spread = 10.0 / 12f32.sqrt();
         assert!((flat.noise / spread - 1.0).abs() < 0.05, "{flat:?}");
+        // Links alone do not make a leaf brighter than all traced leaves.
+        let beyond = around(&|links| 0.5 * links).estimate([1e6, 3.0, 10.0]);
+        assert!(
+            beyond.irradiance.iter().zip([5.0, 1.5, 5.0]).all(|(e, of)| (e - of).abs() < 1e-9),
+            "{beyond:?}"
+        );
         // Nothing is known without any traced leaf.
         let unknown = Traced::default().estimate([2.0; 3]);
         assert!(unknown.irradiance == [2.0; 3] && unknown.noise == 2.0, "{unknown:?}");
+    }
+
+    /// Untraced leaves receive what is missing of the power, within limits; channels without light stay dark.
+    #[test]
+    fn untraced_leaves_receive_the_missing_power() {
+        let [received, traced, untraced] = [[10.0, 10.0, 4.0], [6.0, 9.9, 4.0], [5.0, 5.0, 0.0]];
+        let factors = factors(received, [traced, untraced]);
+        assert!((traced[0] + factors[0] * untraced[0] - received[0]).abs() < 1e-12, "{factors:?}");
+        assert_eq!(factors[1..], [1.0 / MAX_FACTOR, 1.0]);
     }
 }

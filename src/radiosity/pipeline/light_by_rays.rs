@@ -5,7 +5,7 @@ use super::record::timed;
 use super::run::{Stages, total_area};
 use crate::radiosity::audit::{AuditSize, Closing, Solved};
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass, RayBudget};
+use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::{LinkedScene, Refined};
 
@@ -74,9 +74,9 @@ impl Stages<'_> {
         let scene = self.scene;
         let (found, note) = timed(&mut self.seconds.local, || {
             let all = options.local_rays() as f64;
-            let budget = match deadline.limited() {
+            let rays = match deadline.limited() {
                 true => FinalGather::new(self.model, linked, options).affordable_rays(all, deadline),
-                false => Some(RayBudget::usual(all)).filter(|_| !deadline.late()),
+                false => Some(all).filter(|_| !deadline.late()),
             };
             // Elements are as small as the rays allow; around few large surfaces with dark backs they have the size asked for, unless a
             // target needs smaller ones: the error of the Cornell box is 1.5 % with 33,000 elements and with 132,000.
@@ -84,17 +84,19 @@ impl Stages<'_> {
                 true => options.local_area(),
                 false => options.min_area,
             };
-            let shared = budget.map_or(LATE_RAYS, |of| of.shared);
-            let smallest = if shared >= all { finest } else { Options::area_for(shared).max(finest) };
+            let smallest = match rays {
+                Some(rays) if rays >= all => finest,
+                fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(finest),
+            };
             linked.split_all(smallest * total_area(scene), deadline);
             linked.split_near_emitters(scene, deadline);
             linked.split_at_crossings(&self.model.exact(), deadline);
             linked.mark_gaps(&self.model.exact());
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all);
-            let budget = budget.map(|of| RayBudget { shared: of.shared.min(useful), ..of });
-            let found = gather.local_pass(budget, [useful, all], deadline);
-            let note = notes::fewer_local_rays(budget.map(|_| found.traced_part), found.wanted, deadline);
+            let rays = rays.map(|rays| rays.min(useful));
+            let found = gather.local_pass(rays, [useful, all], deadline);
+            let note = notes::fewer_local_rays(rays.map(|_| found.traced_part), found.wanted, deadline);
             (found, note)
         });
         self.notes.extend(note);
