@@ -315,7 +315,7 @@ pub fn text(record: &Record) -> String {
     }
     let mut add = |title: &str, columns: &str, rows: &[Vec<Cell>]| {
         if !rows.is_empty() {
-            text += &format!("\n{}\n{}", quote(title), text_table(columns, rows));
+            text += &format!("\n{title}\n{}", text_table(columns, rows));
         }
     };
     let (exact, classes, audits) = (exact(record), classes(record), audits(record));
@@ -325,7 +325,7 @@ pub fn text(record: &Record) -> String {
     for map in &record.maps {
         let [rows, _] = map_rows(map, &record.unit);
         let size = self::map(map, &record.unit);
-        add(&format!("map of {}: {}", map.receiver, text_of(&size)), rows.0, &rows.1);
+        add(&format!("map of {}: {}", quote(&map.receiver), text_of(&size)), rows.0, &rows.1);
     }
     add("claimed and observed errors", audits.0, &audits.1);
     text + &format!("\n{}\n", text_of(&result(record)))
