@@ -113,10 +113,7 @@ impl FinalGather<'_> {
         self.light_apart(&mut apart, factor, &mut results);
         let arrived = self.arrived(&[&rows, &apart], &all, &results);
         if untraced > 0 {
-            let mut sent_here = self.emitted_power();
-            (0..3).for_each(|k| sent_here[k] *= received[k]);
-            [arrived.sky, arrived.sun].into_iter().for_each(|of| add(&mut sent_here, 1.0, of));
-            balance_untraced(&self.linked.elements, &all, sent_here, &mut results);
+            balance_untraced(&self.linked.elements, &all, self.sent_here(received, &arrived), &mut results);
         }
         let exchanged = rays.map_or(0.0, |rays| EXCHANGE_SHARE * rays);
         let (mut wanted, mut samples) = (EXCHANGE_SHARE * useful, Vec::new());
@@ -227,6 +224,12 @@ impl FinalGather<'_> {
         let mut power = [0.0; 3];
         sides.iter().for_each(|side| add(&mut power, elements[side.element as usize].area, side.exitance));
         power
+    }
+
+    /// The power that emitters, of whose power these parts meet elements, and the sky and suns send to elements, W/m² times scene units squared.
+    fn sent_here(&self, received: Rgb, arrived: &Arrived) -> Rgb {
+        let power = self.emitted_power();
+        from_fn(|k| received[k] * power[k] + arrived.sky[k] + arrived.sun[k])
     }
 
     /// The part of the emitted power that meets elements.
