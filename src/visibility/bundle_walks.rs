@@ -1,8 +1,8 @@
-//! Walks for runs of bundles: neighbours share a front, and each is walked under its own rule.
+//! Walks for runs of bundles: neighbours share a frontier, and each is walked under its own rule.
 
 use super::answer::Bundle;
 use super::cost_model::CostModel;
-use super::front::Front;
+use super::frontier::Frontier;
 use super::instance_tree::InstanceTree;
 use super::instances::{ENTER_BUNDLE, ENTER_PACKET, InstanceBuffers, walk_instances};
 use super::shaft::Shaft;
@@ -12,7 +12,7 @@ use crate::ray::Packet;
 use crate::simd::{Kernel, LANES, Simd};
 use std::ops::Range;
 
-/// Largest number of bundles that share a front. Any value from 16 to 256 changes the error of a forest by less than
+/// Largest number of bundles that share a frontier. Any value from 16 to 256 changes the error of a forest by less than
 /// 0.5 % of itself (`constants.py bench`).
 const MAX_GROUP_BUNDLES: usize = 64;
 /// Largest distance between the receiver ends of a group, relative to the distance to the emitter. Any value from 0.25
@@ -30,7 +30,7 @@ const MIN_TARGET_WIDTH: f32 = 0.05;
 pub struct Workspace {
     pub(super) buffers: Buffers,
     placed: InstanceBuffers,
-    front: Front,
+    frontier: Frontier,
     pub(super) shafts: Vec<Shaft>,
     pub(super) walked: Vec<Walked>,
     /// Transmittance of each segment of the first packet of each bundle, if kept.
@@ -127,7 +127,7 @@ impl Kernel for BundleWalks<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let BundleWalks { engine, bundles, sizes, bounded, workspace } = self;
-        let Workspace { buffers, placed, front, shafts, walked, lanes, batch: _ } = workspace;
+        let Workspace { buffers, placed, frontier, shafts, walked, lanes, batch: _ } = workspace;
         let averages = !matches!(sizes, Sizes::Nothing);
         let soft = engine.average && averages;
         let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };
@@ -156,8 +156,8 @@ impl Kernel for BundleWalks<'_> {
                 let range = |(a, b): (f32, f32), v: f32| (a.min(v), b.max(v));
                 let emitters = bundles[group.clone()].iter().map(size).fold((f32::MAX, 0.0), range);
                 let features = group.clone().map(|k| sizes.of(k)).fold((f32::MAX, 0.0), range);
-                opened = front.open(simd, engine.tree, &around, emitters, features, soft);
-                shared = Some(&*front);
+                opened = frontier.open(simd, engine.tree, &around, emitters, features, soft);
+                shared = Some(&*frontier);
             }
             for k in group.clone() {
                 let packets = bundles[k].packets;

@@ -19,7 +19,7 @@ mod cut;
 mod exact;
 #[cfg(any(test, feature = "reports"))]
 mod far_field;
-mod front;
+mod frontier;
 mod instance_tree;
 mod instances;
 mod multires;

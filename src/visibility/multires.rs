@@ -1,4 +1,4 @@
-//! Multi-resolution visibility [SD95 sec 3.2]: the engine, which combines walks, fronts and exact rays by Embree.
+//! Multi-resolution visibility [SD95 sec 3.2]: the engine, which combines walks, frontiers and exact rays by Embree.
 
 use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
 use super::bundle_walks::{BundleWalks, Sizes, Walker, Workspace};

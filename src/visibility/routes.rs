@@ -37,17 +37,17 @@ struct Trial {
     /// Sum of the squares of the errors.
     square: f64,
     /// Standard error of `square` for averages, which is added to it; 0 for other routes.
-    doubt: f64,
+    standard_error: f64,
     /// Part of `square` that is due to the mean error.
     mean: f64,
     /// Detection limit of `square`: noise of the reference.
-    floor: f64,
+    detection_limit: f64,
 }
 
 impl Trial {
     /// Time to an error up to a constant factor: the time times the relative number of rays that the mean square error requires.
     fn cost(&self) -> f64 {
-        self.time * rays_for((self.square + self.doubt).max(self.floor))
+        self.time * rays_for((self.square + self.standard_error).max(self.detection_limit))
     }
 
     /// The same route with a mean error of zero.
@@ -176,9 +176,9 @@ impl MultiResolution {
         let mut trial = Trial {
             time: 0.0,
             square: 0.0,
-            doubt: 0.0,
+            standard_error: 0.0,
             mean: 0.0,
-            floor: (noise / all.sqrt()).max(1e-12 * all),
+            detection_limit: (noise / all.sqrt()).max(1e-12 * all),
         };
         let (mut averaged, mut n, mut means) = (0, 0, [0.0; 2]);
         let mut squares = Vec::with_capacity(runs.len());
@@ -207,7 +207,7 @@ impl MultiResolution {
         }
         trial.square = squares.iter().sum();
         // A few bundles with large errors may be missing from the sample: one standard error is added, estimated from the runs.
-        trial.doubt = if averages { standard_error(&squares) } else { 0.0 };
+        trial.standard_error = if averages { standard_error(&squares) } else { 0.0 };
         trial.mean = means[0] * means[1] / all;
         trial
     }

@@ -1,4 +1,4 @@
-//! Traversal of the tree for all packets of a bundle, from the root or from a group's front.
+//! Traversal of the tree for all packets of a bundle, from the root or from a group's frontier.
 //!
 //! The bundle's shaft rejects children of a node that no segment can touch. A child is aggregated if its feature size
 //! b is below the threshold
@@ -12,7 +12,7 @@
 //! are tested. Umbrae are measured perpendicular to the segments, as in the paper; on tilted receivers they are
 //! longer.
 
-use super::front::Front;
+use super::frontier::Frontier;
 use super::shaft::Shaft;
 use super::slabs::{Passed, Slabs, pass};
 use super::triangles::{self, Tiles};
@@ -71,14 +71,14 @@ pub(super) struct Walked {
 pub(super) fn walk<S: Simd>(
     simd: S,
     tree: &WideTree,
-    front: Option<&Front>,
+    frontier: Option<&Frontier>,
     (packets, shaft): (&[Packet], &Shaft),
     rule: &WalkRule,
     buffers: &mut Buffers,
 ) -> Walked {
     buffers.blocked.clear();
     buffers.blocked.resize(packets.len(), 0);
-    let (mut walked, all) = gather(simd, tree, front, (packets, shaft), rule, buffers);
+    let (mut walked, all) = gather(simd, tree, frontier, (packets, shaft), rule, buffers);
     if walked.gave_up {
         return walked;
     }
@@ -118,7 +118,7 @@ pub(super) fn walk<S: Simd>(
 pub(super) fn gather<S: Simd>(
     simd: S,
     tree: &WideTree,
-    front: Option<&Front>,
+    frontier: Option<&Frontier>,
     (packets, shaft): (&[Packet], &Shaft),
     rule: &WalkRule,
     buffers: &mut Buffers,
@@ -130,30 +130,30 @@ pub(super) fn gather<S: Simd>(
     slabs.clear();
     tiles.clear();
     queue.clear();
-    let push = |queue: &mut Vec<u32>, reference: u32| {
+    let push = |queue: &mut Vec<u32>, address: u32| {
         // The cache lines arrive while earlier nodes are processed.
-        if reference & LEAF != 0 {
-            simd.prefetch(&tree.blocks[(reference & !LEAF) as usize]);
+        if address & LEAF != 0 {
+            simd.prefetch(&tree.blocks[(address & !LEAF) as usize]);
         } else {
-            simd.prefetch(&tree.nodes[reference as usize]);
+            simd.prefetch(&tree.nodes[address as usize]);
             for axis in mix.axes {
-                simd.prefetch(&tree.optics[reference as usize][axis]);
+                simd.prefetch(&tree.optics[address as usize][axis]);
             }
         }
-        queue.push(reference);
+        queue.push(address);
     };
     let mut all = false;
-    match front {
+    match frontier {
         None => queue.push(0),
-        Some(front) => {
-            for block in &front.blocks {
+        Some(frontier) => {
+            for block in &frontier.blocks {
                 let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
                 all = walked.tested_block(&tested);
                 if all {
                     break;
                 }
             }
-            for row in front.rows.iter().take(if all { 0 } else { usize::MAX }) {
+            for row in frontier.rows.iter().take(if all { 0 } else { usize::MAX }) {
                 walked.work += NODE_WORK;
                 visit(simd, (&row.node, &row.optics), (shaft, from), rule, &mix, slabs, &mut |child| {
                     push(queue, child)
@@ -162,17 +162,17 @@ pub(super) fn gather<S: Simd>(
         }
     }
     let mut next = 0;
-    while let Some(&reference) = queue.get(next) {
+    while let Some(&address) = queue.get(next) {
         next += 1;
         if all {
             break;
         }
-        if reference & LEAF != 0 {
-            let block = &tree.blocks[(reference & !LEAF) as usize];
+        if address & LEAF != 0 {
+            let block = &tree.blocks[(address & !LEAF) as usize];
             let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
             all = walked.tested_block(&tested);
         } else {
-            let at = reference as usize;
+            let at = address as usize;
             walked.nodes += 1;
             walked.work += NODE_WORK + rule.fetch;
             let node = (&tree.nodes[at], &tree.optics[at]);

@@ -17,7 +17,7 @@ pub(super) const BLOCK_WORK: u64 = 12;
 /// Work that accounts for the cache miss of a node, in trees larger than the caches near a core: nearly two nodes.
 pub(super) const FETCH_WORK: u64 = 10;
 
-/// Bit of a child reference that marks a leaf block.
+/// Bit of a child address that marks a leaf block.
 pub(super) const LEAF: u32 = 1 << 31;
 
 /// Up to sixteen children. Unused lanes hold a box at the largest finite coordinates, which no shaft touches.
@@ -115,16 +115,16 @@ impl WideTree {
             WideTree { magnitude, nodes: vec![WideNode::EMPTY], optics: vec![NO_OPTICS], blocks: Vec::new() };
         let trees = [(&hierarchy.micro, Some(optics)), (&hierarchy.large, None)];
         for (lane, (tree, optics)) in trees.into_iter().filter(|(t, _)| !t.clusters.is_empty()).enumerate() {
-            let references = wide.append(scene, tree, optics);
-            wide.place((0, lane), (scene, tree), 0, optics, references[0]);
+            let addresses = wide.append(scene, tree, optics);
+            wide.place((0, lane), (scene, tree), 0, optics, addresses[0]);
         }
         wide
     }
 
-    /// Appends the nodes and blocks of a tree; returns the reference of each cluster.
+    /// Appends the nodes and blocks of a tree; returns the address of each cluster.
     fn append(&mut self, scene: &Scene, tree: &Tree, optics: Option<&[ClusterOptics]>) -> Vec<u32> {
         let (mut node, mut block) = (self.nodes.len() as u32, self.blocks.len() as u32);
-        let references: Vec<u32> = tree
+        let addresses: Vec<u32> = tree
             .clusters
             .iter()
             .map(|c| {
@@ -142,10 +142,10 @@ impl WideTree {
             self.nodes.push(WideNode::EMPTY);
             self.optics.push(NO_OPTICS);
             for (lane, child) in cluster.child_range().enumerate() {
-                self.place((place, lane), (scene, tree), child, optics, references[child]);
+                self.place((place, lane), (scene, tree), child, optics, addresses[child]);
             }
         }
-        references
+        addresses
     }
 
     /// Stores a cluster in a lane of a node; clusters without optics are never aggregated.
@@ -155,14 +155,14 @@ impl WideTree {
         (scene, tree): (&Scene, &Tree),
         cluster: usize,
         optics: Option<&[ClusterOptics]>,
-        reference: u32,
+        address: u32,
     ) {
         let target = &mut self.nodes[node];
         set_box(target, lane, tree.clusters[cluster].bounds.thickened());
-        target.child[lane] = reference;
+        target.child[lane] = address;
         let Some(optics) = optics else { return };
         let emits = |&t: &u32| scene.triangle_emitter[t as usize] != u32::MAX;
-        if reference & LEAF != 0 && !tree.triangles_of(cluster).iter().any(emits) {
+        if address & LEAF != 0 && !tree.triangles_of(cluster).iter().any(emits) {
             target.soft_leaves |= 1 << lane;
         }
         set_optics((target, &mut self.optics[node]), lane, &optics[cluster]);

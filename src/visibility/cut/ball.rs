@@ -33,8 +33,8 @@ impl Kernel for IsEmpty<'_> {
         let IsEmpty { cut, ball } = self;
         let radius = simd.splat(ball.radius);
         let mut stack: SmallVec<[u32; 64]> = smallvec![0];
-        while let Some(reference) = stack.pop() {
-            let node = &cut.nodes[reference as usize];
+        while let Some(address) = stack.pop() {
+            let node = &cut.nodes[address as usize];
             let close = simd.bits(simd.le(distances(simd, node, ball.at), radius));
             for lane in Lanes(node.used & close) {
                 let child = node.child[lane];

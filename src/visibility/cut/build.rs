@@ -123,8 +123,8 @@ impl Context<'_> {
         let mut largest: f32 = 0.0;
         for (lane, ((child, piece), (bounds, surface))) in below.into_iter().zip(places).enumerate() {
             let (first_node, first_block) = (draft.nodes.len() as u32, draft.blocks.len() as u32);
-            let reference = if child.nodes.is_empty() { first_block | LEAF } else { first_node };
-            node.place(lane, reference, bounds);
+            let address = if child.nodes.is_empty() { first_block | LEAF } else { first_node };
+            node.place(lane, address, bounds);
             facts[lane] = ChildFacts {
                 piece,
                 diameter: bounds.diagonal(),
@@ -154,7 +154,7 @@ impl Context<'_> {
 }
 
 impl Draft {
-    /// Adds a subtree whose references count from zero.
+    /// Adds a subtree whose addresses count from zero.
     fn append(&mut self, other: Draft, first_node: u32, first_block: u32) {
         self.blocks.extend(other.blocks);
         self.extinctions.extend(other.extinctions);

@@ -4,7 +4,7 @@ use crate::math::Aabb;
 use crate::optics::AXIS_COUNT;
 use crate::simd::LANES;
 
-/// Bit of a child reference that marks a block of triangles.
+/// Bit of a child address that marks a block of triangles.
 pub(super) const LEAF: u32 = 1 << 31;
 /// Largest number of steps of a box across its node.
 const STEPS: f32 = 65_535.0;
@@ -61,13 +61,13 @@ impl CutNode {
     }
 
     /// Stores the box of a child, a step larger on each side.
-    pub fn place(&mut self, lane: usize, reference: u32, bounds: Aabb) {
+    pub fn place(&mut self, lane: usize, address: u32, bounds: Aabb) {
         for axis in 0..3 {
             let steps = |v: f32| (v - self.origin[axis]) / self.step[axis];
             self.bounds[0][axis][lane] = (steps(bounds.min[axis]).floor() - 1.0).clamp(0.0, STEPS) as u16;
             self.bounds[1][axis][lane] = (steps(bounds.max[axis]).ceil() + 1.0).clamp(0.0, STEPS) as u16;
         }
-        self.child[lane] = reference;
+        self.child[lane] = address;
         self.used |= 1 << lane;
     }
 

@@ -29,7 +29,7 @@ use shells::Shell;
 #[cfg(any(test, feature = "reports"))]
 pub use shells::{SURFACE_PART, surface_widths};
 pub use sums::BundleSums;
-use sums::{Bundles, Packeted, Tracing};
+use sums::{Bundles, PacketResult, Tracing};
 use traverse::OPAQUE_DEPTH;
 
 /// The tree of the distance cut.
@@ -103,7 +103,7 @@ impl DistanceCut {
 
     /// Follows the segments of bundles and passes the number of the bundle and the results of each packet to `each`, which is not a
     /// type parameter: the compiler would compile the traversal for three instruction sets again for each caller.
-    fn each_packet(&self, bundles: &[Bundle], tracing: Tracing, each: &mut dyn FnMut(usize, Packeted)) {
+    fn each_packet(&self, bundles: &[Bundle], tracing: Tracing, each: &mut dyn FnMut(usize, PacketResult)) {
         let opaque = OPAQUE_DEPTH / tracing.mode().map_or(1.0, Mode::smallest_factor);
         dispatch(self.isa, Bundles { cut: self, bundles, tracing, opaque, each });
     }

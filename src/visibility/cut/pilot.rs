@@ -5,7 +5,7 @@
 
 use super::DistanceCut;
 use super::modes::{CLASSES, Fit, Mode, SMOOTH, STRATIFIED};
-use super::sums::{BundleSums, Packeted, Tracing};
+use super::sums::{BundleSums, PacketResult, Tracing};
 use super::traverse::OPAQUE_DEPTH;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::answer::Bundle;
@@ -61,7 +61,7 @@ impl Candidate<'_> {
 }
 
 /// A set of the pilot: the exact results, and those with each width.
-struct Set {
+struct PilotSet {
     visible: u32,
     /// Work of Embree.
     work: f64,
@@ -102,7 +102,7 @@ impl DistanceCut {
         candidate: impl Fn(u32) -> Option<Candidate<'a>> + Sync,
         exact: &impl Occluder,
     ) -> Option<DistanceCut> {
-        let mut pairs: Vec<[Set; 2]> = Vec::new();
+        let mut pairs: Vec<[PilotSet; 2]> = Vec::new();
         let mut next = [0, MIN_PILOT_RECEIVERS];
         loop {
             let found: Vec<Candidate> = (next[0]..next[1]).into_par_iter().filter_map(&candidate).collect();
@@ -125,7 +125,7 @@ impl DistanceCut {
     }
 
     /// Follows the sets of some receivers.
-    fn sets(&self, part: &[Candidate], exact: &impl Occluder) -> Vec<[Set; 2]> {
+    fn sets(&self, part: &[Candidate], exact: &impl Occluder) -> Vec<[PilotSet; 2]> {
         let packets: Vec<Packet> = part.iter().flat_map(|c| c.packets.clone()).collect();
         let mut blocked = vec![0; packets.len()];
         exact.occluded(&packets, &mut blocked);
@@ -142,7 +142,7 @@ impl DistanceCut {
             });
             all.into_iter()
         });
-        let mut sets = packets.iter().zip(blocked).zip(work).map(|((packet, blocked), work)| Set {
+        let mut sets = packets.iter().zip(blocked).zip(work).map(|((packet, blocked), work)| PilotSet {
             visible: packet.active & !blocked,
             work,
             traces: traces.each_mut().map(|trace| trace.next().expect("a result a packet")),
@@ -153,7 +153,7 @@ impl DistanceCut {
 }
 
 impl SetTrace {
-    fn of(&Packeted { trace, segments, class, .. }: &Packeted) -> SetTrace {
+    fn of(&PacketResult { trace, segments, class, .. }: &PacketResult) -> SetTrace {
         let work = BundleSums::counted(trace, segments).work();
         SetTrace { depths: trace.depths, open: trace.open, class, work, aggregated: trace.aggregated }
     }
@@ -194,7 +194,7 @@ struct Totals {
 impl Totals {
     /// Adds a receiver to the classes of its sets. The sets are independent: half of the square of their difference estimates a
     /// variance, and the product of their errors does not contain their variances.
-    fn add(of_class: &mut [Totals; CLASSES], pair: &[Set; 2], width: usize, factors: &[f32; CLASSES]) {
+    fn add(of_class: &mut [Totals; CLASSES], pair: &[PilotSet; 2], width: usize, factors: &[f32; CLASSES]) {
         let n = LANES as f64;
         let traces = pair.each_ref().map(|set| &set.traces[width]);
         let seen = pair.each_ref().map(|set| f64::from(set.visible.count_ones()) / n);
@@ -265,7 +265,7 @@ impl Totals {
 
 /// The mode of a width, and whether the means of all classes are known; none if no factor corrects the means, or if the width
 /// averages nothing.
-fn mode(pairs: &[[Set; 2]], width: usize) -> Option<(Mode, bool)> {
+fn mode(pairs: &[[PilotSet; 2]], width: usize) -> Option<(Mode, bool)> {
     let sets = || pairs.as_flattened().iter();
     if sets().all(|set| set.traces[width].aggregated == 0) {
         return None;
@@ -306,7 +306,7 @@ fn decides(packets: f64, all: f64) -> bool {
 
 /// The factor with which the cut transmits as much as was visible, by the Illinois algorithm (M. Dowell, P. Jarratt 1971); none if it lies
 /// outside of the range.
-fn factor(all: &[(&Set, &SetTrace)]) -> Option<f32> {
+fn factor(all: &[(&PilotSet, &SetTrace)]) -> Option<f32> {
     let visible: f64 = all.iter().map(|(set, _)| f64::from(set.visible.count_ones())).sum();
     let excess = |factor: f64| -> f64 {
         let sums: Vec<f64> = all.par_iter().map(|(_, trace)| trace.passed(factor as f32)).collect();

@@ -82,7 +82,7 @@ pub(super) struct Bundles<'a> {
     pub tracing: Tracing<'a>,
     /// Optical depth, before its correction, at which a segment counts as blocked.
     pub opaque: f32,
-    pub each: &'a mut dyn FnMut(usize, Packeted),
+    pub each: &'a mut dyn FnMut(usize, PacketResult),
 }
 
 impl Kernel for Bundles<'_> {
@@ -110,7 +110,7 @@ impl Kernel for Bundles<'_> {
                     let all = bundle.packets.iter().map(Packet::len).sum();
                     !self.tracing.goes_on(class, [bundle.packets.len(), all])
                 };
-                (self.each)(k, Packeted { trace: &trace, segments, class, lanes: &lanes, left });
+                (self.each)(k, PacketResult { trace: &trace, segments, class, lanes: &lanes, left });
                 if left {
                     break;
                 }
@@ -120,7 +120,7 @@ impl Kernel for Bundles<'_> {
 }
 
 /// The results and transmittances of the segments of a packet.
-pub(super) struct Packeted<'a> {
+pub(super) struct PacketResult<'a> {
     pub trace: &'a PacketTrace,
     pub segments: u32,
     pub class: usize,
@@ -148,7 +148,7 @@ impl BundleSums {
     }
 
     /// Sums of a packet of a bundle of n segments.
-    pub(super) fn of(packet: &Packeted, tracing: Tracing, n: f32) -> BundleSums {
+    pub(super) fn of(packet: &PacketResult, tracing: Tracing, n: f32) -> BundleSums {
         let mut sums = BundleSums::counted(packet.trace, packet.segments);
         sums.left = packet.left;
         for t in packet.lanes {

@@ -16,7 +16,7 @@ const SLACK: f32 = 4.0 * f32::EPSILON;
 /// A node or block to be tested, and the segments that meet its box.
 #[derive(Clone, Copy)]
 pub(super) struct Entry {
-    reference: u32,
+    address: u32,
     lanes: u16,
     /// Whether the triangles belong to small pieces.
     small: bool,
@@ -25,7 +25,7 @@ pub(super) struct Entry {
 /// Entries that are still to be tested.
 pub(super) type Stack = [Entry; STACK];
 /// A stack without entries.
-pub(super) const EMPTY_STACK: Stack = [Entry { reference: 0, lanes: 0, small: false }; STACK];
+pub(super) const EMPTY_STACK: Stack = [Entry { address: 0, lanes: 0, small: false }; STACK];
 
 /// The rule by which children are averaged.
 #[derive(Clone, Copy)]
@@ -200,20 +200,20 @@ pub(super) fn trace<S: Simd>(
 ) -> PacketTrace {
     let segments = Segments::of(simd, packet);
     let mut walk = Walk { trace: PacketTrace::of(packet), segments };
-    stack[0] = Entry { reference: from, lanes: packet.active as u16, small: true };
+    stack[0] = Entry { address: from, lanes: packet.active as u16, small: true };
     let (mut top, mut kept) = (1, !left_out);
     while top > 0 {
         top -= 1;
-        let Entry { reference, lanes, small } = stack[top];
+        let Entry { address, lanes, small } = stack[top];
         let lanes = u32::from(lanes) & walk.trace.open;
         if lanes == 0 {
             continue;
         }
-        if reference & LEAF != 0 {
-            walk.block(simd, &cut.blocks[(reference & !LEAF) as usize], (lanes, small));
+        if address & LEAF != 0 {
+            walk.block(simd, &cut.blocks[(address & !LEAF) as usize], (lanes, small));
             continue;
         }
-        let at = reference as usize;
+        let at = address as usize;
         let node = &cut.nodes[at];
         let opened = walk.node(simd, (node, &cut.extinctions[at]), (lanes, node.used & kept), rule);
         kept = u32::MAX;
@@ -226,7 +226,7 @@ pub(super) fn trace<S: Simd>(
             } else {
                 simd.prefetch(&cut.nodes[child as usize]);
             }
-            stack[top] = Entry { reference: child, lanes, small: small >> lane & 1 == 1 };
+            stack[top] = Entry { address: child, lanes, small: small >> lane & 1 == 1 };
             top += 1;
         }
     }

@@ -98,7 +98,7 @@ fn bundles_with_sizes_of_their_own_answer_as_they_do_alone() {
     let (mut workspace, mut differ, mut fractions) = (Workspace::default(), 0.0, 0);
     let bounds = stage.scene.bounds;
     for _ in 0..20 {
-        // Adjacent bundles, so that they share a front.
+        // Adjacent bundles, so that they share a frontier.
         let [a, b] = [0, 1].map(|_| bounds.min + in_cube(&mut random).as_vec3() * (bounds.max - bounds.min));
         let packets: Vec<Packet> = (0..12).map(|_| around(a, b, 0.3, &mut random)).collect();
         let sizes: Vec<f32> = (0..12).map(|k| 0.02 * 1.5f32.powi(k)).collect();

@@ -13,37 +13,37 @@ use crate::optics::{AXIS_COUNT, AxisMix};
 use crate::ray::Lanes;
 use crate::simd::{LANES, Simd};
 
-/// Number of boxes at which the search for a front ends: four nodes. Any value from 32 to 128 changes the error of a
+/// Number of boxes at which the search for a frontier ends: four nodes. Any value from 32 to 128 changes the error of a
 /// forest by less than 0.5 % of itself (`constants.py bench`).
 const MAX_BOXES: usize = 64;
-/// Largest number of triangles of a front: eight blocks. Any value from 64 to 256 gives the same errors (`constants.py
+/// Largest number of triangles of a frontier: eight blocks. Any value from 64 to 256 gives the same errors (`constants.py
 /// bench`).
 const MAX_TRIANGLES: usize = 128;
 
-/// Sixteen boxes of a front, arranged as a node.
-pub(super) struct FrontRow {
+/// Sixteen boxes of a frontier, arranged as a node.
+pub(super) struct FrontierRow {
     pub node: WideNode,
     pub optics: [AxisOptics; AXIS_COUNT],
 }
 
 /// A child of a node that touches the group's shaft.
 #[derive(Clone, Copy)]
-struct FrontChild {
+struct FrontierChild {
     node: u32,
     lane: usize,
 }
 
 /// Start of the walks of a group.
 #[derive(Default)]
-pub(super) struct Front {
-    pub rows: Vec<FrontRow>,
+pub(super) struct Frontier {
+    pub rows: Vec<FrontierRow>,
     pub blocks: Vec<WideBlock>,
     boxes: usize,
     triangles: usize,
-    queue: Vec<FrontChild>,
+    queue: Vec<FrontierChild>,
 }
 
-impl Front {
+impl Frontier {
     /// Opens the tree for a group whose emitter sizes lie in `(narrowest, widest)` and feature sizes in `(finest,
     /// coarsest)`, scene units. Returns the number of visited nodes and the work. `soft`: leaves are never opened.
     #[inline(always)]
@@ -74,7 +74,7 @@ impl Front {
                 let perhaps = simd.bits(simd.lt(smallest(simd, optics), simd.splat(coarsest.max(widest))));
                 for lane in Lanes(touched) {
                     let child = node.child[lane];
-                    let found = FrontChild { node: at as u32, lane };
+                    let found = FrontierChild { node: at as u32, lane };
                     if child & LEAF == 0 {
                         if aggregated >> lane & 1 == 1 {
                             self.add_box(tree, found);
@@ -98,7 +98,7 @@ impl Front {
             if head == self.queue.len() || self.queue.len() - head + self.boxes >= MAX_BOXES {
                 break;
             }
-            let FrontChild { node, lane } = self.queue[head];
+            let FrontierChild { node, lane } = self.queue[head];
             at = tree.nodes[node as usize].child[lane] as usize;
             head += 1;
         }
@@ -108,11 +108,11 @@ impl Front {
         (head as u32 + 1, work)
     }
 
-    fn add_box(&mut self, tree: &WideTree, FrontChild { node, lane }: FrontChild) {
+    fn add_box(&mut self, tree: &WideTree, FrontierChild { node, lane }: FrontierChild) {
         let (from, optics) = (&tree.nodes[node as usize], &tree.optics[node as usize]);
         let to = self.boxes % LANES;
         if to == 0 {
-            self.rows.push(FrontRow { node: WideNode::EMPTY, optics: NO_OPTICS });
+            self.rows.push(FrontierRow { node: WideNode::EMPTY, optics: NO_OPTICS });
         }
         self.boxes += 1;
         let row = self.rows.last_mut().expect("just pushed");
