@@ -14,7 +14,7 @@ use super::gatherer::FinalGather;
 use super::local_noise::{LocalResult, assign_noise, weigh_errors};
 use super::neighbours::axis;
 use super::ray_rows::{PathEnd, RayRow, RayRows};
-use super::untraced::{balance_untraced, estimate_untraced};
+use super::untraced::Surrounding;
 use crate::radiosity::deadline::{Deadline, GATHER_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
@@ -28,6 +28,7 @@ use crate::radiosity::transport::{
 use glam::Vec3;
 use rayon::prelude::*;
 use std::array::from_fn;
+use std::collections::HashMap;
 
 /// Expected relative error of the direct light that all elements receive together, by their own rays.
 const DIRECT_ERROR: f64 = 0.01;
@@ -57,7 +58,7 @@ pub struct LocalPass {
     pub convergence: Convergence,
     /// Leaves with fewer rays than planned.
     pub hurried: usize,
-    /// Leaves that were not traced for lack of time: their light is estimated ([`estimate_untraced`]).
+    /// Leaves that were not traced for lack of time: their light is estimated ([`Surrounding::estimate`]).
     pub untraced: usize,
     /// Cost of the rays.
     pub tally: Tally,
@@ -75,13 +76,22 @@ impl FinalGather<'_> {
         let [mut rows, mut apart] = self.trace_rows(&all, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
         let traced: f64 = rows.rows.iter().chain(&apart.rows).map(|row| f64::from(row.rays)).sum();
         let seconds_a_ray = (deadline.elapsed() - start) / traced.max(1.0);
-        let untraced = all.len() - rows.rows.len() - apart.rows.len();
-        rows.number_rows(self.linked.elements.len(), |leaf| self.reflected_from(leaf));
+        let untraced = self.untraced(&all, [&rows, &apart]);
+        let leaves: Vec<u32> = rows.rows.iter().map(|row| row.leaf).collect();
+        let is_estimated = !untraced.is_empty() || self.elements && all.len() > leaves.len();
+        let around = is_estimated.then(|| Surrounding::new(&self.linked.elements, leaves.iter().copied()));
+        let mut link_part = HashMap::new();
+        if let Some(around) = around.as_ref().filter(|_| !untraced.is_empty()) {
+            link_part =
+                untraced.iter().copied().zip(around.cap_links(leaves.iter().copied(), &untraced)).collect();
+        }
+        let link_part = |leaf: u32| link_part.get(&leaf).copied().unwrap_or(Vec3::ONE);
+        rows.number_rows(self.linked.elements.len(), |leaf| link_part(leaf) * self.reflected_from(leaf));
         let sampled = self.emitted_share();
         // The light of leaves that were not traced is not known here.
-        let (factor, received) = match untraced {
-            0 => self.balance_of_direct_light(self.received_directly(&[&rows, &apart]), &sampled),
-            _ => (1.0, sampled.share),
+        let (factor, received) = match untraced.is_empty() {
+            true => self.balance_of_direct_light(self.received_directly(&[&rows, &apart]), &sampled),
+            false => (1.0, sampled.share),
         };
         let direct = [0, 1].map(|half| direct_light(&rows, half, factor));
         // After the deadline few iterations are made: they start from the light along links. Otherwise the start is the direct light,
@@ -93,7 +103,6 @@ impl FinalGather<'_> {
         let light = transport.both(first);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
         self.assign_irradiance(&rows, &light, &mut results);
-        let leaves: Vec<u32> = rows.rows.iter().map(|row| row.leaf).collect();
         rows.add_light_of_ends(|row| Some(self.reflected_by(leaves[row as usize], &results)));
         let halves = transport.row_sums();
         let sums = assign_row_sums(&rows, &halves, &mut results);
@@ -107,13 +116,17 @@ impl FinalGather<'_> {
         } else {
             count_sent(&rows, &halves, &light, &mut results);
         }
-        if untraced > 0 || self.elements && all.len() > rows.rows.len() {
-            estimate_untraced(&self.linked.elements, &all, &mut results);
+        if let Some(around) = &around {
+            let others: Vec<u32> =
+                apart.rows.iter().map(|row| row.leaf).chain(untraced.iter().copied()).collect();
+            around.estimate(leaves.iter().copied(), &others, link_part, &mut results);
         }
         self.light_apart(&mut apart, factor, &mut results);
-        let arrived = self.arrived(&[&rows, &apart], &all, &results);
-        if untraced > 0 {
-            balance_untraced(&self.linked.elements, &all, self.sent_here(received, &arrived), &mut results);
+        let mut arrived = self.arrived(&[&rows, &apart]);
+        if let Some(around) = around.as_ref().filter(|_| !untraced.is_empty()) {
+            let of = |row: &RayRow| (row.leaf, [row.sky, row.sun()].map(|light| light / row.rays as f32));
+            arrived.add(around.arrived(rows.rows.iter().chain(&apart.rows).map(of), &untraced));
+            self.balance_untraced(around, (&all, &untraced), (&sampled, &arrived), &mut results);
         }
         let exchanged = rays.map_or(0.0, |rays| EXCHANGE_SHARE * rays);
         let (mut wanted, mut samples) = (EXCHANGE_SHARE * useful, Vec::new());
@@ -143,7 +156,7 @@ impl FinalGather<'_> {
             arrived,
             convergence,
             hurried,
-            untraced,
+            untraced: untraced.len(),
             tally,
         }
     }
@@ -198,17 +211,43 @@ impl FinalGather<'_> {
         }
     }
 
-    /// The power that arrives from beyond the scene. Leaves without rows receive as much of it relative to their light as the others.
-    fn arrived(&self, rows: &[&RayRows], all: &[u32], results: &[LocalResult]) -> Arrived {
+    /// Leaves without rows.
+    fn untraced(&self, all: &[u32], rows: [&RayRows; 2]) -> Vec<u32> {
+        if all.len() == rows[0].rows.len() + rows[1].rows.len() {
+            return Vec::new();
+        }
+        let mut is_traced = vec![false; self.linked.elements.len()];
+        rows.iter().flat_map(|rows| &rows.rows).for_each(|row| is_traced[row.leaf as usize] = true);
+        all.iter().copied().filter(|&leaf| !is_traced[leaf as usize]).collect()
+    }
+
+    /// The power that arrives from beyond the scene at leaves with rows.
+    fn arrived(&self, rows: &[&RayRows]) -> Arrived {
         let elements = &self.linked.elements.elements;
-        let rows = || rows.iter().flat_map(|rows| &rows.rows);
         let beyond = |row: &RayRow| {
             (elements[row.leaf as usize].area, row.sky / row.rays as f32, row.sun() / row.rays as f32)
         };
-        let power = |leaf: u32| elements[leaf as usize].area * mean(results[leaf as usize].irradiance);
-        let known: f64 = rows().map(|row| power(row.leaf)).sum();
-        let part = if known > 0.0 { all.iter().map(|&leaf| power(leaf)).sum::<f64>() / known } else { 1.0 };
-        Arrived::of(rows().map(beyond)).times(part)
+        Arrived::of(rows.iter().flat_map(|rows| &rows.rows).map(beyond))
+    }
+
+    /// Scales the light of `untraced` ones of the leaves towards the power that emitters, of whose power this share meets elements, and the sky and suns send,
+    /// less what the other leaves keep. The sum over these has the error of their direct light.
+    /// Engines that average clusters keep their own sum, as in [`FinalGather::balance_of_direct_light`]; so do beams without a sampled ray.
+    fn balance_untraced(
+        &self,
+        around: &Surrounding,
+        leaves: (&[u32], &[u32]),
+        (sampled, arrived): (&SampledShare, &Arrived),
+        results: &mut [LocalResult],
+    ) {
+        let power = self.emitted_power();
+        let has_share = sampled.mean > 0.0 || mean(power) <= 0.0;
+        if !matches!(self.linked.engine, VisibilityEngine::Exact(_)) || !has_share {
+            return;
+        }
+        let received: Rgb = from_fn(|k| sampled.share[k] * power[k] + arrived.sky[k] + arrived.sun[k]);
+        let error = (DIRECT_ERROR * mean(received)).hypot(sampled.error * mean(power));
+        around.balance(leaves, received, error, results);
     }
 
     /// The direct light of rows from the emitters of the scene, W/m² times scene units squared.
@@ -224,12 +263,6 @@ impl FinalGather<'_> {
         let mut power = [0.0; 3];
         sides.iter().for_each(|side| add(&mut power, elements[side.element as usize].area, side.exitance));
         power
-    }
-
-    /// The power that emitters, of whose power these parts meet elements, and the sky and suns send to elements, W/m² times scene units squared.
-    fn sent_here(&self, received: Rgb, arrived: &Arrived) -> Rgb {
-        let power = self.emitted_power();
-        from_fn(|k| received[k] * power[k] + arrived.sky[k] + arrived.sun[k])
     }
 
     /// The part of the emitted power that meets elements.

@@ -3,20 +3,26 @@
 //! Links distribute the light of a cluster among its surfaces by orientation, but the level of this light may be far off. The correction
 //! factor is that of the traced leaves in the smallest element or cluster above an untraced leaf that contains enough of them: their
 //! light by rays over their light along links. The deviation of the traced leaves from the factor is the error bar of the untraced leaf.
+//! All untraced leaves together are then scaled towards the power that the traced ones leave over.
 
 use super::local_noise::LocalResult;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::rgb::{Rgb, add, mean};
+use crate::radiosity::surroundings::Arrived;
+use glam::Vec3;
 use rayon::prelude::*;
+use std::array::from_fn;
 
 /// Smallest number of traced leaves that determine the factor: their deviation is known to 1/√(2 · 7) = 27 %.
 const MIN_TRACED: u32 = 8;
-/// Largest factor of [`balance_untraced`], and the inverse of the smallest: where untraced leaves receive little of the power, the noise of the traced ones
-/// must not become their light.
+/// Smallest number of traced leaves of which the brightest bounds the light of untraced ones: the 65th of as many leaves is brighter than all others once in
+/// 65 times.
+const MIN_BOUNDING: u32 = 64;
+/// Largest factor of [`Surrounding::balance`], and the inverse of the smallest: links bring no leaf so much or so little light that it is known better.
 const MAX_FACTOR: f64 = 2.0;
 
 /// Area-weighted sums over traced leaves: of the light by rays and along links, and of their squares and product (means over the
-/// channels); the largest light of a leaf along links. Sums of the exchange values of [`LocalResult`], weighted by the power that the leaves send out.
+/// channels); the largest light of a leaf by rays. Sums of the exchange values of [`LocalResult`], weighted by the power that the leaves send out.
 #[derive(Clone, Copy, Default)]
 struct Traced {
     count: u32,
@@ -41,7 +47,7 @@ impl Traced {
             area,
             rays: result.irradiance.map(|v| area * v),
             links: links.map(|v| area * v),
-            brightest: links,
+            brightest: result.irradiance,
             squares: [area * by_rays * by_rays, area * by_links * by_links],
             product: area * by_rays * by_links,
             power,
@@ -55,7 +61,7 @@ impl Traced {
         self.area += other.area;
         add(&mut self.rays, 1.0, other.rays);
         add(&mut self.links, 1.0, other.links);
-        (0..3).for_each(|k| self.brightest[k] = self.brightest[k].max(other.brightest[k]));
+        larger(&mut self.brightest, &other.brightest);
         (0..2).for_each(|k| self.squares[k] += other.squares[k]);
         self.product += other.product;
         self.power += other.power;
@@ -63,8 +69,8 @@ impl Traced {
         self.kept += other.kept;
     }
 
-    /// The light of an untraced leaf with this light along links.
-    fn estimate(&self, links: Rgb) -> LocalResult {
+    /// The light of an untraced leaf with this light along links that is at most the `brightest` traced leaf around.
+    fn estimate(&self, links: Rgb, brightest: Rgb) -> LocalResult {
         if self.count == 0 {
             return LocalResult {
                 irradiance: links,
@@ -74,10 +80,9 @@ impl Traced {
                 ..LocalResult::default()
             };
         }
-        // Where links bring no light at all, the mean light by rays is used instead. Single links of unfinished refinement may bring ten thousand times the
-        // light of all leaves around: no leaf is brighter than the brightest traced leaf along links.
+        // Where links bring no light at all, the mean light by rays is used instead. Where they bring most of it to small leaves, the factor is large.
         let of = |k: usize| match self.links[k] > 0.0 {
-            true => links[k].min(self.brightest[k]) * self.rays[k] / self.links[k],
+            true => (links[k] * self.rays[k] / self.links[k]).min(brightest[k]),
             false => self.rays[k] / self.area,
         };
         let [by_rays, by_links] = [mean(self.rays), mean(self.links)];
@@ -87,7 +92,7 @@ impl Traced {
         let squares = rays2 - 2.0 * factor * self.product + factor * factor * links2;
         let variance = squares.max(0.0) / self.area * (1.0 + 1.0 / f64::from(self.count));
         LocalResult {
-            irradiance: std::array::from_fn(of),
+            irradiance: from_fn(of),
             noise: variance.sqrt() as f32,
             row_sum: sent(self.row_sum),
             kept: sent(self.kept),
@@ -96,72 +101,167 @@ impl Traced {
     }
 }
 
-/// Estimates the light of all `leaves` without rays in `results`. The states of the elements have the light along links.
-pub fn estimate_untraced(elements: &Elements, leaves: &[u32], results: &mut [LocalResult]) {
-    let parent = |e: u32| elements.elements[e as usize].parent;
-    // Elements with children, in their order, so that parents come first; and by element, its place among them.
-    let inner: Vec<u32> =
-        (0..elements.len() as u32).filter(|&e| !elements.elements[e as usize].is_leaf()).collect();
-    let mut place = vec![u32::MAX; elements.len()];
-    (0..).zip(&inner).for_each(|(k, &e)| place[e as usize] = k);
-    let mut traced = vec![Traced::default(); inner.len()];
-    let above = |e: u32| place[parent(e) as usize] as usize;
-    for &leaf in leaves.iter().filter(|&&leaf| results[leaf as usize].rays > 0) {
-        let state = &elements.states[leaf as usize];
-        let light = [state.irradiance, state.radiosity];
-        let of = Traced::of(elements.elements[leaf as usize].area, light, &results[leaf as usize]);
-        traced[above(leaf)].add(&of);
-    }
-    for k in (1..inner.len()).rev() {
-        let below = traced[k];
-        traced[above(inner[k])].add(&below);
-    }
-    let estimate = |&leaf: &u32| {
-        let mut around = above(leaf);
-        while around > 0 && traced[around].count < MIN_TRACED {
-            around = above(inner[around]);
-        }
-        (leaf, traced[around].estimate(elements.states[leaf as usize].irradiance))
-    };
-    let found: Vec<(u32, LocalResult)> =
-        leaves.par_iter().filter(|&&leaf| results[leaf as usize].rays == 0).map(estimate).collect();
-    found.into_iter().for_each(|(leaf, result)| results[leaf as usize] = result);
+/// Replaces channels by those of another colour where these are larger.
+fn larger(a: &mut Rgb, b: &Rgb) {
+    (0..3).for_each(|k| a[k] = a[k].max(b[k]));
 }
 
-/// Scales the light of the `leaves` without rays such that all leaves together receive what emitters, sky and suns send them, `received`, and what leaves
-/// reflect to each other: Σ A E (1 - s ρ) = `received` for areas A, irradiances E, reflectances ρ and the part s of its light that a leaf sends to others.
-/// Links within clutter lose light; without the factor a kitchen lacks 4 % of the emitted power. The power is in W/m² times scene units squared.
-pub fn balance_untraced(elements: &Elements, leaves: &[u32], received: Rgb, results: &mut [LocalResult]) {
-    // By channel, the power that traced and untraced leaves receive and do not send to others.
-    let mut kept = [[0.0; 3]; 2];
-    for &leaf in leaves {
-        let result = &results[leaf as usize];
-        let Shape::Surface { side, .. } = elements.elements[leaf as usize].shape else { continue };
-        let reflectance = elements.sides[side as usize].reflectance;
-        let sent = f64::from(result.row_sum).min(1.0);
-        let own = std::array::from_fn(|k| result.irradiance[k] * (1.0 - sent * f64::from(reflectance[k])));
-        add(&mut kept[usize::from(result.rays == 0)], elements.elements[leaf as usize].area, own);
+/// The elements and clusters above leaves, with the traced leaves below each.
+pub struct Surrounding<'a> {
+    elements: &'a Elements,
+    /// Elements with children, parents first.
+    inner: Vec<u32>,
+    /// By element, its place in `inner`.
+    place: Vec<u32>,
+    /// By place, the number of traced leaves below.
+    counts: Vec<u32>,
+}
+
+impl<'a> Surrounding<'a> {
+    /// The surroundings with these traced leaves.
+    pub fn new(elements: &'a Elements, traced: impl Iterator<Item = u32>) -> Surrounding<'a> {
+        let inner: Vec<u32> =
+            (0..elements.len() as u32).filter(|&e| !elements.elements[e as usize].is_leaf()).collect();
+        let mut place = vec![u32::MAX; elements.len()];
+        (0..).zip(&inner).for_each(|(k, &e)| place[e as usize] = k);
+        let mut found = Surrounding { elements, inner, place, counts: Vec::new() };
+        found.counts = found.sums(traced.map(|leaf| (leaf, 1)), |sum, count| *sum += count);
+        found
     }
-    let factors = factors(received, kept);
-    for &leaf in leaves {
-        let result = &mut results[leaf as usize];
-        if result.rays == 0 {
+
+    /// The place of the element above one.
+    fn above(&self, e: u32) -> usize {
+        self.place[self.elements.elements[e as usize].parent as usize] as usize
+    }
+
+    /// By place, the sum of the values of the leaves below.
+    fn sums<T: Copy + Default>(
+        &self,
+        leaves: impl Iterator<Item = (u32, T)>,
+        add: impl Fn(&mut T, &T),
+    ) -> Vec<T> {
+        let mut sums = vec![T::default(); self.inner.len()];
+        leaves.for_each(|(leaf, value)| add(&mut sums[self.above(leaf)], &value));
+        for k in (1..self.inner.len()).rev() {
+            let below = sums[k];
+            add(&mut sums[self.above(self.inner[k])], &below);
+        }
+        sums
+    }
+
+    /// The place of the smallest element above a leaf that has so many traced leaves, or of the root.
+    fn of(&self, leaf: u32, count: u32) -> usize {
+        let mut around = self.above(leaf);
+        while around > 0 && self.counts[around] < count {
+            around = self.above(self.inner[around]);
+        }
+        around
+    }
+
+    /// Caps the light along links of untraced leaves, by element: single links of unfinished refinement may bring ten thousand times the light of all leaves
+    /// around. No leaf is brighter than the brightest traced leaf along links around it. Returns the part, by channel, that each of `untraced` keeps.
+    pub fn cap_links(&self, traced: impl Iterator<Item = u32>, untraced: &[u32]) -> Vec<Vec3> {
+        let links = |leaf: u32| self.elements.states[leaf as usize].irradiance;
+        let brightest = self.sums(traced.map(|leaf| (leaf, links(leaf))), larger);
+        let part = |&leaf: &u32| {
+            let (own, most) = (links(leaf), brightest[self.of(leaf, MIN_BOUNDING)]);
+            let of = |k: usize| if own[k] > most[k] { most[k] / own[k] } else { 1.0 };
+            Vec3::from_array(from_fn(|k| of(k) as f32))
+        };
+        untraced.par_iter().map(part).collect()
+    }
+
+    /// Estimates the light of leaves without rows from that of the traced ones in `results`. `part`: of the light along links that a leaf keeps.
+    pub fn estimate(
+        &self,
+        traced: impl Iterator<Item = u32>,
+        leaves: &[u32],
+        part: impl Fn(u32) -> Vec3 + Sync,
+        results: &mut [LocalResult],
+    ) {
+        let of = |leaf: u32| {
+            let state = &self.elements.states[leaf as usize];
+            let light = [state.irradiance, state.radiosity];
+            Traced::of(self.elements.elements[leaf as usize].area, light, &results[leaf as usize])
+        };
+        let sums = self.sums(traced.map(|leaf| (leaf, of(leaf))), Traced::add);
+        let estimate = |&leaf: &u32| {
+            let (links, part) = (self.elements.states[leaf as usize].irradiance, part(leaf));
+            let brightest = sums[self.of(leaf, MIN_BOUNDING)].brightest;
+            let links = from_fn(|k| f64::from(part[k]) * links[k]);
+            (leaf, sums[self.of(leaf, MIN_TRACED)].estimate(links, brightest))
+        };
+        let found: Vec<(u32, LocalResult)> = leaves.par_iter().map(estimate).collect();
+        found.into_iter().for_each(|(leaf, result)| results[leaf as usize] = result);
+    }
+
+    /// The power that arrives at untraced leaves from beyond the scene: as much on each area as at the traced leaves around, of which the irradiance by the sky
+    /// and by suns is given.
+    pub fn arrived(&self, traced: impl Iterator<Item = (u32, [Vec3; 2])>, untraced: &[u32]) -> Arrived {
+        let area = |leaf: u32| self.elements.elements[leaf as usize].area;
+        let of = |(leaf, [sky, sun]): (u32, [Vec3; 2])| {
+            (leaf, (area(leaf), Arrived::of([(area(leaf), sky, sun)].into_iter())))
+        };
+        let sums = self.sums(traced.map(of), |sum: &mut (f64, Arrived), other| {
+            sum.0 += other.0;
+            sum.1.add(other.1);
+        });
+        let mut all = Arrived::default();
+        for &leaf in untraced {
+            let (around, arrived) = sums[self.of(leaf, MIN_TRACED)];
+            all.add(arrived.times(area(leaf) / around.max(f64::MIN_POSITIVE)));
+        }
+        all
+    }
+
+    /// Scales the light of `untraced` leaves towards what balances the scene: all `leaves` together receive what emitters, sky and suns send them, `received`,
+    /// and what leaves reflect to each other, Σ A E (1 - s ρ) = `received` for areas A, irradiances E, reflectances ρ and the part s of its light that a
+    /// leaf sends to others. Links within clutter lose light; without the factor a kitchen lacks 4 % of the emitted power. Both sides are uncertain: the light
+    /// of untraced leaves by their noise u, which they share, and the rest by `error`. The factor is the mean of 1 and of the one that balances,
+    /// weighted by 1 / u² and 1 / error². Powers are in W/m² times scene units squared.
+    pub fn balance(
+        &self,
+        (leaves, untraced): (&[u32], &[u32]),
+        received: Rgb,
+        error: f64,
+        results: &mut [LocalResult],
+    ) {
+        let kept = |leaf: u32| {
+            let (element, result) = (&self.elements.elements[leaf as usize], &results[leaf as usize]);
+            let Shape::Surface { side, .. } = element.shape else { return ([0.0; 3], 0.0) };
+            let reflectance = self.elements.sides[side as usize].reflectance;
+            let sent = f64::from(result.row_sum).min(1.0);
+            let part: Rgb = from_fn(|k| element.area * (1.0 - sent * f64::from(reflectance[k])));
+            (from_fn(|k| part[k] * result.irradiance[k]), mean(part) * f64::from(result.noise))
+        };
+        let sum = |leaves: &[u32]| {
+            leaves.iter().fold(([0.0; 3], 0.0), |mut sum, &leaf| {
+                let (power, noise) = kept(leaf);
+                add(&mut sum.0, 1.0, power);
+                (sum.0, sum.1 + noise)
+            })
+        };
+        let (all, (own, noise)) = (sum(leaves).0, sum(untraced));
+        let weight = noise.powi(2) / (noise.powi(2) + error.powi(2)).max(f64::MIN_POSITIVE);
+        let factor = |k: usize| match own[k] > 0.0 {
+            true => (1.0 + weight * (received[k] - all[k]) / own[k]).clamp(1.0 / MAX_FACTOR, MAX_FACTOR),
+            false => 1.0,
+        };
+        let factors: Rgb = from_fn(factor);
+        for &leaf in untraced {
+            let result = &mut results[leaf as usize];
             result.irradiance.iter_mut().zip(factors).for_each(|(e, factor)| *e *= factor);
+            result.noise *= mean(factors) as f32;
         }
     }
-}
-
-/// The factors of the light of untraced leaves, by channel, for the power that traced and untraced leaves keep.
-fn factors(received: Rgb, [traced, untraced]: [Rgb; 2]) -> Rgb {
-    std::array::from_fn(|k| match untraced[k] > 0.0 {
-        true => ((received[k] - traced[k]) / untraced[k]).clamp(1.0 / MAX_FACTOR, MAX_FACTOR),
-        false => 1.0,
-    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clusters;
+    use crate::scene::testing::Pieces;
+    use glam::DVec3;
 
     fn of_rays(value: f64) -> LocalResult {
         LocalResult { irradiance: [value; 3], rays: 4, row_sum: 1.0, kept: 1.0, ..LocalResult::default() }
@@ -178,29 +278,81 @@ mod tests {
             }
             sum
         };
-        let exact = around(&|links| 0.5 * links).estimate([3.0; 3]);
+        let exact = around(&|links| 0.5 * links).estimate([3.0; 3], [5.0; 3]);
         assert!((exact.irradiance[0] - 1.5).abs() < 1e-9 && exact.noise < 1e-5, "{exact:?}");
         // Rays find the same light everywhere: the error is the spread of the light along links, uniform in 0..10.
-        let flat = around(&|_| 5.0).estimate([8.0; 3]);
+        let flat = around(&|_| 5.0).estimate([8.0; 3], [5.0; 3]);
         let spread = 10.0 / 12f32.sqrt();
         assert!((flat.noise / spread - 1.0).abs() < 0.05, "{flat:?}");
-        // Links alone do not make a leaf brighter than all traced leaves.
-        let beyond = around(&|links| 0.5 * links).estimate([1e6, 3.0, 10.0]);
+        // No leaf is brighter than the brightest traced one.
+        let beyond = around(&|links| 0.5 * links).estimate([1e6, 3.0, 10.0], [5.0; 3]);
         assert!(
             beyond.irradiance.iter().zip([5.0, 1.5, 5.0]).all(|(e, of)| (e - of).abs() < 1e-9),
             "{beyond:?}"
         );
         // Nothing is known without any traced leaf.
-        let unknown = Traced::default().estimate([2.0; 3]);
+        let unknown = Traced::default().estimate([2.0; 3], [5.0; 3]);
         assert!(unknown.irradiance == [2.0; 3] && unknown.noise == 2.0, "{unknown:?}");
     }
 
-    /// Untraced leaves receive what is missing of the power, within limits; channels without light stay dark.
+    /// A room of which every second leaf is traced. Light along links that is far too bright at an untraced leaf is capped; untraced leaves receive what is missing
+    /// of the power, as far as it is known better than their light, and what arrives on an area as large of the sky; traced leaves keep their light.
     #[test]
-    fn untraced_leaves_receive_the_missing_power() {
-        let [received, traced, untraced] = [[10.0, 10.0, 4.0], [6.0, 9.9, 4.0], [5.0, 5.0, 0.0]];
-        let factors = factors(received, [traced, untraced]);
-        assert!((traced[0] + factors[0] * untraced[0] - received[0]).abs() < 1e-12, "{factors:?}");
-        assert_eq!(factors[1..], [1.0 / MAX_FACTOR, 1.0]);
+    fn untraced_leaves_receive_what_is_missing() {
+        let mut pieces = Pieces::empty();
+        pieces.grey("shelves", 0.5);
+        (0..20).for_each(|k| {
+            pieces.rectangle(DVec3::Z * f64::from(k), DVec3::X, f64::from(1 + k) * DVec3::Y);
+        });
+        let scene = pieces.scene();
+        let mut elements = Elements::build(&scene, &clusters::build(&scene, &Default::default()), 0.1, &[]);
+        let is_leaf = |e: &u32| elements.elements[*e as usize].is_leaf();
+        let leaves: Vec<u32> = (0..elements.len() as u32).filter(is_leaf).collect();
+        let [traced, untraced] =
+            [0, 1].map(|odd| leaves.iter().copied().skip(odd).step_by(2).collect::<Vec<u32>>());
+        leaves.iter().for_each(|&leaf| elements.states[leaf as usize].irradiance = [2.0; 3]);
+        elements.states[untraced[0] as usize].irradiance = [1e4, 2.0, 1.0];
+        let elements = &elements;
+        let around = Surrounding::new(elements, traced.iter().copied());
+        let parts = around.cap_links(traced.iter().copied(), &untraced);
+        assert!(parts[0].distance(Vec3::new(2e-4, 1.0, 1.0)) < 1e-7 && parts[1] == Vec3::ONE, "{parts:?}");
+        let mut results = vec![LocalResult::default(); elements.len()];
+        traced.iter().for_each(|&leaf| results[leaf as usize] = of_rays(1.0));
+        let part = |leaf: u32| if leaf == untraced[0] { parts[0] } else { Vec3::ONE };
+        around.estimate(traced.iter().copied(), &untraced, part, &mut results);
+        let light = |results: &[LocalResult], leaf: u32| results[leaf as usize].irradiance;
+        for (leaf, want) in [(untraced[0], [1.0, 1.0, 0.5]), (untraced[1], [1.0; 3])] {
+            let found = light(&results, leaf);
+            assert!(found.iter().zip(want).all(|(e, want)| (e - want).abs() < 1e-6), "{found:?}");
+        }
+        let area = |leaves: &[u32]| leaves.iter().map(|&e| elements.elements[e as usize].area).sum::<f64>();
+        let arrived = around.arrived(traced.iter().map(|&leaf| (leaf, [Vec3::ONE, Vec3::ZERO])), &untraced);
+        assert!(
+            (arrived.sky[0] / area(&untraced) - 1.0).abs() < 1e-6 && arrived.sun == [0.0; 3],
+            "{arrived:?}"
+        );
+        // The power that all would keep if untraced leaves had half as much light again.
+        let wanted = |results: &[LocalResult], factor: f64| {
+            let of = |leaf: u32| {
+                let Shape::Surface { side, .. } = elements.elements[leaf as usize].shape else {
+                    unreachable!()
+                };
+                let kept = 1.0 - f64::from(elements.sides[side as usize].reflectance[1]);
+                elements.elements[leaf as usize].area * kept * results[leaf as usize].irradiance[1]
+            };
+            traced.iter().map(|&e| of(e)).sum::<f64>() + factor * untraced.iter().map(|&e| of(e)).sum::<f64>()
+        };
+        for (noise, want) in [(1.0, 1.5), (0.0, 1.0)] {
+            let mut results = results.clone();
+            untraced.iter().for_each(|&leaf| results[leaf as usize].noise = noise);
+            let received = [wanted(&results, 1.5); 3];
+            around.balance((&leaves, &untraced), received, 1e-6, &mut results);
+            let found = light(&results, untraced[1])[1];
+            assert!(
+                (found - want).abs() < 1e-6 && light(&results, traced[0]) == [1.0; 3],
+                "{noise}: {found}"
+            );
+            assert!((results[untraced[1] as usize].noise - noise * want as f32).abs() < 0.1);
+        }
     }
 }

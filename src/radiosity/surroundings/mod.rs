@@ -33,6 +33,12 @@ impl Arrived {
         sums
     }
 
+    /// Adds what arrives elsewhere.
+    pub fn add(&mut self, other: Arrived) {
+        add(&mut self.sky, 1.0, other.sky);
+        add(&mut self.sun, 1.0, other.sun);
+    }
+
     /// A multiple of both.
     pub fn times(self, factor: f64) -> Arrived {
         Arrived { sky: self.sky.map(|v| factor * v), sun: self.sun.map(|v| factor * v) }
