@@ -232,7 +232,8 @@ mrv_status mrv_scene_builder_add_object(mrv_scene_builder *builder, const mrv_me
 mrv_status mrv_scene_builder_add_shared_mesh(mrv_scene_builder *builder, const mrv_mesh *mesh, uint32_t *index);
 
 /* Places a shared mesh. `transform` has twelve numbers: the rows of a 3 by 4 matrix that maps coordinates of the mesh to those of the
- * scene: rotation, reflection, uniform scale (not 0, and equal within 1 %) and translation. `name` is unique among objects and instances. */
+ * scene: rotation, reflection, uniform scale (not 0, and equal within 1 %) and translation. No coordinate may exceed 1e12. `name` is unique
+ * among objects and instances. */
 mrv_status mrv_scene_builder_add_instance(mrv_scene_builder *builder, uint32_t mesh, const char *name,
                                           const double *transform);
 

@@ -337,7 +337,7 @@ impl PySceneBuilder {
     }
 
     /// Places a shared mesh: rotation, reflection, uniform scale and translation as a matrix of shape (3, 4) or (4, 4), which maps column
-    /// vectors of the mesh to the scene. The name is unique among objects and instances.
+    /// vectors of the mesh to the scene, at most 1e12 from its origin. The name is unique among objects and instances.
     fn add_instance(
         &self,
         py: Python<'_>,

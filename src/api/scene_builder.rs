@@ -132,8 +132,8 @@ impl SceneBuilder {
             return Err(Error::argument("transform", of, problem));
         }
         let reach = f64::from(self.boxes[mesh as usize].transformed(&transform).magnitude());
-        // A box whose corners overflow is empty: its ends are infinite.
-        if reach > MAX_COORDINATE {
+        // Where corners overflow, the box has infinite ends or none.
+        if reach.is_nan() || reach > MAX_COORDINATE {
             let problem = format!("it would have coordinates beyond {MAX_COORDINATE:e}");
             return Err(
                 Error::argument("transform", of, problem).with_cure("lower the scale or the translation")

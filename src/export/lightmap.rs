@@ -157,9 +157,7 @@ pub fn lightmap(
 /// [`Error::OutOfMemory`].
 fn check_room(width: usize, height: usize) -> Result<()> {
     let texels = (width * height) as u64;
-    memory::check_room(BYTES_PER_TEXEL * texels, || {
-        format!("{texels} texels of a lightmap (⟨lightmap_texels⟩)")
-    })
+    memory::check_room(BYTES_PER_TEXEL * texels, || format!("{texels} texels of a lightmap (⟨texels⟩)"))
 }
 
 /// Column and row of the texels of an image of so many columns and rows whose centres lie in a triangle, and the barycentric coordinates
@@ -400,7 +398,7 @@ const FREE: u32 = u32::MAX;
 /// unsuitable: they are missing, leave 0..1, have no area, or overlap.
 ///
 /// # Errors
-/// [`Error::Cancelled`](crate::Error::Cancelled) if `progress` stops it.
+/// [`Error::Cancelled`](crate::Error::Cancelled) if `progress` stops it, [`Error::OutOfMemory`](crate::Error::OutOfMemory) if the image does not fit.
 pub fn unwrapped_lightmap(
     stage: &Stage,
     scene: &Scene,

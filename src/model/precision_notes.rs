@@ -126,10 +126,12 @@ impl Model {
         }
     }
 
-    /// The coarsest surface of another object on which a thing with this triangle and this box, an edge-connected part of the scene, stands:
+    /// The coarsest surface of another object, or part of the only object, on which a thing with this triangle and this box, an edge-connected part of the scene, stands:
     /// rays along the axes, just outside the box on all of its sides, look for it.
     fn ground_of_thing(&self, thing: u32, bounds: Aabb) -> Option<Ground> {
-        let objects = &self.scene().triangle_object;
+        let scene = self.scene();
+        // Parts of one object, such as bevels, are no things for themselves unless the file names no objects.
+        let groups = if scene.objects.len() > 1 { &scene.triangle_object } else { &scene.triangle_component };
         let (middle, half) = (0.5 * (bounds.min + bounds.max), 0.5 * bounds.extent());
         let margin = OUTSIDE * bounds.diagonal();
         let mut rays = Vec::with_capacity(24);
@@ -157,7 +159,7 @@ impl Model {
             // The first instance holds the scene's own faces.
             let other = triangle != Hits::NOTHING
                 && instance == 0
-                && objects[triangle as usize] != objects[thing as usize];
+                && groups[triangle as usize] != groups[thing as usize];
             if other {
                 let start = self.end_on(instance, triangle).height();
                 let rise = t * way.length() + half.dot(way.abs().normalize_or_zero());
@@ -243,6 +245,14 @@ mod tests {
             ),
             "{found}"
         );
+        // The same in a file that names no objects.
+        let mut pieces = Pieces::empty();
+        pieces.grey("all", 0.5).polygon(&facing_up([0.0, 1e4], [0.0, 1e4], 0.0));
+        pieces.rectangle(DVec3::new(8000.2, 8000.2, 0.0), 0.5 * DVec3::X, 0.1 * DVec3::Z);
+        (0..8).map(f64::from).for_each(|k| {
+            _ = pieces.polygon(&facing_up([k, 0.5 + k], [0.0, 0.5], 40.0));
+        });
+        assert!(model(&pieces.scene(), Detail::Rays).note_of_small_things().is_some());
     }
 
     /// Rays start 9e-6 above the floor of a room of 4.5.

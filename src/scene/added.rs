@@ -115,6 +115,7 @@ fn append(soup: &mut Soup, of: &Soup, placed: &[Aabb]) {
     soup.materials.extend(of.materials.iter().map(named));
     soup.cameras.extend(of.cameras.iter().cloned());
     soup.suns.extend(of.suns.iter().cloned());
+    soup.fluxes.extend(&of.fluxes);
     soup.repairs.add_counts(&of.repairs);
     let messages = &mut soup.repairs.messages;
     let new: Vec<String> = of.repairs.messages.iter().filter(|m| !messages.contains(m)).cloned().collect();

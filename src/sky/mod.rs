@@ -4,7 +4,7 @@
 //! the public interface are unit vectors in scene coordinates, from the scene outwards; inside, local directions are (east, north, up).
 //!
 //! * `frame`: up, north and east; `position`: the sun by place and time.
-//! * `gradation` is the form of the models, `cie`, `perez` and `clear` their coefficients, `map` pictures; `radiance` scales them to a level,
+//! * `gradation` is the form of the models, `perez` the coefficients of one, `map` pictures; `radiance` scales them to a level,
 //!   `spots` makes suns of the bright spots of a map.
 //! * `cosine`: patches on a receiver, clipped at its horizon; `patches`: their hierarchy; `planes`: a table of irradiance;
 //!   `cells`: samples.

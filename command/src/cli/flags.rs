@@ -15,6 +15,7 @@ pub fn word(name: &str) -> String {
         "emitters" => "emitter",
         "receivers" => "receiver",
         "path" => "out",
+        "texels" => "lightmap_texels",
         "exponent" => "p",
         "sizes" => "s",
         "name" => return "NAME".into(),

@@ -218,7 +218,7 @@ fn compute(
 }
 
 /// Refuses options of light that no output needs.
-fn check_light(args: &Args) -> Result<()> {
+pub fn check_light(args: &Args) -> Result<()> {
     let Args { sky, sun, place, time, day, outputs, .. } = args;
     let light = [("--sky", sky), ("--sun", sun), ("--place", place), ("--time", time)];
     let given = light.map(|(name, text)| (name, text.is_some(), "sunlit or --output irradiance"));

@@ -4,7 +4,7 @@ use super::words::Line;
 use crate::batch::{HashedFile, Limits};
 use crate::cli::shared_scenes::SharedScenes;
 use crate::cli::{interruption, job_context, one_line};
-use mrvis::internals::threads::Threads;
+use mrvis::internals::{memory, threads::Threads};
 use mrvis::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
@@ -134,8 +134,9 @@ fn cause(status: &str, limits: Limits, text: &str) -> String {
     // The standard library adds how to get a list of functions.
     let text = text.split("note: run with").next().unwrap_or_default();
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    let limit = limits.memory.map_or(String::new(), |bytes| {
-        format!(" (its memory limit is {:.1} GiB: `limits.memory`)", bytes as f64 / (1u64 << 30) as f64)
+    let limit = limits.memory.map_or(String::new(), |bytes| match memory::left_of_address_space() {
+        Some(left) if left < bytes => " (the address space is limited: raise `ulimit -v`)".into(),
+        _ => format!(" (its memory limit is {:.1} GiB: `limits.memory`)", bytes as f64 / (1u64 << 30) as f64),
     });
     let refused = text.strip_prefix("memory allocation of ").and_then(|text| text.strip_suffix(" failed"));
     match refused {
@@ -202,8 +203,10 @@ fn limit_process(request: &Request) -> Result<()> {
     }
     if let Some(bytes) = request.memory {
         // A limit cannot be raised.
-        let bytes = bytes.min(getrlimit(Resource::As).maximum.unwrap_or(u64::MAX));
-        setrlimit(Resource::As, Rlimit { current: Some(bytes), maximum: Some(bytes) }).map_err(at)?;
+        let Rlimit { current, maximum } = getrlimit(Resource::As);
+        let bytes = [current, maximum].into_iter().flatten().fold(bytes, u64::min);
+        let limit = (bytes < u64::MAX).then_some(bytes);
+        setrlimit(Resource::As, Rlimit { current: limit, maximum: limit }).map_err(at)?;
     }
     Ok(())
 }

@@ -256,16 +256,19 @@ impl<'a> Runner<'a> {
     }
 
     /// The limits of a job; one that takes much of the budget of its process, or may have ended an earlier batch, has at least that
-    /// limit, and so has every job if the address space is limited.
+    /// limit. If the address space is limited, every job has a process of its own.
     fn limits(&self, job: usize, threads: usize, budget: u64) -> Limits {
         let mut limits = self.plan.jobs[job].limits;
         let expected = self.plan.memory(job, &Entries::new()).unwrap_or(0);
         // Memory that a limit of the address space refuses ends a whole process.
         let is_refusable = memory::left_of_address_space().is_some();
         let is_large = expected.saturating_sub(MIN_MEMORY) > budget / MAX_SHARED_PART;
-        if self.begun[job] || is_large || is_refusable {
+        if self.begun[job] || is_large {
             let reserved = RESERVED_BY_THREAD.saturating_mul(threads as u64 + 1);
             limits.memory = limits.memory.or(Some(budget.saturating_add(reserved)));
+        } else if is_refusable {
+            // A process of its own, with the limit of this one.
+            limits.memory = limits.memory.or(Some(u64::MAX));
         }
         limits
     }

@@ -218,6 +218,7 @@ impl Grammar {
         let checked = match &command {
             Command::Solve(args) if readable => crate::cli::solve::check(args),
             Command::FormFactors(args) => args.format().map(|_| ()),
+            Command::Terrain(args) => crate::cli::terrain::check_light(args),
             Command::Generate(args) => args.check_extension(),
             _ => Ok(()),
         };
