@@ -147,7 +147,7 @@ pub mod memory {
 /// Measures of images.
 pub mod metrics {
     pub use crate::metrics::fbem::spectrum_sizes;
-    pub use crate::metrics::features::{DEFAULT_THRESHOLD, FeatureSet};
+    pub use crate::metrics::features::FeatureSet;
     pub use crate::metrics::norms::{Norms, norms};
 }
 

@@ -2,7 +2,6 @@
 
 use crate::clusters::Builder;
 use crate::model::cache::CacheLocation;
-use crate::{Error, Result, error::quote};
 use glam::DVec3;
 
 /// Which engine answers visibility.
@@ -70,115 +69,75 @@ options! {
     /// Options of a solution.
     #[derive(Clone, Debug, serde::Serialize)]
     pub struct Options {
-        /// Target RMS irradiance error relative to the mean irradiance, above 0. A goal, not a bound: each link is refined to a
+        /// Target RMS irradiance error relative to the mean irradiance. A goal, not a bound: each link is refined to a
         /// share of it, and the error that all links leave together is estimated and audited.
-        pub error: f64 = 0.02,
+        pub error: f64 = 0.02, above 0.0;
         /// Which quantity of a link decides about its refinement.
-        pub oracle: Oracle = Oracle::default(),
-        /// Smallest element as part of the scene's area; above 0.
-        pub min_area: f64 = 2e-5,
+        pub oracle: Oracle = Oracle::default();
+        /// Smallest element as part of the scene's area.
+        // Numbers of elements have 32 bits, of which ranges of ids take a factor 4.
+        pub min_area: f64 = 2e-5, in 1e-9..=1.0, "a part of the scene's area";
         /// How row sums of form factors are normalised, along links and in the local pass.
         #[serde(rename = "rows")]
-        pub row_sums: RowSums = RowSums::default(),
+        pub row_sums: RowSums = RowSums::default();
         /// Algorithm that builds the clusters.
-        pub builder: Builder = Builder::default(),
+        pub builder: Builder = Builder::default();
         /// The visibility engine.
-        pub visibility: Visibility = Visibility::default(),
+        pub visibility: Visibility = Visibility::default();
         /// Feature size of all receivers, scene units; by default each receiver's own diameter. With importance this is the size
         /// on important surfaces; elsewhere it grows with √(I_max / I), up to 7 times.
-        pub feature_size: Option<f32> = None,
+        pub feature_size: Option<f32> = None, above 0.0;
         /// Feature sizes of objects, groups or materials by name, scene units. They override `feature_size` and never grow.
-        pub feature_sizes: Vec<(String, f32)> = Vec::new(),
+        pub feature_sizes: Vec<(String, f32)> = Vec::new(), above 0.0;
         /// What light does inside the clusters that links end at.
-        pub inside: Inside = Inside::default(),
+        pub inside: Inside = Inside::default();
         /// Objects, groups or materials whose light matters. Errors elsewhere count by their effect there. Empty: everything.
-        pub importance: Vec<String> = Vec::new(),
+        pub importance: Vec<String> = Vec::new();
         /// Cameras whose pictures matter: what they see is important, and by default features have a few of their pixels.
-        pub views: Vec<View> = Vec::new(),
+        pub views: Vec<View> = Vec::new();
         /// Number of elements whose error bars are checked.
-        pub audit: usize = 200,
+        pub audit: usize = 200, in 0..=1 << 20;
         /// Omit reflected light at points.
-        pub direct_only: bool = false,
+        pub direct_only: bool = false;
         /// Whether the light of elements is asked for: for meshes, pictures and lightmaps, and for its error. Otherwise the solution has no more
         /// than irradiance at points needs.
-        pub elements: bool = true,
+        pub elements: bool = true;
         /// Shadow rays from a point to an emitter that is partly visible, and up to sixteen times as many where it would light the point much more if nothing
         /// blocked it; by default derived from the error.
-        pub light_rays: Option<usize> = None,
+        pub light_rays: Option<usize> = None, in 1..=1 << 16;
         /// Rays from a point that gather reflected light, rounded up to a grid of blocks of sixteen; by default derived from the
         /// error.
-        pub gather_rays: Option<usize> = None,
+        pub gather_rays: Option<usize> = None, in 1..=1 << 20;
         /// Rays by which elements gather their light in the end, at most; 0 for light along links alone, by default derived from the
         /// error. Scenes of few elements need fewer.
-        pub local_rays: Option<usize> = None,
+        pub local_rays: Option<usize> = None, in 0..=1 << 30;
         /// Seconds of refinement a step (progressive multi-gridding); without a number each step ends at its error threshold.
-        pub step_seconds: Option<f64> = None,
+        pub step_seconds: Option<f64> = None, above 0.0;
         /// Time limit in seconds for refinement, the local pass and points, from the call that solves, less [`Options::seconds_spent`]. Fewer
         /// links are refined and fewer rays traced to meet it.
-        pub max_seconds: Option<f64> = None,
+        pub max_seconds: Option<f64> = None, above 0.0;
         /// Seconds of that time that the caller has spent already: the command counts reading and preparation.
         #[serde(skip)]
-        pub seconds_spent: f64 = 0.0,
+        pub seconds_spent: f64 = 0.0;
         /// Whether irradiance at more points will be asked for after the solution: part of the time limit is kept for that.
-        pub more_points: bool = false,
+        pub more_points: bool = false;
         /// Number of points, the last of them, that are meant to lie off surfaces: they are not reported for it.
         #[serde(skip)]
-        pub points_in_space: usize = 0,
+        pub points_in_space: usize = 0;
         /// Largest RMS error of the elements' irradiance relative to its mean, as independent paths find it: the local pass is repeated with more
         /// rays until then, unless `local_rays` is given. Refinement of links ends when their error estimate is no larger.
-        pub target_error: Option<f64> = None,
+        pub target_error: Option<f64> = None, above 0.0;
         /// Refinement ends at this number of links.
-        pub max_links: usize = 10_000_000,
+        pub max_links: usize = 10_000_000, in 1..=1 << 30;
         /// Where measured clusters are kept.
         #[serde(skip)]
-        pub cache: CacheLocation = CacheLocation::Off,
+        pub cache: CacheLocation = CacheLocation::Off;
         /// Seed of all random numbers.
-        pub seed: u64 = 1,
+        pub seed: u64 = 1;
     }
 }
 
 impl Options {
-    /// Checks the ranges of all options.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] that names the option and its range.
-    pub fn check(&self) -> Result<()> {
-        let above_zero = [
-            ("error", Some(self.error)),
-            ("min_area", Some(self.min_area)),
-            ("feature_size", self.feature_size.map(f64::from)),
-            ("step_seconds", self.step_seconds),
-            ("max_seconds", self.max_seconds),
-            ("target_error", self.target_error),
-        ];
-        for (name, value) in above_zero {
-            if let Some(v) = value.filter(|v| !v.is_finite() || *v <= 0.0) {
-                return Err(Error::argument(name, v, "must be a number above 0"));
-            }
-        }
-        if let Some((name, s)) = self.feature_sizes.iter().find(|(_, s)| !s.is_finite() || *s <= 0.0) {
-            let value = format!("{s} of `{}`", quote(name));
-            return Err(Error::argument("feature_sizes", value, "must be a number above 0"));
-        }
-        let [light, gather] = [self.light_rays, self.gather_rays].map(|n| n.unwrap_or(1));
-        for (name, value, min, max) in [
-            ("light_rays", light, 1, 1 << 16),
-            ("gather_rays", gather, 1, 1 << 20),
-            ("max_links", self.max_links, 1, 1 << 30),
-            ("local_rays", self.local_rays.unwrap_or(0), 0, 1 << 30),
-            ("audit", self.audit, 0, 1 << 20),
-        ] {
-            if value < min || value > max {
-                return Err(Error::argument(name, value, format!("must lie in {min}..{max}")));
-            }
-        }
-        if !(MIN_MIN_AREA..=1.0).contains(&self.min_area) {
-            let problem = format!("is a part of the scene's area, in {MIN_MIN_AREA:e}..1");
-            return Err(Error::argument("min_area", format!("{:e}", self.min_area), problem));
-        }
-        Ok(())
-    }
-
     /// Shadow rays to a partly visible emitter: 5 / error, 250 at the default error of 0.02, where a visible fraction of one half
     /// has a standard error of 0.5 / √250 = 3 %.
     pub fn light_rays(&self) -> usize {
@@ -208,9 +167,6 @@ impl Options {
         RAYS_OF_SMALLEST_ELEMENT / rays.max(1.0)
     }
 }
-
-/// Smallest part of the scene's area of an element: numbers of elements have 32 bits, of which ranges of ids take a factor 4.
-const MIN_MIN_AREA: f64 = 1e-9;
 
 /// Rays of the smallest element that the local pass splits others into: a seventh of them, 20, exchange light, with noise of
 /// 1/√20 = 22 % of the spread of one ray; 96 gather, with noise of 10 %, which sharing between neighbours brings down. 70 instead

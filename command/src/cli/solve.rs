@@ -208,7 +208,7 @@ fn options(args: &Args) -> Result<Options> {
 /// # Errors
 /// As the command itself.
 pub fn check(args: &Args) -> Result<()> {
-    options(args)?.check()
+    options(args)?.check_ranges()
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
@@ -217,7 +217,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 
 fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let mut options = options(args)?;
-    options.check()?;
+    options.check_ranges()?;
     for (option, is_given) in
         [("--max-seconds", args.max_seconds.is_some()), ("--step-seconds", args.step_seconds.is_some())]
     {

@@ -48,7 +48,7 @@ pub fn solve(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<(Outcome, Solution)> {
-    options.check()?;
+    options.check_ranges()?;
     model.check_single("the radiosity solver")?;
     if options.visibility != Visibility::Exact {
         model.check_clusters("averaged visibility")?;
