@@ -190,8 +190,7 @@ pub mod radiosity {
     pub use crate::radiosity::links::Link;
     pub use crate::radiosity::mesh::{Element, RadiosityMesh};
     pub use crate::radiosity::{
-        Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View, Visibility,
-        run, solve,
+        Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View, run, solve,
     };
 }
 

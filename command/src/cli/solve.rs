@@ -23,11 +23,11 @@ use mrvis::internals::image_io::{Picture, write_png};
 use mrvis::internals::plot::number;
 use mrvis::internals::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::internals::radiosity::{
-    self, Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View, Visibility,
+    self, Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View,
 };
 use mrvis::internals::scene::{Photometry, StoredCamera};
 use mrvis::internals::{ModelParts, SceneParts};
-use mrvis::{Error, Progress, Result, Scene};
+use mrvis::{Engine, Error, Progress, Result, Scene};
 use serde::Serialize;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -72,10 +72,10 @@ pub struct Args {
     rows: RowSums,
     /// Engine for visibility.
     #[arg(long, value_parser = one_of(ENGINES), default_value = "exact")]
-    visibility: Visibility,
+    visibility: Engine,
     /// Solve again with this engine and report times of both and the difference at the points; needs --points or --grid.
     #[arg(long, value_parser = one_of(ENGINES), value_name = "ENGINE", requires = "measured")]
-    compare: Option<Visibility>,
+    compare: Option<Engine>,
     /// Feature size in scene units: smaller shadows may be averaged [default: each receiver's diameter]. With
     /// --importance or --importance-camera it is up to 7 times larger on surfaces that matter only by the light they
     /// reflect.
@@ -178,7 +178,7 @@ fn options(args: &Args) -> Result<Options> {
         min_area: args.min_area,
         oracle: args.oracle,
         row_sums: args.rows,
-        visibility: args.visibility,
+        engine: args.visibility,
         feature_size: args.feature_size,
         feature_sizes: args.feature_sizes.as_deref().map(read).transpose()?.unwrap_or_default(),
         inside: args.inside,

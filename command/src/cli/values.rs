@@ -2,9 +2,8 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use mrvis::internals::points::Point;
-use mrvis::internals::radiosity::Visibility;
 use mrvis::internals::{BuilderParts, SceneParts};
-use mrvis::{Builder, Channels, Error, Result, Scene, UpAxis};
+use mrvis::{Builder, Channels, Engine, Error, Result, Scene, UpAxis};
 
 /// Names, help and meanings of values.
 pub type Values<T> = &'static [(&'static str, &'static str, T)];
@@ -36,10 +35,10 @@ pub const CHANNELS: Values<Channels> = &[
 ];
 
 /// Engines of a solve.
-pub const ENGINES: Values<Visibility> = &[
-    ("exact", "Embree rays", Visibility::Exact),
-    ("mr", "Multi-resolution: clusters with small features are averaged", Visibility::Mr),
-    ("average", "Extinction only", Visibility::Average),
+pub const ENGINES: Values<Engine> = &[
+    ("exact", "Embree rays", Engine::Exact),
+    ("mr", "Multi-resolution: clusters with small features are averaged", Engine::MultiResolution),
+    ("average", "Extinction only", Engine::Average),
 ];
 
 /// The builder of the clusters, for commands that build them.
