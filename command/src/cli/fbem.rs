@@ -31,10 +31,10 @@ pub struct Args {
     #[arg(long, value_name = "T", default_value_t = 1.0)]
     pub texel: f64,
     /// Measure of feature sizes
-    #[arg(long, value_parser = one_of(MODES), default_value = "euclid")]
+    #[arg(long, value_parser = one_of(MODES), default_value = name_of(MODES, FeatureOptions::default().morphology))]
     pub mode: Morphology,
     /// Regions that are features
-    #[arg(long, value_parser = one_of(KINDS), default_value = "both")]
+    #[arg(long, value_parser = one_of(KINDS), default_value = name_of(KINDS, FeatureOptions::default().features))]
     pub features: Features,
     /// Exclude features from the averages outside of them
     #[arg(long)]

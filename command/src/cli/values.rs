@@ -23,6 +23,14 @@ pub fn name_of<T: PartialEq>(all: Values<T>, value: T) -> &'static str {
     all.iter().find(|(.., known)| *known == value).map_or("", |(name, ..)| name)
 }
 
+/// Sets the fields of options of the library to the arguments of the same names.
+macro_rules! set_fields {
+    ($options:ident = $args:tt: $($name:ident),+ $(,)?) => {
+        $($options.$name = Clone::clone(&$args.$name);)+
+    };
+}
+pub(super) use set_fields;
+
 /// Upward axes.
 pub const UP: Values<UpAxis> = &[("y", "+y, as in glTF", UpAxis::Y), ("z", "+z", UpAxis::Z)];
 
