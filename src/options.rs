@@ -106,17 +106,18 @@ pub trait Values {
 }
 
 macro_rules! numbers {
-    ($($kind:ty)+) => {
+    ($($kind:ty: $shown:expr;)+) => {
         $(impl Values for $kind {
             type Number = $kind;
             fn first_not(&self, allowed: &impl Fn($kind) -> bool) -> Option<String> {
-                (!allowed(*self)).then(|| figure(self))
+                (!allowed(*self)).then(|| $shown(self))
             }
         })+
     };
 }
 
-numbers!(f32 f64 u32 usize);
+// Whole numbers as they were given.
+numbers! { f32: figure; f64: figure; u32: u32::to_string; usize: usize::to_string; }
 
 impl<T: Values> Values for Option<T> {
     type Number = T::Number;
