@@ -50,6 +50,7 @@ const TABLE_ROOMS: &[&str] = &[
     "src/math.rs",
     "src/memory.rs",
     "src/metrics",
+    "src/options.rs",
     "src/progress.rs",
     "src/raster",
     "src/scene",

@@ -15,8 +15,8 @@ fn main() -> mrvis::Result<()> {
     let scene = Scene::generate("cornell")?;
     let mut prepare = PrepareOptions::default();
     prepare.detail = Detail::Clusters;
-    let model = Model::prepare(scene, &prepare.with_progress(Talk))?;
     let mut options = SolveOptions::default();
+    let model = Model::prepare(scene, &prepare.with_progress(Talk))?;
     options.error = 0.05;
     let light = model.with_progress(Talk).solve(&options)?;
     let points: Vec<SurfacePoint> = (1..10)

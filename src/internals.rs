@@ -147,7 +147,7 @@ pub mod memory {
 /// Measures of images.
 pub mod metrics {
     pub use crate::metrics::fbem::spectrum_sizes;
-    pub use crate::metrics::features::{DEFAULT_THRESHOLD, FeatureSet};
+    pub use crate::metrics::features::FeatureSet;
     pub use crate::metrics::norms::{Norms, norms};
 }
 
@@ -190,8 +190,7 @@ pub mod radiosity {
     pub use crate::radiosity::links::Link;
     pub use crate::radiosity::mesh::{Element, RadiosityMesh};
     pub use crate::radiosity::{
-        Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View, Visibility,
-        run, solve,
+        Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View, run, solve,
     };
 }
 

@@ -73,23 +73,8 @@
 //!
 //! The formulas, with their papers, are in `docs/method.md` of the source code.
 
-/// Defines options: a structure that states the default of each of its fields.
-macro_rules! options {
-    ($(#[$of_all:meta])* pub struct $name:ident {
-        $($(#[$of_field:meta])* $visible:vis $field:ident: $kind:ty = $default:expr,)+
-    }) => {
-        $(#[$of_all])*
-        pub struct $name {
-            $($(#[$of_field])* $visible $field: $kind,)+
-        }
-
-        impl Default for $name {
-            fn default() -> Self {
-                $name { $($field: $default,)+ }
-            }
-        }
-    };
-}
+#[macro_use]
+mod options;
 
 mod api;
 #[cfg(feature = "reports")]

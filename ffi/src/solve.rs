@@ -8,7 +8,7 @@ use super::handle::{handle, object};
 use super::model::mrv_model;
 use super::record::record;
 use super::status::mrv_status;
-use super::visibility::engine_of;
+use super::visibility::{MRV_ENGINE_AUTOMATIC, engine_of};
 use mrvis::internals::SolutionParts;
 use mrvis::{Solution, SolveOptions, SurfacePoint};
 use std::ffi::{CString, c_char, c_void};
@@ -61,7 +61,10 @@ record!(128: struct mrv_solve_options {
 /// The record holds arrays and text as the header says.
 unsafe fn solve_options(given: &mrv_solve_options) -> Outcome<SolveOptions> {
     let mut options = SolveOptions::default();
-    options.engine = engine_of(given.engine, "options.engine")?;
+    // 0 stands for the default, as in other members.
+    if given.engine != MRV_ENGINE_AUTOMATIC {
+        options.engine = engine_of(given.engine, "options.engine")?;
+    }
     options.direct_only = given.direct_only != 0;
     set(&mut options.error, given.error);
     set(&mut options.target_error, given.target_error);

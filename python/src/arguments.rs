@@ -4,6 +4,7 @@ use crate::errors::input;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::path::PathBuf;
 
 /// Keyword arguments; those that are `None` have their defaults.
 pub fn keywords<'py>(
@@ -11,6 +12,63 @@ pub fn keywords<'py>(
 ) -> impl Iterator<Item = (String, Bound<'py, PyAny>)> {
     let all: Vec<_> = options.into_iter().flat_map(|options| options.iter()).collect();
     all.into_iter().filter(|(_, value)| !value.is_none()).map(|(name, value)| (name.to_string(), value))
+}
+
+/// Sets the fields of `options` that keyword arguments of a function name. Behind `as` stands how a field is read, otherwise its type says
+/// it ([`Argument`]); behind `=>` what is set, if it is not the field of that name.
+macro_rules! set_keywords {
+    ($options:ident, $function:expr, $given:expr, $($name:ident $(as $read:path)? $(=> $place:expr)?),+ $(,)?) => {
+        for (name, given) in $crate::arguments::keywords($given) {
+            match name.as_str() {
+                $(stringify!($name) => {
+                    set_keywords!(@place $options $name $($place)?) = set_keywords!(@read $($read)?)(&name, &given)?;
+                })+
+                _ => return $crate::arguments::unknown($function, &name),
+            }
+        }
+    };
+    (@place $options:ident $name:ident) => { $options.$name };
+    (@place $options:ident $name:ident $place:expr) => { $place };
+    (@read) => { $crate::arguments::Argument::read };
+    (@read $read:path) => { $read };
+}
+pub(crate) use set_keywords;
+
+/// What a keyword argument is read as.
+pub trait Argument<'py>: Sized {
+    /// The argument.
+    fn read(name: &str, given: &Bound<'py, PyAny>) -> PyResult<Self>;
+}
+
+/// How types are read.
+macro_rules! arguments {
+    ($($kind:ty: $read:expr;)+) => {
+        $(impl<'py> $crate::arguments::Argument<'py> for $kind {
+            fn read(name: &str, given: &Bound<'py, PyAny>) -> PyResult<Self> {
+                $read(name, given)
+            }
+        })+
+    };
+}
+pub(crate) use arguments;
+
+arguments! {
+    bool: value;
+    f32: value;
+    f64: value;
+    String: value;
+    PathBuf: value;
+    Vec<String>: value;
+    u32: whole;
+    u64: whole;
+    usize: whole;
+    [f64; 3]: vector;
+}
+
+impl<'py, T: Argument<'py>> Argument<'py> for Option<T> {
+    fn read(name: &str, given: &Bound<'py, PyAny>) -> PyResult<Self> {
+        T::read(name, given).map(Some)
+    }
 }
 
 /// The error of a keyword argument that does not exist.

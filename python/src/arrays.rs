@@ -3,7 +3,7 @@
 //! A borrow is registered with rust-numpy, which refuses to write into the same memory through `out=` meanwhile. Python code in other
 //! threads is not kept from writing: callers must not change arrays during a call.
 
-use crate::arguments::largest;
+use crate::arguments::{arguments, largest};
 use crate::errors::input;
 use numpy::{
     Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArray1, PyUntypedArray,
@@ -222,8 +222,10 @@ impl Floats<'_> {
     }
 }
 
+arguments!(Floats<'py>: floats;);
+
 /// One number, or an array of shape (N,): C-contiguous float32 is borrowed, others are copied.
-pub fn floats<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
+fn floats<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
     let is_array = value.cast::<PyUntypedArray>().is_ok_and(|array| array.ndim() > 0);
     if !is_array && let Ok(value) = value.extract::<f64>() {
         return Ok(Floats::All(value as f32));

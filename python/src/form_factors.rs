@@ -1,6 +1,6 @@
 //! Form factors as a sparse matrix.
 
-use crate::arguments::{keywords, not_pickled, unknown, value, whole, word};
+use crate::arguments::{arguments, not_pickled, set_keywords, word};
 use mrvis::{FormFactorOptions, FormFactors, Grouping};
 use numpy::{Element, PyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::PyImportError;
@@ -9,19 +9,12 @@ use pyo3::types::PyDict;
 
 const GROUPINGS: [(&str, Grouping); 3] =
     [("polygon", Grouping::Polygon), ("object", Grouping::Object), ("material", Grouping::Material)];
+arguments!(Grouping: |name, given| word(name, given, &GROUPINGS););
 
 pub fn form_factor_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<FormFactorOptions> {
     let mut all = FormFactorOptions::default();
-    for (name, given) in keywords(options) {
-        match name.as_str() {
-            "grouping" => all.grouping = word(&name, &given, &GROUPINGS)?,
-            "rays" => all.rays = Some(whole(&name, &given)?),
-            "pair_rays" => all.pair_rays = Some(whole(&name, &given)?),
-            "closure" => all.closure = value(&name, &given)?,
-            "max_bytes" => all.max_bytes = Some(whole(&name, &given)?),
-            "seed" => all.seed = whole(&name, &given)?,
-            _ => return unknown("form_factors", &name),
-        }
+    set_keywords! {
+        all, "form_factors", options, grouping, rays, pair_rays, closure, max_bytes, seed
     }
     Ok(all)
 }

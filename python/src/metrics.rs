@@ -1,6 +1,6 @@
 //! The feature-based error metric.
 
-use crate::arguments::{keywords, unknown, value, word};
+use crate::arguments::{arguments, set_keywords, word};
 use crate::arrays::image;
 use crate::errors::Raise;
 use crate::solution::class;
@@ -14,6 +14,12 @@ const FILTERS: [(&str, Filter); 2] = [("whole", Filter::Whole), ("unmasked", Fil
 const MORPHOLOGIES: [(&str, Morphology); 3] =
     [("euclid", Morphology::Euclid), ("paper8", Morphology::Paper8), ("paper4", Morphology::Paper4)];
 
+arguments! {
+    Features: |name, given| word(name, given, &FEATURES);
+    Filter: |name, given| word(name, given, &FILTERS);
+    Morphology: |name, given| word(name, given, &MORPHOLOGIES);
+}
+
 struct Options {
     fbem: FbemOptions,
     texel: f64,
@@ -21,17 +27,10 @@ struct Options {
 
 fn options(function: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
     let (mut fbem, mut texel) = (FbemOptions::default(), 1.0);
-    for (name, given) in keywords(given) {
-        match name.as_str() {
-            "texel" => texel = value(&name, &given)?,
-            "exponent" => fbem.exponent = value(&name, &given)?,
-            "filter" => fbem.filter = word(&name, &given, &FILTERS)?,
-            "features" => fbem.features.features = word(&name, &given, &FEATURES)?,
-            "morphology" => fbem.features.morphology = word(&name, &given, &MORPHOLOGIES)?,
-            "white" => fbem.features.white = value(&name, &given)?,
-            "threshold" => fbem.features.threshold = value(&name, &given)?,
-            _ => return unknown(function, &name),
-        }
+    set_keywords! {
+        fbem, function, given, texel => texel, exponent, filter, features => fbem.features.features,
+        morphology => fbem.features.morphology, white => fbem.features.white,
+        threshold => fbem.features.threshold
     }
     Ok(Options { fbem, texel })
 }

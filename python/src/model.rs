@@ -1,6 +1,6 @@
 //! Models: scenes prepared for queries.
 
-use crate::arguments::{keywords, not_pickled, unknown, value, whole, word};
+use crate::arguments::{arguments, not_pickled, set_keywords, value, whole, word};
 use crate::arrays::rows_out;
 use crate::form_factors::{PyFormFactors, form_factor_options};
 use crate::scene::{PyScene, affine};
@@ -22,6 +22,11 @@ const BUILDERS: [(&str, Builder); 4] = [
     ("goldsmith-salmon", Builder::GoldsmithSalmon),
     ("sah", Builder::Sah),
 ];
+
+arguments! {
+    Detail: |name, given| word(name, given, &DETAILS);
+    Builder: |name, given| word(name, given, &BUILDERS);
+}
 
 /// Model(scene, *, detail="optics", threads=0, cache=None, builder="grids", progress=None)
 ///
@@ -49,22 +54,12 @@ impl PyModel {
 
 fn bench_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<BenchOptions> {
     let mut all = BenchOptions::default();
-    for (name, given) in keywords(options) {
-        match name.as_str() {
-            "points" => all.points = whole(&name, &given)?,
-            "rays" => all.rays = whole(&name, &given)?,
-            "feature_size" => {
-                let sizes =
-                    given.extract::<f64>().map_or_else(|_| value(&name, &given), |size| Ok(vec![size]))?;
-                all.feature_sizes = sizes;
-            }
-            "receivers" => all.receivers = value(&name, &given)?,
-            "reference_rays" => all.reference_rays = whole(&name, &given)?,
-            "threads" => all.threads = whole(&name, &given)?,
-            "audit" => all.audit = value(&name, &given)?,
-            "seed" => all.seed = whole(&name, &given)?,
-            _ => return unknown("bench", &name),
-        }
+    let sizes = |name: &str, given: &Bound<'_, PyAny>| {
+        given.extract::<f64>().map_or_else(|_| value(name, given), |size| Ok(vec![size]))
+    };
+    set_keywords! {
+        all, "bench", options, points, rays, feature_size as sizes => all.feature_sizes, receivers,
+        reference_rays, threads, audit, seed
     }
     Ok(all)
 }
@@ -80,14 +75,8 @@ impl PyModel {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyModel> {
         let mut prepare = PrepareOptions::default();
-        for (name, given) in keywords(options) {
-            match name.as_str() {
-                "detail" => prepare.detail = word(&name, &given, &DETAILS)?,
-                "threads" => prepare.threads = whole(&name, &given)?,
-                "cache" => prepare.cache = Some(value(&name, &given)?),
-                "builder" => prepare.builder = word(&name, &given, &BUILDERS)?,
-                _ => return unknown("Model", &name),
-            }
+        set_keywords! {
+            prepare, "Model", options, detail, threads, cache, builder
         }
         let shared = scene.get().scene.clone();
         let model = long(py, progress, move |watch| Model::prepare(shared, &prepare.with_progress(watch)))?;
@@ -273,7 +262,7 @@ impl PyModel {
     /// Computes the light by hierarchical radiosity, as a `Solution`; needs detail "clusters".
     ///
     /// error: RMS error that links are refined to, relative to the mean irradiance, default 0.02. engine: "exact" (default), "mr" or "average",
-    /// which need detail "optics". feature_size: of all receivers, scene units; feature_sizes: of named objects, groups or materials, a dict.
+    /// which need detail "optics", or "auto": "mr" with a feature size and that detail. feature_size: of all receivers, scene units; feature_sizes: of named objects, groups or materials, a dict.
     /// importance: names whose light matters. min_area: smallest element as a fraction of the scene's area, default 2e-5. direct_only: no
     /// reflected light at points (default False). max_seconds: time limit of this call. max_links: default ten
     /// million. target_error: RMS error until which more rays are traced. audit: number of elements whose error bars independent paths check,

@@ -1,9 +1,9 @@
 //! Scenes from files, bytes, arrays and generators.
 
-use crate::arguments::{is_whole, keywords, not_pickled, unknown, value, vector, whole};
+use crate::arguments::{is_whole, not_pickled, set_keywords, value, vector, whole};
 use crate::arrays::{Numbers, Points, numbers, points};
 use crate::errors::{Raise, input, notes};
-use crate::solution::camera_out;
+use crate::solution::{by_name, camera_out};
 use crate::work::{Watch, long, short};
 use mrvis::internals::SceneParts;
 use mrvis::{LoadOptions, MeshArrays, Positions, Scene, SceneBuilder, Strength, UpAxis};
@@ -11,7 +11,6 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyDict;
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -24,35 +23,30 @@ pub struct PyScene {
 
 fn load_options(function: &str, options: Option<&Bound<'_, PyDict>>) -> PyResult<LoadOptions> {
     let mut all = LoadOptions::default();
-    for (name, given) in keywords(options) {
-        match name.as_str() {
-            "unit" => all.unit = value(&name, &given)?,
-            "emitters" => {
-                let emitters: BTreeMap<String, f64> = value(&name, &given)?;
-                all.emitters =
-                    emitters.into_iter().map(|(name, watts)| (name, Strength::Watts(watts))).collect();
-            }
-            "two_sided_emission" => all.two_sided_emission = value(&name, &given)?,
-            "sides" => match whole(&name, &given)? {
-                sides @ (1 | 2) => all.sides = Some(sides),
-                other => {
-                    let what = format!("`sides` {other}: must be 1 (closed solids) or 2 (sheets)");
-                    return Err(input(given.py(), what));
-                }
-            },
-            "up" => {
-                let text: String = value(&name, &given)?;
-                all.up = Some(match text.as_str() {
-                    "y" => UpAxis::Y,
-                    "z" => UpAxis::Z,
-                    _ => return Err(input(given.py(), format!("`up` {text}: must be y or z"))),
-                });
-            }
-            "threads" => all.threads = whole(&name, &given)?,
-            _ => return unknown(function, &name),
-        }
+    set_keywords! {
+        all, function, options, unit, emitters as emitters, two_sided_emission, sides as sides, up as up,
+        threads
     }
     Ok(all)
+}
+
+fn emitters(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<(String, Strength)>> {
+    Ok(by_name(name, given)?.into_iter().map(|(name, watts)| (name, Strength::Watts(watts))).collect())
+}
+
+fn sides(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<u8>> {
+    match whole(name, given)? {
+        sides @ (1 | 2) => Ok(Some(sides)),
+        other => Err(input(given.py(), format!("`sides` {other}: must be 1 (closed solids) or 2 (sheets)"))),
+    }
+}
+
+fn up(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<UpAxis>> {
+    match value::<String>(name, given)?.as_str() {
+        "y" => Ok(Some(UpAxis::Y)),
+        "z" => Ok(Some(UpAxis::Z)),
+        text => Err(input(given.py(), format!("`up` {text}: must be y or z"))),
+    }
 }
 
 #[pymethods]

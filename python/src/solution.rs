@@ -1,10 +1,9 @@
 //! Solutions: irradiance, elements, pictures.
 
-use crate::arguments::{keywords, not_pickled, unknown, value, whole, word};
+use crate::arguments::{not_pickled, set_keywords, value, whole};
 use crate::arrays::{points_f64, rows_out};
 use crate::errors::{input, notes};
 use crate::source::Normals;
-use crate::visibility::ENGINES;
 use crate::work::long;
 use mrvis::internals::SolutionParts;
 use mrvis::{Camera, Element, ImageOptions, Solution, SolveOptions, SurfacePoint};
@@ -19,29 +18,19 @@ const MAX_PIXELS: usize = 1 << 25;
 
 pub fn solve_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<SolveOptions> {
     let mut all = SolveOptions::default();
-    for (name, given) in keywords(options) {
-        match name.as_str() {
-            "error" => all.error = value(&name, &given)?,
-            "engine" => all.engine = word(&name, &given, &ENGINES)?,
-            "feature_size" => all.feature_size = Some(value(&name, &given)?),
-            "feature_sizes" => {
-                let sizes: BTreeMap<String, f32> = value(&name, &given)?;
-                all.feature_sizes = sizes.into_iter().collect();
-            }
-            "importance" => all.importance = value(&name, &given)?,
-            "min_area" => all.min_area = value(&name, &given)?,
-            "direct_only" => all.direct_only = value(&name, &given)?,
-            "max_seconds" => all.max_seconds = Some(value(&name, &given)?),
-            "max_links" => all.max_links = whole(&name, &given)?,
-            "target_error" => all.target_error = Some(value(&name, &given)?),
-            "audit" => all.audit = whole(&name, &given)?,
-            "light_rays" => all.light_rays = Some(whole(&name, &given)?),
-            "gather_rays" => all.gather_rays = Some(whole(&name, &given)?),
-            "seed" => all.seed = whole(&name, &given)?,
-            _ => return unknown("solve", &name),
-        }
+    set_keywords! {
+        all, "solve", options, error, engine, feature_size, feature_sizes as by_name, importance, min_area,
+        direct_only, max_seconds, max_links, target_error, audit, light_rays, gather_rays, seed
     }
     Ok(all)
+}
+
+/// Numbers by name.
+pub fn by_name<T: for<'py> FromPyObjectOwned<'py>>(
+    name: &str,
+    given: &Bound<'_, PyAny>,
+) -> PyResult<Vec<(String, T)>> {
+    Ok(value::<BTreeMap<String, T>>(name, given)?.into_iter().collect())
 }
 
 /// The light in a model. Immutable; several threads may ask at once.

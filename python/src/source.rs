@@ -1,9 +1,9 @@
 //! Visibility of a source from points of surfaces.
 
-use crate::arguments::{keywords, unknown, whole, word};
-use crate::arrays::{Floats, Rows, floats, output, points_f64, single};
+use crate::arguments::{set_keywords, whole};
+use crate::arrays::{Floats, Rows, output, points_f64, single};
 use crate::errors::{input, translated};
-use crate::visibility::{ENGINES, PyVisibility, costs, methods, unlocked};
+use crate::visibility::{PyVisibility, costs, methods, unlocked};
 use crate::work::{Watch, long};
 use mrvis::{Answer, Engine, Error, ErrorCategory, Model, Progress};
 use numpy::PyArray1;
@@ -70,19 +70,12 @@ impl<'py> SourceAsk<'py> {
             seed: 1,
             engine: Engine::Automatic,
         };
-        for (name, given) in keywords(options) {
-            match name.as_str() {
-                "feature_size" => ask.feature_size = Some(floats(&name, &given)?),
-                "rays" => ask.rays = whole(&name, &given)?,
-                "seed" => {
-                    // The crate has seeds of 32 bits here; those below 2³² stay as they are.
-                    let seed: u64 = whole(&name, &given)?;
-                    ask.seed = (seed ^ (seed >> 32)) as u32;
-                }
-                "engine" => ask.engine = word(&name, &given, &ENGINES)?,
-                _ => return unknown("source_visibility", &name),
-            }
+        let mut seed = 1u64;
+        set_keywords! {
+            ask, "source_visibility", options, feature_size, rays, seed => seed, engine
         }
+        // The crate has seeds of 32 bits here; those below 2³² stay as they are.
+        ask.seed = (seed ^ (seed >> 32)) as u32;
         if let Some(sizes) = &ask.feature_size {
             sizes.check(ask.py, "feature_size", (ask.points.len(), "`points`"))?;
         }

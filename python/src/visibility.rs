@@ -1,7 +1,7 @@
 //! Visibility in batches, from and into arrays.
 
-use crate::arguments::{is_whole, keywords, unknown, value, vector, whole, word};
-use crate::arrays::{Floats, Numbers, Points, Rows, floats, numbers, output, points, single};
+use crate::arguments::{arguments, is_whole, set_keywords, whole, word};
+use crate::arrays::{Floats, Numbers, Points, Rows, numbers, output, points, single};
 use crate::errors::{Raise, input};
 use crate::work::{borrowing, short};
 use mrvis::{Answers, Cost, Engine, Method, Model, Segments, Strided};
@@ -10,12 +10,13 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::borrow::Cow;
 
-pub const ENGINES: [(&str, Engine); 4] = [
+const ENGINES: [(&str, Engine); 4] = [
     ("auto", Engine::Automatic),
     ("exact", Engine::Exact),
     ("mr", Engine::MultiResolution),
     ("average", Engine::Average),
 ];
+arguments!(Engine: |name, given| word(name, given, &ENGINES););
 
 /// Largest batch that is answered on the calling thread, without a look at signals: 0.05 s at one microsecond a segment. A thread of its own
 /// takes 50 µs more.
@@ -203,17 +204,9 @@ impl<'py> Ask<'py> {
             methods: false,
             segments: false,
         };
-        for (name, given) in keywords(options) {
-            match name.as_str() {
-                "feature_size" => ask.feature_size = Some(floats(&name, &given)?),
-                "emitter_size" => ask.emitter_size = Some(floats(&name, &given)?),
-                "engine" => ask.engine = word(&name, &given, &ENGINES)?,
-                "relative_to" => ask.relative_to = vector(&name, &given)?,
-                "intervals" => ask.intervals = value(&name, &given)?,
-                "methods" => ask.methods = value(&name, &given)?,
-                "segments" => ask.segments = value(&name, &given)?,
-                _ => return unknown("visibility", &name),
-            }
+        set_keywords! {
+            ask, "visibility", options, feature_size, emitter_size, engine, relative_to, intervals, methods,
+            segments
         }
         Ok(ask)
     }

@@ -123,7 +123,7 @@ def test_other_inputs(model, light):
         ('`detail` "all"', lambda: mrvis.Model(model.scene, detail="all")),
         ("^`error` -1: must be", lambda: model.solve(error=-1)),
         ("^`error` NaN: must be", lambda: model.solve(error=np.nan)),
-        ("^`min_area` 2e0: ", lambda: model.solve(min_area=2.0)),
+        ("^`min_area` 2: ", lambda: model.solve(min_area=2.0)),
         ("^`max_links` 0: must", lambda: model.solve(max_links=0)),
         ("^`light_rays` 0: must", lambda: model.solve(light_rays=0)),
         ("^`gather_rays` 0: must", lambda: model.solve(gather_rays=0)),

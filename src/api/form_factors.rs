@@ -13,33 +13,26 @@ options! {
     #[non_exhaustive]
     pub struct FormFactorOptions {
         /// Rows and columns; default [`Grouping::Polygon`].
-        pub grouping: Grouping = Grouping::Polygon,
-        /// Rays of every polygon that look for what it sees, 1 to 1,048,576; default 2,048, more where there are few polygons.
-        pub rays: Option<u32> = None,
-        /// Largest number of rays between two polygons that are partly hidden from each other, 4 to 4,194,304; default 256, more where there are
-        /// few.
-        pub pair_rays: Option<u32> = None,
+        pub grouping: Grouping = Grouping::Polygon;
+        /// Rays of every polygon that look for what it sees; `None`: 2,048, more where there are few polygons.
+        pub rays: Option<u32> = None, in 1..=1_048_576;
+        /// Largest number of rays between two polygons that are partly hidden from each other; `None`: 256, more where there are few.
+        pub pair_rays: Option<u32> = None, in 4..=4_194_304;
         /// Whether rows that nothing escapes from are adjusted to the sum 1, each entry by as much as it is uncertain; default true. A F is
         /// symmetric either way.
-        pub closure: bool = true,
+        pub closure: bool = true;
         /// Refuses to begin if the matrix could take more than so many bytes; default: four fifths of the available memory.
-        pub max_bytes: Option<u64> = None,
+        pub max_bytes: Option<u64> = None;
         /// Seed of all random numbers; default 1.
-        pub seed: u64 = 1,
+        pub seed: u64 = 1;
     }
 }
 
 impl FormFactorOptions {
     fn settings(&self, facets: usize) -> Result<Settings> {
+        self.check_ranges()?;
         let settings = Settings { enforce: self.closure, seed: self.seed, ..Settings::new(facets) };
         let settings = settings.with_rays(self.rays, self.pair_rays);
-        for (name, value, min, max) in
-            [("rays", settings.rays, 1, 1 << 20), ("pair_rays", settings.largest_bundle, 4, 1 << 22)]
-        {
-            if !(min..=max).contains(&value) {
-                return Err(Error::argument(name, value, format!("must lie in {min}..{max}")));
-            }
-        }
         let (bytes, limit) = (memory_bound(facets, &settings), self.max_bytes.or_else(memory::usable));
         if let Some(limit) = limit.filter(|&limit| bytes > limit) {
             return Err(Error::OutOfMemory(format!(

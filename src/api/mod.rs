@@ -17,7 +17,8 @@ mod visibility;
 #[cfg(feature = "reports")]
 pub use crate::bench::BenchOptions;
 pub use crate::form_factors::matrix::{FormFactors, Grouping};
-pub use crate::radiosity::mesh::Element;
+pub use crate::radiosity::{SolveOptions, mesh::Element};
+pub use crate::visibility::Engine;
 #[cfg(feature = "reports")]
 pub use bench::Reference;
 #[cfg(feature = "reports")]
@@ -28,9 +29,9 @@ pub use scene_builder::SceneBuilder;
 pub use segments::{Answers, Segments, Strided};
 #[cfg(feature = "reports")]
 pub use shown::{Camera, ImageOptions, Lightmap};
-pub use solve::{Solution, SolveOptions, SolveReport, SurfacePoint};
+pub use solve::{Solution, SolveReport, SurfacePoint};
 pub use visibility::Query;
-pub use visibility::{Engine, Visibility};
+pub use visibility::Visibility;
 
 use crate::{Error, Result};
 

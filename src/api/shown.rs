@@ -71,11 +71,11 @@ options! {
     #[non_exhaustive]
     pub struct ImageOptions {
         /// Columns and rows, 1 to 16,384 each and at most 2²⁵ pixels; default 800 and 600.
-        pub size: [usize; 2] = SIZE,
+        pub size: [usize; 2] = SIZE;
         /// Whether the irradiance of every pixel is computed by final gathering instead of interpolated: slower and sharper. Default false.
-        pub gather: bool = false,
+        pub gather: bool = false;
         /// Whether surfaces are transparent from sides that no light can reach, as the outside of a closed room, instead of black. Default false.
-        pub look_inside: bool = false,
+        pub look_inside: bool = false;
     }
 }
 

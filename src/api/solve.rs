@@ -1,102 +1,14 @@
 //! The light in a model, and irradiance at points.
 
 use super::segments::MAX_COORDINATE;
-use super::visibility::Engine;
 use crate::model::Model;
 use crate::points::Point;
 use crate::progress::{Progress, Watcher};
 use crate::radiosity::mesh::{Element, RadiosityMesh};
-use crate::radiosity::{self, Options, Record};
+use crate::radiosity::{self, Record, SolveOptions};
 use crate::{Error, Result, error::own_word, error::worded, memory};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
-
-/// Options of [`Model::solve`]: [`SolveOptions::default`] with other values of some fields.
-///
-/// ```
-/// let mut options = mrvis::SolveOptions::default();
-/// options.error = 0.01;
-/// options.importance.push("table".into());
-/// ```
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct SolveOptions {
-    /// Error that links are refined to, relative to the mean irradiance, above 0; default 0.02. A target, not a bound: the remaining error is
-    /// estimated in [`SolveReport::error_estimate`].
-    pub error: f64,
-    /// How visibility is answered; default [`Engine::Automatic`]. Multi-resolution and average need a model with optics.
-    pub engine: Engine,
-    /// Feature size of all receivers, scene units, above 0; default: each receiver's diameter. Shadow features of at least this size are
-    /// resolved.
-    pub feature_size: Option<f32>,
-    /// Feature sizes of objects, groups or materials by name, scene units, above 0.
-    pub feature_sizes: Vec<(String, f32)>,
-    /// Objects, groups or materials whose light matters; default none: all matter alike.
-    pub importance: Vec<String>,
-    /// Smallest element as a fraction of the scene's area, in `[1e-9, 1]`; default 2e-5.
-    pub min_area: f64,
-    /// Whether reflected light is left out of the irradiance at points; default false.
-    pub direct_only: bool,
-    /// Seconds from the call of [`Model::solve`] in which to be done, about, above 0; default: no limit. The preparation of the model does not
-    /// count. Of many elements for whose rays there is no time, some are traced and determine the light of the others.
-    pub max_seconds: Option<f64>,
-    /// Number of links at which refinement ends, which bounds the memory (72 bytes each), 1 to 2³⁰; default ten million.
-    pub max_links: usize,
-    /// RMS error of the elements relative to the mean irradiance, above 0, until which more rays are traced, as independent paths find it;
-    /// default: none.
-    pub target_error: Option<f64>,
-    /// Number of elements whose error bars independent paths check, at most 1,048,576; default 200. More say more about the error in
-    /// `Solution::json`; 0 leaves it out.
-    pub audit: usize,
-    /// Shadow rays from a point to an emitter that is partly visible, 1 to 65,536, and up to sixteen times as many where it would light the point much more if
-    /// nothing blocked it; default: derived from the error.
-    pub light_rays: Option<usize>,
-    /// Rays from a point that gather reflected light, 1 to 1,048,576; default: derived from the error.
-    pub gather_rays: Option<usize>,
-    /// Seed of all random numbers; default 1.
-    pub seed: u64,
-}
-
-/// Options of this or of the inner kind from those of the other: the fields that both have, besides the engine.
-macro_rules! with_fields_of {
-    ($given:expr, $kind:ident, $engine:ident: $value:expr $(, $rest:expr)?) => {{
-        let given = $given;
-        $kind {
-            error: given.error,
-            $engine: $value,
-            feature_size: given.feature_size,
-            feature_sizes: given.feature_sizes,
-            importance: given.importance,
-            min_area: given.min_area,
-            direct_only: given.direct_only,
-            max_seconds: given.max_seconds,
-            max_links: given.max_links,
-            target_error: given.target_error,
-            audit: given.audit,
-            light_rays: given.light_rays,
-            gather_rays: given.gather_rays,
-            seed: given.seed,
-            $(..$rest)?
-        }
-    }};
-}
-
-impl Default for SolveOptions {
-    fn default() -> SolveOptions {
-        with_fields_of!(Options::default(), SolveOptions, engine: Engine::Automatic)
-    }
-}
-
-impl SolveOptions {
-    fn options(&self) -> Options {
-        let visibility = match self.engine {
-            Engine::MultiResolution => radiosity::Visibility::Mr,
-            Engine::Average => radiosity::Visibility::Average,
-            Engine::Exact | Engine::Automatic => radiosity::Visibility::Exact,
-        };
-        with_fields_of!(self.clone(), Options, visibility: visibility, Options::default())
-    }
-}
 
 /// Bytes that a point takes while its irradiance is found, at most: the point in double and in single precision, its irradiance and the
 /// error of that, all twice while they are put together.
@@ -200,7 +112,9 @@ impl Model {
     /// ([`Detail::Clusters`](crate::Detail::Clusters), for other than exact visibility [`Detail::Optics`](crate::Detail::Optics));
     /// [`Error::Scene`] if the scene's size or light is beyond f32.
     pub fn solve(&self, options: &SolveOptions) -> Result<Solution> {
-        let options = &options.options();
+        let sized = options.feature_size.is_some() || !options.feature_sizes.is_empty();
+        let engine = self.chosen(options.engine, sized);
+        let options = &SolveOptions { engine, ..options.clone() };
         let needed = options.prepare().detail;
         if self.detail() < needed {
             let have = self.detail();

@@ -294,6 +294,25 @@ fn without_optics_visibility_is_exact() {
     assert!(error.contains("Detail::Clusters"), "{error}");
 }
 
+#[cfg(feature = "reports")]
+#[test]
+fn automatic_means_the_same_in_solutions_and_queries() {
+    let model = forest();
+    let solved = |engine, feature_size| {
+        let options = SolveOptions { engine, feature_size, error: 0.5, audit: 0, ..SolveOptions::default() };
+        model.solve(&options).unwrap().inner.record.options.engine
+    };
+    assert_eq!(solved(Engine::Automatic, Some(0.2)), Engine::MultiResolution);
+    assert_eq!(solved(Engine::Automatic, None), Engine::Exact);
+    assert_eq!(solved(SolveOptions::default().engine, Some(0.2)), Engine::Exact);
+    let rays = |size: Option<f32>| {
+        let visibility = model.visibility();
+        let query = visibility.from_point([0.0, 0.0, 0.01], [0.0, 0.0, 1.0]).to_source(0);
+        size.map_or(query, |size| query.feature_size(size)).answer().unwrap().cost.exact_rays
+    };
+    assert!(rays(None) == 64 && rays(Some(5.0)) < 64);
+}
+
 #[test]
 fn form_factors_have_rows() {
     let model = crate::model::testing::model(&testing::generated("cornell"), Detail::Rays);

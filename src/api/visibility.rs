@@ -3,28 +3,10 @@
 use super::positive;
 use crate::model::Model;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
-use crate::visibility::{Answer, Bundle, Cost, Exact, Method, MultiResolution, wilson};
+use crate::visibility::{Answer, Bundle, Cost, Engine, Exact, Method, MultiResolution, wilson};
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use sobol_burley::sample_4d;
-
-/// How visibility is answered.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Engine {
-    /// Exact or multi-resolution, whichever is expected to take less time: multi-resolution only where a feature size is given, the model holds
-    /// optics, and a sample of the bundles says that it takes clearly less time. Solutions take exact rays: most of theirs are incoherent,
-    /// and multi-resolution was measured to take longer (`docs/light.md`).
-    #[default]
-    Automatic,
-    /// One Embree ray a segment, 0 or 1.
-    Exact,
-    /// Clusters whose shadows have no features of the feature size or larger are averaged by their extinction; the rest is tested
-    /// exactly. Needs a feature size and a model with optics.
-    MultiResolution,
-    /// Extinction only: an estimate without any ray. Needs a feature size and a model with optics.
-    Average,
-}
 
 /// Visibility of a model: the fraction of light between points that gets through.
 ///
@@ -66,15 +48,13 @@ impl Visibility {
                 Error::argument("engine", format!("⟨Engine::{name}⟩"), "needs optics").with_cure(cure)
             })
         };
-        let multi_resolution = || self.model.multi_resolution().cloned();
-        match self.engine {
-            Engine::Exact => Ok(Chosen::Exact(self.model.exact())),
-            Engine::MultiResolution => need(multi_resolution(), "MultiResolution").map(Chosen::Clusters),
-            Engine::Average => need(self.model.average(), "Average").map(Chosen::Clusters),
-            Engine::Automatic => Ok(match multi_resolution().filter(|_| sized) {
-                Some(engine) => Chosen::Either(engine),
-                None => Chosen::Exact(self.model.exact()),
-            }),
+        let of = if self.engine == Engine::Automatic { Chosen::Either } else { Chosen::Clusters };
+        match self.model.chosen(self.engine, sized) {
+            Engine::MultiResolution => {
+                need(self.model.multi_resolution().cloned(), "MultiResolution").map(of)
+            }
+            Engine::Average => need(self.model.average(), "Average").map(of),
+            Engine::Exact | Engine::Automatic => Ok(Chosen::Exact(self.model.exact())),
         }
     }
 }

@@ -7,20 +7,12 @@ use crate::clusters::Builder;
 use crate::error::{quote, shown};
 use crate::model::cache::CacheLocation;
 use crate::scene::Scene;
-use crate::threads::MAX_THREADS;
 use crate::{Error, Result, memory, optics};
 
 /// Largest number of segments from a point to an emitter: the length of one scrambled Sobol' sequence.
 pub(super) const MAX_RAYS: usize = 1 << 16;
 /// Numbers of segments of the MR rows, relative to `rays`: steps of 4 halve the noise of exact rays.
 const MR_FACTORS: [usize; 3] = [1, 4, 16];
-/// Largest number of receiver points: limits the results of one row to 8 GB with one emitter, at 32 + 48 bytes per
-/// point.
-const MAX_POINTS: usize = 100_000_000;
-
-/// Most texels along the longer side of a map: images that programs open have up to 16,384.
-const MAX_MAP: usize = 16_384;
-
 /// Largest number of segments of a row to one emitter: at 10 million a second (`mrvis bench` on one core) it takes a day.
 const MAX_SEGMENTS: f64 = 1e12;
 
@@ -29,39 +21,41 @@ options! {
     #[derive(Clone, Debug)]
     #[non_exhaustive]
     pub struct BenchOptions {
-        /// Receiver points, uniform over all surfaces that do not emit, 1 to 100 million; default 20,000.
-        pub points: usize = 20_000,
-        /// Segments from a point to an emitter, 1 to 65,536; 4 and 16 times as many are measured as well. Default 16.
-        pub rays: usize = 16,
+        /// Receiver points, uniform over all surfaces that do not emit.
+        // With one emitter the results of one row take up to 8 GB, 32 + 48 bytes a point.
+        pub points: usize = 20_000, in 1..=100_000_000;
+        /// Segments from a point to an emitter; 4 and 16 times as many are measured as well.
+        pub rays: usize = 16, in 1..=65_536;
         /// Feature sizes, scene units, above 0; default none: four sizes from two texels of the shadow images to a fifth of the largest receiver.
-        pub feature_sizes: Vec<f64> = Vec::new(),
+        pub feature_sizes: Vec<f64> = Vec::new();
         /// Objects, groups or materials for shadow images; default none: the largest flat surfaces, and terrain.
-        pub receivers: Vec<String> = Vec::new(),
-        /// Rays from a point to an emitter in the reference, 1 to 65,536; default 1,024.
-        pub reference_rays: usize = 1024,
-        /// Threads of the timed sections, 1 to 1024; default 1. All else runs on the threads of the model.
-        pub threads: usize = 1,
-        /// Part of the bundles, in `[0, 1]`, on which independent exact rays check the stated intervals; default 0.05.
-        pub audit: f64 = 0.05,
+        pub receivers: Vec<String> = Vec::new();
+        /// Rays from a point to an emitter in the reference.
+        pub reference_rays: usize = 1024, in 1..=65_536;
+        /// Threads of the timed sections. All else runs on the threads of the model.
+        pub threads: usize = 1, in 1..=1024;
+        /// Part of the bundles on which independent exact rays check the stated intervals.
+        pub audit: f64 = 0.05, in 0.0..=1.0, "a part of the bundles";
         /// Largest memory of the results, bytes; default: four fifths of the available memory.
-        pub max_memory: Option<u64> = None,
+        pub max_memory: Option<u64> = None;
         /// Seed of all random numbers; default 1.
-        pub seed: u64 = 1,
+        pub seed: u64 = 1;
         /// Texels along the longer side of the maps; 0: no maps, `None`: 256, or fewer with more than eight emitters.
         #[doc(hidden)]
-        pub map: Option<usize> = Some(0),
-        /// Largest number of times that each timed row is run, at least 1; the smallest of its times counts.
+        // Images that programs open have up to so many texels.
+        pub map: Option<usize> = Some(0), in 0..=16_384, "a number of texels";
+        /// Largest number of times that each timed row is run; the smallest of its times counts.
         #[doc(hidden)]
-        pub rounds: usize = MAX_ROUNDS,
+        pub rounds: usize = MAX_ROUNDS, in 1..=MAX_ROUNDS;
         /// Algorithm that builds the clusters.
         #[doc(hidden)]
-        pub builder: Builder = Builder::default(),
+        pub builder: Builder = Builder::default();
         /// How cluster optics are measured.
         #[doc(hidden)]
-        pub clusters: optics::Options = optics::Options::default(),
+        pub clusters: optics::Options = optics::Options::default();
         /// Where measured clusters are cached.
         #[doc(hidden)]
-        pub cache: CacheLocation = CacheLocation::Off,
+        pub cache: CacheLocation = CacheLocation::Off;
     }
 }
 
@@ -90,21 +84,8 @@ impl BenchOptions {
     /// [`Error::Argument`] that names the option and its range.
     #[doc(hidden)]
     pub fn check(&self) -> Result<()> {
-        let counts = [
-            ("rays", self.rays, MAX_RAYS),
-            ("reference_rays", self.reference_rays, MAX_RAYS),
-            ("points", self.points, MAX_POINTS),
-            ("rounds", self.rounds, MAX_ROUNDS),
-            ("threads", self.threads, MAX_THREADS),
-        ];
-        for (name, count, max) in counts {
-            if count == 0 || count > max {
-                return Err(Error::argument(name, count, format!("must lie in 1..{max}")));
-            }
-        }
-        if let Some(map) = self.map.filter(|&map| map > MAX_MAP) {
-            return Err(Error::argument("map", map, format!("must be at most {MAX_MAP} texels")));
-        }
+        self.check_ranges()?;
+        self.clusters.check_ranges()?;
         let segments = self.points as f64 * self.rays as f64;
         if segments > MAX_SEGMENTS {
             return Err(Error::arguments(format!(
@@ -116,14 +97,6 @@ impl BenchOptions {
         let usable = |s: f64| s.is_finite() && s > 0.0 && (s as f32).is_normal();
         if let Some(s) = self.feature_sizes.iter().find(|&&s| !usable(s)) {
             return Err(Error::argument("feature_size", s, "must be a length above 0 in scene units"));
-        }
-        if !(0.0..=1.0).contains(&self.audit) {
-            return Err(Error::argument("audit", self.audit, "must be a part of the bundles, in 0..1"));
-        }
-        let tolerance = self.clusters.tolerance;
-        if !(tolerance > 0.0 && tolerance <= 1.0) {
-            let problem = "must be an error of the transmission above 0, at most 1";
-            return Err(Error::argument("tolerance", tolerance, problem));
         }
         Ok(())
     }
@@ -182,7 +155,7 @@ mod tests {
             BenchOptions { map, ..BenchOptions::default() }.check_memory(4, Some(1_000_000_000)).is_ok()
         };
         assert!(fits(None) && fits(Some(0)) && fits(Some(512)) && !fits(Some(4096)));
-        assert!(BenchOptions { map: Some(MAX_MAP + 1), ..BenchOptions::default() }.check().is_err());
+        assert!(BenchOptions { map: Some(16_385), ..BenchOptions::default() }.check().is_err());
     }
 
     /// With many rays the samples of the decisions are the larger part of the memory.

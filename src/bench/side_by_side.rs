@@ -2,7 +2,8 @@
 
 use crate::points::Comparison;
 use crate::radiosity::links::Tally;
-use crate::radiosity::{Record, Seconds, Visibility};
+use crate::radiosity::{Record, Seconds};
+use crate::visibility::Engine;
 #[cfg(any(test, feature = "internals"))]
 use crate::{
     Result,
@@ -17,7 +18,8 @@ use serde::Serialize;
 #[derive(Clone, Debug, Serialize)]
 pub struct Versus {
     /// The second engine.
-    pub visibility: Visibility,
+    #[serde(rename = "visibility")]
+    pub engine: Engine,
     /// Seconds of each stage with the second engine. The scene is not read again, so that `load` is 0.
     pub seconds: Seconds,
     /// Links at the end of the solve.
@@ -43,7 +45,7 @@ pub struct ComparedRecord {
     pub versus: Option<Versus>,
 }
 
-/// Solves the model again with the engine `visibility` and compares the result with `outcome`. All other options are those of
+/// Solves the model again with the engine `engine` and compares the result with `outcome`. All other options are those of
 /// `outcome`, which must hold the irradiance at `points`.
 ///
 /// # Errors
@@ -53,11 +55,11 @@ pub fn side_by_side(
     model: &Model,
     points: &[Point],
     outcome: &Outcome,
-    visibility: Visibility,
+    engine: Engine,
     progress: &dyn Progress,
 ) -> Result<Versus> {
     let record = &outcome.record;
-    let options = Options { visibility, ..record.options.clone() };
+    let options = Options { engine, ..record.options.clone() };
     let model = model.prepared_to(&options.prepare(), progress)?;
     let other = run(&model, points, &options, progress)?;
     let at = |outcome: &Outcome| Irradiance {
@@ -68,5 +70,5 @@ pub fn side_by_side(
     let difference = compare(&at(&other), &at(outcome))?;
     let own = record.seconds.work().max(f64::MIN_POSITIVE);
     let Record { seconds, links, elements, bundles, .. } = other.record;
-    Ok(Versus { visibility, speedup: seconds.work() / own, seconds, links, elements, bundles, difference })
+    Ok(Versus { engine, speedup: seconds.work() / own, seconds, links, elements, bundles, difference })
 }

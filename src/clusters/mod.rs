@@ -73,10 +73,10 @@ options! {
     #[derive(Clone, Copy, Debug)]
     pub struct Options {
         /// The algorithm.
-        pub builder: Builder = Builder::default(),
+        pub builder: Builder = Builder::default();
         /// Planar surfaces whose inscribed disc has a diameter of at least this fraction of the scene's diagonal are kept
         /// outside the clusters; above 0, infinite for none.
-        pub large_surface: f32 = 1.0 / 32.0,
+        pub large_surface: f32 = 1.0 / 32.0;
     }
 }
 

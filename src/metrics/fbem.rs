@@ -23,12 +23,12 @@ options! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     #[non_exhaustive]
     pub struct FbemOptions {
-        /// Exponent p of the norm, at least 1; default 2, as in the paper.
-        pub exponent: f64 = 2.0,
+        /// Exponent p of the norm; 2 in the paper.
+        pub exponent: f64 = 2.0, in 1.0.., "the exponent of a norm";
         /// Definition of features.
-        pub features: FeatureOptions = FeatureOptions::default(),
+        pub features: FeatureOptions = FeatureOptions::default();
         /// Support of the box averages outside the mask; default [`Filter::Whole`].
-        pub filter: Filter = Filter::Whole,
+        pub filter: Filter = Filter::Whole;
     }
 }
 
@@ -68,13 +68,7 @@ pub fn fbem(
     sizes: &[f64],
     options: &FbemOptions,
 ) -> Result<Vec<Fbem>> {
-    if !(options.exponent.is_finite() && options.exponent >= 1.0) {
-        return Err(Error::argument(
-            "exponent",
-            options.exponent,
-            "the exponent of the norm must be at least 1",
-        ));
-    }
+    options.check_ranges()?;
     if let Some(size) = sizes.iter().find(|s| !(s.is_finite() && **s >= 0.0)) {
         return Err(Error::argument("sizes", size, "a feature size is a length of at least 0"));
     }

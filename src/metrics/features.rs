@@ -1,12 +1,8 @@
 //! Feature masks: texels that belong to shadows or lit regions of at least a given size [SD95 sec 2.4].
 
 use super::Image;
+use crate::Result;
 use crate::raster::{BitImage, Morphology, Opener};
-use crate::{Error, Result};
-
-/// Smallest relative darkening that counts as shadow, 2 % of the unoccluded value: excludes the faint rim of penumbrae.
-/// Unoccluded texels have visibility exactly 1, so noise does not exceed the threshold there.
-pub const DEFAULT_THRESHOLD: f32 = 0.02;
 
 /// Kinds of regions that count as features.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -24,33 +20,14 @@ options! {
     #[non_exhaustive]
     pub struct FeatureOptions {
         /// Kinds of regions; default [`Features::Both`].
-        pub features: Features = Features::Both,
+        pub features: Features = Features::Both;
         /// Measure of sizes; default [`Morphology::Euclid`].
-        pub morphology: Morphology = Morphology::Euclid,
-        /// Value of an unoccluded texel, greater than 0, in the image's units; default 1, for visible fractions.
-        pub white: f32 = 1.0,
-        /// A texel is in shadow if its value is less than (1 − threshold) · white; in `[0, 1)`, dimensionless; default 0.02.
-        pub threshold: f32 = DEFAULT_THRESHOLD,
-    }
-}
-
-impl FeatureOptions {
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] if `white` or `threshold` is out of its range.
-    pub(crate) fn check(&self) -> Result<()> {
-        if !(self.white.is_finite() && self.white > 0.0) {
-            return Err(Error::argument("white", self.white, "the unoccluded value must be greater than 0"));
-        }
-        if !(0.0..1.0).contains(&self.threshold) {
-            return Err(Error::argument(
-                "threshold",
-                self.threshold,
-                "the shadow threshold must lie within [0, 1)",
-            ));
-        }
-        Ok(())
+        pub morphology: Morphology = Morphology::Euclid;
+        /// Value of an unoccluded texel, in the image's units; 1 for visible fractions.
+        pub white: f32 = 1.0, above 0.0, "the value of an unoccluded texel";
+        /// A texel is in shadow if its value is less than (1 − threshold) · white; dimensionless. 2 % exclude the faint rim of penumbrae;
+        /// unoccluded texels have visibility exactly 1, so noise does not exceed that there.
+        pub threshold: f32 = 0.02, in 0.0..1.0, "a relative darkening";
     }
 }
 
@@ -70,7 +47,7 @@ impl FeatureSet {
     /// # Errors
     /// [`Error::Argument`] if an option is out of its range.
     pub fn new(reference: &Image, options: &FeatureOptions) -> Result<FeatureSet> {
-        options.check()?;
+        options.check_ranges()?;
         let limit = (1.0 - options.threshold) * options.white;
         let shadow =
             BitImage::from_fn(reference.width(), reference.height(), |x, y| reference.at(x, y) < limit);

@@ -28,7 +28,7 @@ use crate::ranks::Ranks;
 use crate::ray::{EndRule, Packet};
 use crate::scene::{FineGround, Scene, magnitude};
 use crate::threads::Threads;
-use crate::visibility::{LeafMode, MultiResolution};
+use crate::visibility::{Engine, LeafMode, MultiResolution};
 use crate::{Error, Result};
 #[cfg(any(test, feature = "reports"))]
 use crate::{clusters, optics};
@@ -266,6 +266,16 @@ impl Model {
                 FineGround::MAX_TRIANGLES / 2,
                 ground.samples.len()
             ))),
+        }
+    }
+
+    /// What [`Engine::Automatic`] stands for, other engines as they are. `sized`: whether a feature size is given.
+    pub(crate) fn chosen(&self, engine: Engine, sized: bool) -> Engine {
+        let averages = || self.detail() == Detail::Optics && self.scene().fine_ground.is_none();
+        match engine {
+            Engine::Automatic if sized && averages() => Engine::MultiResolution,
+            Engine::Automatic => Engine::Exact,
+            engine => engine,
         }
     }
 

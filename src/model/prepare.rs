@@ -137,6 +137,7 @@ impl Model {
         options: &PrepareOptions,
         progress: &dyn Progress,
     ) -> Result<Model> {
+        options.optics.check_ranges()?;
         let threads = Arc::new(Threads::new(options.threads)?);
         let options = PrepareOptions { watcher: Watcher::default(), ..options.clone() };
         threads.run(|| prepare(scene, &options, &threads, progress))?

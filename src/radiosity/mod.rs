@@ -30,7 +30,9 @@ mod transport;
 
 #[cfg(any(test, feature = "reports"))]
 pub(crate) use audit::Ledger;
-pub use options::{Options, Visibility};
+#[cfg(any(test, feature = "internals"))]
+pub use options::Options;
+pub use options::SolveOptions;
 pub use pipeline::{Outcome, Record, Solution, solve};
 #[cfg(any(test, feature = "reports"))]
 pub use {audit::Powers, pipeline::Seconds};

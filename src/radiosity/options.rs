@@ -2,21 +2,8 @@
 
 use crate::clusters::Builder;
 use crate::model::cache::CacheLocation;
-use crate::{Error, Result, error::quote};
+use crate::visibility::Engine;
 use glam::DVec3;
-
-/// Which engine answers visibility.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Visibility {
-    /// Embree rays.
-    #[default]
-    Exact,
-    /// Multi-resolution: clusters with features smaller than the feature size are averaged [SD95 sec 3.2].
-    Mr,
-    /// Extinction only [SD95 sec 5].
-    Average,
-}
 
 /// How the form factors of an element from which no light leaves the scene are brought to their sum, 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -67,150 +54,132 @@ pub struct View {
 }
 
 options! {
-    /// Options of a solution.
+    /// Options of [`Model::solve`](crate::Model::solve): [`SolveOptions::default`] with other values of some fields.
+    ///
+    /// ```
+    /// let mut options = mrvis::SolveOptions::default();
+    /// options.error = 0.01;
+    /// options.importance.push("table".into());
+    /// ```
     #[derive(Clone, Debug, serde::Serialize)]
-    pub struct Options {
-        /// Target RMS irradiance error relative to the mean irradiance, above 0. A goal, not a bound: each link is refined to a
-        /// share of it, and the error that all links leave together is estimated and audited.
-        pub error: f64 = 0.02,
+    // The command and tests state fields together.
+    #[cfg_attr(not(feature = "internals"), non_exhaustive)]
+    pub struct SolveOptions {
+        /// RMS error of the irradiance that links are refined to, relative to its mean. A goal, not a bound: each link is refined to a share
+        /// of it, and the error that all links leave together is estimated in [`SolveReport::error_estimate`](crate::SolveReport::error_estimate).
+        pub error: f64 = 0.02, above 0.0;
         /// Which quantity of a link decides about its refinement.
-        pub oracle: Oracle = Oracle::default(),
-        /// Smallest element as part of the scene's area; above 0.
-        pub min_area: f64 = 2e-5,
+        #[doc(hidden)]
+        pub oracle: Oracle = Oracle::default();
+        /// Smallest element as a fraction of the scene's area.
+        // Numbers of elements have 32 bits, of which ranges of ids take a factor 4.
+        pub min_area: f64 = 2e-5, in 1e-9..=1.0, "a part of the scene's area";
         /// How row sums of form factors are normalised, along links and in the local pass.
+        #[doc(hidden)]
         #[serde(rename = "rows")]
-        pub row_sums: RowSums = RowSums::default(),
+        pub row_sums: RowSums = RowSums::default();
         /// Algorithm that builds the clusters.
-        pub builder: Builder = Builder::default(),
-        /// The visibility engine.
-        pub visibility: Visibility = Visibility::default(),
-        /// Feature size of all receivers, scene units; by default each receiver's own diameter. With importance this is the size
-        /// on important surfaces; elsewhere it grows with √(I_max / I), up to 7 times.
-        pub feature_size: Option<f32> = None,
+        #[doc(hidden)]
+        pub builder: Builder = Builder::default();
+        /// How visibility is answered; default [`Engine::Exact`]. Multi-resolution and average need a model with optics; multi-resolution was
+        /// measured to take longer than exact rays, as most rays of a solution are incoherent (`docs/light.md`).
+        #[serde(rename = "visibility")]
+        pub engine: Engine = Engine::Exact;
+        /// Feature size of all receivers, scene units, for other engines than exact: shadow features of at least this size are resolved. `None`:
+        /// each receiver's diameter. With importance this is the size on important surfaces; elsewhere it grows with √(I_max / I), up to 7 times.
+        pub feature_size: Option<f32> = None, above 0.0;
         /// Feature sizes of objects, groups or materials by name, scene units. They override `feature_size` and never grow.
-        pub feature_sizes: Vec<(String, f32)> = Vec::new(),
+        pub feature_sizes: Vec<(String, f32)> = Vec::new(), above 0.0;
         /// What light does inside the clusters that links end at.
-        pub inside: Inside = Inside::default(),
-        /// Objects, groups or materials whose light matters. Errors elsewhere count by their effect there. Empty: everything.
-        pub importance: Vec<String> = Vec::new(),
+        #[doc(hidden)]
+        pub inside: Inside = Inside::default();
+        /// Objects, groups or materials whose light matters; default none: all matter alike. Errors elsewhere count by their effect there.
+        pub importance: Vec<String> = Vec::new();
         /// Cameras whose pictures matter: what they see is important, and by default features have a few of their pixels.
-        pub views: Vec<View> = Vec::new(),
-        /// Number of elements whose error bars are checked.
-        pub audit: usize = 200,
-        /// Omit reflected light at points.
-        pub direct_only: bool = false,
+        #[doc(hidden)]
+        pub views: Vec<View> = Vec::new();
+        /// Number of elements whose error bars independent paths check. More say more about the error in `Solution::json`; 0 leaves it out.
+        pub audit: usize = 200, in 0..=1_048_576;
+        /// Whether reflected light is left out of the irradiance at points; default false.
+        pub direct_only: bool = false;
         /// Whether the light of elements is asked for: for meshes, pictures and lightmaps, and for its error. Otherwise the solution has no more
         /// than irradiance at points needs.
-        pub elements: bool = true,
-        /// Shadow rays from a point to an emitter that is partly visible, and up to sixteen times as many where it would light the point much more if nothing
-        /// blocked it; by default derived from the error.
-        pub light_rays: Option<usize> = None,
-        /// Rays from a point that gather reflected light, rounded up to a grid of blocks of sixteen; by default derived from the
-        /// error.
-        pub gather_rays: Option<usize> = None,
+        #[doc(hidden)]
+        pub elements: bool = true;
+        /// Shadow rays from a point to an emitter that is partly visible, and up to sixteen times as many where it would light the point much
+        /// more if nothing blocked it. `None`: derived from the error.
+        pub light_rays: Option<usize> = None, in 1..=65_536;
+        /// Rays from a point that gather reflected light, rounded up to a grid of blocks of sixteen. `None`: derived from the error.
+        pub gather_rays: Option<usize> = None, in 1..=1_048_576;
         /// Rays by which elements gather their light in the end, at most; 0 for light along links alone, by default derived from the
         /// error. Scenes of few elements need fewer.
-        pub local_rays: Option<usize> = None,
+        #[doc(hidden)]
+        pub local_rays: Option<usize> = None, in 0..=1 << 30;
         /// Seconds of refinement a step (progressive multi-gridding); without a number each step ends at its error threshold.
-        pub step_seconds: Option<f64> = None,
-        /// Time limit in seconds for refinement, the local pass and points, from the call that solves, less [`Options::seconds_spent`]. Fewer
-        /// links are refined and fewer rays traced to meet it.
-        pub max_seconds: Option<f64> = None,
+        #[doc(hidden)]
+        pub step_seconds: Option<f64> = None, above 0.0;
+        /// Seconds from the call of [`Model::solve`](crate::Model::solve) in which to be done, about. `None`: no limit. The preparation of the
+        /// model does not count. Fewer links are refined and fewer rays traced to meet it: of many elements for whose rays there is no time,
+        /// some are traced and determine the light of the others.
+        pub max_seconds: Option<f64> = None, above 0.0;
         /// Seconds of that time that the caller has spent already: the command counts reading and preparation.
+        #[doc(hidden)]
         #[serde(skip)]
-        pub seconds_spent: f64 = 0.0,
+        pub seconds_spent: f64 = 0.0;
         /// Whether irradiance at more points will be asked for after the solution: part of the time limit is kept for that.
-        pub more_points: bool = false,
+        #[doc(hidden)]
+        pub more_points: bool = false;
         /// Number of points, the last of them, that are meant to lie off surfaces: they are not reported for it.
+        #[doc(hidden)]
         #[serde(skip)]
-        pub points_in_space: usize = 0,
-        /// Largest RMS error of the elements' irradiance relative to its mean, as independent paths find it: the local pass is repeated with more
-        /// rays until then, unless `local_rays` is given. Refinement of links ends when their error estimate is no larger.
-        pub target_error: Option<f64> = None,
-        /// Refinement ends at this number of links.
-        pub max_links: usize = 10_000_000,
+        pub points_in_space: usize = 0;
+        /// Largest RMS error of the elements' irradiance relative to its mean, as independent paths find it: more rays are traced until then.
+        /// Refinement of links ends when their error estimate is no larger. `None`: no such target.
+        pub target_error: Option<f64> = None, above 0.0;
+        /// Number of links at which refinement ends, which bounds the memory, 72 bytes each.
+        pub max_links: usize = 10_000_000, in 1..=1_073_741_824;
         /// Where measured clusters are kept.
+        #[doc(hidden)]
         #[serde(skip)]
-        pub cache: CacheLocation = CacheLocation::Off,
-        /// Seed of all random numbers.
-        pub seed: u64 = 1,
+        pub cache: CacheLocation = CacheLocation::Off;
+        /// Seed of all random numbers; default 1.
+        pub seed: u64 = 1;
     }
 }
 
-impl Options {
-    /// Checks the ranges of all options.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] that names the option and its range.
-    pub fn check(&self) -> Result<()> {
-        let above_zero = [
-            ("error", Some(self.error)),
-            ("min_area", Some(self.min_area)),
-            ("feature_size", self.feature_size.map(f64::from)),
-            ("step_seconds", self.step_seconds),
-            ("max_seconds", self.max_seconds),
-            ("target_error", self.target_error),
-        ];
-        for (name, value) in above_zero {
-            if let Some(v) = value.filter(|v| !v.is_finite() || *v <= 0.0) {
-                return Err(Error::argument(name, v, "must be a number above 0"));
-            }
-        }
-        if let Some((name, s)) = self.feature_sizes.iter().find(|(_, s)| !s.is_finite() || *s <= 0.0) {
-            let value = format!("{s} of `{}`", quote(name));
-            return Err(Error::argument("feature_sizes", value, "must be a number above 0"));
-        }
-        let [light, gather] = [self.light_rays, self.gather_rays].map(|n| n.unwrap_or(1));
-        for (name, value, min, max) in [
-            ("light_rays", light, 1, 1 << 16),
-            ("gather_rays", gather, 1, 1 << 20),
-            ("max_links", self.max_links, 1, 1 << 30),
-            ("local_rays", self.local_rays.unwrap_or(0), 0, 1 << 30),
-            ("audit", self.audit, 0, 1 << 20),
-        ] {
-            if value < min || value > max {
-                return Err(Error::argument(name, value, format!("must lie in {min}..{max}")));
-            }
-        }
-        if !(MIN_MIN_AREA..=1.0).contains(&self.min_area) {
-            let problem = format!("is a part of the scene's area, in {MIN_MIN_AREA:e}..1");
-            return Err(Error::argument("min_area", format!("{:e}", self.min_area), problem));
-        }
-        Ok(())
-    }
+/// What this room calls them.
+pub use SolveOptions as Options;
 
+impl SolveOptions {
     /// Shadow rays to a partly visible emitter: 5 / error, 250 at the default error of 0.02, where a visible fraction of one half
     /// has a standard error of 0.5 / √250 = 3 %.
-    pub fn light_rays(&self) -> usize {
+    pub(crate) fn light_rays(&self) -> usize {
         self.light_rays.unwrap_or((5.0 / self.error).clamp(64.0, 4096.0) as usize)
     }
 
     /// Rays of a final gather: n = (0.27 / error)², so that the noise is the error where one ray deviates by
     /// 0.27 of the mean: 182 rays at the default error of 0.02. The bounds limit the noise to 3.4 % and the time to 2,304 rays.
-    pub fn gather_rays(&self) -> usize {
+    pub(crate) fn gather_rays(&self) -> usize {
         self.gather_rays.unwrap_or((0.27 / self.error).powi(2).clamp(64.0, 2304.0) as usize)
     }
 
     /// Rays of the local pass.
-    pub fn local_rays(&self) -> usize {
+    pub(crate) fn local_rays(&self) -> usize {
         self.local_rays
             .unwrap_or((LOCAL_RAYS_TIMES_ERROR_SQUARED / self.error.powi(2)).clamp(1e5, 1e8) as usize)
     }
 
     /// Smallest element of the local pass as part of the scene's area: so large that its share of the rays tells its light
     /// from that of its neighbours.
-    pub fn local_area(&self) -> f64 {
+    pub(crate) fn local_area(&self) -> f64 {
         self.min_area.min(Self::area_for(self.local_rays() as f64))
     }
 
     /// The same area for a local pass of so many rays.
-    pub fn area_for(rays: f64) -> f64 {
+    pub(crate) fn area_for(rays: f64) -> f64 {
         RAYS_OF_SMALLEST_ELEMENT / rays.max(1.0)
     }
 }
-
-/// Smallest part of the scene's area of an element: numbers of elements have 32 bits, of which ranges of ids take a factor 4.
-const MIN_MIN_AREA: f64 = 1e-9;
 
 /// Rays of the smallest element that the local pass splits others into: a seventh of them, 20, exchange light, with noise of
 /// 1/√20 = 22 % of the spread of one ray; 96 gather, with noise of 10 %, which sharing between neighbours brings down. 70 instead

@@ -24,6 +24,7 @@ use crate::points::Point;
 use crate::progress::{Progress, testing::stop_when};
 use crate::scene::testing::{Pieces, Wall, facing_down, facing_up, generated, on_threads, walls};
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
+use crate::visibility::Engine;
 use glam::{DQuat, DVec3};
 
 /// A unit cube seen from inside whose walls reflect and emit alike.

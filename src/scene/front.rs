@@ -12,17 +12,17 @@ options! {
     #[non_exhaustive]
     pub struct GenerateOptions {
         /// Seed of all random numbers; default 1.
-        pub seed: u64 = 1,
+        pub seed: u64 = 1;
         /// Number of cubes, slats, courses of bricks, boards or facets, 1 to 100 million; default: that of the kind.
-        pub count: Option<usize> = None,
+        pub count: Option<usize> = None;
         /// Trees of the forest, 1 to 100 million; default 100.
-        pub trees: Option<usize> = None,
+        pub trees: Option<usize> = None;
         /// Leaves of each tree, 1 to 100 million, at most 100 million in all; default 1,000.
-        pub leaves: Option<usize> = None,
+        pub leaves: Option<usize> = None;
         /// Whether the trees have trunks; default false.
-        pub trunks: bool = false,
+        pub trunks: bool = false;
         /// Edge of the emitter, in the kind's unit, above 0, at most 1e6; default: that of the kind.
-        pub light_size: Option<f64> = None,
+        pub light_size: Option<f64> = None;
     }
 }
 

@@ -23,32 +23,32 @@ options! {
     pub struct LoadOptions {
         /// The length unit of the scene's coordinates: `m` (default), `dm`, `cm`, `mm`, `km`, `in` or `ft`; any other name counts as metres where
         /// power is concerned.
-        pub unit: String = "m".into(),
+        pub unit: String = "m".into();
         /// Objects, groups or materials that become emitters, with what they send out, at least 0; 0 switches an emitter off.
-        pub emitters: Vec<(String, Strength)> = Vec::new(),
+        pub emitters: Vec<(String, Strength)> = Vec::new();
         /// Which channels hold light as the eye weighs it, for luminaires and luminous emitters; default [`Channels::Rgb`].
-        pub channels: Channels = Channels::default(),
+        pub channels: Channels = Channels::default();
         /// Upward axis of the scene's coordinates, for automatic cameras and files that have one; default: y in glTF, elsewhere as the light and
         /// the extents say.
-        pub up: Option<UpAxis> = None,
+        pub up: Option<UpAxis> = None;
         /// Whether emissive faces emit from both sides; default false: only from the front.
-        pub two_sided_emission: bool = false,
+        pub two_sided_emission: bool = false;
         /// Overrides what connectivity says: 1 all faces bound solids, 2 all are sheets that are seen from both sides.
-        pub sides: Option<u8> = None,
+        pub sides: Option<u8> = None;
         /// Threads, at most 1024; 0 (default) for one a core. Calls from inside a rayon pool use that pool instead.
-        pub threads: usize = 0,
+        pub threads: usize = 0;
         /// Largest file and largest sum of decoded textures, bytes; default: four fifths of the available memory.
-        pub max_memory: Option<u64> = None,
+        pub max_memory: Option<u64> = None;
         /// Objects and glTF nodes that are moved, in this order.
-        pub(crate) moves: Vec<Move> = Vec::new(),
+        pub(crate) moves: Vec<Move> = Vec::new();
         /// Luminaires with photometric files.
-        pub(crate) luminaires: Placements = Placements::default(),
+        pub(crate) luminaires: Placements = Placements::default();
         /// What the file of a height field does not state.
-        pub(crate) grid: ReadOptions = ReadOptions::default(),
+        pub(crate) grid: ReadOptions = ReadOptions::default();
         /// Further files of the scene.
-        pub(crate) added: AddedFiles = AddedFiles::default(),
+        pub(crate) added: AddedFiles = AddedFiles::default();
         /// Radius of the earth, as a part of its mean radius, along which height fields curve; `None`: a flat earth.
-        pub(crate) curvature: Option<f64> = None,
+        pub(crate) curvature: Option<f64> = None;
     }
 }
 

@@ -68,7 +68,7 @@ impl SkyOptions {
     /// The same with the suns of a file, if the description neither has a sun nor excludes one.
     pub(crate) fn environment_with(&self, up: DVec3, suns: &[Sun]) -> Result<Environment> {
         let at = |what: String| self.wrong(Error::arguments(what));
-        self.check().map_err(at)?;
+        self.check().map_err(|error| self.wrong(error))?;
         let frame = match self.north {
             Some(north) => Frame::new(up, DVec3::from(north)),
             None => Frame::upright(up),

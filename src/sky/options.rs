@@ -1,10 +1,11 @@
 //! Descriptions of sky and sun: options and `sky.toml`.
 
 use super::parse::{SkyModel, SkyText, SunChoice, numbers, positive};
-use super::position::{Air, Moment, Place};
+use super::position::{Moment, Place};
 use super::sun::SUN_DIAMETER;
-use crate::error::{figure, in_words, quote};
+use crate::error::{in_words, quote};
 use crate::files::input::{self, MAX_SMALL_FILE};
+use crate::options::Values;
 use crate::{Error, Result};
 use serde::de::{Deserialize, Deserializer, Error as _};
 use std::fmt::Display;
@@ -38,49 +39,57 @@ options! {
     pub struct SkyOptions {
         /// The radiance of the sky.
         #[serde(deserialize_with = "sky")]
-        pub sky: (SkyModel, Option<f64>) = (SkyModel::None, None),
+        pub sky: (SkyModel, Option<f64>) = (SkyModel::None, None);
         /// A map that multiplies the model.
-        pub map: Option<PathBuf> = None,
-        /// Azimuth of the centre column of a map, degrees; default 0, north.
-        pub map_north: f64 = 0.0,
+        pub map: Option<PathBuf> = None;
+        /// Azimuth of the centre column of a map, degrees; 0 is north.
+        pub map_north: f64 = 0.0, in -360.0..=360.0, "an angle in degrees";
         /// The sun.
         #[serde(deserialize_with = "from_text")]
-        pub sun: SunChoice = SunChoice::Auto,
-        /// Angular diameter of the sun, degrees, above 0, at most 90; default 0.533.
-        pub sun_diameter: f64 = SUN_DIAMETER,
+        pub sun: SunChoice = SunChoice::Auto;
+        /// Angular diameter of the sun, degrees; 0.533 in the mean.
+        pub sun_diameter: f64 = SUN_DIAMETER, above 0.0, at most 90.0, "an angle in degrees";
         /// The place for the sun's position.
         #[serde(deserialize_with = "place")]
-        pub place: Option<Place> = None,
+        pub place: Option<Place> = None;
         /// The time for the sun's position.
         #[serde(deserialize_with = "time")]
-        pub time: Option<Moment> = None,
+        pub time: Option<Moment> = None;
         /// Normal irradiance of the sun, W/m² (lx if photometric).
         #[serde(deserialize_with = "amount")]
-        pub direct_normal: Option<Amount> = None,
+        pub direct_normal: Option<Amount> = None, in 0.0.., "an irradiance";
         /// Horizontal irradiance of the sky without `sun`, with the bright spots of a map, W/m² (lx if photometric). Without any level the skies
         /// `uniform`, `overcast` and `cie` have 1, so that irradiances are daylight factors, and a map alone has its own values. It replaces the
         /// irradiance of `perez` and `clear`, as three numbers for their colour.
         #[serde(deserialize_with = "amount")]
-        pub diffuse_horizontal: Option<Amount> = None,
+        pub diffuse_horizontal: Option<Amount> = None, in 0.0.., "an irradiance";
         /// Radiance at the zenith, W/(m² sr) (cd/m² if photometric), instead of `diffuse_horizontal`.
-        pub zenith: Option<f64> = None,
-        /// Diffuse reflectance of the ground below the horizon, 0 to 1; default 0: black.
+        pub zenith: Option<f64> = None, in 0.0.., "a radiance";
+        /// Diffuse reflectance of the ground below the horizon; `None`: 0, black.
         #[serde(deserialize_with = "amount")]
-        pub ground: Option<Amount> = None,
+        pub ground: Option<Amount> = None, in 0.0..=1.0, "a reflectance";
         /// Direction of north in scene coordinates, horizontal; default +y below +z, −z below +y.
-        pub north: Option<[f64; 3]> = None,
-        /// Dew point, °C, for the luminous efficacy; default 11: 2 cm of precipitable water, as in Radiance's gendaylit.
-        pub dew_point: f64 = 11.0,
-        /// Pressure of the air, hPa, for refraction; default: standard atmosphere at the altitude.
-        pub pressure: Option<f64> = None,
-        /// Temperature of the air, °C, for refraction; default 12.
-        pub temperature: f64 = Air::default().temperature,
+        pub north: Option<[f64; 3]> = None;
+        /// Dew point, °C, for the luminous efficacy; 11 are 2 cm of precipitable water, as in Radiance's gendaylit.
+        pub dew_point: f64 = 11.0, in -60.0..=40.0, "a temperature in °C";
+        /// Pressure of the air, hPa, for refraction; `None`: standard atmosphere at the altitude.
+        pub pressure: Option<f64> = None, in 100.0..=1200.0, "a pressure in hPa";
+        /// Temperature of the air, °C, for refraction.
+        // The default of pvlib for annual means. 10 °C more lower a sun 10° above the horizon by 0.003°.
+        pub temperature: f64 = 12.0, in -100.0..=70.0, "a temperature in °C";
         /// Whether light is in lx and cd/m² instead of W/m² and W/(m² sr). Irradiances of `perez` and `clear` then become illuminances by the luminous
         /// efficacies of Perez; all other values are in these units.
-        pub photometric: bool = false,
+        pub photometric: bool = false;
         /// The file that this was read from.
         #[serde(skip)]
-        pub(super) file: Option<PathBuf> = None,
+        pub(super) file: Option<PathBuf> = None;
+    }
+}
+
+impl Values for Amount {
+    type Number = f64;
+    fn first_not(&self, allowed: &impl Fn(f64) -> bool) -> Option<String> {
+        self.rgb().iter().find_map(|value| value.first_not(allowed))
     }
 }
 
@@ -180,35 +189,12 @@ impl SkyOptions {
     }
 
     /// Checks values that are wrong whatever the sky is.
-    pub(super) fn check(&self) -> Result<(), String> {
-        let is_reflectance = |v: &f64| (0.0..=1.0).contains(v);
-        if let Some(bad) = self.ground.and_then(|g| g.rgb().into_iter().find(|v| !is_reflectance(v))) {
-            return Err(format!("⟨ground⟩ {} is no reflectance: give 0 to 1", figure(bad)));
-        }
-        if !(self.sun_diameter > 0.0 && self.sun_diameter <= 90.0) {
-            return Err(format!(
-                "⟨sun_diameter⟩ {} is not above 0 and at most 90 degrees",
-                figure(self.sun_diameter)
-            ));
-        }
-        for (value, name, [low, high], unit) in [
-            (self.map_north, "map_north", [-360.0, 360.0], "degrees"),
-            (self.dew_point, "dew_point", [-60.0, 40.0], "°C"),
-            (self.temperature, "temperature", [-100.0, 70.0], "°C"),
-            (self.pressure.unwrap_or(1000.0), "pressure", [100.0, 1200.0], "hPa"),
-            (self.zenith.unwrap_or(0.0), "zenith", [0.0, f64::MAX], "(radiance)"),
-        ] {
-            if !(low..=high).contains(&value) {
-                let high = figure(high);
-                return Err(format!("⟨{name}⟩ {} is not between {low} and {high} {unit}", figure(value)));
-            }
-        }
+    pub(super) fn check(&self) -> Result<()> {
+        self.check_ranges()?;
         let levels = [self.diffuse_horizontal.is_some(), self.zenith.is_some(), self.sky.1.is_some()];
         if levels.iter().filter(|given| **given).count() > 1 {
-            return Err("the level of the sky is stated twice: keep one of ⟨diffuse_horizontal⟩, ⟨zenith⟩ and the number in ⟨sky⟩".into());
-        }
-        for amount in [self.direct_normal, self.diffuse_horizontal].into_iter().flatten() {
-            amount.rgb().into_iter().try_for_each(|v| positive(v, "irradiance").map(drop))?;
+            let what = "the level of the sky is stated twice: keep one of ⟨diffuse_horizontal⟩, ⟨zenith⟩ and the number in ⟨sky⟩";
+            return Err(Error::arguments(what.into()));
         }
         Ok(())
     }

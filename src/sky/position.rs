@@ -138,13 +138,6 @@ pub struct Air {
     pub temperature: f64,
 }
 
-impl Default for Air {
-    /// 12 °C, the default of pvlib for annual means. 10 °C more lower a sun 10° above the horizon by 0.003°.
-    fn default() -> Air {
-        Air { pressure: None, temperature: 12.0 }
-    }
-}
-
 /// Position of the sun.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunPosition {

@@ -16,6 +16,7 @@ mod answer;
 mod bundle_walks;
 mod cost_model;
 mod cut;
+mod engine;
 mod exact;
 #[cfg(any(test, feature = "reports"))]
 mod far_field;
@@ -41,6 +42,7 @@ pub use cost_model::{CALIBRATION_BUNDLES, Work, sample_runs};
 pub use cut::{Candidate, DistanceCut, rays_for};
 #[cfg(any(test, feature = "reports"))]
 pub use cut::{SURFACE_PART, surface_widths};
+pub use engine::Engine;
 pub use exact::Exact;
 #[cfg(any(test, feature = "reports"))]
 pub use exact::fastest_traversal;

@@ -4,7 +4,7 @@ use super::args::{CacheArgs, Common, SceneArgs, command_line, distinct, plain};
 use super::inputs::{Inputs, Output, check_folder};
 use super::limits;
 use super::progress::Bar;
-use super::values::{ClusterArgs, Values, one_of};
+use super::values::{ClusterArgs, Values, name_of, one_of, set_fields};
 use mrvis::internals::bench::page::{self, MrImage, ReceiverImages};
 use mrvis::internals::image_io::{difference, grey, mask_overlay, write_atomically, write_exr, write_png};
 use mrvis::internals::metrics::FeatureSet;
@@ -29,10 +29,10 @@ pub struct Args {
     #[arg(short = 's', long = "feature-size", value_name = "S")]
     pub feature_sizes: Vec<f64>,
     /// Segments from a point to an emitter; 4 and 16 times as many are measured as well
-    #[arg(long, value_name = "N", default_value_t = 16)]
+    #[arg(long, value_name = "N", default_value_t = BenchOptions::default().rays)]
     pub rays: usize,
     /// Receiver points, uniform over all surfaces that do not emit
-    #[arg(long, value_name = "N", default_value_t = 20_000)]
+    #[arg(long, value_name = "N", default_value_t = BenchOptions::default().points)]
     pub points: usize,
     /// Object, group or material for shadow images; repeatable [default: the largest flat surfaces, and terrain]
     #[arg(long = "receiver", value_name = "NAME")]
@@ -42,20 +42,20 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     pub map: Option<usize>,
     /// Rays from a point to an emitter in the reference
-    #[arg(long, value_name = "N", default_value_t = 1024)]
+    #[arg(long, value_name = "N", default_value_t = BenchOptions::default().reference_rays)]
     pub reference_rays: usize,
     /// Largest number of runs of each timed row; tests that compare no times run each row once
     #[arg(long, value_name = "N", hide = true, default_value_t = BenchOptions::default().rounds)]
     pub rounds: usize,
-    /// Check the stated intervals by independent exact rays on this part of the bundles; 0: no check [default: 0.05]
-    #[arg(long, value_name = "FRACTION")]
-    pub audit: Option<f64>,
+    /// Check the stated intervals by independent exact rays on this part of the bundles; 0: no check
+    #[arg(long, value_name = "FRACTION", default_value_t = BenchOptions::default().audit)]
+    pub audit: f64,
     /// Tolerated error of a cluster's transmittance; clusters with a larger error are averaged only for beams wide
     /// enough to compensate
-    #[arg(long, value_name = "TOL", default_value_t = 0.05)]
+    #[arg(long, value_name = "TOL", default_value_t = BenchOptions::default().clusters.tolerance)]
     pub tolerance: f32,
     /// Extinction of clusters
-    #[arg(long, value_parser = one_of(EXTINCTION), default_value = "measured")]
+    #[arg(long, value_parser = one_of(EXTINCTION), default_value = name_of(EXTINCTION, Extinction::default()))]
     pub extinction: Extinction,
     #[command(flatten)]
     pub clusters: ClusterArgs,
@@ -86,18 +86,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     let mut options = BenchOptions::default();
-    options.feature_sizes = args.feature_sizes.clone();
-    options.rays = args.rays;
-    options.points = args.points;
-    options.receivers = args.receivers.clone();
-    options.map = args.map;
-    options.reference_rays = args.reference_rays;
-    options.threads = common.threads.map_or(1, usize::from);
-    options.rounds = args.rounds;
+    set_fields!(options = args: feature_sizes, rays, points, receivers, map, reference_rays, rounds, audit);
+    options.threads = common.threads.map_or(options.threads, usize::from);
     options.seed = common.seed;
-    options.audit = args.audit.unwrap_or(options.audit);
-    options.clusters.extinction = args.extinction;
-    options.clusters.tolerance = args.tolerance;
+    (options.clusters.extinction, options.clusters.tolerance) = (args.extinction, args.tolerance);
     options.builder = args.clusters.builder;
     options.cache = args.cache.place()?;
     options.max_memory = limits::bytes(common.max_memory);

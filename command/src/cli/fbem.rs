@@ -11,7 +11,7 @@ use serde_json::json;
 use mrvis::internals::image_io::{
     Channel, difference, mask_overlay, read_image, write_atomically, write_exr, write_png,
 };
-use mrvis::internals::metrics::{DEFAULT_THRESHOLD, FeatureSet, Norms, norms, spectrum_sizes};
+use mrvis::internals::metrics::{FeatureSet, Norms, norms, spectrum_sizes};
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 use mrvis::metrics::{Fbem, FbemOptions, FeatureOptions, Features, Filter, Image, Morphology, fbem};
 use mrvis::{Error, Result};
@@ -31,22 +31,22 @@ pub struct Args {
     #[arg(long, value_name = "T", default_value_t = 1.0)]
     pub texel: f64,
     /// Measure of feature sizes
-    #[arg(long, value_parser = one_of(MODES), default_value = "euclid")]
+    #[arg(long, value_parser = one_of(MODES), default_value = name_of(MODES, FeatureOptions::default().morphology))]
     pub mode: Morphology,
     /// Regions that are features
-    #[arg(long, value_parser = one_of(KINDS), default_value = "both")]
+    #[arg(long, value_parser = one_of(KINDS), default_value = name_of(KINDS, FeatureOptions::default().features))]
     pub features: Features,
     /// Exclude features from the averages outside of them
     #[arg(long)]
     pub unmasked_filter: bool,
     /// Exponent of the norm
-    #[arg(long, default_value_t = 2.0)]
+    #[arg(long, default_value_t = FbemOptions::default().exponent)]
     pub p: f64,
     /// Value of an unoccluded texel [default: 1, or the reference's maximum if that is larger]
     #[arg(long, value_name = "W")]
     pub white: Option<f32>,
     /// Smallest relative darkening that counts as shadow
-    #[arg(long, default_value_t = DEFAULT_THRESHOLD)]
+    #[arg(long, default_value_t = FeatureOptions::default().threshold)]
     pub threshold: f32,
     /// Channel of the pixels that is compared
     #[arg(long, value_parser = one_of(COMPONENTS), default_value = "luminance")]

@@ -7,13 +7,13 @@ use super::job_context;
 use super::limits::{self, GIB};
 use super::mpi::MpiArgs;
 use super::progress::Bar;
-use super::values::{Values, one_of};
+use super::values::{Values, name_of, one_of, set_fields};
 use mrvis::internals::form_factors::{
     Facets, Format, Grouping, Report, Settings, by_groups, compute, memory_bound, write,
 };
 use mrvis::internals::plot::number;
 use mrvis::internals::{ModelParts, SceneParts};
-use mrvis::{Error, FormFactors, Result};
+use mrvis::{Error, FormFactorOptions, FormFactors, Result};
 use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 
 /// Form factors between polygons, objects or materials, with visibility.
@@ -29,15 +29,15 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Rows and columns: polygons of the file, objects (and groups), or materials.
-    #[arg(long, value_name = "WHAT", value_parser = one_of(ROWS), default_value = "face")]
+    #[arg(long, value_name = "WHAT", value_parser = one_of(ROWS), default_value = name_of(ROWS, FormFactorOptions::default().grouping))]
     by: Grouping,
     /// Rays per polygon that search for visible polygons; the rays per pair are proportional [default: 2048, more for
     /// few polygons]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    #[arg(long, value_name = "N")]
     rays: Option<u32>,
     /// Largest number of rays between two polygons that are partly hidden from each other [default: 256, more for few
     /// polygons]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..=1 << 22))]
+    #[arg(long, value_name = "N")]
     pair_rays: Option<u32>,
     /// Adjustment of the matrix: `closure` makes rows without escape sum to 1, each entry according to its
     /// uncertainty, and keeps A F symmetric; `none` leaves the estimates unchanged.
@@ -62,11 +62,14 @@ const ROWS: Values<Grouping> = &[
 const ENFORCE: Values<bool> = &[("closure", "", true), ("none", "", false)];
 
 impl Args {
-    /// The format of the matrix.
+    /// The format of the matrix; options are checked.
     ///
     /// # Errors
-    /// The extension of the file is that of none.
+    /// The extension of the file is that of none, or an option is out of its range.
     pub fn format(&self) -> Result<Format> {
+        let mut options = FormFactorOptions::default();
+        set_fields!(options = self: rays, pair_rays);
+        options.check_ranges()?;
         Format::of(&self.out)
     }
 

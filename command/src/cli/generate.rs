@@ -2,6 +2,7 @@
 
 use super::args::{Common, file_name, grouped};
 use super::inputs::{Inputs, Output};
+use super::values::set_fields;
 use mrvis::internals::scene::generate::{KINDS, Kind, Spec, placed, soup};
 use mrvis::internals::scene::{mtl_path, write_gltf, write_obj};
 use mrvis::internals::terrain::{Layer, mountains, write_geotiff};
@@ -33,10 +34,10 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     count: Option<usize>,
     /// Number of trees of the forest.
-    #[arg(long, value_name = "N", default_value_t = 100)]
+    #[arg(long, value_name = "N", default_value_t = Spec::default().trees)]
     trees: usize,
     /// Leaves per tree.
-    #[arg(long, value_name = "N", default_value_t = 1000)]
+    #[arg(long, value_name = "N", default_value_t = Spec::default().leaves)]
     leaves: usize,
     /// Add trunks to the trees.
     #[arg(long)]
@@ -45,7 +46,7 @@ pub struct Args {
     #[arg(long)]
     instances: bool,
     /// Number of species in a forest of instances.
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "instances")]
+    #[arg(long, value_name = "N", default_value_t = Spec::default().species, requires = "instances")]
     species: usize,
     /// Edge length of the emitter in scene units.
     #[arg(long, value_name = "L")]
@@ -87,17 +88,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         }
     };
     let common = &args.common;
-    let spec = Spec {
-        seed: common.seed,
-        count: args.count,
-        trees: args.trees,
-        leaves: args.leaves,
-        trunks: args.trunks,
-        instances: args.instances,
-        species: args.species,
-        light_size: args.light_size,
-        ..Spec::new(name)
-    };
+    let mut spec = Spec { seed: common.seed, ..Spec::new(name) };
+    set_fields!(spec = args: count, trees, leaves, trunks, instances, species, light_size);
     // A height field is no scene of polygons.
     let kind = if args.is_terrain() { None } else { Some(spec.kind()?) };
     let materials = (kind.is_some() && !args.instances).then(|| mtl_path(out));

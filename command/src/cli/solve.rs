@@ -11,7 +11,7 @@ use super::interruption;
 use super::mpi::MpiArgs;
 use super::outputs::{Outputs, Written};
 use super::progress::Bar;
-use super::values::{ClusterArgs, ENGINES, Values, lower, one_of};
+use super::values::{ClusterArgs, ENGINES, Values, lower, name_of, one_of, set_fields};
 use crate::cli::mpi::Sharing;
 use glam::DVec3;
 use grids::{GridArg, Grids, MeasuredGrid, section};
@@ -23,11 +23,11 @@ use mrvis::internals::image_io::{Picture, write_png};
 use mrvis::internals::plot::number;
 use mrvis::internals::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::internals::radiosity::{
-    self, Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View, Visibility,
+    self, Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View,
 };
 use mrvis::internals::scene::{Photometry, StoredCamera};
 use mrvis::internals::{ModelParts, SceneParts};
-use mrvis::{Error, Progress, Result, Scene};
+use mrvis::{Engine, Error, Progress, Result, Scene};
 use serde::Serialize;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -65,17 +65,17 @@ pub struct Args {
     #[arg(long, value_name = "PART", default_value_t = Options::default().min_area, allow_negative_numbers = true)]
     min_area: f64,
     /// Criterion of refinement.
-    #[arg(long, value_parser = one_of(ORACLES), default_value = "error")]
+    #[arg(long, value_parser = one_of(ORACLES), default_value = name_of(ORACLES, Oracle::default()))]
     oracle: Oracle,
     /// Normalisation of the form factors of elements in closed scenes to row sums of 1.
-    #[arg(long, value_parser = one_of(ROW_SUMS), default_value = "balanced")]
+    #[arg(long, value_parser = one_of(ROW_SUMS), default_value = name_of(ROW_SUMS, RowSums::default()))]
     rows: RowSums,
     /// Engine for visibility.
-    #[arg(long, value_parser = one_of(ENGINES), default_value = "exact")]
-    visibility: Visibility,
+    #[arg(long, value_parser = one_of(ENGINES), default_value = name_of(ENGINES, Options::default().engine))]
+    visibility: Engine,
     /// Solve again with this engine and report times of both and the difference at the points; needs --points or --grid.
     #[arg(long, value_parser = one_of(ENGINES), value_name = "ENGINE", requires = "measured")]
-    compare: Option<Visibility>,
+    compare: Option<Engine>,
     /// Feature size in scene units: smaller shadows may be averaged [default: each receiver's diameter]. With
     /// --importance or --importance-camera it is up to 7 times larger on surfaces that matter only by the light they
     /// reflect.
@@ -85,7 +85,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml")]
     feature_sizes: Option<PathBuf>,
     /// Light inside the clusters at the ends of links.
-    #[arg(long, value_parser = one_of(INSIDE), default_value = "visible")]
+    #[arg(long, value_parser = one_of(INSIDE), default_value = name_of(INSIDE, Inside::default()))]
     inside: Inside,
     /// Object, group or material whose light matters; repeatable [default: all].
     #[arg(long, value_name = "NAME")]
@@ -173,34 +173,22 @@ fn options(args: &Args) -> Result<Options> {
                 .into(),
         ));
     }
-    Ok(Options {
-        error: args.error,
-        min_area: args.min_area,
-        oracle: args.oracle,
+    let mut options = Options {
         row_sums: args.rows,
-        visibility: args.visibility,
-        feature_size: args.feature_size,
+        engine: args.visibility,
         feature_sizes: args.feature_sizes.as_deref().map(read).transpose()?.unwrap_or_default(),
-        inside: args.inside,
-        importance: args.importance.clone(),
-        views: Vec::new(),
-        audit: args.audit,
-        direct_only: args.direct_only,
         elements: args.outputs.need_elements(args.has_points()) || args.target_error.is_some(),
-        light_rays: args.light_rays,
-        gather_rays: args.gather_rays,
-        local_rays: args.local_rays,
-        step_seconds: args.step_seconds,
-        max_seconds: args.max_seconds,
-        seconds_spent: 0.0,
         more_points: args.outputs.gathers(args.has_points()),
-        points_in_space: 0,
-        target_error: args.target_error,
-        max_links: args.max_links,
         builder: args.clusters.builder,
         cache: args.cache.place()?,
         seed: args.common.seed,
-    })
+        ..Options::default()
+    };
+    set_fields! {
+        options = args: error, min_area, oracle, feature_size, inside, importance, audit, direct_only, light_rays,
+        gather_rays, local_rays, step_seconds, max_seconds, target_error, max_links
+    }
+    Ok(options)
 }
 
 /// Checks all options that need no scene.
@@ -208,7 +196,7 @@ fn options(args: &Args) -> Result<Options> {
 /// # Errors
 /// As the command itself.
 pub fn check(args: &Args) -> Result<()> {
-    options(args)?.check()
+    options(args)?.check_ranges()
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
@@ -217,7 +205,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 
 fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let mut options = options(args)?;
-    options.check()?;
+    options.check_ranges()?;
     for (option, is_given) in
         [("--max-seconds", args.max_seconds.is_some()), ("--step-seconds", args.step_seconds.is_some())]
     {

@@ -2,9 +2,8 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use mrvis::internals::points::Point;
-use mrvis::internals::radiosity::Visibility;
 use mrvis::internals::{BuilderParts, SceneParts};
-use mrvis::{Builder, Channels, Error, Result, Scene, UpAxis};
+use mrvis::{Builder, Channels, Engine, Error, Result, Scene, UpAxis};
 
 /// Names, help and meanings of values.
 pub type Values<T> = &'static [(&'static str, &'static str, T)];
@@ -24,6 +23,14 @@ pub fn name_of<T: PartialEq>(all: Values<T>, value: T) -> &'static str {
     all.iter().find(|(.., known)| *known == value).map_or("", |(name, ..)| name)
 }
 
+/// Sets the fields of options of the library to the arguments of the same names.
+macro_rules! set_fields {
+    ($options:ident = $args:tt: $($name:ident),+ $(,)?) => {
+        $($options.$name = Clone::clone(&$args.$name);)+
+    };
+}
+pub(super) use set_fields;
+
 /// Upward axes.
 pub const UP: Values<UpAxis> = &[("y", "+y, as in glTF", UpAxis::Y), ("z", "+z", UpAxis::Z)];
 
@@ -36,10 +43,10 @@ pub const CHANNELS: Values<Channels> = &[
 ];
 
 /// Engines of a solve.
-pub const ENGINES: Values<Visibility> = &[
-    ("exact", "Embree rays", Visibility::Exact),
-    ("mr", "Multi-resolution: clusters with small features are averaged", Visibility::Mr),
-    ("average", "Extinction only", Visibility::Average),
+pub const ENGINES: Values<Engine> = &[
+    ("exact", "Embree rays", Engine::Exact),
+    ("mr", "Multi-resolution: clusters with small features are averaged", Engine::MultiResolution),
+    ("average", "Extinction only", Engine::Average),
 ];
 
 /// The builder of the clusters, for commands that build them.

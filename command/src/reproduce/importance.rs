@@ -7,11 +7,11 @@ use super::{CERTAIN, Context, fixed};
 use glam::DVec3;
 use mrvis::internals::SceneParts;
 use mrvis::internals::points::Point;
-use mrvis::internals::radiosity::{self, Options, Visibility};
+use mrvis::internals::radiosity::{self, Options};
 use mrvis::internals::scene::Object;
 use mrvis::internals::scene::generate::{self, DESKS, Spec};
 use mrvis::metrics::Image;
-use mrvis::{Detail, Result};
+use mrvis::{Detail, Engine, Result};
 
 /// Feature size where one looks, metres.
 const LOOKED: f32 = 0.05;
@@ -82,7 +82,8 @@ pub fn importance(context: &Context) -> Result<Item> {
     let error = [Options::default().error, 0.05][small];
     let base = Options { error, local_rays: Some(0), audit: 0, ..Options::default() };
     let reference = Options { error: [0.25, 0.5][small] * error, ..base.clone() };
-    let mr = |rest: f32| Options { visibility: Visibility::Mr, feature_size: Some(rest), ..base.clone() };
+    let mr =
+        |rest: f32| Options { engine: Engine::MultiResolution, feature_size: Some(rest), ..base.clone() };
     let names = OBJECTS.map(String::from).to_vec();
     let sizes = names.iter().map(|name| (name.clone(), LOOKED)).collect();
     let cases = [

@@ -8,10 +8,9 @@ use super::shadow::{Rendered, Wall};
 use super::{Context, counts_of, fixed, office_light};
 use glam::DVec3;
 use mrvis::internals::clusters;
-use mrvis::internals::radiosity::Visibility;
 use mrvis::internals::scene::generate::{self, ROOM, Spec};
 use mrvis::metrics::{FbemOptions, Image, fbem};
-use mrvis::{Builder, Detail, Result};
+use mrvis::{Builder, Detail, Engine, Result};
 
 /// Side of a texel of the floor, metres: a sixteenth of the depth of a desk.
 const TEXEL: f64 = 0.05;
@@ -187,7 +186,7 @@ pub fn figure_7(context: &Context) -> Result<Item> {
         differing.iter().all(|&n| 1000 * n < floors.exact.data().len()),
         || "segments miss or meet triangles at their edges otherwise than Embree's rays, or clusters do not hold all triangles".into(),
     );
-    let in_radiosity = office_light::show(&mut item, Visibility::Exact, context)?;
+    let in_radiosity = office_light::show(&mut item, Engine::Exact, context)?;
     office_verdict::judge_quality(&mut item, &in_radiosity);
     office_verdict::judge_surface_speed(&mut item, floors.cost(0), [floors.cost(1), floors.cost(2)]);
     Ok(item)
@@ -203,7 +202,7 @@ pub fn figure_8(context: &Context) -> Result<Item> {
                2A t / (4 A t) = 1/2.",
     );
     floors.show(&mut item, "Average visibility by extinction")?;
-    let in_radiosity = office_light::show(&mut item, Visibility::Average, context)?;
+    let in_radiosity = office_light::show(&mut item, Engine::Average, context)?;
     office_verdict::judge_shadows(&mut item, &floors.contrasts(in_radiosity)?);
     let surfaces = Floors::new(context, Leaves::Surfaces, &BUILDERS[..1])?;
     let costs = [floors.cost(0), floors.cost(1), surfaces.cost(0)];

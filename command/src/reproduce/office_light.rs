@@ -5,11 +5,11 @@ use super::shadow::{crop, mean};
 use super::view::irradiance;
 use super::{Context, fixed};
 use glam::DVec3;
-use mrvis::internals::radiosity::{self, Element, Options, RadiosityMesh, Visibility};
+use mrvis::internals::radiosity::{self, Element, Options, RadiosityMesh};
 use mrvis::internals::scene::generate::{self, DESKS, ROOM, Spec};
 use mrvis::internals::{ModelParts, PrepareParts, SceneParts, clusters};
 use mrvis::metrics::Image;
-use mrvis::{Builder, Model, PrepareOptions, Result, Scene};
+use mrvis::{Builder, Engine, Model, PrepareOptions, Result, Scene};
 use std::sync::Arc;
 
 /// Builders that the paper compares, in the form of the engines: boxes fitted to their contents.
@@ -43,7 +43,7 @@ pub struct InRadiosity {
 }
 
 /// Adds pictures and numbers of radiosity solutions with this visibility; beside exact visibility of one by rays.
-pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Result<InRadiosity> {
+pub fn show(item: &mut Item, engine: Engine, context: &Context) -> Result<InRadiosity> {
     let scene = Arc::new(generate::build(&Spec::new("office"))?);
     let columns = "clusters by | links | time, s | contrast under desks, %";
     let mut table = Table::new(TITLE, columns);
@@ -51,10 +51,10 @@ pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Resul
     // The last one is the reference of exact visibility, with a last pass by rays.
     let links = BUILDERS.into_iter().take(if context.small { 2 } else { 3 });
     let links = links.map(|(builder, name)| {
-        (builder, name, Options { visibility, error: ERROR, local_rays: Some(0), ..Options::default() })
+        (builder, name, Options { engine, error: ERROR, local_rays: Some(0), ..Options::default() })
     });
     let rays = Options { error: if context.small { ERROR } else { REFERENCE_ERROR }, ..Options::default() };
-    let rays = (visibility == Visibility::Exact).then_some((Builder::Grids, "reference: rays", rays));
+    let rays = (engine == Engine::Exact).then_some((Builder::Grids, "reference: rays", rays));
     let has_reference = rays.is_some();
     for (builder, name, options) in links.chain(rays) {
         let clusters = clusters::Options { builder, large_surface: SHELL };

@@ -3,14 +3,15 @@
 use crate::model::{Detail, Model, PrepareOptions};
 use crate::radiosity::elements::Elements;
 use crate::radiosity::links::{VisibilityEngine, sample_bundles};
-use crate::radiosity::options::{Options, Visibility};
-use crate::visibility::{Bundle, CALIBRATION_BUNDLES, LeafMode, Workspace};
+use crate::radiosity::options::Options;
+use crate::visibility::{Bundle, CALIBRATION_BUNDLES, Engine, LeafMode, Workspace};
 use std::sync::Arc;
 
 impl Options {
     /// What a model must hold for a solve with these options.
+    #[doc(hidden)]
     pub fn prepare(&self) -> PrepareOptions {
-        let detail = if self.visibility == Visibility::Exact { Detail::Clusters } else { Detail::Optics };
+        let detail = if self.engine == Engine::Exact { Detail::Clusters } else { Detail::Optics };
         PrepareOptions {
             detail,
             builder: self.builder,
@@ -23,10 +24,10 @@ impl Options {
 /// The visibility engine that the options ask for: multi-resolution or average visibility if the model holds optics, otherwise exact
 /// rays. The cost of exact rays is estimated on bundles between the surfaces of the scene.
 pub fn engine_for(model: &Model, elements: &Elements, options: &Options) -> VisibilityEngine {
-    let leaf = match options.visibility {
-        Visibility::Exact => return VisibilityEngine::Exact(model.exact()),
-        Visibility::Average => LeafMode::Average,
-        Visibility::Mr => LeafMode::Exact,
+    let leaf = match options.engine {
+        Engine::Exact | Engine::Automatic => return VisibilityEngine::Exact(model.exact()),
+        Engine::Average => LeafMode::Average,
+        Engine::MultiResolution => LeafMode::Exact,
     };
     let Some(engine) = model.engine(model.widest_packets(), leaf) else {
         return VisibilityEngine::Exact(model.exact());

@@ -17,13 +17,14 @@ use crate::radiosity::elements::{Elements, lit_inside};
 use crate::radiosity::final_gather::FinalGather;
 use crate::radiosity::links::Tally;
 use crate::radiosity::mesh::RadiosityMesh;
-use crate::radiosity::options::{Options, Visibility};
+use crate::radiosity::options::Options;
 use crate::radiosity::refinement::{Coarse, Ended, Iteration, LinkedScene, Refined, apply_importance};
 use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::{Surroundings, Unlit, probe, unlit_sides};
 use crate::radiosity::transport::Convergence;
 use crate::ranks::Ranks;
 use crate::scene::Scene;
+use crate::visibility::Engine;
 use crate::visibility::Exact;
 use crate::{Error, Result};
 use std::time::Instant;
@@ -48,9 +49,9 @@ pub fn solve(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<(Outcome, Solution)> {
-    options.check()?;
+    options.check_ranges()?;
     model.check_single("the radiosity solver")?;
-    if options.visibility != Visibility::Exact {
+    if options.engine != Engine::Exact {
         model.check_clusters("averaged visibility")?;
     }
     let scene = model.scene();
@@ -112,9 +113,9 @@ pub fn solve(
 fn preparation(model: &Model, options: &Options) -> Seconds {
     let report = model.report();
     let mut seconds = Seconds { embree: report.embree_s, hierarchy: report.clusters_s, ..Seconds::default() };
-    match (options.visibility, model.detail()) {
-        (Visibility::Exact, Detail::Optics) => {}
-        (Visibility::Exact, _) => seconds.hierarchy += report.cache_s,
+    match (options.engine, model.detail()) {
+        (Engine::Exact, Detail::Optics) => {}
+        (Engine::Exact, _) => seconds.hierarchy += report.cache_s,
         _ => seconds.characterise = report.optics_s + report.cache_s,
     }
     seconds

@@ -10,7 +10,7 @@ const PAINTED: f32 = 0.02;
 /// The light on the ground matters, that on leaves only as far as it gets there; the trunks have a size of their own.
 fn ground_matters() -> Options {
     Options {
-        visibility: Visibility::Mr,
+        engine: Engine::MultiResolution,
         error: 0.05,
         feature_size: Some(SIZE),
         importance: vec!["ground".into()],
@@ -112,7 +112,7 @@ fn points_have_the_feature_size_of_their_surface() {
     let scene = forest();
     let light_at = |points: &[Point], options: Options| {
         let options = Options {
-            visibility: Visibility::Mr,
+            engine: Engine::MultiResolution,
             direct_only: true,
             elements: false,
             importance: Vec::new(),

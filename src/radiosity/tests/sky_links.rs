@@ -281,10 +281,10 @@ fn uneven_skies_light_planes_as_their_integrals() {
 #[test]
 fn forests_have_the_light_of_paths() {
     let scene = lit(forest(9, 200), sunny(40.0));
-    for visibility in [Visibility::Exact, Visibility::Mr] {
-        let options = Options { visibility, ..links(0.05) };
+    for engine in [Engine::Exact, Engine::MultiResolution] {
+        let options = Options { engine, ..links(0.05) };
         let [bias, rms] = against_paths(&scene, &solved(&scene, &[], &options));
-        assert!(bias.abs() < 0.03 && rms < 0.5, "{visibility:?}: {bias} {rms}");
+        assert!(bias.abs() < 0.03 && rms < 0.5, "{engine:?}: {bias} {rms}");
     }
 }
 

@@ -51,12 +51,12 @@ fn mean_square(found: &Outcome, truth: &Outcome, free: f64) -> f64 {
 fn skylight_under_leaves_is_averaged_within_its_tolerance() {
     let scene = crate::scene::testing::forest(20, 300);
     let points = ground(&scene, MANY);
-    let direct = |points: &[Point], visibility, error| {
-        let options = Options { direct_only: true, elements: false, error, ..with(visibility) };
+    let direct = |points: &[Point], engine, error| {
+        let options = Options { direct_only: true, elements: false, error, ..with(engine) };
         solved(&scene, points, &options)
     };
-    let truth = direct(&points[..JUDGED], Visibility::Exact, 0.004);
-    let (exact, mr) = (direct(&points, Visibility::Exact, 0.02), direct(&points, Visibility::Mr, 0.02));
+    let truth = direct(&points[..JUDGED], Engine::Exact, 0.004);
+    let (exact, mr) = (direct(&points, Engine::Exact, 0.02), direct(&points, Engine::MultiResolution, 0.02));
     let bundles = |found: &Outcome| found.record.bundles;
     assert!(bundles(&mr).aggregated + bundles(&mr).mixed > MANY as u64, "{:?}", bundles(&mr));
     assert!(
@@ -94,19 +94,19 @@ fn light_of_dense_points_is_interpolated_and_leaks_through_no_wall() {
         DVec3::new((k % 130) as f64 / 10.0 - 6.5, (k / 130) as f64 / 10.0 - 6.5, 0.0)
     };
     let points: Vec<Point> = (0..130 * 130).map(|i| Point { position: place(i), normal: DVec3::Z }).collect();
-    let options = |visibility, error| Options {
+    let options = |engine, error| Options {
         direct_only: true,
         elements: false,
         error,
         feature_size: Some(1.0),
-        ..with(visibility)
+        ..with(engine)
     };
-    let direct = |points: &[Point], visibility, error| solved(&scene, points, &options(visibility, error));
-    let free = largest(&solved(&room(0), &points, &options(Visibility::Exact, 0.1)));
-    let truth = direct(&points[..JUDGED], Visibility::Exact, 0.008);
+    let direct = |points: &[Point], engine, error| solved(&scene, points, &options(engine, error));
+    let free = largest(&solved(&room(0), &points, &options(Engine::Exact, 0.1)));
+    let truth = direct(&points[..JUDGED], Engine::Exact, 0.008);
     // Exact rays are traced for each point by itself: a quarter of the points shows how many.
-    let exact = direct(&points[..points.len() / 4], Visibility::Exact, 0.02);
-    let mr = direct(&points, Visibility::Mr, 0.02);
+    let exact = direct(&points[..points.len() / 4], Engine::Exact, 0.02);
+    let mr = direct(&points, Engine::MultiResolution, 0.02);
     let segments = [4 * exact.record.bundles.segments, mr.record.bundles.segments];
     // Behind the wall both trace all rays.
     assert!(5 * segments[1] < 2 * segments[0], "{segments:?}");
@@ -116,8 +116,8 @@ fn light_of_dense_points_is_interpolated_and_leaks_through_no_wall() {
     assert!(dark.clone().count() > 4000 && dark.clone().all(|i| mean(mr.irradiance[i]) == 0.0));
 }
 
-fn with(visibility: Visibility) -> Options {
-    Options { visibility, error: 0.05, audit: 0, ..Options::default() }
+fn with(engine: Engine) -> Options {
+    Options { engine, error: 0.05, audit: 0, ..Options::default() }
 }
 
 /// The elements of a model with the link of the root.
@@ -154,22 +154,22 @@ fn measured_clusters_are_kept_for_those_who_need_them() {
     let folder = tempfile::tempdir().expect("a folder");
     scene.path = folder.path().join("forest.obj");
     let files = || std::fs::read_dir(folder.path()).expect("the folder").count();
-    let solve = |visibility| {
+    let solve = |engine| {
         let cache = CacheLocation::Folder(folder.path().into());
-        let options = Options { cache, error: 0.3, elements: false, ..with(visibility) };
+        let options = Options { cache, error: 0.3, elements: false, ..with(engine) };
         let outcome = solved(&scene, &ground(&scene, 20), &options);
         (outcome.record.cache.clone(), outcome)
     };
     // Exact rays need no measures: none are made.
-    let (origin, before) = solve(Visibility::Exact);
+    let (origin, before) = solve(Engine::Exact);
     assert!(origin == "off" && files() == 0, "{origin}");
-    let (origin, first) = solve(Visibility::Mr);
+    let (origin, first) = solve(Engine::MultiResolution);
     assert!(origin == "made" && files() == 1, "{origin}");
-    let (origin, second) = solve(Visibility::Mr);
+    let (origin, second) = solve(Engine::MultiResolution);
     assert_eq!(origin, "hit");
     assert_eq!(first.irradiance, second.irradiance);
     // But clusters that are there are taken, and are the same.
-    let (origin, after) = solve(Visibility::Exact);
+    let (origin, after) = solve(Engine::Exact);
     assert_eq!(origin, "hit");
     assert_eq!(before.irradiance, after.irradiance);
     assert!(first.irradiance != after.irradiance, "nothing was averaged");
@@ -179,14 +179,14 @@ fn measured_clusters_are_kept_for_those_who_need_them() {
 fn average_visibility_is_never_handed_over() {
     let scene = forest();
     let Tally { aggregated, handed_over, .. } =
-        refined(&scene, &with(Visibility::Average), |linked| linked.tally);
+        refined(&scene, &with(Engine::Average), |linked| linked.tally);
     assert!(aggregated > 0 && handed_over == 0);
 }
 
 /// what overlaps is opened. No pair of surfaces is linked twice, and nothing with what holds it.
 #[test]
 fn links_cover_each_pair_once() {
-    refined(&room(true), &with(Visibility::Exact), |linked| {
+    refined(&room(true), &with(Engine::Exact), |linked| {
         let (elements, links) = (&linked.elements, &linked.links);
         assert!(links.len() > 100, "{}", links.len());
         for (i, l) in links.iter().enumerate() {
@@ -205,7 +205,7 @@ fn links_cover_each_pair_once() {
 /// Links that survive are not asked for again; of one link more than refined, only its parts are measured.
 #[test]
 fn visibility_is_kept_with_the_link() {
-    refined(&room(true), &with(Visibility::Exact), |linked| {
+    refined(&room(true), &with(Engine::Exact), |linked| {
         let before = (linked.tally, linked.links.clone());
         let errors = [link_errors(linked), Vec::new()];
         assert_eq!(refine(linked, &errors, f32::INFINITY, false, &|_| false, &()).links, 0);
@@ -247,12 +247,12 @@ fn check_tolerances(local_rays: Option<usize>) {
 #[test]
 fn wrong_bars_are_found_out() {
     let scene = room(true);
-    refined(&scene, &with(Visibility::Exact), |linked| {
-        let model = model_for(&scene, &with(Visibility::Exact));
+    refined(&scene, &with(Engine::Exact), |linked| {
+        let model = model_for(&scene, &with(Engine::Exact));
         let bars = link_uncertainty(linked);
         let audit_both = |linked: &LinkedScene, factor: f64| {
             let bars: Vec<f64> = bars.iter().map(|b| factor * b).collect();
-            let gather = FinalGather::new(&model, linked, &with(Visibility::Exact));
+            let gather = FinalGather::new(&model, linked, &with(Engine::Exact));
             let size = AuditSize::of(&Options { audit: 300, ..Options::default() });
             let endless = Deadline::start(&(), None);
             (gather.audit(&bars, size, &endless).0, gather.bar_factor(&bars, size, &endless).0)
@@ -278,12 +278,15 @@ fn wrong_bars_are_found_out() {
 #[test]
 fn small_shadows_are_not_refined() {
     let scene = forest();
-    let links = |visibility, size: f32| {
-        let options = Options { feature_size: Some(size), ..with(visibility) };
+    let links = |engine, size: f32| {
+        let options = Options { feature_size: Some(size), ..with(engine) };
         refined(&scene, &options, |linked| linked.links.len())
     };
-    let (exact, fine, coarse) =
-        (links(Visibility::Exact, 1.0), links(Visibility::Mr, 1e-3), links(Visibility::Mr, 1.0));
+    let (exact, fine, coarse) = (
+        links(Engine::Exact, 1.0),
+        links(Engine::MultiResolution, 1e-3),
+        links(Engine::MultiResolution, 1.0),
+    );
     assert!(coarse < fine && 10 * coarse < 9 * exact, "{exact} {fine} {coarse}");
 }
 
@@ -297,7 +300,7 @@ fn clusters_do_not_shine_alike_to_all_sides() {
     pieces.glowing("lamp", 10.0).polygon(&facing_down([-1.0, 1.0], [-1.0, 1.0], 3.0));
     pieces.grey("screens", 0.8).polygon(&facing_up([-4.0, 4.0], [-4.0, 4.0], -3.0));
     let scene = pieces.scene();
-    refined(&scene, &with(Visibility::Exact), |linked| {
+    refined(&scene, &with(Engine::Exact), |linked| {
         let irradiance = |normal: Vec3| {
             let sides = linked.elements.sides.iter();
             let mut found = sides.filter(|s| s.normal.dot(normal) > 0.99 && s.exitance == [0.0; 3]);

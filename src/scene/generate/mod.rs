@@ -89,27 +89,29 @@ pub const KINDS: &[Kind] = &[
     },
 ];
 
-/// Parameters of a generated scene. [`Spec::new`] has the defaults.
-#[derive(Clone, Debug)]
-pub struct Spec {
-    /// Name of a kind in [`KINDS`].
-    pub name: String,
-    /// Seed of all random numbers.
-    pub seed: u64,
-    /// Number of items, see [`Kind::about`], 1 to 100 million; the kind's default if `None`.
-    pub count: Option<usize>,
-    /// Forest: number of trees, 1 to 100 million.
-    pub trees: usize,
-    /// Forest: number of leaves per tree; at most 100 million leaves in all.
-    pub leaves: usize,
-    /// Forest: whether trees have trunks.
-    pub trunks: bool,
-    /// Forest: whether trees are placements of shared meshes, see [`placed`].
-    pub instances: bool,
-    /// Forest of instances: number of different trees.
-    pub species: usize,
-    /// Edge of the emitter in the kind's unit, above 0, at most 1e6; the kind's default if `None`.
-    pub light_size: Option<f64>,
+options! {
+    /// Parameters of a generated scene.
+    #[derive(Clone, Debug)]
+    pub struct Spec {
+        /// Name of a kind in [`KINDS`].
+        pub name: String = String::new();
+        /// Seed of all random numbers.
+        pub seed: u64 = 1;
+        /// Number of items, see [`Kind::about`]; the kind's default if `None`.
+        pub count: Option<usize> = None, in 1..=MAX_ITEMS;
+        /// Forest: number of trees.
+        pub trees: usize = 100, in 1..=MAX_ITEMS;
+        /// Forest: number of leaves per tree; at most 100 million leaves in all.
+        pub leaves: usize = 1000, in 1..=MAX_ITEMS;
+        /// Forest: whether trees have trunks.
+        pub trunks: bool = false;
+        /// Forest: whether trees are placements of shared meshes, see [`placed`].
+        pub instances: bool = false;
+        /// Forest of instances: number of different trees.
+        pub species: usize = 1;
+        /// Edge of the emitter in the kind's unit; the kind's default if `None`.
+        pub light_size: Option<f64> = None, above 0.0, at most 1e6;
+    }
 }
 
 /// Largest number of items: limits a forest to 12 GB.
@@ -120,20 +122,9 @@ const BYTES_PER_LEAF: u64 = 124;
 const BYTES_PER_ITEM: u64 = 24;
 
 impl Spec {
-    /// The defaults of the kind `name`: seed 1, forest of 100 trees with 1,000 leaves each, no instances, one species.
+    /// The defaults of the kind `name`.
     pub fn new(name: impl Into<String>) -> Self {
-        let name = name.into();
-        Spec {
-            name,
-            seed: 1,
-            count: None,
-            trees: 100,
-            leaves: 1000,
-            trunks: false,
-            instances: false,
-            species: 1,
-            light_size: None,
-        }
+        Spec { name: name.into(), ..Spec::default() }
     }
 
     /// The kind with this name.
@@ -175,20 +166,11 @@ impl Spec {
     }
 
     fn check(&self) -> Result<()> {
-        let counts = [("count", self.count.unwrap_or(1)), ("trees", self.trees), ("leaves", self.leaves)];
-        for (name, n) in counts {
-            if n == 0 || n > MAX_ITEMS {
-                return Err(Error::argument(name, n, format!("must lie in 1..{MAX_ITEMS}")));
-            }
-        }
+        self.check_ranges()?;
         if self.instances {
             self.check_instances()?;
         } else if self.name == "forest" && self.trees.saturating_mul(self.leaves) > MAX_ITEMS {
             return Err(Error::arguments(format!("more than {MAX_ITEMS} leaves: lower ⟨trees⟩ or ⟨leaves⟩")));
-        }
-        if self.light_size.is_some_and(|s| !s.is_finite() || s <= 0.0 || s > 1e6) {
-            let size = self.light_size.unwrap_or(0.0);
-            return Err(Error::argument("light_size", size, "must lie in 0..1e6, above 0"));
         }
         let (items, bytes, what) = match (self.name.as_str(), self.instances) {
             ("forest", true) => (self.species * self.leaves, BYTES_PER_LEAF, "leaves"),

@@ -13,33 +13,26 @@ mod taps;
 
 use super::Grid;
 use super::grid::transpose;
-use crate::{Error, Result, memory};
+use crate::{Result, memory};
 use lines::{Lines, Side};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Options of the search for horizons.
-#[derive(Clone, Debug, Default)]
-pub struct SweepOptions {
-    /// Radius of the earth in m, if its curvature hides distant terrain: heights at the distance d are reduced by d²/2R.
-    /// [`EARTH_RADIUS`](super::EARTH_RADIUS) without refraction, 7/6 of it with the usual refraction of light. `None`: a flat earth.
-    pub earth_radius: Option<f64>,
+options! {
+    /// Options of the search for horizons.
+    #[derive(Clone, Debug)]
+    pub struct SweepOptions {
+        /// Radius of the earth in m, if its curvature hides distant terrain: heights at the distance d are reduced by d²/2R.
+        /// [`EARTH_RADIUS`](super::EARTH_RADIUS) without refraction, 7/6 of it with the usual refraction of light. `None`: a flat earth.
+        // Smaller bodies are asteroids, which grids do not describe.
+        pub earth_radius: Option<f64> = None, in 1000.0.., "a radius in m";
+    }
 }
 
 impl SweepOptions {
     /// 1 over the radius of the earth, 1/m; 0 for a flat one.
     fn bend(&self) -> f64 {
         self.earth_radius.map_or(0.0, |r| 1.0 / r)
-    }
-
-    fn check(&self) -> Result<()> {
-        match self.earth_radius {
-            // Smaller bodies than an asteroid: grids do not describe them.
-            Some(r) if !(r >= 1e3 && r.is_finite()) => {
-                Err(Error::argument("earth_radius", format!("{r} m"), "must be at least 1000 m"))
-            }
-            _ => Ok(()),
-        }
     }
 }
 
@@ -125,7 +118,7 @@ pub fn each(
 
 /// Finds the horizons of all samples azimuth by azimuth.
 fn walk(grid: &Grid, azimuths: Azimuths, options: &SweepOptions, mut visit: impl FnMut(Side)) -> Result<()> {
-    options.check()?;
+    options.check_ranges()?;
     let passes = passes(grid, azimuths);
     let turned = passes.iter().any(|p| p.is_steep).then(|| grid.transposed()).transpose()?;
     let mut lines = Lines::new(grid)?;

@@ -97,24 +97,24 @@ fn energy(text: &mut String, r: &Record, photometric: &Option<Luminous>) {
 
 /// Times and results of both engines.
 fn side_by_side(r: &Record, v: &Versus) -> String {
-    let name = |visibility| name_of(ENGINES, visibility);
+    let name = |engine| name_of(ENGINES, engine);
     let mut text = format!(
         "{:<9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>12}\n",
         "", "clusters s", "solved s", "points s", "all s", "links", "exact rays"
     );
-    for (visibility, s, links, rays) in [
-        (r.options.visibility, &r.seconds, r.links, r.bundles.exact_rays),
-        (v.visibility, &v.seconds, v.links, v.bundles.exact_rays),
+    for (engine, s, links, rays) in [
+        (r.options.engine, &r.seconds, r.links, r.bundles.exact_rays),
+        (v.engine, &v.seconds, v.links, v.bundles.exact_rays),
     ] {
         let (solve, points) = (s.solve, s.points);
-        let (name, clusters, all) = (name(visibility), s.hierarchy + s.characterise, s.work());
+        let (name, clusters, all) = (name(engine), s.hierarchy + s.characterise, s.work());
         let [links, rays] = [links, rays as usize].map(grouped);
         let _ = writeln!(
             text,
             "{name:<9}{clusters:>11.2}{solve:>11.2}{points:>11.2}{all:>11.2}{links:>11}{rays:>12}"
         );
     }
-    let (own, other) = (name(r.options.visibility), name(v.visibility));
+    let (own, other) = (name(r.options.engine), name(v.engine));
     let _ = writeln!(
         text,
         "{other} took {:.2} times as long as {own}; at the points they differ by {:.2} % RMS, {:+.2} % in the mean",

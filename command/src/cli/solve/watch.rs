@@ -2,8 +2,8 @@
 
 use super::super::{interruption, job_context, progress::Bar};
 use mrvis::internals::ModelParts;
-use mrvis::internals::radiosity::{Options, Visibility};
-use mrvis::{Error, Model, Progress, Result, Scene};
+use mrvis::internals::radiosity::Options;
+use mrvis::{Engine, Error, Model, Progress, Result, Scene};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -48,7 +48,7 @@ impl<'a> Watch<'a> {
 /// Prepares the model within the time that the options allow for the whole solve.
 pub fn prepare(scene: Arc<Scene>, options: &Options, watch: &Watch) -> Result<Model> {
     // What exact visibility needs is always prepared.
-    let limit = options.max_seconds.filter(|_| options.visibility != Visibility::Exact);
+    let limit = options.max_seconds.filter(|_| options.engine != Engine::Exact);
     let left = limit.map_or(f64::INFINITY, |limit| limit - options.seconds_spent);
     // Measuring clusters is worth it only if there is time for more.
     let start = Instant::now();
