@@ -105,9 +105,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     args.mpi.add_sharing(&mut json);
     common.write_json(&json)?;
     common.print(&format!(
-        "{}: {} points, {} paths each, {} s; mean irradiance {} W/m\u{b2}, RMS standard error {} % of it\n{}",
+        "{}: {}, {} paths each, {} s; mean irradiance {} W/m\u{b2}, RMS standard error {} % of it\n{}",
         file_name(&args.out),
-        grouped(points.len()),
+        counted(points.len(), "point"),
         args.samples,
         number(seconds),
         number(mean),
