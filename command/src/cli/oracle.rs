@@ -1,6 +1,6 @@
 //! `mrvis reference SCENE --points FILE`: irradiance by path tracing.
 
-use super::args::{Common, SceneArgs, file_name, grouped, warn};
+use super::args::{Common, SceneArgs, counted, file_name, warn};
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output, check_file};
 use super::job_context;

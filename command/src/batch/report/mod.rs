@@ -72,7 +72,11 @@ impl JobPicture {
         let stem = self.file.rsplit_once('.').map_or(self.file.as_str(), |(stem, _)| stem);
         let size = stem.rsplit_once("mask-").and_then(|(_, size)| size.parse().ok());
         match (size, stem.ends_with("difference")) {
-            (Some(size), _) => format!("mask of features larger than {}", number(size)),
+            // Sizes of `fbem` may be in texels.
+            (Some(size), _) if stem.starts_with("mask-") => {
+                format!("mask of features larger than {}", number(size))
+            }
+            (Some(size), _) => format!("mask of features larger than {} scene units", number(size)),
             (None, true) => "difference from the reference".into(),
             (None, false) if stem.starts_with("grid-") => "light on a grid of points".into(),
             (None, false) => "picture".into(),
@@ -275,7 +279,8 @@ fn grids(grids: &[JobGrid]) -> Markup {
         let [job, name, unit] = [job, &grid.name, &grid.unit].map(Cell::words);
         [job, name, points.into(), height, minimum, mean, maximum, unit, uniformity.into()]
     };
-    let columns = "job | surface | points | height, scene units | minimum | mean | maximum | unit | uniformity U0";
+    let columns =
+        "job | surface | points | height, scene units | minimum | mean | maximum | unit | uniformity U0";
     let rows: Vec<_> = grids.iter().take(MAX_GRIDS).map(row).collect();
     html! {
         @if !grids.is_empty() {
