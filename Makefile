@@ -33,7 +33,7 @@ help:
 	@echo "mrvis: visibility and radiosity in scenes full of small detail"
 	@echo
 	@echo "  make demo      set up, build, assemble an orchard, measure it, print the path of the report"
-	@echo "  make test      set up, then check formatting, lints and documentation and run the tests (15 minutes)"
+	@echo "  make test      set up, then check formatting, lints and documentation and run the short tests"
 	@echo "  make test-room test one folder of src or command/src after a change, as make test-room ROOM=radiosity"
 	@echo "  make test-long make test, and what takes hours: checkers of memory, fuzzing, large scenes, the whole reproduction"
 	@echo "  make build     set up and build the command ($(BINARY)) and the C library beside it"

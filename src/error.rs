@@ -286,6 +286,35 @@ pub fn figure(value: f64) -> String {
     if text.len() <= 20 { text } else { format!("{value:e}") }
 }
 
+/// Formats a number with three significant digits, without trailing zeros; as a power of ten if far from 1.
+pub fn number(v: f64) -> String {
+    if v == 0.0 || !v.is_finite() {
+        return if v == 0.0 { "0".into() } else { "–".into() };
+    }
+    let exponent = v.abs().log10().floor() as i32;
+    let trimmed = |text: String| match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_string(),
+        false => text,
+    };
+    match exponent {
+        -4..=-1 => trimmed(format!("{v:.*}", (2 - exponent) as usize)),
+        0..=2 => trimmed(format!("{v:.*}", (2 - exponent) as usize)),
+        3..=5 => format!("{v:.0}"),
+        _ => {
+            let mantissa = trimmed(format!("{:.2}", v / 10f64.powi(exponent)));
+            let digits: String = exponent.to_string().chars().map(superscript).collect();
+            if mantissa == "1" { format!("10{digits}") } else { format!("{mantissa}·10{digits}") }
+        }
+    }
+}
+
+fn superscript(c: char) -> char {
+    match c {
+        '-' => '⁻',
+        c => c.to_digit(10).map_or(c, |d| ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][d as usize]),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -337,6 +366,17 @@ mod tests {
             ),
         ] {
             assert_eq!(in_words(text), want);
+        }
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        let cases =
+            [(0.0, "0"), (1.0, "1"), (0.5, "0.5"), (12.345, "12.3"), (0.001234, "0.00123"), (1234.6, "1235")];
+        for (v, text) in
+            cases.into_iter().chain([(1e-7, "10⁻⁷"), (2.5e9, "2.5·10⁹"), (-3.0, "-3"), (f64::NAN, "–")])
+        {
+            assert_eq!(number(v), text);
         }
     }
 

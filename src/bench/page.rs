@@ -69,7 +69,7 @@ pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> R
             @else { (shadow_images()) }
             @for shadow in shadows { (shadow) }
         }
-        (maps::section(&record.maps, &record.unit)?)
+        (maps::section(record)?)
         (losses::section(record, receivers)?)
         (how_to_read())
         (footer(record, command))
@@ -80,7 +80,8 @@ pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> R
 /// Title, the result in one sentence, and the largest speed-ups.
 fn headline(record: &Record) -> Markup {
     let best_of = |speed: fn(&MrRow) -> Option<f64>| {
-        record.shown_rows().iter().filter_map(speed).filter(|v| v.is_finite()).reduce(f64::max)
+        let speeds = record.shown_rows().iter().filter_map(speed);
+        speeds.filter_map(|v| record.gain(Some(v))).filter(|v| v.is_finite()).reduce(f64::max)
     };
     let figure = |value: Option<f64>, what: &str| figure(&times(value), what);
     html! {

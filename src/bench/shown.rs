@@ -129,9 +129,9 @@ pub(super) fn mr(record: &Record) -> Vec<Vec<Cell>> {
             seconds(row.seconds).into(),
             number(row.rms).into(),
             signed(row.bias).into(),
-            Cell::speedup(row.speedup_at_same_rms, row.extrapolated),
-            Cell::speedup(row.speedup_at_same_fbem, false),
-            Cell::speedup(Some(row.speedup_per_segment), false),
+            Cell::speedup(record.gain(row.speedup_at_same_rms), row.extrapolated),
+            Cell::speedup(record.gain(row.speedup_at_same_fbem), false),
+            Cell::speedup(record.gain(Some(row.speedup_per_segment)), false),
             percent(row.aggregated_fraction).into(),
             count(row.exact_rays).into(),
             number(row.nodes_per_segment).into(),
@@ -169,9 +169,9 @@ pub(super) fn classes(record: &Record) -> Table {
             seconds(row.seconds).into(),
             number(row.rms).into(),
             signed(row.bias).into(),
-            Cell::speedup(row.speedup_at_same_rms, row.extrapolated),
-            Cell::speedup(class.smallest_speedup(), false),
-            Cell::speedup(Some(row.speedup_per_segment), false),
+            Cell::speedup(record.gain(row.speedup_at_same_rms), row.extrapolated),
+            Cell::speedup(record.gain(class.smallest_speedup()), false),
+            Cell::speedup(record.gain(Some(row.speedup_per_segment)), false),
             percent(row.interval_coverage).into(),
         ])
     };
@@ -217,7 +217,7 @@ pub(super) fn map(map: &MapRecord, unit: &str) -> String {
 }
 
 /// Of a map the best multi-resolution row of each size, and the exact rows that no other surpasses.
-pub(super) fn map_rows(map: &MapRecord, unit: &str) -> [Table; 2] {
+pub(super) fn map_rows(map: &MapRecord, record: &Record) -> [Table; 2] {
     // Segments, spacing, times and errors: columns of both tables.
     let measured = |rays: usize, spacing: usize, times: [f64; 2], [rms, bias]: [f64; 2]| {
         let every = if spacing == 1 { "texel".to_owned() } else { format!("{spacing} texels") };
@@ -225,16 +225,16 @@ pub(super) fn map_rows(map: &MapRecord, unit: &str) -> [Table; 2] {
         vec![rays.into(), every.into(), time, setup, number(rms).into(), signed(bias).into()]
     };
     let mr = |row: &MapMrRow| {
-        let speed = |v: Option<f64>| Cell::speedup(v, row.extrapolated);
-        let mut cells = vec![length(row.feature_size, unit).into()];
+        let speed = |v: Option<f64>| Cell::speedup(record.gain(v), row.extrapolated);
+        let mut cells = vec![length(row.feature_size, &record.unit).into()];
         cells.extend(measured(row.rays, row.spacing, [row.seconds, row.setup_s], [row.rms, row.bias]));
         cells.extend([
             number(row.fbem).into(),
             speed(row.speedup_at_same_rms),
             speed(row.speedup_with_setup),
-            Cell::speedup(row.speedup_over_texels, row.texels_extrapolated),
+            Cell::speedup(record.gain(row.speedup_over_texels), row.texels_extrapolated),
             speed(row.speedup_with_preparation),
-            Cell::speedup(row.speedup_at_same_fbem, false),
+            Cell::speedup(record.gain(row.speedup_at_same_fbem), false),
         ]);
         cells
     };
@@ -257,12 +257,19 @@ pub(super) fn result(record: &Record) -> String {
         return "This run has no multi-resolution row whose speed could be compared.".into();
     };
     let size = length(best.feature_size, &record.unit);
-    let (than, gain) = (best.compared_in_words(), best.certificates_gain());
+    let than = best.compared_in_words();
     let factor = times(Some(speed));
     let mut text = match speed {
         v if v >= NO_FASTER[1] => format!(
             "At feature size {size} multi-resolution visibility was {factor} faster than {than} of the same accuracy"
         ),
+        v if v > NO_FASTER[0] && best.aggregated_fraction == 0.0 => {
+            return format!(
+                "Multi-resolution visibility was no faster than {than} of the same accuracy on this scene: in its fastest row, at {size}, \
+                 nothing is averaged.{}",
+                more(record, best)
+            );
+        }
         v if v > NO_FASTER[0] => format!(
             "Multi-resolution visibility was no faster than {than} of the same accuracy on this scene; its best feature size was {size}"
         ),
@@ -276,6 +283,16 @@ pub(super) fn result(record: &Record) -> String {
         percent(best.rms),
         percent(best.aggregated_fraction)
     );
+    text += &more(record, best);
+    if best.extrapolated {
+        text += " No measured number of exact rays is as accurate: their time is extrapolated, as half the error takes four times the rays.";
+    }
+    text
+}
+
+/// What features and certificates gain.
+fn more(record: &Record, best: &MrRow) -> String {
+    let (mut text, gain) = (String::new(), best.certificates_gain());
     if let Some((row, speed)) = record.faster_at_same_fbem() {
         let (factor, size) = (times(Some(speed)), length(row.feature_size, &record.unit));
         text += &format!(" At the same feature error (FBEM) it was {factor} as fast at feature size {size}.");
@@ -283,9 +300,6 @@ pub(super) fn result(record: &Record) -> String {
     if gain > NO_FASTER[1] {
         let factor = times(Some(gain));
         text += &format!(" Certificates alone, without averaging, make exact rays {factor} as fast.");
-    }
-    if best.extrapolated {
-        text += " No measured number of exact rays is as accurate: their time is extrapolated, as half the error takes four times the rays.";
     }
     text
 }
@@ -323,7 +337,7 @@ pub fn text(record: &Record) -> String {
     add("multi-resolution", &MR_COLUMNS.map(|(name, _)| name).join(" | "), &mr(record));
     add("classes of receivers", classes.0, &classes.1);
     for map in &record.maps {
-        let [rows, _] = map_rows(map, &record.unit);
+        let [rows, _] = map_rows(map, record);
         let size = self::map(map, &record.unit);
         add(&format!("map of {}: {}", quote(&map.receiver), text_of(&size)), rows.0, &rows.1);
     }
@@ -382,12 +396,16 @@ mod tests {
 
     #[test]
     fn nothing_averaged_is_the_result() {
-        let mr = [0.1, 0.4].map(|feature_size| MrRow { feature_size, ..row("bundle") });
+        let speedup_at_same_rms = Some(1.04);
+        let mr = [0.1, 0.4].map(|feature_size| MrRow { feature_size, speedup_at_same_rms, ..row("bundle") });
         let mut record =
             Record { mr: mr.into(), nothing_averaged: Some("Nothing.".into()), ..Record::default() };
         record.workload.rays = 16;
         let text = text(&record);
-        assert!(text.ends_with("\nNothing.\n") && !text.contains("accuracy"), "{text}");
+        assert!(
+            text.ends_with("\nNothing.\n") && !text.contains("accuracy") && !text.contains('×'),
+            "{text}"
+        );
         assert!(text.contains("\n0.4     16") && !text.contains("\n0.1     16"), "{text}");
     }
 

@@ -24,6 +24,10 @@ pub(super) fn sentence(
     let size = |pick: fn(f64, f64) -> f64| {
         length(rows.iter().map(|row| row.feature_size).reduce(pick).unwrap_or_default(), unit)
     };
+    let range = match [size(f64::min), size(f64::max)] {
+        [low, high] if low == high => format!("of {low}"),
+        [low, high] => format!("from {low} to {high}"),
+    };
     let largest = rows.iter().map(|row| row.feature_size).fold(0.0, f64::max);
     let opened = images.all_opened
         || rows
@@ -31,15 +35,14 @@ pub(super) fn sentence(
             .any(|row| row.feature_size == largest && row.route != "certified" && row.handed_over == 0.0);
     Some(match opened {
         true => format!(
-            "Nothing may be averaged in this scene at feature sizes up to {}: the shadows of every cluster could be as large, so that all \
-             answers are exact.",
+            "Nothing may be averaged in this scene at feature sizes up to {}: the shadows of every cluster could be as large. All answers are \
+             exact, and multi-resolution visibility is no faster.",
             size(f64::max)
         ),
         false => format!(
-            "Nothing is averaged in this scene at feature sizes from {} to {}: exact rays are expected to be faster than clusters, so that \
-             all answers are exact.",
-            size(f64::min),
-            size(f64::max)
+            "Nothing is averaged in this scene at feature sizes {}: exact rays are expected to be faster than clusters. All answers are \
+             exact, and multi-resolution visibility is no faster.",
+            range
         ),
     })
 }
@@ -63,6 +66,11 @@ fn keep_one_row(rows: &mut Vec<MrRow>, rays: usize) {
 }
 
 impl Record {
+    /// A speed-up as text and page show it: where nothing is averaged there is none, unless a row is what it is compared with.
+    pub(super) fn gain(&self, speedup: Option<f64>) -> Option<f64> {
+        speedup.filter(|speedup| self.nothing_averaged.is_none() || *speedup == 1.0)
+    }
+
     /// The MR rows that table and page show: all, or if nothing is averaged one for all.
     pub fn shown_rows(&self) -> &[MrRow] {
         let of_workload = |row: &MrRow| row.rays == self.workload.rays;

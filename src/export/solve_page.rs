@@ -128,13 +128,13 @@ fn headline(record: &Record, name: &str, shown: Shown) -> Markup {
             p.kicker { "Light in a scene" }
             h1 { (name) }
             p.lead {
-                "All surfaces together emit " strong { (number(powers.emitted)) " " (unit_of_power) }
-                " and receive " strong { (number(light)) " " (unit) } " in the mean."
+                "All sources together emit " strong { (number(powers.emitted)) " " (unit_of_power) }
+                "; surfaces receive " strong { (number(light)) " " (unit) } " in the mean."
             }
             div.figures {
                 (figure(&format!("{} {unit}", number(light)), &format!("mean {}", shown.name())))
                 @if let Some(error) = record.error_estimate {
-                    (figure(&percent(error), "estimated RMS error of the elements, of the mean"))
+                    (figure(&percent(error), "estimated RMS error of the elements, relative to the mean"))
                 }
                 (figure(&seconds(record.seconds.load + record.seconds.work() + record.seconds.audit), "time, all stages"))
             }
@@ -209,9 +209,9 @@ fn stages(s: &Seconds) -> Markup {
         ("measuring clusters", s.characterise),
         ("elements", s.elements),
         ("links and light", s.solve),
-        ("local pass", s.local),
+        ("light by rays", s.local),
         ("points", s.points),
-        ("audit", s.audit),
+        ("check of the errors", s.audit),
     ];
     let all: f64 = stages.iter().map(|stage| stage.1).sum::<f64>().max(f64::MIN_POSITIVE);
     stages.retain(|stage| stage.1 > 0.005 * all);
@@ -358,12 +358,17 @@ pub fn grid_section(grids: &[PageGrid], unit: &str) -> Result<Markup> {
                 @for (grid, url) in &urls {
                     figure {
                         div.frame { img src=(url) alt=(format!("light on the grid of {}", grid.name)); }
-                        figcaption { b { (grid.name) } " in " (grid.unit) ", " (number(grid.height)) " " (unit) " above the surface" }
+                        figcaption { b { (grid.name) } " in " (grid.unit) (above(grid.height, unit)) }
                     }
                 }
             }
         }
     })
+}
+
+/// The height of a grid.
+fn above(height: f64, unit: &str) -> String {
+    if height > 0.0 { format!(", {} {unit} above the surface", number(height)) } else { String::new() }
 }
 
 /// Number of surfaces that are listed, the largest.

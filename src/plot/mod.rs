@@ -3,5 +3,6 @@
 mod axis;
 mod chart;
 
-pub use axis::{Scale, number};
+pub use crate::error::number;
+pub use axis::Scale;
 pub use chart::{Marks, Plot, PlotPoint, Series};

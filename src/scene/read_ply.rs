@@ -18,6 +18,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Soup> {
     let mut soup = Soup::new(path);
     soup.object(path.file_stem().unwrap_or_default().to_string_lossy());
     soup.material(SoupMaterial::missing("(none)"));
+    let mut first_face = None;
     for (name, element) in &header.elements {
         let text = header.encoding == Encoding::Ascii;
         let line = file.reader.line();
@@ -34,6 +35,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Soup> {
                 soup.positions = vertices.into_iter().map(|v| v.0).collect();
             }
             "face" => {
+                first_face = text.then_some(line.max(1));
                 let faces: Vec<Face> = file.read(element, &header)?;
                 // Vertices may follow faces; indices are checked below.
                 faces.into_iter().for_each(|f| soup.indexed_polygon(0, 0, f.0));
@@ -41,10 +43,12 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Soup> {
             _ => drop(file.read::<Skipped>(element, &header)?),
         }
     }
-    if let Some(&bad) = soup.corners.iter().find(|&&v| v as usize >= soup.positions.len()) {
+    let count = soup.positions.len();
+    if let Some(corner) = soup.corners.iter().position(|&v| v as usize >= count) {
+        let (face, bad) = (soup.ends.partition_point(|&end| end as usize <= corner), soup.corners[corner]);
         let what =
-            format!("a face uses vertex {bad}, the file has {} (numbers start at 0)", soup.positions.len());
-        return Err(Error::format(path, None, what));
+            format!("face {face} uses vertex {bad}, the file has {count} vertices (numbers start at 0)");
+        return Err(Error::format(path, first_face.map(|line| line + face), what));
     }
     Ok(soup)
 }

@@ -223,8 +223,11 @@ fn origin(soup: &Soup) -> Result<DVec3> {
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for (i, p) in soup.positions.iter().enumerate() {
         if !p.is_finite() || p.abs().max_element() > MAX_COORDINATE {
-            let what =
-                format!("vertex {} has a coordinate that is not finite or beyond {MAX_COORDINATE:e}", i + 1);
+            let of = soup.object_with(i).map_or_else(String::new, |name| format!(" of `{}`", quote(name)));
+            let vertex = i + 1;
+            let what = format!(
+                "vertex {vertex}{of} has a coordinate that is not finite or beyond {MAX_COORDINATE:e}"
+            );
             return Err(Error::format(&soup.path, None, what));
         }
         (min, max) = (min.min(*p), max.max(*p));
@@ -333,7 +336,7 @@ fn summarise(role: Role, soup: &Soup, faces: &Triangles, r: &mut Repairs) {
     };
     say(r.zero_area_faces, "face", "without area dropped");
     say(r.duplicate_faces, "face", "left out: another face has the same corners");
-    say(r.broken_polygons, "polygon", "dropped, crossed by its own edges");
+    say(r.broken_polygons, "polygon", "dropped: some of the edges cross each other");
     say(r.transparent_faces, "face", "of transparent materials (d < 0.5) dropped: they do not block light");
     if r.faces_without_material > 0 {
         let missing = soup.materials.iter().filter(|m| m.missing).map(|m| &m.name);

@@ -123,6 +123,13 @@ impl Soup {
         start..self.ends[i] as usize
     }
 
+    /// Name of the object of the first polygon with this vertex.
+    pub(super) fn object_with(&self, vertex: usize) -> Option<&str> {
+        let corner = self.corners.iter().position(|&corner| corner as usize == vertex)?;
+        let polygon = self.ends.partition_point(|&end| end as usize <= corner);
+        Some(self.objects.get(*self.polygon_object.get(polygon)? as usize)?)
+    }
+
     /// Adds a material; returns its index.
     pub fn material(&mut self, material: SoupMaterial) -> u32 {
         self.materials.push(material);

@@ -44,9 +44,12 @@ fn a_grid_of_points_needs_no_file() {
         ["mean", "minimum", "uniformity"].map(|key| grid[key].as_f64().expect("a number"));
     assert!((stated / mean - 1.0).abs() < 1e-9 && (minimum / mean / uniformity - 1.0).abs() < 1e-9, "{grid}");
     assert!(record["at_points"]["count"] == 1 && record["grids"][0]["count"] == 8);
-    for words in
-        ["grid `floor` of 8 x 4, 0.8 above it: 32 points: minimum", "uniformity U0", "grid-floor-2.png"]
-    {
+    for words in [
+        "grid `floor` of 8 x 4, 0.8 m above it: 32 points: minimum",
+        "uniformity U0",
+        "grid-floor-2.png",
+        "\nestimated error at all points ",
+    ] {
         assert!(solved.stdout.contains(words), "{words}: {}", solved.stdout);
     }
     for name in ["s/grid-floor.png", "s/grid-floor-2.png"] {

@@ -358,6 +358,11 @@ pub fn grouped(n: usize) -> String {
     out
 }
 
+/// A number with its noun: "1 face", "2,000 faces".
+pub fn counted(n: usize, noun: &str) -> String {
+    format!("{} {noun}{}", grouped(n), if n == 1 { "" } else { "s" })
+}
+
 /// The text as one word of a shell command.
 pub fn shell_word(text: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "/._-+:,=".contains(c);

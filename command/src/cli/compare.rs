@@ -1,6 +1,6 @@
 //! `mrvis compare REF.csv TEST.csv`: difference of two irradiance files.
 
-use super::args::Common;
+use super::args::{Common, counted};
 use super::inputs::Inputs;
 use mrvis::internals::plot::number;
 use mrvis::internals::points::{Comparison, compare, read_irradiance};
@@ -45,14 +45,51 @@ fn text(c: &Comparison) -> String {
         .collect();
     let [r, g, b] = c.rms_by_channel.map(percent);
     format!(
-        "{} points, mean of the reference {} W/m\u{b2}; relative to it:\n\
-         RMS {} (red {r}, green {g}, blue {b}), of which the reference's noise {}\n\
+        "{}, mean of the reference {} W/m\u{b2}; relative to it:\n\
+         RMS {} (red {r}, green {g}, blue {b}){}\n\
          bias {}\n{}\n",
-        c.points,
+        counted(c.points, "point"),
         number(c.mean),
         percent(c.rms),
-        percent(c.reference_noise),
+        noise(c),
         percent(c.bias),
         shares.join(", "),
     )
+}
+
+/// What the noise of the reference means for the RMS; nothing if it is unknown.
+fn noise(c: &Comparison) -> String {
+    let Comparison { rms, reference_noise, .. } = *c;
+    let noise = number(100.0 * reference_noise);
+    match rms * rms - reference_noise * reference_noise {
+        _ if reference_noise == 0.0 => String::new(),
+        rest if rest > 0.0 => {
+            format!(", {} % without the reference's noise of {noise} %", number(100.0 * rest.sqrt()))
+        }
+        _ => format!(": no difference is found, as the reference's noise is {noise} %"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_difference_below_the_noise_is_none() {
+        let words = |rms, reference_noise| {
+            let (percentiles, rms_by_channel) = ([0.0; 4], [rms; 3]);
+            noise(&Comparison {
+                points: 2,
+                mean: 1.0,
+                rms,
+                reference_noise,
+                bias: 0.0,
+                percentiles,
+                rms_by_channel,
+            })
+        };
+        assert_eq!(words(0.021, 0.032), ": no difference is found, as the reference's noise is 3.2 %");
+        assert_eq!(words(0.05, 0.03), ", 4 % without the reference's noise of 3 %");
+        assert_eq!(words(0.05, 0.0), "");
+    }
 }

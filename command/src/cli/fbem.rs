@@ -132,7 +132,7 @@ fn feature_options(args: &Args, white: f32) -> FeatureOptions {
 fn table(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) -> String {
     let mode = name_of(MODES, args.mode);
     let mut text = format!(
-        "{} x {} texels of {}, unoccluded value {}, sizes by {mode}\n\n",
+        "{} x {} texels of side {}, unoccluded value {}, feature sizes by --mode {mode}\n\n",
         image.width(),
         image.height(),
         number(args.texel),

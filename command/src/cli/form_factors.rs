@@ -165,21 +165,26 @@ fn text(args: &Args, matrix: &FormFactors, r: &Report, seconds: f64) -> String {
     let [rows, entries, rays] = [matrix.areas.len(), matrix.columns.len(), r.rays as usize].map(grouped);
     let mut out = format!("{file}: {rows} rows, {entries} entries; {seconds} s, {rays} rays\n");
     let before = if r.closure_steps > 0 { " (before closure)" } else { "" };
+    let percent = |part: f64| format!("{} %", number(100.0 * part));
+    let [off, worst, noise] = [*row_sum_error, *worst_row_sum_error, *row_standard_error].map(percent);
     // Writing to a string cannot fail.
     let _ = writeln!(
         out,
-        "row sum + escaped + lost - 1: mean size {row_sum_error:.2e}, largest {worst_row_sum_error:.2e}{before}; standard error of a row \
-         {row_standard_error:.1e}"
+        "row sums + escaped + lost differ from 1 by {off} in the mean, {worst} at most{before}; standard error of a row {noise}"
     );
-    let [closed, of] = [r.closed_rows, r.facets].map(grouped);
-    let _ = writeln!(
-        out,
-        "{closed} of {of} rows are closed, off by {closed_row_sum_error:.1e} in the mean; row sums {low:.6} to {high:.6}; reciprocity \
-         residual {reciprocity_residual:.1e}"
-    );
-    let _ = writeln!(out, "escaped {:.3} %, lost on back sides {:.3} %", 100.0 * r.escaped, 100.0 * r.lost);
+    if r.closed_rows > 0 {
+        let [closed, of] = [r.closed_rows, r.facets].map(grouped);
+        let off = percent(*closed_row_sum_error);
+        let _ = writeln!(
+            out,
+            "{closed} of {of} facets lose no light: their rows sum to 1 with a mean error of {off}"
+        );
+    }
+    let [low, high, residual] = [*low, *high, *reciprocity_residual].map(number);
+    let _ = writeln!(out, "row sums {low} to {high}; reciprocity residual {residual}");
+    let _ = writeln!(out, "escaped {}, lost on back sides {}", percent(r.escaped), percent(r.lost));
     for (facet, why) in &r.bad {
-        let _ = writeln!(out, "  facet {facet}: {why}");
+        let _ = writeln!(out, "  facet {facet} {why}");
     }
     if r.bad_facets > r.bad.len() {
         let _ = writeln!(out, "  and {} more", r.bad_facets - r.bad.len());

@@ -103,8 +103,11 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
     writeln!(out, "{} (read in {seconds:.2} s, unit {unit})", shown(p.path))?;
     writeln!(out, "  triangles   {:>12}", grouped(p.triangles.len()))?;
     if !p.placements.is_empty() {
-        let meshes = grouped(p.shared.len());
-        writeln!(out, "  instances   {:>12} of {meshes} shared meshes", grouped(p.placements.len()))?;
+        let meshes = match p.shared.len() {
+            1 => "one shared mesh".into(),
+            n => format!("{} shared meshes", grouped(n)),
+        };
+        writeln!(out, "  instances   {:>12} of {meshes}", grouped(p.placements.len()))?;
         writeln!(
             out,
             "  stored      {:>12} triangles, those of shared meshes once",
@@ -112,12 +115,24 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
         )?;
         writeln!(out, "  visible     {:>12} triangles", grouped(s.visible_triangles() as usize))?;
     }
-    writeln!(out, "  vertices    {:>12}", grouped(stored(s, |m| m.parts().positions.len())))?;
+    let r = p.repairs;
+    let some = |n: usize, what: &str| if n > 0 { format!(", {} {what}", grouped(n)) } else { String::new() };
+    if r.polygons_triangulated > 0 {
+        let concave = some(r.concave_polygons, "of them concave");
+        writeln!(
+            out,
+            "  polygons    {:>12} divided into triangles{concave}",
+            grouped(r.polygons_triangulated)
+        )?;
+    }
+    let (welded, unused) = (some(r.welded_vertices, "welded"), some(r.unused_vertices, "unused"));
+    let vertices = grouped(stored(s, |m| m.parts().positions.len()));
+    writeln!(out, "  vertices    {vertices:>12}{welded}{unused}")?;
     writeln!(out, "  objects     {:>12}", grouped(p.objects.len()))?;
     writeln!(out, "  materials   {:>12}", grouped(p.materials.len()))?;
     writeln!(
         out,
-        "  parts       {:>12} closed, {} sheet",
+        "  parts       {:>12} closed, {} sheets",
         grouped(stored(s, |m| m.parts().closed_parts)),
         grouped(stored(s, |m| m.parts().sheet_parts))
     )?;
@@ -127,10 +142,14 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
     for line in p.sky.iter().flat_map(|sky| &sky.notes) {
         writeln!(out, "  light       {line}")?;
     }
-    writeln!(out, "  from        {} {} {}", round64(min.x), round64(min.y), round64(min.z))?;
-    writeln!(out, "  to          {} {} {}", round64(max.x), round64(max.y), round64(max.z))?;
+    writeln!(out, "  from        {} {} {} {unit}", round64(min.x), round64(min.y), round64(min.z))?;
+    writeln!(out, "  to          {} {} {} {unit}", round64(max.x), round64(max.y), round64(max.z))?;
     if p.origin != glam::DVec3::ZERO {
-        writeln!(out, "  origin      {} {} {} (kept apart)", p.origin.x, p.origin.y, p.origin.z)?;
+        writeln!(
+            out,
+            "  origin      {} {} {} {unit}, to which stored positions are relative",
+            p.origin.x, p.origin.y, p.origin.z
+        )?;
     }
     Ok(())
 }
@@ -259,15 +278,6 @@ fn mesh_name(s: &Scene, mesh: usize) -> &str {
 
 fn repairs(out: &mut String, s: &Scene) -> std::fmt::Result {
     let r = &s.parts().repairs;
-    let counted = [
-        ("polygons triangulated", r.polygons_triangulated),
-        ("of them concave", r.concave_polygons),
-        ("vertices welded", r.welded_vertices),
-        ("unused vertices", r.unused_vertices),
-    ];
-    for (what, count) in counted.iter().filter(|(_, n)| *n > 0) {
-        writeln!(out, "  {:>12}  {what}", grouped(*count))?;
-    }
     if r.messages.is_empty() {
         return writeln!(out, "nothing had to be repaired");
     }

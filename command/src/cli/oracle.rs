@@ -1,6 +1,6 @@
 //! `mrvis reference SCENE --points FILE`: irradiance by path tracing.
 
-use super::args::{Common, SceneArgs, file_name, grouped, warn};
+use super::args::{Common, SceneArgs, counted, file_name, warn};
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output, check_file};
 use super::job_context;
@@ -105,9 +105,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     args.mpi.add_sharing(&mut json);
     common.write_json(&json)?;
     common.print(&format!(
-        "{}: {} points, {} paths each, {} s; mean irradiance {} W/m\u{b2}, RMS standard error {} % of it\n{}",
+        "{}: {}, {} paths each, {} s; mean irradiance {} W/m\u{b2}, RMS standard error {} % of it\n{}",
         file_name(&args.out),
-        grouped(points.len()),
+        counted(points.len(), "point"),
         args.samples,
         number(seconds),
         number(mean),

@@ -4,7 +4,7 @@ mod grids;
 mod summary;
 mod watch;
 
-use super::args::{CacheArgs, Common, SceneArgs, command_line, grouped};
+use super::args::{CacheArgs, Common, SceneArgs, command_line, counted, grouped};
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output, check_folder};
 use super::interruption;
@@ -370,10 +370,12 @@ impl AtPoints {
     /// The numbers in words.
     pub fn words(&self) -> String {
         let AtPoints { count, unit, minimum, mean, maximum, dark, uniformity } = self;
+        if *count == 1 {
+            return format!("1 point: {} {unit}", number(*mean));
+        }
         let mut line = format!(
-            "{} point{}: minimum {}, mean {}, maximum {} {unit}",
-            grouped(*count),
-            if *count == 1 { "" } else { "s" },
+            "{}: minimum {}, mean {}, maximum {} {unit}",
+            counted(*count, "point"),
             number(*minimum),
             number(*mean),
             number(*maximum),

@@ -5,6 +5,7 @@ use super::flags::with_flags;
 use super::inputs::{Inputs, Output, check_folder};
 use super::mesh_grid;
 use super::values::{Values, cell, name_of, one_of};
+use mrvis::internals::plot::number;
 use mrvis::internals::sky::{DVec3, Environment, SkyModel};
 use mrvis::internals::terrain::{
     EARTH_RADIUS, Grid, Layer, Light, ReadOptions, Sun, SweepOptions, horizon, irradiance, read,
@@ -174,7 +175,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         let bands = common.on_threads(|| compute(args, *quantity, grid, (&sky, &sweep)))?;
         let seconds = start.elapsed().as_secs_f64();
         write(args, *quantity, grid, &bands)?;
-        let record = summary(*quantity, &bands, seconds, &mut text);
+        let record = summary((*quantity, unit(*quantity, args)), &bands, seconds, &mut text);
         records.push(record);
     }
     let _ = writeln!(text, "wrote {}", args.out.display());
@@ -341,8 +342,18 @@ fn range(quantity: Quantity, bands: &Bands) -> [f32; 2] {
     }
 }
 
+/// The unit of a quantity in text.
+fn unit(quantity: Quantity, args: &Args) -> &'static str {
+    match quantity {
+        Quantity::SkyViewFactor | Quantity::Sunlit => "",
+        Quantity::Horizon => "\u{b0}",
+        Quantity::Irradiance if args.day.is_some() => " Wh/m\u{b2}",
+        Quantity::Irradiance => " W/m\u{b2}",
+    }
+}
+
 /// Adds a line on a quantity; returns the same as JSON.
-fn summary(quantity: Quantity, bands: &Bands, seconds: f64, text: &mut String) -> Value {
+fn summary((quantity, unit): (Quantity, &str), bands: &Bands, seconds: f64, text: &mut String) -> Value {
     let known = || bands.iter().flat_map(|(_, values)| values).copied().filter(|v| v.is_finite());
     let (mut sum, mut count) = (0.0f64, 0usize);
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
@@ -352,6 +363,10 @@ fn summary(quantity: Quantity, bands: &Bands, seconds: f64, text: &mut String) -
     }
     let mean = sum / count.max(1) as f64;
     let name = quantity.name();
-    let _ = writeln!(text, "{name:<16} minimum {low:.4}, mean {mean:.4}, maximum {high:.4}, {seconds:.2} s");
+    let [least, middle, most] = [low.into(), mean, high.into()].map(number);
+    let _ = writeln!(
+        text,
+        "{name:<16} minimum {least}, mean {middle}, maximum {most}{unit}; computed in {seconds:.2} s"
+    );
     json!({ "name": name, "bands": bands.len(), "min": low, "mean": mean, "max": high, "seconds": seconds })
 }

@@ -13,10 +13,11 @@ use crate::plot::number;
 /// Slow rows, receivers where exact images of 16 rays are more accurate, and the largest differences.
 pub(super) fn section(record: &Record, receivers: &[ReceiverImages]) -> Result<Markup> {
     let unit = &record.unit;
+    let is_slow = |speedup| record.gain(speedup).is_some_and(|s| s < 1.0);
     let slow = record
         .shown_rows()
         .iter()
-        .filter(|row| row.speedup_per_segment < 1.0 || row.speedup_at_same_rms.is_some_and(|s| s < 1.0));
+        .filter(|row| is_slow(Some(row.speedup_per_segment)) || is_slow(row.speedup_at_same_rms));
     let slow: Vec<_> = slow.collect();
     let mut worse = Vec::new();
     let mut largest = Vec::new();

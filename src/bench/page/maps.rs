@@ -3,17 +3,18 @@
 use maud::{Markup, html};
 
 use crate::Result;
-use crate::bench::record::MapRecord;
+use crate::bench::record::{MapRecord, Record};
 use crate::bench::shown;
 use crate::page::{chart, length, table};
 use crate::plot::{Marks, Plot, PlotPoint, Scale, Series};
 
 /// All maps; empty without any.
-pub(super) fn section(maps: &[MapRecord], unit: &str) -> Result<Markup> {
+pub(super) fn section(record: &Record) -> Result<Markup> {
+    let maps = &record.maps;
     if maps.is_empty() {
         return Ok(html! {});
     }
-    let articles = maps.iter().map(|map| article(map, unit)).collect::<Result<Vec<_>>>()?;
+    let articles = maps.iter().map(|map| article(map, record)).collect::<Result<Vec<_>>>()?;
     Ok(html! {
         section {
             h2 { "Maps" }
@@ -29,8 +30,8 @@ pub(super) fn section(maps: &[MapRecord], unit: &str) -> Result<Markup> {
     })
 }
 
-fn article(map: &MapRecord, unit: &str) -> Result<Markup> {
-    let [mr, exact] = shown::map_rows(map, unit);
+fn article(map: &MapRecord, record: &Record) -> Result<Markup> {
+    let (unit, [mr, exact]) = (&record.unit, shown::map_rows(map, record));
     Ok(html! {
         article {
             h3 { (map.receiver) }

@@ -48,10 +48,18 @@ pub(super) fn section(ledger: &Ledger, shown: Shown, scene: &Scene, solution: &R
         p.note {
             "The difference of what is received and what is sent, " (number(powers.created)) " " (unit)
             ", is an error of the solution. "
-            @if let Some([low, high]) = ledger.row_sums {
-                "The form factors of an element from which no light leaves the scene sum to " (format!("{low:.4} to {high:.4}")) "; 1 is right."
+            @if let Some(sums) = ledger.row_sums.and_then(sums) {
+                "The form factors of an element from which no light leaves the scene should sum to 1, and sum to " (sums) "."
             }
         }
+    }
+}
+
+/// Smallest and largest sum of form factors; none if both are as they should be.
+fn sums(sums: [f64; 2]) -> Option<String> {
+    match sums.map(number) {
+        [low, high] if low != high => Some(format!("{low} to {high}")),
+        [one, _] => (one != "1").then_some(one),
     }
 }
 
@@ -119,6 +127,13 @@ fn drawing(streams: &[Stream]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sums_are_told_if_they_are_wrong() {
+        assert_eq!(sums([0.99999, 1.00001]), None);
+        assert_eq!(sums([0.98, 1.0]), Some("0.98 to 1".into()));
+        assert_eq!(sums([1.02, 1.02]), Some("1.02".into()));
+    }
 
     #[test]
     fn streams_are_as_wide_as_their_power() {

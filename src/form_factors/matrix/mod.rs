@@ -31,6 +31,7 @@ pub use facets::{Facets, Labels};
 pub use rows::{FormFactors, Grouping, by_groups};
 pub use write::{Format, write};
 
+use crate::error::quote;
 use crate::model::Model;
 use crate::progress::{self, Progress};
 use crate::{Error, Result};
@@ -117,7 +118,7 @@ pub struct Report {
     pub row_standard_error: f64,
     /// Conjugate-gradient steps of the closure; 0 without closure.
     pub closure_steps: usize,
-    /// Suspicious facets: index and reason. At most [`Report::MAX_BAD`] entries.
+    /// Suspicious facets: index, and object and reason in words. At most [`Report::MAX_BAD`] entries.
     pub bad: Vec<(usize, String)>,
     /// Number of suspicious facets.
     pub bad_facets: usize,
@@ -204,7 +205,12 @@ pub fn compute(
     // Rows that were cut short are not shown.
     go_on(progress)?;
     pair::balance(&mut upper, progress)?;
-    rows::assemble(facets, upper, shares, settings, progress)
+    let (matrix, mut report) = rows::assemble(facets, upper, shares, settings, progress)?;
+    for (facet, why) in &mut report.bad {
+        let object = model.scene().triangle_object[facets.triangle(*facet)];
+        *why = format!("of `{}`: {why}", quote(&model.scene().objects[object as usize].name));
+    }
+    Ok((matrix, report))
 }
 
 /// Nothing, or [`Error::Cancelled`] if `progress` has stopped.

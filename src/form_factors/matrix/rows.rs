@@ -5,6 +5,7 @@ use super::facets::Facets;
 use super::pair::Row;
 use super::{Report, Settings, go_on};
 use crate::Result;
+use crate::error::number;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use std::collections::BTreeMap;
@@ -230,13 +231,11 @@ fn report(m: &FormFactors, off: &[f64], closed: &[bool], variance: &[f64], steps
     let mut bad = Vec::new();
     for (i, off) in off.iter().enumerate() {
         if f64::from(m.lost[i]) > Report::BAD {
-            let share = 100.0 * m.lost[i];
-            bad.push((
-                i,
-                format!("{share:.1} % of what it sends out falls on back sides: is it wound the wrong way?"),
-            ));
+            let share = number(f64::from(100.0 * m.lost[i]));
+            let why = "faces that touch it, sheets, or faces wound the wrong way";
+            bad.push((i, format!("{share} % of the light it sends out falls on back sides: {why}")));
         } else if off.abs() > Report::BAD.max(6.0 * variance[i].sqrt() / m.areas[i]) {
-            bad.push((i, format!("row sum, escaped and lost shares add up to {:.4}", 1.0 + off)));
+            bad.push((i, format!("row sum, escaped and lost shares add up to {}", number(1.0 + off))));
         }
     }
     let bad_facets = bad.len();

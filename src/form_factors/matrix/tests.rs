@@ -225,7 +225,8 @@ fn facets_that_face_the_wrong_way_are_named() {
     let (m, report) = run(&scene, |_| ());
     assert_eq!(report.entries, 0);
     assert_eq!(report.bad_facets, 1);
-    assert!(report.bad[0].0 == 0 && report.bad[0].1.contains("back sides"), "{:?}", report.bad);
+    assert!(report.bad[0].0 == 0 && report.bad[0].1.starts_with("of `"), "{:?}", report.bad);
+    assert!(report.bad[0].1.contains("back sides"), "{:?}", report.bad);
     assert!(m.lost[0] > 0.8 && m.escaped[1] == 1.0, "{:?} {:?}", m.lost, m.escaped);
 }
 

@@ -4,6 +4,7 @@ use super::direct_light::CHUNK;
 use super::gatherer::{Buffers, FinalGather};
 use super::smooth_light::SmoothLight;
 use crate::embree::Hits;
+use crate::error::number;
 use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::{Tally, VisibilityEngine};
@@ -184,10 +185,13 @@ impl FinalGather<'_> {
             })
             .sum();
         (off > 0).then(|| {
+            let some = match points.len() {
+                1 => "the point lies".into(),
+                all => format!("{off} of {all} points lie"),
+            };
             format!(
-                "{off} of {} points lie farther than {reach:.2} {} from every surface: they receive what arrives at their place in space from \
-                 the side that their normal faces",
-                points.len(),
+                "{some} farther than {} {} from every surface: what arrives there in space is counted, from the side that the normal faces",
+                number(reach.into()),
                 self.scene.unit
             )
         })

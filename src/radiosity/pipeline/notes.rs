@@ -1,6 +1,7 @@
 //! Notes for the user about a solution that is not all that was asked for. Options are named by their
 //! field, between `⟨` and `⟩`.
 
+use crate::error::number;
 use crate::radiosity::audit::Ledger;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::Options;
@@ -28,12 +29,10 @@ pub fn ended(
         Ended::Time => limit(options),
         Ended::Links => format!("⟨max_links⟩ {}", options.max_links),
     };
-    let bound = last.map_or(f64::INFINITY, |i| i.error_bound);
+    let reached =
+        last.map_or_else(String::new, |i| format!("at links with errors of {}, ", number(i.error_bound)));
     let (error, estimate) = (options.error, in_words(estimate));
-    Some(format!(
-        "{why} ended refinement before ⟨error⟩ {error} was reached: links with errors below {bound:.1e} are as they were, \
-         {estimate}"
-    ))
+    Some(format!("{why} ended refinement {reached}before ⟨error⟩ {error} was reached; {estimate}"))
 }
 
 /// If power appears or vanishes beyond the estimated error and [`MAX_IMBALANCE`].
@@ -54,15 +53,18 @@ pub fn imbalance(ledger: &Ledger, estimate: Option<f64>) -> Option<String> {
 /// If the estimated error is larger than the target.
 pub fn missed(options: &Options, estimate: Option<f64>) -> Option<String> {
     let target = options.target_error.filter(|target| estimate.is_none_or(|e| e > *target))?;
-    let estimate = in_words(estimate);
+    let (estimate, percent) = (in_words(estimate), number(100.0 * target));
     Some(format!(
-        "⟨target_error⟩ {target} was missed: {estimate}; a smaller ⟨error⟩ or ⟨min_area⟩, more time or \
+        "⟨target_error⟩ {target} ({percent} %) was missed: {estimate}; a smaller ⟨error⟩ or ⟨min_area⟩, more time or \
          more links bring it down"
     ))
 }
 
 fn in_words(estimate: Option<f64>) -> String {
-    estimate.map_or_else(|| "the error is unknown".into(), |e| format!("the estimated error is {e:.4}"))
+    estimate.map_or_else(
+        || "the error is unknown".into(),
+        |e| format!("the estimated error is {} %", number(100.0 * e)),
+    )
 }
 
 /// If light does not arrive although a target is set.
@@ -87,36 +89,85 @@ pub fn unlit(unlit: &Unlit) -> Option<String> {
     })
 }
 
+/// All notes of a solution.
+#[derive(Default)]
+pub struct Notes {
+    said: Vec<String>,
+    fewer: Vec<FewerRays>,
+}
+
+/// Why and where there are fewer rays than planned.
+pub struct FewerRays {
+    why: &'static str,
+    place: Place,
+    what: String,
+}
+
+/// Where rays are missing. Of each place the last note counts: an attempt with more rays follows those before.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Place {
+    Reflected,
+    Hurried,
+    Untraced,
+}
+
+impl Extend<String> for Notes {
+    fn extend<I: IntoIterator<Item = String>>(&mut self, notes: I) {
+        self.said.extend(notes);
+    }
+}
+
+impl Extend<FewerRays> for Notes {
+    fn extend<I: IntoIterator<Item = FewerRays>>(&mut self, notes: I) {
+        for note in notes {
+            self.fewer.retain(|other| other.place != note.place);
+            self.fewer.push(note);
+        }
+    }
+}
+
+impl Notes {
+    /// One note for all places with fewer rays, after the others so far.
+    pub fn join(&mut self) {
+        self.fewer.sort_by_key(|note| note.place);
+        let Some(why) = self.fewer.last().map(|note| note.why) else { return };
+        let places: Vec<String> = self.fewer.drain(..).map(|note| note.what).collect();
+        self.said.push(format!("{why}: {}; elements are noisier than ⟨error⟩ says", places.join("; ")));
+    }
+
+    /// The notes in words.
+    pub fn into_words(mut self) -> Vec<String> {
+        self.join();
+        self.said
+    }
+}
+
 /// If the local pass had time for a smaller part of all useful rays than [`NEARLY_ALL`]; a `part` of `None` means the smallest number of rays.
-pub fn fewer_local_rays(part: Option<f64>, all: f64, deadline: &Deadline) -> Option<String> {
-    let fewer = match part {
+pub fn fewer_local_rays(part: Option<f64>, all: f64, deadline: &Deadline) -> Option<FewerRays> {
+    let rays = match part {
         Some(part) if part >= NEARLY_ALL => return None,
-        Some(part) => format!("{:.1e} of {all:.1e} rays", part * all),
-        None => format!("the fewest rays it can, instead of {all:.1e}"),
+        Some(part) => format!("{} % of its {} rays", number(100.0 * part), number(all)),
+        None => format!("the fewest rays there can be, not {}", number(all)),
     };
-    let why = why(deadline);
-    Some(format!("{why}: the local pass traced {fewer}; elements are noisier than ⟨error⟩ says"))
+    let what = format!("reflected light is by {rays}");
+    Some(FewerRays { why: why(deadline), place: Place::Reflected, what })
 }
 
 /// If some of the leaves have fewer rays than planned.
-pub fn hurried(hurried: usize, all: usize, deadline: &Deadline) -> Option<String> {
-    (hurried > 0).then(|| {
-        format!(
-            "{}: {hurried} of {all} elements have fewer rays than planned; they are noisier than ⟨error⟩ says",
-            why(deadline)
-        )
-    })
+pub fn hurried(hurried: usize, all: usize, deadline: &Deadline) -> Option<FewerRays> {
+    let what = || format!("{hurried} of {all} elements have fewer rays than planned");
+    (hurried > 0).then(|| FewerRays { why: why(deadline), place: Place::Hurried, what: what() })
 }
 
 /// If there was no time for any rays of some of the leaves.
-pub fn untraced(untraced: usize, all: usize, deadline: &Deadline) -> Option<String> {
-    (untraced > 0).then(|| {
+pub fn untraced(untraced: usize, all: usize, deadline: &Deadline) -> Option<FewerRays> {
+    let what = || {
         format!(
-            "{}: {untraced} of {all} elements have no rays; their light is that along links, times the factor that rays have found at \
-             elements around them, and their error bars are the deviations from it",
-            why(deadline)
+            "{untraced} of {all} elements have no rays: their light is that along links, times the factor that rays have found at elements \
+             around them, and their error bars are the deviations from it"
         )
-    })
+    };
+    (untraced > 0).then(|| FewerRays { why: why(deadline), place: Place::Untraced, what: what() })
 }
 
 /// The cause of the smaller number of rays.

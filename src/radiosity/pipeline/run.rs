@@ -1,7 +1,7 @@
 //! The stages of a solution, in their order.
 
 use super::engine::engine_for;
-use super::notes;
+use super::notes::{self, Notes};
 use super::point_query::{Solution, relative};
 use super::record::{Outcome, Record, Seconds, timed};
 use crate::clusters::Hierarchy;
@@ -64,7 +64,7 @@ pub fn solve(
         progress,
         deadline,
         seconds: preparation(model, options),
-        notes: Vec::new(),
+        notes: Notes::default(),
     };
     let (coarse, unlit) = stages.coarse()?;
     let asked = !points.is_empty() || options.more_points;
@@ -161,7 +161,7 @@ pub(super) struct Stages<'a> {
     pub(super) progress: &'a dyn Progress,
     pub(super) deadline: Deadline<'a>,
     pub(super) seconds: Seconds,
-    pub(super) notes: Vec<String>,
+    pub(super) notes: Notes,
 }
 
 impl Stages<'_> {
@@ -223,10 +223,10 @@ impl Stages<'_> {
             self.notes.extend(notes::unconverged(&closing.convergence, &plan.light));
             steps.convergence = closing.convergence;
             if self.options.direct_only {
-                self.notes.push(notes::DIRECT_AT_POINTS.into());
+                self.notes.extend([notes::DIRECT_AT_POINTS.to_owned()]);
             }
             if solved.linked.elements.has_profiles() {
-                self.notes.push(notes::DIFFUSE_LUMINAIRES.into());
+                self.notes.extend([notes::DIFFUSE_LUMINAIRES.to_owned()]);
             }
             let crossed = solved.linked.count_crossed(&self.model.exact());
             self.notes.extend(notes::walls_across_elements(crossed));
@@ -331,7 +331,7 @@ impl Stages<'_> {
             unit: scene.unit.clone(),
             options: options.clone(),
             scene: SceneSummary::of(self.model),
-            warnings: self.notes,
+            warnings: self.notes.into_words(),
             iterations: steps.iterations,
             ended: steps.ended,
             convergence: steps.convergence,

@@ -84,6 +84,8 @@ fn time_limits_bound_the_time() {
         let Record { ended, warnings, ledger, .. } = solved(&scene, &points, &options).record;
         assert_eq!(ended, Ended::Time);
         assert!(warnings.iter().any(|w| w.contains("⟨max_seconds⟩ 0.5 ended refinement")), "{warnings:?}");
+        // What has fewer rays is told once.
+        assert!(warnings.iter().filter(|w| w.contains("noisier")).count() == 1, "{warnings:?}");
         assert!(ledger.created.abs() < 1e-2 * ledger.emitted, "{ledger:?}");
     }
 }

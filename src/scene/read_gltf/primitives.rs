@@ -1,7 +1,7 @@
 //! Primitives of a mesh as polygons of a soup.
 
 use super::{MAX_CORNERS, Reader};
-use crate::{Result, scene::Soup};
+use crate::{Result, error::quote, scene::Soup};
 use glam::{DAffine3, DVec3};
 use gltf::{
     Primitive,
@@ -37,7 +37,10 @@ impl Reader<'_> {
             Some(accessor) => self.values(&accessor)?.into_iter().map(|[i]: [f64; 1]| i as u32).collect(),
         };
         if let Some(bad) = indices.iter().find(|&&i| i as usize >= count) {
-            return Err(self.wrong(format!("a face uses vertex {bad} of a mesh that has {count}")));
+            let name = quote(&soup.objects[object as usize]);
+            return Err(
+                self.wrong(format!("a face of `{name}` uses vertex {bad} of {count} (numbers start at 0)"))
+            );
         }
         if soup.corners.len() + 3 * indices.len() > MAX_CORNERS {
             return Err(self.wrong("more faces than can be handled: split the scene"));

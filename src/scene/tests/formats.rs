@@ -138,8 +138,8 @@ fn ply_text_and_binary() {
         let text = load_bytes("ply", text.replace(from, to).as_bytes()).expect_err(want).to_string();
         assert!(text.contains(want), "{text}");
     };
-    check("3 0 2 3", "3 0 2 4", "a face uses vertex 4, the file has 4");
-    check("3 0 2 3", "3 0 -2 3", "a face uses vertex 4294967295");
+    check("3 0 2 3", "3 0 2 4", ":16: face 1 uses vertex 4, the file has 4");
+    check("3 0 2 3", "3 0 -2 3", "face 1 uses vertex 4294967295");
     check("1 1 0 1", "1 nan 0 1", ":13: not a usable PLY file");
     check("face 2", "face 3", "not a usable PLY file");
     check("vertex 4", "vertex 999999999999", "cannot fit into");

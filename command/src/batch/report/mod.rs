@@ -70,9 +70,13 @@ impl JobPicture {
     /// What it shows: a feature mask, a difference and a grid are told by the name of their file.
     fn what(&self) -> String {
         let stem = self.file.rsplit_once('.').map_or(self.file.as_str(), |(stem, _)| stem);
-        let size = stem.rsplit_once("mask-").map(|(_, size)| size).filter(|size| size.parse::<f64>().is_ok());
+        let size = stem.rsplit_once("mask-").and_then(|(_, size)| size.parse().ok());
         match (size, stem.ends_with("difference")) {
-            (Some(size), _) => format!("mask of features larger than {size}"),
+            // Sizes of `fbem` may be in texels.
+            (Some(size), _) if stem.starts_with("mask-") => {
+                format!("mask of features larger than {}", number(size))
+            }
+            (Some(size), _) => format!("mask of features larger than {} scene units", number(size)),
             (None, true) => "difference from the reference".into(),
             (None, false) if stem.starts_with("grid-") => "light on a grid of points".into(),
             (None, false) => "picture".into(),
@@ -275,7 +279,8 @@ fn grids(grids: &[JobGrid]) -> Markup {
         let [job, name, unit] = [job, &grid.name, &grid.unit].map(Cell::words);
         [job, name, points.into(), height, minimum, mean, maximum, unit, uniformity.into()]
     };
-    let columns = "job | surface | points | height | minimum | mean | maximum | unit | uniformity U0";
+    let columns =
+        "job | surface | points | height, scene units | minimum | mean | maximum | unit | uniformity U0";
     let rows: Vec<_> = grids.iter().take(MAX_GRIDS).map(row).collect();
     html! {
         @if !grids.is_empty() {
@@ -283,7 +288,7 @@ fn grids(grids: &[JobGrid]) -> Markup {
                 h2 { "Grids of points" }
                 (plain_table(columns, &rows))
                 p.note {
-                    "Heights are in units of the scene; uniformity U0 is the minimum divided by the mean (EN 12464)."
+                    "Uniformity U0 is the minimum divided by the mean (EN 12464)."
                     @if grids.len() > MAX_GRIDS { " These are " (MAX_GRIDS) " of " (grids.len()) " grids; the others are in the records of their jobs." }
                 }
             }
@@ -369,11 +374,11 @@ fn noise(rows: &[&Row]) -> String {
     let (least, most) = (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max));
     match most > 0.0 {
         true if least == most => {
-            format!(" Each difference includes the noise of the reference, {}.", number(most))
+            format!(" The noise of the reference is {}: smaller differences are chance.", number(most))
         }
         true => {
             format!(
-                " Each difference includes the noise of its reference, {} to {}.",
+                " The noise of the references is {} to {}: smaller differences are chance.",
                 number(least),
                 number(most)
             )

@@ -147,15 +147,20 @@ pub fn section(grids: &[MeasuredGrid], pictures: &[Picture], unit: &str) -> Resu
 pub fn lines(points: Option<&AtPoints>, grids: &[MeasuredGrid], record: &Record) -> String {
     let grid = |grid: &MeasuredGrid| {
         let MeasuredGrid { name, height, columns, rows, light, .. } = grid;
-        let above = if *height > 0.0 { format!(", {} above it", number(*height)) } else { String::new() };
+        let above = match *height {
+            0.0 => String::new(),
+            height => format!(", {} {} above it", number(height), record.unit),
+        };
         format!("grid `{}` of {columns} x {rows}{above}: {}", quote(name), light.words())
     };
-    let lines: Vec<String> = points.map(AtPoints::words).into_iter().chain(grids.iter().map(grid)).collect();
     let error = record.points_error.map(|error| {
         let [rms, upper] = [error.rms, error.rms_upper].map(|e| number(100.0 * e));
-        format!("; estimated error {rms} % (at most {upper} % with 95 % probability)")
+        format!(
+            "estimated error at all points {rms} % of their mean (at most {upper} % with 95 % probability)"
+        )
     });
-    if lines.is_empty() { String::new() } else { lines.join("\n") + &error.unwrap_or_default() + "\n" }
+    let lines = points.map(AtPoints::words).into_iter().chain(grids.iter().map(grid));
+    lines.chain(error).map(|line| line + "\n").collect()
 }
 
 #[cfg(test)]

@@ -59,18 +59,16 @@ fn energy(text: &mut String, r: &Record, photometric: &Option<Luminous>) {
     // Direct light at points needs no light of elements.
     let has_elements = !powers.absorbed.is_nan();
     if has_elements {
-        let [emitted, absorbed, escaped, created] =
-            [powers.emitted, powers.absorbed, powers.escaped, powers.created]
+        let [emitted, absorbed, escaped, wrong] =
+            [powers.emitted, powers.absorbed, powers.escaped, powers.created.abs()]
                 .map(|p| format!("{} {unit}", number(p)));
+        let error = format!("{} by error {wrong}", if powers.created < 0.0 { "lost" } else { "created" });
         let of = if photometry.is_none() { " (mean of the channels)" } else { "" };
-        let _ = writeln!(
-            text,
-            "emitted {emitted}, absorbed {absorbed}, escaped {escaped}, created {created}{of}"
-        );
+        let _ = writeln!(text, "emitted {emitted}, absorbed {absorbed}, escaped {escaped}, {error}{of}");
         if !r.scene.sky.is_empty() {
             let part = |power: f64| number(100.0 * power / l.emitted.max(f64::MIN_POSITIVE));
             let [sky, sun] = [l.sky, l.sun].map(part);
-            let _ = writeln!(text, "of what is emitted {sky} % arrive from the sky, {sun} % from the sun");
+            let _ = writeln!(text, "of this {sky} % come from the sky, {sun} % from the sun");
         }
         let [red, green, blue] = r.mean_irradiance.map(number);
         let estimate = match r.error_estimate {
@@ -100,27 +98,27 @@ fn side_by_side(r: &Record, v: &Versus) -> String {
     let name = |engine| name_of(ENGINES, engine);
     let mut text = format!(
         "{:<9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>12}\n",
-        "", "clusters s", "solved s", "points s", "all s", "links", "exact rays"
+        "", "set-up s", "light s", "points s", "all s", "links", "exact rays"
     );
     for (engine, s, links, rays) in [
         (r.options.engine, &r.seconds, r.links, r.bundles.exact_rays),
         (v.engine, &v.seconds, v.links, v.bundles.exact_rays),
     ] {
-        let (solve, points) = (s.solve, s.points);
-        let (name, clusters, all) = (name(engine), s.hierarchy + s.characterise, s.work());
+        let (solve, points) = (s.elements + s.solve + s.local, s.points);
+        let (name, setup, all) = (name(engine), s.embree + s.hierarchy + s.characterise, s.work());
         let [links, rays] = [links, rays as usize].map(grouped);
         let _ = writeln!(
             text,
-            "{name:<9}{clusters:>11.2}{solve:>11.2}{points:>11.2}{all:>11.2}{links:>11}{rays:>12}"
+            "{name:<9}{setup:>11.2}{solve:>11.2}{points:>11.2}{all:>11.2}{links:>11}{rays:>12}"
         );
     }
     let (own, other) = (name(r.options.engine), name(v.engine));
     let _ = writeln!(
         text,
-        "{other} took {:.2} times as long as {own}; at the points they differ by {:.2} % RMS, {:+.2} % in the mean",
+        "{other} took {:.2} times as long as {own}; at the points {own} differs from it by {} % (RMS), {} % in the mean",
         v.speedup,
-        100.0 * v.difference.rms,
-        100.0 * v.difference.bias
+        number(100.0 * v.difference.rms),
+        number(100.0 * v.difference.bias)
     );
     text
 }
