@@ -54,6 +54,8 @@ pub(super) fn properties(record: &Record) -> [Properties; 4] {
         ("clusters", scene.clusters),
         ("levels", scene.levels),
     ];
+    let parts = record.spent.parts();
+    let all = ("all", parts.iter().map(|part| part.1).sum());
     let preparation = vec![
         ("reading", seconds(build.load_s)),
         ("Embree's tree", seconds(build.embree_s)),
@@ -71,7 +73,7 @@ pub(super) fn properties(record: &Record) -> [Properties; 4] {
         ("Scene", counts.map(|(name, n)| (name, count(n as u64))).into()),
         ("Preparation", preparation),
         ("Workload", workload(&record.workload)),
-        ("Time of this run", record.spent.parts().map(|(name, s)| (name, seconds(s))).into()),
+        ("Time of this run", parts.into_iter().chain([all]).map(|(name, s)| (name, seconds(s))).collect()),
     ]
 }
 
@@ -334,14 +336,28 @@ pub fn text(record: &Record) -> String {
     };
     let (exact, classes, audits) = (exact(record), classes(record), audits(record));
     add("exact", exact.0, &exact.1);
-    add("multi-resolution", &MR_COLUMNS.map(|(name, _)| name).join(" | "), &mr(record));
+    let extrapolated = record.shown_rows().iter().any(|row| row.extrapolated);
+    let title = if extrapolated {
+        "multi-resolution (~: exact time extrapolated to more rays)"
+    } else {
+        "multi-resolution"
+    };
+    add(title, &MR_COLUMNS.map(|(name, _)| name).join(" | "), &mr(record));
     add("classes of receivers", classes.0, &classes.1);
     for map in &record.maps {
         let [rows, _] = map_rows(map, record);
         let size = self::map(map, &record.unit);
         add(&format!("map of {}: {}", quote(&map.receiver), text_of(&size)), rows.0, &rows.1);
     }
-    add("claimed and observed errors", audits.0, &audits.1);
+    if let Some((_, audit)) = audited(record).first() {
+        let IntervalAudit { bundles, rays, .. } = audit;
+        let title = format!(
+            "claimed and observed errors of {} bundles, by {} exact rays each",
+            count(*bundles as u64),
+            count(*rays as u64)
+        );
+        add(&title, audits.0, &audits.1);
+    }
     text + &format!("\n{}\n", text_of(&result(record)))
 }
 
@@ -388,8 +404,14 @@ mod tests {
             ..Record::default()
         };
         let text = text(&record);
-        for part in ["  exact ", "  walks ", "inside      1,200 ", "  distance cut ", "over all points 2 s; "]
-        {
+        for part in [
+            "  exact ",
+            "  walks ",
+            "inside      1,200 ",
+            "  distance cut ",
+            "over all points 2 s; ",
+            "all 3 s",
+        ] {
             assert!(text.contains(part), "{part}: {text}");
         }
     }

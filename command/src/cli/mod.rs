@@ -246,7 +246,7 @@ fn one_line(error: &Error) -> String {
 
 /// Feature sizes by name from the content of a file; see `solve --feature-sizes`.
 pub(crate) fn feature_sizes(path: &std::path::Path, bytes: &[u8]) -> Result<Vec<(String, f32)>> {
-    solve::parse(path, bytes)
+    solve::parse_feature_sizes(path, bytes)
 }
 
 /// Writes to standard output.

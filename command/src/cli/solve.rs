@@ -176,7 +176,7 @@ fn options(args: &Args) -> Result<Options> {
     let mut options = Options {
         row_sums: args.rows,
         engine: args.visibility,
-        feature_sizes: args.feature_sizes.as_deref().map(read).transpose()?.unwrap_or_default(),
+        feature_sizes: args.feature_sizes.as_deref().map(read_feature_sizes).transpose()?.unwrap_or_default(),
         elements: args.outputs.need_elements(args.has_points()) || args.target_error.is_some(),
         more_points: args.outputs.gathers(args.has_points()),
         builder: args.clusters.builder,
@@ -450,15 +450,15 @@ impl Luminous {
 ///
 /// # Errors
 /// The file cannot be read or is no such file.
-pub fn read(path: &Path) -> Result<Vec<(String, f32)>> {
-    parse(path, &input::read(path, input::MAX_SMALL_FILE)?)
+pub fn read_feature_sizes(path: &Path) -> Result<Vec<(String, f32)>> {
+    parse_feature_sizes(path, &input::read(path, input::MAX_SMALL_FILE)?)
 }
 
 /// Feature sizes by name from the content of a file.
 ///
 /// # Errors
 /// It is no TOML, or has something else than numbers.
-pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<(String, f32)>> {
+pub fn parse_feature_sizes(path: &Path, bytes: &[u8]) -> Result<Vec<(String, f32)>> {
     let text = str::from_utf8(bytes).map_err(|_| Error::format(path, None, "not text in UTF-8"))?;
     let sizes: BTreeMap<String, f32> = toml::from_str(text).map_err(|e| {
         let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
