@@ -64,6 +64,12 @@ pub struct LocalPass {
     pub tally: Tally,
 }
 
+/// The parts of the light along links that leaves without rays keep, by leaf.
+fn link_parts(around: Option<&Surrounding>, traced: &[u32], untraced: &[u32]) -> HashMap<u32, Vec3> {
+    let Some(around) = around.filter(|_| !untraced.is_empty()) else { return HashMap::new() };
+    untraced.iter().copied().zip(around.cap_links(traced, untraced)).collect()
+}
+
 impl FinalGather<'_> {
     /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. The deviations of the rays determine how many of
     /// `most` rays the light of the elements needs: on foliage and rocks more than estimated before, because elements share little light. If `rays` is
@@ -74,17 +80,13 @@ impl FinalGather<'_> {
         let states = &self.linked.elements.states;
         let start = deadline.elapsed();
         let [mut rows, mut apart] = self.trace_rows(&all, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
-        let traced: f64 = rows.rows.iter().chain(&apart.rows).map(|row| f64::from(row.rays)).sum();
+        let traced = f64::from(rows.rows.iter().chain(&apart.rows).map(|row| row.rays).sum::<u32>());
         let seconds_a_ray = (deadline.elapsed() - start) / traced.max(1.0);
         let untraced = self.untraced(&all, [&rows, &apart]);
         let leaves: Vec<u32> = rows.rows.iter().map(|row| row.leaf).collect();
         let is_estimated = !untraced.is_empty() || self.elements && all.len() > leaves.len();
-        let around = is_estimated.then(|| Surrounding::new(&self.linked.elements, leaves.iter().copied()));
-        let mut link_part = HashMap::new();
-        if let Some(around) = around.as_ref().filter(|_| !untraced.is_empty()) {
-            link_part =
-                untraced.iter().copied().zip(around.cap_links(leaves.iter().copied(), &untraced)).collect();
-        }
+        let around = is_estimated.then(|| Surrounding::new(&self.linked.elements, &leaves));
+        let link_part = link_parts(around.as_ref(), &leaves, &untraced);
         let link_part = |leaf: u32| link_part.get(&leaf).copied().unwrap_or(Vec3::ONE);
         rows.number_rows(self.linked.elements.len(), |leaf| link_part(leaf) * self.reflected_from(leaf));
         let sampled = self.emitted_share();
@@ -107,28 +109,22 @@ impl FinalGather<'_> {
         let halves = transport.row_sums();
         let sums = assign_row_sums(&rows, &halves, &mut results);
         if self.elements {
-            let brightest = |leaves: &[(u32, f64)], power: f64| {
-                let rays = [self.gather_rays, self.light_rays];
-                Brightest::of(&self.linked.elements, leaves, rays, self.error * power)
-            };
             self.mark_shadows(&[&rows, &apart], &mut results);
-            assign_noise(&self.linked.elements, &rows, (&transport, &sums), brightest, &mut results);
+            self.assign_errors(&rows, (&transport, &sums), &mut results);
         } else {
             count_sent(&rows, &halves, &light, &mut results);
         }
         if let Some(around) = &around {
-            let others: Vec<u32> =
-                apart.rows.iter().map(|row| row.leaf).chain(untraced.iter().copied()).collect();
-            around.estimate(leaves.iter().copied(), &others, link_part, &mut results);
+            let others = apart.rows.iter().map(|row| row.leaf).chain(untraced.iter().copied());
+            around.estimate(&leaves, &others.collect::<Vec<u32>>(), link_part, &mut results);
         }
         self.light_apart(&mut apart, factor, &mut results);
         let mut arrived = self.arrived(&[&rows, &apart]);
         if let Some(around) = around.as_ref().filter(|_| !untraced.is_empty()) {
-            let of = |row: &RayRow| (row.leaf, [row.sky, row.sun()].map(|light| light / row.rays as f32));
-            arrived.add(around.arrived(rows.rows.iter().chain(&apart.rows).map(of), &untraced));
+            let beyond = rows.rows.iter().chain(&apart.rows).map(|row| (row.leaf, row.sky_and_sun()));
+            arrived.add(around.arrived(beyond, &untraced));
             self.balance_untraced(around, (&all, &untraced), (&sampled, &arrived), &mut results);
         }
-        let exchanged = rays.map_or(0.0, |rays| EXCHANGE_SHARE * rays);
         let (mut wanted, mut samples) = (EXCHANGE_SHARE * useful, Vec::new());
         let element_rays = rays.filter(|_| self.elements).map(|_| {
             weigh_errors(&self.linked.elements, &all, &mut results);
@@ -141,10 +137,9 @@ impl FinalGather<'_> {
                 needed
             }
         });
-        let traced_part = (exchanged + element_rays.unwrap_or(0.0)) / wanted;
+        let traced_part = (EXCHANGE_SHARE * rays.unwrap_or(0.0) + element_rays.unwrap_or(0.0)) / wanted;
         let RayRows { hurried, mut tally, .. } = rows;
         tally.add(apart.tally);
-        let hurried = hurried + apart.hurried;
         LocalPass {
             results,
             element_rays,
@@ -155,7 +150,7 @@ impl FinalGather<'_> {
             received,
             arrived,
             convergence,
-            hurried,
+            hurried: hurried + apart.hurried,
             untraced: untraced.len(),
             tally,
         }
@@ -211,6 +206,15 @@ impl FinalGather<'_> {
         }
     }
 
+    /// Assigns standard errors to all leaves with rows, as [`assign_noise`].
+    fn assign_errors(&self, rows: &RayRows, sums: (&RayTransport, &[f64]), results: &mut [LocalResult]) {
+        let brightest = |leaves: &[(u32, f64)], power: f64| {
+            let rays = [self.gather_rays, self.light_rays];
+            Brightest::of(&self.linked.elements, leaves, rays, self.error * power)
+        };
+        assign_noise(&self.linked.elements, rows, sums, brightest, results);
+    }
+
     /// Leaves without rows.
     fn untraced(&self, all: &[u32], rows: [&RayRows; 2]) -> Vec<u32> {
         if all.len() == rows[0].rows.len() + rows[1].rows.len() {
@@ -225,7 +229,8 @@ impl FinalGather<'_> {
     fn arrived(&self, rows: &[&RayRows]) -> Arrived {
         let elements = &self.linked.elements.elements;
         let beyond = |row: &RayRow| {
-            (elements[row.leaf as usize].area, row.sky / row.rays as f32, row.sun() / row.rays as f32)
+            let [sky, sun] = row.sky_and_sun();
+            (elements[row.leaf as usize].area, sky, sun)
         };
         Arrived::of(rows.iter().flat_map(|rows| &rows.rows).map(beyond))
     }

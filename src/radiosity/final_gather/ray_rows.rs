@@ -85,6 +85,11 @@ impl RayRow {
         self.halves[0].direct + self.halves[1].direct
     }
 
+    /// Irradiance by the sky and by suns, W/m².
+    pub fn sky_and_sun(&self) -> [Vec3; 2] {
+        [self.sky, self.sun()].map(|light| light / self.rays as f32)
+    }
+
     /// The half to which a ray belongs.
     pub fn half_of(&self, ray: u32) -> usize {
         usize::from(ray >= self.rays / 2)

@@ -119,13 +119,13 @@ pub struct Surrounding<'a> {
 
 impl<'a> Surrounding<'a> {
     /// The surroundings with these traced leaves.
-    pub fn new(elements: &'a Elements, traced: impl Iterator<Item = u32>) -> Surrounding<'a> {
+    pub fn new(elements: &'a Elements, traced: &[u32]) -> Surrounding<'a> {
         let inner: Vec<u32> =
             (0..elements.len() as u32).filter(|&e| !elements.elements[e as usize].is_leaf()).collect();
         let mut place = vec![u32::MAX; elements.len()];
         (0..).zip(&inner).for_each(|(k, &e)| place[e as usize] = k);
         let mut found = Surrounding { elements, inner, place, counts: Vec::new() };
-        found.counts = found.sums(traced.map(|leaf| (leaf, 1)), |sum, count| *sum += count);
+        found.counts = found.sums(traced.iter().map(|&leaf| (leaf, 1)), |sum, count| *sum += count);
         found
     }
 
@@ -160,9 +160,9 @@ impl<'a> Surrounding<'a> {
 
     /// Caps the light along links of untraced leaves, by element: single links of unfinished refinement may bring ten thousand times the light of all leaves
     /// around. No leaf is brighter than the brightest traced leaf along links around it. Returns the part, by channel, that each of `untraced` keeps.
-    pub fn cap_links(&self, traced: impl Iterator<Item = u32>, untraced: &[u32]) -> Vec<Vec3> {
+    pub fn cap_links(&self, traced: &[u32], untraced: &[u32]) -> Vec<Vec3> {
         let links = |leaf: u32| self.elements.states[leaf as usize].irradiance;
-        let brightest = self.sums(traced.map(|leaf| (leaf, links(leaf))), larger);
+        let brightest = self.sums(traced.iter().map(|&leaf| (leaf, links(leaf))), larger);
         let part = |&leaf: &u32| {
             let (own, most) = (links(leaf), brightest[self.of(leaf, MIN_BOUNDING)]);
             let of = |k: usize| if own[k] > most[k] { most[k] / own[k] } else { 1.0 };
@@ -174,7 +174,7 @@ impl<'a> Surrounding<'a> {
     /// Estimates the light of leaves without rows from that of the traced ones in `results`. `part`: of the light along links that a leaf keeps.
     pub fn estimate(
         &self,
-        traced: impl Iterator<Item = u32>,
+        traced: &[u32],
         leaves: &[u32],
         part: impl Fn(u32) -> Vec3 + Sync,
         results: &mut [LocalResult],
@@ -184,7 +184,7 @@ impl<'a> Surrounding<'a> {
             let light = [state.irradiance, state.radiosity];
             Traced::of(self.elements.elements[leaf as usize].area, light, &results[leaf as usize])
         };
-        let sums = self.sums(traced.map(|leaf| (leaf, of(leaf))), Traced::add);
+        let sums = self.sums(traced.iter().map(|&leaf| (leaf, of(leaf))), Traced::add);
         let estimate = |&leaf: &u32| {
             let (links, part) = (self.elements.states[leaf as usize].irradiance, part(leaf));
             let brightest = sums[self.of(leaf, MIN_BOUNDING)].brightest;
@@ -313,13 +313,13 @@ mod tests {
         leaves.iter().for_each(|&leaf| elements.states[leaf as usize].irradiance = [2.0; 3]);
         elements.states[untraced[0] as usize].irradiance = [1e4, 2.0, 1.0];
         let elements = &elements;
-        let around = Surrounding::new(elements, traced.iter().copied());
-        let parts = around.cap_links(traced.iter().copied(), &untraced);
+        let around = Surrounding::new(elements, &traced);
+        let parts = around.cap_links(&traced, &untraced);
         assert!(parts[0].distance(Vec3::new(2e-4, 1.0, 1.0)) < 1e-7 && parts[1] == Vec3::ONE, "{parts:?}");
         let mut results = vec![LocalResult::default(); elements.len()];
         traced.iter().for_each(|&leaf| results[leaf as usize] = of_rays(1.0));
         let part = |leaf: u32| if leaf == untraced[0] { parts[0] } else { Vec3::ONE };
-        around.estimate(traced.iter().copied(), &untraced, part, &mut results);
+        around.estimate(&traced, &untraced, part, &mut results);
         let light = |results: &[LocalResult], leaf: u32| results[leaf as usize].irradiance;
         for (leaf, want) in [(untraced[0], [1.0, 1.0, 0.5]), (untraced[1], [1.0; 3])] {
             let found = light(&results, leaf);

@@ -374,11 +374,11 @@ fn noise(rows: &[&Row]) -> String {
     let (least, most) = (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max));
     match most > 0.0 {
         true if least == most => {
-            format!(" The noise of the reference is {}: smaller differences are chance.", number(most))
+            format!(" Each difference includes the noise of the reference, {}.", number(most))
         }
         true => {
             format!(
-                " The noise of the references is {} to {}: smaller differences are chance.",
+                " Each difference includes the noise of its reference, {} to {}.",
                 number(least),
                 number(most)
             )

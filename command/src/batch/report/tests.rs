@@ -66,7 +66,7 @@ fn the_page_has_all_jobs_and_refers_to_nothing() {
         "desk &lt;a&gt;",
         "8 × 4",
         "0.40",
-        "e0.1-mr: mask of features larger than 0.5, floor-mask-0.5.png",
+        "e0.1-mr: mask of features larger than 0.5 scene units, floor-mask-0.5.png",
         "e0.1-mr: difference from the reference, floor-mr-0.5-difference.png",
         "A picture cannot be read: b.png: gone",
         "data-value=\"0.05\"",
