@@ -18,6 +18,9 @@ const MAX_LEVELS: u32 = 8;
 /// bent by more has an edge there.
 const MIN_COSINE: f32 = 0.999;
 
+/// Largest number of tests whether a vertex lies on a moved triangle: half a second. A ceiling over a million vertices has fifty triangles for that many.
+const MAX_TESTS: usize = 100_000_000;
+
 /// Smallest part of the area of faces turned away from each other that overlaps if they are the two sides of one sheet. Borders that
 /// were rounded or drawn by hand leave less than a hundredth.
 const MIN_SHEET_COVER: f64 = 0.99;
@@ -38,7 +41,8 @@ pub(super) struct Order<'a> {
 /// one. Front is the front of an emitting face, so that lamps in the plane of a ceiling stay in front of it, or else the front of the
 /// lowest face. A closed solid on a larger sheet that it faces stays: the sheet hides its face.
 /// Faces that are turned away from each other and cover each other are the two sides of one sheet: each stays on its own side.
-/// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face.
+/// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face. Faces that touch a moved face, such as the walls below a
+/// ceiling, follow it ([`keep_contact`]).
 pub(super) fn stack(
     found: &[Overlap],
     Order { part, part_area, emitter, two_sided }: Order,
@@ -63,14 +67,21 @@ pub(super) fn stack(
     }
     // From the top: the level of the upper face is known when the lower one is reached.
     pairs.sort_by(|a, b| compared(a[1], b[1]));
-    let levels = levels(&pairs);
+    let mut levels = levels(&pairs);
     let normals: HashMap<u32, Vec3> = levels.keys().map(|&t| (t, normal(t))).collect();
     let sheets = sheets(found, part, part_area, &normal);
-    let fronts = fronts(&pairs, &normals, emitter, &sheets);
+    let mut fronts = fronts(&pairs, &normals, emitter, &sheets);
     let step = step(levels.keys().copied(), positions, triangles);
+    widen((&mut levels, &mut fronts), part, positions, triangles);
     let before = positions.len();
-    let mut moved: Vec<(u32, u32)> = levels.into_iter().filter(|&(_, level)| level > 0).collect();
+    let mut moved: Vec<(u32, u32)> =
+        levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 > 0).collect();
     moved.sort_unstable();
+    let shifted = |&(t, level): &(u32, u32)| Shifted {
+        corners: triangles[t as usize],
+        by: -(level as f32) * step * fronts[&t],
+    };
+    let shifts: Vec<Shifted> = moved.iter().map(shifted).collect();
     // Neighbours in one plane share their moved vertices.
     let mut vertices = HashMap::<(u32, u32), Vec<(Vec3, u32)>>::new();
     for (t, level) in moved {
@@ -85,9 +96,130 @@ pub(super) fn stack(
             positions.len() as u32 - 1
         });
     }
+    keep_contact(&shifts, &levels, part, positions, triangles);
     if positions.len() > before {
         drop_unused(positions, triangles, 0);
     }
+}
+
+/// Adds the triangles that continue lower faces in their plane, with the level and the front of these: a ceiling stays flat.
+fn widen(
+    (levels, fronts): (&mut HashMap<u32, u32>, &mut HashMap<u32, Vec3>),
+    part: &dyn Fn(usize) -> u32,
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+) {
+    let mut lower: Vec<(u32, u32)> =
+        levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 > 0).collect();
+    lower.sort_unstable();
+    let parts: HashSet<u32> = lower.iter().map(|of| part(of.0 as usize)).collect();
+    let mut at_vertex = HashMap::<u32, Vec<u32>>::new();
+    for t in (0..triangles.len()).filter(|&t| parts.contains(&part(t))) {
+        triangles[t].iter().for_each(|&v| at_vertex.entry(v).or_default().push(t as u32));
+    }
+    let corners = |t: u32| triangles[t as usize].map(|v| positions[v as usize]);
+    let distance = largest_distance(&Aabb::of(lower.iter().flat_map(|of| corners(of.0)))) as f32;
+    for (seed, level) in lower {
+        let (start, front, mut open) = (corners(seed)[0], fronts[&seed], vec![seed]);
+        while let Some(t) = open.pop() {
+            for &u in triangles[t as usize].iter().flat_map(|v| &at_vertex[v]) {
+                let is_flat = corners(u).iter().all(|p| (*p - start).dot(front).abs() <= distance);
+                if part(u as usize) == part(seed as usize) && is_flat && !levels.contains_key(&u) {
+                    levels.insert(u, level);
+                    fronts.insert(u, front);
+                    open.push(u);
+                }
+            }
+        }
+    }
+}
+
+/// A triangle before it was moved, and how it was moved.
+struct Shifted {
+    corners: [u32; 3],
+    by: Vec3,
+}
+
+/// Moves the vertices of faces outside the stacks that lie on a moved triangle with it: otherwise light would pass between a moved ceiling and the walls and
+/// partitions below it. Faces connected with the uppermost face of a stack stay with it.
+fn keep_contact(
+    shifts: &[Shifted],
+    levels: &HashMap<u32, u32>,
+    part: &dyn Fn(usize) -> u32,
+    positions: &mut Vec<Vec3>,
+    triangles: &mut [[u32; 3]],
+) {
+    let is_other = |t: usize| !levels.contains_key(&(t as u32));
+    let top = levels.iter().filter(|&(_, &level)| level == 0).map(|(&t, _)| t as usize);
+    let stays: HashSet<(u32, u32)> = top.flat_map(|t| triangles[t].map(|v| (v, part(t)))).collect();
+    let mut others: Vec<u32> = triangles
+        .iter()
+        .enumerate()
+        .filter(|&(t, _)| is_other(t))
+        .flat_map(|(_, corners)| *corners)
+        .collect();
+    others.sort_unstable();
+    others.dedup();
+    // By vertex, the longest shift of a triangle there.
+    let mut shift_of = HashMap::<u32, Vec3>::new();
+    let mut shift = |v: u32, by: Vec3| {
+        let known = shift_of.entry(v).or_insert(by);
+        if by.length_squared() > known.length_squared() {
+            *known = by;
+        }
+    };
+    shifts.iter().for_each(|of| of.corners.into_iter().for_each(|v| shift(v, of.by)));
+    for (of, v) in touching(shifts, others, positions) {
+        shift(v, of.by);
+    }
+    let mut copies = HashMap::<u32, u32>::new();
+    for t in (0..triangles.len()).filter(|&t| is_other(t)) {
+        triangles[t] =
+            triangles[t].map(|v| match shift_of.get(&v).filter(|_| !stays.contains(&(v, part(t)))) {
+                None => v,
+                Some(&by) => *copies.entry(v).or_insert_with(|| {
+                    positions.push(positions[v as usize] + by);
+                    positions.len() as u32 - 1
+                }),
+            });
+    }
+}
+
+/// The vertices among `others` that lie on triangles where these were before they moved. Of many large triangles, those with the fewest vertices in reach are
+/// tested.
+fn touching<'a>(shifts: &'a [Shifted], mut others: Vec<u32>, positions: &[Vec3]) -> Vec<(&'a Shifted, u32)> {
+    let corners = |of: &Shifted| of.corners.map(|v| positions[v as usize]);
+    // Along this axis the triangles are shortest.
+    let extents: Vec3 = shifts.iter().map(|of| Aabb::of(corners(of)).extent()).sum();
+    let axis = extents.min_position();
+    let along = |v: u32| positions[v as usize][axis];
+    others.sort_by(|&a, &b| along(a).total_cmp(&along(b)).then(a.cmp(&b)));
+    let reach = |of: &'a Shifted| {
+        let bounds = Aabb::of(corners(of));
+        let distance = largest_distance(&bounds) as f32;
+        let first = others.partition_point(|&v| along(v) < bounds.min[axis] - distance);
+        let end = others.partition_point(|&v| along(v) <= bounds.max[axis] + distance);
+        (end - first, first..end, distance, of)
+    };
+    let mut reaches: Vec<_> = shifts.iter().map(reach).collect();
+    reaches.sort_by_key(|(count, ..)| *count);
+    let (mut tests, mut found) = (0, Vec::new());
+    for (count, range, distance, of) in reaches {
+        tests += count;
+        if tests > MAX_TESTS {
+            break;
+        }
+        let on = |v: &&u32| is_on(corners(of), positions[**v as usize], distance);
+        found.extend(others[range].iter().filter(on).map(|&v| (of, v)));
+    }
+    found
+}
+
+/// Whether a point is within this distance of a triangle, measured along its normal and beyond its edges.
+fn is_on([a, b, c]: [Vec3; 3], point: Vec3, distance: f32) -> bool {
+    let normal = triangle_normal(a, b, c);
+    let beyond = |from: Vec3, to: Vec3| (to - from).cross(normal).normalize_or_zero().dot(point - from);
+    (point - a).dot(normal).abs() <= distance && beyond(a, b).max(beyond(b, c)).max(beyond(c, a)) <= distance
 }
 
 /// Distance between stacked faces: by the coordinates of these faces and, as rays start above them by those, of their neighbours.

@@ -80,7 +80,7 @@ impl FinalGather<'_> {
         let states = &self.linked.elements.states;
         let start = deadline.elapsed();
         let [mut rows, mut apart] = self.trace_rows(&all, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
-        let traced = f64::from(rows.rows.iter().chain(&apart.rows).map(|row| row.rays).sum::<u32>());
+        let traced: f64 = rows.rows.iter().chain(&apart.rows).map(|row| f64::from(row.rays)).sum();
         let seconds_a_ray = (deadline.elapsed() - start) / traced.max(1.0);
         let untraced = self.untraced(&all, [&rows, &apart]);
         let leaves: Vec<u32> = rows.rows.iter().map(|row| row.leaf).collect();
@@ -119,12 +119,8 @@ impl FinalGather<'_> {
             around.estimate(&leaves, &others.collect::<Vec<u32>>(), link_part, &mut results);
         }
         self.light_apart(&mut apart, factor, &mut results);
-        let mut arrived = self.arrived(&[&rows, &apart]);
-        if let Some(around) = around.as_ref().filter(|_| !untraced.is_empty()) {
-            let beyond = rows.rows.iter().chain(&apart.rows).map(|row| (row.leaf, row.sky_and_sun()));
-            arrived.add(around.arrived(beyond, &untraced));
-            self.balance_untraced(around, (&all, &untraced), (&sampled, &arrived), &mut results);
-        }
+        let arrived = self.arrived([&rows, &apart], around.as_ref(), &untraced);
+        self.balance_untraced(around.as_ref(), (&all, &untraced), (&sampled, arrived), &mut results);
         let (mut wanted, mut samples) = (EXCHANGE_SHARE * useful, Vec::new());
         let element_rays = rays.filter(|_| self.elements).map(|_| {
             weigh_errors(&self.linked.elements, &all, &mut results);
@@ -148,7 +144,7 @@ impl FinalGather<'_> {
             wanted,
             sampled,
             received,
-            arrived,
+            arrived: arrived[0],
             convergence,
             hurried: hurried + apart.hurried,
             untraced: untraced.len(),
@@ -225,26 +221,35 @@ impl FinalGather<'_> {
         all.iter().copied().filter(|&leaf| !is_traced[leaf as usize]).collect()
     }
 
-    /// The power that arrives from beyond the scene at leaves with rows.
-    fn arrived(&self, rows: &[&RayRows]) -> Arrived {
+    /// The power that arrives from beyond the scene, and the part of it that arrives at `untraced` leaves.
+    fn arrived(&self, rows: [&RayRows; 2], around: Option<&Surrounding>, untraced: &[u32]) -> [Arrived; 2] {
         let elements = &self.linked.elements.elements;
+        let rows = || rows.iter().flat_map(|rows| &rows.rows);
         let beyond = |row: &RayRow| {
             let [sky, sun] = row.sky_and_sun();
             (elements[row.leaf as usize].area, sky, sun)
         };
-        Arrived::of(rows.iter().flat_map(|rows| &rows.rows).map(beyond))
+        let mut all = Arrived::of(rows().map(beyond));
+        let extrapolated = around.filter(|_| !untraced.is_empty());
+        let extrapolated = extrapolated
+            .map(|around| around.arrived(rows().map(|row| (row.leaf, row.sky_and_sun())), untraced))
+            .unwrap_or_default();
+        all.add(extrapolated);
+        [all, extrapolated]
     }
 
-    /// Scales the light of `untraced` ones of the leaves towards the power that emitters, of whose power this share meets elements, and the sky and suns send,
-    /// less what the other leaves keep. The sum over these has the error of their direct light.
+    /// Scales the light of `untraced` ones of the leaves towards the power that the emitters, sky and suns send to all leaves, less what the other leaves keep.
+    /// `sampled` is the part of the emitted power that meets elements. Of the power that arrives from beyond the scene, the second value is extrapolated from
+    /// leaves around: it counts as uncertain by itself. The other leaves have the error of their direct light.
     /// Engines that average clusters keep their own sum, as in [`FinalGather::balance_of_direct_light`]; so do beams without a sampled ray.
     fn balance_untraced(
         &self,
-        around: &Surrounding,
+        around: Option<&Surrounding>,
         leaves: (&[u32], &[u32]),
-        (sampled, arrived): (&SampledShare, &Arrived),
+        (sampled, [arrived, extrapolated]): (&SampledShare, [Arrived; 2]),
         results: &mut [LocalResult],
     ) {
+        let Some(around) = around.filter(|_| !leaves.1.is_empty()) else { return };
         let power = self.emitted_power();
         let has_share = sampled.mean > 0.0 || mean(power) <= 0.0;
         if !matches!(self.linked.engine, VisibilityEngine::Exact(_)) || !has_share {
@@ -252,6 +257,7 @@ impl FinalGather<'_> {
         }
         let received: Rgb = from_fn(|k| sampled.share[k] * power[k] + arrived.sky[k] + arrived.sun[k]);
         let error = (DIRECT_ERROR * mean(received)).hypot(sampled.error * mean(power));
+        let error = error.hypot(mean(extrapolated.sky) + mean(extrapolated.sun));
         around.balance(leaves, received, error, results);
     }
 

@@ -18,7 +18,8 @@ const MIN_TRACED: u32 = 8;
 /// Smallest number of traced leaves of which the brightest bounds the light of untraced ones: the 65th of as many leaves is brighter than all others once in
 /// 65 times.
 const MIN_BOUNDING: u32 = 64;
-/// Largest factor of [`Surrounding::balance`], and the inverse of the smallest: links bring no leaf so much or so little light that it is known better.
+/// Largest factor of [`Surrounding::balance`], and the inverse of the smallest: the whole of the untraced leaves is known to a factor of 2 by the traced ones
+/// around them, so that a larger factor is an error of the balance.
 const MAX_FACTOR: f64 = 2.0;
 
 /// Area-weighted sums over traced leaves: of the light by rays and along links, and of their squares and product (means over the
@@ -164,8 +165,10 @@ impl<'a> Surrounding<'a> {
         let links = |leaf: u32| self.elements.states[leaf as usize].irradiance;
         let brightest = self.sums(traced.iter().map(|&leaf| (leaf, links(leaf))), larger);
         let part = |&leaf: &u32| {
-            let (own, most) = (links(leaf), brightest[self.of(leaf, MIN_BOUNDING)]);
-            let of = |k: usize| if own[k] > most[k] { most[k] / own[k] } else { 1.0 };
+            let around = self.of(leaf, MIN_BOUNDING);
+            let (own, most) = (links(leaf), brightest[around]);
+            let is_known = self.counts[around] > 0;
+            let of = |k: usize| if is_known && own[k] > most[k] { most[k] / own[k] } else { 1.0 };
             Vec3::from_array(from_fn(|k| of(k) as f32))
         };
         untraced.par_iter().map(part).collect()
@@ -209,7 +212,9 @@ impl<'a> Surrounding<'a> {
         let mut all = Arrived::default();
         for &leaf in untraced {
             let (around, arrived) = sums[self.of(leaf, MIN_TRACED)];
-            all.add(arrived.times(area(leaf) / around.max(f64::MIN_POSITIVE)));
+            if around > 0.0 {
+                all.add(arrived.times(area(leaf) / around));
+            }
         }
         all
     }

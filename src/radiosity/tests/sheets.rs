@@ -23,6 +23,27 @@ fn room_with_rug(height: f64, turned: bool, is_closed: bool) -> Scene {
     pieces.scene()
 }
 
+/// A lamp in the plane of its ceiling, on one side of a partition that divides the room: the other side is dark, also at the ceiling.
+#[test]
+fn lamps_in_their_ceiling_light_no_room_beside() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("room", 0.5).room(DVec3::ZERO, DVec3::new(7.0, 5.0, 3.0));
+    pieces.grey("partition", 0.5).rectangle(DVec3::new(3.3, 0.0, 0.0), 5.0 * DVec3::Y, 3.0 * DVec3::Z);
+    pieces.glowing("lamp", 10.0).polygon(&facing_down([1.0, 2.0], [1.0, 2.0], 3.0));
+    let scene = pieces.scene();
+    for seed in 1..4 {
+        let Outcome { mesh, record, .. } = solved(&scene, &[], &Options { seed, ..quick() });
+        let x = |c: u32| mesh.vertices[c as usize].as_dvec3().x + mesh.origin.x;
+        // The partition itself is lit from one side.
+        let is_beside =
+            |e: &&Element| e.corners.iter().all(|&c| x(c) > 3.299) && e.corners.iter().any(|&c| x(c) > 3.31);
+        let beside: Vec<f64> = mesh.elements.iter().filter(is_beside).map(|e| mean(e.irradiance)).collect();
+        assert!(beside.iter().all(|&e| e == 0.0), "{seed}: {:?}", beside.iter().find(|&&e| e > 0.0));
+        // Direct light by elements is known to a few thousandths with so few rays.
+        assert!(record.ledger.escaped < 3e-3 * record.ledger.emitted, "{seed}: {}", record.ledger.escaped);
+    }
+}
+
 fn at(x: f64, y: f64, z: f64) -> Point {
     Point { position: DVec3::new(x, y, z), normal: DVec3::Z }
 }

@@ -1,6 +1,6 @@
 //! Overlapping faces in one plane.
 
-use crate::scene::testing::Pieces;
+use crate::scene::testing::{Pieces, facing_down};
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DMat3, DVec3};
 
@@ -81,6 +81,24 @@ fn lamps_stay_in_front_of_their_ceiling() {
             ["ceiling", "lamp"].map(|name| heights(&scene, DVec3::Z, |object| object == name));
         assert!(gap(&ceiling, &lamp) > 0.0, "{up}: {ceiling:?} {lamp:?}");
     }
+}
+
+/// Walls and partitions follow a ceiling that is moved behind its lamp; what is connected with the lamp stays with the lamp.
+#[test]
+fn walls_follow_the_moved_ceiling() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("room", 0.5).room(DVec3::ZERO, DVec3::new(7.0, 5.0, 3.0));
+    pieces.grey("partition", 0.5).rectangle(DVec3::new(3.3, 0.0, 0.0), 5.0 * Y, 3.0 * DVec3::Z);
+    pieces.glowing("lamp", 1.0).polygon(&facing_down([1.0, 2.0], [1.0, 2.0], 3.0));
+    pieces.grey("lamp's rim", 0.5).rectangle(DVec3::new(1.0, 1.0, 3.0), X, 0.1 * DVec3::Z);
+    let scene = pieces.scene();
+    let of = |name: &str| heights(&scene, DVec3::Z, |object| object == name);
+    let top = |name: &str| of(name).into_iter().fold(f32::MIN, f32::max);
+    assert!(top("room") > 3.0 && top("partition") == top("room"), "{} {}", top("room"), top("partition"));
+    // The walls end where the ceiling is: no vertex is left between.
+    assert!(of("room").iter().all(|&z| z == 0.0 || z == top("room")), "{:?}", of("room"));
+    assert_eq!(of("lamp"), [3.0; 6]);
+    assert!(of("lamp's rim").contains(&3.0));
 }
 
 #[test]
