@@ -141,7 +141,7 @@ pub mod math {
 
 /// Memory of the machine.
 pub mod memory {
-    pub use crate::memory::{check_room, left_of_address_space, usable};
+    pub use crate::memory::{address_space_limit, check_room, left_of_address_space, usable};
 }
 
 /// Measures of images.

@@ -54,10 +54,21 @@ fn kilobytes(table: &str, name: &str) -> Option<u64> {
     Some(1024 * line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()?)
 }
 
+/// The limit of address space (`ulimit -v`), bytes; `None` without one.
+#[cfg(target_os = "linux")]
+pub fn address_space_limit() -> Option<u64> {
+    rustix::process::getrlimit(rustix::process::Resource::As).current.filter(|&bytes| bytes < u64::MAX)
+}
+
+#[cfg(not(target_os = "linux"))]
+pub fn address_space_limit() -> Option<u64> {
+    None
+}
+
 /// What the limit of address space (`ulimit -v`) leaves, bytes; `None` without a limit.
 #[cfg(target_os = "linux")]
 pub fn left_of_address_space() -> Option<u64> {
-    let limit = rustix::process::getrlimit(rustix::process::Resource::As).current?;
+    let limit = address_space_limit()?;
     let used = kilobytes(&read_to_string("/proc/self/status").ok()?, "VmSize:")?;
     Some(limit.saturating_sub(used))
 }

@@ -130,7 +130,8 @@ impl Model {
     /// rays along the axes, just outside the box on all of its sides, look for it.
     fn ground_of_thing(&self, thing: u32, bounds: Aabb) -> Option<Ground> {
         let scene = self.scene();
-        // Parts of one object, such as bevels, are no things for themselves unless the file names no objects.
+        // Parts of one object, such as bevels, are no things that stand on it. A scene with a single object is the exception: many files name no objects,
+        // so that each connected part of it counts as a thing, even if the file names that object.
         let groups = if scene.objects.len() > 1 { &scene.triangle_object } else { &scene.triangle_component };
         let (middle, half) = (0.5 * (bounds.min + bounds.max), 0.5 * bounds.extent());
         let margin = OUTSIDE * bounds.diagonal();

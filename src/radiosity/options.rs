@@ -147,7 +147,7 @@ options! {
     }
 }
 
-/// What this room calls them.
+/// The short name of [`SolveOptions`] within the module `radiosity`.
 pub use SolveOptions as Options;
 
 impl SolveOptions {

@@ -65,7 +65,7 @@ impl Args {
     /// The format of the matrix; options are checked.
     ///
     /// # Errors
-    /// The extension of the file is that of none, or an option is out of its range.
+    /// The extension of the file is that of no format, or an option is out of its range.
     pub fn format(&self) -> Result<Format> {
         let mut options = FormFactorOptions::default();
         set_fields!(options = self: rays, pair_rays);
@@ -180,8 +180,8 @@ fn text(args: &Args, matrix: &FormFactors, r: &Report, seconds: f64) -> String {
             "{closed} of {of} facets lose no light: their rows sum to 1 with a mean error of {off}"
         );
     }
-    let [low, high, residual] = [*low, *high, *reciprocity_residual].map(number);
-    let _ = writeln!(out, "row sums {low} to {high}; reciprocity residual {residual}");
+    let (off, residual) = (percent((1.0 - low).abs().max((high - 1.0).abs())), number(*reciprocity_residual));
+    let _ = writeln!(out, "row sums alone differ from 1 by {off} at most; reciprocity residual {residual}");
     let _ = writeln!(out, "escaped {}, lost on back sides {}", percent(r.escaped), percent(r.lost));
     for (facet, why) in &r.bad {
         let _ = writeln!(out, "  facet {facet} {why}");

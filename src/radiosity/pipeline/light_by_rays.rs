@@ -34,6 +34,7 @@ impl Stages<'_> {
     pub(super) fn light_by_rays(&mut self, mut refined: Refined, deadline: &Deadline) -> Solved {
         let mut options = self.options.clone();
         for attempt in 1.. {
+            self.notes.start_attempt();
             let found = self.local_pass(&mut refined.linked, &options, deadline);
             let notes = notes::unconverged(&found.convergence, deadline);
             let solved = Solved::by_rays(refined.linked, found);

@@ -53,9 +53,9 @@ pub fn imbalance(ledger: &Ledger, estimate: Option<f64>) -> Option<String> {
 /// If the estimated error is larger than the target.
 pub fn missed(options: &Options, estimate: Option<f64>) -> Option<String> {
     let target = options.target_error.filter(|target| estimate.is_none_or(|e| e > *target))?;
-    let (estimate, percent) = (in_words(estimate), number(100.0 * target));
+    let estimate = in_words(estimate);
     Some(format!(
-        "⟨target_error⟩ {target} ({percent} %) was missed: {estimate}; a smaller ⟨error⟩ or ⟨min_area⟩, more time or \
+        "⟨target_error⟩ {target} was missed: {estimate}; a smaller ⟨error⟩ or ⟨min_area⟩, more time or \
          more links bring it down"
     ))
 }
@@ -100,10 +100,12 @@ pub struct Notes {
 pub struct FewerRays {
     why: &'static str,
     place: Place,
+    /// Number of elements, 0 if the note is about all of them.
+    elements: usize,
     what: String,
 }
 
-/// Where rays are missing. Of each place the last note counts: an attempt with more rays follows those before.
+/// Where rays are missing. Several steps of an attempt may tell of one place.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Place {
     Reflected,
@@ -120,17 +122,27 @@ impl Extend<String> for Notes {
 impl Extend<FewerRays> for Notes {
     fn extend<I: IntoIterator<Item = FewerRays>>(&mut self, notes: I) {
         for note in notes {
-            self.fewer.retain(|other| other.place != note.place);
-            self.fewer.push(note);
+            match self.fewer.iter_mut().find(|other| other.place == note.place) {
+                Some(other) if other.elements > note.elements => {}
+                // The first cause stays.
+                Some(other) => *other = FewerRays { why: other.why, ..note },
+                None => self.fewer.push(note),
+            }
         }
     }
 }
 
 impl Notes {
+    /// Forgets which rays were missing in the attempt before: the next one traces all again, and more.
+    pub fn start_attempt(&mut self) {
+        self.fewer.clear();
+    }
+
     /// One note for all places with fewer rays, after the others so far.
     pub fn join(&mut self) {
+        // What happened first is the cause of what followed.
+        let Some(why) = self.fewer.first().map(|note| note.why) else { return };
         self.fewer.sort_by_key(|note| note.place);
-        let Some(why) = self.fewer.last().map(|note| note.why) else { return };
         let places: Vec<String> = self.fewer.drain(..).map(|note| note.what).collect();
         self.said.push(format!("{why}: {}; elements are noisier than ⟨error⟩ says", places.join("; ")));
     }
@@ -150,13 +162,18 @@ pub fn fewer_local_rays(part: Option<f64>, all: f64, deadline: &Deadline) -> Opt
         None => format!("the fewest rays there can be, not {}", number(all)),
     };
     let what = format!("reflected light is by {rays}");
-    Some(FewerRays { why: why(deadline), place: Place::Reflected, what })
+    Some(FewerRays { why: why(deadline), place: Place::Reflected, elements: 0, what })
 }
 
 /// If some of the leaves have fewer rays than planned.
 pub fn hurried(hurried: usize, all: usize, deadline: &Deadline) -> Option<FewerRays> {
     let what = || format!("{hurried} of {all} elements have fewer rays than planned");
-    (hurried > 0).then(|| FewerRays { why: why(deadline), place: Place::Hurried, what: what() })
+    (hurried > 0).then(|| FewerRays {
+        why: why(deadline),
+        place: Place::Hurried,
+        elements: hurried,
+        what: what(),
+    })
 }
 
 /// If there was no time for any rays of some of the leaves.
@@ -167,7 +184,12 @@ pub fn untraced(untraced: usize, all: usize, deadline: &Deadline) -> Option<Fewe
              around them, and their error bars are the deviations from it"
         )
     };
-    (untraced > 0).then(|| FewerRays { why: why(deadline), place: Place::Untraced, what: what() })
+    (untraced > 0).then(|| FewerRays {
+        why: why(deadline),
+        place: Place::Untraced,
+        elements: untraced,
+        what: what(),
+    })
 }
 
 /// The cause of the smaller number of rays.
@@ -244,3 +266,24 @@ pub const NO_EMITTERS: &str =
 /// If the light of a scene overflows.
 pub const NOT_FINITE: &str = "the light in this scene is beyond all numbers: give it in other units of length or power, so that \
      neither are far from 1";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_count_and_the_first_cause_of_an_attempt_are_told() {
+        let fewer = |why, place, elements: usize| {
+            Some(FewerRays { why, place, elements, what: format!("{elements} elements") })
+        };
+        let mut notes = Notes::default();
+        notes.extend(fewer("time", Place::Hurried, 90));
+        notes.start_attempt();
+        notes.extend(fewer("time", Place::Untraced, 7));
+        notes.extend(fewer("time", Place::Hurried, 30));
+        notes.extend(fewer("an interruption", Place::Hurried, 5));
+        notes.extend(fewer("an interruption", Place::Reflected, 0));
+        let want = "time: 0 elements; 30 elements; 7 elements; elements are noisier than ⟨error⟩ says";
+        assert_eq!(notes.into_words(), [want]);
+    }
+}

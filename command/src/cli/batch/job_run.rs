@@ -134,14 +134,21 @@ fn cause(status: &str, limits: Limits, text: &str) -> String {
     // The standard library adds how to get a list of functions.
     let text = text.split("note: run with").next().unwrap_or_default();
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    let limit = limits.memory.map_or(String::new(), |bytes| match memory::left_of_address_space() {
-        Some(left) if left < bytes => " (the address space is limited: raise `ulimit -v`)".into(),
-        _ => format!(" (its memory limit is {:.1} GiB: `limits.memory`)", bytes as f64 / (1u64 << 30) as f64),
-    });
+    let limit =
+        limits.memory.map_or(String::new(), |bytes| limit_in_words(bytes, memory::address_space_limit()));
     let refused = text.strip_prefix("memory allocation of ").and_then(|text| text.strip_suffix(" failed"));
     match refused {
         Some(bytes) => format!("out of memory: {bytes} at once are refused{limit}"),
         None => format!("the process of the job ended with {status}{limit} {text}").trim_end().into(),
+    }
+}
+
+/// Which limit a process has that is given `bytes`, [`u64::MAX`] without `limits.memory`, where the address space has a limit of its own.
+fn limit_in_words(bytes: u64, address_space: Option<u64>) -> String {
+    match address_space {
+        Some(limit) if limit < bytes => " (the address space is limited: raise `ulimit -v`)".into(),
+        _ if bytes == u64::MAX => String::new(),
+        _ => format!(" (its memory limit is {:.1} GiB: `limits.memory`)", bytes as f64 / (1u64 << 30) as f64),
     }
 }
 
@@ -227,9 +234,14 @@ mod tests {
         let limits = Limits { memory: Some(1 << 30), ..Limits::default() };
         let text =
             "memory allocation of 99 bytes failed\nnote: run with `RUST_BACKTRACE=1` environment variable\n";
-        let want =
-            "out of memory: 99 bytes at once are refused (its memory limit is 1.0 GiB: `limits.memory`)";
-        assert_eq!(cause("exit status: 2", limits, text), want);
+        let found = cause("exit status: 2", limits, text);
+        assert!(found.starts_with("out of memory: 99 bytes at once are refused ("), "{found}");
+        assert_eq!(limit_in_words(1 << 30, None), " (its memory limit is 1.0 GiB: `limits.memory`)");
+        assert_eq!(limit_in_words(1 << 30, Some(1 << 30)), limit_in_words(1 << 30, None));
+        let address_space = " (the address space is limited: raise `ulimit -v`)";
+        assert_eq!(limit_in_words(1 << 30, Some(1 << 29)), address_space);
+        assert_eq!(limit_in_words(u64::MAX, Some(1 << 29)), address_space);
+        assert_eq!(limit_in_words(u64::MAX, None), "");
         let other = cause("signal: 9", Limits::default(), "");
         assert_eq!(other, "the process of the job ended with signal: 9");
     }
