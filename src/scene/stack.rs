@@ -18,6 +18,8 @@ const MAX_LEVELS: u32 = 8;
 /// bent by more has an edge there.
 const MIN_COSINE: f32 = 0.999;
 
+/// Largest number of triangles at a vertex over which lower faces are continued, so that the time is in proportion to the triangles.
+const MAX_FAN: usize = 64;
 /// Largest number of tests whether a vertex lies on a moved triangle: half a second. A ceiling over a million vertices has fifty triangles for that many.
 const MAX_TESTS: usize = 100_000_000;
 
@@ -117,12 +119,13 @@ fn widen(
     for t in (0..triangles.len()).filter(|&t| parts.contains(&part(t))) {
         triangles[t].iter().for_each(|&v| at_vertex.entry(v).or_default().push(t as u32));
     }
+    at_vertex.retain(|_, all| all.len() <= MAX_FAN);
     let corners = |t: u32| triangles[t as usize].map(|v| positions[v as usize]);
     let distance = largest_distance(&Aabb::of(lower.iter().flat_map(|of| corners(of.0)))) as f32;
     for (seed, level) in lower {
         let (start, front, mut open) = (corners(seed)[0], fronts[&seed], vec![seed]);
         while let Some(t) = open.pop() {
-            for &u in triangles[t as usize].iter().flat_map(|v| &at_vertex[v]) {
+            for &u in triangles[t as usize].iter().filter_map(|v| at_vertex.get(v)).flatten() {
                 let is_flat = corners(u).iter().all(|p| (*p - start).dot(front).abs() <= distance);
                 if part(u as usize) == part(seed as usize) && is_flat && !levels.contains_key(&u) {
                     levels.insert(u, level);
