@@ -18,7 +18,7 @@ LIBRARIES = $(dir $(BINARY))
 MAINTAINER ?= The mrvis authors <mrvis@example.invalid>
 RUST_VERSION := 1.89
 # Where cargo keeps the sources of other crates: messages of panics in what is installed name files without it. Set here alone, so that
-# builds by `cargo` itself, with their debug information, are as ever; the two kinds of builds do not replace each other's crates.
+# builds by `cargo` itself are as ever; the two kinds of builds do not replace each other's crates.
 CRATES := $(or $(CARGO_HOME),$(HOME)/.cargo)/registry/src
 
 # rustup adds its folder to the PATH of login shells only.
