@@ -276,8 +276,9 @@ impl Model {
         let object = scene.object_names().nth(around as usize).unwrap_or_default();
         let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
         Some(format!(
-            "the emitter `{}`{more} is enclosed by `{}`, which is opaque: its light does not get out; remove that object, make it \
-             transparent, or move the emitter",
+            "all of {} rays from the emitter `{}`{more} end on `{}`, which is opaque and around it: little or none of its light gets \
+             out; if that is not intended, remove that object, make it transparent, or move the emitter",
+            PACKETS * LANES,
             quote(&first.name),
             quote(object)
         ))
@@ -361,7 +362,7 @@ mod tests {
             );
             pieces.grey("bulb", 0.5).room(low, high);
             let notes = model(&pieces.scene(), Detail::Rays).notes_of_lost_light();
-            notes.iter().any(|note| note.contains("`lamp` is enclosed by `bulb`"))
+            notes.iter().any(|note| note.contains("rays from the emitter `lamp` end on `bulb`"))
         };
         assert_eq!([0.02, 1.0].map(noted), [true, false]);
         // A floor of 1 km that all rays of a lamp meet is near it and not around it.

@@ -115,6 +115,19 @@ fn luminaires_are_dimmed_and_age() {
     assert!(emitters[0]["dimming"].is_null(), "a panel of the scene is no luminaire");
 }
 
+/// The light at elements close to a luminaire comes from rays: the quadrature of its directions there would take minutes.
+#[test]
+fn luminaires_close_to_a_surface_are_solved_in_seconds() {
+    let scratch = hall();
+    scratch.write("lamp.ies", "TILT=NONE\n1 -1 1 3 1 1 2 0.6 1.2 0\n1 1 20\n0 60 90\n0\n900 500 100\n");
+    scratch.write("lum.toml", "[[luminaire]]\nfile = \"lamp.ies\"\nat = [2, 1, 0.02]\naim = [0, 0, -1]\n");
+    let options = "--luminaires lum.toml --error 0.1 --audit 0 --output none --out s";
+    scratch.mrvis(&format!("solve hall.obj {options}")).exits(0);
+    let ledger = &scratch.json("s/solution.json")["ledger"];
+    let [emitted, created] = ["emitted", "created"].map(|key| ledger[key].as_f64().expect("a power"));
+    assert!(created.abs() < 0.005 * emitted, "{ledger}");
+}
+
 #[test]
 fn the_upward_axis_says_where_it_is_from() {
     let scratch = hall();

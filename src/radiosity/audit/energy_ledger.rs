@@ -22,7 +22,7 @@ pub struct Ledger {
     pub sun: f64,
     /// Absorbed.
     pub absorbed: f64,
-    /// Left the scene: power that elements send along no link or ray.
+    /// Left the scene, or met sides that no light reaches, as the back of a lamp in a ceiling: power that elements send to no element.
     pub escaped: f64,
     /// Received minus sent.
     pub created: f64,

@@ -70,6 +70,15 @@ struct Face {
 /// Faces of a subtree from which its halves are built on two threads: a task of about 0.1 ms.
 const PARALLEL_FACES: usize = 1 << 10;
 
+impl EmitterCut {
+    /// Removes all nodes: no face is drawn, and rays that meet emitters have all of the weight.
+    pub fn clear(&mut self) {
+        self.nodes.clear();
+        self.bounds.clear();
+        self.sums.clear();
+    }
+}
+
 impl EmitterTree {
     /// Builds the tree and brings `faces` into its order.
     pub fn build(
@@ -92,9 +101,7 @@ impl EmitterTree {
 
     /// The cut for a receiver: the node with the largest bound is divided first.
     pub fn cut(&self, receiver: &Receiver, cut: &mut EmitterCut) {
-        cut.nodes.clear();
-        cut.bounds.clear();
-        cut.sums.clear();
+        cut.clear();
         if self.nodes.is_empty() {
             return;
         }

@@ -34,7 +34,11 @@ pub struct Emitters {
     powers: Vec<f32>,
     /// By number of a face, its place in that order; [`Elements::NONE`] for numbers without a face.
     places: Vec<u32>,
+    is_even: bool,
 }
+
+/// Largest exitance of a face, relative to the mean by power, up to which emitters count as evenly bright.
+const MAX_UNEVEN: f32 = 2.0;
 
 impl Emitters {
     /// The emitters of a scene, with the lit sides of their faces, which have the numbers of the sides.
@@ -72,12 +76,20 @@ impl Emitters {
             power += power_of(face(f));
             power
         });
-        let powers = powers.collect();
+        let powers: Vec<f32> = powers.collect();
+        let weighted = lit.iter().map(|&f| power_of(face(f)) * mean(face(f).exitance) as f32).sum::<f32>();
+        let brightest = lit.iter().map(|&f| mean(face(f).exitance) as f32).fold(0.0, f32::max);
+        let is_even = brightest * powers.last().copied().unwrap_or(0.0) <= MAX_UNEVEN * weighted;
         let mut places = vec![Elements::NONE; count];
         let place: FxHashMap<(u32, u32), u32> = lit.iter().copied().zip(0..).collect();
         numbered.into_iter().for_each(|(e, k, number)| places[number as usize] = place[&(e, k)]);
         let width = emitters.iter().map(|e| e.width).fold(f32::MAX, f32::min);
-        Emitters { width, tree, lit, powers, places, emitters }
+        Emitters { width, tree, lit, powers, places, is_even, emitters }
+    }
+
+    /// Whether no face is brighter than [`MAX_UNEVEN`] times the mean of all by power: few cosine-weighted rays would miss a small bright face.
+    pub fn is_even(&self) -> bool {
+        self.is_even
     }
 
     /// Finds the groups of faces that a receiver draws from.

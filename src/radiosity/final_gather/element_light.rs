@@ -172,9 +172,13 @@ impl FinalGather<'_> {
         let of = |&leaf: &u32| {
             let half = samples.scale * self.wanted_rays(local, leaf);
             // Halves of large elements fill packets of sixteen.
-            let count = (8.0 * (half / 8.0).round()).clamp(f64::from(MIN_HALF), f64::from(MAX_HALF));
-            let suns = if local.results[leaf as usize].sun_varies { RAYS_TO_SUN } else { 1 };
-            LeafRays { leaf, count: count as u32, suns }
+            let count = (8.0 * (half / 8.0).round()).clamp(f64::from(MIN_HALF), f64::from(MAX_HALF)) as u32;
+            let result = &local.results[leaf as usize];
+            let suns = if result.sun_varies { RAYS_TO_SUN } else { 1 };
+            // Twice as many rays without rays to emitters take as long.
+            let (count, to_emitters) =
+                if result.meets_emitters { ((2 * count).min(MAX_HALF), false) } else { (count, true) };
+            LeafRays { leaf, count, to_emitters, suns }
         };
         let rays: Vec<LeafRays> = leaves.iter().map(of).collect();
         let (light, tally) = self.trace_elements(&rays, deadline);

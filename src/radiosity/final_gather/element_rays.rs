@@ -25,6 +25,8 @@ pub struct LeafRays {
     pub leaf: u32,
     /// Rays of one stream.
     pub count: u32,
+    /// Whether each of these rays has a ray to an emitter beside it.
+    pub to_emitters: bool,
     /// Rays to each sun for each of these rays, from points near its start.
     pub suns: u32,
 }
@@ -56,8 +58,8 @@ impl FinalGather<'_> {
     /// Irradiance of a batch of leaves: a ray into the scene and a ray to an emitter from each of their points.
     pub(super) fn light_of(&self, batch: &[LeafRays], buffers: &mut Buffers) -> Vec<ElementLight> {
         let cuts = self.cuts_of(batch, buffers);
-        let free: Vec<Option<Vec3>> =
-            batch.iter().zip(&cuts).map(|(of, cut)| self.unblocked(of.leaf, cut)).collect();
+        let unblocked = |of: &LeafRays, cut| of.to_emitters.then(|| self.unblocked(of.leaf, cut)).flatten();
+        let free: Vec<Option<Vec3>> = batch.iter().zip(&cuts).map(|(of, cut)| unblocked(of, cut)).collect();
         let random = self.starts(batch, HALVES, buffers);
         let parts = self.trace_leaves(batch, &random, &cuts, &free, buffers);
         buffers.cuts = cuts;
@@ -137,11 +139,16 @@ impl FinalGather<'_> {
         Some(parts)
     }
 
-    /// The groups of emitting faces for each leaf of a batch, in a list that the caller must return to `buffers.cuts`.
+    /// The groups of emitting faces for each leaf of a batch, none for leaves without rays to emitters, in a list that the caller must return to `buffers.cuts`.
     pub(super) fn cuts_of(&self, batch: &[LeafRays], buffers: &mut Buffers) -> Vec<EmitterCut> {
         let mut cuts = std::mem::take(&mut buffers.cuts);
         cuts.resize_with(batch.len().max(cuts.len()), EmitterCut::default);
-        batch.iter().zip(&mut cuts).for_each(|(of, cut)| self.cut_of(&self.emitters, of.leaf, cut));
+        for (of, cut) in batch.iter().zip(&mut cuts) {
+            cut.clear();
+            if of.to_emitters {
+                self.cut_of(&self.emitters, of.leaf, cut);
+            }
+        }
         cuts
     }
 
@@ -245,16 +252,21 @@ impl FinalGather<'_> {
                 continue;
             }
             let of = |at: Vec3| face.factor(at.as_dvec3(), normal);
+            let middle = 0.25 * face.corners.iter().sum::<Vec3>();
+            let radius = face.corners.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
+            // The distance from the face is at least the distance from its centre minus the radius of the face.
+            let distance = (middle - element.centre).length() - radius;
             if face.profile.is_some() {
+                // Close to a face, the quadrature of its profile takes up to 3,072 directions for each of 256 points: a thousand times as long as rays.
+                if distance < radius + element.radius {
+                    return None;
+                }
                 // A beam that misses all sample points has no closed form: rays estimate the light instead.
                 let mean = Some(mean_over(&of, corners)).filter(|mean| *mean > 0.0)?;
                 add(&mut sum, mean, face.exitance);
                 continue;
             }
-            // The distance from the face is at least the distance from its centre minus the radius of the face.
-            let middle = 0.25 * face.corners.iter().sum::<Vec3>();
-            let radius = face.corners.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
-            let near = element.radius > MIDPOINT_RADIUS * ((middle - element.centre).length() - radius);
+            let near = element.radius > MIDPOINT_RADIUS * distance;
             let centre = [element.centre; 1];
             let places: &[Vec3] = if near { &quarters } else { &centre };
             for &at in places {

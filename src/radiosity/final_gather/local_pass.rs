@@ -394,6 +394,7 @@ fn assign_row_sums(rows: &RayRows, [first, second]: &[Vec<f64>; 2], results: &mu
     for (row, sum) in rows.rows.iter().zip(&sums) {
         let (rays, result) = (f64::from(row.rays), &mut results[row.leaf as usize]);
         result.rays = row.rays;
+        result.meets_emitters = 2 * row.met_emitters > row.rays;
         result.row_sum = (sum + f64::from(row.outside + row.continued()) / rays) as f32;
         result.kept = 1.0 - row.gone as f32 / rays as f32;
     }

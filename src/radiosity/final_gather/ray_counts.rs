@@ -107,7 +107,7 @@ impl FinalGather<'_> {
         }
         let leaves = self.linked.leaves();
         let step = leaves.len().div_ceil(TIMED_LEAVES).max(1);
-        let timed = |&leaf: &u32| LeafRays { leaf, count: TIMED_RAYS, suns: 1 };
+        let timed = |&leaf: &u32| LeafRays { leaf, count: TIMED_RAYS, to_emitters: true, suns: 1 };
         let sample: Vec<LeafRays> = leaves.iter().step_by(step).map(timed).collect();
         let start = deadline.elapsed();
         let [traced] = RayRows::trace(self, [&sample], |_| None, |_| ());
@@ -154,7 +154,12 @@ impl FinalGather<'_> {
             (rays.min(MAX_ROW_RAYS) as u32).div_ceil(2)
         };
         let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
-        let planned = leaves.iter().map(|&leaf| LeafRays { leaf, count: count(leaf, rays), suns: 1 });
+        let planned = leaves.iter().map(|&leaf| LeafRays {
+            leaf,
+            count: count(leaf, rays),
+            to_emitters: true,
+            suns: 1,
+        });
         let (exchanged, apart): (Vec<LeafRays>, Vec<LeafRays>) =
             planned.partition(|of| !states[of.leaf as usize].is_apart());
         // Half of the leaves that are traced late are large ones, half are drawn.

@@ -4,6 +4,7 @@ use super::element_rays::{LeafRays, ROW_HALVES, batches};
 use super::gatherer::{Buffers, FinalGather};
 use crate::math::sampling::mix;
 use crate::radiosity::elements::Elements;
+use crate::radiosity::elements::emitter_tree::EmitterCut;
 use crate::radiosity::links::Tally;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -29,6 +30,8 @@ pub struct RayRow {
     pub squares_beside_suns: f32,
     /// Rays that left the scene.
     pub gone: u32,
+    /// Rays that met emitters, if these are of even brightness and too many for a closed form; otherwise 0.
+    pub met_emitters: u32,
     /// Irradiance from emitters and suns at the starts of the rays that left the scene, mean over the channels, sum over the rays, W/m².
     pub gone_lit: f32,
     /// Rays that met leaves without rows: their light is known and counts as direct.
@@ -176,13 +179,16 @@ impl RayRows {
         let cuts = gather.cuts_of(batch, buffers);
         let random = gather.starts(batch, ROW_HALVES, buffers);
         gather.trace_leaves(batch, &random, &cuts, &vec![None; batch.len()], buffers);
+        let is_many = |cut: &EmitterCut| gather.emitters.is_even() && gather.emitters.faces(cut).is_none();
+        let many: Vec<bool> = cuts[..batch.len()].iter().map(is_many).collect();
+        let emits = |side: u32| gather.linked.elements.sides[side as usize].exitance != [0.0; 3];
         buffers.cuts = cuts;
         let seed = batch.first().map_or(0, |of| mix(!u64::from(of.leaf)));
         let paths = gather.paths_onwards(seed, buffers);
         let mut results = buffers.results.iter().zip(paths);
-        for of in batch {
+        for (of, many) in batch.iter().zip(many) {
             let (leaf, rays, outside) = (of.leaf, 2 * of.count, 0);
-            let (mut halves, mut gone, mut gone_lit) = ([RowHalf::default(); 2], 0, 0.0);
+            let (mut halves, mut gone, mut gone_lit, mut met_emitters) = ([RowHalf::default(); 2], 0, 0.0, 0);
             let (mut sky, mut squares, mut squares_beside_suns) = (Vec3::ZERO, 0.0, 0.0);
             for (k, (found, path)) in results.by_ref().take(rays as usize).enumerate() {
                 let onwards = path.as_ref().map_or(Vec3::ZERO, |path| path.light);
@@ -200,6 +206,8 @@ impl RayRows {
                 half.sun[usize::from(number >= count / 2)] += found.sun;
                 half.continued += u32::from(path.is_some());
                 sky += found.sky;
+                let side = found.met.side;
+                met_emitters += u32::from(many && side != Elements::NONE && emits(side));
                 gone += u32::from(found.gone);
                 gone_lit += if found.gone { (found.direct + found.sun).element_sum() / 3.0 } else { 0.0 };
                 squares += direct.powi(2);
@@ -220,6 +228,7 @@ impl RayRows {
                 squares,
                 squares_beside_suns,
                 gone,
+                met_emitters,
                 gone_lit,
                 outside,
             });
