@@ -190,7 +190,8 @@ impl FinalGather<'_> {
                 all => format!("{off} of {all} points lie"),
             };
             format!(
-                "{some} farther than {} {} from every surface: what arrives there in space is counted, from the side that the normal faces",
+                "{some} in free space, farther than {} {} from every surface: the results there are for a small plane with the given \
+                 normal, as on a work plane",
                 number(reach.into()),
                 self.scene.unit
             )
