@@ -3,16 +3,53 @@
 use super::args::SceneArgs;
 use mrvis::{Channels, Error, Result, Scene, SkyOptions};
 
+/// The sky and the sun.
+#[derive(clap::Args, Clone, Debug)]
+#[command(next_help_heading = "Sky and sun")]
+pub struct SkyArgs {
+    /// The sky: uniform[:E], overcast[:E], cie:N[,E] (types 1 to 16), clear:TURBIDITY, perez:DNI,DHI, an equirectangular map
+    /// .exr or .hdr, or sky.toml for all of it; E is the diffuse horizontal irradiance, W/m2.
+    #[arg(long, value_name = "SKY")]
+    pub sky: Option<String>,
+    /// The sun: AZIMUTH,ELEVATION in degrees (from north by east) or a vector X,Y,Z towards it, with :E for its normal
+    /// irradiance; none; auto: by --place and --time [default: auto]
+    #[arg(long, value_name = "SUN", allow_hyphen_values = true)]
+    pub sun: Option<String>,
+    /// Latitude and longitude, degrees north and east, and altitude, metres, for the position of the sun.
+    #[arg(long, value_name = "LAT,LON[,ALT]", allow_hyphen_values = true)]
+    place: Option<String>,
+    /// Time for the position of the sun, such as 2026-06-21T12:00+02:00.
+    #[arg(long, value_name = "TIME")]
+    time: Option<String>,
+}
+
+impl SkyArgs {
+    /// The first option that is given.
+    pub fn first_given(&self) -> Option<&'static str> {
+        let SkyArgs { sky, sun, place, time } = self;
+        let named = [("--sky", sky), ("--sun", sun), ("--place", place), ("--time", time)];
+        named.into_iter().find(|(_, text)| text.is_some()).map(|(name, _)| name)
+    }
+
+    /// The sky and the sun that are asked for; those of [`SkyOptions::default`] without any option.
+    ///
+    /// # Errors
+    /// A value is wrong, or a file cannot be read.
+    pub fn options(&self) -> Result<SkyOptions> {
+        let [sky, sun, place, time] =
+            [&self.sky, &self.sun, &self.place, &self.time].map(|text| text.as_deref());
+        SkyOptions::of_texts(sky, sun, place, time)
+    }
+}
+
 impl SceneArgs {
     /// Refuses a sky and a sun, for commands whose results do not depend on light.
     ///
     /// # Errors
     /// [`Error::Argument`] if one is asked for.
     pub(super) fn without_sky(&self) -> Result<()> {
-        let SceneArgs { sky, sun, place, time, .. } = self;
-        let named = [("--sky", sky), ("--sun", sun), ("--place", place), ("--time", time)];
-        match named.into_iter().find(|(_, text)| text.is_some()) {
-            Some((name, _)) => {
+        match self.sky.first_given() {
+            Some(name) => {
                 let what = "has no effect here: what this command computes does not depend on light";
                 Err(Error::arguments(format!("{name} {what}; omit it")))
             }
@@ -22,12 +59,7 @@ impl SceneArgs {
 
     /// The sky and the sun that are asked for, if any.
     fn sky_options(&self) -> Result<Option<SkyOptions>> {
-        let texts = [&self.sky, &self.sun, &self.place, &self.time].map(|text| text.as_deref());
-        if texts.iter().all(Option::is_none) {
-            return Ok(None);
-        }
-        let [sky, sun, place, time] = texts;
-        SkyOptions::of_texts(sky, sun, place, time).map(Some)
+        self.sky.first_given().map(|_| self.sky.options()).transpose()
     }
 
     /// These arguments; refuses a sky in lux without channels that hold lumens, for commands that state light.
