@@ -187,7 +187,6 @@ pub mod points {
 
 /// The light in a scene.
 pub mod radiosity {
-    pub use crate::radiosity::links::Link;
     pub use crate::radiosity::mesh::{Element, RadiosityMesh};
     pub use crate::radiosity::{
         Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View, run, solve,

@@ -6,6 +6,7 @@ mod daylight;
 mod generated;
 mod ground;
 mod limits;
+mod plates;
 mod ratios;
 mod shades;
 mod sheets;
