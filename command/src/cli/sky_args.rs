@@ -3,45 +3,6 @@
 use super::args::SceneArgs;
 use mrvis::{Channels, Error, Result, Scene, SkyOptions};
 
-/// The sky and the sun.
-#[derive(clap::Args, Clone, Debug)]
-#[command(next_help_heading = "Sky and sun")]
-pub struct SkyArgs {
-    /// The sky: uniform[:E], overcast[:E], cie:N[,E] (types 1 to 16), clear:TURBIDITY, perez:DNI,DHI, an equirectangular map
-    /// .exr or .hdr, or sky.toml for all of it; E is the diffuse horizontal irradiance, W/m2.
-    #[arg(long, value_name = "SKY")]
-    pub sky: Option<String>,
-    /// The sun: AZIMUTH,ELEVATION in degrees (from north by east) or a vector X,Y,Z towards it, with :E for its normal
-    /// irradiance; none; auto: by --place and --time [default: auto]
-    #[arg(long, value_name = "SUN", allow_hyphen_values = true)]
-    pub sun: Option<String>,
-    /// Latitude and longitude, degrees north and east, and altitude, metres, for the position of the sun.
-    #[arg(long, value_name = "LAT,LON[,ALT]", allow_hyphen_values = true)]
-    place: Option<String>,
-    /// Time for the position of the sun, such as 2026-06-21T12:00+02:00.
-    #[arg(long, value_name = "TIME")]
-    time: Option<String>,
-}
-
-impl SkyArgs {
-    /// The first option that is given.
-    pub fn first_given(&self) -> Option<&'static str> {
-        let SkyArgs { sky, sun, place, time } = self;
-        let named = [("--sky", sky), ("--sun", sun), ("--place", place), ("--time", time)];
-        named.into_iter().find(|(_, text)| text.is_some()).map(|(name, _)| name)
-    }
-
-    /// The sky and the sun that are asked for; those of [`SkyOptions::default`] without any option.
-    ///
-    /// # Errors
-    /// A value is wrong, or a file cannot be read.
-    pub fn options(&self) -> Result<SkyOptions> {
-        let [sky, sun, place, time] =
-            [&self.sky, &self.sun, &self.place, &self.time].map(|text| text.as_deref());
-        SkyOptions::of_texts(sky, sun, place, time)
-    }
-}
-
 impl SceneArgs {
     /// Refuses a sky and a sun, for commands whose results do not depend on light.
     ///

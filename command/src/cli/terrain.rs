@@ -1,10 +1,9 @@
 //! `mrvis terrain GRID --out DIR`: what all samples of a height field see of sky and sun.
 
-use super::args::{Common, GridArgs, grouped, warn};
+use super::args::{Common, GridArgs, SkyArgs, grouped, warn};
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output, check_folder};
 use super::mesh_grid;
-use super::sky_args::SkyArgs;
 use super::values::{Values, name_of, one_of};
 use mrvis::internals::plot::number;
 use mrvis::internals::sky::{DVec3, Environment, SkyModel};
