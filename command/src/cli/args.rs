@@ -200,13 +200,12 @@ const TERRAIN: &str = "Terrain";
 
 /// How height fields are read.
 #[derive(clap::Args, Clone, Debug)]
-#[command(next_help_heading = TERRAIN)]
 pub struct GridArgs {
     /// Distance of the samples of height fields, or of columns and rows, m, instead of that of the file.
-    #[arg(long, value_name = "DX[,DY]")]
+    #[arg(long, value_name = "DX[,DY]", help_heading = TERRAIN)]
     cell: Option<String>,
     /// Metres of one unit of height of height fields (of one step of grey in a PNG), instead of the unit of the file.
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    #[arg(long, value_name = "M", allow_hyphen_values = true, help_heading = TERRAIN)]
     height_scale: Option<f64>,
 }
 
@@ -231,23 +230,25 @@ fn cell(text: &str) -> Result<[f64; 2]> {
     }
 }
 
+/// Heading of the options of sky and sun.
+const SKY: &str = "Sky and sun";
+
 /// The sky and the sun.
 #[derive(clap::Args, Clone, Debug)]
-#[command(next_help_heading = "Sky and sun")]
 pub struct SkyArgs {
     /// The sky: uniform[:E], overcast[:E], cie:N[,E] (types 1 to 16), clear:TURBIDITY, perez:DNI,DHI, an equirectangular map
     /// .exr or .hdr, or sky.toml for all of it; E is the diffuse horizontal irradiance, W/m2.
-    #[arg(long, value_name = "SKY")]
+    #[arg(long, value_name = "SKY", help_heading = SKY)]
     pub sky: Option<String>,
     /// The sun: AZIMUTH,ELEVATION in degrees (from north by east) or a vector X,Y,Z towards it, with :E for its normal
     /// irradiance; none; auto: by --place and --time [default: auto]
-    #[arg(long, value_name = "SUN", allow_hyphen_values = true)]
+    #[arg(long, value_name = "SUN", allow_hyphen_values = true, help_heading = SKY)]
     pub sun: Option<String>,
     /// Latitude and longitude, degrees north and east, and altitude, metres, for the position of the sun.
-    #[arg(long, value_name = "LAT,LON[,ALT]", allow_hyphen_values = true)]
+    #[arg(long, value_name = "LAT,LON[,ALT]", allow_hyphen_values = true, help_heading = SKY)]
     place: Option<String>,
     /// Time for the position of the sun, such as 2026-06-21T12:00+02:00.
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", help_heading = SKY)]
     time: Option<String>,
 }
 
