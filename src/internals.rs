@@ -129,8 +129,8 @@ pub mod form_factors {
 /// Images in files.
 pub mod image_io {
     pub use crate::image_io::{
-        Channel, Picture, difference, grey, mask_overlay, read_image, thumbnail, write_atomically, write_exr,
-        write_exr_rgb, write_png,
+        Channel, Picture, difference, grey, mask_overlay, read_image, thumbnail, write_exr, write_exr_rgb,
+        write_png,
     };
 }
 
@@ -187,7 +187,6 @@ pub mod points {
 
 /// The light in a scene.
 pub mod radiosity {
-    pub use crate::radiosity::links::Link;
     pub use crate::radiosity::mesh::{Element, RadiosityMesh};
     pub use crate::radiosity::{
         Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View, run, solve,

@@ -1,14 +1,13 @@
 //! Measurements of a model: exact against multi-resolution visibility, and irradiance by path tracing.
 
-use super::arguments::{Place, Span, c_text, check_apart, count_of, set, slice, slice_mut, texts};
+use super::arguments::{Span, c_text, check_apart, count_of, set, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
 use super::entry::entry;
-use super::guard::{Outcome, guard};
-use super::handle::{handle, object};
+use super::guard::Outcome;
+use super::handle::handle;
 use super::model::mrv_model;
-use super::record::{read_optional, record};
+use super::record::record;
 use super::solve::points_of;
-use super::status::mrv_status;
 use mrvis::internals::ModelParts;
 use mrvis::{BenchOptions, BenchReport};
 use std::ffi::{CString, c_char, c_void};
@@ -74,20 +73,12 @@ entry!(mrv_model_bench(call, model: Handle<mrv_model>, options: Given<mrv_bench_
     ReportText { json: c_text(&found.json), page: c_text(&found.page) }
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_bench_report_get_text(
-    report: *const mrv_bench_report,
-    json: *mut *const c_char,
-    html: *mut *const c_char,
-) -> mrv_status {
-    guard("mrv_bench_report_get_text", |call| {
-        let report = object(call, report, "report")?;
-        // SAFETY: the caller gives places.
-        let (json, html) = unsafe { (Place::optional(json, "json")?, Place::optional(html, "html")?) };
-        json.set(report.json.as_ptr())?;
-        html.set(report.page.as_ptr())
-    })
-}
+entry!(mrv_bench_report_get_text(
+    call, report: Handle<mrv_bench_report>, json: OptionalPlace<*const c_char>, html: OptionalPlace<*const c_char>
+) {
+    json.set(report.json.as_ptr())?;
+    html.set(report.page.as_ptr())
+});
 
 record!(40: struct mrv_reference_options {
     struct_size: usize,
@@ -101,48 +92,33 @@ record!(40: struct mrv_reference_options {
 /// Paths for each point by default, as `mrvis oracle` traces.
 const SAMPLES: u32 = 1024;
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_model_reference(
-    model: *const mrv_model,
-    positions: *const f64,
-    normals: *const f64,
-    count: usize,
-    options: *const mrv_reference_options,
-    irradiance: *mut f64,
-    standard_errors: *mut f64,
-) -> mrv_status {
-    guard("mrv_model_reference", |call| {
-        let model = object(call, model, "model")?;
-        check_apart(
-            &[
-                Span::of("positions", positions, count.saturating_mul(3)),
-                Span::of("normals", normals, count.saturating_mul(3)),
-            ],
-            &[
-                Span::of("irradiance", irradiance, count.saturating_mul(3)),
-                Span::of("standard_errors", standard_errors, count.saturating_mul(3)),
-            ],
-        )?;
-        // SAFETY: the caller gives a record, and arrays of `count` triples.
-        let (given, points, out) = unsafe {
-            (
-                read_optional(options, "options")?,
-                points_of(positions, normals, count)?,
-                slice_mut(irradiance.cast::<[f64; 3]>(), count, "irradiance")?,
-            )
-        };
-        let wanted = if standard_errors.is_null() { 0 } else { count };
-        // SAFETY: as above.
-        let errors = unsafe { slice_mut(standard_errors.cast::<[f64; 3]>(), wanted, "standard_errors") }?;
-        let samples = if given.samples == 0 { SAMPLES } else { given.samples };
-        let seed = if given.seed == 0 { 1 } else { given.seed };
-        let direct_only = given.direct_only != 0;
-        let trace = |progress| {
-            model.model.with_progress(progress).reference_of(count, points, (samples, direct_only, seed))
-        };
-        let found = with_progress(call, given.progress, given.user, trace)??;
-        out.copy_from_slice(&found.irradiance);
-        errors.iter_mut().zip(found.standard_errors).for_each(|(out, error)| *out = error);
-        Ok(())
-    })
-}
+entry!(mrv_model_reference(
+    call, model: Handle<mrv_model>, positions: Pointer<f64>, normals: Pointer<f64>, count: usize,
+    options: Given<mrv_reference_options>, irradiance: MutPointer<f64>, standard_errors: MutPointer<f64>
+) {
+    let numbers = count.saturating_mul(3);
+    check_apart(
+        &[Span::of("positions", positions, numbers), Span::of("normals", normals, numbers)],
+        &[Span::of("irradiance", irradiance, numbers), Span::of("standard_errors", standard_errors, numbers)],
+    )?;
+    // SAFETY: the caller gives arrays of `count` triples.
+    let (points, out) = unsafe {
+        (
+            points_of(positions, normals, count)?,
+            slice_mut(irradiance.cast::<[f64; 3]>(), count, "irradiance")?,
+        )
+    };
+    let wanted = if standard_errors.is_null() { 0 } else { count };
+    // SAFETY: as above.
+    let errors = unsafe { slice_mut(standard_errors.cast::<[f64; 3]>(), wanted, "standard_errors") }?;
+    let samples = if options.samples == 0 { SAMPLES } else { options.samples };
+    let seed = if options.seed == 0 { 1 } else { options.seed };
+    let direct_only = options.direct_only != 0;
+    let trace = |progress| {
+        model.model.with_progress(progress).reference_of(count, points, (samples, direct_only, seed))
+    };
+    let found = with_progress(call, options.progress, options.user, trace)??;
+    out.copy_from_slice(&found.irradiance);
+    errors.iter_mut().zip(found.standard_errors).for_each(|(out, error)| *out = error);
+    Ok(())
+});

@@ -1,11 +1,11 @@
 //! Scenes from arrays.
 
-use super::arguments::{Place, no_reserved, slice, text, wrong};
-use super::guard::{Outcome, guard};
-use super::handle::{give, handle, object};
-use super::record::{read, record};
+use super::arguments::{no_reserved, slice, text, wrong};
+use super::entry::entry;
+use super::guard::Outcome;
+use super::handle::handle;
+use super::record::record;
 use super::scene::{NamedScene, load_options, mrv_load_options, mrv_scene};
-use super::status::mrv_status;
 use super::update::rows_of;
 use mrvis::{MeshArrays, Positions, SceneBuilder, Strided};
 use std::ffi::c_char;
@@ -103,99 +103,47 @@ unsafe fn strided<'a, T: Copy>(
     Ok(Strided::new(unsafe { slice(pointer, length, name) }?, numbers, count)?)
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_builder_create(builder: *mut *mut mrv_scene_builder) -> mrv_status {
-    guard("mrv_scene_builder_create", |_| {
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(builder, "builder") }?;
-        place.set(give(Mutex::default()))
-    })
-}
+entry!(mrv_scene_builder_create(call) -> builder: Made<mrv_scene_builder> {
+    Mutex::default()
+});
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_builder_add_material(
-    builder: *mut mrv_scene_builder,
-    name: *const c_char,
-    reflectance: *const f32,
-    emission: *const f32,
-    index: *mut u32,
-) -> mrv_status {
-    guard("mrv_scene_builder_add_material", |call| {
-        let builder = object(call, builder, "builder")?;
-        let rgb = |pointer: *const f32, name: &str, otherwise: f32| match pointer.is_null() {
-            true => Ok([otherwise; 3]),
-            // SAFETY: the caller gives three numbers.
-            false => unsafe { slice(pointer.cast::<[f32; 3]>(), 1, name) }.map(|rgb| rgb[0]),
-        };
-        // SAFETY: the caller gives text.
-        let name = unsafe { text(name, "name") }?;
-        let (reflectance, emission) =
-            (rgb(reflectance, "reflectance", 0.5)?, rgb(emission, "emission", 0.0)?);
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::optional(index, "index") }?;
-        place.set(open(&builder).add_material(name, reflectance, emission)?)
-    })
-}
+entry!(mrv_scene_builder_add_material(
+    call, builder: MutHandle<mrv_scene_builder>, name: Text, reflectance: Pointer<f32>, emission: Pointer<f32>,
+    index: OptionalPlace<u32>
+) {
+    let rgb = |pointer: *const f32, name: &str, otherwise: f32| match pointer.is_null() {
+        true => Ok([otherwise; 3]),
+        // SAFETY: the caller gives three numbers.
+        false => unsafe { slice(pointer.cast::<[f32; 3]>(), 1, name) }.map(|rgb| rgb[0]),
+    };
+    let (reflectance, emission) =
+        (rgb(reflectance, "reflectance", 0.5)?, rgb(emission, "emission", 0.0)?);
+    index.set(open(&builder).add_material(name, reflectance, emission)?)
+});
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_builder_add_object(
-    builder: *mut mrv_scene_builder,
-    mesh: *const mrv_mesh,
-) -> mrv_status {
-    guard("mrv_scene_builder_add_object", |call| {
-        let builder = object(call, builder, "builder")?;
-        // SAFETY: the caller gives a record with arrays and text.
-        let mesh = unsafe { mesh_of(&read(mesh, "mesh")?) }?;
-        Ok(open(&builder).add_object(&mesh)?)
-    })
-}
+entry!(mrv_scene_builder_add_object(call, builder: MutHandle<mrv_scene_builder>, mesh: Record<mrv_mesh>) {
+    // SAFETY: the record holds arrays and text as the header says.
+    let mesh = unsafe { mesh_of(&mesh) }?;
+    Ok(open(&builder).add_object(&mesh)?)
+});
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_builder_add_shared_mesh(
-    builder: *mut mrv_scene_builder,
-    mesh: *const mrv_mesh,
-    index: *mut u32,
-) -> mrv_status {
-    guard("mrv_scene_builder_add_shared_mesh", |call| {
-        let builder = object(call, builder, "builder")?;
-        // SAFETY: the caller gives a record with arrays and text.
-        let mesh = unsafe { mesh_of(&read(mesh, "mesh")?) }?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(index, "index") }?;
-        place.set(open(&builder).add_shared_mesh(&mesh)?)
-    })
-}
+entry!(mrv_scene_builder_add_shared_mesh(call, builder: MutHandle<mrv_scene_builder>, mesh: Record<mrv_mesh>) -> index: Place<u32> {
+    // SAFETY: the record holds arrays and text as the header says.
+    let mesh = unsafe { mesh_of(&mesh) }?;
+    open(&builder).add_shared_mesh(&mesh)?
+});
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_builder_add_instance(
-    builder: *mut mrv_scene_builder,
-    mesh: u32,
-    name: *const c_char,
-    transform: *const f64,
-) -> mrv_status {
-    guard("mrv_scene_builder_add_instance", |call| {
-        let builder = object(call, builder, "builder")?;
-        // SAFETY: the caller gives text and twelve numbers.
-        let (name, rows) =
-            unsafe { (text(name, "name")?, slice(transform.cast::<[f64; 12]>(), 1, "transform")?) };
-        Ok(open(&builder).add_instance(mesh, name, rows_of(&rows[0]))?)
-    })
-}
+entry!(mrv_scene_builder_add_instance(
+    call, builder: MutHandle<mrv_scene_builder>, mesh: u32, name: Text, transform: Pointer<f64>
+) {
+    // SAFETY: the caller gives twelve numbers.
+    let rows = unsafe { slice(transform.cast::<[f64; 12]>(), 1, "transform") }?;
+    Ok(open(&builder).add_instance(mesh, name, rows_of(&rows[0]))?)
+});
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_builder_finish(
-    builder: *mut mrv_scene_builder,
-    options: *const mrv_load_options,
-    scene: *mut *mut mrv_scene,
-) -> mrv_status {
-    guard("mrv_scene_builder_finish", |call| {
-        let builder = object(call, builder, "builder")?;
-        // SAFETY: the caller gives a record.
-        let options = unsafe { load_options(options) }?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(scene, "scene") }?;
-        let all = std::mem::take(&mut *open(&builder));
-        let scene = all.finish(&options)?;
-        place.set(give(NamedScene::new(Arc::new(scene))))
-    })
-}
+entry!(mrv_scene_builder_finish(call, builder: MutHandle<mrv_scene_builder>, options: Given<mrv_load_options>) -> scene: Made<mrv_scene> {
+    // SAFETY: the record holds arrays and text as the header says.
+    let wanted = unsafe { load_options(&options) }?;
+    let all = std::mem::take(&mut *open(&builder));
+    NamedScene::new(Arc::new(all.finish(&wanted)?))
+});

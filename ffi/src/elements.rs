@@ -1,13 +1,11 @@
 //! The elements of a solution in arrays of the caller, and its record as text.
 
-use super::arguments::{Span, c_text, check_apart, check_array, nth, slice_mut, text, wrong};
+use super::arguments::{Span, c_text, check_apart, check_array, nth, slice_mut, wrong};
 use super::call_progress::{mrv_progress, with_progress};
 use super::entry::entry;
-use super::guard::{Outcome, guard};
-use super::handle::object;
-use super::record::{Record, read, record};
+use super::guard::Outcome;
+use super::record::{Record, record};
 use super::solve::{mrv_solution, mrv_solve_options};
-use super::status::mrv_status;
 use super::words::{add_record, word};
 use mrvis::Element;
 use mrvis::internals::{SolutionParts, error::worded};
@@ -58,61 +56,53 @@ unsafe fn put<I, T>(
     Ok(())
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_solution_get_elements(
-    solution: *const mrv_solution,
-    elements: *const mrv_elements,
-) -> mrv_status {
-    guard("mrv_solution_get_elements", |call| {
-        let solution = &object(call, solution, "solution")?.solution;
-        // SAFETY: the caller gives a record.
-        let to = unsafe { read(elements, "elements") }?;
-        let all = solution.elements();
-        for (name, have, need) in [
-            ("vertex_capacity", to.vertex_capacity, solution.vertices().len() as u64),
-            ("element_capacity", to.element_capacity, all.len() as u64),
-        ] {
-            if have < need {
-                return wrong(format!("`elements.{name}` {have}: there are {need}; see mrv_solution_info"));
-            }
+entry!(mrv_solution_get_elements(call, solution: Handle<mrv_solution>, elements: Record<mrv_elements>) {
+    let (solution, to) = (&solution.solution, elements);
+    let all = solution.elements();
+    for (name, have, need) in [
+        ("vertex_capacity", to.vertex_capacity, solution.vertices().len() as u64),
+        ("element_capacity", to.element_capacity, all.len() as u64),
+    ] {
+        if have < need {
+            return wrong(format!("`elements.{name}` {have}: there are {need}; see mrv_solution_info"));
         }
-        let rgb = |c: [f64; 3]| c.map(|c| c as f32);
-        let each = || all.iter();
-        let (vertices, elements) = (solution.vertices().len(), all.len());
-        check_apart(
-            &[],
-            &[
-                room(to.positions, "elements.positions", 3 * vertices)?,
-                room(to.corners, "elements.corners", 4 * elements)?,
-                room(to.irradiance, "elements.irradiance", 3 * elements)?,
-                room(to.radiosity, "elements.radiosity", 3 * elements)?,
-                room(to.error, "elements.error", 3 * elements)?,
-                room(to.reflectance, "elements.reflectance", 3 * elements)?,
-                room(to.area, "elements.area", elements)?,
-                room(to.triangle, "elements.triangle", elements)?,
-                room(to.object, "elements.object", elements)?,
-                room(to.material, "elements.material", elements)?,
-                room(to.front, "elements.front", elements)?,
-                room(to.exitance, "elements.exitance", 3 * elements)?,
-            ],
-        )?;
-        // SAFETY: the caller gives arrays of so many entries. They are aligned like their numbers.
-        unsafe {
-            put(to.positions.cast::<[f64; 3]>(), "elements.positions", solution.vertices(), |p| p)?;
-            put(to.corners.cast::<[u32; 4]>(), "elements.corners", each(), |e: &Element| e.corners)?;
-            put(to.irradiance.cast(), "elements.irradiance", each(), |e| rgb(e.irradiance))?;
-            put(to.radiosity.cast(), "elements.radiosity", each(), |e| rgb(e.radiosity))?;
-            put(to.error.cast(), "elements.error", each(), |e| rgb(e.error))?;
-            put(to.reflectance.cast::<[f32; 3]>(), "elements.reflectance", each(), |e| e.albedo)?;
-            put(to.exitance.cast(), "elements.exitance", each(), |e| rgb(e.exitance))?;
-            put(to.area, "elements.area", each(), |e| e.area)?;
-            put(to.triangle, "elements.triangle", each(), |e| e.triangle)?;
-            put(to.object, "elements.object", each(), |e| e.object)?;
-            put(to.material, "elements.material", each(), |e| e.material)?;
-            put(to.front, "elements.front", each(), |e| u8::from(e.front))
-        }
-    })
-}
+    }
+    let rgb = |c: [f64; 3]| c.map(|c| c as f32);
+    let each = || all.iter();
+    let (vertices, elements) = (solution.vertices().len(), all.len());
+    check_apart(
+        &[],
+        &[
+            room(to.positions, "elements.positions", 3 * vertices)?,
+            room(to.corners, "elements.corners", 4 * elements)?,
+            room(to.irradiance, "elements.irradiance", 3 * elements)?,
+            room(to.radiosity, "elements.radiosity", 3 * elements)?,
+            room(to.error, "elements.error", 3 * elements)?,
+            room(to.reflectance, "elements.reflectance", 3 * elements)?,
+            room(to.area, "elements.area", elements)?,
+            room(to.triangle, "elements.triangle", elements)?,
+            room(to.object, "elements.object", elements)?,
+            room(to.material, "elements.material", elements)?,
+            room(to.front, "elements.front", elements)?,
+            room(to.exitance, "elements.exitance", 3 * elements)?,
+        ],
+    )?;
+    // SAFETY: the caller gives arrays of so many entries. They are aligned like their numbers.
+    unsafe {
+        put(to.positions.cast::<[f64; 3]>(), "elements.positions", solution.vertices(), |p| p)?;
+        put(to.corners.cast::<[u32; 4]>(), "elements.corners", each(), |e: &Element| e.corners)?;
+        put(to.irradiance.cast(), "elements.irradiance", each(), |e| rgb(e.irradiance))?;
+        put(to.radiosity.cast(), "elements.radiosity", each(), |e| rgb(e.radiosity))?;
+        put(to.error.cast(), "elements.error", each(), |e| rgb(e.error))?;
+        put(to.reflectance.cast::<[f32; 3]>(), "elements.reflectance", each(), |e| e.albedo)?;
+        put(to.exitance.cast(), "elements.exitance", each(), |e| rgb(e.exitance))?;
+        put(to.area, "elements.area", each(), |e| e.area)?;
+        put(to.triangle, "elements.triangle", each(), |e| e.triangle)?;
+        put(to.object, "elements.object", each(), |e| e.object)?;
+        put(to.material, "elements.material", each(), |e| e.material)?;
+        put(to.front, "elements.front", each(), |e| u8::from(e.front))
+    }
+});
 
 entry!(mrv_solution_get_json(call, solution: Handle<mrv_solution>) -> json: Place<*const c_char> {
     solution.json.get_or_init(|| c_text(&solution.solution.json())).as_ptr()
@@ -126,21 +116,12 @@ entry!(mrv_solution_get_warning(call, solution: Handle<mrv_solution>, index: u64
     nth(all, index, "the solution", "warnings")?.as_ptr()
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_solution_write(
-    solution: *const mrv_solution,
-    path: *const c_char,
-    progress: mrv_progress,
-    user: *mut c_void,
-) -> mrv_status {
-    guard("mrv_solution_write", |call| {
-        let solution = object(call, solution, "solution")?;
-        // SAFETY: the caller gives text.
-        let path = unsafe { text(path, "path") }?;
-        let write = |progress| solution.solution.with_progress(progress).write(path);
-        Ok(with_progress(call, progress, user, write)??)
-    })
-}
+entry!(mrv_solution_write(
+    call, solution: Handle<mrv_solution>, path: Text, progress: mrv_progress, user: MutPointer<c_void>
+) {
+    let write = |progress| solution.solution.with_progress(progress).write(path);
+    Ok(with_progress(call, progress, user, write)??)
+});
 
 entry!(mrv_solution_get_page(call, solution: Handle<mrv_solution>) -> html: Place<*const c_char> {
     if solution.page.get().is_none() {

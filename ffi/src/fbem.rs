@@ -1,9 +1,9 @@
 //! The feature-based error metric of two images.
 
 use super::arguments::{Span, check_apart, count_of, no_reserved, one_of, set, slice, slice_mut};
-use super::guard::{Outcome, guard};
-use super::record::{read, record};
-use super::status::mrv_status;
+use super::entry::entry;
+use super::guard::Outcome;
+use super::record::record;
 use mrvis::internals::memory;
 use mrvis::metrics::{Fbem, FbemOptions, Features, Filter, Image, Morphology, fbem};
 
@@ -60,50 +60,42 @@ fn fbem_options(given: &mrv_fbem_images) -> Outcome<FbemOptions> {
     Ok(options)
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_fbem(
-    images: *const mrv_fbem_images,
-    sizes: *const f64,
-    count: usize,
-    errors: *mut f64,
-    masked: *mut f64,
-) -> mrv_status {
-    guard("mrv_fbem", |_| {
-        // SAFETY: the caller gives a record.
-        let given = unsafe { read(images, "images") }?;
-        let options = fbem_options(&given)?;
-        let (width, height) = (count_of(given.width), count_of(given.height));
-        let texels = width.saturating_mul(height);
-        check_apart(
-            &[
-                Span::of("images.reference", given.reference, texels),
-                Span::of("images.approximation", given.approximation, texels),
-                Span::of("sizes", sizes, count),
-            ],
-            &[Span::of("errors", errors, count), Span::of("masked", masked, count)],
-        )?;
-        // SAFETY: the caller gives images of so many texels, and arrays of `count` entries.
-        let (reference, approximation, sizes, errors) = unsafe {
-            (
-                slice(given.reference, texels, "images.reference")?,
-                slice(given.approximation, texels, "images.approximation")?,
-                slice(sizes, count, "sizes")?,
-                slice_mut(errors, count, "errors")?,
-            )
-        };
-        // SAFETY: as above.
-        let masked = unsafe { slice_mut(masked, if masked.is_null() { 0 } else { count }, "masked") }?;
-        let texel = if given.texel == 0.0 { 1.0 } else { given.texel };
-        let [reference, approximation] =
-            [("images.reference", reference), ("images.approximation", approximation)].map(
-                |(name, texels)| Image::new(width, height, texel, texels).map_err(|error| error.of(name)),
-            );
-        memory::check_room(BYTES_PER_TEXEL * texels as u64, || format!("the errors of {texels} texels"))?;
-        let found = fbem(&reference?, &approximation?, sizes, &options)?;
-        let put =
-            |out: &mut [f64], of: fn(&Fbem) -> f64| out.iter_mut().zip(&found).for_each(|(o, f)| *o = of(f));
-        put(errors, |found| found.value);
-        put(masked, |found| found.masked_fraction);
-        Ok(())
-    })
-}
+entry!(mrv_fbem(
+    call, images: Record<mrv_fbem_images>, sizes: Pointer<f64>, count: usize, errors: MutPointer<f64>,
+    masked: MutPointer<f64>
+) {
+    let options = fbem_options(&images)?;
+    let (width, height) = (count_of(images.width), count_of(images.height));
+    let texels = width.saturating_mul(height);
+    check_apart(
+        &[
+            Span::of("images.reference", images.reference, texels),
+            Span::of("images.approximation", images.approximation, texels),
+            Span::of("sizes", sizes, count),
+        ],
+        &[Span::of("errors", errors, count), Span::of("masked", masked, count)],
+    )?;
+    // SAFETY: the caller gives images of so many texels, and arrays of `count` entries.
+    let (reference, approximation, sizes, errors) = unsafe {
+        (
+            slice(images.reference, texels, "images.reference")?,
+            slice(images.approximation, texels, "images.approximation")?,
+            slice(sizes, count, "sizes")?,
+            slice_mut(errors, count, "errors")?,
+        )
+    };
+    // SAFETY: as above.
+    let masked = unsafe { slice_mut(masked, if masked.is_null() { 0 } else { count }, "masked") }?;
+    let texel = if images.texel == 0.0 { 1.0 } else { images.texel };
+    let [reference, approximation] =
+        [("images.reference", reference), ("images.approximation", approximation)].map(
+            |(name, texels)| Image::new(width, height, texel, texels).map_err(|error| error.of(name)),
+        );
+    memory::check_room(BYTES_PER_TEXEL * texels as u64, || format!("the errors of {texels} texels"))?;
+    let found = fbem(&reference?, &approximation?, sizes, &options)?;
+    let put =
+        |out: &mut [f64], of: fn(&Fbem) -> f64| out.iter_mut().zip(&found).for_each(|(o, f)| *o = of(f));
+    put(errors, |found| found.value);
+    put(masked, |found| found.masked_fraction);
+    Ok(())
+});

@@ -1,13 +1,12 @@
 //! Form factors.
 
-use super::arguments::{Place, c_text, one_of, set, text, wrong};
+use super::arguments::{c_text, one_of, set, wrong};
 use super::call_progress::{mrv_progress, with_progress};
 use super::entry::entry;
-use super::guard::{Outcome, guard};
-use super::handle::{handle, object};
+use super::guard::Outcome;
+use super::handle::handle;
 use super::model::mrv_model;
 use super::record::record;
-use super::status::mrv_status;
 use mrvis::{FormFactorOptions, FormFactors, Grouping};
 use std::ffi::{CString, c_char, c_void};
 
@@ -93,43 +92,24 @@ entry!(mrv_form_factors_get_arrays(call, factors: Handle<mrv_form_factors>) -> a
     }
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_form_factors_get_row(
-    factors: *const mrv_form_factors,
-    row: u64,
-    columns: *mut *const u32,
-    values: *mut *const f32,
-    count: *mut usize,
-) -> mrv_status {
-    guard("mrv_form_factors_get_row", |call| {
-        let factors = &object(call, factors, "factors")?.factors;
-        // SAFETY: the caller gives places.
-        let places = unsafe {
-            (Place::of(columns, "columns")?, Place::of(values, "values")?, Place::of(count, "count")?)
-        };
-        let (columns, values) = factors.row(index(row, factors.areas.len())?);
-        places.0.set(columns.as_ptr())?;
-        places.1.set(values.as_ptr())?;
-        places.2.set(columns.len())
-    })
-}
+entry!(mrv_form_factors_get_row(
+    call, factors: Handle<mrv_form_factors>, row: u64, columns: Place<*const u32>, values: Place<*const f32>, count: Place<usize>
+) {
+    let factors = &factors.factors;
+    let (of_row, factors_of_row) = factors.row(index(row, factors.areas.len())?);
+    columns.set(of_row.as_ptr())?;
+    values.set(factors_of_row.as_ptr())?;
+    count.set(of_row.len())
+});
 
 entry!(mrv_form_factors_get_name(call, factors: Handle<mrv_form_factors>, row: u64) -> name: Place<*const c_char> {
     let row = index(row, factors.factors.areas.len())?;
     factors.names.get(row).map_or(c"".as_ptr(), |name| name.as_ptr())
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_form_factors_write(
-    factors: *const mrv_form_factors,
-    path: *const c_char,
-) -> mrv_status {
-    guard("mrv_form_factors_write", |call| {
-        let factors = object(call, factors, "factors")?;
-        // SAFETY: the caller gives text.
-        Ok(factors.factors.write(unsafe { text(path, "path") }?)?)
-    })
-}
+entry!(mrv_form_factors_write(call, factors: Handle<mrv_form_factors>, path: Text) {
+    Ok(factors.factors.write(path)?)
+});
 
 /// A row that exists.
 fn index(row: u64, rows: usize) -> Outcome<usize> {

@@ -3,12 +3,10 @@
 use super::arguments::{c_text, count_of, nth, slice_mut};
 use super::call_progress::{mrv_progress, with_progress};
 use super::entry::entry;
-use super::guard::guard;
-use super::handle::{handle, object};
-use super::record::{read, read_optional, record};
+use super::handle::handle;
+use super::record::record;
 use super::scene::mrv_scene;
 use super::solve::mrv_solution;
-use super::status::mrv_status;
 use mrvis::{Camera, ImageOptions, Lightmap};
 use std::ffi::{CString, c_char, c_void};
 
@@ -44,30 +42,21 @@ record!(40: struct mrv_image_options {
     user: *mut c_void,
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_solution_image(
-    solution: *const mrv_solution,
-    camera: *const mrv_camera,
-    options: *const mrv_image_options,
-    radiance: *mut f32,
-    size: usize,
-) -> mrv_status {
-    guard("mrv_solution_image", |call| {
-        let solution = &object(call, solution, "solution")?.solution;
-        // SAFETY: the caller gives records.
-        let (from, given) = unsafe { (read(camera, "camera")?, read_optional(options, "options")?) };
-        let mut options = ImageOptions::default();
-        (options.gather, options.look_inside) = (given.gather != 0, given.look_inside != 0);
-        if (given.width, given.height) != (0, 0) {
-            options.size = [given.width as usize, given.height as usize];
-        }
-        let camera = Camera { eye: from.eye, target: from.target, up: from.up, angle: from.angle };
-        // SAFETY: the caller gives room for `size` numbers.
-        let radiance = unsafe { slice_mut(radiance, size, "radiance") }?;
-        let draw = |progress| solution.with_progress(progress).image(&camera, &options, radiance);
-        Ok(with_progress(call, given.progress, given.user, draw)??)
-    })
-}
+entry!(mrv_solution_image(
+    call, solution: Handle<mrv_solution>, camera: Record<mrv_camera>, options: Given<mrv_image_options>,
+    radiance: MutPointer<f32>, size: usize
+) {
+    let mut wanted = ImageOptions::default();
+    (wanted.gather, wanted.look_inside) = (options.gather != 0, options.look_inside != 0);
+    if (options.width, options.height) != (0, 0) {
+        wanted.size = [options.width as usize, options.height as usize];
+    }
+    let from = Camera { eye: camera.eye, target: camera.target, up: camera.up, angle: camera.angle };
+    // SAFETY: the caller gives room for `size` numbers.
+    let radiance = unsafe { slice_mut(radiance, size, "radiance") }?;
+    let draw = |progress| solution.solution.with_progress(progress).image(&from, &wanted, radiance);
+    Ok(with_progress(call, options.progress, options.user, draw)??)
+});
 
 /// A lightmap and its note as C text.
 pub struct NotedLightmap {

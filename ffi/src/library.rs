@@ -1,7 +1,8 @@
 //! What is asked of the library itself: messages, names of statuses, versions.
 
 use super::arguments::{check_room, put_text};
-use super::guard::{guard, quiet};
+use super::entry::entry;
+use super::guard::quiet;
 use super::status::{
     self, MRV_ERROR_CANCELLED, MRV_ERROR_DEVICE, MRV_ERROR_INPUT, MRV_ERROR_INTERNAL, MRV_ERROR_IO,
     MRV_ERROR_OUT_OF_MEMORY, MRV_ERROR_UNSUPPORTED, MRV_OK, mrv_status,
@@ -40,12 +41,9 @@ pub extern "C" fn mrv_version() -> i32 {
     })
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_embree_version(text: *mut c_char, size: usize) -> mrv_status {
-    guard("mrv_embree_version", |_| {
-        check_room(text, size, "text")?;
-        let version = model::embree_version()?;
-        // SAFETY: the caller gives room for `size` bytes.
-        unsafe { put_text(&version, text, size, "text") }
-    })
-}
+entry!(mrv_embree_version(call, text: MutPointer<c_char>, size: usize) {
+    check_room(text, size, "text")?;
+    let version = model::embree_version()?;
+    // SAFETY: the caller gives room for `size` bytes.
+    unsafe { put_text(&version, text, size, "text") }
+});

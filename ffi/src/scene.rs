@@ -1,14 +1,12 @@
 //! Scenes: read, generated, put under a sky, and what they say about themselves.
 
 use super::arguments::{
-    Place, c_text, count_of, no_reserved, nth, one_of, optional_text, put_text, set, slice, text, texts,
-    wrong,
+    c_text, count_of, no_reserved, nth, one_of, optional_text, put_text, set, slice, texts, wrong,
 };
 use super::entry::entry;
-use super::guard::{Outcome, guard};
-use super::handle::{give, handle, object};
-use super::record::{read_optional, record};
-use super::status::mrv_status;
+use super::guard::Outcome;
+use super::handle::handle;
+use super::record::record;
 use super::words::word;
 use mrvis::internals::SceneParts;
 use mrvis::internals::error::worded;
@@ -75,10 +73,8 @@ fn strength_of(value: f64, unit: i32) -> Outcome<Strength> {
 /// The options of a caller.
 ///
 /// # Safety
-/// `options` is NULL or a record, with arrays and text as the header says.
-pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOptions> {
-    // SAFETY: as for this function.
-    let given = unsafe { read_optional(options, "options") }?;
+/// The record holds arrays and text as the header says.
+pub unsafe fn load_options(given: &mrv_load_options) -> Outcome<LoadOptions> {
     no_reserved(given.reserved, "options.reserved")?;
     let mut options = LoadOptions::default();
     options.two_sided_emission = given.two_sided_emission != 0;
@@ -126,47 +122,19 @@ pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOpti
     Ok(options)
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_load(
-    path: *const c_char,
-    options: *const mrv_load_options,
-    scene: *mut *mut mrv_scene,
-) -> mrv_status {
-    guard("mrv_scene_load", |_| {
-        // SAFETY: the caller gives text, a record and a place, as the header says.
-        let (path, options) = unsafe { (text(path, "path")?, load_options(options)?) };
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(scene, "scene") }?;
-        let scene = Scene::load_with(path, &options)?;
-        place.set(give(NamedScene::new(Arc::new(scene))))
-    })
-}
+entry!(mrv_scene_load(call, path: Text, options: Given<mrv_load_options>) -> scene: Made<mrv_scene> {
+    // SAFETY: the record holds arrays and text as the header says.
+    let wanted = unsafe { load_options(&options) }?;
+    NamedScene::new(Arc::new(Scene::load_with(path, &wanted)?))
+});
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_from_memory(
-    data: *const c_void,
-    size: usize,
-    format: *const c_char,
-    folder: *const c_char,
-    options: *const mrv_load_options,
-    scene: *mut *mut mrv_scene,
-) -> mrv_status {
-    guard("mrv_scene_from_memory", |_| {
-        // SAFETY: the caller gives `size` bytes, texts and a record.
-        let (data, format, folder, options) = unsafe {
-            (
-                slice(data.cast::<u8>(), size, "data")?,
-                text(format, "format")?,
-                optional_text(folder, "folder")?,
-                load_options(options)?,
-            )
-        };
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(scene, "scene") }?;
-        let scene = Scene::from_memory(data, format, folder.map(Path::new), &options)?;
-        place.set(give(NamedScene::new(Arc::new(scene))))
-    })
-}
+entry!(mrv_scene_from_memory(
+    call, data: Pointer<c_void>, size: usize, format: Text, folder: OptionalText, options: Given<mrv_load_options>
+) -> scene: Made<mrv_scene> {
+    // SAFETY: the caller gives `size` bytes, and a record of arrays and text.
+    let (data, wanted) = unsafe { (slice(data.cast::<u8>(), size, "data")?, load_options(&options)?) };
+    NamedScene::new(Arc::new(Scene::from_memory(data, format, folder.map(Path::new), &wanted)?))
+});
 
 entry!(mrv_scene_generate(call, name: Text) -> scene: Made<mrv_scene> {
     NamedScene::new(Arc::new(Scene::generate(name)?))
@@ -262,18 +230,10 @@ entry!(mrv_scene_get_name(call, scene: Handle<mrv_scene>, kind: i32, index: u64)
     nth(list, index, "the scene", "names of this kind")?.as_ptr()
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_scene_get_unit(
-    scene: *const mrv_scene,
-    text: *mut c_char,
-    size: usize,
-) -> mrv_status {
-    guard("mrv_scene_get_unit", |call| {
-        let scene = object(call, scene, "scene")?;
-        // SAFETY: the caller gives room for `size` bytes.
-        unsafe { put_text(scene.scene.unit(), text, size, "text") }
-    })
-}
+entry!(mrv_scene_get_unit(call, scene: Handle<mrv_scene>, text: MutPointer<c_char>, size: usize) {
+    // SAFETY: the caller gives room for `size` bytes.
+    unsafe { put_text(scene.scene.unit(), text, size, "text") }
+});
 
 entry!(mrv_scene_with_sky(
     call, scene: Handle<mrv_scene>, sky: OptionalText, sun: OptionalText, place: OptionalText, time: OptionalText

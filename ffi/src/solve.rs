@@ -3,11 +3,10 @@
 use super::arguments::{Span, check_apart, count_of, set, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
 use super::entry::entry;
-use super::guard::{Outcome, guard};
-use super::handle::{handle, object};
+use super::guard::Outcome;
+use super::handle::handle;
 use super::model::mrv_model;
 use super::record::record;
-use super::status::mrv_status;
 use super::visibility::{MRV_ENGINE_AUTOMATIC, engine_of};
 use mrvis::internals::SolutionParts;
 use mrvis::{Solution, SolveOptions, SurfacePoint};
@@ -126,32 +125,25 @@ entry!(mrv_solution_get_info(call, solution: Handle<mrv_solution>) -> info: Reco
     }
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_solution_irradiance(
-    solution: *const mrv_solution,
-    positions: *const f64,
-    normals: *const f64,
-    count: usize,
-    irradiance: *mut f64,
-) -> mrv_status {
-    guard("mrv_solution_irradiance", |call| {
-        let solution = &object(call, solution, "solution")?.solution;
-        let numbers = count.saturating_mul(3);
-        check_apart(
-            &[Span::of("positions", positions, numbers), Span::of("normals", normals, numbers)],
-            &[Span::of("irradiance", irradiance, numbers)],
-        )?;
-        // SAFETY: the caller gives arrays of `count` triples.
-        let (points, out) = unsafe {
-            (
-                points_of(positions, normals, count)?,
-                slice_mut(irradiance.cast::<[f64; 3]>(), count, "irradiance")?,
-            )
-        };
-        out.copy_from_slice(&solution.irradiance_of(count, points)?);
-        Ok(())
-    })
-}
+entry!(mrv_solution_irradiance(
+    call, solution: Handle<mrv_solution>, positions: Pointer<f64>, normals: Pointer<f64>, count: usize,
+    irradiance: MutPointer<f64>
+) {
+    let numbers = count.saturating_mul(3);
+    check_apart(
+        &[Span::of("positions", positions, numbers), Span::of("normals", normals, numbers)],
+        &[Span::of("irradiance", irradiance, numbers)],
+    )?;
+    // SAFETY: the caller gives arrays of `count` triples.
+    let (points, out) = unsafe {
+        (
+            points_of(positions, normals, count)?,
+            slice_mut(irradiance.cast::<[f64; 3]>(), count, "irradiance")?,
+        )
+    };
+    out.copy_from_slice(&solution.solution.irradiance_of(count, points)?);
+    Ok(())
+});
 
 /// Points of the caller by their index, where they are.
 ///

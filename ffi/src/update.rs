@@ -1,12 +1,10 @@
 //! Instances of a model, and changes of them.
 
-use super::arguments::{Place, c_text, check_pointer, count_of, no_reserved, nth, optional_text, wrong};
+use super::arguments::{c_text, check_pointer, count_of, no_reserved, nth, optional_text, wrong};
 use super::entry::entry;
-use super::guard::{Outcome, guard};
-use super::handle::{give, object};
+use super::guard::Outcome;
 use super::model::{NamedModel, mrv_model};
 use super::record::{read_entry, record};
-use super::status::mrv_status;
 use mrvis::{Instance, InstanceChange};
 use std::ffi::c_char;
 
@@ -56,23 +54,13 @@ record!(136: struct mrv_instance_change {
     reserved: u32,
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_model_update(
-    model: *const mrv_model,
-    changes: *const mrv_instance_change,
-    count: usize,
-    updated: *mut *mut mrv_model,
-) -> mrv_status {
-    guard("mrv_model_update", |call| {
-        let model = object(call, model, "model")?;
-        // SAFETY: the caller gives a place.
-        let place = unsafe { Place::of(updated, "updated") }?;
-        // SAFETY: the caller gives so many records.
-        let changes = unsafe { changes_of(changes, count) }?;
-        let updated = model.model.update(&changes)?;
-        place.set(give(NamedModel::new(updated)))
-    })
-}
+entry!(mrv_model_update(
+    call, model: Handle<mrv_model>, changes: Pointer<mrv_instance_change>, count: usize
+) -> updated: Made<mrv_model> {
+    // SAFETY: the caller gives so many records.
+    let changes = unsafe { changes_of(changes, count) }?;
+    NamedModel::new(model.model.update(&changes)?)
+});
 
 /// The changes of a caller: records of the size that the first one states.
 ///

@@ -1,11 +1,10 @@
 //! Visibility, singly and in batches.
 
 use super::arguments::{Span, check_apart, check_pointer, count_of, one_of, slice, slice_mut, wrong};
-use super::guard::{Outcome, guard};
-use super::handle::object;
+use super::entry::entry;
+use super::guard::Outcome;
 use super::model::mrv_model;
-use super::record::{RecordPlace, read, record};
-use super::status::mrv_status;
+use super::record::record;
 use mrvis::{Answers, Cost, Engine, Method, Segments, Strided};
 
 pub const MRV_ENGINE_AUTOMATIC: i32 = 0;
@@ -142,32 +141,21 @@ fn length(count: u64, name: &str) -> Outcome<usize> {
     usize::try_from(count).or_else(|_| wrong(format!("`{name}` {count}: larger than memory")))
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_visibility_answer(
-    model: *const mrv_model,
-    engine: i32,
-    segments: *const mrv_segments,
-    answers: *const mrv_answers,
-    cost: *mut mrv_cost,
-) -> mrv_status {
-    guard("mrv_visibility_answer", |call| {
-        let model = object(call, model, "model")?;
-        let engine = engine_of(engine, "engine")?;
-        // SAFETY: the caller gives records.
-        let (given, wanted) = unsafe { (read(segments, "segments")?, read(answers, "answers")?) };
-        // SAFETY: as above.
-        let place = unsafe { RecordPlace::optional(cost, "cost") }?;
-        let count = length(given.segment_count, "segments.segment_count")?;
-        let one = [0, given.segment_count];
-        // SAFETY: the caller gives arrays of so many entries.
-        let (segments, bundles) = unsafe { segments_of(&given, count, &one) }?;
-        // SAFETY: as above.
-        let mut answers = unsafe { answers_of(&wanted, bundles, count) }?;
-        check_batch_apart(&given, &wanted, bundles, count)?;
-        let cost = model.model.visibility().with_engine(engine).answer_into(&segments, &mut answers)?;
-        place.set(cost_record(cost))
-    })
-}
+entry!(mrv_visibility_answer(
+    call, model: Handle<mrv_model>, engine: i32, segments: Record<mrv_segments>, answers: Record<mrv_answers>,
+    cost: OptionalRecordPlace<mrv_cost>
+) {
+    let engine = engine_of(engine, "engine")?;
+    let count = length(segments.segment_count, "segments.segment_count")?;
+    let one = [0, segments.segment_count];
+    // SAFETY: the caller gives arrays of so many entries.
+    let (batch, bundles) = unsafe { segments_of(&segments, count, &one) }?;
+    // SAFETY: as above.
+    let mut found = unsafe { answers_of(&answers, bundles, count) }?;
+    check_batch_apart(&segments, &answers, bundles, count)?;
+    let spent = model.model.visibility().with_engine(engine).answer_into(&batch, &mut found)?;
+    cost.set(cost_record(spent))
+});
 
 /// The batch of a caller and the number of its bundles. `one`: offsets of a single bundle.
 ///
@@ -303,46 +291,34 @@ record!(24: struct mrv_answer {
     method: i32,
 });
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn mrv_visibility_query(
-    model: *const mrv_model,
-    engine: i32,
-    query: *const mrv_query,
-    answer: *mut mrv_answer,
-    cost: *mut mrv_cost,
-) -> mrv_status {
-    guard("mrv_visibility_query", |call| {
-        let model = object(call, model, "model")?;
-        let visibility = model.model.visibility().with_engine(engine_of(engine, "engine")?);
-        // SAFETY: the caller gives records.
-        let given = unsafe { read(query, "query") }?;
-        // SAFETY: as above.
-        let places = unsafe { (RecordPlace::of(answer, "answer")?, RecordPlace::optional(cost, "cost")?) };
-        let mut query = visibility.from_point(given.position, given.normal);
-        query = one_of!(
-            "query.target",
-            given.target,
-            MRV_TARGET_SOURCE => query.to_source(count_of(given.source)),
-            MRV_TARGET_POINT => query.to_point(given.point),
-        );
-        if given.feature_size != 0.0 {
-            query = query.feature_size(given.feature_size);
-        }
-        if given.rays != 0 {
-            query = query.rays(given.rays as usize);
-        }
-        if given.seed != 0 {
-            query = query.seed(given.seed);
-        }
-        let found = query.answer()?;
-        let answer = mrv_answer {
-            struct_size: 0,
-            transmittance: found.transmittance,
-            lo: found.lo,
-            hi: found.hi,
-            method: i32::from(found.method as u8),
-        };
-        places.0.set(answer)?;
-        places.1.set(cost_record(found.cost))
-    })
-}
+entry!(mrv_visibility_query(
+    call, model: Handle<mrv_model>, engine: i32, query: Record<mrv_query>, answer: RecordPlace<mrv_answer>,
+    cost: OptionalRecordPlace<mrv_cost>
+) {
+    let visibility = model.model.visibility().with_engine(engine_of(engine, "engine")?);
+    let asked = visibility.from_point(query.position, query.normal);
+    let mut asked = one_of!(
+        "query.target",
+        query.target,
+        MRV_TARGET_SOURCE => asked.to_source(count_of(query.source)),
+        MRV_TARGET_POINT => asked.to_point(query.point),
+    );
+    if query.feature_size != 0.0 {
+        asked = asked.feature_size(query.feature_size);
+    }
+    if query.rays != 0 {
+        asked = asked.rays(query.rays as usize);
+    }
+    if query.seed != 0 {
+        asked = asked.seed(query.seed);
+    }
+    let found = asked.answer()?;
+    answer.set(mrv_answer {
+        struct_size: 0,
+        transmittance: found.transmittance,
+        lo: found.lo,
+        hi: found.hi,
+        method: i32::from(found.method as u8),
+    })?;
+    cost.set(cost_record(found.cost))
+});

@@ -196,11 +196,7 @@ impl<'a> Query<'a> {
                 }
                 let faces = if all { sampler.all() } else { sampler.facing(scene, from) };
                 let draw = |i: usize| sample_4d(i as u32, 0, self.seed);
-                let end = |[u, v, ..]: [f32; 4]| {
-                    let (at, normal, magnitude) = faces.sample(scene, u, v);
-                    let there = EndRule::new(magnitude).seen_from(rule);
-                    (there.lifted_towards(at, normal, from), there)
-                };
+                let end = |[u, v, ..]: [f32; 4]| rule.other_end(from, faces.sample(scene, u, v));
                 let ends: Vec<(Vec3, EndRule)> = (0..self.rays).map(draw).map(end).collect();
                 (ends, sampler.size_from(from), sampler.hull())
             }

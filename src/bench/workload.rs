@@ -166,11 +166,7 @@ impl Workload {
         let mut ends: Vec<(Vec3, EndRule)> = match self.light(pair) {
             Light::Surface(sampler) => {
                 let facing = sampler.facing(scene, point.position);
-                let end = |[u, v, ..]: [f32; 4]| {
-                    let (at, normal, magnitude) = facing.sample(scene, u, v);
-                    let there = EndRule::new(magnitude).seen_from(rule);
-                    (there.lifted_towards(at, normal, from), there)
-                };
+                let end = |[u, v, ..]: [f32; 4]| rule.other_end(from, facing.sample(scene, u, v));
                 (0..rays as u32).map(draw).map(end).collect()
             }
             // No surface is at the far end.

@@ -156,14 +156,16 @@ impl<I> Change<I> {
     }
 }
 
-/// The tree after some changes, in the order of their keys, one a key; `make` computes the content of a group from its children.
+/// Computes the content of a group from its children.
+type Make<'a, I, G> = &'a (dyn Fn(&[Child<I, G>]) -> G + Sync);
+
+/// The tree after some changes, in the order of their keys, one a key.
 /// None if no item is left. Parallel; the result does not depend on the number of threads.
-pub fn update<I, G, M>(old: Option<&Child<I, G>>, changes: &[Change<I>], make: &M) -> Option<Child<I, G>>
-where
-    I: Send + Sync,
-    G: Send + Sync,
-    M: Fn(&[Child<I, G>]) -> G + Sync,
-{
+pub fn update<I: Send + Sync, G: Send + Sync>(
+    old: Option<&Child<I, G>>,
+    changes: &[Change<I>],
+    make: Make<I, G>,
+) -> Option<Child<I, G>> {
     if changes.is_empty() {
         return old.cloned();
     }
@@ -197,12 +199,11 @@ where
 }
 
 /// Updates a group that is split by a digit, before and after.
-fn update_large<I, G, M>(group: &Arc<Group<I, G>>, changes: &[Change<I>], make: &M) -> Child<I, G>
-where
-    I: Send + Sync,
-    G: Send + Sync,
-    M: Fn(&[Child<I, G>]) -> G + Sync,
-{
+fn update_large<I: Send + Sync, G: Send + Sync>(
+    group: &Arc<Group<I, G>>,
+    changes: &[Change<I>],
+    make: Make<I, G>,
+) -> Child<I, G> {
     let added = changes.iter().filter(|change| change.item.is_some());
     let place = added
         .map(
@@ -237,12 +238,7 @@ where
 }
 
 /// A tree over items in the order of their keys.
-fn build<I, G, M>(items: &[Arc<Item<I>>], make: &M) -> Option<Child<I, G>>
-where
-    I: Send + Sync,
-    G: Send + Sync,
-    M: Fn(&[Child<I, G>]) -> G + Sync,
-{
+fn build<I: Send + Sync, G: Send + Sync>(items: &[Arc<Item<I>>], make: Make<I, G>) -> Option<Child<I, G>> {
     let [first, .., last] = items else {
         return items.first().map(|only| Child::Item(only.clone()));
     };
@@ -257,7 +253,7 @@ where
 }
 
 /// The group of some children, or an only child itself.
-fn joined<I, G>(place: u32, children: Vec<Child<I, G>>, make: &impl Fn(&[Child<I, G>]) -> G) -> Child<I, G> {
+fn joined<I, G>(place: u32, children: Vec<Child<I, G>>, make: Make<I, G>) -> Child<I, G> {
     match <[Child<I, G>; 1]>::try_from(children) {
         Ok([only]) => only,
         Err(children) => {

@@ -13,12 +13,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 
 #[cfg(any(test, feature = "internals"))]
-use {
-    crate::files::WholeFile,
-    crate::progress::Stoppable,
-    std::io::{BufWriter, Write},
-    std::path::Path,
-};
+use {super::write_file, std::io::Write, std::path::Path};
 
 /// An image of irradiance and its texture coordinates.
 #[derive(Clone, Debug)]
@@ -367,9 +362,7 @@ pub fn write_lightmap_mesh(
     (scene, image): (&Scene, &str),
     progress: &dyn Progress,
 ) -> Result<()> {
-    let mut file = WholeFile::create(path)?;
-    let mut out = BufWriter::with_capacity(1 << 16, Stoppable { out: &mut file, progress });
-    let mut write = || -> std::io::Result<()> {
+    write_file(path, progress, |out| {
         writeln!(out, "# irradiance, W/m\u{b2}: {image}, {} x {} texels", map.width, map.height)?;
         for p in &scene.positions {
             let p = scene.origin + p.as_dvec3();
@@ -382,11 +375,8 @@ pub fn write_lightmap_mesh(
             let [a, b, c] = [0, 1, 2].map(|k| format!("{}/{}", corners[k] + 1, 3 * i + k + 1));
             if side.front { writeln!(out, "f {a} {b} {c}")? } else { writeln!(out, "f {a} {c} {b}")? }
         }
-        out.flush()
-    };
-    write().map_err(|e| Error::io(path, e))?;
-    drop(out);
-    file.commit()
+        Ok(())
+    })
 }
 
 /// Tolerance of texture coordinates outside 0..1: files with four digits round by half of it.

@@ -19,6 +19,11 @@ mod tests;
 mod view;
 mod vtu;
 
+use crate::progress::{Progress, Stoppable};
+use crate::{Error, Result, files::WholeFile};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
 pub use camera::{Camera, First, Frame, Stage, render};
 pub use gltf::write_glb;
 pub use lightmap::unwrapped_lightmap;
@@ -37,3 +42,19 @@ pub use {
     solve_page::{PageGrid, SurfaceLight, grid_section, surfaces},
     view::scene_view,
 };
+
+/// Writes a file completely or not at all.
+///
+/// # Errors
+/// The file cannot be written, or `progress` has stopped.
+fn write_file(
+    path: &Path,
+    progress: &dyn Progress,
+    write: impl FnOnce(&mut BufWriter<Stoppable<&mut WholeFile>>) -> std::io::Result<()>,
+) -> Result<()> {
+    let mut file = WholeFile::create(path)?;
+    let mut out = BufWriter::with_capacity(1 << 16, Stoppable { out: &mut file, progress });
+    write(&mut out).and_then(|()| out.flush()).map_err(|e| Error::io(path, e))?;
+    drop(out);
+    file.commit()
+}

@@ -1,10 +1,9 @@
 //! PLY files.
 
-use super::{Mesh, Tone};
-use crate::progress::{Progress, Stoppable};
-use crate::{Error, Result, files::WholeFile};
+use super::{Mesh, Tone, write_file};
+use crate::{Result, progress::Progress};
 use glam::DVec3;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::Path;
 
 /// Writes a mesh as binary PLY: vertices with normals, 8-bit colours by `tone`, radiosity and irradiance in W/m²;
@@ -13,11 +12,7 @@ use std::path::Path;
 /// # Errors
 /// The file cannot be written, or `progress` has stopped.
 pub fn write_ply(path: &Path, mesh: &Mesh, origin: DVec3, tone: Tone, progress: &dyn Progress) -> Result<()> {
-    let mut file = WholeFile::create(path)?;
-    let mut out = BufWriter::with_capacity(1 << 16, Stoppable { out: &mut file, progress });
-    write(&mut out, mesh, origin, tone).and_then(|()| out.flush()).map_err(|e| Error::io(path, e))?;
-    drop(out);
-    file.commit()
+    write_file(path, progress, |out| write(out, mesh, origin, tone))
 }
 
 fn write(out: &mut impl Write, mesh: &Mesh, origin: DVec3, tone: Tone) -> std::io::Result<()> {

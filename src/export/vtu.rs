@@ -1,10 +1,10 @@
 //! VTK's unstructured grid, for ParaView.
 
-use crate::progress::{Progress, Stoppable};
+use super::write_file;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::scene::{Photometry, Scene};
-use crate::{Error, Result, files::WholeFile};
-use std::io::{BufWriter, Write};
+use crate::{Result, progress::Progress};
+use std::io::Write;
 use std::path::Path;
 
 /// Cell types of VTK.
@@ -57,12 +57,7 @@ pub fn write_vtu(
     photometry: Option<Photometry>,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let mut file = WholeFile::create(path)?;
-    let mut out = BufWriter::with_capacity(1 << 16, Stoppable { out: &mut file, progress });
-    let written = write(&mut out, solution, (scene, photometry)).and_then(|()| out.flush());
-    written.map_err(|e| Error::io(path, e))?;
-    drop(out);
-    file.commit()
+    write_file(path, progress, |out| write(out, solution, (scene, photometry)))
 }
 
 /// The names of objects and materials, as fields of the whole file.

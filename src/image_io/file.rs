@@ -78,19 +78,11 @@ pub fn srgb_to_linear(v: f32) -> f32 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Writes `bytes` to a temporary file beside `path` and renames the file.
-///
-/// # Errors
-/// [`Error::Io`] with `path` if the folder is missing or not writable, or the disk is full; `path` is then unchanged.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    WholeFile::write(path, bytes)
-}
-
 /// Writes `width` columns of linear RGB, row by row from the top, as an OpenEXR file of 32-bit floats.
 ///
 /// # Errors
 /// [`Error::Argument`] if the image is too large for the format or `pixels` is not a multiple of `width`; errors of
-/// [`write_atomically`]; an error if `progress` stops it.
+/// [`WholeFile::create`]; an error if `progress` stops it.
 pub fn write_exr_rgb(path: &Path, width: usize, pixels: &[[f32; 3]], progress: &dyn Progress) -> Result<()> {
     let side = |n: usize| u32::try_from(n).ok();
     let image = side(width)
@@ -109,15 +101,15 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
     write_exr_rgb(path, image.width(), &pixels, &())
 }
 
-/// Writes the picture to `path` as an 8-bit PNG. Errors as for [`Picture::png`] and [`write_atomically`].
+/// Writes the picture to `path` as an 8-bit PNG. Errors as for [`Picture::png`] and [`WholeFile::create`].
 pub fn write_png(path: &Path, picture: &Picture) -> Result<()> {
-    write_atomically(path, &picture.png()?)
+    WholeFile::write(path, picture.png()?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image_io::{grey, write_atomically, write_exr, write_png};
+    use crate::image_io::{grey, write_exr, write_png};
 
     fn ramp() -> Image<'static> {
         Image::from_fn(256, 4, 1.0, |x, y| (x as f32 / 255.0) * if y == 0 { 1.0 } else { 0.5 }).unwrap()
@@ -152,7 +144,7 @@ mod tests {
         let message = |path: &Path| read_image(path, Channel::Luminance, 1.0).unwrap_err().to_string();
         assert!(message(&path).contains("bad.exr"));
         for bytes in [&b""[..], b"not an image", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", b"#?RADIANCE\n"] {
-            write_atomically(&path, bytes).unwrap();
+            WholeFile::write(&path, bytes).unwrap();
             assert!(message(&path).contains("bad.exr"), "{}", message(&path));
         }
         assert!(message(folder.path()).contains(&folder.path().display().to_string()));
@@ -160,20 +152,5 @@ mod tests {
         nan.put_pixel(1, 0, image::Rgb([f32::NAN; 3]));
         nan.save(&path).unwrap();
         assert!(message(&path).contains("1,0"), "{}", message(&path));
-    }
-
-    #[test]
-    fn files_are_replaced_and_nothing_is_left_beside_them() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.txt");
-        for content in ["one", "two"] {
-            write_atomically(&path, content.as_bytes()).unwrap();
-            assert_eq!(std::fs::read_to_string(&path).unwrap(), content);
-        }
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-        let missing = folder.path().join("missing/a.txt");
-        assert!(write_atomically(&missing, b"x").unwrap_err().to_string().contains("missing/a.txt"));
-        // A folder cannot be replaced by a file.
-        assert!(write_atomically(folder.path(), b"x").is_err());
     }
 }

@@ -11,6 +11,6 @@ mod picture;
 pub use picture::{Picture, difference, false_colour, grey, linear_to_srgb, mask_overlay};
 #[cfg(any(test, feature = "internals"))]
 pub use {
-    file::{Channel, read_image, write_atomically, write_exr, write_exr_rgb, write_png},
+    file::{Channel, read_image, write_exr, write_exr_rgb, write_png},
     picture::thumbnail,
 };

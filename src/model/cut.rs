@@ -143,9 +143,7 @@ impl Model {
         let own = (SEED ^ k.wrapping_mul(0x9e37_79b9)).wrapping_add(set.wrapping_mul(0x85eb_ca6b));
         let end = |i: u32| {
             let [u, v, ..] = sample_4d(i, 0, own);
-            let (at, normal, magnitude) = facing.sample(scene, u, v);
-            let there = EndRule::new(magnitude).seen_from(rule);
-            (there.lifted_towards(at, normal, from), there)
+            rule.other_end(from, facing.sample(scene, u, v))
         };
         let mut ends: Vec<(Vec3, EndRule)> = (0..count as u32).map(end).collect();
         gather_neighbours(&mut ends);

@@ -7,6 +7,7 @@ mod generated;
 mod ground;
 mod limits;
 mod many_faces;
+mod plates;
 mod ratios;
 mod shades;
 mod sheets;

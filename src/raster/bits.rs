@@ -118,21 +118,23 @@ impl BitImage {
 
     /// Adds the object pixels of `other`. Pixels outside the common area are unchanged.
     pub fn unite(&mut self, other: &BitImage) {
-        let last = self.last_word_mask();
-        for y in 0..self.height.min(other.height) {
-            let row = &mut self.words[y * self.stride..(y + 1) * self.stride];
-            row.iter_mut().zip(other.row(y)).for_each(|(w, o)| *w |= o);
-            if let Some(word) = row.last_mut() {
-                *word &= last;
-            }
-        }
+        self.join(other, |own, other| own | other);
     }
 
     /// Removes the object pixels of `other`. Pixels outside the common area are unchanged.
     pub fn subtract(&mut self, other: &BitImage) {
+        self.join(other, |own, other| own & !other);
+    }
+
+    /// Replaces words in the common area by what `join` makes of both.
+    fn join(&mut self, other: &BitImage, join: impl Fn(u64, u64) -> u64) {
+        let last = self.last_word_mask();
         for y in 0..self.height.min(other.height) {
             let row = &mut self.words[y * self.stride..(y + 1) * self.stride];
-            row.iter_mut().zip(other.row(y)).for_each(|(w, o)| *w &= !o);
+            row.iter_mut().zip(other.row(y)).for_each(|(word, other)| *word = join(*word, *other));
+            if let Some(word) = row.last_mut() {
+                *word &= last;
+            }
         }
     }
 

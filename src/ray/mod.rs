@@ -285,6 +285,14 @@ impl EndRule {
         at + self.height().copysign(normal.dot(from - at)) * normal
     }
 
+    /// The other end of a segment from `from`, a lifted point with this rule, with its own rule: a point of a surface, the normal of its
+    /// face and the magnitude of its coordinates.
+    #[inline]
+    pub fn other_end(self, from: Vec3, (at, normal, magnitude): (Vec3, Vec3, f32)) -> (Vec3, EndRule) {
+        let there = EndRule::new(magnitude).seen_from(self);
+        (there.lifted_towards(at, normal, from), there)
+    }
+
     /// Length that segments leave out at an end on an unknown surface, scene units.
     pub fn left_out(self) -> f32 {
         Self::UNKNOWN * self.slack()

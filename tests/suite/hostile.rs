@@ -197,11 +197,6 @@ fn caches_are_in_the_folder_of_the_user() {
         entries.filter(|e| e.path().extension().is_some_and(|e| e == "mrvis-cache")).count()
     };
     assert_eq!((files(""), files("cache/mrvis")), (0, 1));
-    // A copy of the scene elsewhere has the same clusters.
-    std::fs::create_dir(scratch.path("copy")).expect("a folder");
-    scratch.write("copy/other.obj", SCENE.replace("scene.mtl", "../scene.mtl"));
-    scratch.mrvis(&quick("bench copy/other.obj --json r.json")).exits(0);
-    assert_eq!(scratch.json("r.json")["build"]["cache"], "hit");
 }
 
 /// The error of a write that the system ends names the file that was asked for.

@@ -1,7 +1,7 @@
 //! Arguments shared by several subcommands.
 
 use super::inputs::{check_file, check_folder};
-use super::values::{CHANNELS, UP, cell, one_of};
+use super::values::{CHANNELS, UP, one_of};
 use super::{
     flags::with_flags,
     inputs::{Inputs, Output},
@@ -15,9 +15,10 @@ use mrvis::internals::scene::{Move, Photometry, parse_emitter, read_added, read_
 use mrvis::internals::terrain::ReadOptions;
 use mrvis::internals::threads::{MAX_THREADS, Threads};
 use mrvis::internals::{LoadParts, SceneParts};
-use mrvis::{Channels, Error, LoadOptions, Result, Scene, UpAxis};
+use mrvis::{Channels, Error, LoadOptions, Result, Scene, SkyOptions, UpAxis};
 use std::{
     collections::HashSet,
+    ffi::OsStr,
     io::Write as _,
     path::{Path, PathBuf},
     sync::Arc,
@@ -188,14 +189,55 @@ pub struct SceneArgs {
     /// --points are lowered, too.
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1", help_heading = TERRAIN)]
     pub curvature: Option<f64>,
+    #[command(flatten)]
+    pub grid: GridArgs,
+    #[command(flatten)]
+    pub sky: SkyArgs,
+}
+
+/// Heading of the options of height fields.
+const TERRAIN: &str = "Terrain";
+
+/// How height fields are read.
+#[derive(clap::Args, Clone, Debug)]
+pub struct GridArgs {
     /// Distance of the samples of height fields, or of columns and rows, m, instead of that of the file.
     #[arg(long, value_name = "DX[,DY]", help_heading = TERRAIN)]
-    pub cell: Option<String>,
+    cell: Option<String>,
     /// Metres of one unit of height of height fields (of one step of grey in a PNG), instead of the unit of the file.
     #[arg(long, value_name = "M", allow_hyphen_values = true, help_heading = TERRAIN)]
-    pub height_scale: Option<f64>,
-    /// Light the scene by a sky: uniform[:E], overcast[:E], cie:N[,E] (types 1 to 16), clear:TURBIDITY, perez:DNI,DHI,
-    /// an equirectangular map .exr or .hdr, or sky.toml for all of it; E is the diffuse horizontal irradiance, W/m2.
+    height_scale: Option<f64>,
+}
+
+impl GridArgs {
+    /// The options of the readers.
+    ///
+    /// # Errors
+    /// [`Error::Argument`]: the cell is not one or two distances.
+    pub fn options(&self) -> Result<ReadOptions> {
+        let cell = self.cell.as_deref().map(cell).transpose()?;
+        Ok(ReadOptions { cell, height_scale: self.height_scale, ..ReadOptions::default() })
+    }
+}
+
+/// `DX` or `DX,DY`.
+fn cell(text: &str) -> Result<[f64; 2]> {
+    let parsed: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match parsed.as_deref() {
+        Some([both]) => Ok([*both; 2]),
+        Some([dx, dy]) => Ok([*dx, *dy]),
+        _ => Err(Error::arguments(format!("--cell {text}: give one distance in m, or two: DX,DY"))),
+    }
+}
+
+/// Heading of the options of sky and sun.
+const SKY: &str = "Sky and sun";
+
+/// The sky and the sun.
+#[derive(clap::Args, Clone, Debug)]
+pub struct SkyArgs {
+    /// The sky: uniform[:E], overcast[:E], cie:N[,E] (types 1 to 16), clear:TURBIDITY, perez:DNI,DHI, an equirectangular map
+    /// .exr or .hdr, or sky.toml for all of it; E is the diffuse horizontal irradiance, W/m2.
     #[arg(long, value_name = "SKY", help_heading = SKY)]
     pub sky: Option<String>,
     /// The sun: AZIMUTH,ELEVATION in degrees (from north by east) or a vector X,Y,Z towards it, with :E for its normal
@@ -204,16 +246,30 @@ pub struct SceneArgs {
     pub sun: Option<String>,
     /// Latitude and longitude, degrees north and east, and altitude, metres, for the position of the sun.
     #[arg(long, value_name = "LAT,LON[,ALT]", allow_hyphen_values = true, help_heading = SKY)]
-    pub place: Option<String>,
+    place: Option<String>,
     /// Time for the position of the sun, such as 2026-06-21T12:00+02:00.
     #[arg(long, value_name = "TIME", help_heading = SKY)]
-    pub time: Option<String>,
+    time: Option<String>,
 }
 
-/// Heading of the options of sky and sun.
-const SKY: &str = "Sky and sun";
-/// Heading of the options of height fields.
-const TERRAIN: &str = "Terrain";
+impl SkyArgs {
+    /// The first option that is given.
+    pub fn first_given(&self) -> Option<&'static str> {
+        let SkyArgs { sky, sun, place, time } = self;
+        let named = [("--sky", sky), ("--sun", sun), ("--place", place), ("--time", time)];
+        named.into_iter().find(|(_, text)| text.is_some()).map(|(name, _)| name)
+    }
+
+    /// The sky and the sun that are asked for; those of [`SkyOptions::default`] without any option.
+    ///
+    /// # Errors
+    /// A value is wrong, or a file cannot be read.
+    pub fn options(&self) -> Result<SkyOptions> {
+        let [sky, sun, place, time] =
+            [&self.sky, &self.sun, &self.place, &self.time].map(|text| text.as_deref());
+        SkyOptions::of_texts(sky, sun, place, time)
+    }
+}
 
 impl SceneArgs {
     /// How luminous quantities are reported, if they are asked for.
@@ -244,8 +300,7 @@ impl SceneArgs {
         let emitters = self.emitters.iter().map(|e| parse_emitter(e)).collect::<Result<Vec<_>>>()?;
         let moves = self.moves.iter().map(|m| Move::parse(m)).collect::<Result<Vec<_>>>()?;
         let luminaires = self.luminaires.as_deref().map(read_placements).transpose()?.unwrap_or_default();
-        let cell = self.cell.as_deref().map(cell).transpose()?;
-        let grid = ReadOptions { cell, height_scale: self.height_scale, ..ReadOptions::default() };
+        let grid = self.grid.options()?;
         let max_memory = limits::bytes(common.max_memory);
         let added = read_added(&self.add, &grid, max_memory)?;
         let mut options = LoadOptions::default().with_moves(moves).with_placements(luminaires);
@@ -364,7 +419,7 @@ pub fn counted(n: usize, noun: &str) -> String {
 }
 
 /// The text as one word of a shell command.
-pub fn shell_word(text: &str) -> String {
+fn shell_word(text: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "/._-+:,=".contains(c);
     if !text.is_empty() && text.chars().all(plain) {
         text.into()
@@ -378,7 +433,12 @@ pub fn command_line() -> String {
     if let Some(line) = job_context::command_line() {
         return line;
     }
-    let words = std::env::args_os().skip(1).map(|word| shell_word(&word.to_string_lossy()));
+    shell_line(std::env::args_os().skip(1))
+}
+
+/// The command line with these arguments, for a shell.
+pub fn shell_line(arguments: impl IntoIterator<Item: AsRef<OsStr>>) -> String {
+    let words = arguments.into_iter().map(|word| shell_word(&word.as_ref().to_string_lossy()));
     let words: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
     words.join(" ")
 }

@@ -6,7 +6,8 @@ use super::limits;
 use super::progress::Bar;
 use super::values::{ClusterArgs, Values, name_of, one_of, set_fields};
 use mrvis::internals::bench::page::{self, MrImage, ReceiverImages};
-use mrvis::internals::image_io::{difference, grey, mask_overlay, write_atomically, write_exr, write_png};
+use mrvis::internals::files::WholeFile;
+use mrvis::internals::image_io::{difference, grey, mask_overlay, write_exr, write_png};
 use mrvis::internals::metrics::FeatureSet;
 use mrvis::internals::optics::Extinction;
 use mrvis::internals::threads::Threads;
@@ -147,7 +148,7 @@ const REPORT: &str = "report.html";
 /// Writes the report; returns a line with its path.
 fn write_page(folder: &Path, page: &str) -> Result<String> {
     let path = folder.join(REPORT);
-    write_atomically(&path, page.as_bytes())?;
+    WholeFile::write(&path, page)?;
     Ok(format!("report: {}\n", path.display()))
 }
 

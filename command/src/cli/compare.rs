@@ -2,9 +2,10 @@
 
 use super::args::{Common, counted};
 use super::inputs::Inputs;
+use super::values::tolerance;
+use mrvis::Result;
 use mrvis::internals::plot::number;
 use mrvis::internals::points::{Comparison, compare, read_irradiance};
-use mrvis::{Error, Result};
 use std::{path::PathBuf, process::ExitCode};
 
 /// Compare irradiance at the same points: RMS relative to the mean, bias, percentiles. Exit code 1 above --tolerance.
@@ -18,16 +19,13 @@ pub struct Args {
     #[arg(value_name = "TEST.csv")]
     test: PathBuf,
     /// Largest accepted RMS difference relative to the mean (0.01 is one per cent).
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", value_parser = tolerance)]
     tolerance: Option<f64>,
     #[command(flatten)]
     pub common: Common,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
-    if let Some(t) = args.tolerance.filter(|t| !(t.is_finite() && *t >= 0.0)) {
-        return Err(Error::arguments(format!("--tolerance {t}: must be a number not below 0")));
-    }
     args.common.check_outputs(&Inputs::of([&args.reference, &args.test]), [])?;
     let found = compare(&read_irradiance(&args.reference)?, &read_irradiance(&args.test)?)?;
     args.common.write_json(&found)?;

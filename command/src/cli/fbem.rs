@@ -5,12 +5,11 @@ use std::process::ExitCode;
 
 use super::args::Common;
 use super::inputs::{Inputs, Output};
-use super::values::{Values, name_of, one_of};
+use super::values::{Values, name_of, one_of, tolerance};
 use serde_json::json;
 
-use mrvis::internals::image_io::{
-    Channel, difference, mask_overlay, read_image, write_atomically, write_exr, write_png,
-};
+use mrvis::internals::files::WholeFile;
+use mrvis::internals::image_io::{Channel, difference, mask_overlay, read_image, write_exr, write_png};
 use mrvis::internals::metrics::{FeatureSet, Norms, norms, spectrum_sizes};
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 use mrvis::metrics::{Fbem, FbemOptions, FeatureOptions, Features, Filter, Image, Morphology, fbem};
@@ -58,7 +57,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// Exit with code 1 if the error at any size exceeds E (in image values)
-    #[arg(long, value_name = "E")]
+    #[arg(long, value_name = "E", value_parser = tolerance)]
     pub tolerance: Option<f64>,
     /// Print nothing
     #[arg(long)]
@@ -88,9 +87,6 @@ const COMPONENTS: Values<Channel> = &[
 /// # Errors
 /// An image cannot be read, the images differ in size, an option is out of range, or an output is not writable.
 pub fn run(args: &Args) -> Result<ExitCode> {
-    if args.tolerance.is_some_and(|t| t.is_nan() || t < 0.0) {
-        return Err(Error::arguments("--tolerance must be a number of at least 0".into()));
-    }
     let inputs = Inputs::of([&args.reference, &args.approximation]);
     // Other common options have no effect here.
     let common = Common { json: args.json.clone(), quiet: args.quiet, ..Common::default() };
@@ -214,7 +210,7 @@ fn write_pictures(
         ("error that features larger than s see", Scale::Linear),
         vec![Series::new("FBEM(s)", rows.iter().map(point).collect(), Marks::Joined)],
     );
-    write_atomically(&svg, plot.svg(720, 420)?.as_bytes())
+    WholeFile::write(&svg, plot.svg(720, 420)?)
 }
 
 #[cfg(test)]
@@ -262,8 +258,7 @@ mod tests {
     fn bad_options_and_outputs_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let code = |more: &[&str]| run_on(folder.path(), more);
-        for bad in [["--tolerance", "nan"], ["--s", "nan"], ["--texel", "0"], ["--p", "0"], ["--white", "0"]]
-        {
+        for bad in [["--s", "nan"], ["--texel", "0"], ["--p", "0"], ["--white", "0"]] {
             assert!(code(&bad).is_err(), "{bad:?}");
         }
         let unwritable = folder.path().join("a.exr/x").display().to_string();

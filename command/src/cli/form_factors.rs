@@ -7,7 +7,7 @@ use super::job_context;
 use super::limits::{self, GIB};
 use super::mpi::MpiArgs;
 use super::progress::Bar;
-use super::values::{Values, name_of, one_of, set_fields};
+use super::values::{Values, name_of, one_of, set_fields, tolerance};
 use mrvis::internals::form_factors::{
     Facets, Format, Grouping, Report, Settings, by_groups, compute, memory_bound, write,
 };
@@ -45,7 +45,7 @@ pub struct Args {
           default_missing_value = "closure", require_equals = true)]
     enforce: bool,
     /// Largest accepted mean |row sum + escaped + lost - 1| of closed rows (exit code 1 above).
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", value_parser = tolerance)]
     tolerance: Option<f64>,
     #[command(flatten)]
     pub mpi: MpiArgs,
@@ -92,9 +92,6 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let format = args.format()?;
     args.mpi.on_first(|| check_file(&args.out))?;
     common.check_json()?;
-    if let Some(v) = args.tolerance.filter(|v| !(v.is_finite() && *v >= 0.0)) {
-        return Err(Error::arguments(format!("--tolerance {v}: must be a number not below 0")));
-    }
     let scene = args.scene.load_flat(common)?;
     let inputs = Inputs::of(scene.parts().files);
     common.check_outputs(&inputs, [Output::new("--out", &args.out)])?;

@@ -9,10 +9,8 @@ impl SceneArgs {
     /// # Errors
     /// [`Error::Argument`] if one is asked for.
     pub(super) fn without_sky(&self) -> Result<()> {
-        let SceneArgs { sky, sun, place, time, .. } = self;
-        let named = [("--sky", sky), ("--sun", sun), ("--place", place), ("--time", time)];
-        match named.into_iter().find(|(_, text)| text.is_some()) {
-            Some((name, _)) => {
+        match self.sky.first_given() {
+            Some(name) => {
                 let what = "has no effect here: what this command computes does not depend on light";
                 Err(Error::arguments(format!("{name} {what}; omit it")))
             }
@@ -22,12 +20,7 @@ impl SceneArgs {
 
     /// The sky and the sun that are asked for, if any.
     fn sky_options(&self) -> Result<Option<SkyOptions>> {
-        let texts = [&self.sky, &self.sun, &self.place, &self.time].map(|text| text.as_deref());
-        if texts.iter().all(Option::is_none) {
-            return Ok(None);
-        }
-        let [sky, sun, place, time] = texts;
-        SkyOptions::of_texts(sky, sun, place, time).map(Some)
+        self.sky.first_given().map(|_| self.sky.options()).transpose()
     }
 
     /// These arguments; refuses a sky in lux without channels that hold lumens, for commands that state light.

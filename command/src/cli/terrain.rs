@@ -1,15 +1,15 @@
 //! `mrvis terrain GRID --out DIR`: what all samples of a height field see of sky and sun.
 
-use super::args::{Common, grouped, warn};
+use super::args::{Common, GridArgs, SkyArgs, grouped, warn};
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output, check_folder};
 use super::mesh_grid;
-use super::values::{Values, cell, name_of, one_of};
+use super::values::{Values, name_of, one_of};
 use mrvis::internals::plot::number;
 use mrvis::internals::sky::{DVec3, Environment, SkyModel};
 use mrvis::internals::terrain::{
-    EARTH_RADIUS, Grid, Layer, Light, ReadOptions, Sun, SweepOptions, horizon, irradiance, read,
-    sky_view_factor, sunlit, write_geotiff, write_npz, write_png,
+    EARTH_RADIUS, Grid, Layer, Light, Sun, SweepOptions, horizon, irradiance, read, sky_view_factor, sunlit,
+    write_geotiff, write_npz, write_png,
 };
 use mrvis::{Error, Result, SkyOptions};
 use serde_json::{Value, json};
@@ -48,24 +48,10 @@ pub struct Args {
     /// The earth curves: with N times its radius; 7/6 = 1.1667 allows for refraction.
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1")]
     curvature: Option<f64>,
-    /// Distance of samples, or of columns and rows, m, instead of that of the file.
-    #[arg(long, value_name = "DX[,DY]")]
-    cell: Option<String>,
-    /// Metres of one unit of height (of one step of grey in a PNG), instead of the unit of the file.
-    #[arg(long, value_name = "M")]
-    height_scale: Option<f64>,
-    /// The sky, as for `solve`; with clear:TURBIDITY and --day the light of a whole day.
-    #[arg(long, value_name = "SKY")]
-    sky: Option<String>,
-    /// The sun, as for `solve`.
-    #[arg(long, value_name = "SUN", allow_hyphen_values = true)]
-    sun: Option<String>,
-    /// Latitude and longitude, degrees north and east, for the position of the sun.
-    #[arg(long, value_name = "LAT,LON[,ALT]", allow_hyphen_values = true)]
-    place: Option<String>,
-    /// Time for the position of the sun, such as 2026-06-21T12:00+02:00.
-    #[arg(long, value_name = "TIME")]
-    time: Option<String>,
+    #[command(flatten)]
+    samples: GridArgs,
+    #[command(flatten)]
+    light: SkyArgs,
     /// Add up irradiance over the day of --time, every so many minutes: J/m2 divided by 3600, Wh/m2.
     #[arg(long, value_name = "MINUTES", num_args = 0..=1, require_equals = true, default_missing_value = "30",
           value_parser = clap::value_parser!(u32).range(1..=240))]
@@ -138,13 +124,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     };
     let names = args.outputs.iter().flat_map(files);
     common.check_outputs(&Inputs::of([&args.grid]), Output::within("--out", &args.out, names))?;
-    let options = ReadOptions {
-        cell: args.cell.as_deref().map(cell).transpose()?,
-        height_scale: args.height_scale,
-        ..ReadOptions::default()
-    };
-    let [sun, place, time] = [&args.sun, &args.place, &args.time].map(|text| text.as_deref());
-    let sky = SkyOptions::of_texts(args.sky.as_deref(), sun, place, time)?;
+    let options = args.samples.options()?;
+    let sky = args.light.options()?;
     let note_of_day = note_of_day(args, &sky)?;
     let sweep = SweepOptions { earth_radius: args.curvature.map(|factor| factor * EARTH_RADIUS) };
     let start = Instant::now();
@@ -220,17 +201,15 @@ fn compute(
 
 /// Refuses options of light that no output needs.
 pub fn check_light(args: &Args) -> Result<()> {
-    let Args { sky, sun, place, time, day, outputs, .. } = args;
-    let light = [("--sky", sky), ("--sun", sun), ("--place", place), ("--time", time)];
-    let given = light.map(|(name, text)| (name, text.is_some(), "sunlit or --output irradiance"));
+    let Args { light, day, outputs, .. } = args;
     let needs = |q: &Quantity| matches!(q, Quantity::Sunlit | Quantity::Irradiance);
     let unused = if outputs.contains(&Quantity::Irradiance) {
         None
     } else if outputs.iter().any(needs) {
         day.map(|_| ("--day", "irradiance"))
     } else {
-        let given = given.into_iter().chain([("--day", day.is_some(), "irradiance")]);
-        given.filter(|given| given.1).map(|(name, _, outputs)| (name, outputs)).next()
+        let light = light.first_given().map(|name| (name, "sunlit or --output irradiance"));
+        light.or(day.map(|_| ("--day", "irradiance")))
     };
     let what =
         |(name, outputs)| format!("{name} has no effect without --output {outputs}: add it, or omit {name}");
@@ -281,7 +260,7 @@ fn intervals(minutes: u32) -> impl Iterator<Item = (u32, u32)> {
 
 /// Irradiance at the time of the options, or added up over its day.
 fn light(args: &Args, grid: &Grid, sweep: &SweepOptions, sky: &SkyOptions) -> Result<Vec<f32>> {
-    if args.sky.is_none() && args.sun.is_none() {
+    if args.light.sky.is_none() && args.light.sun.is_none() {
         return Err(Error::arguments("`irradiance` needs light: give --sky, --sun or both".into()));
     }
     let Some(minutes) = args.day else {

@@ -3,7 +3,7 @@
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use mrvis::internals::points::Point;
 use mrvis::internals::{BuilderParts, SceneParts};
-use mrvis::{Builder, Channels, Engine, Error, Result, Scene, UpAxis};
+use mrvis::{Builder, Channels, Engine, Scene, UpAxis};
 
 /// Names, help and meanings of values.
 pub type Values<T> = &'static [(&'static str, &'static str, T)];
@@ -30,6 +30,14 @@ macro_rules! set_fields {
     };
 }
 pub(super) use set_fields;
+
+/// The value of a `--tolerance`.
+pub fn tolerance(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|t: &f64| t.is_finite() && *t >= 0.0)
+        .ok_or_else(|| "must be a number not below 0".into())
+}
 
 /// Upward axes.
 pub const UP: Values<UpAxis> = &[("y", "+y, as in glTF", UpAxis::Y), ("z", "+z", UpAxis::Z)];
@@ -68,15 +76,5 @@ const BUILDERS: Values<Builder> = &[
 pub fn lower(scene: &Scene, points: &mut [Point]) {
     for point in points {
         (point.position, point.normal) = scene.lowered(point.position, point.normal);
-    }
-}
-
-/// `DX` or `DX,DY`.
-pub fn cell(text: &str) -> Result<[f64; 2]> {
-    let parsed: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
-    match parsed.as_deref() {
-        Some([both]) => Ok([*both; 2]),
-        Some([dx, dy]) => Ok([*dx, *dy]),
-        _ => Err(Error::arguments(format!("--cell {text}: give one distance in m, or two: DX,DY"))),
     }
 }

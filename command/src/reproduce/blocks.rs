@@ -39,12 +39,8 @@ impl Blocks {
     /// Adds a closed box between two corners.
     pub fn cuboid(&mut self, min: DVec3, max: DVec3) {
         let object = self.soup.object(format!("box {}", self.soup.objects.len()));
-        let first = self.soup.positions.len() as u32;
-        let pick = |k: u32, bit: u32, axis: usize| if k >> bit & 1 == 1 { max[axis] } else { min[axis] };
-        self.soup.positions.extend((0..8).map(|k| DVec3::new(pick(k, 0, 0), pick(k, 1, 1), pick(k, 2, 2))));
-        for face in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
-            self.soup.indexed_polygon(object, 0, face.map(|i| first + i));
-        }
+        let along = |k: u32, axis: usize| if k >> axis & 1 == 1 { max[axis] } else { min[axis] };
+        self.soup.closed_box(object, 0, |k| DVec3::new(along(k, 0), along(k, 1), along(k, 2)));
     }
 
     /// Adds a cube of two boxes without the faces between them: 24 triangles, so that it has clusters of its own.

@@ -31,9 +31,9 @@ fn shown(syntax: &impl quote::ToTokens) -> String {
 fn in_c(kind: &str) -> String {
     let inner = |kind: &str| kind.strip_suffix('>').expect("a type").to_owned();
     match kind.split_once('<') {
-        Some(("Handle" | "Given", of)) => format!("*const{}", inner(of)),
-        Some(("Place" | "RecordPlace", of)) => format!("*mut{}", inner(of)),
+        Some(("Handle" | "Record" | "Given" | "Pointer", of)) => format!("*const{}", inner(of)),
         Some(("Made", of)) => format!("*mut*mut{}", inner(of)),
+        Some((_, of)) => format!("*mut{}", inner(of)),
         _ if kind.ends_with("Text") => "*constc_char".into(),
         _ => kind.into(),
     }
@@ -90,10 +90,9 @@ impl Side {
                 }
                 syn::Item::Macro(item) if item.mac.path.is_ident("entry") => {
                     let text = shown(&item.mac.tokens);
-                    let (name, rest) = text.split_once("(call,").expect("a name");
-                    let (arguments, result) = rest.split_once(")->").expect("a result");
-                    let result = result.split('{').next().expect("a result");
-                    let arguments = arguments.split(',').chain([result]);
+                    let (name, rest) = text.split_once("(call").expect("a name");
+                    let head = rest.split('{').next().expect("arguments").replace(")->", ",");
+                    let arguments = head.trim_end_matches(')').split(',').skip(1);
                     let types: Vec<String> =
                         arguments.map(|argument| in_c(argument.split_once(':').expect("a type").1)).collect();
                     self.functions.insert(name.into(), format!("({}) -> mrv_status", types.join(", ")));

@@ -10,6 +10,7 @@ use crate::scene::generate::{Spec, build};
 use crate::scene::testing::{Pieces, on_threads};
 use glam::{DVec3, dvec3};
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::io::Read;
 
 fn quads(list: &[(DVec3, DVec3, DVec3)]) -> Scene {
@@ -82,6 +83,34 @@ fn published_obstructed_pairs_at_default_settings() {
     near(centred.get(0, 1), obstructed("centred_half_obstruction", "F12"), 5e-3, "centred");
     let (all, _) = run(&plates(dvec3(-0.1, -0.1, 0.5), 1.2), |_| ());
     assert_eq!(all.get(0, 1), 0.0, "fully blocked");
+}
+
+/// A regular polygon at height `z` with the area of a disc; `up`: faces upwards.
+fn disc(radius: f64, z: f64, up: bool) -> Vec<DVec3> {
+    const SIDES: usize = 96;
+    let step = TAU / SIDES as f64;
+    let r = radius * (step / step.sin()).sqrt();
+    let mut corners: Vec<DVec3> =
+        (0..SIDES).map(|k| dvec3(r * (k as f64 * step).cos(), r * (k as f64 * step).sin(), z)).collect();
+    if !up {
+        corners.reverse();
+    }
+    corners
+}
+
+#[test]
+fn coaxial_discs_of_the_published_suite() {
+    let rows = unobstructed("coaxial-discs-");
+    assert!(rows.len() >= 8, "{} cases", rows.len());
+    for (id, [one, other, ..], want) in rows {
+        let mut pieces = Pieces::empty();
+        pieces.grey("one", 0.0).polygon(&disc(one, 0.0, true));
+        pieces.object("other").polygon(&disc(other, 1.0, false));
+        let scene = pieces.scene();
+        let (facets, (matrix, _)) = (Facets::new(&scene), run(&scene, |_| ()));
+        let factors = by_groups(matrix, &scene, &facets, Grouping::Object, &()).unwrap();
+        near(factors.get(0, 1), want, 1e-3, &id);
+    }
 }
 
 #[test]

@@ -7,9 +7,7 @@ use crate::embree::Hits;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::options::{Options, View};
 use crate::radiosity::rgb::{Rgb, mean};
-use crate::radiosity::transport::{
-    ActiveNodes, DirectionalIrradiance, NodeIrradiance, NodeRadiosity, emission_moments, gather,
-};
+use crate::radiosity::transport::{ActiveNodes, NodeRadiosity, emission_moments, gather};
 use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
 use crate::visibility::Exact;
@@ -122,10 +120,7 @@ pub fn propagate_importance(linked: &mut LinkedScene, nodes: &ActiveNodes) {
     let own = |side: u32| -> Rgb { [f64::from(u8::from(important[side as usize])); 3] };
     let emitted: Vec<_> =
         nodes.aggregated().map(|node| emission_moments(elements, nodes.elements[node], own)).collect();
-    let mut arriving = NodeIrradiance {
-        clusters: vec![DirectionalIrradiance::default(); nodes.clusters],
-        surfaces: vec![[0.0; 3]; nodes.elements.len() - nodes.clusters],
-    };
+    let mut arriving = nodes.dark();
     for _ in 0..BOUNCES {
         let sends: Vec<Rgb> = (0..arriving.surfaces.len())
             .map(|i| {

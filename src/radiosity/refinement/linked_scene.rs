@@ -137,9 +137,14 @@ impl LinkedScene {
     /// Irradiance that counts as zero, W/m²: 1e-9 of the surfaces' irradiance if all emitted light arrived once. Rounding at the edges
     /// of emitters lets about 1e-14 pass.
     pub fn dark(&self) -> f64 {
+        1e-9 * (self.emitted_over_area() + self.beyond)
+    }
+
+    /// Irradiance of the surfaces if all emitted light arrived once, W/m².
+    pub(super) fn emitted_over_area(&self) -> f64 {
         let Elements { elements, sides, .. } = &self.elements;
         let emitted: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
-        1e-9 * (emitted / elements[0].area + self.beyond)
+        emitted / elements[0].area
     }
 
     /// By side, whether light arrives there: at least [`MIN_LIT`] of the mean over all sides. Means of light and relative errors are those of

@@ -51,9 +51,7 @@ impl LinkedScene {
     /// Fraction of the light of surfaces that comes from beyond the scene, if a fraction `open` of their rays leaves the scene and their light from the
     /// emitters is the average over all surfaces.
     pub fn part_from_beyond(&self, open: f64) -> f64 {
-        let Elements { elements, sides, .. } = &self.elements;
-        let emitted: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
-        let (beyond, own) = (open * self.beyond, emitted / elements[0].area);
+        let (beyond, own) = (open * self.beyond, self.emitted_over_area());
         if beyond > 0.0 { beyond / (beyond + own) } else { 0.0 }
     }
 

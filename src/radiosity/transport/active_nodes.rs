@@ -47,6 +47,14 @@ impl ActiveNodes {
     /// Stands for no node.
     pub const NONE: u32 = u32::MAX;
 
+    /// No light at any node.
+    pub fn dark(&self) -> NodeIrradiance {
+        NodeIrradiance {
+            clusters: vec![DirectionalIrradiance::default(); self.clusters],
+            surfaces: vec![[0.0; 3]; self.elements.len() - self.clusters],
+        }
+    }
+
     /// The active nodes for a set of links and the elements at which light from beyond the scene arrives, with the row factors of the elements.
     pub fn new(elements: &Elements, links: &[Link], lit: impl Iterator<Item = u32>) -> ActiveNodes {
         let n = elements.len();

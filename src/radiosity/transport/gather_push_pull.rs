@@ -136,10 +136,7 @@ pub fn pushed(
     nodes: &ActiveNodes,
     arriving: &[(u32, DirectionalIrradiance)],
 ) -> Option<NodeIrradiance> {
-    let mut pushed = NodeIrradiance {
-        clusters: vec![DirectionalIrradiance::default(); nodes.clusters],
-        surfaces: vec![[0.0; 3]; nodes.elements.len() - nodes.clusters],
-    };
+    let mut pushed = nodes.dark();
     for (e, arriving) in arriving {
         let node = nodes.nodes[*e as usize] as usize;
         match node.checked_sub(nodes.clusters) {

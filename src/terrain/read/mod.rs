@@ -119,15 +119,22 @@ fn from_numpy(path: &Path, array: numpy::Array) -> Result<Raw> {
 /// Largest value that may stand for a sample without data, such as -999, -9999, -32768 and -99999.
 const MAX_NO_DATA: f32 = -999.0;
 
+/// Values of samples that are no holes.
+fn known(values: &[f32]) -> impl Iterator<Item = f32> + '_ {
+    values.iter().copied().filter(|v| v.is_finite())
+}
+
+/// The smallest and the largest of these values; infinite without any.
+fn range(values: &[f32]) -> [f32; 2] {
+    known(values).fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+}
+
 /// A note on the lowest value if it seems to stand for samples without data: it is farther below the others than these are apart.
 fn note_of_lowest(values: &[f32]) -> Option<String> {
-    let known = || values.iter().copied().filter(|v| v.is_finite());
-    let low = known().fold(f32::INFINITY, f32::min);
-    let (next, high) = known()
-        .filter(|v| *v > low)
-        .fold((f32::INFINITY, f32::NEG_INFINITY), |(next, high), v| (next.min(v), high.max(v)));
+    let [low, high] = range(values);
+    let next = known(values).filter(|v| *v > low).fold(f32::INFINITY, f32::min);
     (low <= MAX_NO_DATA && next.is_finite() && next - low > high - next).then(|| {
-        let count = known().filter(|v| *v == low).count();
+        let count = known(values).filter(|v| *v == low).count();
         format!(
             "{count} samples have the value {low}, far below all others: if they have no data, state that in the file (`gdal_translate -a_nodata {low}`)"
         )
@@ -139,9 +146,7 @@ const HEIGHTS_ON_EARTH: [f32; 2] = [-11_000.0, 9_000.0];
 
 /// A note on heights, m, that are not found on the Earth.
 fn note_of_range(values: &[f32]) -> Option<String> {
-    let known = || values.iter().copied().filter(|v| v.is_finite());
-    let (low, high) = (known().fold(f32::INFINITY, f32::min), known().fold(f32::NEG_INFINITY, f32::max));
-    let [lowest, highest] = HEIGHTS_ON_EARTH;
+    let ([low, high], [lowest, highest]) = (range(values), HEIGHTS_ON_EARTH);
     (low < lowest || high > highest).then(|| {
         format!(
             "heights from {low} to {high} m: no ground of the Earth is there; the right unit is set by ⟨height_scale⟩, such as 0.001 for millimetres"
@@ -160,9 +165,8 @@ fn is_in_degrees(raw: &Raw) -> bool {
     let is_on_globe = west >= -180.0 && east <= 360.0 && south >= -90.0 && north <= 90.0;
     // Grids without a place begin at 0, 0 with the corner or the middle of a sample.
     let is_local = west.abs() <= georeference.scale[0] && south.abs() <= georeference.scale[1];
-    let known = || raw.values.iter().copied().filter(|v| v.is_finite());
-    let range = f64::from(known().fold(f32::NEG_INFINITY, f32::max) - known().fold(f32::INFINITY, f32::min));
-    is_on_globe && !is_local && range > (east - west).max(north - south)
+    let [low, high] = range(&raw.values);
+    is_on_globe && !is_local && f64::from(high - low) > (east - west).max(north - south)
 }
 
 /// Makes heights in m of values.

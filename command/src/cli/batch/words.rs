@@ -1,7 +1,7 @@
 //! Command lines of jobs: options by their long names become arguments, and clap checks them.
 
 use crate::batch::{Job, Opt, Out, Reads, TomlSource, Value, resolve_outputs, suggestion};
-use crate::cli::args::shell_word;
+use crate::cli::args::shell_line;
 use crate::cli::{Cli, Command, usage};
 use clap::{Arg, ArgAction, CommandFactory, Parser, error::ContextKind, error::ContextValue};
 use mrvis::internals::error::quote;
@@ -29,9 +29,7 @@ pub struct Line {
 impl Line {
     /// The command line for a shell.
     pub fn shown(&self) -> String {
-        let words = self.words.iter().map(|word| shell_word(&word.to_string_lossy()));
-        let words: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
-        words.join(" ")
+        shell_line(&self.words)
     }
 
     /// The parsed command.
