@@ -20,7 +20,7 @@ fn of_floor(scene: &Scene) -> Vec<(Element, DVec3)> {
     let centre =
         |e: &Element| e.corners.iter().map(|&c| mesh.vertices[c as usize].as_dvec3()).sum::<DVec3>() / 4.0;
     let of_front = mesh.elements.iter().filter(|e| e.object == 0 && e.front);
-    of_front.map(|e| (e.clone(), centre(e))).collect()
+    of_front.map(|e| (*e, centre(e))).collect()
 }
 
 /// Where all is equally bright, rays that meet it have no noise: elements differ by .02 %, by .7 % with rays to points of the dome.
