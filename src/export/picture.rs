@@ -175,12 +175,18 @@ pub struct Tone {
 /// 0.36 and 0.72 for bright scenes. Pictures only.
 const KEY: f32 = 0.25;
 
+/// Part of the values that must not be black to decide on the exposure: single pixels in a dark room, of rays that passed at the foot of a wall by
+/// rounding, would otherwise be shown as bright (one of 100,000).
+const MIN_LIT: f64 = 1e-3;
+
 impl Tone {
-    /// The curve for light like `values` (linear RGB, any unit); black values are ignored.
+    /// The curve for light like `values` (linear RGB, any unit); black values are ignored. If all but [`MIN_LIT`] of them are black, light of 1 is
+    /// shown as 0.5.
     pub fn of(values: impl IntoIterator<Item = [f32; 3]>) -> Tone {
-        let mut lit: Vec<f32> =
-            values.into_iter().map(luminance).filter(|l| l.is_finite() && *l > 0.0).collect();
-        if lit.is_empty() {
+        let mut count = 0;
+        let counted = values.into_iter().inspect(|_| count += 1);
+        let mut lit: Vec<f32> = counted.map(luminance).filter(|l| l.is_finite() && *l > 0.0).collect();
+        if lit.len() as f64 <= MIN_LIT * f64::from(count) {
             return Tone { scale: 1.0, white: 1.0 };
         }
         let logs: f64 = lit.iter().map(|l| f64::from(*l).ln()).sum();

@@ -360,6 +360,10 @@ fn tones_keep_order_and_range() {
     let shown: Vec<f32> = (0..500).map(|i| tone.linear([i as f32; 3])[0]).collect();
     assert!(shown.windows(2).all(|w| w[0] <= w[1]) && shown[0] == 0.0 && shown[499] == 1.0);
     assert_eq!(Tone::of([]).srgb([0.0; 3]), [0; 3]);
+    // A stray pixel in the dark stays dark.
+    let mut dark = vec![[0.0; 3]; 2000];
+    dark[7] = [1e-5; 3];
+    assert_eq!(Tone::of(dark).srgb([1e-5; 3]), [0; 3]);
 }
 
 #[test]
