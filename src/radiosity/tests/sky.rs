@@ -71,6 +71,44 @@ fn planes_under_the_open_sky_have_the_light_of_the_closed_form() {
 }
 
 #[test]
+fn streets_and_courtyards_see_their_part_of_the_sky() {
+    // A street of width 2 and height 3 between long walls: the sine of half the angle of the opening.
+    let upright = |y: f64, turned: bool| {
+        let mut wall: Vec<DVec3> = [[-500.0, 0.0], [500.0, 0.0], [500.0, 3.0], [-500.0, 3.0]]
+            .map(|[x, z]| DVec3::new(x, y, z))
+            .to_vec();
+        if turned {
+            wall.reverse();
+        }
+        wall
+    };
+    let street =
+        [rectangle([-500.0, -1.0], [500.0, 1.0], |_, _| 0.0), upright(1.0, false), upright(-1.0, true)];
+    let scene = outdoors(0.0, &street, "uniform:100", "none");
+    let middle = [at(DVec3::new(0.3, 0.0, 0.0), DVec3::Z), at(DVec3::new(-7.0, 0.4, 0.0), DVec3::Z)];
+    let found = light_at(&scene, &middle);
+    let part = |y: f64| 0.5 * ((1.0 - y) / (1.0 - y).hypot(3.0) + (1.0 + y) / (1.0 + y).hypot(3.0));
+    near(found[0], 100.0 * part(0.0), 3e-3);
+    near(found[1], 100.0 * part(0.4), 3e-3);
+    // A round courtyard of radius 1 and height 2, of 64 walls: the middle of the floor sees r² / (r² + h²).
+    let corner = |k: usize| {
+        let turn = std::f64::consts::TAU * (k as f64 + 0.5) / 64.0;
+        // As much area as the circle.
+        let radius = (PI / (32.0 * (std::f64::consts::TAU / 64.0).sin())).sqrt();
+        DVec3::new(radius * turn.cos(), radius * turn.sin(), 0.0)
+    };
+    let wall = |k: usize| {
+        let (a, b, up) = (corner(k), corner(k + 1), 2.0 * DVec3::Z);
+        vec![b, a, a + up, b + up]
+    };
+    let mut yard: Vec<Vec<DVec3>> = (0..64).map(wall).collect();
+    yard.push((0..64).map(corner).collect());
+    let scene = outdoors(0.0, &yard, "uniform:100", "none");
+    let found = light_at(&scene, &[at(DVec3::new(0.0, 0.0, 0.0), DVec3::Z)]);
+    near(found[0], 20.0, 3e-3);
+}
+
+#[test]
 fn a_house_under_sun_and_sky_is_lit_as_paths_say_and_keeps_its_energy() {
     // A box of 2 by 2 by 3 on a square of 10 by 10. Mirrored, its faces are wound outward.
     let mut house = Pieces::empty();

@@ -101,6 +101,47 @@ fn planes_have_the_light_of_closed_forms() {
     }
 }
 
+/// Sky view factor of the floor of a street of width 1 between walls of height 1 and length 40: the mean of cos² of the elevation of the
+/// horizon over all azimuths.
+fn street(x: f64, y: f64) -> f64 {
+    let of = |k: usize| {
+        let (s, c) = (2.0 * PI * (k as f64 + 0.5) / 4096.0).sin_cos();
+        let distance = if s > 0.0 { (0.5 - y) / s } else { (-0.5 - y) / s };
+        let wall = (x + distance * c).abs() < 20.0;
+        if wall { 1.0 - 1.0 / (1.0 + distance * distance) } else { 1.0 }
+    };
+    (0..4096).map(of).sum::<f64>() / 4096.0
+}
+
+#[test]
+fn a_street_sees_its_part_of_the_sky() {
+    let (half, wall) = (DVec3::X * 20.0, DVec3::Z);
+    let [left, right] = [-0.5, 0.5].map(|y| -half + y * DVec3::Y);
+    let floor = [left, 2.0 * half, DVec3::Y];
+    let scene = lit(quads(0.0, &[floor, [right, 2.0 * half, wall], [left, 2.0 * half, wall]]), uniform());
+    let mut last = (0, f64::INFINITY);
+    for (error, most) in [(0.01, [0.03, 0.1]), (0.002, [0.003, 0.04])] {
+        let Outcome { mesh, record, .. } = solved(&scene, &[], &links(error));
+        let (mut found, mut want, mut squares, mut area) = (0.0, 0.0, 0.0, 0.0);
+        for element in mesh.elements.iter().filter(|e| e.object == 0 && normal_of(&mesh, e).z > 0.5) {
+            let corners = element.corners.map(|k| mesh.vertices[k as usize].as_dvec3() + mesh.origin);
+            let middle = corners.iter().sum::<DVec3>() / 4.0;
+            if middle.x.abs() > 5.0 {
+                continue;
+            }
+            let (light, exact) = (mean(element.irradiance) / PI, street(middle.x, middle.y));
+            found += element.area * light;
+            want += element.area * exact;
+            squares += element.area * (light - exact).powi(2);
+            area += element.area;
+        }
+        let [bias, rms] = [found / want - 1.0, (squares * area).sqrt() / want];
+        assert!(bias.abs() < most[0] && rms < most[1], "{error}: {bias} {rms}");
+        assert!(record.links > last.0 && rms < last.1, "{} {rms} after {last:?}", record.links);
+        last = (record.links, rms);
+    }
+}
+
 /// Sky view factors of whole sides: of the floor and a wall of a street, whose ends add .1 % to those of an infinite one, of a valley, and of the floor of
 /// a cylinder.
 #[test]
