@@ -47,6 +47,28 @@ proptest! {
 }
 
 #[test]
+fn mtl_of_any_bytes() {
+    let obj = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    for mtl in [
+        "Kd",
+        "newmtl",
+        "newmtl a\nKd",
+        "newmtl a\nmap_Kd",
+        "newmtl a\nmap_Kd a.mtl",
+        "newmtl a\nmap_Kd .",
+        "d",
+        "newmtl a\nTr x",
+        "newmtl a\nKd 1e39 0 0",
+        "illum 999",
+        "newmtl a\nmap_Kd -s",
+        "\0\u{1}",
+        "newmtl a\nd -1",
+    ] {
+        let _ = load_with(obj, &[("a.mtl", mtl.as_bytes())], &LoadOptions::default());
+    }
+}
+
+#[test]
 fn a_face_of_very_many_corners() {
     let n = 300_000;
     // Convex.

@@ -75,6 +75,28 @@ fn equal_images_are_decoded_once() {
     }
 }
 
+/// A star of 12,000 corners does not cross itself.
+#[test]
+fn stars_of_many_corners_keep_their_area() {
+    let n = 12_000;
+    let corner = |i: usize| {
+        let radius = if i.is_multiple_of(2) { 1.0 } else { 0.4 };
+        let (sin, cos) = (i as f64 / n as f64 * std::f64::consts::TAU).sin_cos();
+        (radius * cos, radius * sin)
+    };
+    let mut obj = String::new();
+    for (x, y) in (0..n).map(corner) {
+        obj += &format!("v {x} {y} 0\n");
+    }
+    obj += "f";
+    (1..=n).for_each(|i| obj += &format!(" {i}"));
+    let scene = load(&obj).expect("a star");
+    // Half the sum of the cross products of neighbours.
+    let want = 0.5 * n as f64 * 0.4 * (std::f64::consts::TAU / n as f64).sin();
+    assert!((area(&scene) / want - 1.0).abs() < 1e-3, "{} instead of {want}", area(&scene));
+    assert_eq!(scene.repairs.broken_polygons, 0);
+}
+
 /// What is not supported is counted in a note.
 #[test]
 fn lights_and_maps_that_are_not_read_are_noted() {
