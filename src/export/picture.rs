@@ -175,9 +175,9 @@ pub struct Tone {
 /// 0.36 and 0.72 for bright scenes. Pictures only.
 const KEY: f32 = 0.25;
 
-/// Part of the values that must not be black to decide on the exposure: single pixels in a dark room, of rays that passed at the foot of a wall by
-/// rounding, would otherwise be shown as bright (one of 100,000).
-const MIN_LIT: f64 = 1e-3;
+/// Part of the values that must not be black to decide on the exposure, ten of 480,000 pixels: rays that pass at the foot of a wall by rounding
+/// bring light to up to four (see `MAX_STEEPNESS`), which would otherwise be shown as bright.
+const MIN_LIT: f64 = 2e-5;
 
 impl Tone {
     /// The curve for light like `values` (linear RGB, any unit); black values are ignored. If all but [`MIN_LIT`] of them are black, light of 1 is

@@ -361,7 +361,7 @@ fn tones_keep_order_and_range() {
     assert!(shown.windows(2).all(|w| w[0] <= w[1]) && shown[0] == 0.0 && shown[499] == 1.0);
     assert_eq!(Tone::of([]).srgb([0.0; 3]), [0; 3]);
     // A stray pixel in the dark stays dark.
-    let mut dark = vec![[0.0; 3]; 2000];
+    let mut dark = vec![[0.0; 3]; 100_000];
     dark[7] = [1e-5; 3];
     assert_eq!(Tone::of(dark).srgb([1e-5; 3]), [0; 3]);
 }

@@ -60,7 +60,7 @@ impl Packet {
     /// [`EndRule::seen_from`] the first.
     #[inline]
     pub fn set_unknown(&mut self, lane: usize, a: Vec3, b: Vec3, rules: [EndRule; 2]) {
-        self.set_from_better_end(lane, [a, b], rules, |rule, length| [rule.margin(length); 2]);
+        self.set_from_better_end(lane, [a, b], rules, EndRule::margin);
         self.widen(rules);
     }
 
@@ -68,8 +68,18 @@ impl Packet {
     /// [`EndRule::seen_from`] the first.
     #[inline]
     pub fn set_lifted(&mut self, lane: usize, a: Vec3, b: Vec3, rules: [EndRule; 2]) {
-        self.set_from_better_end(lane, [a, b], rules, |rule, length| [0.0, rule.rounding(length)]);
+        self.set_from_better_end(lane, [a, b], rules, EndRule::rounding);
         self.widen(rules);
+    }
+
+    /// The same for a start `a` that lies on no edge, as points drawn on elements and ends of rays do: a wall that stands closer to it than r blocks.
+    /// If the ray starts from `b`, r is left out at `a` all the same.
+    #[inline]
+    pub fn set_blocked_from_start(&mut self, lane: usize, a: Vec3, b: Vec3, rules: [EndRule; 2]) {
+        self.set_lifted(lane, a, b, rules);
+        if self.backwards >> lane & 1 == 0 {
+            self.near[lane] = 0.0;
+        }
     }
 
     /// Stores the segment from `a` to `b` in a lane, with the parameters between which triangles block.
@@ -91,16 +101,15 @@ impl Packet {
         lane: usize,
         [a, b]: [Vec3; 2],
         rules: [EndRule; 2],
-        // What is left out at the start of the ray and at its other end, as parameters.
-        margins: fn(EndRule, f32) -> [f32; 2],
+        margin: fn(EndRule, f32) -> f32,
     ) {
         let length = a.distance(b);
-        let [first, last] = rules.map(|rule| margins(rule, length));
+        let [first, last] = rules.map(|rule| margin(rule, length));
         if rules[1].reach < rules[0].reach {
-            self.set_between(lane, b, a, [last[0], 1.0 - first[1]]);
+            self.set_between(lane, b, a, [last, 1.0 - first]);
             self.backwards |= 1 << lane;
         } else {
-            self.set_between(lane, a, b, [first[0], 1.0 - last[1]]);
+            self.set_between(lane, a, b, [first, 1.0 - last]);
         }
     }
 
@@ -204,8 +213,8 @@ impl Iterator for Lanes {
 /// coordinate magnitude of the face at the end and of the faces that share a vertex with it, and r = 4e-7 M, a bound on rounding
 /// errors: 6.7 units of 2⁻²⁴ M, for the coordinates of a point and of three corners.
 ///
-/// Ends on surfaces with known normals are lifted by 5 r along their normals. The segment leaves out a length of r at the end that the ray
-/// does not start from, and none at its start, so that a wall which stands on the surface there, closer than r, blocks it. Of other segments a length of 16 r is left out: the surface at an end does not block them if their angle with it exceeds
+/// Ends on surfaces with known normals are lifted by 5 r along their normals, and the segment leaves out a length of r at both
+/// ends, at points of elements none. Of other segments a length of 16 r is left out: the surface at an end does not block them if their angle with it exceeds
 /// asin(1/16) = 3.6°, even if the end lies r off the surface.
 ///
 /// Rounding of a ray grows with the distance from its start, to that of the coordinates of both ends. So a ray starts at the end with
@@ -310,7 +319,7 @@ impl EndRule {
         (self.left_out() / length).min(Self::MAX_MARGIN)
     }
 
-    /// The same at the lifted end that a ray does not start from.
+    /// The same at a lifted end.
     #[inline]
     pub fn rounding(self, length: f32) -> f32 {
         (self.slack() / length).min(Self::MAX_MARGIN)

@@ -36,7 +36,7 @@ pub fn tolerance(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
         .filter(|t: &f64| t.is_finite() && *t >= 0.0)
-        .ok_or_else(|| "must be a number not below 0".into())
+        .ok_or_else(|| "must be a finite number not below 0".into())
 }
 
 /// Upward axes.

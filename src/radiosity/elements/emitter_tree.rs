@@ -71,7 +71,7 @@ struct Face {
 const PARALLEL_FACES: usize = 1 << 10;
 
 impl EmitterCut {
-    /// Removes all nodes: no face is drawn, and rays that meet emitters have all of the weight.
+    /// Removes all nodes: no face is drawn, and the light of emitters that rays meet counts fully.
     pub fn clear(&mut self) {
         self.nodes.clear();
         self.bounds.clear();

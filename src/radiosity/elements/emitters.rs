@@ -37,7 +37,7 @@ pub struct Emitters {
     is_even: bool,
 }
 
-/// Largest exitance of a face, relative to the mean by power, up to which emitters count as evenly bright.
+/// Largest exitance of a face, relative to the mean by area, up to which emitters count as evenly bright.
 const MAX_UNEVEN: f32 = 2.0;
 
 impl Emitters {
@@ -77,9 +77,11 @@ impl Emitters {
             power
         });
         let powers: Vec<f32> = powers.collect();
-        let weighted = lit.iter().map(|&f| power_of(face(f)) * mean(face(f).exitance) as f32).sum::<f32>();
-        let brightest = lit.iter().map(|&f| mean(face(f).exitance) as f32).fold(0.0, f32::max);
-        let is_even = brightest * powers.last().copied().unwrap_or(0.0) <= MAX_UNEVEN * weighted;
+        let faces = || lit.iter().map(|&f| face(f));
+        let area: f32 = faces().map(|face| face.area).sum();
+        let sent: f32 = faces().map(|face| face.area * mean(face.exitance) as f32).sum();
+        let is_even =
+            faces().all(|f| f.profile.is_none() && mean(f.exitance) as f32 * area <= MAX_UNEVEN * sent);
         let mut places = vec![Elements::NONE; count];
         let place: FxHashMap<(u32, u32), u32> = lit.iter().copied().zip(0..).collect();
         numbered.into_iter().for_each(|(e, k, number)| places[number as usize] = place[&(e, k)]);
@@ -87,7 +89,7 @@ impl Emitters {
         Emitters { width, tree, lit, powers, places, is_even, emitters }
     }
 
-    /// Whether no face is brighter than [`MAX_UNEVEN`] times the mean of all by power: few cosine-weighted rays would miss a small bright face.
+    /// Whether all faces are diffuse and none is brighter than [`MAX_UNEVEN`] times the mean by area: few cosine-weighted rays would miss a small bright face.
     pub fn is_even(&self) -> bool {
         self.is_even
     }

@@ -175,9 +175,12 @@ impl FinalGather<'_> {
             let count = (8.0 * (half / 8.0).round()).clamp(f64::from(MIN_HALF), f64::from(MAX_HALF)) as u32;
             let result = &local.results[leaf as usize];
             let suns = if result.sun_varies { RAYS_TO_SUN } else { 1 };
-            // Twice as many rays without rays to emitters take as long.
-            let (count, to_emitters) =
-                if result.meets_emitters { ((2 * count).min(MAX_HALF), false) } else { (count, true) };
+            // Twice as many rays without rays to emitters take as long, if there are no rays to suns and bright surfaces besides.
+            let has_others = self.has_environment() || self.bright().is_some();
+            let (count, to_emitters) = match result.meets_emitters && !has_others {
+                true => ((2 * count).min(MAX_HALF), false),
+                false => (count, true),
+            };
             LeafRays { leaf, count, to_emitters, suns }
         };
         let rays: Vec<LeafRays> = leaves.iter().map(of).collect();

@@ -258,7 +258,7 @@ impl FinalGather<'_> {
             let distance = (middle - element.centre).length() - radius;
             if face.profile.is_some() {
                 // Close to a face, the quadrature of its profile takes up to 3,072 directions for each of 256 points: a thousand times as long as rays.
-                if distance < radius + element.radius {
+                if distance < radius {
                     return None;
                 }
                 // A beam that misses all sample points has no closed form: rays estimate the light instead.
@@ -301,7 +301,7 @@ impl FinalGather<'_> {
                 let light = light_of(&ray);
                 // A sample at the distance 0 from the element has no finite weight.
                 if light.is_finite() {
-                    packet.set_lifted(used, ray.ends[0], ray.ends[1], ray.rules);
+                    packet.set_blocked_from_start(used, ray.ends[0], ray.ends[1], ray.rules);
                     parts[i].0 = light;
                     rays[used] = i;
                     used += 1;

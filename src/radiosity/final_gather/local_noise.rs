@@ -32,8 +32,8 @@ pub struct LocalResult {
     pub kept: f32,
     /// Whether rays of the leaf and of those with the same parent find a part of the suns' light, neither none nor all.
     pub sun_varies: bool,
-    /// Whether most of its rays met emitters, of even brightness and too many for a closed form: then cosine-weighted rays alone find their light
-    /// with the least noise.
+    /// Whether most of its rays met emitters that are about equally bright ([`Emitters::is_even`](crate::radiosity::elements::emitters::Emitters::is_even))
+    /// and too many for a closed form: then cosine-weighted rays alone find their light with the least noise.
     pub meets_emitters: bool,
     /// Standard deviation of the irradiance of one ray, W/m², by which the rays of the next pass are distributed among leaves. Sides that are
     /// much darker than the scene on average have a larger weight.

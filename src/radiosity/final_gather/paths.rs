@@ -71,7 +71,7 @@ impl FinalGather<'_> {
                 let i = g * LANES + lane;
                 let ray = self.emitter_ray((&self.emitters, &cuts[i]), vertex, weight, random(i));
                 if let Some(ray) = ray {
-                    packet.set_lifted(lane, ray.ends[0], ray.ends[1], ray.rules);
+                    packet.set_blocked_from_start(lane, ray.ends[0], ray.ends[1], ray.rules);
                     light[lane] = ray.light;
                 }
             }

@@ -30,7 +30,7 @@ pub struct RayRow {
     pub squares_beside_suns: f32,
     /// Rays that left the scene.
     pub gone: u32,
-    /// Rays that met emitters, if these are of even brightness and too many for a closed form; otherwise 0.
+    /// Rays that met emitters, if these are about equally bright and too many for a closed form; otherwise 0.
     pub met_emitters: u32,
     /// Irradiance from emitters and suns at the starts of the rays that left the scene, mean over the channels, sum over the rays, W/m².
     pub gone_lit: f32,

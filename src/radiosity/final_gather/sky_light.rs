@@ -129,7 +129,7 @@ impl FinalGather<'_> {
                     if m == 0 { vertex.at } else { *places.next().expect("a place for each further ray") };
                 if let Some((direction, light)) = Self::sun_ray(sun, side.normal, shifted([u, v], m)) {
                     let from = side.end.lifted(at, side.normal);
-                    packet.set_lifted(used, from, from + self.length * direction, [side.end; 2]);
+                    packet.set_blocked_from_start(used, from, from + self.length * direction, [side.end; 2]);
                     rays[used] = (i, light / count(vertex) as f32);
                     used += 1;
                 }

@@ -197,3 +197,22 @@ fn grazing_segments_do_not_hit_their_own_surface() {
         }
     }
 }
+
+/// A wall of 2 x 2 m stands on a floor at x = 0.3. Points of the floor up to a few roundings behind it, from 0.3 r to 10 r, see nothing before it.
+#[test]
+fn walls_block_points_at_their_foot() {
+    let mut pieces = Pieces::new();
+    pieces.quad(DVec3::ZERO, 8.0 * DVec3::X, 8.0 * DVec3::Y);
+    pieces.object("wall").quad(DVec3::new(0.3, 0.0, 1.0), 2.0 * DVec3::Y, 2.0 * DVec3::Z);
+    let stage = Stage::new(pieces.scene());
+    let rule = EndRule::new(4.0);
+    let foot = stage.scene.positions.iter().map(|p| p.x).find(|x| (x - 0.3).abs() < 1e-3).expect("the wall");
+    let mut packet = Packet::EMPTY;
+    for (lane, part) in [0.3, 0.5, 0.9, 1.1, 2.0, 10.0].into_iter().enumerate() {
+        let place = Vec3::new(foot + part * rule.slack(), 0.02 * lane as f32, 0.0);
+        let from = rule.lifted(place, Vec3::Z);
+        packet.set_blocked_from_start(lane, from, Vec3::new(-1.5, 0.1, 0.8), [rule; 2]);
+        packet.set_blocked_from_start(8 + lane, from, Vec3::new(1.5, 0.1, 0.8), [rule; 2]);
+    }
+    assert_eq!(stage.exact(&packet), 0b11_1111, "the wall blocks what is before it alone");
+}
