@@ -72,8 +72,8 @@ impl Packet {
         self.widen(rules);
     }
 
-    /// The same for a start `a` that lies on no edge, as points drawn on elements and ends of rays do: a wall that stands closer to it than r blocks.
-    /// If the ray starts from `b`, r is left out at `a` all the same.
+    /// As [`Packet::set_lifted`], but nothing is left out at the start `a`, so that a wall closer to it than r blocks the segment. `a` must lie on no
+    /// edge between surfaces, where the wall would block both sides: it is a point drawn on an element or the end of another ray. If the ray starts from `b`, r is left out at `a` all the same.
     #[inline]
     pub fn set_blocked_from_start(&mut self, lane: usize, a: Vec3, b: Vec3, rules: [EndRule; 2]) {
         self.set_lifted(lane, a, b, rules);
@@ -214,8 +214,8 @@ impl Iterator for Lanes {
 /// errors: 6.7 units of 2⁻²⁴ M, for the coordinates of a point and of three corners.
 ///
 /// Ends on surfaces with known normals are lifted by 5 r along their normals, and the segment leaves out a length of r at both
-/// ends, at points of elements none. Of other segments a length of 16 r is left out: the surface at an end does not block them if their angle with it exceeds
-/// asin(1/16) = 3.6°, even if the end lies r off the surface.
+/// ends, none at a start by [`Packet::set_blocked_from_start`]. Of other segments a length of 16 r is left out: the surface at an end does
+/// not block them if their angle with it exceeds asin(1/16) = 3.6°, even if the end lies r off the surface.
 ///
 /// Rounding of a ray grows with the distance from its start, to that of the coordinates of both ends. So a ray starts at the end with
 /// the smaller M; its other end has the rounding errors of its own coordinates.

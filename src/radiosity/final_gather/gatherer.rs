@@ -29,8 +29,8 @@ const DIRECTION_SETS: usize = 64;
 /// Rounding error of the height of a ray's end over the face that it meets, relative to the largest coordinate of its ends: about sixteen operations of half a unit in the last place each.
 const HIT_ROUNDING: f32 = 8.0 * f32::EPSILON;
 
-/// Ratio of a ray's height to its length along the face that it meets up to which its end is moved along the face by [`HIT_ROUNDING`]. Without it, 9
-/// of 960,000 pixels behind a wall without thickness show light that has passed at its foot.
+/// Largest ratio of a ray's extent along the normal of the face that it meets to its extent within the plane of the face for which its end is moved
+/// within the plane by the full rounding error; for steeper rays by less. The ray is followed back by at most 16 times the rounding error.
 const MAX_STEEPNESS: f32 = 16.0;
 
 /// Largest ratio of a point's shadow rays to an emitter to [`Options::light_rays`]. The unoccluded light of an emitter behind a louvre may be many times
