@@ -122,13 +122,15 @@ impl FinalGather<'_> {
         let arrived = self.arrived([&rows, &apart], around.as_ref(), &untraced);
         self.balance_untraced(around.as_ref(), (&all, &untraced), (&sampled, arrived), &mut results);
         let (mut wanted, mut samples) = (EXCHANGE_SHARE * useful, Vec::new());
-        let element_rays = rays.filter(|_| self.elements).map(|_| {
+        let element_rays = rays.filter(|_| self.elements).map(|rays| {
             weigh_errors(&self.linked.elements, &all, &mut results);
             samples = self.exchange_samples(&rows, &results);
             let needed = ((1.0 - EXCHANGE_SHARE) * most).min(self.needed_rays(&all, &results));
             wanted += needed;
             if deadline.limited() {
-                needed.min(GATHER_SHARE * deadline.left() / seconds_a_ray)
+                // Where the exchange had fewer rays than planned, the light of the elements has more.
+                let missing = EXCHANGE_SHARE * (useful - rays);
+                (needed + missing).min(GATHER_SHARE * deadline.left() / seconds_a_ray)
             } else {
                 needed
             }
