@@ -5,7 +5,7 @@
 //! cosine-weighted rays hit. The rays of an element form two independent halves, to separate noise from differences between
 //! elements ([`super::sharing`]).
 
-use super::element_rays::{LeafRays, batches};
+use super::element_rays::{LeafRays, MAX_SEQUENCE, batches};
 use super::element_samples::{DIRECT, ElementLight, REFLECTED, SharedLight};
 use super::gatherer::{Buffers, FinalGather};
 use super::local_pass::LocalPass;
@@ -33,6 +33,8 @@ const RAYS_TO_SUN: u32 = 4;
 /// Elements are split if the variance of direct light over elements exceeds the allowed variance by this factor. The parts keep some of the
 /// variance: without a margin an office has seven more rounds of a few hundred elements each, 6 % of the time.
 const MIN_EXCESS: f64 = 1.1;
+/// Neighbouring leaves whose rays use one sequence of random numbers: more than share their light, 49.
+const LEAVES_OF_SEQUENCE: usize = 64;
 /// Elements of one parallel task that traces a ray along the normal of each.
 const CHUNK: usize = 256;
 
@@ -181,9 +183,10 @@ impl FinalGather<'_> {
                 true => ((2 * count).min(MAX_HALF), false),
                 false => (count, true),
             };
-            LeafRays { leaf, count, to_emitters, suns }
+            LeafRays { leaf, count, to_emitters, suns, sequence: None }
         };
-        let rays: Vec<LeafRays> = leaves.iter().map(of).collect();
+        let mut rays: Vec<LeafRays> = leaves.iter().map(of).collect();
+        self.join_sequences(&mut rays);
         let (light, tally) = self.trace_elements(&rays, deadline);
         samples.tally.add(tally);
         for (&leaf, light) in leaves.iter().zip(light) {
@@ -192,6 +195,24 @@ impl FinalGather<'_> {
                 samples.light.push(light);
             } else {
                 samples.hurried += 1;
+            }
+        }
+    }
+
+    /// Gives neighbouring leaves parts of one sequence that follow each other: the rays of all leaves that share their light then cover the hemisphere
+    /// evenly together (Ahmed and Wonka 2020). Ids are numbers in the tree of clusters and parts of surfaces, so that most leaves with near ids are neighbours.
+    fn join_sequences(&self, rays: &mut [LeafRays]) {
+        let id = |of: &LeafRays| self.linked.elements.elements[of.leaf as usize].ids[0];
+        let mut order: Vec<usize> = (0..rays.len()).collect();
+        order.sort_unstable_by_key(|&i| id(&rays[i]));
+        for group in order.chunks(LEAVES_OF_SEQUENCE) {
+            let mut next = self.sequence_of(rays[group[0]].leaf);
+            for &i in group {
+                if next.first + 2 * rays[i].count > MAX_SEQUENCE {
+                    next = self.sequence_of(rays[i].leaf);
+                }
+                rays[i].sequence = Some(next);
+                next.first += 2 * rays[i].count;
             }
         }
     }

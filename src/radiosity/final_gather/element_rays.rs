@@ -29,14 +29,25 @@ pub struct LeafRays {
     pub to_emitters: bool,
     /// Rays to each sun for each of these rays, from points near its start.
     pub suns: u32,
+    /// The random numbers of both halves, one after the other: together they cover the hemisphere more evenly than two independent halves, but their errors
+    /// are not independent. None if the halves must be independent: then each has a sequence of its own.
+    pub sequence: Option<Sequence>,
 }
 
-/// Independent streams of random numbers of an element for the halves of its light.
-pub const HALVES: Range<u64> = 0..2;
-/// Streams for the halves of the element's row of the exchange.
-pub const ROW_HALVES: Range<u64> = 2..4;
-/// Streams of an element: two halves.
-const STREAMS: u32 = 2;
+/// The part of a low-discrepancy sequence that starts at a number (Burley 2020).
+#[derive(Clone, Copy)]
+pub struct Sequence {
+    /// Names the sequence.
+    pub seed: u32,
+    /// The number.
+    pub first: u32,
+}
+
+/// Halves of the light of an element.
+const HALVES: u32 = 2;
+
+/// Longest sequence of `sobol_burley`.
+pub const MAX_SEQUENCE: u32 = 1 << 16;
 
 /// Rays of one parallel task: so many that packets are full, and so few that all threads have work to the end.
 const BATCH: usize = 1024;
@@ -60,7 +71,7 @@ impl FinalGather<'_> {
         let cuts = self.cuts_of(batch, buffers);
         let unblocked = |of: &LeafRays, cut| of.to_emitters.then(|| self.unblocked(of.leaf, cut)).flatten();
         let free: Vec<Option<Vec3>> = batch.iter().zip(&cuts).map(|(of, cut)| unblocked(of, cut)).collect();
-        let random = self.starts(batch, HALVES, buffers);
+        let random = self.starts(batch, buffers);
         let parts = self.trace_leaves(batch, &random, &cuts, &free, buffers);
         buffers.cuts = cuts;
         let mut light = vec![ElementLight::default(); batch.len()];
@@ -111,7 +122,7 @@ impl FinalGather<'_> {
         let mut cuts = std::mem::take(&mut buffers.bright_cuts);
         cuts.resize_with(batch.len().max(cuts.len()), EmitterCut::default);
         batch.iter().zip(&mut cuts).for_each(|(of, cut)| self.cut_of(&bright.emitters, of.leaf, cut));
-        let cut = |vertex: &PathVertex| &cuts[(vertex.path / STREAMS) as usize];
+        let cut = |vertex: &PathVertex| &cuts[(vertex.path / HALVES) as usize];
         let light_of = |ray: &EmitterRay| {
             let leaf = self.lookup.leaf(bright.sides[ray.face], ray.ends[1]);
             let level = Vec3::from(bright.emitter().faces[ray.face].exitance.map(|m| m as f32));
@@ -152,7 +163,7 @@ impl FinalGather<'_> {
         cuts
     }
 
-    /// Traces the rays of a batch of leaves from `buffers.vertices` and writes `buffers.results`, in the order of leaves, streams and numbers. Returns for
+    /// Traces the rays of a batch of leaves from `buffers.vertices` and writes `buffers.results`, in the order of leaves, halves and numbers. Returns for
     /// each ray its unoccluded light from an emitter over the density, W/m², and the transmittance. Where the unoccluded light of the leaf, `free`, is not
     /// known, this light is added to the results with the weight of the balance heuristic.
     pub(super) fn trace_leaves(
@@ -164,13 +175,13 @@ impl FinalGather<'_> {
         buffers: &mut Buffers,
     ) -> Vec<(Vec3, f32)> {
         self.trace_scene_rays(&|i| random[i], buffers);
-        let leaf = |vertex: &PathVertex| (vertex.path / STREAMS) as usize;
+        let leaf = |vertex: &PathVertex| (vertex.path / HALVES) as usize;
         self.read_hits(|_, vertex| free[leaf(vertex)].is_none().then_some(&cuts[leaf(vertex)]), buffers);
         let emitters = |vertex: &PathVertex| (&cuts[leaf(vertex)], free[leaf(vertex)].is_some());
         let parts = self.visible_parts(&self.emitters, emitters, |ray| ray.light, random, buffers);
         self.add_suns(&|i| random[i], |vertex| batch[leaf(vertex)].suns, buffers);
         if self.has_environment() {
-            self.compare_with_open_sky(batch, STREAMS as usize, buffers);
+            self.compare_with_open_sky(batch, HALVES as usize, buffers);
         }
         let Buffers { vertices, results, .. } = buffers;
         for ((vertex, result), part) in vertices.iter().zip(results).zip(&parts) {
@@ -181,14 +192,24 @@ impl FinalGather<'_> {
         parts
     }
 
-    /// Writes the points from which the rays of a batch start to `buffers.vertices`, with a path for each leaf and stream. Returns four
+    /// A sequence of half of a leaf's rays, independent of all others.
+    fn sequence_of_half(&self, leaf: u32, half: u32) -> Sequence {
+        let id = self.linked.elements.elements[leaf as usize].ids[0];
+        Sequence {
+            seed: mix(!self.linked.settings.seed ^ mix(4 * id + 2 + u64::from(half))) as u32,
+            first: 0,
+        }
+    }
+
+    /// A sequence for both halves of a leaf's rays.
+    pub(super) fn sequence_of(&self, leaf: u32) -> Sequence {
+        let id = self.linked.elements.elements[leaf as usize].ids[0];
+        Sequence { seed: mix(!self.linked.settings.seed ^ mix(4 * id)) as u32, first: 0 }
+    }
+
+    /// Writes the points from which the rays of a batch start to `buffers.vertices`, with a path for each half of a leaf. Returns four
     /// random numbers in `[0, 1)` for each point.
-    pub(super) fn starts(
-        &self,
-        batch: &[LeafRays],
-        streams: Range<u64>,
-        buffers: &mut Buffers,
-    ) -> Vec<[f32; 4]> {
+    pub(super) fn starts(&self, batch: &[LeafRays], buffers: &mut Buffers) -> Vec<[f32; 4]> {
         let mut random = Vec::with_capacity(2 * BATCH);
         buffers.vertices.clear();
         buffers.quarters.clear();
@@ -198,9 +219,10 @@ impl FinalGather<'_> {
             let leaf = of.leaf;
             let element = &self.linked.elements.elements[leaf as usize];
             let Shape::Surface { side, corners } = element.shape else { unreachable!("leaves are surfaces") };
-            for stream in streams.clone() {
-                let seed = mix(!self.linked.settings.seed ^ mix(4 * element.ids[0] + stream)) as u32;
-                for k in 0..of.count {
+            for half in 0..HALVES {
+                let joined = of.sequence.map(|part| Sequence { first: part.first + half * of.count, ..part });
+                let Sequence { seed, first } = joined.unwrap_or_else(|| self.sequence_of_half(leaf, half));
+                for k in first..first + of.count {
                     let [u, v, ..] = sample_4d(k, 1, seed);
                     buffers.quarters.push(2 * u8::from(u >= 0.5) + u8::from(v >= 0.5));
                     let at = point_on(&corners, u, v);

@@ -46,6 +46,11 @@ const TIMED_RAYS: u32 = 16;
 /// parts are made for 20 rays each and [`MIN_ROW_RAYS`] of them are fixed, 1 − 4 / 20.
 const SHARED_AFTER_SPLIT: f64 = 0.8;
 
+/// So many rays in each half of a leaf's row.
+fn row_rays(leaf: u32, count: u32) -> LeafRays {
+    LeafRays { leaf, count, to_emitters: true, suns: 1, sequence: None }
+}
+
 impl FinalGather<'_> {
     /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean irradiance. If the
     /// elements are not asked for, only the light that they reflect to points counts.
@@ -107,7 +112,7 @@ impl FinalGather<'_> {
         }
         let leaves = self.linked.leaves();
         let step = leaves.len().div_ceil(TIMED_LEAVES).max(1);
-        let timed = |&leaf: &u32| LeafRays { leaf, count: TIMED_RAYS, to_emitters: true, suns: 1 };
+        let timed = |&leaf: &u32| row_rays(leaf, TIMED_RAYS);
         let sample: Vec<LeafRays> = leaves.iter().step_by(step).map(timed).collect();
         let start = deadline.elapsed();
         let [traced] = RayRows::trace(self, [&sample], |_| None, |_| ());
@@ -154,12 +159,7 @@ impl FinalGather<'_> {
             (rays.min(MAX_ROW_RAYS) as u32).div_ceil(2)
         };
         let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
-        let planned = leaves.iter().map(|&leaf| LeafRays {
-            leaf,
-            count: count(leaf, rays),
-            to_emitters: true,
-            suns: 1,
-        });
+        let planned = leaves.iter().map(|&leaf| row_rays(leaf, count(leaf, rays)));
         let (exchanged, apart): (Vec<LeafRays>, Vec<LeafRays>) =
             planned.partition(|of| !states[of.leaf as usize].is_apart());
         // Half of the leaves that are traced late are large ones, half are drawn.

@@ -1,6 +1,6 @@
 //! Rows of rays: the elements that the rays of each leaf have hit.
 
-use super::element_rays::{LeafRays, ROW_HALVES, batches};
+use super::element_rays::{LeafRays, batches};
 use super::gatherer::{Buffers, FinalGather};
 use crate::math::sampling::mix;
 use crate::radiosity::elements::Elements;
@@ -177,7 +177,7 @@ impl RayRows {
 
     fn trace_batch(&mut self, gather: &FinalGather, batch: &[LeafRays], buffers: &mut Buffers) {
         let cuts = gather.cuts_of(batch, buffers);
-        let random = gather.starts(batch, ROW_HALVES, buffers);
+        let random = gather.starts(batch, buffers);
         gather.trace_leaves(batch, &random, &cuts, &vec![None; batch.len()], buffers);
         let is_many = |cut: &EmitterCut| gather.emitters.is_even() && gather.emitters.faces(cut).is_none();
         let many: Vec<bool> = cuts[..batch.len()].iter().map(is_many).collect();
