@@ -210,7 +210,7 @@ pub enum Floats<'py> {
 
 impl Floats<'_> {
     /// Refuses an array of another number of entries than `of` has.
-    pub fn check(&self, py: Python<'_>, name: &str, (count, of): (usize, &str)) -> PyResult<()> {
+    pub fn check(&self, py: Python<'_>, name: &str, count: usize, of: &str) -> PyResult<()> {
         match self {
             Floats::Each(each) if each.len() != count => {
                 let entries = each.len();

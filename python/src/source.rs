@@ -77,7 +77,7 @@ impl<'py> SourceAsk<'py> {
         // The crate has seeds of 32 bits here; those below 2³² stay as they are.
         ask.seed = (seed ^ (seed >> 32)) as u32;
         if let Some(sizes) = &ask.feature_size {
-            sizes.check(ask.py, "feature_size", (ask.points.len(), "`points`"))?;
+            sizes.check(ask.py, "feature_size", ask.points.len(), "`points`")?;
         }
         Ok(ask)
     }

@@ -230,7 +230,7 @@ impl<'py> Ask<'py> {
         let (from, to) = (origins.strided(count).raise(py)?, targets.strided(count).raise(py)?);
         let entries = offsets.len().saturating_sub(1);
         for (name, sizes) in [("feature_size", &self.feature_size), ("emitter_size", &self.emitter_size)] {
-            sizes.as_ref().map_or(Ok(()), |sizes| sizes.check(py, name, (entries, "bundles")))?;
+            sizes.as_ref().map_or(Ok(()), |sizes| sizes.check(py, name, entries, "bundles"))?;
         }
         let mut segments = Segments::new(from, to, &offsets).relative_to(relative_to);
         segments = match &self.feature_size {

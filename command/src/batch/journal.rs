@@ -98,14 +98,14 @@ impl Entry {
     }
 
     /// A line without files.
-    pub fn new(job: (usize, &Job), key: &str, status: Status, command: String) -> Entry {
+    pub fn new(index: usize, job: &Job, key: &str, status: Status, command: String) -> Entry {
         Entry {
             version: VERSION,
-            job: job.1.name.clone(),
+            job: job.name.clone(),
             time: SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs_f64(),
-            index: job.0,
-            about: job.1.about(),
-            record: job.1.command.record.into(),
+            index,
+            about: job.about(),
+            record: job.command.record.into(),
             key: key.into(),
             status,
             error: None,
@@ -299,7 +299,7 @@ mod tests {
             retry: 0,
             span: 0..0,
         };
-        Entry::new((0, &job), "k", Status::Done, "mrvis".into())
+        Entry::new(0, &job, "k", Status::Done, "mrvis".into())
     }
 
     fn entries(out: &Path) -> Entries {

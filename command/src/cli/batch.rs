@@ -140,7 +140,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         #[cfg(feature = "mpi")]
         world: args.mpi.world(),
     };
-    let ran = runner::run(&plan, (&mut entries, &done), (&hashes, journal), &settings, &reporter);
+    let ran = runner::run(&plan, &mut entries, &done, &hashes, journal, &settings, &reporter);
     reporter.finish();
     let written = match args.shard {
         None => write_results(&plan.out, plan.own_entries(&entries)),

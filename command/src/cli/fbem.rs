@@ -110,7 +110,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let _ = common.print(&table(args, &reference, white, &norms, &rows));
     common.write_json(&report(args, &reference, white, &norms, &rows))?;
     if let Some(folder) = &args.out {
-        write_pictures(folder, (&reference, &approximation), (&features, white), &rows)?;
+        write_pictures(folder, &reference, &approximation, &features, &rows)?;
     }
     let missed = args.tolerance.is_some_and(|t| rows.iter().any(|row| row.value > t));
     Ok(ExitCode::from(u8::from(missed)))
@@ -188,19 +188,19 @@ fn mask_name(size: f64) -> String {
 /// Writes masks over the reference, the difference and the spectrum.
 fn write_pictures(
     folder: &Path,
-    (reference, approximation): (&Image, &Image),
-    (features, white): (&FeatureOptions, f32),
+    reference: &Image,
+    approximation: &Image,
+    features: &FeatureOptions,
     rows: &[Fbem],
 ) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let mut set = FeatureSet::new(reference, features)?;
     for row in rows {
-        let picture = mask_overlay(reference, white, &set.mask(row.size))?;
+        let picture = mask_overlay(reference, features.white, &set.mask(row.size))?;
         write_png(&folder.join(mask_name(row.size)), &picture)?;
     }
-    let range = white;
     let [difference_png, difference_exr, svg] = FIXED_PICTURES.map(|name| folder.join(name));
-    write_png(&difference_png, &difference(reference, approximation, range)?)?;
+    write_png(&difference_png, &difference(reference, approximation, features.white)?)?;
     let values: Vec<f32> = reference.data().iter().zip(approximation.data()).map(|(r, a)| a - r).collect();
     let signed = Image::new(reference.width(), reference.height(), reference.texel(), values)?;
     write_exr(&difference_exr, &signed)?;

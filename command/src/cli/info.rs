@@ -45,19 +45,15 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         }
     }
     args.common.write_json(&json)?;
-    args.common.print(&text(
-        &scene,
-        (counts, photometry),
-        seconds,
-        if args.all { usize::MAX } else { 20 },
-    ))?;
+    args.common.print(&text(&scene, counts, photometry, seconds, if args.all { usize::MAX } else { 20 }))?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// All sections as text.
 fn text(
     scene: &Scene,
-    (counts, photometry): (ClusterCounts, Option<Photometry>),
+    counts: ClusterCounts,
+    photometry: Option<Photometry>,
     seconds: f64,
     objects: usize,
 ) -> String {

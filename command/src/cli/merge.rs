@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         others.sort_by(|a, b| (a.index, &a.job).cmp(&(b.index, &b.job)));
         for entry in others {
             let made = former.get(&entry.job).is_some_and(|former| former.made);
-            take((folder, out), entry, made, &mut entries, &mut journal)?;
+            take(folder, out, entry, made, &mut entries, &mut journal)?;
         }
     }
     // A batch or a merge that was ended may have left finished jobs without their place.
@@ -101,7 +101,8 @@ fn spoilt(folder: &Path, what: &str) -> Error {
 
 /// Copies a job of the folder `from` to `out`, unless it is there. A folder in its place is replaced if a batch has `made` it.
 fn take(
-    (from, out): (&Path, &Path),
+    from: &Path,
+    out: &Path,
     mut entry: Entry,
     made: bool,
     entries: &mut Entries,

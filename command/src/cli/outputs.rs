@@ -85,7 +85,7 @@ pub struct Written {
 }
 
 /// The files of a folder that are written unless the caller stops.
-struct Files<'a> {
+pub struct Files<'a> {
     common: &'a Common,
     folder: &'a Path,
     progress: &'a dyn Progress,
@@ -95,7 +95,12 @@ struct Files<'a> {
     notes: Vec<String>,
 }
 
-impl Files<'_> {
+impl<'a> Files<'a> {
+    /// No files yet. Once `progress` has stopped, only `solution.vtu` is written; it does not stop for small solutions.
+    pub fn new(common: &'a Common, folder: &'a Path, progress: &'a dyn Progress) -> Files<'a> {
+        Files { common, folder, progress, written: Vec::new(), notes: Vec::new() }
+    }
+
     fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
@@ -137,22 +142,21 @@ impl Outputs {
     }
 
     /// Writes the requested files into a folder, except the page, which needs the final record. `irradiance` computes the light of pixels for
-    /// `--gather`; where it returns `None`, light is interpolated. Once `progress` has stopped, only `solution.vtu` is written; it does
-    /// not stop for small solutions.
+    /// `--gather`; where it returns `None`, light is interpolated.
     ///
     /// # Errors
     /// A file cannot be written, or the scene does not fit into a lightmap.
     pub fn write(
         &self,
-        common: &Common,
-        (scene, photometry): (&Scene, Option<Photometry>),
+        mut files: Files,
+        scene: &Scene,
+        photometry: Option<Photometry>,
         solution: &RadiosityMesh,
-        folder: &Path,
         with_points: bool,
-        (irradiance, progress): (Gather, &dyn Progress),
+        irradiance: Gather,
     ) -> Result<Written> {
         let wants = |kind| self.wants(kind, with_points);
-        let mut files = Files { common, folder, progress, written: Vec::new(), notes: Vec::new() };
+        let (common, progress) = (files.common, files.progress);
         if wants(Kind::Vtu) {
             let _spinner = common.spinner("writing solution.vtu");
             let file = files.path("solution.vtu");
@@ -177,11 +181,11 @@ impl Outputs {
             files.write("solution.glb", |path| write_glb(path, &mesh, place, tone, progress))?;
         }
         if wants(Kind::Lightmap) && !files.left_out("lightmap.exr")? {
-            self.write_lightmap(&mut files, (&mesh, solution), scene)?;
+            self.write_lightmap(&mut files, &mesh, solution, scene)?;
         }
         if wants(Kind::Image) || wants(Kind::Page) {
             let wants_images = wants(Kind::Image);
-            views = self.write_views(&mut files, (&mesh, solution), scene, wants_images, irradiance)?;
+            views = self.write_views(&mut files, &mesh, solution, scene, wants_images, irradiance)?;
         }
         Ok(Written { files: files.written, views, notes: files.notes })
     }
@@ -190,7 +194,8 @@ impl Outputs {
     fn write_lightmap(
         &self,
         files: &mut Files,
-        (mesh, solution): (&Mesh, &RadiosityMesh),
+        mesh: &Mesh,
+        solution: &RadiosityMesh,
         scene: &Scene,
     ) -> Result<()> {
         let (common, progress) = (files.common, files.progress);
@@ -218,7 +223,8 @@ impl Outputs {
     fn write_views(
         &self,
         files: &mut Files,
-        (mesh, solution): (&Mesh, &RadiosityMesh),
+        mesh: &Mesh,
+        solution: &RadiosityMesh,
         scene: &Scene,
         wants_images: bool,
         irradiance: Gather,

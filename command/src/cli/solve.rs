@@ -9,7 +9,7 @@ use super::flags::with_flags;
 use super::inputs::{Inputs, Output, check_folder};
 use super::interruption;
 use super::mpi::MpiArgs;
-use super::outputs::{Outputs, Written};
+use super::outputs::{Files, Outputs, Written};
 use super::progress::Bar;
 use super::values::{ClusterArgs, ENGINES, Values, lower, name_of, one_of, set_fields};
 use crate::cli::mpi::Sharing;
@@ -244,7 +244,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     watch.stage("preparing", 0);
     let model = prepare(scene, &options, &watch)?.on_ranks(args.mpi.ranks());
     options.seconds_spent = start.elapsed().as_secs_f64();
-    let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch)?;
+    let (mut outcome, solution) = radiosity::solve(&model, &points, &options, &watch)?;
     let other = args.compare.filter(|_| !outcome.record.interrupted);
     let versus = other.map(|other| side_by_side(&model, &points, &outcome, other, &watch)).transpose()?;
     bar.finish();
@@ -252,21 +252,23 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let met = outcome.record.target_met != Some(false);
-    write(args, out, (&points, &grids), (outcome, versus, load), (&solution, &watch))?;
+    outcome.record.seconds.load = load;
+    write(args, &points, &grids, outcome, versus, &solution, &watch)?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// Writes all files and prints the summary. `load`: seconds that reading the scene took.
+/// Writes all files and prints the summary.
 fn write(
     args: &Args,
-    out: &Path,
-    (points, grids): (&[Point], &Grids),
-    (outcome, versus, load): (Outcome, Option<Versus>, f64),
-    (solution, watch): (&Solution, &Watch),
+    points: &[Point],
+    grids: &Grids,
+    outcome: Outcome,
+    versus: Option<Versus>,
+    solution: &Solution,
+    watch: &Watch,
 ) -> Result<()> {
-    let photometry = args.scene.photometry();
+    let (out, photometry) = (&args.out, args.scene.photometry());
     let Outcome { mesh, mut record, irradiance } = outcome;
-    record.seconds.load = load;
     if record.interrupted {
         record.warnings.push("interrupted: this is the consistent solution reached so far".into());
     }
@@ -297,14 +299,10 @@ fn write(
     };
     let with_points = args.has_points();
     let pixels = args.outputs.pixels(with_points);
-    let Written { files, views, notes: of_files } = args.outputs.write(
-        &args.common,
-        (scene, photometry),
-        &mesh,
-        out,
-        with_points,
-        (&gather, &watch.for_files(pixels, mesh.elements.len())),
-    )?;
+    let progress = watch.for_files(pixels, mesh.elements.len());
+    let files = Files::new(&args.common, out, &progress);
+    let Written { files, views, notes: of_files } =
+        args.outputs.write(files, scene, photometry, &mesh, with_points, &gather)?;
     watch.bar.finish();
     let mut notes = notes.into_inner();
     notes.extend(of_files);

@@ -153,10 +153,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     for quantity in &args.outputs {
         let _spinner = common.spinner(format!("computing {}", quantity.name()));
         let start = Instant::now();
-        let bands = common.on_threads(|| compute(args, *quantity, grid, (&sky, &sweep)))?;
+        let bands = common.on_threads(|| compute(args, *quantity, grid, &sky, &sweep))?;
         let seconds = start.elapsed().as_secs_f64();
         write(args, *quantity, grid, &bands)?;
-        let record = summary((*quantity, unit(*quantity, args)), &bands, seconds, &mut text);
+        let record = summary(*quantity, unit(*quantity, args), &bands, seconds, &mut text);
         records.push(record);
     }
     let _ = writeln!(text, "wrote {}", args.out.display());
@@ -172,7 +172,8 @@ fn compute(
     args: &Args,
     quantity: Quantity,
     grid: &Grid,
-    (sky, sweep): (&SkyOptions, &SweepOptions),
+    sky: &SkyOptions,
+    sweep: &SweepOptions,
 ) -> Result<Bands> {
     let name = quantity.name().to_owned();
     Ok(match quantity {
@@ -332,7 +333,7 @@ fn unit(quantity: Quantity, args: &Args) -> &'static str {
 }
 
 /// Adds a line on a quantity; returns the same as JSON.
-fn summary((quantity, unit): (Quantity, &str), bands: &Bands, seconds: f64, text: &mut String) -> Value {
+fn summary(quantity: Quantity, unit: &str, bands: &Bands, seconds: f64, text: &mut String) -> Value {
     let known = || bands.iter().flat_map(|(_, values)| values).copied().filter(|v| v.is_finite());
     let (mut sum, mut count) = (0.0f64, 0usize);
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);

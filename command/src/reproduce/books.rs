@@ -89,7 +89,7 @@ struct Solves {
 
 impl Solves {
     /// Adds solves in the order of their seeds until the standard error of the power is at most `precise`, or there are `most`.
-    fn new(model: &Model, options: &Options, (batch, most): (usize, usize), precise: f64) -> Result<Solves> {
+    fn new(model: &Model, options: &Options, batch: usize, most: usize, precise: f64) -> Result<Solves> {
         let mut all = Solves::default();
         while all.powers.len() < most && (all.powers.len() < 2 || all.power()[1] > precise) {
             let first = all.powers.len() as u64 + 1;
@@ -206,13 +206,13 @@ pub fn figure_10(context: &Context) -> Result<Item> {
     };
     let rays = Options { audit: 0, error: if context.small { 0.1 } else { 0.02 }, ..Options::default() };
     let small = usize::from(context.small);
-    let by_rays = Solves::new(&model, &rays, (BY_RAYS[small], BY_RAYS[small]), 0.0)?;
+    let by_rays = Solves::new(&model, &rays, BY_RAYS[small], BY_RAYS[small], 0.0)?;
     let precise = PRECISE * by_rays.power()[0];
     // The same error in all cases.
     let error = coarsest(&model, &links(Inside::Visible))?;
     let by_links = |inside: Inside, precise: f64| {
         let options = Options { error, ..links(inside) };
-        Solves::new(&model, &options, (BATCH[small], SOLVES[small]), precise)
+        Solves::new(&model, &options, BATCH[small], SOLVES[small], precise)
     };
     let isotropic = by_links(Inside::Isotropic, precise)?;
     let oriented = by_links(Inside::Oriented, precise)?;

@@ -54,16 +54,18 @@ fn walls(context: &Context) -> Vec<Wall> {
 fn plain_walls(
     context: &Context,
     model: &Model,
-    (tree, leaves): (&PlainTree, Leaves),
+    tree: &PlainTree,
+    leaves: Leaves,
     s: Option<f64>,
-    (rays, repeat): (usize, usize),
+    rays: usize,
+    repeat: usize,
 ) -> Result<Walls> {
     let (mut images, mut seconds, mut visits) = (Vec::new(), [0.0; 2], Visits::default());
     for wall in walls(context) {
         let descent = |e| Descent { leaves, sizes: s.map(|s| (e, (s * unit()) as f32)) };
         let grid = wall.grid(model);
         for (k, seconds) in seconds.iter_mut().enumerate().take(repeat) {
-            let (rendered, more) = grid.by_plain_tree(tree, descent, (rays, 1))?;
+            let (rendered, more) = grid.by_plain_tree(tree, descent, rays, 1)?;
             *seconds += rendered.seconds;
             if k == 0 {
                 images.push(rendered.image);
@@ -80,14 +82,14 @@ impl Series9 {
         let sizes = blocker_sizes(model.scene(), tree, Vec3::Y);
         let plain = PlainTree::new(model.scene(), tree, &sizes);
         let rays = rays(context);
-        let by = |s: Option<f64>| plain_walls(context, model, (&plain, leaves), s, (rays, 2));
+        let by = |s: Option<f64>| plain_walls(context, model, &plain, leaves, s, rays, 2);
         let mode = if leaves == Leaves::Surfaces { LeafMode::Exact } else { LeafMode::Average };
         let engine = model.engine(model.widest_packets(), mode).expect("optics");
         let engine = SIZES.iter().map(|s| {
             let (mut seconds, mut images) = ([0.0; 2], Vec::new());
             for wall in walls(context) {
                 let grid = wall.grid(model);
-                let [one, two] = [0, 1].map(|_| grid.by_clusters(&engine, s * unit(), (rays, ENGINE_REPEAT)));
+                let [one, two] = [0, 1].map(|_| grid.by_clusters(&engine, s * unit(), rays, ENGINE_REPEAT));
                 let (one, two) = (one?, two?);
                 seconds = [seconds[0] + one.seconds, seconds[1] + two.seconds];
                 images.push(one.image);
@@ -173,7 +175,7 @@ pub fn figure_9(context: &Context) -> Result<Item> {
         let made = Series9::new(context, &model, leaves)?;
         let reference = if leaves == Leaves::Surfaces { &exact } else { &made.reference.images };
         let measured = made.measured(leaves, reference, noise)?;
-        show(&mut item, leaves.name(), &made, (reference, &exact))?;
+        show(&mut item, leaves.name(), &made, reference, &exact)?;
         judge(&mut item, &measured);
         if leaves == Leaves::Extinction {
             let factors = OTHER_COVERAGES.map(|part| work_factor(context, part).map(|factor| (part, factor)));
@@ -188,15 +190,15 @@ fn work_factor(context: &Context, coverage: f64) -> Result<f64> {
     let model = context.model(covering_scene(coverage)?, Detail::Clusters)?;
     let tree = &model.base().hierarchy().micro;
     let sizes = blocker_sizes(model.scene(), tree, Vec3::Y);
-    let plain = (&PlainTree::new(model.scene(), tree, &sizes), Leaves::Extinction);
+    let plain = PlainTree::new(model.scene(), tree, &sizes);
     let visits = |s: f64| -> Result<f64> {
-        let walls = plain_walls(context, &model, plain, Some(s), (COUNTED_RAYS, 1))?;
+        let walls = plain_walls(context, &model, &plain, Leaves::Extinction, Some(s), COUNTED_RAYS, 1)?;
         Ok(walls.visits.all() as f64)
     };
     Ok(visits(SIZES[0])? / visits(SIZES[3])?)
 }
 
-fn show(item: &mut Item, name: &str, made: &Series9, (reference, exact): (&[Image], &[Image])) -> Result<()> {
+fn show(item: &mut Item, name: &str, made: &Series9, reference: &[Image], exact: &[Image]) -> Result<()> {
     let errors = made.errors(reference)?;
     let panels = |images: &[Image]| -> Vec<Panel> {
         images

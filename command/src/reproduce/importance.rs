@@ -185,9 +185,9 @@ fn judge(item: &mut Item, goal: f64, found: &[Solve]) {
         );
         let why = || coarser(solve, fine);
         let statement = format!("with {name} the quality on the desk top");
-        judge_same(item, &statement, goal, ([&solve.error, &fine.error], why));
+        judge_same(item, &statement, goal, &solve.error, &fine.error, why);
         let statement = format!("with {name} the quality of the picture of the desk and the things on it");
-        judge_same(item, &statement, goal, ([&solve.picture, &fine.picture], why));
+        judge_same(item, &statement, goal, &solve.picture, &fine.picture, why);
         judge_saved(item, name, solve, fine);
     }
 }
@@ -206,7 +206,9 @@ fn judge_same(
     item: &mut Item,
     statement: &str,
     goal: f64,
-    ([errors, fine], why): ([&[f64]; 2], impl FnOnce() -> String),
+    errors: &[f64],
+    fine: &[f64],
+    why: impl FnOnce() -> String,
 ) {
     let margin = SAME * goal;
     let [worse, error] = difference_of(errors, fine);

@@ -79,7 +79,7 @@ impl Floors {
             // The times of surface visibility are far apart.
             let repeat = if context.small || leaves == Leaves::Surfaces { 1 } else { 2 };
             let descent = Descent { leaves, sizes: None };
-            let (rendered, visits) = grid.by_plain_tree(&tree, |_| descent, (rays, repeat))?;
+            let (rendered, visits) = grid.by_plain_tree(&tree, |_| descent, rays, repeat)?;
             let leaves = clusters.clusters.iter().filter(|cluster| cluster.is_leaf());
             let largest_leaf = leaves.map(|leaf| leaf.triangles as usize).max().unwrap_or(0);
             Ok(Floor { name, clusters: clusters.clusters.len(), largest_leaf, rendered, visits })

@@ -113,7 +113,8 @@ impl<'a> Grid<'a> {
         &self,
         tree: &PlainTree,
         descent: impl Fn(f32) -> Descent + Sync,
-        (rays, repeat): (usize, usize),
+        rays: usize,
+        repeat: usize,
     ) -> Result<(Rendered, Visits)> {
         let all = Mutex::new(Visits::default());
         let rendered = self.rendered(repeat, |run| {
@@ -146,7 +147,8 @@ impl<'a> Grid<'a> {
         &self,
         engine: &MultiResolution,
         s: f64,
-        (rays, repeat): (usize, usize),
+        rays: usize,
+        repeat: usize,
     ) -> Result<Rendered> {
         self.rendered(1, |run| {
             let (pairs, mut packets) = (&self.pairs[run], Vec::new());

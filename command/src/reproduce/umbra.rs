@@ -54,7 +54,7 @@ fn width_on_middle_row(image: &Image, holds: impl Fn(f32) -> bool) -> f64 {
 }
 
 /// The shadow of a square of width `b` at a distance `d1` from an emitter of width `e`.
-fn square_shadow(context: &Context, wall: &Wall, (e, b, d1): (f64, f64, f64)) -> Result<Image<'static>> {
+fn square_shadow(context: &Context, wall: &Wall, e: f64, b: f64, d1: f64) -> Result<Image<'static>> {
     let mut blocks = Blocks::new("umbra");
     blocks.rectangle(DVec3::ZERO, RECEIVER * DVec3::X, RECEIVER * DVec3::Y, false);
     blocks.rectangle(DVec3::new(0.0, 0.0, DISTANCE - d1), b * DVec3::X, b * DVec3::Y, false);
@@ -84,7 +84,7 @@ pub fn figure_5(context: &Context) -> Result<Item> {
     for (case, e, b) in [("a: b > e", 0.6, 1.0), ("b: b < e", 1.0, 0.5)] {
         let (mut measured, mut predicted, mut panels) = (Vec::new(), Vec::new(), Vec::new());
         for &d1 in positions {
-            let image = square_shadow(context, &wall, (e, b, d1))?;
+            let image = square_shadow(context, &wall, e, b, d1)?;
             let found = [width_on_middle_row(&image, |v| v == 0.0), width_on_middle_row(&image, |v| v < 1.0)];
             let expected = formula(e, b, d1).map(|width| width.max(0.0));
             for k in 0..2 {
@@ -159,7 +159,7 @@ struct Between {
 
 impl Between {
     /// The fictitious blockers of a cluster with these sizes of blocked and free regions.
-    fn new(cubes: usize, [blocked, free]: [f64; 2], d1: f64, (rendered, texel): (f64, f64)) -> Between {
+    fn new(cubes: usize, [blocked, free]: [f64; 2], d1: f64, rendered: f64, texel: f64) -> Between {
         let at = |b: f64, side: f64| formula(EMITTER, b, d1 + side * CLUSTER)[0];
         Between {
             name: format!("{cubes} cubes, d1 = {d1} m"),
@@ -188,10 +188,10 @@ pub fn figure_6(context: &Context) -> Result<Item> {
     let (mut panels, mut found) = (Vec::new(), Vec::new());
     for (cubes, edge) in [(40, 0.15), (12, 0.3)] {
         for d1 in CLUSTER_AT {
-            let (size, image) = cluster_shadow(context, &wall, (cubes, edge, d1))?;
+            let (size, image) = cluster_shadow(context, &wall, cubes, edge, d1)?;
             let dark = BitImage::from_fn(texels, texels, |x, y| image.at(x, y) == 0.0);
             let rendered = f64::from(Opener::new(dark, Morphology::Paper8).largest()) * wall.texel;
-            let between = Between::new(cubes, size, d1, (rendered, wall.texel));
+            let between = Between::new(cubes, size, d1, rendered, wall.texel);
             let numbers = [size[0], size[0].max(size[1]), between.blocked[1], between.bsize, rendered]
                 .map(|v| number(v, 3));
             let first = [count(cubes), number(edge, 2), number(d1, 1)];
@@ -211,7 +211,9 @@ pub fn figure_6(context: &Context) -> Result<Item> {
 fn cluster_shadow(
     context: &Context,
     wall: &Wall,
-    (cubes, edge, d1): (usize, f64, f64),
+    cubes: usize,
+    edge: f64,
+    d1: f64,
 ) -> Result<([f64; 2], Image<'static>)> {
     let centre = DVec3::new(0.0, 0.0, DISTANCE - d1);
     let mut blocks = Blocks::new("umbra of a cluster");
@@ -336,7 +338,7 @@ mod tests {
         let failing = |rendered: f64| {
             let mut item = Item::default();
             // Umbrae of 0.37 to 0.25 m of the blocked size, 0.55 m of BSIZE, and a resolution of 0.04 m.
-            judge_figure_6(&mut item, &[Between::new(9, [0.2, 0.325], 2.0, (rendered, 0.01))]);
+            judge_figure_6(&mut item, &[Between::new(9, [0.2, 0.325], 2.0, rendered, 0.01)]);
             assert!(
                 item.checks.iter().all(|check| check.holds || check.failure().contains("9 cubes, d1 = 2 m"))
             );

@@ -51,7 +51,7 @@ impl Pairs<'_> {
         let tables: &[&SampleTable] = if settings.every { &[few, all] } else { &[all] };
         for table in tables {
             seen.clear();
-            shares = self.spread(facet, table, (packets, hits, seen));
+            shares = self.spread(facet, table, packets, hits, seen);
             if shares == [0.0; 2] {
                 break;
             }
@@ -69,7 +69,9 @@ impl Pairs<'_> {
         &self,
         facet: u32,
         table: &SampleTable,
-        (packets, hits, seen): (&mut Vec<Packet>, &mut Vec<Hits>, &mut Vec<Partner>),
+        packets: &mut Vec<Packet>,
+        hits: &mut Vec<Hits>,
+        seen: &mut Vec<Partner>,
     ) -> [f32; 2] {
         let Pairs { traced, facets, settings, progress } = *self;
         let from = facets.get(facet);

@@ -4,7 +4,7 @@
 //! pairs are one low-discrepancy sequence, so that errors cancel in row sums. Large pairs get bundles of their own.
 
 use super::facets::Facet;
-use super::pair::{Buffers, CHANCE_CLASSES, Pairs, Row, Transmittance, exchange, mix_pair, segment};
+use super::pair::{Buffers, CHANCE_CLASSES, Pairs, Row, Transmittance, exchange, segment};
 use crate::math::sampling::mix;
 use crate::ray::{LANES, Packet};
 
@@ -118,14 +118,8 @@ impl Pairs<'_> {
             let seen = if c.expected < MIN_BUNDLE_EXPECTED {
                 c.tally.transmittance()
             } else {
-                let key = mix_pair(self.settings.seed, i, c.partner);
-                self.sampled(
-                    (a, b),
-                    (c.expected, c.expected.max(MIN_BUNDLE_RAYS)),
-                    buffers,
-                    key,
-                    &mut row.rays,
-                )
+                let size = c.expected.max(MIN_BUNDLE_RAYS);
+                self.sampled(i, c.partner, c.expected, size, buffers, &mut row.rays)
             };
             if seen.value > 0.0 {
                 let open = exchange(a, b);
@@ -160,7 +154,7 @@ impl Pairs<'_> {
                 _ => 1,
             };
             for _ in 0..wanted {
-                let drawn = (0..MAX_DRAWS).find_map(|_| segment((a, b), sequence.next(), &mut packet, used));
+                let drawn = (0..MAX_DRAWS).find_map(|_| segment(a, b, sequence.next(), &mut packet, used));
                 let Some(weight) = drawn else { continue };
                 owners[used] = (k, weight);
                 used += 1;

@@ -105,7 +105,6 @@ impl Pairs<'_> {
     /// occlusion (Horvitz and Thompson 1952). Large pairs are found with certainty. [`balance`] removes the remaining
     /// bias.
     pub fn row(&self, i: u32, partners: &[Partner], buffers: &mut Buffers) -> Row {
-        let seed = self.settings.seed;
         let a = self.facets.get(i);
         let mut row = Row::with_capacity(partners.len());
         for partner in partners {
@@ -121,7 +120,7 @@ impl Pairs<'_> {
             }
             let mut seen = Transmittance { value: UNSAMPLED_TRANSMITTANCE, error: 0.0 };
             if c > MIN_SAMPLED_EXPECTED {
-                seen = self.sampled((a, b), (c, c.max(4.0)), buffers, mix_pair(seed, i, j), &mut row.rays);
+                seen = self.sampled(i, j, c, c.max(4.0), buffers, &mut row.rays);
             }
             let found = -(-c * seen.value).exp_m1();
             let value = share(seen, c);
@@ -141,22 +140,24 @@ impl Pairs<'_> {
         f64::from(self.settings.rays) * (exchange / a.area + exchange / b.area)
     }
 
-    /// Transmittance of a pair that expects `c` discovery rays, from its own bundles of about `size` rays: from one if all or
-    /// none of its rays are blocked or `c` is small; else the mean over many bundles, without those of which all or no rays are
-    /// blocked. Each averaged bundle then has the distribution of a first bundle that was mixed, so that continuing only after
-    /// mixed bundles adds no bias.
+    /// Transmittance between facets `i` and `j`, which expect `c` discovery rays, from bundles of about `size` rays: from one if
+    /// all or none of its rays are blocked or `c` is small; else the mean over many bundles, without those of which all or no
+    /// rays are blocked. Each averaged bundle then has the distribution of a first bundle that was mixed, so that continuing only
+    /// after mixed bundles adds no bias.
     pub fn sampled(
         &self,
-        pair: (&Facet, &Facet),
-        (c, size): (f64, f64),
+        i: u32,
+        j: u32,
+        c: f64,
+        size: f64,
         buffers: &mut Buffers,
-        key: u64,
         rays: &mut u64,
     ) -> Transmittance {
         let Settings { bundle, largest_bundle, seed, .. } = *self.settings;
+        let (a, b, key) = (self.facets.get(i), self.facets.get(j), mix_pair(seed, i, j));
         let table = table(buffers, power_of_4(size.min(f64::from(bundle))), seed as u32);
         let size = table.len() as f64;
-        let first = self.bundle(pair, table, key);
+        let first = self.bundle(a, b, table, key);
         *rays += table.len() as u64;
         if first.error == 0.0 || c <= MIN_MORE_BUNDLES_EXPECTED {
             return first;
@@ -168,7 +169,7 @@ impl Pairs<'_> {
                 break;
             }
             *rays += table.len() as u64;
-            let next = self.bundle(pair, table, mix(key ^ k));
+            let next = self.bundle(a, b, table, mix(key ^ k));
             if next.error > 0.0 {
                 sum += next.value;
                 squares += next.error.powi(2);
@@ -179,7 +180,7 @@ impl Pairs<'_> {
     }
 
     /// Mean visibility between two facets, weighted by transported flux.
-    fn bundle(&self, (a, b): (&Facet, &Facet), table: &SampleTable, key: u64) -> Transmittance {
+    fn bundle(&self, a: &Facet, b: &Facet, table: &SampleTable, key: u64) -> Transmittance {
         let (mut clear, mut all, mut squares) = (0.0, 0.0, 0.0);
         let mut any_blocked = false;
         let mut packet = Packet::EMPTY;
@@ -197,7 +198,7 @@ impl Pairs<'_> {
         };
         for (k, at) in table.shifted(key).enumerate() {
             let lane = k % LANES;
-            weights[lane] = segment((a, b), at, &mut packet, lane).unwrap_or(0.0);
+            weights[lane] = segment(a, b, at, &mut packet, lane).unwrap_or(0.0);
             if lane == LANES - 1 && !packet.is_empty() {
                 trace(&mut packet, &mut weights);
             }
@@ -220,7 +221,8 @@ impl Pairs<'_> {
 /// if the points do not face each other.
 #[inline]
 pub fn segment(
-    (a, b): (&Facet, &Facet),
+    a: &Facet,
+    b: &Facet,
     [s, t, u, v]: [f32; 4],
     packet: &mut Packet,
     lane: usize,
@@ -333,6 +335,6 @@ fn area(polygon: &[DVec3]) -> f64 {
     0.5 * fan.sum::<DVec3>().length()
 }
 
-pub fn mix_pair(seed: u64, i: u32, j: u32) -> u64 {
+fn mix_pair(seed: u64, i: u32, j: u32) -> u64 {
     mix(seed ^ mix(u64::from(i) << 32 | u64::from(j)))
 }

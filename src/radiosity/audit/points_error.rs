@@ -48,7 +48,8 @@ impl PointsError {
     /// does not suffice.
     pub fn of(
         model: &Model,
-        (points, irradiance): (&[Point], &[Rgb]),
+        points: &[Point],
+        irradiance: &[Rgb],
         options: &Options,
         deadline: &Deadline,
     ) -> Option<PointsError> {

@@ -54,7 +54,7 @@ impl Elements {
         (root.first_child, root.children) = (1, trees.len() as u16);
         let mut large_from = 0;
         for (k, tree) in trees.iter().enumerate() {
-            build.tree((scene, &magnitudes), tree, 1 + k as u32, lit);
+            build.tree(scene, &magnitudes, tree, 1 + k as u32, lit);
             if std::ptr::eq(*tree, &hierarchy.micro) {
                 large_from = build.sides.len() as u32;
             }
@@ -93,7 +93,7 @@ struct Build {
 }
 
 impl Build {
-    fn tree(&mut self, scene: (&Scene, &[f32]), tree: &Tree, root: u32, lit: &[[bool; 2]]) {
+    fn tree(&mut self, scene: &Scene, magnitudes: &[f32], tree: &Tree, root: u32, lit: &[[bool; 2]]) {
         let base = self.clusters.len() as u32 - 1;
         let place = |c: usize| if c == 0 { root } else { base + c as u32 };
         for cluster in &tree.clusters[1..] {
@@ -111,7 +111,7 @@ impl Build {
             (0..tree.clusters.len()).filter(|&c| tree.clusters[c].is_leaf()).collect();
         leaves.sort_by_key(|&c| tree.clusters[c].first_triangle);
         let made: Vec<Vec<NewSide>> =
-            leaves.par_iter().map(|&c| sides_of(scene, tree.triangles_of(c), lit)).collect();
+            leaves.par_iter().map(|&c| sides_of(scene, magnitudes, tree.triangles_of(c), lit)).collect();
         for (&c, made) in leaves.iter().zip(made) {
             let first = self.sides.len() as u32;
             self.sides.extend(made);
@@ -192,7 +192,7 @@ impl Build {
 }
 
 /// The lit sides of the faces of a leaf; `magnitudes` are [`Scene::face_magnitudes`].
-fn sides_of((scene, magnitudes): (&Scene, &[f32]), faces: &[u32], lit: &[[bool; 2]]) -> Vec<NewSide> {
+fn sides_of(scene: &Scene, magnitudes: &[f32], faces: &[u32], lit: &[[bool; 2]]) -> Vec<NewSide> {
     let mut made = Vec::new();
     for (triangles, corners) in quads(scene, faces) {
         let t = triangles[0] as usize;

@@ -141,23 +141,26 @@ impl Emitters {
 }
 
 /// The density with which a cosine-weighted ray from `from` finds the point `to` of an emitter, divided by the density of
-/// [`Emitters::sample`]; both are (position, unit normal). Both strategies find the point. Weighted by their densities
+/// [`Emitters::sample`]. Normals have unit length. Both strategies find the point. Weighted by their densities
 /// (balance heuristic, Veach and Guibas 1995) each contributes less than the emitter's exitance at any distance. 0 if either point lies
 /// less than `rounding` above the plane of the other, as the back of a lamp lies in the plane of its front.
 pub fn density_ratio(
-    from: (Vec3, Vec3),
-    to: (Vec3, Vec3),
+    from: Vec3,
+    from_normal: Vec3,
+    to: Vec3,
+    to_normal: Vec3,
     rounding: f32,
     exitance: Rgb,
     density: f32,
 ) -> f32 {
-    let d = to.0 - from.0;
-    if from.1.dot(d) <= rounding || -to.1.dot(d) <= rounding {
+    let d = to - from;
+    if from_normal.dot(d) <= rounding || -to_normal.dot(d) <= rounding {
         return 0.0;
     }
     let r2 = d.length_squared().max(f32::MIN_POSITIVE);
     // Two divisions by r²: r⁴ overflows 32 bits for most lengths.
-    let kernel = (from.1.dot(d).max(0.0) / r2) * ((-to.1.dot(d)).max(0.0) / r2) / std::f32::consts::PI;
+    let kernel =
+        (from_normal.dot(d).max(0.0) / r2) * ((-to_normal.dot(d)).max(0.0) / r2) / std::f32::consts::PI;
     kernel / (density * mean(exitance) as f32)
 }
 
@@ -191,7 +194,7 @@ impl EmitterFace {
                 let far = point_to_far_polygon(at, normal, polygon);
                 far.unwrap_or_else(|| point_to_polygon(at, normal, polygon)).max(0.0)
             }
-            Some(profile) => profile_factor(profile, (at, normal), polygon),
+            Some(profile) => profile_factor(profile, at, normal, polygon),
         }
     }
 }

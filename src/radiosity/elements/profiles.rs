@@ -26,7 +26,7 @@ pub fn emission_gain(profile: Option<&Profile>, at: Vec3, normal: Vec3, from: Ve
 }
 
 /// Irradiance at a point (position, unit normal) from a convex polygon that emits by a profile, relative to its exitance.
-pub(super) fn profile_factor(profile: &Profile, (at, normal): (DVec3, DVec3), polygon: &[DVec3]) -> f64 {
+pub(super) fn profile_factor(profile: &Profile, at: DVec3, normal: DVec3, polygon: &[DVec3]) -> f64 {
     let flat = (polygon[1] - polygon[0]).cross(polygon[2] - polygon[0]);
     if flat.dot(at - polygon[0]) <= 0.0 {
         return 0.0;

@@ -36,7 +36,8 @@ impl BrightLeaves {
     pub fn of(
         linked: &LinkedScene,
         reflected: &[Reflected],
-        rays: [usize; 2],
+        rays: usize,
+        shadow_rays: usize,
         error: f64,
     ) -> Option<BrightLeaves> {
         let Elements { elements, states, .. } = &linked.elements;
@@ -45,7 +46,8 @@ impl BrightLeaves {
         let light = |e: u32| mean(reflected[e as usize].light.map(f64::from));
         let received: f64 = leaves.iter().map(|&e| area(e) * mean(states[e as usize].irradiance)).sum();
         let lit: Vec<(u32, f64)> = leaves.iter().map(|&e| (e, light(e))).collect();
-        let Brightest { chosen, face_of } = Brightest::of(&linked.elements, &lit, rays, error * received);
+        let Brightest { chosen, face_of } =
+            Brightest::of(&linked.elements, &lit, rays, shadow_rays, error * received);
         if chosen.is_empty() {
             return None;
         }
@@ -109,7 +111,8 @@ impl Brightest {
     pub fn of(
         Elements { elements, states, .. }: &Elements,
         leaves: &[(u32, f64)],
-        [rays, shadow_rays]: [usize; 2],
+        rays: usize,
+        shadow_rays: usize,
         tolerated_power: f64,
     ) -> Brightest {
         let nothing = Light { range: [f64::INFINITY, 0.0], area: 0.0, power: 0.0 };
@@ -141,7 +144,7 @@ impl Brightest {
         let all = below[0].area;
         let mean_radiosity = below[0].power / all;
         let light = |e: u32| below[e as usize].power / below[e as usize].area;
-        let [of_rays, most] = [rays, shadow_rays].map(|n| n as f64);
+        let (of_rays, most) = (rays as f64, shadow_rays as f64);
         let allowed = (PART_OF_ERROR * tolerated_power / all).powi(2);
         let variance_by = |e: u32| {
             let part = below[e as usize].area / all;

@@ -35,7 +35,7 @@ impl FinalGather<'_> {
             let views = self.emitter_views(points, emitter);
             for set in 0..sets {
                 let mut views: Vec<EmitterView> = views.iter().map(|view| view.with_set(set)).collect();
-                self.measure_visibility(&mut views, (emitter, engine), scratch, |view| {
+                self.measure_visibility(&mut views, emitter, engine, scratch, |view| {
                     view.rays_for(self.tolerance(view, 0.0).min(self.visibility_tolerance()))
                 });
                 for view in views {
@@ -77,7 +77,7 @@ impl FinalGather<'_> {
             let emitter = same[0].0;
             let mut views: Vec<EmitterView> = same.iter().map(|(.., view)| view.clone()).collect();
             let engine = &engines[emitter.min(engines.len() - 1)];
-            self.trace_anew(&mut views, (emitter, engine), scratch, |_| self.light_rays);
+            self.trace_anew(&mut views, emitter, engine, scratch, |_| self.light_rays);
             for ((_, chance, before), view) in same.iter().zip(views) {
                 let part = 1.0 / (sets as f64 * chance);
                 add(&mut values[view.point], part, view.light());
@@ -114,7 +114,7 @@ impl FinalGather<'_> {
         let number = self.emitters.emitters.len();
         let engine = self.linked.engine.scattered();
         let mut views = self.emitter_views(points, number);
-        self.measure_visibility(&mut views, (number, &engine), scratch, |view| {
+        self.measure_visibility(&mut views, number, &engine, scratch, |view| {
             view.rays_for(self.tolerance(view, mean(values[view.point])))
         });
         views.iter().for_each(|view| add(&mut values[view.point], 1.0, view.light()));
@@ -161,15 +161,16 @@ impl FinalGather<'_> {
     pub(super) fn measure_visibility(
         &self,
         views: &mut [EmitterView],
-        of: (usize, &VisibilityEngine),
+        emitter: usize,
+        engine: &VisibilityEngine,
         scratch: &mut Scratch,
         rays: impl Fn(&EmitterView) -> usize,
     ) {
         let few = self.first_rays();
         // Without a ray above the horizon there is no estimate yet.
         let is_unknown = |view: &EmitterView| view.found.count == 0.0 && view.traced < self.light_rays;
-        self.trace_views(views, of, scratch, |_, view| view.traced < few || is_unknown(view));
-        self.trace_anew(views, of, scratch, rays);
+        self.trace_views(views, emitter, engine, scratch, |_, view| view.traced < few || is_unknown(view));
+        self.trace_anew(views, emitter, engine, scratch, rays);
     }
 
     /// Number of the first shadow rays of a point to an emitter.
@@ -188,7 +189,8 @@ impl FinalGather<'_> {
     fn trace_anew(
         &self,
         views: &mut [EmitterView],
-        of: (usize, &VisibilityEngine),
+        emitter: usize,
+        engine: &VisibilityEngine,
         scratch: &mut Scratch,
         rays: impl Fn(&EmitterView) -> usize,
     ) {
@@ -202,14 +204,17 @@ impl FinalGather<'_> {
         };
         let ends: Vec<usize> = views.iter_mut().map(end).collect();
         let is_unknown = |view: &EmitterView| view.found.count == 0.0 && view.traced < self.table.len();
-        self.trace_views(views, of, scratch, |k, view| view.traced < ends[k] || is_unknown(view));
+        self.trace_views(views, emitter, engine, scratch, |k, view| {
+            view.traced < ends[k] || is_unknown(view)
+        });
     }
 
     /// Traces sixteen shadow rays of each view at a time, as long as `is_left` is true for the view.
     fn trace_views(
         &self,
         views: &mut [EmitterView],
-        (emitter, engine): (usize, &VisibilityEngine),
+        emitter: usize,
+        engine: &VisibilityEngine,
         scratch: &mut Scratch,
         is_left: impl Fn(usize, &EmitterView) -> bool,
     ) {
@@ -256,7 +261,7 @@ impl FinalGather<'_> {
             let (u, v) = ((u + shift_u).fract(), (v + shift_v).fract());
             let (f, u, share) = pick(&view.shares, u);
             let face = &emitter_of.faces[f];
-            let Part { corners, u, probability } = part_of(&face.corners, u, (at, normal));
+            let Part { corners, u, probability } = part_of(&face.corners, u, at, normal);
             let y = point_on(&corners, u, v);
             let d = y - at;
             let r2 = d.length_squared().max(f32::MIN_POSITIVE);

@@ -230,7 +230,7 @@ impl FinalGather<'_> {
             let factor;
             (factor, received_share) = self.balance_of_direct_light(received, &local.sampled);
             light.iter_mut().for_each(|light| light.scale(DIRECT, Vec3::splat(factor as f32)));
-            let factor = self.balance_of_reflected_light((&leaves, &areas), &light, local);
+            let factor = self.balance_of_reflected_light(&leaves, &areas, &light, local);
             light.iter_mut().for_each(|light| light.scale(REFLECTED, factor));
             arrived =
                 Arrived::of(light.iter().zip(&areas).map(|(light, &area)| (area, light.sky, light.sun)));
@@ -250,7 +250,7 @@ impl FinalGather<'_> {
         let needed = NEEDED_SHARE * self.error;
         let walls = self.walls_at(&of_whole);
         let sight = Sight { walls, blockers: Some(self.linked.engine.exact()) };
-        let shared = share((&places, &areas), &sight, &light_of_whole, needed, &self.ranks, deadline);
+        let shared = share(&places, &areas, &sight, &light_of_whole, needed, &self.ranks, deadline);
         let own = alone.iter().map(|&i| {
             let noise = f64::from(local.results[leaves[i] as usize].noise);
             let own = SharedLight::alone(&light[i]);
@@ -267,7 +267,8 @@ impl FinalGather<'_> {
     /// it too often; the light that the spot reflects is known from its own direct light.
     fn balance_of_reflected_light(
         &self,
-        (leaves, areas): (&[u32], &[f64]),
+        leaves: &[u32],
+        areas: &[f64],
         light: &[ElementLight],
         local: &LocalPass,
     ) -> Vec3 {

@@ -136,8 +136,10 @@ impl FinalGather<'_> {
             let sides = &self.linked.elements.sides;
             let [own, other] = [vertex.side, met.side].map(|side| &sides[side as usize]);
             let q = density_ratio(
-                (vertex.at, own.normal),
-                (met.at, other.normal),
+                vertex.at,
+                own.normal,
+                met.at,
+                other.normal,
                 own.end.rounding_of_heights(other.end),
                 bright.emitter().faces[face as usize].exitance,
                 bright.emitters.density(cut(vertex), face),
@@ -318,7 +320,7 @@ impl FinalGather<'_> {
         let mut used = 0;
         for (i, vertex) in vertices.iter().enumerate() {
             let (cut, free) = cut_of(vertex);
-            let ray = self.emitter_ray((emitters, cut), vertex, if free { |q| q } else { weight }, random[i]);
+            let ray = self.emitter_ray(emitters, cut, vertex, if free { |q| q } else { weight }, random[i]);
             if let Some(ray) = ray {
                 let light = light_of(&ray);
                 // A sample at the distance 0 from the element has no finite weight.

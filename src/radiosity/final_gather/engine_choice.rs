@@ -137,7 +137,7 @@ impl FinalGather<'_> {
         let mut views = self.emitter_views(points, emitter);
         let before = scratch.tally.segments;
         let tolerance = self.visibility_tolerance();
-        self.measure_visibility(&mut views, (emitter, engine), scratch, |view| {
+        self.measure_visibility(&mut views, emitter, engine, scratch, |view| {
             view.rays_for(tolerance).min(self.light_rays)
         });
         let segments = (scratch.tally.segments - before) as f64;

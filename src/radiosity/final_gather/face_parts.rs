@@ -19,7 +19,7 @@ pub(super) struct Part {
 
 /// Chooses, by the random number `u`, a part of a face that is small relative to its distance from a point, in proportion to its light at the point. Samples
 /// spread evenly over a luminous ceiling would rarely lie above the table that hides most of its light.
-pub(super) fn part_of(face: &[Vec3; 4], mut u: f32, (at, normal): (Vec3, Vec3)) -> Part {
+pub(super) fn part_of(face: &[Vec3; 4], mut u: f32, at: Vec3, normal: Vec3) -> Part {
     let (mut corners, mut probability) = (*face, 1.0);
     for _ in 0..MAX_QUARTERED {
         let middle = 0.25 * corners.iter().sum::<Vec3>();

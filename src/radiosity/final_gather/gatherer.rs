@@ -223,12 +223,9 @@ impl<'a> FinalGather<'a> {
     pub(super) fn bright(&self) -> Option<&BrightLeaves> {
         let of = || match self.direct_only {
             true => None,
-            false => BrightLeaves::of(
-                self.linked,
-                &self.reflected,
-                [self.gather_rays, self.light_rays],
-                self.error,
-            ),
+            false => {
+                BrightLeaves::of(self.linked, &self.reflected, self.gather_rays, self.light_rays, self.error)
+            }
         };
         self.bright.get_or_init(of).as_ref()
     }

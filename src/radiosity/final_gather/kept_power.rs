@@ -37,7 +37,8 @@ struct Received {
 /// the noise, then on all sides together. A plane fitted to light with a sharp peak, as of a lamp close to a wall, loses some of the light.
 pub(super) fn keep_power(
     kind: usize,
-    (places, areas): (&[Place], &[f64]),
+    places: &[Place],
+    areas: &[f64],
     light: &[ElementLight],
     all: &mut [SharedKinds],
 ) {

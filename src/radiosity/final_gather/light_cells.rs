@@ -68,7 +68,7 @@ impl FinalGather<'_> {
         }
         let rays_of_cells = hemisphere.in_rows(&rays_of_cells);
         let whole = hemisphere.places();
-        let mut levels = vec![self.cells(&hemisphere, 0, (&whole, &[]), &rays_of_cells, point)];
+        let mut levels = vec![self.cells(&hemisphere, 0, &whole, &[], &rays_of_cells, point)];
         // Where all rays met sides that no light reaches, as from below the ground, or the sky is dark, no opening is searched for.
         let is_dark = rays_of_cells.iter().all(|ray| matches!(ray.seen, Seen::Dark))
             || levels[0].iter().all(|cell| cell.sky == 0.0);
@@ -99,7 +99,7 @@ impl FinalGather<'_> {
                 true => all_cells(cells, &surroundings, &uneven, least),
                 false => {
                     let most = MORE_FOR_SURFACES * whole.len();
-                    largest_errors(&surroundings, &uneven, least, (&mut for_surfaces, most))
+                    largest_errors(&surroundings, &uneven, least, &mut for_surfaces, most)
                 }
             };
             if !is_whole {
@@ -282,7 +282,7 @@ impl FinalGather<'_> {
             packets[k / LANES].set_between(k % LANES, point.at, to, [0.0, 1.0]);
         }
         let rays = self.seen(&surfaces, seed, buffers);
-        self.cells(hemisphere, level, (&parts, &surfaces), &rays, point)
+        self.cells(hemisphere, level, &parts, &surfaces, &rays, point)
     }
 
     /// Cells at these places of a level, with the light of the sky at two places in each. If the sky has a map, it may have bright parts smaller than a
@@ -291,7 +291,8 @@ impl FinalGather<'_> {
         &self,
         hemisphere: &Hemisphere,
         level: u32,
-        (places, surfaces): (&[[u32; 2]], &[Option<Vec3>]),
+        places: &[[u32; 2]],
+        surfaces: &[Option<Vec3>],
         rays: &[CellRay],
         point: &GatherPoint,
     ) -> Vec<RayCell> {

@@ -45,7 +45,8 @@ pub struct LocalResult {
 pub fn assign_noise(
     elements: &Elements,
     rows: &RayRows,
-    (transport, sums): (&RayTransport, &[f64]),
+    transport: &RayTransport,
+    sums: &[f64],
     brightest: impl Fn(&[(u32, f64)], f64) -> Brightest,
     results: &mut [LocalResult],
 ) {

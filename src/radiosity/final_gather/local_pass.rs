@@ -75,7 +75,7 @@ impl FinalGather<'_> {
     /// `most` rays the light of the elements needs: on foliage and rocks more than estimated before, because elements share little light. If `rays` is
     /// `None`, or after the deadline, elements trace only a few rays: enough for the light of the whole scene, not for that of each element. Of many
     /// elements, some are then not traced.
-    pub fn local_pass(&self, rays: Option<f64>, [useful, most]: [f64; 2], deadline: &Deadline) -> LocalPass {
+    pub fn local_pass(&self, rays: Option<f64>, useful: f64, most: f64, deadline: &Deadline) -> LocalPass {
         let all = self.linked.leaves();
         let states = &self.linked.elements.states;
         let start = deadline.elapsed();
@@ -110,7 +110,7 @@ impl FinalGather<'_> {
         let sums = assign_row_sums(&rows, &halves, &mut results);
         if self.elements {
             self.mark_shadows(&[&rows, &apart], &mut results);
-            self.assign_errors(&rows, (&transport, &sums), &mut results);
+            self.assign_errors(&rows, &transport, &sums, &mut results);
         } else {
             count_sent(&rows, &halves, &light, &mut results);
         }
@@ -120,7 +120,7 @@ impl FinalGather<'_> {
         }
         self.light_apart(&mut apart, factor, &mut results);
         let arrived = self.arrived([&rows, &apart], around.as_ref(), &untraced);
-        self.balance_untraced(around.as_ref(), (&all, &untraced), (&sampled, arrived), &mut results);
+        self.balance_untraced(around.as_ref(), &all, &untraced, &sampled, arrived, &mut results);
         let (mut wanted, mut samples) = (EXCHANGE_SHARE * useful, Vec::new());
         let element_rays = rays.filter(|_| self.elements).map(|rays| {
             weigh_errors(&self.linked.elements, &all, &mut results);
@@ -205,12 +205,23 @@ impl FinalGather<'_> {
     }
 
     /// Assigns standard errors to all leaves with rows, as [`assign_noise`].
-    fn assign_errors(&self, rows: &RayRows, sums: (&RayTransport, &[f64]), results: &mut [LocalResult]) {
+    fn assign_errors(
+        &self,
+        rows: &RayRows,
+        transport: &RayTransport,
+        sums: &[f64],
+        results: &mut [LocalResult],
+    ) {
         let brightest = |leaves: &[(u32, f64)], power: f64| {
-            let rays = [self.gather_rays, self.light_rays];
-            Brightest::of(&self.linked.elements, leaves, rays, self.error * power)
+            Brightest::of(
+                &self.linked.elements,
+                leaves,
+                self.gather_rays,
+                self.light_rays,
+                self.error * power,
+            )
         };
-        assign_noise(&self.linked.elements, rows, sums, brightest, results);
+        assign_noise(&self.linked.elements, rows, transport, sums, brightest, results);
     }
 
     /// Leaves without rows.
@@ -247,11 +258,13 @@ impl FinalGather<'_> {
     fn balance_untraced(
         &self,
         around: Option<&Surrounding>,
-        leaves: (&[u32], &[u32]),
-        (sampled, [arrived, extrapolated]): (&SampledShare, [Arrived; 2]),
+        leaves: &[u32],
+        untraced: &[u32],
+        sampled: &SampledShare,
+        [arrived, extrapolated]: [Arrived; 2],
         results: &mut [LocalResult],
     ) {
-        let Some(around) = around.filter(|_| !leaves.1.is_empty()) else { return };
+        let Some(around) = around.filter(|_| !untraced.is_empty()) else { return };
         let power = self.emitted_power();
         let has_share = sampled.mean > 0.0 || mean(power) <= 0.0;
         if !matches!(self.linked.engine, VisibilityEngine::Exact(_)) || !has_share {
@@ -260,7 +273,7 @@ impl FinalGather<'_> {
         let received: Rgb = from_fn(|k| sampled.share[k] * power[k] + arrived.sky[k] + arrived.sun[k]);
         let error = (DIRECT_ERROR * mean(received)).hypot(sampled.error * mean(power));
         let error = error.hypot(mean(extrapolated.sky) + mean(extrapolated.sun));
-        around.balance(leaves, received, error, results);
+        around.balance(leaves, untraced, received, error, results);
     }
 
     /// The direct light of rows from the emitters of the scene, W/m² times scene units squared.

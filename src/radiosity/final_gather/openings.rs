@@ -59,7 +59,8 @@ impl FinalGather<'_> {
         let rays: Vec<[Vec3; 2]> = packets.flat_map_iter(|k| self.rays_to_sky(&sides, &sums, k)).collect();
         let evenly = |count: usize, most: usize| count.div_ceil(most).max(1);
         let some = rays.par_iter().step_by(evenly(rays.len(), MAX_FOLLOWED));
-        let places: Vec<Vec3> = some.filter_map(|ray| self.opening_on(*ray)).collect();
+        let places: Vec<Vec3> =
+            some.filter_map(|&[from, direction]| self.opening_on(from, direction)).collect();
         let step = evenly(places.len(), MAX_PLACES);
         places.into_iter().step_by(step).collect()
     }
@@ -92,7 +93,7 @@ impl FinalGather<'_> {
     }
 
     /// The place where a ray to the sky leaves a room; `None` if the ray starts in the open.
-    fn opening_on(&self, [from, direction]: [Vec3; 2]) -> Option<Vec3> {
+    fn opening_on(&self, from: Vec3, direction: Vec3) -> Option<Vec3> {
         if self.sky_part(from) >= OPEN {
             return None;
         }

@@ -69,7 +69,7 @@ impl FinalGather<'_> {
             let (mut packet, mut light) = (Packet::EMPTY, [Vec3::ZERO; LANES]);
             for (lane, vertex) in group.iter().enumerate() {
                 let i = g * LANES + lane;
-                let ray = self.emitter_ray((&self.emitters, &cuts[i]), vertex, weight, random(i));
+                let ray = self.emitter_ray(&self.emitters, &cuts[i], vertex, weight, random(i));
                 if let Some(ray) = ray {
                     packet.set_blocked_from_start(lane, ray.ends[0], ray.ends[1], ray.rules);
                     light[lane] = ray.light;
@@ -161,13 +161,8 @@ impl FinalGather<'_> {
                 let Side { normal, end, .. } = elements.sides[vertex.side as usize];
                 let density = self.emitters.density(cut, met.side);
                 let rounding = end.rounding_of_heights(side.end);
-                let q = density_ratio(
-                    (vertex.at, normal),
-                    (met.at, side.normal),
-                    rounding,
-                    side.exitance,
-                    density,
-                );
+                let q =
+                    density_ratio(vertex.at, normal, met.at, side.normal, rounding, side.exitance, density);
                 let gain = emission_gain(side.profile.as_deref(), met.at, side.normal, vertex.at);
                 result.direct = gain * weight(q) * to_vec(side.exitance);
             }
@@ -178,7 +173,8 @@ impl FinalGather<'_> {
     /// A shadow ray from a vertex to a point on one of some emitters, drawn from a cut.
     pub(super) fn emitter_ray(
         &self,
-        (emitters, cut): (&Emitters, &EmitterCut),
+        emitters: &Emitters,
+        cut: &EmitterCut,
         vertex: &PathVertex,
         weight: impl Fn(f32) -> f32,
         [.., u, v]: [f32; 4],
@@ -186,16 +182,15 @@ impl FinalGather<'_> {
         let (at, [emitter, number], density) = emitters.sample(cut, u, v)?;
         let face = &emitters.emitters[emitter].faces[number];
         let Side { normal, end, .. } = self.linked.elements.sides[vertex.side as usize];
-        let own = (vertex.at, normal);
         let rounding = end.rounding_of_heights(face.end);
-        let q = density_ratio(own, (at, face.normal), rounding, face.exitance, density);
+        let q = density_ratio(vertex.at, normal, at, face.normal, rounding, face.exitance, density);
         if q <= 0.0 {
             return None;
         }
         let rules = [end, face.end.seen_from(end)];
         let gain = emission_gain(face.profile.as_deref(), at, face.normal, vertex.at);
         let light = gain * weight(q) * to_vec(face.exitance);
-        let ends = [rules[0].lifted(own.0, own.1), rules[1].lifted(at, face.normal)];
+        let ends = [rules[0].lifted(vertex.at, normal), rules[1].lifted(at, face.normal)];
         Some(EmitterRay { ends, rules, light, face: number })
     }
 

@@ -53,7 +53,8 @@ struct Comparison {
 /// Elements keep their own light if its noise is less than the part `needed` of their light and of the mean light, and so is that of direct light around. All elements together receive
 /// as much as by their own rays.
 pub fn share(
-    (places, areas): (&[Place], &[f64]),
+    places: &[Place],
+    areas: &[f64],
     sight: &Sight,
     light: &[ElementLight],
     needed: f64,
@@ -87,7 +88,7 @@ pub fn share(
             }
             _ => &own,
         };
-        let (fits, compared) = fit((places, areas), light, i, found);
+        let (fits, compared) = fit(places, areas, light, i, found);
         deadline.advance(rows.steps(1));
         let around: Vec<u32> = found.iter().take(COMPARED).map(|f| f.1).collect();
         ((fits, around), compared)
@@ -96,9 +97,10 @@ pub fn share(
     made.unzip_into_vecs(&mut own, &mut compared);
     let compared: Vec<Comparison> = rows.gather_numbers(compared);
     let chosen = rows.numbers().zip(own).with_min_len(256);
-    let mut shared: Vec<SharedKinds> =
-        rows.gather_numbers(chosen.map(|(i, own)| choose(&own, &compared, light, level, i)).collect());
-    (0..KINDS).for_each(|kind| keep_power(kind, (places, areas), light, &mut shared));
+    let mut shared: Vec<SharedKinds> = rows.gather_numbers(
+        chosen.map(|(i, (fits, around))| choose(&fits, &around, &compared, light, level, i)).collect(),
+    );
+    (0..KINDS).for_each(|kind| keep_power(kind, places, areas, light, &mut shared));
     let sum = |SharedKinds { irradiance: [direct, reflected], error }: SharedKinds| SharedLight {
         irradiance: std::array::from_fn(|k| direct[k] + reflected[k]),
         error,
@@ -113,7 +115,8 @@ type Row = [f64; UNKNOWNS];
 
 /// The fits of all windows around element `i`, and how they compare.
 fn fit(
-    (places, areas): (&[Place], &[f64]),
+    places: &[Place],
+    areas: &[f64],
     light: &[ElementLight],
     i: usize,
     found: &[(f32, u32)],
@@ -195,7 +198,8 @@ fn first_row(matrix: &[Row; UNKNOWNS], count: usize) -> Row {
 
 /// Chooses the windows of an element from its own fits and the comparisons at the elements around.
 fn choose(
-    (fits, around): &(Fits, Vec<u32>),
+    fits: &Fits,
+    around: &[u32],
     compared: &[Comparison],
     light: &[ElementLight],
     level: [f64; KINDS],
@@ -319,7 +323,7 @@ mod tests {
 
     fn shared_beside(places: &[Place], walls: Walls, light: &[ElementLight]) -> Vec<SharedLight> {
         let sight = Sight { walls, blockers: None };
-        share((places, &[1.0; 1600]), &sight, light, 0.0, &Ranks::default(), &Deadline::start(&(), None))
+        share(places, &[1.0; 1600], &sight, light, 0.0, &Ranks::default(), &Deadline::start(&(), None))
     }
 
     #[test]

@@ -186,7 +186,8 @@ pub(super) fn largest_errors(
     surroundings: &Surroundings,
     uneven: &[Uneven],
     least: f64,
-    (for_surfaces, most): (&mut usize, usize),
+    for_surfaces: &mut usize,
+    most: usize,
 ) -> Vec<ToDivide> {
     let mut chosen: Vec<&Uneven> = uneven.iter().filter(|of| of.error() > least).collect();
     chosen.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));

@@ -40,7 +40,7 @@ struct Traced {
 
 impl Traced {
     /// A leaf with its radiosity and its light along links.
-    fn of(area: f64, [links, radiosity]: [Rgb; 2], result: &LocalResult) -> Traced {
+    fn of(area: f64, links: Rgb, radiosity: Rgb, result: &LocalResult) -> Traced {
         let power = area * mean(radiosity);
         let (by_rays, by_links) = (mean(result.irradiance), mean(links));
         Traced {
@@ -184,8 +184,8 @@ impl<'a> Surrounding<'a> {
     ) {
         let of = |leaf: u32| {
             let state = &self.elements.states[leaf as usize];
-            let light = [state.irradiance, state.radiosity];
-            Traced::of(self.elements.elements[leaf as usize].area, light, &results[leaf as usize])
+            let area = self.elements.elements[leaf as usize].area;
+            Traced::of(area, state.irradiance, state.radiosity, &results[leaf as usize])
         };
         let sums = self.sums(traced.iter().map(|&leaf| (leaf, of(leaf))), Traced::add);
         let estimate = |&leaf: &u32| {
@@ -226,7 +226,8 @@ impl<'a> Surrounding<'a> {
     /// weighted by 1 / u² and 1 / error². Powers are in W/m² times scene units squared.
     pub fn balance(
         &self,
-        (leaves, untraced): (&[u32], &[u32]),
+        leaves: &[u32],
+        untraced: &[u32],
         received: Rgb,
         error: f64,
         results: &mut [LocalResult],
@@ -279,7 +280,7 @@ mod tests {
             let mut sum = Traced::default();
             for k in 1..=100 {
                 let links = f64::from(k) / 10.0;
-                sum.add(&Traced::of(1.0, [[links; 3]; 2], &of_rays(by_rays(links))));
+                sum.add(&Traced::of(1.0, [links; 3], [links; 3], &of_rays(by_rays(links))));
             }
             sum
         };
@@ -351,7 +352,7 @@ mod tests {
             let mut results = results.clone();
             untraced.iter().for_each(|&leaf| results[leaf as usize].noise = noise);
             let received = [wanted(&results, 1.5); 3];
-            around.balance((&leaves, &untraced), received, 1e-6, &mut results);
+            around.balance(&leaves, &untraced, received, 1e-6, &mut results);
             let found = light(&results, untraced[1])[1];
             assert!(
                 (found - want).abs() < 1e-6 && light(&results, traced[0]) == [1.0; 3],

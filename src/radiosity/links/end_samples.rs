@@ -73,12 +73,22 @@ pub(super) fn stratified_points(corners: &[Vec3; 4], seed: u64) -> [Vec3; 4] {
     })
 }
 
-/// Points and weights (with sum 1) that integrate polynomials over a surface exactly: up to the third degree over
+/// Points on a surface, with weights whose sum is 1.
+#[derive(Clone, Copy)]
+pub(super) struct Quadrature {
+    pub points: [Vec3; 4],
+    pub weights: [f32; 4],
+}
+
+/// Points and weights that integrate polynomials over a surface exactly: up to the third degree over
 /// parallelograms (Gauss and Legendre), up to the second degree over triangles.
-pub(super) fn gauss_points(c: &[Vec3; 4]) -> ([Vec3; 4], [f32; 4]) {
+pub(super) fn gauss_points(c: &[Vec3; 4]) -> Quadrature {
     if c[2] == c[3] {
         let at = |i: usize, j: usize, k: usize| (4.0 * c[i] + c[j] + c[k]) / 6.0;
-        return ([at(0, 1, 2), at(1, 2, 0), at(2, 0, 1), c[0]], [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, 0.0]);
+        return Quadrature {
+            points: [at(0, 1, 2), at(1, 2, 0), at(2, 0, 1), c[0]],
+            weights: [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, 0.0],
+        };
     }
     let (near, far) = (0.5 - 0.288_675_13, 0.5 + 0.288_675_13);
     let (mut points, mut weights) = ([Vec3::ZERO; 4], [0.0; 4]);
@@ -89,7 +99,7 @@ pub(super) fn gauss_points(c: &[Vec3; 4]) -> ([Vec3; 4], [f32; 4]) {
         weights[k] = parallel_length(along_u.cross(along_v));
     }
     let sum: f32 = weights.iter().sum();
-    (points, weights.map(|w| w / sum))
+    Quadrature { points, weights: weights.map(|w| w / sum) }
 }
 
 /// The kernel `cos cos' / π r²` between two points, 0 if one is behind the other. A point without a normal has the cosine 1/4,

@@ -88,7 +88,7 @@ impl SkyEstimator<'_> {
             return None;
         }
         let (draft, packet) = match &element.shape {
-            Shape::Surface { side, corners } => self.at_surface(pair, element, (*side, corners))?,
+            Shape::Surface { side, corners } => self.at_surface(pair, element, *side, corners)?,
             Shape::Cluster(_) => self.at_cluster(pair, element)?,
         };
         let half = pair.source.half_angle(self.environment).min(MAX_HALF_ANGLE);
@@ -101,7 +101,8 @@ impl SkyEstimator<'_> {
         &self,
         mut pair: SkyPair,
         element: &Element,
-        (side_number, corners): (u32, &[Vec3; 4]),
+        side_number: u32,
+        corners: &[Vec3; 4],
     ) -> Option<(SkyDraft, Packet)> {
         let side = &self.elements.sides[side_number as usize];
         let (source, environment) = (pair.source, self.environment);
@@ -125,7 +126,7 @@ impl SkyEstimator<'_> {
         let mut packet = Packet::EMPTY;
         if !pair.is_clear {
             let few = self.is_small(&pair, draft.scale);
-            (packet, draft.weights) = self.surface_packet(&pair, (side_number, corners), 0, few);
+            (packet, draft.weights) = self.surface_packet(&pair, side_number, corners, 0, few);
         }
         Some((draft, packet))
     }
@@ -133,7 +134,7 @@ impl SkyEstimator<'_> {
     /// Another packet of segments of a last measurement with their weights.
     fn further_packet(&self, pair: &SkyPair, number: u32) -> (Packet, [f32; LANES]) {
         match &self.elements.elements[pair.receiver as usize].shape {
-            Shape::Surface { side, corners } => self.surface_packet(pair, (*side, corners), number, false),
+            Shape::Surface { side, corners } => self.surface_packet(pair, *side, corners, number, false),
             Shape::Cluster(c) => {
                 let (_, packet, weights) = self.cluster_packet(pair, *c, number, false);
                 (packet, weights)
@@ -144,7 +145,8 @@ impl SkyEstimator<'_> {
     fn surface_packet(
         &self,
         pair: &SkyPair,
-        (side, corners): (u32, &[Vec3; 4]),
+        side: u32,
+        corners: &[Vec3; 4],
         number: u32,
         few: bool,
     ) -> (Packet, [f32; LANES]) {

@@ -7,7 +7,7 @@
 use super::VisibilityQuery;
 use super::accuracy::{Accuracy, FEW_SEGMENTS_ERROR, LinkDraft};
 use super::blocker_certificate::{BlockerCertificate, certify};
-use super::end_samples::{gauss_points, kernel, stratified_points};
+use super::end_samples::{Quadrature, gauss_points, kernel, stratified_points};
 use crate::form_factors::analytic::{clip, point_to_polygon, polygon_to_polygon};
 use crate::math::sampling::mix;
 use crate::radiosity::elements::{Element, Elements};
@@ -120,17 +120,24 @@ impl SurfacePair<'_> {
     }
 
     /// The exchange by Gauss points of both ends.
-    fn distant_exchange(&self, [ga, gb]: [([Vec3; 4], [f32; 4]); 2]) -> Exchange {
+    fn distant_exchange(&self, [ga, gb]: [Quadrature; 2]) -> Exchange {
         let ([ea, eb], [na, nb], nearest) = (self.ends, self.normals, self.min_distance());
         let rows: [f32; 4] = std::array::from_fn(|i| {
-            (0..4).map(|j| gb.1[j] * kernel(ga.0[i], Some(na), gb.0[j], Some(nb), nearest)).sum::<f32>()
+            (0..4)
+                .map(|j| gb.weights[j] * kernel(ga.points[i], Some(na), gb.points[j], Some(nb), nearest))
+                .sum::<f32>()
         });
         let columns: [f32; 4] = std::array::from_fn(|j| {
-            (0..4).map(|i| ga.1[i] * kernel(ga.0[i], Some(na), gb.0[j], Some(nb), nearest)).sum::<f32>()
+            (0..4)
+                .map(|i| ga.weights[i] * kernel(ga.points[i], Some(na), gb.points[j], Some(nb), nearest))
+                .sum::<f32>()
         });
         let over_both = |v: f32| (f64::from(v) * ea.area * eb.area) as f32;
-        let (mean, of_a) = moments(rows, ga.1);
-        Exchange { free: over_both(mean), deviation: [over_both(of_a), over_both(moments(columns, gb.1).1)] }
+        let (mean, of_a) = moments(rows, ga.weights);
+        Exchange {
+            free: over_both(mean),
+            deviation: [over_both(of_a), over_both(moments(columns, gb.weights).1)],
+        }
     }
 
     /// Replaces the exchange by Lambert's formula or, if `contour` is true for the exchange found, by the contour integral.
@@ -138,7 +145,7 @@ impl SurfacePair<'_> {
     fn near_exchange(
         &self,
         exchange: &mut Exchange,
-        [ga, gb]: [([Vec3; 4], [f32; 4]); 2],
+        [ga, gb]: [Quadrature; 2],
         cut: [bool; 2],
         contour: impl Fn(f32) -> bool,
     ) {
@@ -148,10 +155,10 @@ impl SurfacePair<'_> {
         let (polygon, other) = (doubles(large), doubles(from));
         let corners = if large[2] == large[3] { &polygon[..3] } else { &polygon[..] };
         let first = if from[2] == from[3] { &other[..3] } else { &other[..] };
-        let (points, shares) = if small_is_a { ga } else { gb };
+        let Quadrature { points, weights } = if small_is_a { ga } else { gb };
         let factors =
             points.map(|p| point_to_polygon(p.as_dvec3(), normal.as_dvec3(), corners).max(0.0) as f32);
-        let (factor, of_small) = moments(factors, shares);
+        let (factor, of_small) = moments(factors, weights);
         let Exchange { free, deviation } = exchange;
         *free = small.area as f32 * factor;
         deviation[usize::from(!small_is_a)] = small.area as f32 * of_small;

@@ -96,7 +96,7 @@ impl Stages<'_> {
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all);
             let rays = rays.map(|rays| rays.min(useful));
-            let found = gather.local_pass(rays, [useful, all], deadline);
+            let found = gather.local_pass(rays, useful, all, deadline);
             let note = notes::fewer_local_rays(rays.map(|_| found.traced_part), found.wanted, deadline);
             (found, note)
         });

@@ -81,11 +81,11 @@ pub fn solve(
             coarse.refine(options, &estimate, progress, &plan.refinement)
         }
     };
-    let (solved, steps) = stages.final_light(refined, points, (idle, local), &plan, start);
+    let (solved, steps) = stages.final_light(refined, points, idle, local, &plan, start);
     let gather = FinalGather::new(model, &solved.linked, options);
     let (irradiance, points_tally) = stages.points(&gather, points, &plan);
     let (uncertainty, audit, audit_tally) = stages.audit(&gather, &solved, &plan);
-    let points_error = stages.points_error((points, &irradiance), &plan);
+    let points_error = stages.points_error(points, &irradiance, &plan);
     let arrives = stages.notes_of_light(&solved, &irradiance, &coarse_light);
     if !solved.is_finite() || irradiance.iter().flatten().any(|v| !v.is_finite()) {
         return Err(Error::Scene(notes::NOT_FINITE.into()));
@@ -173,7 +173,7 @@ impl Stages<'_> {
         self.notes.extend(self.model.report().note.clone());
         let hierarchy = self.model.base().hierarchy();
         let (elements, surroundings, unlit) = timed(&mut self.seconds.elements, || {
-            lit_elements(scene, hierarchy, exact, (options, &self.deadline))
+            lit_elements(scene, hierarchy, exact, options, &self.deadline)
         });
         let model = self.model;
         let engine = timed(&mut self.seconds.characterise, || engine_for(model, &elements, options));
@@ -193,7 +193,8 @@ impl Stages<'_> {
         &mut self,
         mut refined: Refined,
         points: &[Point],
-        (idle, local): (bool, bool),
+        idle: bool,
+        local: bool,
         plan: &DeadlinePlan,
         start: Instant,
     ) -> (Solved, RefinementSteps) {
@@ -300,9 +301,14 @@ impl Stages<'_> {
     }
 
     /// The error of the irradiance at points.
-    fn points_error(&mut self, found: (&[Point], &[Rgb]), plan: &DeadlinePlan) -> Option<PointsError> {
+    fn points_error(
+        &mut self,
+        points: &[Point],
+        irradiance: &[Rgb],
+        plan: &DeadlinePlan,
+    ) -> Option<PointsError> {
         let (model, options) = (self.model, self.options);
-        timed(&mut self.seconds.audit, || PointsError::of(model, found, options, &plan.closing))
+        timed(&mut self.seconds.audit, || PointsError::of(model, points, irradiance, options, &plan.closing))
     }
 
     fn record(mut self, solved: &Solved, parts: RecordParts) -> Record {
@@ -367,7 +373,8 @@ fn lit_elements(
     scene: &Scene,
     hierarchy: &Hierarchy,
     exact: &Exact,
-    (options, deadline): (&Options, &Deadline),
+    options: &Options,
+    deadline: &Deadline,
 ) -> (Elements, Surroundings, Unlit) {
     let area = total_area(scene);
     let length = scene.ray_length();

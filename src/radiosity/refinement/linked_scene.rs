@@ -351,9 +351,9 @@ impl LinkedScene {
         let mut nodes = self.active_nodes();
         let sampled = link_row_sums(&self.elements, &nodes);
         self.assign_row_targets(&sampled);
-        let closed = &self.surroundings.closed;
-        let rows = (self.settings.row_sums, &sampled[..]);
-        let bounded = normalise_link_rows(&mut self.elements, &mut nodes, closed, rows, deadline);
+        let (closed, row_sums) = (&self.surroundings.closed, self.settings.row_sums);
+        let bounded =
+            normalise_link_rows(&mut self.elements, &mut nodes, closed, row_sums, &sampled, deadline);
         (sampled, bounded)
     }
 

@@ -71,7 +71,7 @@ pub fn probe(
             let small = elements.elements[elements.sides[s].element as usize].area < large;
             match s % step > 0 && small && deadline.late() {
                 true => (Vec::new(), Vec::new()),
-                false => rays_of_side(&tracer, (seed, power), s, packets),
+                false => rays_of_side(&tracer, seed, power, s, packets),
             }
         })
         .collect();
@@ -172,7 +172,8 @@ fn smallest_holding(elements: &Elements, leaf: usize, side: u32) -> usize {
 /// The rays of a side, and those of them that met a side without an element. All sides together emit `power`.
 fn rays_of_side(
     tracer: &SideRays,
-    (seed, power): (u64, f64),
+    seed: u64,
+    power: f64,
     s: usize,
     packets: &mut Vec<Packet>,
 ) -> (Vec<ProbeRay>, Vec<Entered>) {

@@ -140,7 +140,7 @@ fn points_on(faces: &[Quad], count: usize, seed: u64) -> Vec<(usize, Point)> {
 }
 
 /// Direct irradiance at a point of a face, and what it would be without other faces, W/m²: the sum over a grid on the lamp, with segments that are tested against every other face.
-fn integrated(faces: &[Quad], (own, point): &(usize, Point)) -> [f64; 2] {
+fn integrated(faces: &[Quad], own: usize, point: &Point) -> [f64; 2] {
     let lamp = faces.iter().position(|face| face.lit).expect("a lamp");
     let [a, b, _, d] = faces[lamp].corners;
     let front = (b - a).cross(d - a);
@@ -155,8 +155,7 @@ fn integrated(faces: &[Quad], (own, point): &(usize, Point)) -> [f64; 2] {
         if here <= 1e-6 * square.sqrt() || there <= 1e-6 * square.sqrt() {
             continue;
         }
-        let blocked =
-            |(k, face): (usize, &Quad)| k != *own && k != lamp && crosses(face, point.position, way);
+        let blocked = |(k, face): (usize, &Quad)| k != own && k != lamp && crosses(face, point.position, way);
         let light = here * there / (square * square) * front.length() / (GRID * GRID) as f64;
         free += light;
         sum += if faces.iter().enumerate().any(blocked) { 0.0 } else { light };
@@ -191,7 +190,7 @@ fn changed(mut faces: Vec<Quad>, variant: u64) -> Vec<Quad> {
 fn check_points(seed: u64) {
     let faces = changed(generated(seed / 4), seed);
     let points = points_on(&faces, 12, seed);
-    let want: Vec<[f64; 2]> = points.iter().map(|point| integrated(&faces, point)).collect();
+    let want: Vec<[f64; 2]> = points.iter().map(|(face, point)| integrated(&faces, *face, point)).collect();
     let level = want.iter().map(|[want, _]| want).sum::<f64>() / want.len() as f64;
     let base = Options { audit: 0, light_rays: Some(1024), ..Options::default() };
     let options = Options { direct_only: true, elements: false, ..base };
@@ -234,8 +233,8 @@ fn stated_and_true(seed: u64) -> [f64; 2] {
         Options { direct_only: true, elements: false, light_rays: Some(16), seed, ..Options::default() };
     let asked: Vec<Point> = points.iter().map(|(_, point)| *point).collect();
     let Outcome { irradiance, record, .. } = solved(&scene_of(&faces), &asked, &options);
-    let off = |(found, of): (&Rgb, &(usize, Point))| {
-        let [want, _] = integrated(&faces, of);
+    let off = |(found, (face, point)): (&Rgb, &(usize, Point))| {
+        let [want, _] = integrated(&faces, *face, point);
         [(found[0] - want).powi(2), want]
     };
     let sums = irradiance.iter().zip(&points).map(off).fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);

@@ -14,12 +14,24 @@ fn level(centre: DVec3, width: f64, up: bool) -> [DVec3; 4] {
     corners
 }
 
-/// A grey floor about the origin and a square lamp above it that faces down.
-fn lamp_over_floor(floor: f64, lamp: (DVec3, f64), reflectance: f32) -> Scene {
+/// A square lamp that faces down.
+struct Lamp {
+    centre: DVec3,
+    width: f64,
+}
+
+impl Lamp {
+    fn corners(&self) -> [DVec3; 4] {
+        level(self.centre, self.width, false)
+    }
+}
+
+/// A grey floor about the origin and a lamp above it.
+fn lamp_over_floor(floor: f64, lamp: &Lamp, reflectance: f32) -> Scene {
     let light = SoupMaterial { reflectance: [reflectance; 3], ..SoupMaterial::light("light", [10.0; 3]) };
     let mut pieces = Pieces::empty();
     pieces.grey("floor", 0.5).polygon(&level(DVec3::ZERO, floor, true));
-    pieces.made_of("lamp", light).polygon(&level(lamp.0, lamp.1, false));
+    pieces.made_of("lamp", light).polygon(&lamp.corners());
     pieces.scene()
 }
 
@@ -30,22 +42,22 @@ fn received(outcome: &Outcome, object: u32, front: bool) -> f64 {
 }
 
 /// Power that elements of the floor receive from a lamp in closed form, W: what the lamp reflects back is less than a thousandth of it.
-fn sent(floor: f64, lamp: (DVec3, f64)) -> f64 {
-    let factor = polygon_to_polygon(&level(lamp.0, lamp.1, false), &level(DVec3::ZERO, floor, true));
-    10.0 * std::f64::consts::PI * lamp.1 * lamp.1 * factor
+fn sent(floor: f64, lamp: &Lamp) -> f64 {
+    let factor = polygon_to_polygon(&lamp.corners(), &level(DVec3::ZERO, floor, true));
+    10.0 * std::f64::consts::PI * lamp.width * lamp.width * factor
 }
 
 #[test]
 fn light_of_a_lamp_arrives_on_floors_of_any_size() {
     for width in [1.0, 60.0, 1e5, 1e6] {
         // Beside the middle, which is a corner of elements.
-        let lamp = (DVec3::new(0.113 * width, 0.071 * width, 1.0), 1.0);
-        let scene = lamp_over_floor(width, lamp, 0.0);
+        let lamp = Lamp { centre: DVec3::new(0.113 * width, 0.071 * width, 1.0), width: 1.0 };
+        let scene = lamp_over_floor(width, &lamp, 0.0);
         for (error, local_rays, seed) in [(0.02, Some(400_000), 1), (0.1, None, 2)] {
             let options = Options { error, local_rays, seed, audit: 0, ..Options::default() };
             let outcome = solved(&scene, &[], &options);
             let Ledger { emitted, created, .. } = outcome.record.ledger;
-            let (found, want) = (received(&outcome, 0, true), sent(width, lamp));
+            let (found, want) = (received(&outcome, 0, true), sent(width, &lamp));
             assert!(created.abs() < 5e-3 * emitted, "{width} {error}: created {created} of {emitted}");
             assert!((found / want - 1.0).abs() < 0.01, "{width} {error}: {found} instead of {want}");
         }
@@ -55,16 +67,15 @@ fn light_of_a_lamp_arrives_on_floors_of_any_size() {
 /// A lamp lights a millionth of a floor, where all error is: of elements drawn by area alone the error bars would be checked in the dark.
 #[test]
 fn the_stated_error_is_that_of_the_lit_part() {
-    let (width, lamp) = (2000.0, (DVec3::new(300.0, 200.0, 2.0), 1.0));
-    let scene = lamp_over_floor(width, lamp, 0.0);
+    let (width, lamp) = (2000.0, Lamp { centre: DVec3::new(300.0, 200.0, 2.0), width: 1.0 });
+    let scene = lamp_over_floor(width, &lamp, 0.0);
     let options = Options { local_rays: Some(400_000), ..Options::default() };
     let outcome = solved(&scene, &[], &options);
     let vertices = &outcome.mesh.vertices;
     let (mut squares, mut light_squares, mut area, mut light) = (0.0, 0.0, 0.0, 0.0);
     for e in outcome.mesh.elements.iter().filter(|e| e.object == 0 && e.front) {
         let centre = e.corners.iter().map(|&c| DVec3::from(vertices[c as usize])).sum::<DVec3>() / 4.0;
-        let want =
-            10.0 * std::f64::consts::PI * point_to_polygon(centre, DVec3::Z, &level(lamp.0, lamp.1, false));
+        let want = 10.0 * std::f64::consts::PI * point_to_polygon(centre, DVec3::Z, &lamp.corners());
         squares += e.area * (e.irradiance[0] - want).powi(2);
         light_squares += e.area * want * want;
         (area, light) = (area + e.area, light + e.area * e.irradiance[0]);
@@ -79,12 +90,12 @@ fn the_stated_error_is_that_of_the_lit_part() {
 #[test]
 fn a_lamp_far_away_lights_the_ground_and_not_its_own_back() {
     for (distance, width, reflectance) in [(30.0, 0.3, 0.5), (570.0, 4.7, 0.5)] {
-        let lamp = (DVec3::new(0.3 * distance, 0.4 * distance, distance), width);
-        let scene = lamp_over_floor(20.0, lamp, reflectance);
+        let lamp = Lamp { centre: DVec3::new(0.3 * distance, 0.4 * distance, distance), width };
+        let scene = lamp_over_floor(20.0, &lamp, reflectance);
         for error in [0.02, 0.1] {
             let options = Options { error, local_rays: Some(400_000), audit: 0, ..Options::default() };
             let outcome = solved(&scene, &[], &options);
-            let (found, want) = (received(&outcome, 0, true), sent(20.0, lamp));
+            let (found, want) = (received(&outcome, 0, true), sent(20.0, &lamp));
             assert!((found / want - 1.0).abs() < 0.01, "{distance} {error}: {found} instead of {want}");
             assert!(received(&outcome, 1, false) < 1e-6 * want, "the back of the lamp is lit");
             assert!(received(&outcome, 1, true) < 0.01 * want, "more light than the ground reflects");
@@ -106,8 +117,8 @@ fn at_points(scene: &Scene, points: &[Point]) -> [Vec<f64>; 2] {
 #[test]
 fn links_bring_the_light_of_a_lamp_to_floors_of_any_size() {
     for width in [60.0, 5e3, 1e6] {
-        let lamp = (DVec3::new(0.03 * width, 0.01 * width, 1.0), 1.0);
-        let scene = lamp_over_floor(width, lamp, 0.0);
+        let lamp = Lamp { centre: DVec3::new(0.03 * width, 0.01 * width, 1.0), width: 1.0 };
+        let scene = lamp_over_floor(width, &lamp, 0.0);
         let outcome = solved(&scene, &[], &Options { local_rays: Some(0), audit: 0, ..Options::default() });
         let Ledger { emitted, absorbed, created, .. } = outcome.record.ledger;
         // The floor absorbs half of the light, and the lamp a tenth of the rest.
@@ -119,16 +130,15 @@ fn links_bring_the_light_of_a_lamp_to_floors_of_any_size() {
 /// Rays start 4 mm above a floor of 4 km; the light is that of the floor. They would start 2 m above one of 1,000 km, which is divided.
 #[test]
 fn points_of_large_floors_have_the_light_of_their_place() {
-    for (floor, lamp) in
-        [(4e3, (DVec3::new(700.0, 400.0, 0.7), 0.6)), (1e6, (DVec3::new(0.2, 0.1, 0.5), 1.0))]
-    {
-        let scene = lamp_over_floor(floor, lamp, 0.0);
+    for (floor, centre, width) in [(4e3, [700.0, 400.0, 0.7], 0.6), (1e6, [0.2, 0.1, 0.5], 1.0)] {
+        let lamp = Lamp { centre: centre.into(), width };
+        let scene = lamp_over_floor(floor, &lamp, 0.0);
         let beside = [0.0, 0.5, 1.0, 3.0];
-        let place = |x: f64| DVec3::new(lamp.0.x + x, lamp.0.y + 0.1, 0.0);
+        let place = |x: f64| DVec3::new(lamp.centre.x + x, lamp.centre.y + 0.1, 0.0);
         let points = beside.map(|x| Point { position: place(x), normal: DVec3::Z });
         let [found, traced] = at_points(&scene, &points);
         for ((x, found), traced) in beside.into_iter().zip(found).zip(traced) {
-            let factor = point_to_polygon(place(x), DVec3::Z, &level(lamp.0, lamp.1, false));
+            let factor = point_to_polygon(place(x), DVec3::Z, &lamp.corners());
             let want = 10.0 * std::f64::consts::PI * factor;
             assert!((found / want - 1.0).abs() < 2e-3, "{floor} {x}: {found} instead of {want}");
             assert!((traced / want - 1.0).abs() < 0.02, "{floor} {x}: {traced} instead of {want}");

@@ -149,7 +149,8 @@ pub fn normalise_link_rows(
     elements: &mut Elements,
     nodes: &mut ActiveNodes,
     closed: &[bool],
-    (row_sums, sampled): (RowSums, &[f64]),
+    row_sums: RowSums,
+    sampled: &[f64],
     deadline: &Deadline,
 ) -> usize {
     let mut sums = sampled.to_vec();

@@ -353,7 +353,7 @@ pub fn charts(rows: &[Row]) -> Result<(Vec<Chart>, usize)> {
                 let mut title = format!("{name}, by {}", short(a));
                 title += &if a == b { String::new() } else { format!(" and {}", short(b)) };
                 title += &if several { format!(": {scene}") } else { String::new() };
-                let plot = plot(&known, (column, name), a, (a != b).then_some(b));
+                let plot = plot(&known, column, name, a, (a != b).then_some(b));
                 let labels = if a == b { String::new() } else { format!("labels are {}; ", short(b)) };
                 let caption = format!(
                     "Each dot is a job; colours are {}, {labels}no other job is at once faster and more exact than those on \
@@ -401,7 +401,7 @@ fn pairs<'a>(options: &'a [String]) -> Vec<[&'a str; 2]> {
     }
 }
 
-fn plot(rows: &[&Row], (column, name): (&str, &str), colour: &str, label: Option<&str>) -> Plot {
+fn plot(rows: &[&Row], column: &str, name: &str, colour: &str, label: Option<&str>) -> Plot {
     let point = |row: &&Row| PlotPoint {
         x: value(row, "job_seconds").unwrap_or(0.0),
         y: value(row, column).unwrap_or(0.0),

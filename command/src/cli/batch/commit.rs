@@ -112,8 +112,7 @@ impl Line {
 
 /// The line of a job, whose outputs are on disk.
 fn line(plan: &Plan, hashes: &Hashes, closing: &Closing) -> Line {
-    let entry =
-        |k: usize, status| Entry::new((k, &plan.jobs[k]), &plan.keys[k], status, plan.shown[k].clone());
+    let entry = |k: usize, status| Entry::new(k, &plan.jobs[k], &plan.keys[k], status, plan.shown[k].clone());
     match closing {
         Closing::Skipped(job, why) => {
             let entry = Entry { error: Some(why.clone()), attempt: 0, ..entry(*job, Status::Skipped) };

@@ -88,8 +88,10 @@ struct Runner<'a> {
 /// The journal or a folder cannot be written.
 pub fn run(
     plan: &Plan,
-    (entries, done): (&mut Entries, &[bool]),
-    (hashes, journal): (&Arc<Hashes>, Journal),
+    entries: &mut Entries,
+    done: &[bool],
+    hashes: &Arc<Hashes>,
+    journal: Journal,
     settings: &Settings,
     reporter: &Reporter,
 ) -> Result<Summary> {
@@ -128,7 +130,7 @@ pub fn run(
             runner.assignments = Some(sender);
             scope.spawn(move || ranks::hand_out(world, plan, &assignments, &events));
         }
-        runner.follow(scope, (&events, &inbox), entries);
+        runner.follow(scope, &events, &inbox, entries);
         #[cfg(feature = "mpi")]
         runner.assignments.take();
         if runner.summary.interrupted {
@@ -172,7 +174,8 @@ impl<'a> Runner<'a> {
     fn follow<'s>(
         &mut self,
         scope: &'s Scope<'s, '_>,
-        (events, inbox): (&Sender<Event>, &Receiver<Event>),
+        events: &Sender<Event>,
+        inbox: &Receiver<Event>,
         entries: &mut Entries,
     ) where
         'a: 's,
@@ -183,7 +186,7 @@ impl<'a> Runner<'a> {
                 let mut started = 0;
                 for process in 0..self.schedule.processes() {
                     let Some((job, threads)) = self.schedule.start(process) else { continue };
-                    self.start(scope, (job, threads, process), events.clone());
+                    self.start(scope, job, threads, process, events.clone());
                     started += 1;
                 }
                 if started == 0 {
@@ -214,7 +217,9 @@ impl<'a> Runner<'a> {
     fn start<'s>(
         &mut self,
         scope: &'s Scope<'s, '_>,
-        (job, threads, process): (usize, usize, usize),
+        job: usize,
+        threads: usize,
+        process: usize,
         events: Sender<Event>,
     ) where
         'a: 's,
