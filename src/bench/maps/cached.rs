@@ -89,7 +89,7 @@ impl Bench<'_> {
         (spacing, rays): (usize, usize),
     ) -> Option<Cache<'b>> {
         let seed = self.options.seed as u32;
-        let field = FarField::new(engine, (self.scene, self.model.samplers()), (rays, seed))?;
+        let field = FarField::new(engine, self.scene, self.model.samplers(), rays, seed)?;
         let tree = Quadtree::new([grid.width, grid.height], spacing, |texels, side| {
             let parts = self.timer.parts(texels.len(), PART, |range| {
                 let clear =

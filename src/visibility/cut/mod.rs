@@ -72,7 +72,7 @@ impl DistanceCut {
     fn draft(scene: &Scene) -> (DistanceCut, Vec<build::Facts>) {
         let pieces = shells::Pieces::of(scene);
         let (shells, of_triangle) = shells::find(scene, &pieces);
-        let draft = build::build(scene, &pieces, (shells.len() as u32, &of_triangle));
+        let draft = build::build(scene, &pieces, shells.len() as u32, &of_triangle);
         let build::Draft { mut nodes, extinctions, blocks, facts } = draft;
         nodes.iter_mut().zip(extinction::stops(&facts)).for_each(|(node, stop)| node.stop = stop);
         (DistanceCut { nodes, extinctions, blocks, shells, isa: Isa::detect(), modes: Vec::new() }, facts)

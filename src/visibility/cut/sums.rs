@@ -101,7 +101,7 @@ impl Kernel for Bundles<'_> {
                 left_out |= u32::from(!shells && shell.is_passive(simd, bundle)) << lane;
             }
             for (number, packet) in bundle.packets.iter().enumerate() {
-                let trace = trace(simd, cut, (0, left_out), packet, &rule, &mut stack);
+                let trace = trace(simd, cut, 0, left_out, packet, &rule, &mut stack);
                 let segments = packet.len() as u32;
                 let class = class(&trace, segments);
                 let factor = self.tracing.mode().map_or(1.0, |mode| mode.fits[class].factor);

@@ -38,8 +38,10 @@ impl<'a> FarField<'a> {
     /// Segments of all probes end in `cells` cells of each emitter. `None` if the engine has no distance cut.
     pub fn new(
         engine: &MultiResolution,
-        (scene, emitters): (&Scene, &'a [EmitterSampler]),
-        (cells, seed): (usize, u32),
+        scene: &Scene,
+        emitters: &'a [EmitterSampler],
+        cells: usize,
+        seed: u32,
     ) -> Option<FarField<'a>> {
         let cut = engine.cut.clone()?;
         let targets = |(k, emitter): (u32, &EmitterSampler)| {
