@@ -17,14 +17,14 @@ const RASTER_TURN: (f32, f32) = (0.948_683_3, 0.316_227_76);
 pub(super) struct Frame {
     /// Direction of the view, a unit vector.
     pub(super) view: Vec3,
-    bounds: Aabb,
+    pub(super) bounds: Aabb,
     /// Width of a pixel, length; zero if the box has no extent.
     pub(super) pixel: f32,
     /// Number of columns and rows.
     pub(super) size: UVec2,
     /// The pixel coordinates of point p are `(p · u, p · v) + offset`.
-    u: Vec3,
-    v: Vec3,
+    pub(super) u: Vec3,
+    pub(super) v: Vec3,
     offset: Vec2,
 }
 
@@ -155,7 +155,8 @@ impl Measure {
     pub fn take(
         &mut self,
         silhouette: &Silhouette,
-        (analytic, slope): (f32, Vec3),
+        analytic: f32,
+        slope: Vec3,
         options: &Options,
     ) -> Measured {
         let Frame { view, bounds, pixel, .. } = silhouette.frame;
@@ -218,7 +219,7 @@ impl Measure {
 
     /// Fills `hull`, `gaps` and `cells` for a silhouette; false if the projection is too thin.
     fn project(&mut self, silhouette: &Silhouette, slope: Vec3) -> bool {
-        let Frame { view, bounds, pixel, size, u, v, .. } = silhouette.frame;
+        let size = silhouette.frame.size;
         self.hull.reset(size.x as usize, size.y as usize);
         fill_box(&mut self.hull, &silhouette.frame);
         if self.hull.count() < MIN_MEAN_WIDTH_PIXELS * size.max_element() as usize {
@@ -227,14 +228,12 @@ impl Measure {
         // Outside the projected box counts as object: only gaps inside are free regions.
         self.gaps.clone_from(&self.hull);
         self.gaps.subtract(&silhouette.contents);
-        let (u, v) = (pixel * pixel * u, pixel * pixel * v);
-        let origin = bounds.center() - 0.5 * (size.x as f32 * u + size.y as f32 * v);
         let Measure { hull, gaps, cells, .. } = self;
         let free = |x, y| match &silhouette.transmittance[..] {
             [] => count_in_cell(gaps, x, y),
             through => transmitted_in_cell(hull, through, x, y),
         };
-        cells.fill(hull, free, (bounds, slope), view, (origin, u, v));
+        cells.fill(hull, free, &silhouette.frame, slope);
         true
     }
 }

@@ -62,8 +62,10 @@ impl FineGround {
         &mut self,
         samples: impl Iterator<Item = DVec3>,
         columns: usize,
-        (mesh, pieces): (&Mesh, Vec<TerrainPiece>),
-        [polygon, object]: [u32; 2],
+        mesh: &Mesh,
+        pieces: Vec<TerrainPiece>,
+        polygon: u32,
+        object: u32,
     ) {
         let start = self.samples.len() as u32;
         self.samples.extend(samples);

@@ -62,8 +62,10 @@ impl TexelGrid {
 
 /// The part of a patch's rectangle that a grid covers: all, or the window with the most borders of shadows.
 pub(super) fn place(
-    (model, exact): (&Model, &dyn Occluder),
-    (surfaces, patch): (&Scene, &Patch),
+    model: &Model,
+    exact: &dyn Occluder,
+    surfaces: &Scene,
+    patch: &Patch,
     rectangle: Rectangle,
     grid: &TexelGrid,
 ) -> Rectangle {
