@@ -99,8 +99,8 @@ fn append(soup: &mut Soup, of: &Soup, placed: &[Aabb]) {
         soup.texcoords.extend(own.texcoords);
     }
     if let Some(ground) = &of.ground {
-        let first = [soup.polygons() as u32, object];
-        soup.ground.get_or_insert_default().append(ground, first);
+        let polygon = soup.polygons() as u32;
+        soup.ground.get_or_insert_default().append(ground, polygon, object);
     }
     soup.positions.extend(&of.positions);
     soup.tiles.extend(of.tiles.iter().map(|tile| tile.within([object, material])));
