@@ -7,7 +7,7 @@
 //! disc sizes miss: penumbra contrast, gaps beside clumps, contents that fill only part of their box, single thin
 //! parts of high contrast.
 
-use super::silhouette::Frame;
+use super::frame::Frame;
 use crate::raster::BitImage;
 use glam::{Vec2, Vec3};
 

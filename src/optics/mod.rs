@@ -5,6 +5,7 @@
 
 mod averaging_width;
 mod axes;
+mod frame;
 pub mod groups;
 mod silhouette;
 #[cfg(test)]
