@@ -24,7 +24,6 @@ use patch::{MIN_FILLED_PART, Patch, patches, relief};
 use rayon::prelude::*;
 use relief::highest;
 use std::sync::Arc;
-use window::TexelGrid;
 
 /// Number of receivers without names: their images fit on one page of the report.
 const DEFAULT_COUNT: usize = 3;
@@ -93,6 +92,14 @@ impl Crop {
         let row = |row: usize| values[row * width + x..][..columns].iter().copied();
         (y..y + rows).flat_map(row).collect()
     }
+}
+
+/// The texels of an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct TexelGrid {
+    width: usize,
+    height: usize,
+    texel: f64,
 }
 
 /// A patch with the irradiance of its brighter side.

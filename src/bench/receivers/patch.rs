@@ -1,8 +1,7 @@
 //! Planar patches of surfaces.
 
 use super::relief::points as relief_points;
-use super::window::TexelGrid;
-use super::{Rectangle, fit, inscribed};
+use super::{Rectangle, TexelGrid, fit, inscribed};
 use crate::bench::workload::ReceiverPoint;
 use crate::clusters::MIN_COPLANAR_COSINE;
 use crate::scene::Scene;

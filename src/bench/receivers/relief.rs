@@ -1,8 +1,7 @@
 //! Receivers that are not planar: heights of terrain, texel by texel.
 
 use super::super::workload::ReceiverPoint;
-use super::Rectangle;
-use super::window::TexelGrid;
+use super::{Rectangle, TexelGrid};
 use crate::math::triangle_normal;
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
