@@ -115,7 +115,7 @@ entry!(mrv_model_reference(
     let seed = if options.seed == 0 { 1 } else { options.seed };
     let direct_only = options.direct_only != 0;
     let trace = |progress| {
-        model.model.with_progress(progress).reference_of(count, points, (samples, direct_only, seed))
+        model.model.with_progress(progress).reference_of(count, points, samples, direct_only, seed)
     };
     let found = with_progress(call, options.progress, options.user, trace)??;
     out.copy_from_slice(&found.irradiance);

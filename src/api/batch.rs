@@ -268,7 +268,7 @@ impl Ask<'_> {
         let mut cost = Cost::default();
         if bundles.len() > 1 {
             self.packets(bundles.clone().map(|k| self.segments.of_bundle(k)), buffers);
-            self.sums(engine, (bundles, each), (&mut sums, &mut cost), buffers, workspace);
+            cost.add(self.sums(engine, bundles, each, &mut sums, buffers, workspace));
         } else {
             // A bundle may be larger than a chunk.
             for part in parts(self.segments.of_bundle(bundles.start)) {
@@ -277,7 +277,7 @@ impl Ask<'_> {
                 }
                 let own = each.as_mut().and_then(|each| each.split_off_mut(..part.len()));
                 self.packets(std::iter::once(part), buffers);
-                self.sums(engine, (bundles.clone(), own), (&mut sums, &mut cost), buffers, workspace);
+                cost.add(self.sums(engine, bundles.clone(), own, &mut sums, buffers, workspace));
             }
         }
         for (j, sum) in sums.iter().enumerate() {
@@ -286,15 +286,16 @@ impl Ask<'_> {
         Some(cost)
     }
 
-    /// Adds the answers to the packets in the buffers to those of their bundles, and writes those of their segments.
+    /// Adds the answers to the packets in the buffers to those of their bundles, and writes those of their segments; returns their cost.
     fn sums(
         &self,
         engine: &MultiResolution,
-        (bundles, mut each): (Range<usize>, Option<&mut [f32]>),
-        (sums, cost): (&mut [Sum], &mut Cost),
+        bundles: Range<usize>,
+        mut each: Option<&mut [f32]>,
+        sums: &mut [Sum],
         buffers: &mut BatchBuffers,
         workspace: &mut Workspace,
-    ) {
+    ) -> Cost {
         let BatchBuffers { packets, starts, sizes, bundle_of, .. } = buffers;
         let first = bundles.start;
         let size = |k: usize| self.segments.feature_sizes.map_or(0.0, |sizes| sizes.of(k));
@@ -304,7 +305,7 @@ impl Ask<'_> {
             own.chunks(if apart { 1 } else { own.len().max(1) }).map(move |part| (j, part))
         };
         let mut parts = (0..bundles.len()).flat_map(parts).peekable();
-        let mut at = 0;
+        let (mut at, mut cost) = (0, Cost::default());
         while parts.peek().is_some() {
             sizes.clear();
             bundle_of.clear();
@@ -327,6 +328,7 @@ impl Ask<'_> {
                 }
             });
         }
+        cost
     }
 }
 

@@ -93,7 +93,7 @@ impl Model {
     /// [`Error::Argument`](crate::Error::Argument) if a position is not finite or beyond 1e12, a normal has no length or there are fewer than 2 samples;
     /// [`Error::Cancelled`](crate::Error::Cancelled) if the caller's progress stops it.
     pub fn reference(&self, points: &[SurfacePoint], samples: u32, seed: u64) -> Result<Reference> {
-        self.reference_of(points.len(), |i| points[i], (samples, false, seed))
+        self.reference_of(points.len(), |i| points[i], samples, false, seed)
     }
 
     /// [`Model::reference`] at `count` points that `at` gives: they are copied once. `direct_only`: without reflections.
@@ -101,7 +101,9 @@ impl Model {
         &self,
         count: usize,
         at: impl Fn(usize) -> SurfacePoint,
-        (samples, direct_only, seed): (u32, bool, u64),
+        samples: u32,
+        direct_only: bool,
+        seed: u64,
     ) -> Result<Reference> {
         let points = SurfacePoint::all_checked(count, at, self.scene().origin, |point| point)?;
         let settings = Settings { samples, direct_only, seed };

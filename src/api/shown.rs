@@ -228,7 +228,7 @@ impl Solution {
                 .looking_inside(options.look_inside)
                 .under(inner.scene().sky());
             let gather = gather.map(|gather| gather as _);
-            Ok::<_, Error>(export::picture(&stage, (&camera, options.size), &inner.mesh, gather, progress))
+            Ok::<_, Error>(export::picture(&stage, &camera, options.size, &inner.mesh, gather, progress))
         })??;
         if frame.radiance.len() * 3 != radiance.len() || progress.stopped() {
             return Err(stopped("the picture"));
@@ -282,7 +282,7 @@ impl Solution {
                 let tone = Tone::of(smooth.radiosity.iter().copied());
                 match &*extension {
                     "ply" => export::write_ply(path, smooth, mesh.origin, tone, progress),
-                    _ => export::write_glb(path, smooth, (mesh.origin, scene.up_axis()), tone, progress),
+                    _ => export::write_glb(path, smooth, mesh.origin, scene.up_axis(), tone, progress),
                 }
             };
             // A stop after the file got its name comes too late: the file is complete.
@@ -301,16 +301,19 @@ impl Solution {
             let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?.under(inner.scene().sky());
             let mut views = Vec::new();
             for camera in inner.cameras(&stage) {
-                let frame = export::picture(&stage, (&camera, SIZE), &inner.mesh, None, progress);
+                let frame = export::picture(&stage, &camera, SIZE, &inner.mesh, None, progress);
                 if progress.stopped() {
                     return Err(stopped("the page"));
                 }
-                views.push(PageView::of(&stage, &inner.mesh, (&camera, SIZE), &frame));
+                views.push(PageView::of(&stage, &inner.mesh, &camera, SIZE, &frame));
             }
             export::solve_page(
                 &inner.record,
-                (inner.scene(), None, &inner.mesh),
-                (&views, &Default::default()),
+                inner.scene(),
+                None,
+                &inner.mesh,
+                &views,
+                &Default::default(),
                 "",
             )
         })?

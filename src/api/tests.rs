@@ -31,7 +31,7 @@ fn queries(model: &Model, points: usize, rays: usize) -> Arrays {
         for i in 0..rays {
             let [u, v, ..] = sobol_burley::sample_4d(i as u32, 1, k as u32);
             origins.push(from.to_array());
-            targets.push(faces.sample(scene, u, v).0.to_array());
+            targets.push(faces.sample(scene, u, v).position.to_array());
         }
         sizes.push(sampler.size_from(from));
     }

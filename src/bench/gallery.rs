@@ -91,7 +91,7 @@ impl Bench<'_> {
         let asked = self.decisions(&sample, engine);
         let shown = self.shown(&receivers, engine, &asked)?;
         let certified = self.certified_rays(&sample, engine);
-        self.time(engine, rows, (&asked, certified), &Gallery { receivers: &timed, workload: &workload })?;
+        self.time(engine, rows, &asked, certified, &Gallery { receivers: &timed, workload: &workload })?;
         self.gather(&receivers, shown)
     }
 
@@ -158,7 +158,8 @@ impl Bench<'_> {
         &self,
         engine: &MultiResolution,
         rows: &mut [MrRow],
-        (asked, certified): (&[PlannedRow], Vec<usize>),
+        asked: &[PlannedRow],
+        certified: Vec<usize>,
         gallery: &Gallery,
     ) -> Result<()> {
         let workload = gallery.workload;

@@ -180,12 +180,7 @@ impl Distant {
     }
 
     /// Ends of `count` segments from a point with a normal: the first directions above its horizon of those that `draw` gives by number.
-    pub fn ends(
-        &self,
-        (from, normal): (Vec3, Vec3),
-        count: usize,
-        draw: impl Fn(u32) -> [f32; 4],
-    ) -> Vec<Vec3> {
+    pub fn ends(&self, from: Vec3, normal: Vec3, count: usize, draw: impl Fn(u32) -> [f32; 4]) -> Vec<Vec3> {
         // At least about a sixteenth is above.
         let most = (16 * TRIED * TRIED * count) as u32;
         let drawn = (0..most).map(|i| {

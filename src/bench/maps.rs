@@ -93,7 +93,7 @@ impl Bench<'_> {
         if side == 0 {
             return Ok(Vec::new());
         }
-        let grids = surfaces.maps((self.model, &single_rays(self.model)), side, self.sizes[0]);
+        let grids = surfaces.maps(self.model, &single_rays(self.model), side, self.sizes[0]);
         let maps = grids.iter().map(|grid| self.map(grid, engine, build));
         maps.filter_map(Result::transpose).collect()
     }
@@ -166,8 +166,7 @@ impl Bench<'_> {
         }
         let mut sample_s = 0.0;
         let sample = timed(&mut sample_s, || {
-            let how = (&mr_rays[..], Extent::MAP);
-            Sample::of(self.scene, &map.lattices[0].2, how, &self.model.exact())
+            Sample::of(self.scene, &map.lattices[0].2, &mr_rays, Extent::MAP, &self.model.exact())
         });
         for (&s, rays) in self.sizes.iter().flat_map(|s| mr_rays.iter().map(move |&rays| (s, rays))) {
             let mut row = self.decide(&sample, engine, s, rays);

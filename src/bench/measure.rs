@@ -109,7 +109,8 @@ impl<'a, T> Chunk<'a, T> {
 fn bundles<'a>(
     queries: Queries<'a>,
     chunk: Range<usize>,
-    (packets, hulls): (&'a [Packet], &'a [Cow<[Vec3]>]),
+    packets: &'a [Packet],
+    hulls: &'a [Cow<[Vec3]>],
     rays: usize,
 ) -> (Vec<usize>, Vec<Bundle<'a>>) {
     let per_pair = rays.div_ceil(LANES);
@@ -221,7 +222,7 @@ impl Timer {
             |chunk: &mut Chunk<Option<Answer>>| chunk.prepare(queries, rays),
             |chunk| {
                 let Chunk { pairs, packets, hulls, answers, workspace } = chunk;
-                let (order, bundles) = bundles(queries, pairs.clone(), (packets, hulls), rays);
+                let (order, bundles) = bundles(queries, pairs.clone(), packets, hulls, rays);
                 answers.clear();
                 answers.resize(bundles.len(), None);
                 let mut next = order.iter();

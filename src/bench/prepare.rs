@@ -78,7 +78,7 @@ impl Bench<'_> {
     /// Sample of the workload for the decisions of all rows.
     pub fn sample(&self, workload: &Workload) -> Sample {
         let exact = self.model.exact();
-        let sample = Sample::of(self.scene, workload, (&self.mr_rays(), Extent::POINTS), &exact);
+        let sample = Sample::of(self.scene, workload, &self.mr_rays(), Extent::POINTS, &exact);
         sample.with_mean(self.scene, workload, &exact)
     }
 

@@ -24,7 +24,6 @@ use patch::{MIN_FILLED_PART, Patch, patches, relief};
 use rayon::prelude::*;
 use relief::highest;
 use std::sync::Arc;
-use window::TexelGrid;
 
 /// Number of receivers without names: their images fit on one page of the report.
 const DEFAULT_COUNT: usize = 3;
@@ -95,6 +94,14 @@ impl Crop {
     }
 }
 
+/// The texels of an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct TexelGrid {
+    width: usize,
+    height: usize,
+    texel: f64,
+}
+
 /// A patch with the irradiance of its brighter side.
 struct Candidate {
     patch: Patch,
@@ -137,28 +144,29 @@ impl Surfaces {
 
     /// Texels for feature sizes from `sizes[0]` to `sizes[1]`.
     pub fn grids(&self, model: &Model, exact: &dyn Occluder, sizes: [f64; 2]) -> Vec<ReceiverGrid> {
-        self.each((model, exact), |surface| TexelGrid::new(surface, sizes, self.share))
+        self.each(model, exact, |surface| TexelGrid::new(surface, sizes, self.share))
     }
 
     /// Texels of maps: `side` along the longer side, at most half of the smallest feature size wide.
-    pub fn maps(&self, scene: (&Model, &dyn Occluder), side: usize, smallest: f64) -> Vec<ReceiverGrid> {
-        let mut maps = self.each(scene, |surface| TexelGrid::map(surface, side, smallest));
+    pub fn maps(&self, model: &Model, exact: &dyn Occluder, side: usize, smallest: f64) -> Vec<ReceiverGrid> {
+        let mut maps = self.each(model, exact, |surface| TexelGrid::map(surface, side, smallest));
         maps.retain(|map| map.lit);
         maps
     }
 
     fn each(
         &self,
-        (model, exact): (&Model, &dyn Occluder),
+        model: &Model,
+        exact: &dyn Occluder,
         texels: impl Fn([f64; 2]) -> TexelGrid,
     ) -> Vec<ReceiverGrid> {
         let receiver = |(name, candidate): &(String, Candidate)| {
             let Candidate { patch, surfaces, rectangle, lit, .. } = candidate;
             let surface = [rectangle.width, rectangle.height];
             let grid = texels(surface);
-            let rectangle = window::place((model, exact), (surfaces, patch), *rectangle, &grid);
+            let rectangle = window::place(model, exact, surfaces, patch, *rectangle, &grid);
             let TexelGrid { width, height, texel } = grid;
-            let points = patch.points(surfaces, &rectangle, (width, height, texel));
+            let points = patch.points(surfaces, &rectangle, &grid);
             ReceiverGrid { name: name.clone(), width, height, texel, surface, lit: *lit, points }
         };
         self.chosen.iter().map(receiver).collect()
@@ -333,7 +341,7 @@ const CELLS: usize = 128;
 pub(super) fn inscribed(scene: &Scene, triangles: &[u32], around: &Rectangle) -> Option<Rectangle> {
     let cell = around.width / CELLS as f64;
     let rows = (around.height / cell).floor().max(1.0) as usize;
-    let highest = highest(scene, triangles, around, (CELLS, rows, cell));
+    let highest = highest(scene, triangles, around, &TexelGrid { width: CELLS, height: rows, texel: cell });
     let covered: Vec<bool> = highest.iter().map(Option::is_some).collect();
     let [left, top, right, bottom] = largest(&covered, CELLS)?;
     let up = around.normal.cross(around.right);

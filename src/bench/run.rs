@@ -87,7 +87,7 @@ pub fn run(
     let mut maps = timed(&mut spent.maps_s, || bench.maps(&surfaces, &mr, &build))?;
     build.exact_setup_s = build.embree_s + exact.iter().map(|row| row.setup_s).sum::<f64>();
     build.mr_setup_s = build.mr_preparation() + rows.iter().map(|row| row.decide_s).sum::<f64>();
-    let nothing_averaged = unaveraged::sentence((&rows, &classes), &images, &maps, &scene.unit);
+    let nothing_averaged = unaveraged::sentence(&rows, &classes, &images, &maps, &scene.unit);
     // Sizes that were asked for keep their rows.
     if nothing_averaged.is_some() && options.feature_sizes.is_empty() {
         unaveraged::keep_one(&mut rows, &mut images, &mut maps, options.rays);

@@ -59,12 +59,7 @@ struct Run {
 
 impl Sample {
     /// Samples with these numbers of segments per pair, and with one packet per pair. `exact` traces what tells errors.
-    pub fn of(
-        scene: &Scene,
-        workload: &Workload,
-        (rays, extent): (&[usize], Extent),
-        exact: &Exact,
-    ) -> Sample {
+    pub fn of(scene: &Scene, workload: &Workload, rays: &[usize], extent: Extent, exact: &Exact) -> Sample {
         let mut sample = Sample { sets: Vec::new(), runs: Vec::new(), truth: Halves::default(), mean: None };
         let pairs = workload.pairs.len();
         let length = (extent.run * workload.sources()).min(pairs);
@@ -109,7 +104,7 @@ impl Sample {
     /// Adds the bundles to which walks are fitted. Without, they are fitted to the bundles of this sample.
     #[must_use]
     pub fn with_mean(mut self, scene: &Scene, workload: &Workload, exact: &Exact) -> Sample {
-        self.mean = Some(Box::new(Sample::of(scene, workload, (&[MEAN_SEGMENTS], Extent::MEAN), exact)));
+        self.mean = Some(Box::new(Sample::of(scene, workload, &[MEAN_SEGMENTS], Extent::MEAN, exact)));
         self
     }
 
@@ -178,7 +173,7 @@ mod tests {
         let model = crate::model::testing::model(&scene, crate::model::Detail::Rays);
         let points = surface_points(&model, 3000, 1).expect("points");
         let workload = Workload::new(&model, points, 1);
-        let sample = Sample::of(&scene, &workload, (&[64, 256], Extent::POINTS), &model.exact());
+        let sample = Sample::of(&scene, &workload, &[64, 256], Extent::POINTS, &model.exact());
         let ends = |bundle: &Bundle| -> Vec<[u32; 3]> {
             let of = |p: &Packet, l: usize| p.point(l, 1.0).to_array().map(f32::to_bits);
             bundle.packets.iter().flat_map(|p| p.lanes().map(|l| of(p, l))).collect()

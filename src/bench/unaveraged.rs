@@ -9,7 +9,8 @@ use crate::page::length;
 /// That a row averages nothing has one of two reasons: the umbra criterion opens every cluster (certain if the largest size was walked to
 /// the end), or exact rays are expected to be faster.
 pub(super) fn sentence(
-    (rows, classes): (&[MrRow], &[ClassRecord]),
+    rows: &[MrRow],
+    classes: &[ClassRecord],
     images: &Imaged,
     maps: &[MapRecord],
     unit: &str,
@@ -107,31 +108,31 @@ mod tests {
     #[test]
     fn only_what_averages_nothing_is_said_to() {
         let (mut rows, mut images) = (rows(), Imaged::default());
-        let slower = sentence((&rows, &[]), &images, &[], "m").expect("a sentence");
+        let slower = sentence(&rows, &[], &images, &[], "m").expect("a sentence");
         assert!(slower.contains("expected to be faster") && slower.contains("0.1"), "{slower}");
         images.all_opened = true;
-        assert!(sentence((&rows, &[]), &images, &[], "m").is_some_and(|s| s.contains("may be averaged")));
+        assert!(sentence(&rows, &[], &images, &[], "m").is_some_and(|s| s.contains("may be averaged")));
         // A whole walk at a small size says nothing about larger ones.
         images.all_opened = false;
         rows[2].handed_over = 0.0;
-        assert_eq!(sentence((&rows, &[]), &images, &[], "m"), Some(slower));
+        assert_eq!(sentence(&rows, &[], &images, &[], "m"), Some(slower));
         rows[3].handed_over = 0.0;
-        assert!(sentence((&rows, &[]), &images, &[], "m").is_some_and(|s| s.contains("may be averaged")));
+        assert!(sentence(&rows, &[], &images, &[], "m").is_some_and(|s| s.contains("may be averaged")));
         images.averaged = true;
-        assert_eq!(sentence((&rows, &[]), &images, &[], "m"), None);
+        assert_eq!(sentence(&rows, &[], &images, &[], "m"), None);
         images.averaged = false;
         rows[1].aggregated_fraction = 1e-6;
-        assert_eq!(sentence((&rows, &[]), &images, &[], "m"), None);
-        assert_eq!(sentence((&[], &[]), &images, &[], "m"), None);
+        assert_eq!(sentence(&rows, &[], &images, &[], "m"), None);
+        assert_eq!(sentence(&[], &[], &images, &[], "m"), None);
         rows[1].aggregated_fraction = 0.0;
-        assert!(sentence((&rows, &[]), &images, &[MapRecord::default()], "m").is_some());
+        assert!(sentence(&rows, &[], &images, &[MapRecord::default()], "m").is_some());
         let averaged = MapMrRow { aggregated_fraction: 0.01, ..MapMrRow::default() };
         let map = MapRecord { mr: vec![averaged], ..MapRecord::default() };
-        assert_eq!(sentence((&rows, &[]), &images, &[map], "m"), None);
+        assert_eq!(sentence(&rows, &[], &images, &[map], "m"), None);
         let mut class = ClassRecord { mr: rows.clone(), ..ClassRecord::default() };
-        assert!(sentence((&rows, std::slice::from_ref(&class)), &images, &[], "m").is_some());
+        assert!(sentence(&rows, std::slice::from_ref(&class), &images, &[], "m").is_some());
         class.mr[3].aggregated_fraction = 0.01;
-        assert_eq!(sentence((&rows, &[class]), &images, &[], "m"), None);
+        assert_eq!(sentence(&rows, &[class], &images, &[], "m"), None);
     }
 
     #[test]

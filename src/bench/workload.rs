@@ -171,7 +171,7 @@ impl Workload {
             }
             // No surface is at the far end.
             Light::Distant(distant) => {
-                let ends = distant.ends((from, point.normal), rays, draw);
+                let ends = distant.ends(from, point.normal, rays, draw);
                 ends.into_iter().map(|end| (end, rule)).collect()
             }
         };

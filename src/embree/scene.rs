@@ -103,13 +103,14 @@ impl SceneBuilder {
             return Err(Error::Embree(format!("vertex {v} is not finite or too far away")));
         }
         let coordinates: Vec<[f32; 3]> = positions.iter().map(|p| p.to_array()).collect();
-        let index = (
+        self.add_geometry(
+            sys::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE,
+            &coordinates,
             sys::RTCBufferType::RTC_BUFFER_TYPE_INDEX,
             sys::RTCFormat::RTC_FORMAT_UINT3,
-            12,
             bytemuck::cast_slice(triangles),
-        );
-        self.add_geometry(sys::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE, &coordinates, index, 0)
+            0,
+        )
     }
 
     /// Adds rectangles of the samples of a grid, with two triangles for each four neighbours: from the first sample of a row, the second
@@ -133,43 +134,48 @@ impl SceneBuilder {
         if self.grid.is_some() || pieces.len() >= Hits::PIECE as usize || pieces.iter().any(is_wrong) {
             return Err(Error::Embree("a grid has pieces outside, or the scene has a grid already".into()));
         }
-        let index = (
+        self.add_geometry(
+            sys::RTCGeometryType::RTC_GEOMETRY_TYPE_GRID,
+            positions,
             sys::RTCBufferType::RTC_BUFFER_TYPE_GRID,
             sys::RTCFormat::RTC_FORMAT_GRID,
-            12,
             bytemuck::cast_slice(pieces),
-        );
-        self.add_geometry(sys::RTCGeometryType::RTC_GEOMETRY_TYPE_GRID, positions, index, 1)?;
+            1,
+        )?;
         self.grid = Some(triangle);
         Ok(())
     }
 
-    /// Adds a geometry of vertices and another buffer, of which kind, format, bytes of an item and content are given.
+    /// Adds a geometry of vertices and a buffer of items of twelve bytes, of this kind and format, that refer to them.
     fn add_geometry(
         &mut self,
         kind: sys::RTCGeometryType,
         positions: &[[f32; 3]],
-        index: (sys::RTCBufferType, sys::RTCFormat, usize, &[u8]),
+        buffer: sys::RTCBufferType,
+        format: sys::RTCFormat,
+        items: &[u8],
         id: u32,
     ) -> Result<()> {
+        /// Bytes of a vertex, of a triangle and of a piece of a grid.
+        const ITEM_BYTES: usize = 12;
         let device = &self.handle.device;
         // SAFETY: the device is live; the geometry is used only below and released after attaching.
         let geometry = unsafe { sys::rtcNewGeometry(device.inner.raw, kind) };
         device.check()?;
-        let fill = |(kind, format, item_bytes, bytes): (_, _, usize, &[u8])| {
-            // SAFETY: Embree allocates `count * item_bytes` bytes (padded as it needs) and returns their address,
+        let fill = |buffer, format, bytes: &[u8]| {
+            // SAFETY: Embree allocates `count * ITEM_BYTES` bytes (padded as it needs) and returns their address,
             // which stays valid until the geometry is released; exactly that many bytes are copied.
             unsafe {
-                let count = bytes.len() / item_bytes;
-                let buffer = sys::rtcSetNewGeometryBuffer(geometry, kind, 0, format, item_bytes, count);
+                let count = bytes.len() / ITEM_BYTES;
+                let buffer = sys::rtcSetNewGeometryBuffer(geometry, buffer, 0, format, ITEM_BYTES, count);
                 if !buffer.is_null() {
                     std::ptr::copy_nonoverlapping(bytes.as_ptr(), buffer.cast::<u8>(), bytes.len());
                 }
             }
         };
         let vertices = bytemuck::cast_slice(positions);
-        fill((sys::RTCBufferType::RTC_BUFFER_TYPE_VERTEX, sys::RTCFormat::RTC_FORMAT_FLOAT3, 12, vertices));
-        fill(index);
+        fill(sys::RTCBufferType::RTC_BUFFER_TYPE_VERTEX, sys::RTCFormat::RTC_FORMAT_FLOAT3, vertices);
+        fill(buffer, format, items);
         let filled = device.check();
         // SAFETY: `geometry` and the scene are live; attaching retains the geometry, so it is released here.
         unsafe {

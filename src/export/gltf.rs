@@ -26,7 +26,8 @@ const INDICES: u32 = 34963;
 pub fn write_glb(
     path: &Path,
     mesh: &Mesh,
-    (origin, up): (glam::DVec3, UpAxis),
+    origin: glam::DVec3,
+    up: UpAxis,
     tone: Tone,
     progress: &dyn Progress,
 ) -> Result<()> {

@@ -359,7 +359,8 @@ impl Lightmap {
 pub fn write_lightmap_mesh(
     path: &Path,
     map: &Lightmap,
-    (scene, image): (&Scene, &str),
+    scene: &Scene,
+    image: &str,
     progress: &dyn Progress,
 ) -> Result<()> {
     write_file(path, progress, |out| {

@@ -170,10 +170,7 @@ fn at_outlines(
         let of = |(e, outline): (usize, &Vec<u32>)| {
             go_on()?;
             Some(
-                outline
-                    .iter()
-                    .map(|&v| mean(solution, values, normals, (e as u32, v), around.of(v)))
-                    .collect(),
+                outline.iter().map(|&v| mean(solution, values, normals, e as u32, v, around.of(v))).collect(),
             )
         };
         outlines.par_iter().enumerate().map(of).collect()
@@ -267,7 +264,8 @@ fn mean(
     solution: &RadiosityMesh,
     values: &[[f64; 3]],
     normals: &[Vec3],
-    (element, vertex): (u32, u32),
+    element: u32,
+    vertex: u32,
     around: &[u32],
 ) -> [f64; 3] {
     let (mut sum, mut weights) = ([0.0; 3], 0.0);

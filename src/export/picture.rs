@@ -61,7 +61,8 @@ impl Camera {
 /// The picture of a camera: with the irradiance of each pixel by `gather`, if that is given and there is time, else interpolated.
 pub fn picture(
     stage: &Stage,
-    (camera, size): (&Camera, [usize; 2]),
+    camera: &Camera,
+    size: [usize; 2],
     solution: &RadiosityMesh,
     gather: Option<Gather>,
     progress: &dyn Progress,
@@ -114,7 +115,7 @@ const EDGE: f32 = 2.0;
 
 /// The tone-mapped picture of a camera. On the edges of bright faces the colours of samples are averaged, not their light: a lamp
 /// that is a hundred times brighter than white would fill all pixels that it touches.
-fn smoothly_developed(stage: &Stage, (camera, size): (&Camera, [usize; 2]), frame: &Frame) -> Picture {
+fn smoothly_developed(stage: &Stage, camera: &Camera, size: [usize; 2], frame: &Frame) -> Picture {
     let light = &frame.radiance;
     let mut picture = developed(size[0], light);
     let tone = Tone::of(light.iter().copied());
@@ -146,7 +147,8 @@ impl PageView {
     pub fn of(
         stage: &Stage,
         solution: &RadiosityMesh,
-        (camera, size): (&Camera, [usize; 2]),
+        camera: &Camera,
+        size: [usize; 2],
         frame: &Frame,
     ) -> PageView {
         let emits = |f: &First| solution.elements[f.element as usize].exitance != [0.0; 3];
@@ -157,7 +159,7 @@ impl PageView {
         };
         PageView {
             name: camera.name.clone(),
-            picture: smoothly_developed(stage, (camera, size), frame),
+            picture: smoothly_developed(stage, camera, size, frame),
             seen: frame.first.iter().map(seen).collect(),
         }
     }

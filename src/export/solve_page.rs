@@ -78,8 +78,11 @@ pub enum Seen {
 /// A picture has no pixels.
 pub fn solve_page(
     record: &Record,
-    (scene, photometry, solution): (&Scene, Option<Photometry>, &RadiosityMesh),
-    (views, grids): (&[PageView], &Markup),
+    scene: &Scene,
+    photometry: Option<Photometry>,
+    solution: &RadiosityMesh,
+    views: &[PageView],
+    grids: &Markup,
     command: &str,
 ) -> Result<String> {
     let name = file_name(&record.scene.path);

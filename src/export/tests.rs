@@ -123,7 +123,7 @@ fn lightmaps_hold_the_light_where_they_say() {
     }
     let folder = tempfile::tempdir().expect("scratch folder");
     let model = folder.path().join("lightmap.obj");
-    write_lightmap_mesh(&model, &map, (&scene, "lightmap.exr"), &()).expect("written");
+    write_lightmap_mesh(&model, &map, &scene, "lightmap.exr", &()).expect("written");
     assert_eq!(Scene::load(&model).expect("an OBJ file").triangles.len(), scene.triangles.len());
 }
 
@@ -292,7 +292,7 @@ fn files_are_what_their_formats_say() {
     let tone = Tone::of(mesh.radiosity.iter().copied());
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = |name: &str| folder.path().join(name);
-    write_glb(&path("a.glb"), &mesh, (DVec3::ZERO, crate::scene::UpAxis::Y), tone, &()).expect("written");
+    write_glb(&path("a.glb"), &mesh, DVec3::ZERO, crate::scene::UpAxis::Y, tone, &()).expect("written");
     let (document, buffers, _) = ::gltf::import(path("a.glb")).expect("glTF that its own crate takes");
     let primitive = document.meshes().next().and_then(|m| m.primitives().next()).expect("a mesh");
     let reader = primitive.reader(|b| Some(&buffers[b.index()]));

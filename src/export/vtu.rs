@@ -57,7 +57,7 @@ pub fn write_vtu(
     photometry: Option<Photometry>,
     progress: &dyn Progress,
 ) -> Result<()> {
-    write_file(path, progress, |out| write(out, solution, (scene, photometry)))
+    write_file(path, progress, |out| write(out, solution, scene, photometry))
 }
 
 /// The names of objects and materials, as fields of the whole file.
@@ -98,7 +98,8 @@ fn photometric_fields(s: &RadiosityMesh, photometry: &Photometry) -> [Array; 2] 
 fn write(
     out: &mut impl Write,
     s: &RadiosityMesh,
-    (scene, photometry): (&Scene, Option<Photometry>),
+    scene: &Scene,
+    photometry: Option<Photometry>,
 ) -> std::io::Result<()> {
     let points: Vec<[f64; 3]> = s.vertices.iter().map(|p| (s.origin + p.as_dvec3()).to_array()).collect();
     let connectivity: Vec<u32> = s.elements.iter().flat_map(Element::outline).copied().collect();

@@ -124,7 +124,7 @@ methods! { ModelParts for Model:
     fn notes_of_coarseness(&self) -> Vec<String>;
     fn notes_of_lost_light(&self) -> Vec<String>;
     fn prepared_again(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model>;
-    fn reference_of(&self, count: usize, at: impl Fn(usize) -> SurfacePoint, how: (u32, bool, u64)) -> Result<Reference>;
+    fn reference_of(&self, count: usize, at: impl Fn(usize) -> SurfacePoint, samples: u32, direct_only: bool, seed: u64) -> Result<Reference>;
     fn shared_scene(&self) -> Arc<Scene>;
     fn widest_packets(&self) -> Traversal;
     by value

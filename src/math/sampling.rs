@@ -3,6 +3,16 @@
 use glam::Vec3;
 use sobol_burley::sample_4d;
 
+/// A point of a surface.
+#[derive(Clone, Copy)]
+pub struct Site {
+    pub position: Vec3,
+    /// Unit normal of its face.
+    pub normal: Vec3,
+    /// Largest absolute coordinate of its face and that face's neighbours: the scale of rounding errors.
+    pub magnitude: f32,
+}
+
 /// Four numbers in `[0, 1)` for an item and a seed (SplitMix64, Steele et al. 2014).
 pub fn numbers(seed: u64, item: u64) -> [f32; 4] {
     let first = mix(seed ^ item.wrapping_mul(0x9e37_79b9_7f4a_7c15));

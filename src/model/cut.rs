@@ -83,11 +83,11 @@ impl Model {
     /// The route of an engine for bundles of `n` segments from points on surfaces.
     fn sampled_route(&self, engine: &MultiResolution, s: f32, n: usize) -> Route {
         let surfaces = Surfaces::receiving(self.scene(), self.bounds());
-        let (magnitudes, exact) = (self.base().magnitudes(), self.exact());
+        let exact = self.exact();
         let mut blocked = Vec::new();
         let (mut asked, mut truth) = (Vec::new(), Halves::default());
         for k in FIRST_SAMPLED..FIRST_SAMPLED + SAMPLED {
-            let of = |set: u32, count: usize| self.segments((&surfaces, magnitudes), (k, set), count);
+            let of = |set: u32, count: usize| self.segments(&surfaces, k, set, count);
             let sets = [of(0, n), of(1, TRUTH_RAYS), of(2, TRUTH_RAYS)];
             let [Some(own), Some(first), Some(second)] = sets else { continue };
             for (half, rays) in truth.iter_mut().zip([first, second]) {
@@ -103,14 +103,12 @@ impl Model {
 
     fn made_cut(&self) -> Option<DistanceCut> {
         let surfaces = Surfaces::receiving(self.scene(), self.bounds());
-        let magnitudes = self.base().magnitudes();
-        DistanceCut::fitted(self.scene(), |k| self.candidate(&surfaces, magnitudes, k), &self.exact())
+        DistanceCut::fitted(self.scene(), |k| self.candidate(&surfaces, k), &self.exact())
     }
 
     /// Receiver `k` of the pilot, unless it emits or faces no emitter.
-    fn candidate(&self, surfaces: &Surfaces, magnitudes: &[f32], k: u32) -> Option<Candidate<'_>> {
-        let mut sets =
-            [0, 1].map(|set| self.segments((surfaces, magnitudes), (k, set), LANES)).into_iter().flatten();
+    fn candidate(&self, surfaces: &Surfaces, k: u32) -> Option<Candidate<'_>> {
+        let mut sets = [0, 1].map(|set| self.segments(surfaces, k, set, LANES)).into_iter().flatten();
         let (mut first, mut second) = (sets.next()?, sets.next()?);
         let packets = [first.packets.swap_remove(0), second.packets.swap_remove(0)];
         Some(Candidate { packets, emitter_size: first.emitter_size, emitter: first.emitter })
@@ -118,12 +116,7 @@ impl Model {
 
     /// Stratified segments from point `k` on the surfaces to the front of an emitter, unless the point emits or faces none, or rounding
     /// turns the segments around. Points are even over all surfaces, sets of a point independent of each other.
-    fn segments(
-        &self,
-        (surfaces, magnitudes): (&Surfaces, &[f32]),
-        (k, set): (u32, u32),
-        count: usize,
-    ) -> Option<Sampled<'_>> {
+    fn segments(&self, surfaces: &Surfaces, k: u32, set: u32, count: usize) -> Option<Sampled<'_>> {
         let (scene, samplers) = (self.scene(), self.samplers());
         let [u, v, w, pick] = sobol(k, 0, SEED);
         let [side, ..] = sobol(k, 1, SEED);
@@ -138,7 +131,7 @@ impl Model {
         let normal = side * triangle_normal(corners[0], corners[1], corners[2]);
         let (emitter_size, _) = sampler.size_and_weight(at, normal)?;
         let facing = sampler.facing(scene, at);
-        let rule = EndRule::new(magnitudes[face as usize]);
+        let rule = EndRule::new(self.base().magnitudes()[face as usize]);
         let from = rule.lifted(at, normal);
         let own = (SEED ^ k.wrapping_mul(0x9e37_79b9)).wrapping_add(set.wrapping_mul(0x85eb_ca6b));
         let end = |i: u32| {

@@ -80,7 +80,7 @@ impl Model {
             for lane in 0..LANES {
                 let [u, v, w, _] = sample_4d(lane as u32, 1, SEED ^ k);
                 let to = match target {
-                    Some(sampler) => sampler.all().sample(scene, u, v).0,
+                    Some(sampler) => sampler.all().sample(scene, u, v).position,
                     None => surfaces.point(scene, other, v, w),
                 };
                 packet.set_unknown(lane, from, to, [ends; 2]);

@@ -7,7 +7,7 @@
 //! disc sizes miss: penumbra contrast, gaps beside clumps, contents that fill only part of their box, single thin
 //! parts of high contrast.
 
-use crate::math::Aabb;
+use super::frame::Frame;
 use crate::raster::BitImage;
 use glam::{Vec2, Vec3};
 
@@ -33,16 +33,12 @@ pub(super) struct Cells {
 
 impl Cells {
     /// Counts the pixels of `hull` (the projected box) per cell, takes the sum of their transmittances from `free(x,
-    /// y)` for cell (x, y), and computes path lengths along `view`, a unit vector. `origin` is the world position of
-    /// pixel corner (0, 0); `u` and `v` span one pixel.
-    pub fn fill(
-        &mut self,
-        hull: &BitImage,
-        free: impl Fn(usize, usize) -> f32,
-        (bounds, slope): (Aabb, Vec3),
-        view: Vec3,
-        (origin, u, v): (Vec3, Vec3, Vec3),
-    ) {
+    /// y)` for cell (x, y), and computes path lengths along the view through the box, in which density has a `slope`.
+    pub fn fill(&mut self, hull: &BitImage, free: impl Fn(usize, usize) -> f32, frame: &Frame, slope: Vec3) {
+        let Frame { view, bounds, pixel, size, .. } = *frame;
+        // One pixel, and the world position of pixel corner (0, 0).
+        let (u, v) = (pixel * pixel * frame.u, pixel * pixel * frame.v);
+        let origin = bounds.center() - 0.5 * (size.x as f32 * u + size.y as f32 * v);
         self.width = hull.width().div_ceil(CELL_PIXELS);
         self.height = hull.height().div_ceil(CELL_PIXELS);
         self.inside.clear();

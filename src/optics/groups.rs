@@ -98,7 +98,7 @@ pub fn measure(bounds: Aabb, members: &[Member], options: &Options) -> ClusterOp
     }
     // Extinction is fitted, never analytic: the areas of the members are known to their own boxes only.
     let options = Options { extinction: Extinction::Measured, ..*options };
-    let mut optics = scratch.measure((0.0, Vec3::ZERO), &options);
+    let mut optics = scratch.measure(0.0, Vec3::ZERO, &options);
     // Boxes smaller than a pixel may be missed by the raster.
     for member in members {
         let to_local = member.to_world.inverse();
@@ -130,7 +130,7 @@ impl Silhouette {
             let mix = AxisMix::around(along);
             for part in member.parts {
                 let kappa = mix.mix(|axis| part.extinction[axis]);
-                self.add_box(&mut depth, part.bounds, kappa, (&member.to_world, &to_local), along);
+                self.add_box(&mut depth, part.bounds, kappa, &member.to_world, &to_local, along);
             }
         }
         for (i, value) in depth.iter_mut().enumerate() {
@@ -149,7 +149,8 @@ impl Silhouette {
         depth: &mut [f32],
         part: Aabb,
         kappa: f32,
-        (to_world, to_local): (&Affine3A, &Affine3A),
+        to_world: &Affine3A,
+        to_local: &Affine3A,
         along: Vec3,
     ) {
         let size = self.frame.size;

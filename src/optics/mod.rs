@@ -5,6 +5,7 @@
 
 mod averaging_width;
 mod axes;
+mod frame;
 pub mod groups;
 mod silhouette;
 #[cfg(test)]
@@ -124,7 +125,8 @@ pub fn measure_unless(
             for (k, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
                 silhouette.draw(scene, tree.triangles_of(c), boxes[c], view(k));
             }
-            let optics = scratch.measure(average(c), options);
+            let (extinction, slope) = average(c);
+            let optics = scratch.measure(extinction, slope, options);
             let keep = c > 0 && !is_direct(tree.clusters[c].parent as usize);
             (Some(optics), keep.then(|| Box::new(scratch.silhouettes.clone())))
         })
@@ -141,7 +143,8 @@ pub fn measure_unless(
                     let parts = pictures[tree.clusters[c].child_range()].iter().flatten();
                     silhouette.compose(parts.map(|p| &p[k]), boxes[c], view(k));
                 }
-                Some((scratch.measure(average(c), options), Box::new(scratch.silhouettes.clone())))
+                let (extinction, slope) = average(c);
+                Some((scratch.measure(extinction, slope, options), Box::new(scratch.silhouettes.clone())))
             })
             .collect();
         for (c, (t, p)) in level.into_iter().zip(made?) {
@@ -190,7 +193,7 @@ struct Scratch {
 impl Scratch {
     /// Optics of the cluster whose silhouettes are in `self.silhouettes`, for its analytic extinction and density
     /// slope.
-    fn measure(&mut self, (analytic, slope): (f32, Vec3), options: &Options) -> ClusterOptics {
+    fn measure(&mut self, analytic: f32, slope: Vec3, options: &Options) -> ClusterOptics {
         let mut optics = ClusterOptics {
             extinction: [0.0; AXIS_COUNT],
             slope,
@@ -203,7 +206,7 @@ impl Scratch {
         };
         let (axes, probes) = self.silhouettes.split_at(AXIS_COUNT);
         for (axis, silhouette) in axes.iter().enumerate() {
-            let m = self.measure.take(silhouette, (analytic, slope), options);
+            let m = self.measure.take(silhouette, analytic, slope, options);
             (optics.blocker_size[axis], optics.gap_size[axis], optics.coverage[axis]) =
                 (m.blocker_size, m.gap_size, m.coverage);
             (optics.extinction[axis], optics.averaging_width[axis]) = (m.extinction, m.averaging_width);

@@ -2,60 +2,12 @@
 
 use super::averaging_width::{CELL_PIXELS, Cells, count_in_cell};
 use super::axes::{AXIS_COUNT, PROBE_COUNT};
+use super::frame::Frame;
 use super::{Extinction, OPAQUE_DEPTH, Options};
 use crate::math::Aabb;
 use crate::raster::{BitImage, Edt, fill_triangle};
 use crate::scene::Scene;
-use glam::{UVec2, Vec2, Vec3};
-
-/// Cosine and sine of the angle between pixel rows and the coordinate axes: 3/√10, 1/√10. Edges along the axes then
-/// have slope 1/3 in pixels, so that they pass pixel centres at three different distances.
-const RASTER_TURN: (f32, f32) = (0.948_683_3, 0.316_227_76);
-
-/// Mapping between world and pixel coordinates of an orthographic projection.
-#[derive(Clone, Copy)]
-pub(super) struct Frame {
-    /// Direction of the view, a unit vector.
-    pub(super) view: Vec3,
-    bounds: Aabb,
-    /// Width of a pixel, length; zero if the box has no extent.
-    pub(super) pixel: f32,
-    /// Number of columns and rows.
-    pub(super) size: UVec2,
-    /// The pixel coordinates of point p are `(p · u, p · v) + offset`.
-    u: Vec3,
-    v: Vec3,
-    offset: Vec2,
-}
-
-impl Frame {
-    /// The projection of box `bounds` along unit vector `view`, `across` pixels on its longer side.
-    fn of(bounds: Aabb, view: Vec3, across: usize) -> Frame {
-        // Turned against the coordinate axes: thin axis-aligned bars at regular distances would all miss, or all hit,
-        // the pixel centres (docs/method.md, Traps: thin bars).
-        let (u, v) = view.any_orthonormal_pair();
-        let (u, v) = (RASTER_TURN.0 * u + RASTER_TURN.1 * v, RASTER_TURN.0 * v - RASTER_TURN.1 * u);
-        let half = 0.5 * bounds.extent();
-        let reach = Vec2::new(half.dot(u.abs()), half.dot(v.abs()));
-        let pixel = 2.0 * reach.max_element() / across as f32;
-        let size = (2.0 * reach / pixel).ceil().as_uvec2().clamp(UVec2::ONE, UVec2::splat(across as u32));
-        let (u, v) = (u / pixel, v / pixel);
-        let centre = bounds.center();
-        let offset = 0.5 * size.as_vec2() - Vec2::new(centre.dot(u), centre.dot(v));
-        Frame { view, bounds, pixel, size, u, v, offset }
-    }
-
-    /// World position of a point with these pixel coordinates, in the plane through the centre of the box.
-    pub(super) fn position(&self, pixel: Vec2) -> Vec3 {
-        let away = pixel - 0.5 * self.size.as_vec2();
-        self.bounds.center() + self.pixel * self.pixel * (away.x * self.u + away.y * self.v)
-    }
-
-    #[inline(always)]
-    pub(super) fn project(self, p: Vec3) -> Vec2 {
-        Vec2::new(p.dot(self.u), p.dot(self.v)) + self.offset
-    }
-}
+use glam::{Vec2, Vec3};
 
 /// The silhouette of a cluster along one direction.
 #[derive(Clone)]
@@ -155,7 +107,8 @@ impl Measure {
     pub fn take(
         &mut self,
         silhouette: &Silhouette,
-        (analytic, slope): (f32, Vec3),
+        analytic: f32,
+        slope: Vec3,
         options: &Options,
     ) -> Measured {
         let Frame { view, bounds, pixel, .. } = silhouette.frame;
@@ -218,7 +171,7 @@ impl Measure {
 
     /// Fills `hull`, `gaps` and `cells` for a silhouette; false if the projection is too thin.
     fn project(&mut self, silhouette: &Silhouette, slope: Vec3) -> bool {
-        let Frame { view, bounds, pixel, size, u, v, .. } = silhouette.frame;
+        let size = silhouette.frame.size;
         self.hull.reset(size.x as usize, size.y as usize);
         fill_box(&mut self.hull, &silhouette.frame);
         if self.hull.count() < MIN_MEAN_WIDTH_PIXELS * size.max_element() as usize {
@@ -227,14 +180,12 @@ impl Measure {
         // Outside the projected box counts as object: only gaps inside are free regions.
         self.gaps.clone_from(&self.hull);
         self.gaps.subtract(&silhouette.contents);
-        let (u, v) = (pixel * pixel * u, pixel * pixel * v);
-        let origin = bounds.center() - 0.5 * (size.x as f32 * u + size.y as f32 * v);
         let Measure { hull, gaps, cells, .. } = self;
         let free = |x, y| match &silhouette.transmittance[..] {
             [] => count_in_cell(gaps, x, y),
             through => transmitted_in_cell(hull, through, x, y),
         };
-        cells.fill(hull, free, (bounds, slope), view, (origin, u, v));
+        cells.fill(hull, free, &silhouette.frame, slope);
         true
     }
 }

@@ -63,7 +63,7 @@ pub fn irradiance(
     let estimates: Option<Vec<Estimate>> = rows
         .numbers()
         .map_init(
-            || Paths::new(&surfaces, (lights.as_ref(), model.scene().sky()), settings),
+            || Paths::new(&surfaces, lights.as_ref(), model.scene().sky(), settings),
             |paths, i| {
                 let estimate = (!progress.stopped()).then(|| paths.estimate(i as u64, &points[i]));
                 progress.advance(rows.steps(1) as u64);

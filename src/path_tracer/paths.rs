@@ -47,7 +47,8 @@ pub struct Paths<'a> {
 impl<'a> Paths<'a> {
     pub fn new(
         surfaces: &'a Surfaces<'a>,
-        (lights, sky): (Option<&'a PowerSampler>, Option<&'a Environment>),
+        lights: Option<&'a PowerSampler>,
+        sky: Option<&'a Environment>,
         settings: Settings,
     ) -> Paths<'a> {
         Paths {

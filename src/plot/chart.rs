@@ -139,7 +139,7 @@ impl Plot {
             let visible = series.points.iter().filter(|p| x.scale.shows(p.x) && y.scale.shows(p.y));
             let pixels: Vec<(i32, i32)> = visible.map(|p| (x.pixel(p.x), y.pixel(p.y))).collect();
             if series.marks == Marks::Bars {
-                self.draw_bars(root, (series, *colour), &pixels, y.pixel(0.0))?;
+                self.draw_bars(root, series, *colour, &pixels, y.pixel(0.0))?;
                 continue;
             }
             if series.marks != Marks::Points {
@@ -159,7 +159,7 @@ impl Plot {
             }
         }
         let limits = [left, top, width as i32 - 2, height as i32 - bottom];
-        self.draw_labels(root, (&x, &y), limits, boxes)?;
+        self.draw_labels(root, &x, &y, limits, boxes)?;
         root.present()
     }
 
@@ -167,7 +167,8 @@ impl Plot {
     fn draw_bars(
         &self,
         root: &Area<'_>,
-        (series, colour): (&Series, RGBColor),
+        series: &Series,
+        colour: RGBColor,
         ends: &[(i32, i32)],
         zero: i32,
     ) -> Drawn {
@@ -186,7 +187,8 @@ impl Plot {
     fn draw_labels(
         &self,
         root: &Area<'_>,
-        (x, y): (&Axis, &Axis),
+        x: &Axis,
+        y: &Axis,
         limits: [i32; 4],
         mut boxes: Vec<[i32; 4]>,
     ) -> Drawn {

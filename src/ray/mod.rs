@@ -6,6 +6,7 @@ mod brute;
 #[cfg(test)]
 pub use brute::{Brute, Verdict};
 
+use crate::math::sampling::Site;
 use glam::Vec3;
 
 /// Number of segments of a packet: one AVX-512 register of f32.
@@ -294,12 +295,11 @@ impl EndRule {
         at + self.height().copysign(normal.dot(from - at)) * normal
     }
 
-    /// The other end of a segment from `from`, a lifted point with this rule, with its own rule: a point of a surface, the normal of its
-    /// face and the magnitude of its coordinates.
+    /// The other end of a segment from `from`, a lifted point with this rule, at a point of a surface, with its own rule.
     #[inline]
-    pub fn other_end(self, from: Vec3, (at, normal, magnitude): (Vec3, Vec3, f32)) -> (Vec3, EndRule) {
+    pub fn other_end(self, from: Vec3, Site { position, normal, magnitude }: Site) -> (Vec3, EndRule) {
         let there = EndRule::new(magnitude).seen_from(self);
-        (there.lifted_towards(at, normal, from), there)
+        (there.lifted_towards(position, normal, from), there)
     }
 
     /// Length that segments leave out at an end on an unknown surface, scene units.

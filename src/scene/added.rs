@@ -99,13 +99,13 @@ fn append(soup: &mut Soup, of: &Soup, placed: &[Aabb]) {
         soup.texcoords.extend(own.texcoords);
     }
     if let Some(ground) = &of.ground {
-        let first = [soup.polygons() as u32, object];
-        soup.ground.get_or_insert_default().append(ground, first);
+        let polygon = soup.polygons() as u32;
+        soup.ground.get_or_insert_default().append(ground, polygon, object);
     }
     soup.positions.extend(&of.positions);
     soup.tiles.extend(of.tiles.iter().map(|tile| tile.within([object, material])));
     take_degrees(soup, of, [position, object]);
-    note_distance(soup, of, (position as usize, placed));
+    note_distance(soup, of, position as usize, placed);
     soup.corners.extend(of.corners.iter().map(|k| position + k));
     soup.ends.extend(of.ends.iter().map(|k| corner + k));
     soup.polygon_object.extend(of.polygon_object.iter().map(|k| object + k));
@@ -124,7 +124,7 @@ fn append(soup: &mut Soup, of: &Soup, placed: &[Aabb]) {
 
 /// Notes that the surfaces of a file, whose positions begin with number `first`, are farther from all before them, `placed` ones included, than both are
 /// wide: their coordinates are likely of two systems.
-fn note_distance(soup: &mut Soup, of: &Soup, (first, placed): (usize, &[Aabb])) {
+fn note_distance(soup: &mut Soup, of: &Soup, first: usize, placed: &[Aabb]) {
     let (before, own) = soup.positions.split_at(first);
     if before.is_empty() && placed.is_empty() || own.is_empty() {
         return;
@@ -185,7 +185,7 @@ impl Curved {
     ///
     /// # Errors
     /// The factor is out of range, or it is not known which axis is upward.
-    pub fn lower(soup: &mut Soup, factor: f64, (up, metres): (Option<UpAxis>, f64)) -> Result<Curved> {
+    pub fn lower(soup: &mut Soup, factor: f64, up: Option<UpAxis>, metres: f64) -> Result<Curved> {
         // Refraction makes the radius seem up to some times as large, and never smaller than half.
         if !(0.5..=1e3).contains(&factor) {
             return Err(Error::argument("curvature", factor, "must lie in 0.5..1000 radii of the earth"));
@@ -231,7 +231,7 @@ mod tests {
     #[test]
     fn the_earth_curves_away_from_the_middle() {
         let mut soup = square(50.0);
-        let curved = Curved::lower(&mut soup, 7.0 / 6.0, (Some(UpAxis::Z), 1e3)).expect("a curved earth");
+        let curved = Curved::lower(&mut soup, 7.0 / 6.0, Some(UpAxis::Z), 1e3).expect("a curved earth");
         // √2 · 50 km from the middle: 5000 km² / 2R.
         let want = 7.0 - 5000.0 / (2.0 * 6371.0088 * 7.0 / 6.0);
         assert!(
@@ -243,7 +243,7 @@ mod tests {
         assert!((place.z - (7.0 - 450.0 / curved.radius)).abs() < 1e-9, "{place}");
         assert!((normal.x - 30.0 / curved.radius).abs() < 1e-6 && normal.is_normalized(), "{normal}");
         assert_eq!(curved.place(DVec3::new(0.0, 0.0, 7.0), DVec3::Z), (DVec3::new(0.0, 0.0, 7.0), DVec3::Z));
-        let unknown = Curved::lower(&mut soup, 1.0, (None, 1.0));
+        let unknown = Curved::lower(&mut soup, 1.0, None, 1.0);
         assert!(unknown.is_err_and(|e| e.to_string().contains("set `up`")));
     }
 

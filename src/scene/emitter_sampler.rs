@@ -2,7 +2,7 @@
 
 use super::{Emitter, Profile, Scene};
 use crate::math::Aabb;
-use crate::math::sampling::{on_triangle, pick};
+use crate::math::sampling::{Site, on_triangle, pick};
 use glam::Vec3;
 use std::{borrow::Cow, sync::Arc};
 
@@ -138,12 +138,12 @@ pub struct Facing<'a> {
 }
 
 impl Facing<'_> {
-    /// Area-uniform point from two numbers in `[0, 1)`, the unit normal of its face, and the [`Scene::face_magnitudes`] of the face: the
-    /// first number picks the face and is used again inside it.
-    pub fn sample(&self, scene: &Scene, u: f32, v: f32) -> (Vec3, Vec3, f32) {
+    /// Area-uniform point from two numbers in `[0, 1)`: the first number picks the face and is used again inside it.
+    pub fn sample(&self, scene: &Scene, u: f32, v: f32) -> Site {
         let (i, u, _) = pick(&self.sums, u);
         let EmitterSampler { triangles, normals, magnitudes, .. } = self.sampler;
-        (on_triangle(scene.corners(triangles[i]), u, v), normals[i], magnitudes[i])
+        let position = on_triangle(scene.corners(triangles[i]), u, v);
+        Site { position, normal: normals[i], magnitude: magnitudes[i] }
     }
 }
 

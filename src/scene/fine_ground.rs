@@ -62,8 +62,10 @@ impl FineGround {
         &mut self,
         samples: impl Iterator<Item = DVec3>,
         columns: usize,
-        (mesh, pieces): (&Mesh, Vec<TerrainPiece>),
-        [polygon, object]: [u32; 2],
+        mesh: &Mesh,
+        pieces: Vec<TerrainPiece>,
+        polygon: u32,
+        object: u32,
     ) {
         let start = self.samples.len() as u32;
         self.samples.extend(samples);
@@ -90,7 +92,7 @@ impl FineGround {
     }
 
     /// Adds that of a soup whose polygons and objects get numbers from these on.
-    pub(super) fn append(&mut self, of: &FineGround, [polygon, object]: [u32; 2]) {
+    pub(super) fn append(&mut self, of: &FineGround, polygon: u32, object: u32) {
         let (sample, corner) = (self.samples.len() as u32, self.corners.len() as u32);
         self.fields.extend(of.fields.iter().map(|(end, k)| (sample as usize + end, object + k)));
         self.samples.extend(&of.samples);

@@ -29,10 +29,10 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Soup> {
     soup.tiles = vec![Tile::of(&grid, [object, material])];
     let cells = (grid.columns() - 1) * (grid.rows() - 1);
     if 2 * cells <= FineGround::MAX_TRIANGLES {
-        add(&mut soup, &grid, (object, material));
+        add(&mut soup, &grid, object, material);
         return Ok(soup);
     }
-    add_coarse(&mut soup, &grid, (object, material), FineGround::MAX_TRIANGLES)?;
+    add_coarse(&mut soup, &grid, object, material, FineGround::MAX_TRIANGLES)?;
     soup.repairs.messages.push(format!(
         "{cells} cells of the terrain exchange light as {} triangles; rays meet all of them",
         soup.polygons()
@@ -41,7 +41,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Soup> {
 }
 
 /// Adds the triangles of a grid between samples with heights. Cells are divided from the south-west to the north-east.
-fn add(soup: &mut Soup, grid: &Grid, (object, material): (u32, u32)) {
+fn add(soup: &mut Soup, grid: &Grid, object: u32, material: u32) {
     let (columns, rows) = (grid.columns(), grid.rows());
     let mut vertex = vec![u32::MAX; columns * rows];
     for row in 0..rows {
@@ -73,7 +73,8 @@ fn add(soup: &mut Soup, grid: &Grid, (object, material): (u32, u32)) {
 pub(crate) fn add_coarse(
     soup: &mut Soup,
     grid: &Grid,
-    (object, material): (u32, u32),
+    object: u32,
+    material: u32,
     triangles: usize,
 ) -> Result<()> {
     let (columns, rows) = (grid.columns(), grid.rows());
@@ -87,7 +88,7 @@ pub(crate) fn add_coarse(
         soup.indexed_polygon(object, material, corners.map(|v| vertex + v));
     }
     let samples = (0..columns * rows).map(|k| position(k % columns, k / columns));
-    soup.ground.get_or_insert_default().add(samples, columns, (&mesh, pieces), [polygon, object]);
+    soup.ground.get_or_insert_default().add(samples, columns, &mesh, pieces, polygon, object);
     Ok(())
 }
 

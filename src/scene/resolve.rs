@@ -43,8 +43,9 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
 pub(super) fn resolve_moved(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
     luminaires::add_placed(&mut soup, options);
     luminaires::question_unit(&mut soup, options);
-    let axes = (options.up, power::unit_in_metres(&options.unit).unwrap_or(1.0));
-    let curved = options.curvature.map(|factor| Curved::lower(&mut soup, factor, axes)).transpose()?;
+    let metres = power::unit_in_metres(&options.unit).unwrap_or(1.0);
+    let lower = |factor| Curved::lower(&mut soup, factor, options.up, metres);
+    let curved = options.curvature.map(lower).transpose()?;
     let ground = soup.ground.take();
     let role = if ground.is_some() { Role::Ground } else { Role::Whole };
     let mut scene = resolve_as(soup, options, role)?;

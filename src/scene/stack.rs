@@ -74,7 +74,7 @@ pub(super) fn stack(
     let sheets = sheets(found, part, part_area, &normal);
     let mut fronts = fronts(&pairs, &normals, emitter, &sheets);
     let step = step(levels.keys().copied(), positions, triangles);
-    widen((&mut levels, &mut fronts), part, positions, triangles);
+    widen(&mut levels, &mut fronts, part, positions, triangles);
     let before = positions.len();
     let mut moved: Vec<(u32, u32)> =
         levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 > 0).collect();
@@ -106,7 +106,8 @@ pub(super) fn stack(
 
 /// Adds the triangles that continue lower faces in their plane, with the level and the front of these: a ceiling stays flat.
 fn widen(
-    (levels, fronts): (&mut HashMap<u32, u32>, &mut HashMap<u32, Vec3>),
+    levels: &mut HashMap<u32, u32>,
+    fronts: &mut HashMap<u32, Vec3>,
     part: &dyn Fn(usize) -> u32,
     positions: &[Vec3],
     triangles: &[[u32; 3]],

@@ -4,7 +4,7 @@ use super::answer::Bundle;
 use super::cost_model::CostModel;
 use super::frontier::Frontier;
 use super::instance_tree::InstanceTree;
-use super::instances::{ENTER_BUNDLE, ENTER_PACKET, InstanceBuffers, walk_instances};
+use super::instances::{ENTER_BUNDLE, ENTER_PACKET, InstanceBuffers, ModelTrees, walk_instances};
 use super::shaft::Shaft;
 use super::walk::{Buffers, WalkRule, Walked, walk};
 use super::wide::{FETCH_WORK, WideTree};
@@ -171,10 +171,10 @@ impl Kernel for BundleWalks<'_> {
                 let (e, factor, tolerance) = (size(&bundles[k]), engine.factor, engine.tolerance);
                 let rule = WalkRule { e, s, factor, soft, limit, fetch, enter, tolerance };
                 let mut found = match engine.instances {
-                    None => walk(simd, engine.tree, shared, (packets, &shafts[k]), &rule, buffers),
+                    None => walk(simd, engine.tree, shared, packets, &shafts[k], &rule, buffers),
                     Some(instances) => {
-                        let trees = (engine.tree, instances);
-                        walk_instances(simd, trees, (&bundles[k], &shafts[k]), &rule, buffers, placed)
+                        let trees = ModelTrees { base: engine.tree, instances };
+                        walk_instances(simd, trees, &bundles[k], &shafts[k], &rule, buffers, placed)
                     }
                 };
                 // Walks that end early add no sums: all segments are blocked, or Embree traces the bundle.

@@ -40,8 +40,10 @@ impl Frame {
         &self,
         simd: S,
         magnitude: f32,
-        (packets, emitter): (&[Packet], &[Vec3]),
-        (moved, hull): (&mut Vec<Packet>, &mut Vec<Vec3>),
+        packets: &[Packet],
+        emitter: &[Vec3],
+        moved: &mut Vec<Packet>,
+        hull: &mut Vec<Vec3>,
     ) -> Shaft {
         moved.clear();
         moved.extend(packets.iter().map(|packet| self.packet(packet)));
@@ -146,7 +148,7 @@ impl Lanes {
             set_box(&mut node, lane, child.bounds().thickened());
             node.child[lane] = lane as u32;
             if let Child::Group(group) = child {
-                set_optics((&mut node, &mut wide), lane, &group.content.optics);
+                set_optics(&mut node, &mut wide, lane, &group.content.optics);
             }
         }
         Lanes { node, optics: wide }

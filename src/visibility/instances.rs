@@ -13,7 +13,7 @@ use super::walk::{Buffers, WalkRule, Walked, gather, visit};
 use super::wide::{NODE_WORK, WideTree};
 use crate::clusters::placed::Child;
 use crate::optics::AxisMix;
-use crate::ray::Packet;
+use crate::ray::{Lanes, Packet};
 use crate::simd::Simd;
 use glam::Vec3;
 use smallvec::{SmallVec, smallvec};
@@ -35,12 +35,20 @@ pub(super) struct InstanceBuffers {
 /// Instances that a shaft touches, in their order; 64 of them fit without an allocation, 512 bytes of the stack.
 type TouchedInstances<'a> = SmallVec<[&'a Frame; 64]>;
 
-/// Walks for one bundle through the model's own triangles (`base`) and all instances.
+/// Trees of a model.
+pub(super) struct ModelTrees<'a> {
+    /// Clusters of the model's own triangles.
+    pub base: &'a WideTree,
+    pub instances: &'a InstanceTree,
+}
+
+/// Walks for one bundle through the model's own triangles and all instances.
 #[inline(always)]
 pub(super) fn walk_instances<S: Simd>(
     simd: S,
-    (base, instances): (&WideTree, &InstanceTree),
-    (bundle, shaft): (&Bundle, &Shaft),
+    ModelTrees { base, instances }: ModelTrees,
+    bundle: &Bundle,
+    shaft: &Shaft,
     rule: &WalkRule,
     buffers: &mut Buffers,
     own: &mut InstanceBuffers,
@@ -51,12 +59,12 @@ pub(super) fn walk_instances<S: Simd>(
     buffers.blocked.resize(packets.len(), 0);
     own.sums.clear();
     own.sums.resize(packets.len(), PacketSums::EMPTY);
-    let (mut walked, mut all) = gather(simd, base, None, (packets, shaft), rule, buffers);
-    let mut averaged = add_slabs(simd, buffers, (packets, shared), &mut own.sums, &mut walked);
+    let (mut walked, mut all) = gather(simd, base, None, packets, shaft, rule, buffers);
+    let mut averaged = add_slabs(simd, buffers, packets, shared, &mut own.sums, &mut walked);
     let mut found = TouchedInstances::new();
     if !all && !walked.gave_up {
         find(simd, instances, shaft, rule, buffers, &mut found, &mut walked);
-        averaged |= add_slabs(simd, buffers, (packets, shared), &mut own.sums, &mut walked);
+        averaged |= add_slabs(simd, buffers, packets, shared, &mut own.sums, &mut walked);
     }
     for frame in found {
         if all || walked.gave_up {
@@ -67,20 +75,20 @@ pub(super) fn walk_instances<S: Simd>(
             walked.gave_up = true;
             break;
         }
-        let segments = (packets, bundle.emitter);
-        let inner = frame.enter(simd, instances.magnitude, segments, (&mut own.packets, &mut own.emitter));
+        let InstanceBuffers { packets: moved, emitter: hull, .. } = &mut *own;
+        let inner = frame.enter(simd, instances.magnitude, packets, bundle.emitter, moved, hull);
         let rule = WalkRule {
             e: rule.e / frame.scale,
             s: rule.s / frame.scale,
             limit: rule.limit.saturating_sub(walked.work),
             ..*rule
         };
-        let (found, blocked) = gather(simd, &frame.tree, None, (&own.packets, &inner), &rule, buffers);
+        let (found, blocked) = gather(simd, &frame.tree, None, &own.packets, &inner, &rule, buffers);
         all = blocked || all_blocked(packets, &buffers.blocked);
         walked.join(&found);
         // Ends that differ in the model may be one point in the frame of the mesh.
         let inner_shared = inner.apex.is_some();
-        averaged |= add_slabs(simd, buffers, (&own.packets, inner_shared), &mut own.sums, &mut walked);
+        averaged |= add_slabs(simd, buffers, &own.packets, inner_shared, &mut own.sums, &mut walked);
     }
     if !walked.gave_up && !all {
         sum_up(simd, packets, averaged, buffers, own, &mut walked);
@@ -101,7 +109,6 @@ fn find<'a, S: Simd>(
     found: &mut TouchedInstances<'a>,
     walked: &mut Walked,
 ) {
-    let from = shaft.apex.unwrap_or(Vec3::ZERO);
     let mix = AxisMix::around(shaft.direction());
     buffers.slabs.clear();
     let mut queue: SmallVec<[_; 32]> = smallvec![(&instances.entry, instances.root.as_slice())];
@@ -114,13 +121,13 @@ fn find<'a, S: Simd>(
             walked.gave_up = true;
             return;
         }
-        let node = (&lanes.node, &lanes.optics);
-        visit(simd, node, (shaft, from), rule, &mix, &mut buffers.slabs, &mut |child| match &children
-            [child as usize]
-        {
-            Child::Item(item) => found.push(&item.content.frame),
-            Child::Group(group) => queue.push((&group.content.lanes, &group.children)),
-        });
+        let opened = visit(simd, &lanes.node, &lanes.optics, shaft, rule, &mix, &mut buffers.slabs);
+        for lane in Lanes(opened) {
+            match &children[lanes.node.child[lane] as usize] {
+                Child::Item(item) => found.push(&item.content.frame),
+                Child::Group(group) => queue.push((&group.content.lanes, &group.children)),
+            }
+        }
     }
 }
 
@@ -129,7 +136,8 @@ fn find<'a, S: Simd>(
 fn add_slabs<S: Simd>(
     simd: S,
     buffers: &mut Buffers,
-    (packets, shared): (&[Packet], bool),
+    packets: &[Packet],
+    shared: bool,
     sums: &mut [PacketSums],
     walked: &mut Walked,
 ) -> bool {

@@ -52,39 +52,43 @@ impl SegmentWalk {
     }
 }
 
-/// Walks the clusters for one segment with emitter size `e` and feature size `s`. Cluster optics are interpolated for `towards`,
-/// the direction of the segment's bundle; `blocks(triangle)` tests a triangle against the segment. Leaves with faces of emitters
-/// are treated like others.
+/// The rule by which clusters are aggregated for the segments of a bundle.
+pub struct SegmentRule {
+    /// Emitter size and feature size, scene units.
+    pub e: f32,
+    pub s: f32,
+    pub leaf: LeafMode,
+    /// Weights of the clusters' optics for the direction of the bundle.
+    pub mix: AxisMix,
+}
+
+/// Walks the clusters for one segment; `blocks(triangle)` tests a triangle against it. Leaves with faces of emitters are treated like
+/// others.
 pub fn walk(
     hierarchy: &Hierarchy,
     optics: &[ClusterOptics],
     segment: Segment,
-    towards: Vec3,
-    (e, s): (f32, f32),
-    leaf: LeafMode,
+    rule: &SegmentRule,
     mut blocks: impl FnMut(u32) -> bool,
 ) -> SegmentWalk {
     let mut walked = SegmentWalk { depth: 0.0, blocked: false, aggregated: 0 };
     walked.blocked = hierarchy.large.order.iter().any(|&t| blocks(t));
     if !hierarchy.micro.clusters.is_empty() {
-        let mix = AxisMix::around(towards);
-        visit(&hierarchy.micro, 0, optics, segment, (e, s), leaf, &mix, &mut walked, &mut blocks);
+        visit(&hierarchy.micro, 0, optics, segment, rule, &mut walked, &mut blocks);
     }
     walked
 }
 
-#[allow(clippy::too_many_arguments)] // The state of a recursion that exists to be read beside the paper.
 fn visit(
     tree: &Tree,
     c: usize,
     optics: &[ClusterOptics],
     segment: Segment,
-    (e, s): (f32, f32),
-    leaf: LeafMode,
-    mix: &AxisMix,
+    rule: &SegmentRule,
     walked: &mut SegmentWalk,
     blocks: &mut impl FnMut(u32) -> bool,
 ) {
+    let SegmentRule { e, s, leaf, ref mix } = *rule;
     let cluster = &tree.clusters[c];
     let bounds = cluster.bounds.thickened();
     let (mut enter, mut leave) = (0.0f32, 1.0f32);
@@ -115,7 +119,7 @@ fn visit(
         walked.blocked |= tree.triangles_of(c).iter().any(|&t| blocks(t));
     } else {
         for child in cluster.child_range() {
-            visit(tree, child, optics, segment, (e, s), leaf, mix, walked, blocks);
+            visit(tree, child, optics, segment, rule, walked, blocks);
         }
     }
 }

@@ -129,7 +129,7 @@ impl MultiResolution {
         let taken = |cut: &Arc<DistanceCut>| sample.runs.iter().flatten().any(|bundle| cut.takes(bundle));
         let cuts = if self.cut.as_ref().is_some_and(taken) { cuts } else { 0..0 };
         let rays = sample.runs.iter().flatten().map(|bundle| self.rays_work(bundle)).collect::<Vec<f64>>();
-        let mut trial = |route, limit| self.with_route(route).trial((sample, &rays), s, limit, workspace);
+        let mut trial = |route, limit| self.with_route(route).trial(sample, &rays, s, limit, workspace);
         let mut best = (MAX_COST_RATIO * trial(Route::Exact, f64::INFINITY).cost(), Route::Exact);
         for route in cuts.map(Route::Cut).chain([Route::Certified]) {
             let cost = trial(route, best.0).cost();
@@ -140,7 +140,7 @@ impl MultiResolution {
         // Fitting takes longer than a trial, so that walks that would be too slow even with a mean error of zero are not fitted.
         if trial(Route::WALKS, best.0).without_mean().cost() < best.0 {
             let walks = self.fitted_walks(mean, s, workspace);
-            if self.with_route(walks).trial((sample, &rays), s, best.0, workspace).cost() < best.0 {
+            if self.with_route(walks).trial(sample, &rays, s, best.0, workspace).cost() < best.0 {
                 return walks;
             }
         }
@@ -159,7 +159,8 @@ impl MultiResolution {
     /// with an infinite time, if the cost exceeds `limit` whatever the errors are.
     fn trial(
         &self,
-        (sample, rays): (&RouteSample, &[f64]),
+        sample: &RouteSample,
+        rays: &[f64],
         s: f32,
         limit: f64,
         workspace: &mut Workspace,

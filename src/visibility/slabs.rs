@@ -1,6 +1,6 @@
 //! Aggregated clusters: boxes with extinction, and the transmittance of segments through them.
 
-use super::shaft::FromReceiver;
+use super::shaft::{FromReceiver, Shaft};
 use super::wide::WideNode;
 use crate::ray::{Lanes, Packet};
 use crate::simd::vector::{self, Vector};
@@ -65,9 +65,11 @@ impl Slabs {
     pub fn add<S: Simd>(
         &mut self,
         simd: S,
-        (node, lanes): (&WideNode, u32),
+        node: &WideNode,
+        lanes: u32,
         from: Vec3,
-        (extinctions, errors): (S::F, S::F),
+        extinctions: S::F,
+        errors: S::F,
     ) {
         if self.used == self.rows.len() {
             self.rows.push(SlabRow::EMPTY);
@@ -304,7 +306,8 @@ impl<S: Simd> Lines<S> {
         packets: &[Packet],
         blocked: &[u32],
         lanes: &[u32; 4],
-        (shared, reach): (bool, f32),
+        shared: bool,
+        reach: f32,
     ) -> Option<Lines<S>> {
         let fours = lanes[0] == OF_FOUR[0];
         let part = simd.splat(if fours { 0.25 } else { 0.5 });
@@ -349,8 +352,7 @@ const MIN_FOLD_BY_FOUR_PACKETS: usize = 8;
 
 /// Traces the unblocked segments of a bundle through the aggregated boxes: one by one, or, in bundles of several
 /// packets whose adjacent lanes end close together (see [`crate::ray::gather_neighbours`]), as means of two or four
-/// segments. `reach` is the largest distance of ends from their mean, scene units; `shared` says that all segments
-/// start at the boxes' reference point.
+/// segments.
 ///
 /// Appends the summed transmittance of each packet to `sums`; folded lines never mix packets. For a bundle of one
 /// packet, which is never folded, `each` receives the transmittance of every segment, 0 in unused lanes; for other
@@ -359,11 +361,16 @@ const MIN_FOLD_BY_FOUR_PACKETS: usize = 8;
 pub(super) fn pass<S: Simd>(
     simd: S,
     slabs: &Slabs,
-    (packets, blocked): (&[Packet], &[u32]),
-    (shared, reach): (bool, f32),
+    packets: &[Packet],
+    blocked: &[u32],
+    shaft: &Shaft,
     sums: &mut Vec<f32>,
     each: &mut [f32; LANES],
 ) -> Passed {
+    // All segments start at the boxes' reference point.
+    let shared = shaft.apex.is_some();
+    // Adjacent segments are folded if their ends are at most a quarter of the bundle's width from their mean.
+    let reach = 0.5 * shaft.ends[0].half.max(shaft.ends[1].half).max_element();
     let mut all = Passed::default();
     let (fold, lanes) = match packets.len() {
         ..2 => (1, &OF_TWO),
@@ -372,7 +379,7 @@ pub(super) fn pass<S: Simd>(
     };
     for (packets, blocked) in packets.chunks(fold).zip(blocked.chunks(fold)) {
         let full = packets.len() > 1 && packets.iter().all(|packet| packet.active == 0xffff);
-        let folded = if full { Lines::folded(simd, packets, blocked, lanes, (shared, reach)) } else { None };
+        let folded = if full { Lines::folded(simd, packets, blocked, lanes, shared, reach) } else { None };
         if let Some(lines) = folded {
             let (transmittance, passed) = lines.pass(simd, slabs, shared);
             let of_packet = |&lanes: &u32| simd.sum(simd.keep(simd.mask(lanes), transmittance));

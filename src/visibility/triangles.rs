@@ -34,7 +34,8 @@ pub(super) fn block_all<S: Simd>(
     shaft: &Shaft,
     block: &WideBlock,
     packets: &[Packet],
-    (tiles, blocked): (&mut Tiles, &mut [u32]),
+    tiles: &mut Tiles,
+    blocked: &mut [u32],
 ) -> Tested {
     let corner = vector::load(simd, &block.corner);
     let (edge1, edge2) = (vector::load(simd, &block.edge1), vector::load(simd, &block.edge2));
@@ -54,8 +55,8 @@ pub(super) fn block_all<S: Simd>(
     }
     match &shaft.pyramid {
         Some(pyramid) => {
-            let fans = Fans::of(simd, shaft, pyramid, (&corner, &edge1, &edge2, &normal));
-            fans.block(simd, (block, touched), packets, (tiles, blocked))
+            let fans = Fans::of(simd, shaft, pyramid, &corner, &edge1, &edge2, &normal);
+            fans.block(simd, block, touched, packets, tiles, blocked)
         }
         None => each(simd, block, touched, packets, blocked),
     }
@@ -128,7 +129,10 @@ impl Fans {
         simd: S,
         shaft: &Shaft,
         pyramid: &Pyramid,
-        (corner, edge1, edge2, normal): (&Vector<S>, &Vector<S>, &Vector<S>, &Vector<S>),
+        corner: &Vector<S>,
+        edge1: &Vector<S>,
+        edge2: &Vector<S>,
+        normal: &Vector<S>,
     ) -> Fans {
         let zero = simd.splat(0.0);
         let v = vector::sub(simd, &vector::splat(simd, pyramid.apex), corner);
@@ -190,9 +194,11 @@ impl Fans {
     fn block<S: Simd>(
         &self,
         simd: S,
-        (block, touched): (&WideBlock, u32),
+        block: &WideBlock,
+        touched: u32,
         packets: &[Packet],
-        (tiles, blocked): (&mut Tiles, &mut [u32]),
+        tiles: &mut Tiles,
+        blocked: &mut [u32],
     ) -> Tested {
         if touched & self.covering != 0 {
             packets.iter().zip(blocked).for_each(|(packet, blocked)| *blocked = packet.active);

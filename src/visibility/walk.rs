@@ -72,13 +72,14 @@ pub(super) fn walk<S: Simd>(
     simd: S,
     tree: &WideTree,
     frontier: Option<&Frontier>,
-    (packets, shaft): (&[Packet], &Shaft),
+    packets: &[Packet],
+    shaft: &Shaft,
     rule: &WalkRule,
     buffers: &mut Buffers,
 ) -> Walked {
     buffers.blocked.clear();
     buffers.blocked.resize(packets.len(), 0);
-    let (mut walked, all) = gather(simd, tree, frontier, (packets, shaft), rule, buffers);
+    let (mut walked, all) = gather(simd, tree, frontier, packets, shaft, rule, buffers);
     if walked.gave_up {
         return walked;
     }
@@ -103,10 +104,7 @@ pub(super) fn walk<S: Simd>(
         (walked.transmittance, walked.square, walked.lo, walked.hi) = (n, n, n, n);
         return walked;
     }
-    // Adjacent segments are folded if their ends are at most a quarter of the bundle's width from their mean.
-    let reach = 0.5 * shaft.ends[0].half.max(shaft.ends[1].half).max_element();
-    let how = (shaft.apex.is_some(), reach);
-    let passed = pass(simd, slabs, (packets, blocked), how, sums, transmittance);
+    let passed = pass(simd, slabs, packets, blocked, shaft, sums, transmittance);
     walked.work += slabs.len() as u64 * (1 + passed.times);
     walked.take(&passed, packets);
     walked
@@ -119,13 +117,13 @@ pub(super) fn gather<S: Simd>(
     simd: S,
     tree: &WideTree,
     frontier: Option<&Frontier>,
-    (packets, shaft): (&[Packet], &Shaft),
+    packets: &[Packet],
+    shaft: &Shaft,
     rule: &WalkRule,
     buffers: &mut Buffers,
 ) -> (Walked, bool) {
     let Buffers { queue, slabs, tiles, blocked, .. } = buffers;
     let mut walked = Walked::default();
-    let from = shaft.apex.unwrap_or(Vec3::ZERO);
     let mix = AxisMix::around(shaft.direction());
     slabs.clear();
     tiles.clear();
@@ -147,7 +145,7 @@ pub(super) fn gather<S: Simd>(
         None => queue.push(0),
         Some(frontier) => {
             for block in &frontier.blocks {
-                let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
+                let tested = triangles::block_all(simd, shaft, block, packets, tiles, blocked);
                 all = walked.tested_block(&tested);
                 if all {
                     break;
@@ -155,9 +153,8 @@ pub(super) fn gather<S: Simd>(
             }
             for row in frontier.rows.iter().take(if all { 0 } else { usize::MAX }) {
                 walked.work += NODE_WORK;
-                visit(simd, (&row.node, &row.optics), (shaft, from), rule, &mix, slabs, &mut |child| {
-                    push(queue, child)
-                });
+                let opened = visit(simd, &row.node, &row.optics, shaft, rule, &mix, slabs);
+                Lanes(opened).for_each(|lane| push(queue, row.node.child[lane]));
             }
         }
     }
@@ -169,14 +166,15 @@ pub(super) fn gather<S: Simd>(
         }
         if address & LEAF != 0 {
             let block = &tree.blocks[(address & !LEAF) as usize];
-            let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
+            let tested = triangles::block_all(simd, shaft, block, packets, tiles, blocked);
             all = walked.tested_block(&tested);
         } else {
             let at = address as usize;
             walked.nodes += 1;
             walked.work += NODE_WORK + rule.fetch;
-            let node = (&tree.nodes[at], &tree.optics[at]);
-            visit(simd, node, (shaft, from), rule, &mix, slabs, &mut |child| push(queue, child));
+            let node = &tree.nodes[at];
+            let opened = visit(simd, node, &tree.optics[at], shaft, rule, &mix, slabs);
+            Lanes(opened).for_each(|lane| push(queue, node.child[lane]));
         }
         if walked.work > rule.limit {
             walked.gave_up = true;
@@ -206,20 +204,20 @@ impl Walked {
     }
 }
 
-/// Tests the children of a node: aggregates some and passes those to be opened to `open`.
+/// Tests the children of a node: aggregates some and returns the lanes of those to be opened.
 #[inline(always)]
 pub(super) fn visit<S: Simd>(
     simd: S,
-    (node, optics): (&WideNode, &[AxisOptics; AXIS_COUNT]),
-    (shaft, from): (&Shaft, Vec3),
+    node: &WideNode,
+    optics: &[AxisOptics; AXIS_COUNT],
+    shaft: &Shaft,
     rule: &WalkRule,
     mix: &AxisMix,
     slabs: &mut Slabs,
-    open: &mut impl FnMut(u32),
-) {
+) -> u32 {
     let touched = shaft.touches(simd, node);
     if touched == 0 {
-        return;
+        return 0;
     }
     let soft = if rule.soft { node.soft_leaves } else { 0 };
     let mut small = 0;
@@ -234,12 +232,11 @@ pub(super) fn visit<S: Simd>(
             let beam = simd.max(simd.mul(simd.splat(rule.e), place), simd.splat(f32::MIN_POSITIVE));
             let error = simd.div(simd.mul(simd.splat(rule.tolerance), sizes), beam);
             let extinctions = simd.mul(simd.splat(rule.factor), extinctions);
-            slabs.add(simd, (node, small), from, (extinctions, simd.min(error, one)));
+            let from = shaft.apex.unwrap_or(Vec3::ZERO);
+            slabs.add(simd, node, small, from, extinctions, simd.min(error, one));
         }
     }
-    for lane in Lanes(touched & !small) {
-        open(node.child[lane]);
-    }
+    touched & !small
 }
 
 /// Working memory of walks, kept between walks.

@@ -107,22 +107,31 @@ pub(super) fn mixed<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT], mix: &A
     (sizes, extinctions)
 }
 
+/// A tree of clusters to be laid out, with the optics of those that may be aggregated.
+struct ClusterTree<'a> {
+    scene: &'a Scene,
+    tree: &'a Tree,
+    optics: Option<&'a [ClusterOptics]>,
+}
+
 impl WideTree {
     /// Lays out the clusters of a scene; `optics` has one entry per cluster of `hierarchy.micro`.
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> WideTree {
         let magnitude = scene.magnitude();
         let mut wide =
             WideTree { magnitude, nodes: vec![WideNode::EMPTY], optics: vec![NO_OPTICS], blocks: Vec::new() };
-        let trees = [(&hierarchy.micro, Some(optics)), (&hierarchy.large, None)];
-        for (lane, (tree, optics)) in trees.into_iter().filter(|(t, _)| !t.clusters.is_empty()).enumerate() {
-            let addresses = wide.append(scene, tree, optics);
-            wide.place((0, lane), (scene, tree), 0, optics, addresses[0]);
+        let trees = [(&hierarchy.micro, Some(optics)), (&hierarchy.large, None)]
+            .map(|(tree, optics)| ClusterTree { scene, tree, optics });
+        for (lane, tree) in trees.iter().filter(|t| !t.tree.clusters.is_empty()).enumerate() {
+            let addresses = wide.append(tree);
+            wide.place(0, lane, tree, 0, addresses[0]);
         }
         wide
     }
 
     /// Appends the nodes and blocks of a tree; returns the address of each cluster.
-    fn append(&mut self, scene: &Scene, tree: &Tree, optics: Option<&[ClusterOptics]>) -> Vec<u32> {
+    fn append(&mut self, clusters: &ClusterTree) -> Vec<u32> {
+        let ClusterTree { scene, tree, .. } = *clusters;
         let (mut node, mut block) = (self.nodes.len() as u32, self.blocks.len() as u32);
         let addresses: Vec<u32> = tree
             .clusters
@@ -142,21 +151,15 @@ impl WideTree {
             self.nodes.push(WideNode::EMPTY);
             self.optics.push(NO_OPTICS);
             for (lane, child) in cluster.child_range().enumerate() {
-                self.place((place, lane), (scene, tree), child, optics, addresses[child]);
+                self.place(place, lane, clusters, child, addresses[child]);
             }
         }
         addresses
     }
 
     /// Stores a cluster in a lane of a node; clusters without optics are never aggregated.
-    fn place(
-        &mut self,
-        (node, lane): (usize, usize),
-        (scene, tree): (&Scene, &Tree),
-        cluster: usize,
-        optics: Option<&[ClusterOptics]>,
-        address: u32,
-    ) {
+    fn place(&mut self, node: usize, lane: usize, clusters: &ClusterTree, cluster: usize, address: u32) {
+        let ClusterTree { scene, tree, optics } = *clusters;
         let target = &mut self.nodes[node];
         set_box(target, lane, tree.clusters[cluster].bounds.thickened());
         target.child[lane] = address;
@@ -165,7 +168,7 @@ impl WideTree {
         if address & LEAF != 0 && !tree.triangles_of(cluster).iter().any(emits) {
             target.soft_leaves |= 1 << lane;
         }
-        set_optics((target, &mut self.optics[node]), lane, &optics[cluster]);
+        set_optics(target, &mut self.optics[node], lane, &optics[cluster]);
     }
 
     /// Size of all arrays in bytes.
@@ -186,7 +189,8 @@ pub(super) fn set_box(node: &mut WideNode, lane: usize, bounds: Aabb) {
 
 /// Sets the optics of a child, so that it may be aggregated.
 pub(super) fn set_optics(
-    (node, wide): (&mut WideNode, &mut [AxisOptics; AXIS_COUNT]),
+    node: &mut WideNode,
+    wide: &mut [AxisOptics; AXIS_COUNT],
     lane: usize,
     optics: &ClusterOptics,
 ) {

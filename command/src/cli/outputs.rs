@@ -177,8 +177,8 @@ impl Outputs {
             files.write("solution.ply", |path| write_ply(path, &mesh, solution.origin, tone, progress))?;
         }
         if wants(Kind::Glb) {
-            let place = (solution.origin, scene.up_axis());
-            files.write("solution.glb", |path| write_glb(path, &mesh, place, tone, progress))?;
+            let (origin, up) = (solution.origin, scene.up_axis());
+            files.write("solution.glb", |path| write_glb(path, &mesh, origin, up, tone, progress))?;
         }
         if wants(Kind::Lightmap) && !files.left_out("lightmap.exr")? {
             self.write_lightmap(&mut files, &mesh, solution, scene)?;
@@ -212,8 +212,8 @@ impl Outputs {
         let light = &map.irradiance;
         files.write("lightmap.exr", |path| write_exr_rgb(path, map.width, light, progress))?;
         if why.is_some() {
-            let of = (scene, "lightmap.exr");
-            files.write("lightmap.obj", |path| write_lightmap_mesh(path, &map, of, progress))?;
+            let write = |path: &Path| write_lightmap_mesh(path, &map, scene, "lightmap.exr", progress);
+            files.write("lightmap.obj", write)?;
         }
         let picture = if progress.stopped() { Picture::default() } else { developed(map.width, light) };
         files.write("lightmap.png", |path| write_png(path, &picture))
@@ -245,7 +245,7 @@ impl Outputs {
             let part = 1.0 / (cameras.len() - k) as f64;
             let gather = |points: &[Point]| irradiance(points, part);
             let gather = self.gather.then_some(&gather as _);
-            let frame = picture(&stage, (camera, self.image_size), solution, gather, progress);
+            let frame = picture(&stage, camera, self.image_size, solution, gather, progress);
             if progress.stopped() {
                 common.print(&format!("interrupted: no picture `{}`\n", camera.name))?;
                 continue;
@@ -255,7 +255,7 @@ impl Outputs {
             if frame.first.iter().all(Option::is_none) && frame.radiance.iter().all(|l| *l == [0.0; 3]) {
                 files.notes.push(self.sees_nothing(camera, scene));
             }
-            let view = PageView::of(&stage, solution, (camera, self.image_size), &frame);
+            let view = PageView::of(&stage, solution, camera, self.image_size, &frame);
             if wants_images {
                 let name = |kind| format!("{}.{kind}", camera.name);
                 files.write(&name("exr"), |path| write_exr_rgb(path, width, &frame.radiance, progress))?;

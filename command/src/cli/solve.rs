@@ -313,8 +313,8 @@ fn write(
     written.extend(files);
     if args.outputs.wants_page() {
         let grids = section(&record.grids, &pictures, scene.parts().unit)?;
-        let of = (scene, photometry, &mesh);
-        let page = solve_page(&record.compared.record, of, (&views, &grids), &command_line())?;
+        let solved = &record.compared.record;
+        let page = solve_page(solved, scene, photometry, &mesh, &views, &grids, &command_line())?;
         written.push(out.join("solution.html"));
         WholeFile::write(&written[written.len() - 1], page)?;
     }

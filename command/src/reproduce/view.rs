@@ -19,7 +19,7 @@ pub fn seen(light: &RadiosityMesh, ends: [DVec3; 2], angle: f64, size: [usize; 2
     let mesh = Mesh::new_unless(light, &()).unwrap_or_default();
     let stage = Stage::new(&mesh, light)?;
     let camera = Camera::towards(ends, Vec3::Z, angle, light.origin);
-    let frame = picture(&stage, (&camera, size), light, None, &());
+    let frame = picture(&stage, &camera, size, light, None, &());
     let values =
         frame.first.iter().map(|first| first.map_or(0.0, |f| f.irradiance.iter().sum::<f32>() / 3.0));
     let object = |element: u32| light.elements[element as usize].object;

@@ -72,10 +72,10 @@ impl Bench<'_> {
                 return None;
             }
             let mut first_s = 0.0;
-            timed(&mut first_s, || self.cache(map.grid, engine, (spacing, rays)))?;
+            timed(&mut first_s, || self.cache(map.grid, engine, spacing, rays))?;
             // The smaller time of two, as of rows.
             let mut again_s = 0.0;
-            let cache = timed(&mut again_s, || self.cache(map.grid, engine, (spacing, rays)))?;
+            let cache = timed(&mut again_s, || self.cache(map.grid, engine, spacing, rays))?;
             Some(Planned::Cached(CachedRow { s, rays, spacing, setup_s: first_s.min(again_s), cache }))
         };
         rays.flat_map(|rays| self.sizes.iter().map(move |&s| (s, rays))).filter_map(row).collect()
@@ -86,10 +86,11 @@ impl Bench<'_> {
         &'b self,
         grid: &ReceiverGrid,
         engine: &MultiResolution,
-        (spacing, rays): (usize, usize),
+        spacing: usize,
+        rays: usize,
     ) -> Option<Cache<'b>> {
         let seed = self.options.seed as u32;
-        let field = FarField::new(engine, (self.scene, self.model.samplers()), (rays, seed))?;
+        let field = FarField::new(engine, self.scene, self.model.samplers(), rays, seed)?;
         let tree = Quadtree::new([grid.width, grid.height], spacing, |texels, side| {
             let parts = self.timer.parts(texels.len(), PART, |range| {
                 let clear =

@@ -72,7 +72,7 @@ fn the_cache_makes_the_same_map_on_any_number_of_threads() {
         progress: &(),
     };
     let surfaces = choose(&model, &single_rays(&model), &["ground".into()]).expect("the ground");
-    let grids = surfaces.maps((&model, &single_rays(&model)), 128, 0.3);
+    let grids = surfaces.maps(&model, &single_rays(&model), 128, 0.3);
     let engine = model.multi_resolution().expect("optics").clone();
     let engine = engine.with_cut(Some(Arc::new(DistanceCut::build(model.scene()))));
     let found = [1, 2].map(|threads| {

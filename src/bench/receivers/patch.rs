@@ -1,7 +1,7 @@
 //! Planar patches of surfaces.
 
 use super::relief::points as relief_points;
-use super::{Rectangle, fit, inscribed};
+use super::{Rectangle, TexelGrid, fit, inscribed};
 use crate::bench::workload::ReceiverPoint;
 use crate::clusters::MIN_COPLANAR_COSINE;
 use crate::scene::Scene;
@@ -46,16 +46,17 @@ impl Patch {
         (area >= MIN_INSCRIBED_PART * self.area).then_some(Patch { area, rectangle, ..self })
     }
 
-    /// Centres of texels in a rectangle of the patch's plane, row by row from the top left: columns, rows, side.
+    /// Centres of texels in a rectangle of the patch's plane, row by row from the top left.
     pub(super) fn points(
         &self,
         scene: &Scene,
         rectangle: &Rectangle,
-        (width, height, texel): (usize, usize, f64),
+        grid: &TexelGrid,
     ) -> Vec<ReceiverPoint> {
         if self.relief {
-            return relief_points(scene, &self.triangles, rectangle, (width, height, texel));
+            return relief_points(scene, &self.triangles, rectangle, grid);
         }
+        let TexelGrid { width, height, texel } = *grid;
         let Rectangle { right, normal, .. } = *rectangle;
         let magnitude = scene.magnitude_of(&self.triangles);
         // A thousandth of a texel above the surface, so that coplanar faces of other objects do not block.
@@ -79,7 +80,7 @@ impl Patch {
     ) -> ([usize; 2], Vec<ReceiverPoint>) {
         let texel = rectangle.width / longer as f64;
         let rows = (rectangle.height / texel).round().max(1.0) as usize;
-        ([longer, rows], self.points(scene, rectangle, (longer, rows, texel)))
+        ([longer, rows], self.points(scene, rectangle, &TexelGrid { width: longer, height: rows, texel }))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Receivers that are not planar: heights of terrain, texel by texel.
 
 use super::super::workload::ReceiverPoint;
-use super::Rectangle;
+use super::{Rectangle, TexelGrid};
 use crate::math::triangle_normal;
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
@@ -12,7 +12,7 @@ pub(super) fn highest(
     scene: &Scene,
     triangles: &[u32],
     &Rectangle { right, normal, centre, .. }: &Rectangle,
-    (width, height, texel): (usize, usize, f64),
+    &TexelGrid { width, height, texel }: &TexelGrid,
 ) -> Vec<Option<(f64, DVec3)>> {
     let up = normal.cross(right);
     let mut highest: Vec<Option<(f64, DVec3)>> = vec![None; width * height];
@@ -63,12 +63,13 @@ pub(super) fn points(
     scene: &Scene,
     triangles: &[u32],
     rectangle: &Rectangle,
-    (width, height, texel): (usize, usize, f64),
+    grid: &TexelGrid,
 ) -> Vec<ReceiverPoint> {
+    let TexelGrid { width, height, texel } = *grid;
     let Rectangle { right, normal, centre, .. } = *rectangle;
     let magnitude = scene.magnitude_of(triangles);
     let up = normal.cross(right);
-    let mut highest = highest(scene, triangles, rectangle, (width, height, texel));
+    let mut highest = highest(scene, triangles, rectangle, grid);
     for row in highest.chunks_mut(width) {
         let outline: Vec<usize> = (0..row.len()).filter(|&x| row[x].is_some()).collect();
         for x in (0..row.len()).filter(|x| !outline.contains(x)) {

@@ -72,7 +72,7 @@ fn images_show_what_is_up_at_the_top() {
     let back = wall.turned();
     assert_eq!((back.normal, back.normal.cross(back.right)), (-DVec3::Y, DVec3::Z));
     let patch = Patch { triangles: Vec::new(), area: 2.0, rectangle: back, relief: false };
-    let points = patch.points(&generated("cornell"), &back, (2, 1, 1.0));
+    let points = patch.points(&generated("cornell"), &back, &TexelGrid { width: 2, height: 1, texel: 1.0 });
     let points: Vec<Vec3> = points.iter().map(|p| p.position).collect();
     // Seen from -y with z up, x grows to the right.
     assert!(points[0].x < points[1].x);

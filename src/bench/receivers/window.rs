@@ -1,7 +1,7 @@
 //! Number, size and place of a receiver's texels.
 
 use super::patch::Patch;
-use super::{Rectangle, probe};
+use super::{Rectangle, TexelGrid, probe};
 use crate::model::Model;
 use crate::ray::Occluder;
 use crate::scene::Scene;
@@ -19,14 +19,6 @@ const LARGEST_FEATURES: f64 = 6.0;
 const PROBES: usize = 48;
 /// A window beside the middle needs so much more light and shadow than the one nearest to the middle.
 const MIN_GAIN: f64 = 1.05;
-
-/// The texels of an image.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct TexelGrid {
-    pub(super) width: usize,
-    pub(super) height: usize,
-    pub(super) texel: f64,
-}
 
 impl TexelGrid {
     /// Texels of at most half of `sizes[0]` on a surface with these sides, the longer first: the whole surface, or as
@@ -62,8 +54,10 @@ impl TexelGrid {
 
 /// The part of a patch's rectangle that a grid covers: all, or the window with the most borders of shadows.
 pub(super) fn place(
-    (model, exact): (&Model, &dyn Occluder),
-    (surfaces, patch): (&Scene, &Patch),
+    model: &Model,
+    exact: &dyn Occluder,
+    surfaces: &Scene,
+    patch: &Patch,
     rectangle: Rectangle,
     grid: &TexelGrid,
 ) -> Rectangle {

@@ -32,8 +32,11 @@ fn page(audit: usize, photometry: Option<Photometry>) -> (String, Record) {
     };
     let page = solve_page(
         &outcome.record,
-        (model.scene(), photometry, &outcome.mesh),
-        (&[view], &grids()),
+        model.scene(),
+        photometry,
+        &outcome.mesh,
+        &[view],
+        &grids(),
         "mrvis solve",
     )
     .expect("a page");

@@ -17,14 +17,14 @@ fn ground(model: &Model, points: usize) -> (Workload, Vec<f32>) {
     let workload = Workload::new(model, ground, 1);
     let (exact, mut blocked) = (model.exact(), Vec::new());
     let truth = |pair: usize| {
-        let packets = segments(model, &workload, pair, (2048, 1));
+        let packets = segments(model, &workload, pair, 2048, 1);
         exact.answer(bundle(&workload, pair, &packets), &mut blocked).transmittance
     };
     let truths = (0..workload.pairs.len()).map(truth).collect();
     (workload, truths)
 }
 
-fn segments(model: &Model, workload: &Workload, pair: usize, (rays, stream): (usize, u64)) -> Vec<Packet> {
+fn segments(model: &Model, workload: &Workload, pair: usize, rays: usize, stream: u64) -> Vec<Packet> {
     let mut packets = Vec::new();
     workload.add_bundle(model.scene(), pair, rays, stream, &mut packets);
     packets
@@ -39,14 +39,10 @@ fn bundle<'a>(workload: &'a Workload, pair: usize, packets: &'a [Packet]) -> Bun
 }
 
 /// Answers of an engine to all pairs of a workload.
-fn answers(
-    engine: &MultiResolution,
-    (model, workload): (&Model, &Workload),
-    (rays, s): (usize, f32),
-) -> Vec<Answer> {
+fn answers(engine: &MultiResolution, model: &Model, workload: &Workload, rays: usize, s: f32) -> Vec<Answer> {
     let mut workspace = Workspace::default();
     let answer = |pair: usize| {
-        let packets = segments(model, workload, pair, (rays, 0));
+        let packets = segments(model, workload, pair, rays, 0);
         engine.answer(bundle(workload, pair, &packets), s, &mut workspace)
     };
     (0..workload.pairs.len()).map(answer).collect()
@@ -65,7 +61,7 @@ fn ground_of_a_forest_is_answered_by_the_cut() {
     let (workload, truths) = ground(&model, 3500);
     for (mode, rays) in (0..model.cut().expect("a cut").modes().len()).zip([16, 64, 256, 16]) {
         let engine = with_cut(&model, mode);
-        let [found, others @ ..] = [0.05, 1.0].map(|s| answers(&engine, (&model, &workload), (rays, s)));
+        let [found, others @ ..] = [0.05, 1.0].map(|s| answers(&engine, &model, &workload, rays, s));
         let n = found.len() as f64;
         let errors = || (0..found.len()).map(|k| f64::from(found[k].transmittance - truths[k]));
         let (bias, rms) = (errors().sum::<f64>() / n, (errors().map(|e| e * e).sum::<f64>() / n).sqrt());
@@ -96,7 +92,7 @@ fn threads_change_no_answer_of_the_cut() {
         let model = Model::prepare(scene.clone(), &options).expect("a model");
         let points = surface_points(&model, 500, 1).expect("points");
         let workload = Workload::new(&model, points, 1);
-        model.on_threads(|| answers(&with_cut(&model, 0), (&model, &workload), (16, 0.1))).expect("threads")
+        model.on_threads(|| answers(&with_cut(&model, 0), &model, &workload, 16, 0.1)).expect("threads")
     };
     let (one, two) = (found(1), found(2));
     assert!(one.len() > 100 && one.iter().zip(&two).all(|(a, b)| same(a, b)));

@@ -11,7 +11,7 @@ fn mountains(triangles: usize) -> (crate::terrain::Grid, Scene) {
     let mut soup = Soup::new("ground");
     let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
     let object = soup.object("ground");
-    crate::scene::add_coarse(&mut soup, &grid, (object, grey), triangles).expect("a ground");
+    crate::scene::add_coarse(&mut soup, &grid, object, grey, triangles).expect("a ground");
     let options = LoadOptions { up: Some(crate::scene::UpAxis::Z), ..LoadOptions::default() };
     let mut scene = resolve(soup, &options).expect("a scene");
     let sky = SkyOptions::parse("uniform:300").and_then(|sky| sky.with_sun("120,30:700")).expect("a sky");

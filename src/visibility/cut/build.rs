@@ -75,7 +75,7 @@ pub(super) struct Draft {
 
 /// Builds the tree over all triangles of a scene; node 0 is the root. Its content does not depend on the number of threads.
 /// The first children of the root are the shells, `shell_of` each triangle.
-pub(super) fn build(scene: &Scene, pieces: &Pieces, (shells, shell_of): (u32, &[u32])) -> Draft {
+pub(super) fn build(scene: &Scene, pieces: &Pieces, shells: u32, shell_of: &[u32]) -> Draft {
     let item = |triangle: u32| {
         let bounds = Aabb::of(scene.corners(triangle));
         Item { bounds, centre: bounds.center(), triangle }

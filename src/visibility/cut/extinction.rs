@@ -75,7 +75,8 @@ impl Kernel for NodeRays<'_> {
                     let trace = trace(
                         simd,
                         self.cut,
-                        (node.child[lane], 0),
+                        node.child[lane],
+                        0,
                         &packet,
                         &AveragingRule::NOTHING,
                         &mut stack,

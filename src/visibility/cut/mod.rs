@@ -72,7 +72,7 @@ impl DistanceCut {
     fn draft(scene: &Scene) -> (DistanceCut, Vec<build::Facts>) {
         let pieces = shells::Pieces::of(scene);
         let (shells, of_triangle) = shells::find(scene, &pieces);
-        let draft = build::build(scene, &pieces, (shells.len() as u32, &of_triangle));
+        let draft = build::build(scene, &pieces, shells.len() as u32, &of_triangle);
         let build::Draft { mut nodes, extinctions, blocks, facts } = draft;
         nodes.iter_mut().zip(extinction::stops(&facts)).for_each(|(node, stop)| node.stop = stop);
         (DistanceCut { nodes, extinctions, blocks, shells, isa: Isa::detect(), modes: Vec::new() }, facts)
@@ -142,12 +142,9 @@ impl BundleSums {
         let transmittance = if sums.segments == 0 { 1.0 } else { (sums.transmittance / n).min(1.0) };
         let (lo, hi) = match sums.aggregated {
             0 => wilson(transmittance, n),
-            _ => stated(
-                transmittance,
-                sums.square / n,
-                n,
-                [sums.variance / n, sums.single / n, sums.model / n],
-            ),
+            _ => {
+                stated(transmittance, sums.square / n, n, sums.variance / n, sums.single / n, sums.model / n)
+            }
         };
         let segments = u64::from(sums.segments);
         let cost = Cost {
@@ -166,7 +163,7 @@ impl BundleSums {
 /// single transmittance, `usual` the variance of a single one in the class and `model` the mean square of the error of the model, both
 /// relative to T (1 - T). A mean of variance v is equivalent to that of T (1 - T) / v values of 0 or 1; the interval is Wilson's for this
 /// number, with the error of the model.
-fn stated(mean: f32, square: f32, n: f32, [averaged, usual, model]: [f32; 3]) -> (f32, f32) {
+fn stated(mean: f32, square: f32, n: f32, averaged: f32, usual: f32, model: f32) -> (f32, f32) {
     let binary = mean * (1.0 - mean);
     if binary <= 0.0 {
         return wilson(mean, n);

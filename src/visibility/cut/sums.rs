@@ -40,7 +40,7 @@ impl<'a> Tracing<'a> {
 
     /// Whether all packets of a bundle are followed, as one of `count` with `segments` in the class of the first.
     #[inline(always)]
-    fn goes_on(self, class: usize, [count, segments]: [usize; 2]) -> bool {
+    fn goes_on(self, class: usize, count: usize, segments: usize) -> bool {
         match self {
             Tracing::IfItPays(mode) if count > 1 => mode.fits[class].gain_of(segments as f32) > 1.0,
             _ => true,
@@ -101,14 +101,14 @@ impl Kernel for Bundles<'_> {
                 left_out |= u32::from(!shells && shell.is_passive(simd, bundle)) << lane;
             }
             for (number, packet) in bundle.packets.iter().enumerate() {
-                let trace = trace(simd, cut, (0, left_out), packet, &rule, &mut stack);
+                let trace = trace(simd, cut, 0, left_out, packet, &rule, &mut stack);
                 let segments = packet.len() as u32;
                 let class = class(&trace, segments);
                 let factor = self.tracing.mode().map_or(1.0, |mode| mode.fits[class].factor);
                 let lanes = transmittances(simd, &trace, factor);
                 let left = number == 0 && {
                     let all = bundle.packets.iter().map(Packet::len).sum();
-                    !self.tracing.goes_on(class, [bundle.packets.len(), all])
+                    !self.tracing.goes_on(class, bundle.packets.len(), all)
                 };
                 (self.each)(k, PacketResult { trace: &trace, segments, class, lanes: &lanes, left });
                 if left {

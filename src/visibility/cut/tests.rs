@@ -40,7 +40,7 @@ fn packets(seed: u64, count: usize, low: Vec3, size: Vec3) -> Vec<Packet> {
 }
 
 /// Transmittance of each lane with a width relative to an emitter of width `e`.
-fn lanes(cut: &DistanceCut, packet: &Packet, (e, width): (f32, f32)) -> ([f32; LANES], BundleSums) {
+fn lanes(cut: &DistanceCut, packet: &Packet, e: f32, width: f32) -> ([f32; LANES], BundleSums) {
     let mode = Mode::unmeasured(width, 1.0);
     let tracing = if width > 0.0 { Tracing::Mode(&mode) } else { Tracing::Exact { shells: false } };
     let mut found = ([0.0; LANES], BundleSums::default());
@@ -69,7 +69,7 @@ fn a_slab_of_small_squares_obeys_beers_law() {
                 packet.set(lane, middle - reach * along, middle + reach * along, EndRule::new(1.0));
                 wanted += (-kappa * 2.0 * f64::from(along.length() / along.z)).exp();
             }
-            let (values, sums) = lanes(&cut, &packet, (1e4, 1.0));
+            let (values, sums) = lanes(&cut, &packet, 1e4, 1.0);
             assert!(sums.aggregated > 8 && sums.blocks == 0, "{sums:?}");
             (sum, n) = (sum + values.iter().map(|&v| f64::from(v)).sum::<f64>(), n + 16.0);
         }
@@ -84,7 +84,7 @@ fn nothing_is_averaged_without_a_size_and_answers_are_those_of_brute_force() {
     let (cut, brute) = (DistanceCut::build(&scene), Brute::new(&scene.positions, &scene.triangles));
     let (mut blocked, mut clear) = (0, 0);
     for packet in packets(2, 60, Vec3::new(0.0, 0.0, -0.09), Vec3::new(6.0, 6.0, 2.0)) {
-        let (values, sums) = lanes(&cut, &packet, (9.0, 0.0));
+        let (values, sums) = lanes(&cut, &packet, 9.0, 0.0);
         assert_eq!(sums.aggregated, 0);
         for (lane, &value) in values.iter().enumerate() {
             let (from, to) = (packet.point(lane, 0.0), packet.point(lane, 1.0));
@@ -128,7 +128,7 @@ fn the_cut_averages_nothing_that_casts_an_umbra() {
     for (k, packet) in packets(5, 60, Vec3::new(0.0, 0.0, -0.09), Vec3::new(6.0, 6.0, 2.5)).iter().enumerate()
     {
         let (e, width) = ([9.0, 3.0, 0.5][k % 3], [0.125, 0.5, 1.0][k / 3 % 3]);
-        let (values, sums) = lanes(&cut, packet, (e, width));
+        let (values, sums) = lanes(&cut, packet, e, width);
         averaged += sums.aggregated;
         for (lane, &value) in values.iter().enumerate() {
             let (from, to) = (packet.point(lane, 0.0), packet.point(lane, 1.0));
@@ -157,7 +157,7 @@ fn threads_and_instruction_sets_change_no_bit() {
     let all: Vec<DistanceCut> = [1, 2, 3].into_iter().map(build).collect();
     let answers = |cut: &DistanceCut, isa: Isa| -> Vec<[u32; LANES]> {
         let cut = DistanceCut { isa, ..cut.clone() };
-        let bits = |packet: &Packet| lanes(&cut, packet, (9.0, 0.25)).0.map(f32::to_bits);
+        let bits = |packet: &Packet| lanes(&cut, packet, 9.0, 0.25).0.map(f32::to_bits);
         packets(9, 40, Vec3::ZERO, Vec3::new(6.0, 6.0, 2.0)).iter().map(bits).collect()
     };
     let truth = answers(&all[0], Isa::Portable);
@@ -187,7 +187,7 @@ fn shells_block_what_crosses_them() {
     let one = |from: Vec3, to: Vec3| {
         let mut packet = Packet::EMPTY;
         packet.set(0, from, to, EndRule::new(10.0));
-        let (values, sums) = lanes(&cut, &packet, (9.0, 0.0));
+        let (values, sums) = lanes(&cut, &packet, 9.0, 0.0);
         (values[0], sums.blocks)
     };
     let beside = |z: f32| Vec3::new(12.0, 12.0, z);
@@ -210,7 +210,7 @@ fn facets_of_lamps_are_never_averaged() {
     let scene = pieces.scene();
     let (cut, brute) = (DistanceCut::build(&scene), Brute::new(&scene.positions, &scene.triangles));
     for packet in packets(4, 40, Vec3::new(-3.0, -3.0, 0.0), Vec3::new(6.0, 6.0, 1.0)) {
-        let (values, sums) = lanes(&cut, &packet, (50.0, 1.0));
+        let (values, sums) = lanes(&cut, &packet, 50.0, 1.0);
         assert_eq!(sums.aggregated, 0);
         for (lane, &value) in values.iter().enumerate() {
             let (from, to) = (packet.point(lane, 0.0), packet.point(lane, 1.0));

@@ -193,7 +193,8 @@ impl Decoded {
 pub(super) fn trace<S: Simd>(
     simd: S,
     cut: &DistanceCut,
-    (from, left_out): (u32, u32),
+    from: u32,
+    left_out: u32,
     packet: &Packet,
     rule: &AveragingRule,
     stack: &mut Stack,
@@ -210,12 +211,12 @@ pub(super) fn trace<S: Simd>(
             continue;
         }
         if address & LEAF != 0 {
-            walk.block(simd, &cut.blocks[(address & !LEAF) as usize], (lanes, small));
+            walk.block(simd, &cut.blocks[(address & !LEAF) as usize], lanes, small);
             continue;
         }
         let at = address as usize;
         let node = &cut.nodes[at];
-        let opened = walk.node(simd, (node, &cut.extinctions[at]), (lanes, node.used & kept), rule);
+        let opened = walk.node(simd, node, &cut.extinctions[at], lanes, node.used & kept, rule);
         kept = u32::MAX;
         let never = simd.splat(f32::from_bits(u32::from(NEVER) << 16));
         let small = simd.bits(simd.lt(simd.load_half(&node.stop), never));
@@ -254,8 +255,10 @@ impl Walk<'_> {
     fn node<S: Simd>(
         &mut self,
         simd: S,
-        (node, extinctions): (&CutNode, &Extinctions),
-        (lanes, children): (u32, u32),
+        node: &CutNode,
+        extinctions: &Extinctions,
+        lanes: u32,
+        children: u32,
         rule: &AveragingRule,
     ) -> [u16; LANES] {
         self.trace.nodes += 1;
@@ -298,7 +301,7 @@ impl Walk<'_> {
 
     /// Tests the triangles of a block.
     #[inline(always)]
-    fn block<S: Simd>(&mut self, simd: S, block: &CutBlock, (lanes, small): (u32, bool)) {
+    fn block<S: Simd>(&mut self, simd: S, block: &CutBlock, lanes: u32, small: bool) {
         self.trace.blocks += 1;
         self.trace.block_tests += lanes.count_ones();
         self.trace.small_tests += u32::from(small) * lanes.count_ones();

@@ -9,7 +9,7 @@ use super::cut::{DistanceCut, Mode};
 use super::exact::Exact;
 use super::multires::MultiResolution;
 use super::probe::Probe;
-use crate::math::sampling::{mix, sobol};
+use crate::math::sampling::{Site, mix, sobol};
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::scene::{EmitterSampler, Scene};
 use glam::Vec3;
@@ -38,8 +38,10 @@ impl<'a> FarField<'a> {
     /// Segments of all probes end in `cells` cells of each emitter. `None` if the engine has no distance cut.
     pub fn new(
         engine: &MultiResolution,
-        (scene, emitters): (&Scene, &'a [EmitterSampler]),
-        (cells, seed): (usize, u32),
+        scene: &Scene,
+        emitters: &'a [EmitterSampler],
+        cells: usize,
+        seed: u32,
     ) -> Option<FarField<'a>> {
         let cut = engine.cut.clone()?;
         let targets = |(k, emitter): (u32, &EmitterSampler)| {
@@ -108,17 +110,17 @@ impl Targets {
             faces.sample(scene, u, v)
         };
         // The rule carries the number of the point through the sorting.
-        let drawn: Vec<(Vec3, Vec3, f32)> = (0..(cells * SETS) as u32).map(draw).collect();
+        let drawn: Vec<Site> = (0..(cells * SETS) as u32).map(draw).collect();
         let mut order: Vec<(Vec3, EndRule)> =
-            drawn.iter().zip(0..).map(|(point, k)| (point.0, EndRule::of_slack(k as f32))).collect();
+            drawn.iter().zip(0..).map(|(point, k)| (point.position, EndRule::of_slack(k as f32))).collect();
         gather_neighbours(&mut order);
         let mut points = vec![(Vec3::ZERO, Vec3::ZERO, EndRule::new(0.0)); drawn.len()];
         for (cell, run) in order.chunks(SETS).enumerate() {
             // The assignment of points to sets changes from cell to cell.
             let turn = mix(u64::from(seed) << 32 | cell as u64) as usize;
             for (k, (_, number)) in run.iter().enumerate() {
-                let (at, normal, magnitude) = drawn[number.slack() as usize];
-                points[(k ^ turn) % SETS * cells + cell] = (at, normal, EndRule::new(magnitude));
+                let Site { position, normal, magnitude } = drawn[number.slack() as usize];
+                points[(k ^ turn) % SETS * cells + cell] = (position, normal, EndRule::new(magnitude));
             }
         }
         Targets { points, cells }

@@ -38,7 +38,7 @@ fn a_ball_is_clear_up_to_the_nearest_wall() {
         p.object("wall").quad(DVec3::new(2.0, 0.0, 1.5), DVec3::Y * 30.0, DVec3::Z * 3.0);
     });
     let (engine, samplers) = (engine(&scene), samplers(&scene));
-    let field = FarField::new(&engine, (&scene, &samplers), (16, 1)).expect("a cut");
+    let field = FarField::new(&engine, &scene, &samplers, 16, 1).expect("a cut");
     for x in [-9.0, -3.0, 0.0, 1.9, 2.2, 5.0] {
         let distance = (x - 2.0f32).abs();
         for (part, clear) in [(0.3, true), (0.99, true), (1.01, false), (1.5, false)] {
@@ -60,7 +60,7 @@ fn nothing_blocks_segments_in_clear_balls() {
         }
     });
     let (engine, samplers) = (engine(&scene), samplers(&scene));
-    let field = FarField::new(&engine, (&scene, &samplers), (16, 1)).expect("a cut");
+    let field = FarField::new(&engine, &scene, &samplers, 16, 1).expect("a cut");
     let mut random = Pcg64Mcg::new(5);
     let mut draw = move || unit(&mut random) as f32 - 0.5;
     let (mut clear, mut blocked, mut met) = (0, Vec::new(), 0);
@@ -92,7 +92,7 @@ fn probes_see_what_closed_forms_say() {
         p.object("room").cuboid(DVec3::new(12.0, -1.0, -0.5), DVec3::new(2.0, 2.0, 2.0));
     });
     let (engine, samplers) = (engine(&scene), samplers(&scene));
-    let field = FarField::new(&engine, (&scene, &samplers), (64, 1)).expect("a cut");
+    let field = FarField::new(&engine, &scene, &samplers, 64, 1).expect("a cut");
     let mut scratch = FarFieldBuffers::default();
     let mut visible = |x: f32, sets| field.visible(&on_floor(x, 0.0), 0, sets, &mut scratch).transmittance;
     // Cells that the roof's edge crosses are counted by their one segment: eight of 64.

@@ -1,9 +1,10 @@
 //! The fast engine against the reference, segment by segment.
 
 use super::*;
+use crate::optics::AxisMix;
 use crate::ray::{Brute, Verdict};
 use crate::scene::testing::{cloud, direction, in_cube};
-use crate::visibility::reference::walk;
+use crate::visibility::reference::{SegmentRule, walk};
 use glam::DVec3;
 
 /// Statistics of the differences between fast engine and reference: large ones exceed 0.01.
@@ -46,24 +47,17 @@ fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
     for packet in packets {
         let (Answer { cost, .. }, fast) = engine.answer_lanes(packet, e, s, &mut workspace);
         assert_eq!(cost.handed_over, 0);
+        let rule = SegmentRule { e, s, leaf: LeafMode::Exact, mix: AxisMix::around(towards(packet)) };
         let mut aggregated = 0;
         for lane in packet.lanes() {
             let Segment { origin, direction, near, far } = segment(packet, lane);
             let verdict = brute.verdict(origin, direction, near, far, 1e-5);
             let mut clearly = false;
-            let walked = walk(
-                &stage.hierarchy,
-                &stage.optics,
-                segment(packet, lane),
-                towards(packet),
-                (e, s),
-                LeafMode::Exact,
-                |t| {
-                    let one = |tolerance| single[t as usize].verdict(origin, direction, near, far, tolerance);
-                    clearly |= one(1e-5) == Verdict::Blocked;
-                    one(0.0) != Verdict::Clear
-                },
-            );
+            let walked = walk(&stage.hierarchy, &stage.optics, segment(packet, lane), &rule, |t| {
+                let one = |tolerance| single[t as usize].verdict(origin, direction, near, far, tolerance);
+                clearly |= one(1e-5) == Verdict::Blocked;
+                one(0.0) != Verdict::Clear
+            });
             let t = fast[lane];
             let place =
                 format!("s {s}, e {e}: {t} against {walked:?}, {verdict:?}, {:?}", segment(packet, lane));

@@ -1,8 +1,9 @@
 //! Extinction along lines: no double counting, and Beer's law.
 
 use super::*;
+use crate::optics::AxisMix;
 use crate::scene::testing::{cloud, direction, in_cube};
-use crate::visibility::reference::walk;
+use crate::visibility::reference::{SegmentRule, walk};
 use glam::DVec3;
 
 /// No cut counts a triangle twice or omits one (docs/method.md, Traps: double counting).
@@ -29,18 +30,12 @@ fn optical_depth_is_the_same_for_every_cut() {
             let (mut fast, mut slow) = (0.0, 0.0);
             for packet in &packets {
                 let t = engine.transmittances(packet, s, s, &mut workspace);
+                let mix = AxisMix::around(towards(packet));
+                let rule = SegmentRule { e: s, s, leaf: LeafMode::Average, mix };
                 for lane in packet.lanes() {
                     fast -= f64::from(t[lane]).ln() * each;
                     let segment = segment(packet, lane);
-                    let walked = walk(
-                        &stage.hierarchy,
-                        &stage.optics,
-                        segment,
-                        towards(packet),
-                        (s, s),
-                        LeafMode::Average,
-                        |_| false,
-                    );
+                    let walked = walk(&stage.hierarchy, &stage.optics, segment, &rule, |_| false);
                     slow += walked.depth * each;
                 }
             }
