@@ -2,10 +2,10 @@
 //!
 //! The local pass estimates irradiance and exchange with the same few rays. Here each element traces more rays, which read the
 //! light that the local pass found: direct light from emitters drawn for this element, reflected light from the elements that
-//! cosine-weighted rays hit. The rays of an element form two independent halves, to separate noise from differences between
-//! elements ([`super::sharing`]).
+//! cosine-weighted rays hit. The rays of an element form two halves, to separate noise from differences between elements
+//! ([`super::sharing`]).
 
-use super::element_rays::{LeafRays, MAX_SEQUENCE, batches};
+use super::element_rays::{LeafRays, MAX_SEQUENCE, OF_LIGHT, batches};
 use super::element_samples::{DIRECT, ElementLight, REFLECTED, SharedLight};
 use super::gatherer::{Buffers, FinalGather};
 use super::local_pass::LocalPass;
@@ -183,7 +183,7 @@ impl FinalGather<'_> {
                 true => ((2 * count).min(MAX_HALF), false),
                 false => (count, true),
             };
-            LeafRays { leaf, count, to_emitters, suns, sequence: None }
+            LeafRays { leaf, count, to_emitters, suns, sequences: self.sequences_of(leaf, OF_LIGHT) }
         };
         let mut rays: Vec<LeafRays> = leaves.iter().map(of).collect();
         self.join_sequences(&mut rays);
@@ -201,18 +201,22 @@ impl FinalGather<'_> {
 
     /// Gives neighbouring leaves parts of one sequence that follow each other: the rays of all leaves that share their light then cover the hemisphere
     /// evenly together (Ahmed and Wonka 2020). Ids are numbers in the tree of clusters and parts of surfaces, so that most leaves with near ids are neighbours.
+    /// So do both halves of a leaf, but not below a sky, where light is a product of means over both halves: their errors must be independent there.
     fn join_sequences(&self, rays: &mut [LeafRays]) {
         let id = |of: &LeafRays| self.linked.elements.elements[of.leaf as usize].ids[0];
         let mut order: Vec<usize> = (0..rays.len()).collect();
         order.sort_unstable_by_key(|&i| id(&rays[i]));
+        let joins_halves = !self.has_environment();
         for group in order.chunks(LEAVES_OF_SEQUENCE) {
-            let mut next = self.sequence_of(rays[group[0]].leaf);
+            let mut next = rays[group[0]].sequences;
             for &i in group {
-                if next.first + 2 * rays[i].count > MAX_SEQUENCE {
-                    next = self.sequence_of(rays[i].leaf);
+                let count = rays[i].count;
+                let used = if joins_halves { 2 * count } else { count };
+                if next[0].first + used > MAX_SEQUENCE {
+                    next = rays[i].sequences;
                 }
-                rays[i].sequence = Some(next);
-                next.first += 2 * rays[i].count;
+                rays[i].sequences = if joins_halves { [next[0], next[0].after(count)] } else { next };
+                next = next.map(|sequence| sequence.after(used));
             }
         }
     }

@@ -29,25 +29,35 @@ pub struct LeafRays {
     pub to_emitters: bool,
     /// Rays to each sun for each of these rays, from points near its start.
     pub suns: u32,
-    /// The random numbers of both halves, one after the other: together they cover the hemisphere more evenly than two independent halves, but their errors
-    /// are not independent. None if the halves must be independent: then each has a sequence of its own.
-    pub sequence: Option<Sequence>,
+    /// The random numbers of each half.
+    pub sequences: [Sequence; HALVES],
 }
 
 /// The part of a low-discrepancy sequence that starts at a number (Burley 2020).
 #[derive(Clone, Copy)]
 pub struct Sequence {
     /// Names the sequence.
-    pub seed: u32,
+    seed: u32,
     /// The number.
     pub first: u32,
 }
 
-/// Halves of the light of an element.
-const HALVES: u32 = 2;
+impl Sequence {
+    /// The part after so many numbers.
+    pub fn after(self, count: u32) -> Sequence {
+        Sequence { first: self.first + count, ..self }
+    }
+}
 
 /// Longest sequence of `sobol_burley`.
 pub const MAX_SEQUENCE: u32 = 1 << 16;
+
+/// The kinds of sequences of an element: of its own light and of the exchange.
+pub const OF_LIGHT: u64 = 0;
+/// See [`OF_LIGHT`].
+pub const OF_EXCHANGE: u64 = 2;
+/// Halves of the rays of an element.
+const HALVES: usize = 2;
 
 /// Rays of one parallel task: so many that packets are full, and so few that all threads have work to the end.
 const BATCH: usize = 1024;
@@ -122,7 +132,7 @@ impl FinalGather<'_> {
         let mut cuts = std::mem::take(&mut buffers.bright_cuts);
         cuts.resize_with(batch.len().max(cuts.len()), EmitterCut::default);
         batch.iter().zip(&mut cuts).for_each(|(of, cut)| self.cut_of(&bright.emitters, of.leaf, cut));
-        let cut = |vertex: &PathVertex| &cuts[(vertex.path / HALVES) as usize];
+        let cut = |vertex: &PathVertex| &cuts[vertex.path as usize / HALVES];
         let light_of = |ray: &EmitterRay| {
             let leaf = self.lookup.leaf(bright.sides[ray.face], ray.ends[1]);
             let level = Vec3::from(bright.emitter().faces[ray.face].exitance.map(|m| m as f32));
@@ -177,13 +187,13 @@ impl FinalGather<'_> {
         buffers: &mut Buffers,
     ) -> Vec<(Vec3, f32)> {
         self.trace_scene_rays(&|i| random[i], buffers);
-        let leaf = |vertex: &PathVertex| (vertex.path / HALVES) as usize;
+        let leaf = |vertex: &PathVertex| vertex.path as usize / HALVES;
         self.read_hits(|_, vertex| free[leaf(vertex)].is_none().then_some(&cuts[leaf(vertex)]), buffers);
         let emitters = |vertex: &PathVertex| (&cuts[leaf(vertex)], free[leaf(vertex)].is_some());
         let parts = self.visible_parts(&self.emitters, emitters, |ray| ray.light, random, buffers);
         self.add_suns(&|i| random[i], |vertex| batch[leaf(vertex)].suns, buffers);
         if self.has_environment() {
-            self.compare_with_open_sky(batch, HALVES as usize, buffers);
+            self.compare_with_open_sky(batch, HALVES, buffers);
         }
         let Buffers { vertices, results, .. } = buffers;
         for ((vertex, result), part) in vertices.iter().zip(results).zip(&parts) {
@@ -194,19 +204,11 @@ impl FinalGather<'_> {
         parts
     }
 
-    /// A sequence of half of a leaf's rays, independent of all others.
-    fn sequence_of_half(&self, leaf: u32, half: u32) -> Sequence {
+    /// Independent sequences for the halves of a leaf's rays: [`OF_LIGHT`] or [`OF_EXCHANGE`].
+    pub(super) fn sequences_of(&self, leaf: u32, kind: u64) -> [Sequence; HALVES] {
         let id = self.linked.elements.elements[leaf as usize].ids[0];
-        Sequence {
-            seed: mix(!self.linked.settings.seed ^ mix(4 * id + 2 + u64::from(half))) as u32,
-            first: 0,
-        }
-    }
-
-    /// A sequence for both halves of a leaf's rays.
-    pub(super) fn sequence_of(&self, leaf: u32) -> Sequence {
-        let id = self.linked.elements.elements[leaf as usize].ids[0];
-        Sequence { seed: mix(!self.linked.settings.seed ^ mix(4 * id)) as u32, first: 0 }
+        let seed = |half: u64| mix(!self.linked.settings.seed ^ mix(4 * id + kind + half)) as u32;
+        [0, 1].map(|half| Sequence { seed: seed(half), first: 0 })
     }
 
     /// Writes the points from which the rays of a batch start to `buffers.vertices`, with a path for each half of a leaf. Returns four
@@ -221,9 +223,7 @@ impl FinalGather<'_> {
             let leaf = of.leaf;
             let element = &self.linked.elements.elements[leaf as usize];
             let Shape::Surface { side, corners } = element.shape else { unreachable!("leaves are surfaces") };
-            for half in 0..HALVES {
-                let joined = of.sequence.map(|part| Sequence { first: part.first + half * of.count, ..part });
-                let Sequence { seed, first } = joined.unwrap_or_else(|| self.sequence_of_half(leaf, half));
+            for Sequence { seed, first } in of.sequences {
                 for k in first..first + of.count {
                     let [u, v, ..] = sample_4d(k, 1, seed);
                     buffers.quarters.push(2 * u8::from(u >= 0.5) + u8::from(v >= 0.5));

@@ -1,4 +1,4 @@
-//! Estimates of one element's irradiance from its own rays, in two independent halves.
+//! Estimates of one element's irradiance from its own rays, in two halves.
 
 use super::gatherer::RayResult;
 use crate::radiosity::rgb::Rgb;

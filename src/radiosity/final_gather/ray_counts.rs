@@ -1,6 +1,6 @@
 //! Numbers of rays of elements: those that the error asked for needs, those that the time allows, and the share of each element.
 
-use super::element_rays::LeafRays;
+use super::element_rays::{LeafRays, OF_EXCHANGE};
 use super::gatherer::FinalGather;
 use super::local_noise::LocalResult;
 use super::local_pass::EXCHANGE_SHARE;
@@ -45,11 +45,6 @@ const TIMED_RAYS: u32 = 16;
 /// Part of the rays that remains after surfaces have been split for so many rays and each part has its smallest number:
 /// parts are made for 20 rays each and [`MIN_ROW_RAYS`] of them are fixed, 1 − 4 / 20.
 const SHARED_AFTER_SPLIT: f64 = 0.8;
-
-/// So many rays in each half of a leaf's row.
-fn row_rays(leaf: u32, count: u32) -> LeafRays {
-    LeafRays { leaf, count, to_emitters: true, suns: 1, sequence: None }
-}
 
 impl FinalGather<'_> {
     /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean irradiance. If the
@@ -112,7 +107,7 @@ impl FinalGather<'_> {
         }
         let leaves = self.linked.leaves();
         let step = leaves.len().div_ceil(TIMED_LEAVES).max(1);
-        let timed = |&leaf: &u32| row_rays(leaf, TIMED_RAYS);
+        let timed = |&leaf: &u32| self.row_rays(leaf, TIMED_RAYS);
         let sample: Vec<LeafRays> = leaves.iter().step_by(step).map(timed).collect();
         let start = deadline.elapsed();
         let [traced] = RayRows::trace(self, [&sample], |_| None, |_| ());
@@ -121,6 +116,11 @@ impl FinalGather<'_> {
         let possible = RAY_SHARE * deadline.left() / each;
         let shared = (possible - MIN_ROW_RAYS * leaves.len() as f64) * SHARED_AFTER_SPLIT;
         (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
+    }
+
+    /// So many rays in each half of a leaf's row.
+    fn row_rays(&self, leaf: u32, count: u32) -> LeafRays {
+        LeafRays { leaf, count, to_emitters: true, suns: 1, sequences: self.sequences_of(leaf, OF_EXCHANGE) }
     }
 
     /// Traces the rays of all leaves, those in the exchange and those outside of it; the share of each leaf depends on its area and importance.
@@ -159,7 +159,7 @@ impl FinalGather<'_> {
             (rays.min(MAX_ROW_RAYS) as u32).div_ceil(2)
         };
         let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
-        let planned = leaves.iter().map(|&leaf| row_rays(leaf, count(leaf, rays)));
+        let planned = leaves.iter().map(|&leaf| self.row_rays(leaf, count(leaf, rays)));
         let (exchanged, apart): (Vec<LeafRays>, Vec<LeafRays>) =
             planned.partition(|of| !states[of.leaf as usize].is_apart());
         // Half of the leaves that are traced late are large ones, half are drawn.

@@ -1,9 +1,11 @@
 //! Neighbouring elements share their samples where light is smooth.
 //!
 //! Around each element a linear function of place and normal is fitted to the irradiance of 8, 24 or 48 neighbours: under equal incident light, irradiance is
-//! the dot product of the normal with one vector. Wider windows have less noise and more bias. The window is chosen by cross validation with independent halves
+//! the dot product of the normal with one vector. Wider windows have less noise and more bias. The window is chosen by cross validation with two halves
 //! of the rays: the fit to one half is compared with the element's estimate by the other half, averaged over the neighbours (Rousselle, Knaus and Zwicker 2012
-//! choose filters in this way). The same comparison gives the error of the result, noise and bias together. Direct and reflected light have separate windows.
+//! choose filters in this way). The same comparison gives the error of the result, noise and bias together. Without a sky both halves are parts of one
+//! low-discrepancy sequence: where one is too bright the other is rather too dark, so that their difference and the stated error are rather too large. Direct and reflected
+//! light have separate windows.
 
 use super::element_samples::{DIRECT, ElementLight, KINDS, REFLECTED, SharedLight};
 use super::kept_power::{SharedKinds, keep_power};
