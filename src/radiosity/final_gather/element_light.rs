@@ -200,8 +200,9 @@ impl FinalGather<'_> {
     }
 
     /// Gives neighbouring leaves parts of one sequence that follow each other: the rays of all leaves that share their light then cover the hemisphere
-    /// evenly together (Ahmed and Wonka 2020). Ids are numbers in the tree of clusters and parts of surfaces, so that most leaves with near ids are neighbours.
-    /// So do both halves of a leaf, but not below a sky, where light is a product of means over both halves: their errors must be independent there.
+    /// evenly together (Ahmed and Wonka 2020). Both halves of a leaf follow each other as well, but not below a sky, where light is a product of means over
+    /// both halves: their errors must be independent there. Ids are numbers in the tree of clusters and parts of surfaces: most leaves with near ids are
+    /// neighbours.
     fn join_sequences(&self, rays: &mut [LeafRays]) {
         let id = |of: &LeafRays| self.linked.elements.elements[of.leaf as usize].ids[0];
         let mut order: Vec<usize> = (0..rays.len()).collect();

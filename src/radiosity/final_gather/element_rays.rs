@@ -18,12 +18,12 @@ use std::ops::Range;
 /// midpoint rule leaves an error of about half the square of this ratio: 0.1 %.
 const MIDPOINT_RADIUS: f32 = 0.05;
 
-/// A leaf and the number of its rays in each of its streams.
+/// A leaf and the number of its rays in each half.
 #[derive(Clone, Copy)]
 pub struct LeafRays {
     /// The element.
     pub leaf: u32,
-    /// Rays of one stream.
+    /// Rays of one half.
     pub count: u32,
     /// Whether each of these rays has a ray to an emitter beside it.
     pub to_emitters: bool,
@@ -38,7 +38,7 @@ pub struct LeafRays {
 pub struct Sequence {
     /// Names the sequence.
     seed: u32,
-    /// The number.
+    /// Number of its first point.
     pub first: u32,
 }
 
@@ -52,9 +52,9 @@ impl Sequence {
 /// Longest sequence of `sobol_burley`.
 pub const MAX_SEQUENCE: u32 = 1 << 16;
 
-/// The kinds of sequences of an element: of its own light and of the exchange.
+/// First of the two sequences of an element's own light. An element has four sequences.
 pub const OF_LIGHT: u64 = 0;
-/// See [`OF_LIGHT`].
+/// First of the two sequences of an element's rays of the exchange.
 pub const OF_EXCHANGE: u64 = 2;
 /// Halves of the rays of an element.
 const HALVES: usize = 2;
@@ -62,7 +62,7 @@ const HALVES: usize = 2;
 /// Rays of one parallel task: so many that packets are full, and so few that all threads have work to the end.
 const BATCH: usize = 1024;
 
-/// Parts of a list of leaves with about [`BATCH`] rays in each stream.
+/// Parts of a list of leaves with about [`BATCH`] rays in each half.
 pub fn batches(leaves: &[LeafRays]) -> Vec<Range<usize>> {
     let (mut parts, mut first, mut rays) = (Vec::new(), 0, 0);
     for (k, of) in leaves.iter().enumerate() {

@@ -118,7 +118,7 @@ impl FinalGather<'_> {
         (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
     }
 
-    /// So many rays in each half of a leaf's row.
+    /// A row with `count` rays in each half.
     fn row_rays(&self, leaf: u32, count: u32) -> LeafRays {
         LeafRays { leaf, count, to_emitters: true, suns: 1, sequences: self.sequences_of(leaf, OF_EXCHANGE) }
     }

@@ -48,16 +48,16 @@ impl FinalGather<'_> {
         Vec3::from(environment.radiance(direction).map(|l| (PI * l) as f32))
     }
 
-    /// Replaces the light of the sky along the rays of a batch of leaves, `streams` times the number of each, by values with the same mean and less noise
+    /// Replaces the light of the sky along the rays of a batch of leaves, `halves` times the number of each, by values with the same mean and less noise
     /// where most rays leave the scene. The unoccluded sky is a control variate: with the light of the sky F in the direction of a ray, blocked or not, its
     /// known mean E over the hemisphere, and the part v of the rays that leave the scene, v (E − F) is added. Each half of the rays of a leaf has v from
     /// the other half, so that v is independent of its own rays.
-    pub(super) fn compare_with_open_sky(&self, batch: &[LeafRays], streams: usize, buffers: &mut Buffers) {
+    pub(super) fn compare_with_open_sky(&self, batch: &[LeafRays], halves: usize, buffers: &mut Buffers) {
         let Buffers { packets, vertices, results, .. } = buffers;
         let Some(environment) = self.environment else { return };
         let mut first = 0;
         for of in batch {
-            let rays = streams * of.count as usize;
+            let rays = halves * of.count as usize;
             let (range, middle) = (first..first + rays, first + rays / 2);
             first = range.end;
             let normal = self.linked.elements.sides[vertices[range.start].side as usize].normal.as_dvec3();

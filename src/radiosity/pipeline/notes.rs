@@ -35,20 +35,18 @@ pub fn ended(
     Some(format!("{why} ended refinement {reached}before ⟨error⟩ {error} was reached; {estimate}"))
 }
 
-/// If a larger part of the power appears or vanishes than the estimated error, the error asked for and [`MAX_IMBALANCE`] explain.
+/// If power appears or vanishes: a larger part than the smaller one of the estimated error and the error asked for, and than [`MAX_IMBALANCE`].
 pub fn imbalance(ledger: &Ledger, estimate: Option<f64>, options: &Options) -> Option<String> {
     let part = ledger.created / ledger.emitted;
-    let (estimate, asked) = (estimate.unwrap_or(0.0), options.error);
-    let allowed = estimate.min(asked).max(MAX_IMBALANCE);
+    let asked = options.target_error.unwrap_or(options.error);
+    let allowed = estimate.unwrap_or(0.0).min(asked).max(MAX_IMBALANCE);
     (part.abs() > allowed).then(|| {
-        let than = match allowed {
-            x if x == asked => format!("⟨error⟩ {asked}"),
-            _ => format!("{:.1} %", 100.0 * allowed),
-        };
         format!(
-            "the energy does not balance: {:.1} % of the emitted power {}, more than {than}; a smaller ⟨error⟩ or ⟨min_area⟩ brings it down",
+            "the energy does not balance: {:.1} % of the emitted power {}, more than the {:.1} % that the error allows; a smaller ⟨error⟩ or \
+             ⟨min_area⟩ brings it down",
             100.0 * part.abs(),
             if part > 0.0 { "arrives without having been sent" } else { "is lost on its way" },
+            100.0 * allowed
         )
     })
 }
