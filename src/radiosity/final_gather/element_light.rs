@@ -5,7 +5,7 @@
 //! cosine-weighted rays hit. The rays of an element form two halves, to separate noise from differences between elements
 //! ([`super::sharing`]).
 
-use super::element_rays::{LeafRays, MAX_SEQUENCE, OF_LIGHT, batches};
+use super::element_rays::{LeafRays, OF_LIGHT, batches, join_sequences};
 use super::element_samples::{DIRECT, ElementLight, REFLECTED, SharedLight};
 use super::gatherer::{Buffers, FinalGather};
 use super::local_pass::LocalPass;
@@ -199,27 +199,14 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Gives neighbouring leaves parts of one sequence that follow each other: the rays of all leaves that share their light then cover the hemisphere
-    /// evenly together (Ahmed and Wonka 2020). Both halves of a leaf follow each other as well, but not below a sky, where light is a product of means over
-    /// both halves: their errors must be independent there. Ids are numbers in the tree of clusters and parts of surfaces: most leaves with near ids are
-    /// neighbours.
+    /// Gives neighbouring leaves parts of one sequence. Ids are numbers in the tree of clusters and parts of surfaces: most leaves with near ids are
+    /// neighbours. Both halves of a leaf have parts of the same sequence, but not below a sky, where light is a product of means over both halves: their
+    /// errors must be independent there.
     fn join_sequences(&self, rays: &mut [LeafRays]) {
-        let id = |of: &LeafRays| self.linked.elements.elements[of.leaf as usize].ids[0];
-        let mut order: Vec<usize> = (0..rays.len()).collect();
-        order.sort_unstable_by_key(|&i| id(&rays[i]));
+        let mut ordered: Vec<&mut LeafRays> = rays.iter_mut().collect();
+        ordered.sort_unstable_by_key(|of| self.linked.elements.elements[of.leaf as usize].ids[0]);
         let joins_halves = !self.has_environment();
-        for group in order.chunks(LEAVES_OF_SEQUENCE) {
-            let mut next = rays[group[0]].sequences;
-            for &i in group {
-                let count = rays[i].count;
-                let used = if joins_halves { 2 * count } else { count };
-                if next[0].first + used > MAX_SEQUENCE {
-                    next = rays[i].sequences;
-                }
-                rays[i].sequences = if joins_halves { [next[0], next[0].after(count)] } else { next };
-                next = next.map(|sequence| sequence.after(used));
-            }
-        }
+        ordered.chunks_mut(LEAVES_OF_SEQUENCE).for_each(|group| join_sequences(group, joins_halves));
     }
 
     /// The irradiance of leaves from their samples, shared between neighbours.

@@ -39,18 +39,32 @@ pub struct Sequence {
     /// Names the sequence.
     seed: u32,
     /// Number of its first point.
-    pub first: u32,
+    first: u32,
 }
 
 impl Sequence {
     /// The part after so many numbers.
-    pub fn after(self, count: u32) -> Sequence {
+    fn after(self, count: u32) -> Sequence {
         Sequence { first: self.first + count, ..self }
     }
 }
 
 /// Longest sequence of `sobol_burley`.
-pub const MAX_SEQUENCE: u32 = 1 << 16;
+const MAX_SEQUENCE: u32 = 1 << 16;
+
+/// Gives neighbouring leaves parts of one sequence that follow each other: the rays of all leaves that share their light then cover the hemisphere
+/// evenly together (Ahmed and Wonka 2020). Both halves of a leaf follow each other if `joins_halves`; otherwise each half has its own sequence.
+pub fn join_sequences(leaves: &mut [&mut LeafRays], joins_halves: bool) {
+    let Some(mut next) = leaves.first().map(|of| of.sequences) else { return };
+    for of in leaves {
+        let used = if joins_halves { 2 * of.count } else { of.count };
+        if next[0].first + used > MAX_SEQUENCE {
+            next = of.sequences;
+        }
+        of.sequences = if joins_halves { [next[0], next[0].after(of.count)] } else { next };
+        next = next.map(|sequence| sequence.after(used));
+    }
+}
 
 /// First of the two sequences of an element's own light. An element has four sequences.
 pub const OF_LIGHT: u64 = 0;
@@ -387,6 +401,43 @@ impl FinalGather<'_> {
             light.halves[REFLECTED] = [sums[0].0 / half, sums[1].0 / half];
             let mean = light.mean(REFLECTED) as f32;
             light.squares[REFLECTED] = (sums[0].1 + sums[1].1 - 2.0 * half * mean * mean).max(0.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashMap;
+
+    /// Parts of a sequence follow each other without gaps, and a sequence that is used up is followed by the leaf's own one. Halves that must be independent
+    /// have no sequence in common.
+    #[test]
+    fn leaves_take_parts_of_sequences_that_follow_each_other() {
+        let of = |leaf: u32| LeafRays {
+            leaf,
+            count: 8 * (1 + leaf % 128),
+            to_emitters: true,
+            suns: 1,
+            sequences: [0, 1].map(|half| Sequence { seed: 2 * leaf + half, first: 0 }),
+        };
+        for joins_halves in [true, false] {
+            let mut leaves: Vec<LeafRays> = (0..200).map(of).collect();
+            join_sequences(&mut leaves.iter_mut().collect::<Vec<_>>(), joins_halves);
+            let mut used: HashMap<u32, u32> = HashMap::new();
+            for LeafRays { count, sequences, .. } in leaves {
+                assert_eq!(sequences[0].seed == sequences[1].seed, joins_halves);
+                for Sequence { seed, first } in sequences {
+                    let next = used.entry(seed).or_default();
+                    assert_eq!(first, *next);
+                    *next += count;
+                    assert!(*next <= MAX_SEQUENCE);
+                }
+            }
+            // 88,896 rays in each half.
+            assert_eq!(used.len(), if joins_halves { 3 } else { 2 * 2 });
+            let odd = used.keys().filter(|seed| *seed % 2 == 1).count();
+            assert_eq!(odd, if joins_halves { 0 } else { 2 });
         }
     }
 }

@@ -272,6 +272,29 @@ pub const NOT_FINITE: &str = "the light in this scene is beyond all numbers: giv
 mod tests {
     use super::*;
 
+    /// The power that may appear or vanish is the smallest of what is stated and what was asked for, but no less than the noise of sampling.
+    #[test]
+    fn power_that_appears_or_vanishes_is_noted() {
+        let noted = |created: f64, estimate: Option<f64>, error: f64, target_error: Option<f64>| {
+            let ledger = Ledger { emitted: 50.0, created: 50.0 * created, ..Ledger::default() };
+            imbalance(&ledger, estimate, &Options { error, target_error, ..Options::default() })
+        };
+        let lost = noted(-0.12, Some(1.48), 0.1, None).expect("a note");
+        assert!(lost.contains("12.0 % of the emitted power is lost") && lost.contains("10.0 %"), "{lost}");
+        assert!(noted(-0.12, Some(1.48), 0.2, None).is_none());
+        let made = noted(0.03, Some(0.02), 0.1, None).expect("a note");
+        assert!(made.contains("3.0 % of the emitted power arrives") && made.contains("2.0 %"), "{made}");
+        // A target counts instead of the error asked for, which is that of single links.
+        assert!(noted(0.03, Some(0.04), 0.01, Some(0.05)).is_none());
+        assert!(noted(0.06, Some(1.0), 0.5, Some(0.05)).is_some());
+        // The noise of sampling, also where no error is known.
+        for estimate in [None, Some(1e-4)] {
+            assert!(
+                noted(0.0049, estimate, 0.1, None).is_none() && noted(-0.0051, estimate, 0.1, None).is_some()
+            );
+        }
+    }
+
     #[test]
     fn the_largest_count_and_the_first_cause_of_an_attempt_are_told() {
         let fewer = |why, place, elements: usize| {

@@ -3,6 +3,7 @@
 use super::*;
 use crate::progress::testing::stop_when;
 use crate::radiosity::deadline::Deadline;
+use crate::radiosity::final_gather::FinalGather;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::refinement::Ended;
 use crate::scene::generate::{Spec, build};
@@ -265,6 +266,24 @@ fn light_at_more_points_keeps_to_the_time() {
 }
 
 // Local passes that are cut short.
+
+/// A limited exchange that has a quarter of its rays leaves the time for the others to the light of elements: a seventh of 30,000 rays.
+#[test]
+fn elements_have_the_rays_that_a_limited_exchange_lacks() {
+    let scene = room(true);
+    let options = Options { error: 0.1, ..Options::default() };
+    let model = model_for(&scene, &options);
+    let linked = visibility::linked(&model, &options);
+    let traced = |seconds: Option<f64>, rays: f64| {
+        let deadline = Deadline::start(&(), seconds);
+        let found = FinalGather::new(&model, &linked, &options).local_pass(Some(rays), 4e4, 1e6, &deadline);
+        (found.element_rays.expect("rays of elements"), found.traced_part)
+    };
+    let [endless, limited] = [None, Some(1e9)].map(|seconds| traced(seconds, 1e4));
+    assert!(endless.0 > 0.0 && (limited.0 - endless.0 - 3e4 / 7.0).abs() < 1.0, "{endless:?} {limited:?}");
+    assert!(endless.1 < 0.97 && (limited.1 - 1.0).abs() < 1e-9, "{endless:?} {limited:?}");
+    assert_eq!(traced(None, 4e4), traced(Some(1e9), 4e4));
+}
 
 /// A local pass of many elements that is interrupted at its beginning or in its middle traces few more rays; the light is that of the
 /// whole pass within the error bars, and notes say what it is.
