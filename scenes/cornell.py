@@ -108,7 +108,7 @@ def main():
         if not os.path.exists(name):
             options = ["--samples", str(args.samples), "--out", name] + ["--direct-only"] * direct
             print(f"{name}: {run([mrvis, 'reference', *scene, *options]):.0f} s", flush=True)
-    print(f"\n| {count} points | options | RMS / mean | bias | RMS of elements | bias | RMS of the mesh | user time |")
+    print(f"\n| {count} points | options | RMS / mean | bias | RMS of elements | bias | RMS of the mesh at points | user time |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for name, options, direct in RUNS:
         seconds = run([mrvis, "solve", *scene, "--threads", "1", "--out", "solution", "--output", "vtu,ply", *options])

@@ -1,11 +1,12 @@
 """Compares the irradiance of elements (`solution.vtu`) and of the exported mesh (`solution.ply`) with path-traced references.
 
-Elements are drawn with a probability proportional to their area. The reference of an element is the mean over points that are
-drawn on it at random; its noise is estimated from their spread and subtracted. It needs only Python's standard library.
+Elements are drawn with a probability proportional to their area, and points on them at random. The reference of an element is the mean
+over its points; its noise is estimated from their spread and subtracted. It needs only Python's standard library.
 """
 
 import array
 import bisect
+import collections
 import csv
 import hashlib
 import os
@@ -34,31 +35,41 @@ def read_vtu(path):
     return found
 
 
-def on_mesh(vtu, path):
-    """Returns the mean irradiance of the exported mesh (a `.ply` file of mrvis) over each element, by linear interpolation.
+class Mesh:
+    """The exported mesh of a solution (a `.ply` file of mrvis), whose triangles state their element, the number of the cell in the `.vtu` file."""
 
-    Triangles state their element, the number of the cell in the `.vtu` file.
-    """
-    data = open(path, "rb").read()
-    end = data.index(b"end_header\n") + len(b"end_header\n")
-    head = data[:end].decode("ascii")
-    counts = {name: int(count) for name, count in re.findall(r"element (\w+) (\d+)", head)}
-    fields = re.findall(r"property (float|double|uchar) (\w+)", head)
-    layout = struct.Struct("<" + "".join({"float": "f", "double": "d", "uchar": "B"}[kind] for kind, _ in fields))
-    light = [name for _, name in fields].index("irradiance_r")
-    faces = end + counts["vertex"] * layout.size
-    vertices = [(v[:3], v[light : light + 3]) for v in layout.iter_unpack(data[end:faces])]
-    filled, sums = [0.0] * len(vtu["area"]), [[0.0, 0.0, 0.0] for _ in vtu["area"]]
-    for _, i, j, k, element in struct.iter_unpack("<BiiiI", data[faces:]):
-        corners = [vertices[i], vertices[j], vertices[k]]
-        a, b, c = (place for place, _ in corners)
-        own = 0.5 * length(cross(subtract(b, a), subtract(c, a)))
-        filled[element] += own
-        for channel in range(3):
-            sums[element][channel] += own * sum(irradiance[channel] for _, irradiance in corners) / 3
-    # Elements that are thinner than the rounding of coordinates have no area in the file.
-    means = [[s / f if f > 0.0 else e for s, e in zip(row, own)] for row, f, own in zip(sums, filled, vtu["irradiance"])]
-    return means
+    def __init__(self, path):
+        data = open(path, "rb").read()
+        end = data.index(b"end_header\n") + len(b"end_header\n")
+        head = data[:end].decode("ascii")
+        counts = {name: int(count) for name, count in re.findall(r"element (\w+) (\d+)", head)}
+        fields = re.findall(r"property (float|double|uchar) (\w+)", head)
+        layout = struct.Struct("<" + "".join({"float": "f", "double": "d", "uchar": "B"}[kind] for kind, _ in fields))
+        light = [name for _, name in fields].index("irradiance_r")
+        faces = end + counts["vertex"] * layout.size
+        self.vertices = [(v[:3], sum(v[light : light + 3]) / 3) for v in layout.iter_unpack(data[end:faces])]
+        self.triangles = collections.defaultdict(list)
+        for _, i, j, k, element in struct.iter_unpack("<BiiiI", data[faces:]):
+            self.triangles[element].append((i, j, k))
+
+    def light_at(self, element, place):
+        """The irradiance at a point of an element by linear interpolation, mean of the channels; None if the element has no area in the file."""
+        found = []
+        for triangle in self.triangles[element]:
+            (a, b, c), light = zip(*(self.vertices[i] for i in triangle))
+            normal = cross(subtract(b, a), subtract(c, a))
+            size = dot(normal, normal)
+            if size > 0.0:
+                to = subtract(place, a)
+                v = dot(cross(to, subtract(c, a)), normal) / size
+                w = dot(cross(subtract(b, a), to), normal) / size
+                weights = (1.0 - v - w, v, w)
+                found.append((min(weights), dot(weights, light)))
+        return max(found)[1] if found else None
+
+
+def dot(a, b):
+    return sum(x * y for x, y in zip(a, b))
 
 
 def subtract(a, b):
@@ -98,42 +109,45 @@ def draw_elements(vtu, count, each, seed):
         yield e, made
 
 
-def compare(mrvis, scene, folder, options=(), count=500, each=16, samples=128, seed=7):
-    """Returns the RMS error and the bias of the irradiance of the elements in `folder`/solution.vtu, the RMS error of the mean
-    that the mesh in `folder`/solution.ply has over the elements, and the RMS error of elements at single points, all relative to the
-    mean irradiance; the reference's noise is subtracted.
+def irradiance(mrvis, scene, points, samples, seed, options):
+    """Returns the path-traced irradiance at the points of a file, mean of the channels. Results are kept in the working folder."""
+    digest = hashlib.sha256(pathlib.Path(points).read_bytes()).hexdigest()[:12]
+    path = f"elements-{samples}-{seed}-{digest}.csv"
+    if not os.path.exists(path):
+        command = [mrvis, "reference", scene, "--points", points, "--samples", str(samples), "--seed", str(seed), "--quiet"]
+        subprocess.run([*command, "--out", path, *options], check=True)
+    with open(path, encoding="utf-8") as file:
+        return [sum(float(row[channel]) for channel in ("Er", "Eg", "Eb")) / 3 for row in csv.DictReader(file)]
 
-    `options` are options of `mrvis reference` that the solution needs as well, such as `--unit`. References are kept in the working
-    folder for other solutions with the same elements.
+
+def compare(mrvis, scene, folder, options=(), count=500, each=16, samples=64, seed=7):
+    """Returns the RMS error and the bias of the irradiance of elements in `folder`/solution.vtu, and the RMS errors of the mesh in
+    `folder`/solution.ply and of elements at single points, all relative to the mean irradiance.
+
+    `options` are options of `mrvis reference` that the solution needs as well, such as `--unit`. Errors at points are products of the
+    differences from two independent references, which contain no noise of the references.
     """
-    vtu = read_vtu(f"{folder}/solution.vtu")
-    mesh = on_mesh(vtu, f"{folder}/solution.ply")
+    vtu, mesh = read_vtu(f"{folder}/solution.vtu"), Mesh(f"{folder}/solution.ply")
     drawn = list(draw_elements(vtu, count, each, seed))
     with open("elements.csv", "w", encoding="utf-8") as file:
         file.write("x,y,z,nx,ny,nz\n")
         for _, points in drawn:
             for place, normal in points:
                 file.write(",".join(repr(float(x)) for x in place + normal) + "\n")
-    digest = hashlib.sha256(pathlib.Path("elements.csv").read_bytes()).hexdigest()[:12]
-    reference = f"elements-{samples}-{digest}.csv"
-    if not os.path.exists(reference):
-        command = [mrvis, "reference", scene, "--points", "elements.csv", "--samples", str(samples), "--quiet"]
-        subprocess.run([*command, "--out", reference, *options], check=True)
-    with open(reference, encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    values = [sum(float(row[channel]) for channel in ("Er", "Eg", "Eb")) / 3 for row in rows]
-    variances = [sum(float(row[channel]) ** 2 for channel in ("Er_se", "Eg_se", "Eb_se")) / 9 for row in rows]
+    pairs = list(zip(*(irradiance(mrvis, scene, "elements.csv", samples, of, options) for of in (1, 2))))
     level = sum(area * sum(light) / 3 for area, light in zip(vtu["area"], vtu["irradiance"])) / sum(vtu["area"])
-    squares, mesh_squares, noise, bias = 0.0, 0.0, 0.0, 0.0
-    point_squares = -sum(variances) / each
-    for k, (element, _) in enumerate(drawn):
-        own = values[k * each : (k + 1) * each]
+    squares = mesh_squares = point_squares = bias = 0.0
+    for k, (element, points) in enumerate(drawn):
+        own = pairs[k * each : (k + 1) * each]
+        means = [(a + b) / 2 for a, b in own]
         light = sum(vtu["irradiance"][element]) / 3
-        difference = light - statistics.fmean(own)
-        point_squares += statistics.fmean((light - value) ** 2 for value in own)
-        squares += difference**2
-        mesh_squares += (sum(mesh[element]) / 3 - statistics.fmean(own)) ** 2
-        noise += statistics.variance(own) / each
+        difference = light - statistics.fmean(means)
         bias += difference
-    rms, of_mesh = (max((sum_ - noise) / count, 0.0) ** 0.5 / level for sum_ in (squares, mesh_squares))
-    return rms, bias / count / level, of_mesh, max(point_squares / count, 0.0) ** 0.5 / level
+        squares += difference**2 - statistics.variance(means) / each
+        point_squares += statistics.fmean((light - a) * (light - b) for a, b in own)
+        on_mesh = [mesh.light_at(element, place) for place, _ in points]
+        # Elements that are thinner than the rounding of coordinates have no area in the file.
+        at = [light if value is None else value for value in on_mesh]
+        mesh_squares += statistics.fmean((m - a) * (m - b) for m, (a, b) in zip(at, own))
+    rms, of_mesh, at_points = (max(sum_ / count, 0.0) ** 0.5 / level for sum_ in (squares, mesh_squares, point_squares))
+    return rms, bias / count / level, of_mesh, at_points

@@ -4,8 +4,8 @@
 The script draws random points on the fronts of all faces, evenly by area. It computes a path-traced reference
 (`mrvis reference`) once and keeps it in the output folder, solves with several options, compares each solution with the
 reference (`mrvis compare`) and prints a Markdown table. Elements are read back from `solution.vtu`, drawn by area, and compared
-with path-traced means, and so is the mesh of `solution.ply` over the same elements (`elements.py`). It needs only Python's standard
-library; `make scenes` assembles the rooms.
+with path-traced means, and so is the mesh of `solution.ply` at points of the same elements (`elements.py`). It needs only Python's
+standard library; `make scenes` assembles the rooms.
 
     python3 scenes/room.py scenes/real/livingroom.obj --out out/livingroom-solved
 """
@@ -72,6 +72,8 @@ def main():
     parser.add_argument("--out", default="out/room", help="folder for all files (default: out/room)")
     parser.add_argument("--points", type=int, default=2000, help="number of points (default: 2000)")
     parser.add_argument("--samples", type=int, default=4096, help="paths per point of the reference (default: 4096)")
+    parser.add_argument("--options", help="options of `mrvis solve` to measure instead of the usual ones, such as --options='--max-seconds 14'")
+    parser.add_argument("--elements", type=int, default=500, help="number of elements, with 16 points each (default: 500)")
     args = parser.parse_args()
     mrvis, scene = (str(pathlib.Path(p).resolve()) for p in (args.mrvis, args.scene))
     os.makedirs(args.out, exist_ok=True)
@@ -87,9 +89,10 @@ def main():
         print(f"{reference}: {seconds:.0f} s of user time", flush=True)
     # This run measures the clusters and keeps them in the user's cache folder. The times below do not include it.
     run([mrvis, "solve", *common, "--visibility", "mr", "--error", "1", "--out", "warm"])
-    print(f"\n| {args.points} points | options | RMS / mean | bias | RMS of elements | bias | RMS of the mesh | RMS of elements at points | time | user time |")
+    print(f"\n| {args.points} points | options | RMS / mean | bias | RMS of elements | bias | RMS of the mesh at points | RMS of elements at points | time | user time |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
-    for name, options in RUNS:
+    runs = RUNS if args.options is None else [("", args.options.split())]
+    for name, options in runs:
         begun = time.monotonic()
         seconds = run([mrvis, "solve", *common, "--out", "solution", "--output", "vtu,ply", *options])
         wall = time.monotonic() - begun
@@ -98,7 +101,7 @@ def main():
             found = json.load(file)
         # The difference includes the noise of the reference, which is independent of the error of the solution.
         rms = max(found["rms"] ** 2 - found["reference_noise"] ** 2, 0.0) ** 0.5
-        of_elements, bias, of_mesh, at_points = elements.compare(mrvis, scene, "solution")
+        of_elements, bias, of_mesh, at_points = elements.compare(mrvis, scene, "solution", count=args.elements)
         options = " ".join(options) or "none"
         print(
             f"| {name} | `{options}` | {100 * rms:.1f} % | {100 * found['bias']:+.1f} % | {100 * of_elements:.1f} % "
