@@ -53,7 +53,7 @@ pub struct Object<T> {
     value: T,
     /// References of the program.
     references: AtomicUsize,
-    /// A call that used it ended by a defect.
+    /// Whether a call that used it panicked.
     suspect: AtomicBool,
 }
 

@@ -20,14 +20,14 @@ const CHUNK: (usize, usize) = (256, 1 << 14);
 const SMALL: usize = 64;
 
 impl Visibility {
-    /// Answers a batch into the caller's arrays; gives what it took. The answers do not depend on the number of threads. A model with
+    /// Answers a batch into the caller's arrays; returns its cost. The answers do not depend on the number of threads. A model with
     /// one thread answers on the caller's, any other on its own. Buffers are kept for the next batch. See [`Segments`] for the frame of
     /// positions.
     ///
     /// # Errors
     /// [`Error::Argument`], which names array and index, if lengths do not match, offsets do not ascend, a
     /// position is not finite, a segment has no length, or a size is out of its range; if the engine needs feature sizes or optics that
-    /// are missing. `answers` are then as they were. [`Error::Cancelled`] if the progress of [`Model::with_progress`] stops it, which hears of
+    /// are missing. `answers` are then as they were. [`Error::Cancelled`] if the progress of [`Model::with_progress`] stops it, which is told of
     /// one stage with a step a bundle: some of the `answers` are then written.
     pub fn answer_into(&self, segments: &Segments, answers: &mut Answers) -> Result<Cost> {
         match self.model.has_one_thread() {

@@ -118,9 +118,9 @@ pub(super) struct Surroundings<'a> {
     large: f32,
 }
 
-/// What a ray meets first.
+/// The first surface that a ray hits.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Met {
+enum FirstHit {
     Nothing,
     Emitter,
     Large,
@@ -169,13 +169,13 @@ impl<'a> Surroundings<'a> {
         let own = self.surface_of(point);
         let front = self.seen(point, seed);
         let mut around = front;
-        if own == Met::Small {
+        if own == FirstHit::Small {
             let back = ReceiverPoint { normal: -point.normal, ..*point };
             around.add(self.seen(&back, mix(seed)));
         }
         if around.encloses() {
             ReceiverClass::Interior
-        } else if own == Met::Small {
+        } else if own == FirstHit::Small {
             ReceiverClass::Inside
         } else if front.near {
             ReceiverClass::Near
@@ -185,7 +185,7 @@ impl<'a> Surroundings<'a> {
     }
 
     /// The surface that a point lies on.
-    fn surface_of(&self, point: &ReceiverPoint) -> Met {
+    fn surface_of(&self, point: &ReceiverPoint) -> FirstHit {
         let rule = EndRule::new(point.magnitude);
         let mut packet = Packet::EMPTY;
         packet.set_ray(0, rule.lifted(point.position, point.normal), -point.normal);
@@ -213,13 +213,13 @@ impl<'a> Surroundings<'a> {
             for (packet, hits) in packets.iter_mut().zip(&hits) {
                 for lane in packet.lanes() {
                     match self.met(hits, lane) {
-                        Met::Small => {
+                        FirstHit::Small => {
                             seen.near |= passed == 0 && hits.t[lane] <= self.large;
                             packet.near[lane] = hits.t[lane] + rule.left_out();
                             continue;
                         }
-                        Met::Large => seen.large += 1,
-                        Met::Nothing | Met::Emitter => seen.lit += 1,
+                        FirstHit::Large => seen.large += 1,
+                        FirstHit::Nothing | FirstHit::Emitter => seen.lit += 1,
                     }
                     packet.active &= !(1 << lane);
                 }
@@ -228,18 +228,18 @@ impl<'a> Surroundings<'a> {
         seen
     }
 
-    fn met(&self, hits: &Hits, lane: usize) -> Met {
+    fn met(&self, hits: &Hits, lane: usize) -> FirstHit {
         let (triangle, instance) = (hits.triangle[lane], hits.instance[lane] as usize);
         if triangle == Hits::NOTHING {
-            return Met::Nothing;
+            return FirstHit::Nothing;
         }
         let instance = &self.model.instances()[instance];
         // Emitters are among the scene's own triangles, which mesh 0 holds.
         if instance.mesh == 0 && self.model.scene().triangle_emitter[triangle as usize] != u32::MAX {
-            return Met::Emitter;
+            return FirstHit::Emitter;
         }
         let width = self.widths[instance.mesh as usize][triangle as usize];
-        if width * scale(instance) >= self.large { Met::Large } else { Met::Small }
+        if width * scale(instance) >= self.large { FirstHit::Large } else { FirstHit::Small }
     }
 }
 

@@ -23,16 +23,16 @@ pub struct Extent {
     /// Largest number of runs, and of bundles of a run.
     runs: usize,
     run: usize,
-    /// Rays of each half of what tells the visible fraction of a bundle; 0 for none.
+    /// Rays of each half of a separate estimate of the visible fraction of a bundle; 0 for none.
     truth_rays: usize,
 }
 
 impl Extent {
-    /// For points: 256 bundles, so that mean squares are known to a tenth, and as many rays as the most of a row, so that the noise of a half
-    /// is no larger. Bundles of a run share their traversal as those of rows do; runs are many because their bundles err alike.
+    /// For points: 256 bundles, so that mean squares have an error of a tenth, and as many rays as the largest row has, so that a half
+    /// has no more noise. Bundles of a run share their traversal as those of rows do; there are many runs because errors within a run are similar.
     pub const POINTS: Extent = Extent { runs: 32, run: 8, truth_rays: 256 };
-    /// For the mean of walks, which is compared with exact rays along the same segments: amid leaves a run of neighbours differs by 0.04 to
-    /// 0.08, so that 1,024 runs tell the mean to 0.001 to 0.0025.
+    /// For the mean of walks, which is compared with exact rays along the same segments: among leaves, runs of neighbours differ by 0.04
+    /// to 0.08, so that the mean of 1,024 runs has an error of 0.001 to 0.0025.
     const MEAN: Extent = Extent { runs: 1024, run: 2, truth_rays: 0 };
     /// For a map, which is interpolated between as few as a thousand bundles of sixteen segments: about as many rays as those.
     pub const MAP: Extent = Extent { runs: 16, run: 4, truth_rays: 64 };

@@ -65,7 +65,7 @@ pub(super) const MAX_SIDE_TEXELS: usize = 16_384;
 /// Largest memory of a texel, bytes: irradiance (12), three flags, and for the file a copy (12) and a buffer that doubles (24).
 const BYTES_PER_TEXEL: u64 = 12 + 3 + 12 + 24;
 
-/// Triangles that are drawn between two looks at the caller: below a millisecond.
+/// Triangles that are drawn between two calls of the caller's progress: below a millisecond.
 pub(super) const TRIANGLES_BETWEEN_LOOKS: usize = 1 << 10;
 
 struct Chart {

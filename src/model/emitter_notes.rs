@@ -148,11 +148,9 @@ impl Model {
                 turned.iter().take(MAX_NAMES).map(|e| format!("`{}`", quote(&e.name))).collect();
             let more = if turned.len() > MAX_NAMES { ", ..." } else { "" };
             let (count, of, names) = (turned.len(), tested.len(), names.join(", "));
-            (count > 0).then(|| {
-                format!(
-                    "the light of {count} of {of} emitters leaves the scene, {why}: {names}{more}; {cure}"
-                )
-            })
+            let which = if of == 1 { "the only emitter".into() } else { format!("{count} of {of} emitters") };
+            (count > 0)
+                .then(|| format!("the light of {which} leaves the scene, {why}: {names}{more}; {cure}"))
         };
         let of_faces = (faces, "as their fronts face away from everything", TURN);
         let of_lamps = (lamps, "as these luminaires shine away from everything", AIM);

@@ -10,13 +10,12 @@ use crate::scene::{Emitter, magnitude};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Smallest height at which rays start above a surface, as a part of its distance from an emitter, of which a note tells: shadows and reflected
-/// light there err by up to that part.
+/// A note reports surfaces above which rays start at more than this part of their distance from an emitter: shadows and reflected light there
+/// err by up to that part.
 const COARSE: f32 = 0.01;
-/// The same as a part of the height of a thing that stands on the surface: the shadow of the thing ends too early by that part of its length, here
-/// by a tenth.
+/// The same as a part of the height of an object on the surface: its shadow is too short by that part, here by a tenth.
 const SHORT: f32 = 0.1;
-/// Distance to which the reader moves overlapping faces of one plane off each other, as a multiple of the height at which rays start: 9e-6 of the
+/// Distance by which the reader separates overlapping faces of one plane, as a multiple of the height at which rays start: 9e-6 of the
 /// largest coordinate against 2e-6, and their rounding.
 const MOVED: f32 = 6.0;
 /// Part of an emitter's rays that must meet such surfaces.

@@ -181,7 +181,7 @@ pub struct Repairs {
     /// Faces of a material that is more transparent than opaque (`d` below 0.5) and does not emit; dropped.
     pub transparent_faces: usize,
     /// Pairs of objects with overlapping faces in one plane that face the same way and differ in part or material: the face of the
-    /// smaller part counts as on top, of equal parts the one later in the file.
+    /// smaller part is treated as the upper one, of equal parts the one later in the file.
     pub overlapping_objects: usize,
     /// Nodes that place a shared mesh with shear or unequal scale, so that its triangles were copied. Not serialised
     /// if zero.

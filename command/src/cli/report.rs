@@ -14,7 +14,7 @@ use mrvis::internals::image_io::thumbnail;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Write one page about the outputs of a batch: table of all jobs, errors against times, grids of points, pictures. The exit code is 1 if jobs are
+/// Write one page about the outputs of a batch: table of all jobs, differences from references against times, grids of points, pictures. The exit code is 1 if jobs are
 /// missing.
 #[derive(clap::Args, Debug)]
 pub struct Args {
@@ -81,6 +81,17 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 
 /// The pictures that a job has made, below its folder.
 fn pictures(entry: &Entry) -> impl Iterator<Item = (&Entry, &Path)> {
-    let names = entry.outputs.iter().map(|file| file.path.as_path());
-    names.filter(|path| path.extension().is_some_and(|e| e == "png")).map(move |path| (entry, path))
+    let all = entry.outputs.iter().map(|file| file.path.as_path());
+    let mut names: Vec<&Path> = all.filter(|path| path.extension().is_some_and(|e| e == "png")).collect();
+    // By the number at their end where they have one: the mask of 15.4 comes before that of 120.
+    let key = |path: &Path| {
+        let stem = path.with_extension("").display().to_string();
+        let number = |(name, end): (&str, &str)| Some((name.to_owned(), end.parse::<f64>().ok()?));
+        stem.rsplit_once('-').and_then(number).unwrap_or((stem.clone(), 0.0))
+    };
+    names.sort_by(|a, b| {
+        let [(a, size_a), (b, size_b)] = [a, b].map(|path| key(path));
+        a.cmp(&b).then(size_a.total_cmp(&size_b))
+    });
+    names.into_iter().map(move |path| (entry, path))
 }

@@ -29,7 +29,7 @@ const COARSE: f64 = 64.0;
 /// Factor by which the error shrinks until links are refined.
 const FINER: f64 = 0.5;
 /// Largest number of these steps.
-const TRIES: i32 = 11;
+const MAX_STEPS: i32 = 11;
 /// Number of solves by links at a time, and in tests; their mean picture is shown.
 const BATCH: [usize; 2] = [32, 8];
 /// Largest number of solves by links.
@@ -182,13 +182,13 @@ fn areas(scene: &Scene) -> Vec<f64> {
 
 /// The largest error to which links beyond that of the root with itself are refined: those from the light to the cluster.
 fn coarsest(model: &Model, options: &Options) -> Result<f64> {
-    for k in 0..TRIES {
+    for k in 0..MAX_STEPS {
         let error = COARSE * FINER.powi(k);
         if radiosity::run(model, &[], &Options { error, ..options.clone() }, &())?.record.links > 1 {
             return Ok(error);
         }
     }
-    Ok(COARSE * FINER.powi(TRIES))
+    Ok(COARSE * FINER.powi(MAX_STEPS))
 }
 
 /// Figure 10: links from the light to clusters with three models of the light inside them, and the light by rays.

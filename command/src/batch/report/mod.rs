@@ -1,4 +1,4 @@
-//! The page of a batch: a table of all jobs, charts of errors against times, pictures.
+//! The page of a batch: a table of all jobs, charts of differences from references against times, pictures.
 
 #[cfg(test)]
 mod tests;
@@ -15,10 +15,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 const SCRIPT: &str = include_str!("report.js");
 
-/// Errors that charts show, the most telling first: of comparisons, of audits by independent paths, of form factors, of path tracing.
-const ERRORS: [(&str, &str); 6] = [
-    (COMPARED, "RMS difference from the reference"),
-    ("audit.rms_error", "RMS error by the audit"),
+/// What charts show: estimates are in the table alone.
+const DIFFERENCE: &str = "RMS difference from the reference";
+/// Errors of the table: measured by comparison with a reference, estimated, of form factors, of path tracing.
+const ERRORS: [(&str, &str); 5] = [
+    (COMPARED, DIFFERENCE),
     ("error_estimate", "estimated RMS error"),
     ("report.row_standard_error", "standard error of a row"),
     ("report.row_sum_error", "error of row sums"),
@@ -94,7 +95,7 @@ pub fn report_page(report: &Report) -> Result<String> {
     let body = html! {
         (headline(report))
         (failures(rows))
-        @if !charts.is_empty() { section { h2 { "Errors against time" } (chart_section(&charts, charts_in_all)) } }
+        @if !charts.is_empty() { section { h2 { "Differences against time" } (chart_section(&charts, charts_in_all)) } }
         section {
             h2 { "Jobs" }
             (controls(rows))
@@ -185,7 +186,7 @@ fn failures(rows: &[Row]) -> Markup {
 fn chart_section(charts: &[Chart], in_all: usize) -> Markup {
     html! {
         @if in_all > charts.len() {
-            p.note { (charts.len()) " of " (in_all) " charts: one for each scene, error and two swept options. The others can be made from results.csv." }
+            p.note { (charts.len()) " of " (in_all) " charts: one for each scene and two swept options. The others can be made from results.csv." }
         }
         @if charts.len() > 1 {
             p.controls hidden {
@@ -329,7 +330,7 @@ pub struct Chart {
     pub markup: Markup,
 }
 
-/// Errors against times for any two swept options: the first by colour, the second by labels. At most [`MAX_CHARTS`], and how many there
+/// Differences from references against times for any two swept options: the first by colour, the second by labels. At most [`MAX_CHARTS`], and how many there
 /// would be without that limit.
 ///
 /// # Errors
@@ -337,32 +338,30 @@ pub struct Chart {
 pub fn charts(rows: &[Row]) -> Result<(Vec<Chart>, usize)> {
     let mut by_scene: BTreeMap<String, Vec<&Row>> = BTreeMap::new();
     rows.iter().for_each(|row| by_scene.entry(text(row, "scene")).or_default().push(row));
-    let several = by_scene.values().filter(|rows| errors(rows.iter().copied()).next().is_some()).count() > 1;
+    let compared = |row: &&Row| value(row, COMPARED).is_some_and(|e| e > 0.0);
+    by_scene.values_mut().for_each(|rows| rows.retain(compared));
+    by_scene.retain(|_, rows| rows.len() > 1);
+    let several = by_scene.len() > 1;
     let (mut charts, mut in_all) = (Vec::new(), 0);
     for (scene, rows) in &by_scene {
-        for (column, name) in errors(rows.iter().copied()) {
-            let known: Vec<&Row> =
-                rows.iter().copied().filter(|row| value(row, column).is_some_and(|e| e > 0.0)).collect();
-            let options = swept(known.iter().copied());
-            for [a, b] in pairs(&options) {
-                in_all += 1;
-                if in_all > MAX_CHARTS {
-                    continue;
-                }
-                let short = |option: &str| option.trim_start_matches("option.").to_owned();
-                let mut title = format!("{name}, by {}", short(a));
-                title += &if a == b { String::new() } else { format!(" and {}", short(b)) };
-                title += &if several { format!(": {scene}") } else { String::new() };
-                let plot = plot(&known, column, name, a, (a != b).then_some(b));
-                let labels = if a == b { String::new() } else { format!("labels are {}; ", short(b)) };
-                let caption = format!(
-                    "Each dot is a job; colours are {}, {labels}no other job is at once faster and more exact than those on \
-                     the Pareto front.{}",
-                    short(a),
-                    if column == COMPARED { noise(&known) } else { String::new() }
-                );
-                charts.push(Chart { title, markup: chart(&plot, 420, &caption)? });
+        for [a, b] in pairs(&swept(rows.iter().copied())) {
+            in_all += 1;
+            if in_all > MAX_CHARTS {
+                continue;
             }
+            let short = |option: &str| option.trim_start_matches("option.").to_owned();
+            let mut title = format!("{DIFFERENCE}, by {}", short(a));
+            title += &if a == b { String::new() } else { format!(" and {}", short(b)) };
+            title += &if several { format!(": {scene}") } else { String::new() };
+            let plot = plot(rows, a, (a != b).then_some(b));
+            let labels = if a == b { String::new() } else { format!("labels are {}; ", short(b)) };
+            let caption = format!(
+                "Each dot is a job; colours are {}, {labels}no other job is at once faster and more exact than those on \
+                 the Pareto front.{}",
+                short(a),
+                noise(rows)
+            );
+            charts.push(Chart { title, markup: chart(&plot, 420, &caption)? });
         }
     }
     Ok((charts, in_all))
@@ -401,10 +400,10 @@ fn pairs<'a>(options: &'a [String]) -> Vec<[&'a str; 2]> {
     }
 }
 
-fn plot(rows: &[&Row], column: &str, name: &str, colour: &str, label: Option<&str>) -> Plot {
+fn plot(rows: &[&Row], colour: &str, label: Option<&str>) -> Plot {
     let point = |row: &&Row| PlotPoint {
         x: value(row, "job_seconds").unwrap_or(0.0),
-        y: value(row, column).unwrap_or(0.0),
+        y: value(row, COMPARED).unwrap_or(0.0),
         label: label.map_or(String::new(), |label| text(row, label)),
     };
     let short = colour.trim_start_matches("option.");
@@ -419,7 +418,7 @@ fn plot(rows: &[&Row], column: &str, name: &str, colour: &str, label: Option<&st
     series.push(Series::new("Pareto front", front.collect(), Marks::Joined));
     Plot::new(
         ("time of the job, s", scale(all.iter().map(|p| p[0]))),
-        (name, scale(all.iter().map(|p| p[1]))),
+        (DIFFERENCE, scale(all.iter().map(|p| p[1]))),
         series,
     )
 }

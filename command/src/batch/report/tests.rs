@@ -14,7 +14,7 @@ fn rows() -> Vec<Row> {
         row(json!({
             "job": format!("e{error}-{engine}"), "command": "solve", "scene": "a.obj", "status": "done",
             "option.error": error, "option.visibility": engine, "option.seed": 3,
-            "job_seconds": seconds, "output_bytes": 1000, "error_estimate": found,
+            "job_seconds": seconds, "output_bytes": 1000, "compared.rms": found,
         }))
     };
     let failed = json!({ "job": "bad", "command": "solve", "scene": "a.obj", "status": "failed", "error_message": "a < b", "job_seconds": 1.0 });
@@ -100,7 +100,7 @@ fn the_page_says_how_many_charts_it_leaves_out() {
     let names = "abcdefgh".chars();
     let jobs = [1.0, 2.0].map(|k| {
         let options = names.clone().map(|name| (format!("option.{name}"), json!(k)));
-        let fixed = json!({ "job": format!("j{k}"), "scene": "a.obj", "status": "done", "job_seconds": k, "error_estimate": 0.1 / k });
+        let fixed = json!({ "job": format!("j{k}"), "scene": "a.obj", "status": "done", "job_seconds": k, "compared.rms": 0.1 / k });
         row(fixed).into_iter().chain(options).collect::<Row>()
     });
     let report = Report { name: "out", rows: &jobs, jobs_in_all: 2, ..Report::default() };

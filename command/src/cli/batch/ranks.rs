@@ -1,5 +1,5 @@
-//! Jobs on other ranks (`--mpi`): the first rank hands out jobs and keeps the journal; the others run what they get, and say how it ended.
-//! All write into one output folder, which every machine must see.
+//! Jobs on other ranks (`--mpi`): the first rank distributes jobs and writes the journal; the others run jobs and report their results.
+//! All write into one output folder, which every machine must be able to reach.
 //!
 //! A job goes to the next rank that has room for it. If a rank dies, the launcher ends all; the next run goes on from the journal.
 

@@ -13,8 +13,10 @@ pub fn summary(reported: &Reported) -> String {
     let Reported { compared: ComparedRecord { record: r, versus }, photometric, at_points, grids, .. } =
         reported;
     let s = &r.seconds;
-    let [elements, links, rays] = [r.elements, r.links, r.exact_rays as usize].map(grouped);
-    let mut text = format!("{elements} elements, {links} links, {rays} exact rays\n");
+    let [elements, links, rays] =
+        [(r.elements, "element"), (r.links, "link"), (r.exact_rays as usize, "exact ray")]
+            .map(|(count, noun)| format!("{} {noun}{}", grouped(count), if count == 1 { "" } else { "s" }));
+    let mut text = format!("{elements}, {links}, {rays}\n");
     // Writing to a string cannot fail.
     if r.scene.up_from.starts_with("guessed") {
         let _ = writeln!(text, "{} up ({}; --up y or --up z sets it)", r.scene.up, r.scene.up_from);
