@@ -249,6 +249,11 @@ fn classes_show_their_best_rows() {
         assert!(section.contains(shown), "{shown}: {section}");
     }
     assert!(!section.contains("7.25×") && !section.contains("<dt>open</dt>"), "{section}");
+    // The headline tells of a class that gains where all points together do not.
+    let told = "At the 1234 receiver points of class “near” it was 8.25× as fast";
+    assert!(!page.contains(told));
+    record.mr.iter_mut().for_each(|row| row.speedup_at_same_rms = Some(1.0));
+    assert!(render(&record, &receivers, "").unwrap().contains(told));
     record.classes.clear();
     assert!(!render(&record, &receivers, "").unwrap().contains("Classes of receivers"));
 }
