@@ -152,18 +152,47 @@ fn room_in_halves(gap: f64, white_first: bool) -> Scene {
     pieces.scene()
 }
 
-/// Faces in one place that are turned away from each other are those of a wall with a gap of a millimetre, by the solver and by paths.
+/// Faces in one place that are turned away from each other are those of a wall with a gap of a millimetre, by the solver with both engines and by
+/// paths.
 #[test]
 fn faces_back_to_back_are_two_sides_of_a_wall() {
     let points = [at(1.0, 1.5, 0.0), at(1.9, 1.2, 0.0), at(2.5, 1.2, 0.0), at(3.2, 1.5, 0.0)];
     let light = |gap: f64, white_first: bool| {
         let scene = room_in_halves(gap, white_first);
-        [solved(&scene, &points, &quick()).irradiance, traced(&scene, &points, 2048, 1)]
+        let mr = Options { engine: Engine::MultiResolution, feature_size: Some(0.1), ..quick() };
+        let [exact, mr] = [quick(), mr].map(|options| solved(&scene, &points, &options).irradiance);
+        [exact, mr, traced(&scene, &points, 2048, 1)]
     };
     let wanted = light(1e-3, true);
     for white_first in [false, true] {
         for (found, wanted) in light(0.0, white_first).iter().flatten().zip(wanted.iter().flatten()) {
             assert!((found[0] / wanted[0] - 1.0).abs() < 0.05, "{found:?} {wanted:?}");
         }
+    }
+}
+
+/// Two lamps in one place that are turned away from each other light both parts of a room as lamps with a gap of a millimetre do, and all of their
+/// power arrives.
+#[test]
+fn lamps_back_to_back_keep_their_light() {
+    let light = |gap: f64| {
+        let mut pieces = Pieces::empty();
+        pieces.grey("walls", 0.5).room(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.5));
+        let (y, z) = (DVec3::Y, 0.8 * DVec3::Z);
+        let corner = |side: f64| DVec3::new(2.1 + side * 0.5 * gap, 1.0, 0.9);
+        pieces.glowing("right", 10.0).rectangle(corner(1.0), y, z);
+        pieces.glowing("left", 3.0).rectangle(corner(-1.0) + z, y, -z);
+        let scene = pieces.scene();
+        let points = [at(1.0, 1.5, 0.0), at(1.9, 1.2, 0.0), at(2.4, 1.2, 0.0), at(3.2, 1.5, 0.0)];
+        let Outcome { irradiance, record, .. } = solved(&scene, &points, &quick());
+        let Ledger { emitted, absorbed, escaped, created, .. } = record.ledger;
+        assert!((emitted - 13.0 * 0.8 * std::f64::consts::PI).abs() < 1e-3 * emitted, "{gap}: {emitted}");
+        assert!((absorbed / emitted - 1.0).abs() < 0.01, "{gap}: absorbed {absorbed} of {emitted}");
+        assert!(escaped < 1e-3 * emitted && created.abs() < 0.01 * emitted, "{gap}: {escaped} {created}");
+        [irradiance, traced(&scene, &points, 4096, 1)]
+    };
+    let wanted = light(1e-3);
+    for (found, wanted) in light(0.0).iter().flatten().zip(wanted.iter().flatten()) {
+        assert!((found[0] / wanted[0] - 1.0).abs() < 0.05, "{found:?} {wanted:?}");
     }
 }
