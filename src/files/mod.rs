@@ -11,10 +11,21 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// The text of a JSON file: indented, with a line feed at its end.
+/// The text of a JSON file: indented, with a line feed at its end. Characters of names that a terminal obeys are escaped.
 #[cfg(any(test, feature = "reports"))]
 pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
-    Ok(serde_json::to_string_pretty(value)? + "\n")
+    let (text, is_escaped) = (serde_json::to_string_pretty(value)? + "\n", |c| is_obeyed(c) && c != '\n');
+    if !text.contains(is_escaped) {
+        return Ok(text);
+    }
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match is_escaped(c) {
+            true => escaped.push_str(&format!("\\u{:04x}", u32::from(c))),
+            false => escaped.push(c),
+        }
+    }
+    Ok(escaped)
 }
 
 /// Writes a JSON file.

@@ -176,6 +176,10 @@ fn names_cannot_deceive() {
         "{}",
         told.stdout
     );
+    // JSON has the whole name, with the marks escaped.
+    let told = scratch.mrvis("info turned.obj --json -").exits(0).stdout;
+    let record: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    assert!(!told.contains(['\u{202e}', '\u{2066}']) && record.to_string().contains(turned), "{told}");
     let line = "solve turned.obj --out o --output page --image-size 16x12 --local-rays 0 --audit 0";
     scratch.mrvis(&words(line)).exits(0);
     let page = scratch.text("o/solution.html");
