@@ -214,7 +214,7 @@ fn too_large(extents: DVec3, flux: f64, emitters: usize) -> Option<String> {
     (is_a_room && lux < NIGHT).then(|| {
         let some = counted(emitters, "emitter");
         format!(
-            "{some} of {flux:.0} lm in total in a scene of {length:.0} m x {width:.0} m, {lux:.1e} lx: is the file in millimetres? set ⟨LoadOptions::unit⟩ to mm"
+            "{some} of {flux:.0} lm in total in a scene of {length:.0} m x {width:.0} m, {lux:.1e} lx: is the file in millimetres? set ⟨LoadOptions::unit⟩ to mm; positions of luminaires are then in millimetres too"
         )
     })
 }
