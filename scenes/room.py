@@ -72,7 +72,7 @@ def main():
     parser.add_argument("--out", default="out/room", help="folder for all files (default: out/room)")
     parser.add_argument("--points", type=int, default=2000, help="number of points (default: 2000)")
     parser.add_argument("--samples", type=int, default=4096, help="paths per point of the reference (default: 4096)")
-    parser.add_argument("--options", help="options of `mrvis solve` to measure instead of the usual ones, such as --options='--max-seconds 14'")
+    parser.add_argument("--options", help="options of `mrvis solve` to measure instead of the usual ones, such as --options='--max-seconds 14'; not those that change the light, such as --direct-only")
     parser.add_argument("--elements", type=int, default=500, help="number of elements, with 16 points each (default: 500)")
     args = parser.parse_args()
     mrvis, scene = (str(pathlib.Path(p).resolve()) for p in (args.mrvis, args.scene))

@@ -7,7 +7,6 @@ use super::record::{
 use crate::error::quote;
 use crate::page::{Cell, bytes, count, length, percent, seconds, signed, text_of, text_table, times};
 use crate::plot::number;
-use std::cmp::Ordering;
 
 /// Names and values under a heading.
 pub(super) type Properties = (&'static str, Vec<(&'static str, String)>);
@@ -293,25 +292,9 @@ pub(super) fn result(record: &Record) -> String {
     text
 }
 
-/// What classes of receivers, features and certificates gain.
+/// What features, certificates and classes of receivers gain.
 fn more(record: &Record, best: &MrRow) -> String {
     let (mut text, gain) = (String::new(), best.certificates_gain());
-    let is_faster = |row: &MrRow| row.speedup_at_same_rms.is_some_and(|speed| speed >= NO_FASTER[1]);
-    let of_classes = record.classes.iter().filter_map(|class| Some((class, class.shown_row()?)));
-    let fastest =
-        of_classes.filter(|(_, row)| is_faster(row) && !is_faster(best)).max_by(|(_, a), (_, b)| {
-            a.speedup_at_same_rms.partial_cmp(&b.speedup_at_same_rms).unwrap_or(Ordering::Equal)
-        });
-    if let Some((class, row)) = fastest {
-        text += &format!(
-            " At the {} receiver points of class “{}” it was {}{} as fast at feature size {}.",
-            class.points,
-            class.class.name(),
-            if row.extrapolated { "about " } else { "" },
-            times(row.speedup_at_same_rms),
-            length(row.feature_size, &record.unit)
-        );
-    }
     if let Some((row, speed)) = record.faster_at_same_fbem() {
         let (factor, size) = (times(Some(speed)), length(row.feature_size, &record.unit));
         text += &format!(" At the same feature error (FBEM) it was {factor} as fast at feature size {size}.");
@@ -319,6 +302,25 @@ fn more(record: &Record, best: &MrRow) -> String {
     if gain > NO_FASTER[1] {
         let factor = times(Some(gain));
         text += &format!(" Certificates alone, without averaging, make exact rays {factor} as fast.");
+    }
+    // Where all points together gain nothing, those of a class may.
+    let speed = |row: &MrRow| row.speedup_at_same_rms.filter(|speed| *speed >= NO_FASTER[1]);
+    let of_class = |class| {
+        let row = ClassRecord::shown_row(class).filter(|row| row.aggregated_fraction > 0.0)?;
+        Some((class, row, speed(row)?))
+    };
+    let of_classes = record.classes.iter().filter_map(of_class);
+    let fastest = of_classes.filter(|_| speed(best).is_none()).max_by(|a, b| a.2.total_cmp(&b.2));
+    if let Some((class, row, speed)) = fastest {
+        text += &format!(
+            " At the {} receiver points of class “{}” alone it was {}{} as fast as {} at feature size {}.",
+            count(class.points as u64),
+            class.class.name(),
+            if row.extrapolated { "about " } else { "" },
+            times(Some(speed)),
+            row.compared_in_words(),
+            length(row.feature_size, &record.unit)
+        );
     }
     text
 }

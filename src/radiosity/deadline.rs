@@ -8,7 +8,7 @@ use std::time::Instant;
 // The shares below change results with a time limit only. Each divides the time between stages so that the later one is not cut
 // short. With 0.3 or 0.7 instead of RAY_SHARE, or 0.2 instead of REFINEMENT_SHARE_BEFORE_LOCAL_PASS, the error of the elements of an
 // office with 14 s is 8.5, 10.6 or 10.4 % instead of 9.2 %, that of a kitchen with 20 s 21.4, 13.3 or 13.3 % instead of 13.8 %
-// (`scenes/room.py SCENE --elements 1500 --options='--max-seconds 14 --threads 1'`).
+// (`scenes/room.py SCENE --elements 1500 --options='--max-seconds 14 --threads 1'`, with 20 for the kitchen).
 
 /// Seconds, and part of the whole time, by which the last stages may exceed the limit: the options state
 /// the limit as approximate.

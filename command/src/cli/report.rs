@@ -11,6 +11,7 @@ use crate::batch::{
 use mrvis::Result;
 use mrvis::internals::files::WholeFile;
 use mrvis::internals::image_io::thumbnail;
+use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -83,15 +84,36 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 fn pictures(entry: &Entry) -> impl Iterator<Item = (&Entry, &Path)> {
     let all = entry.outputs.iter().map(|file| file.path.as_path());
     let mut names: Vec<&Path> = all.filter(|path| path.extension().is_some_and(|e| e == "png")).collect();
-    // By the number at their end where they have one: the mask of 15.4 comes before that of 120.
-    let key = |path: &Path| {
-        let stem = path.with_extension("").display().to_string();
-        let number = |(name, end): (&str, &str)| Some((name.to_owned(), end.parse::<f64>().ok()?));
-        stem.rsplit_once('-').and_then(number).unwrap_or((stem.clone(), 0.0))
-    };
     names.sort_by(|a, b| {
-        let [(a, size_a), (b, size_b)] = [a, b].map(|path| key(path));
-        a.cmp(&b).then(size_a.total_cmp(&size_b))
+        let [a, b] = [a, b].map(|path| parts_of_name(path));
+        a.partial_cmp(&b).unwrap_or(Ordering::Equal)
     });
     names.into_iter().map(move |path| (entry, path))
+}
+
+/// The parts of a file's name between hyphens, of which numbers are compared as such: the mask of 15.4 comes before that of 120.
+fn parts_of_name(path: &Path) -> Vec<(String, f64)> {
+    let part = |part: &str| match part.parse::<f64>().ok().filter(|number| number.is_finite()) {
+        Some(number) => (String::new(), number),
+        None => (part.to_owned(), 0.0),
+    };
+    path.with_extension("").display().to_string().split('-').map(part).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_in_the_order_of_their_numbers() {
+        let names = [
+            "floor-mask-120.png",
+            "floor-mr-15.4-difference.png",
+            "floor-mask-15.4.png",
+            "floor-mr-120-difference.png",
+        ];
+        let mut sorted = names.map(Path::new);
+        sorted.sort_by(|a, b| parts_of_name(a).partial_cmp(&parts_of_name(b)).expect("comparable"));
+        assert_eq!(sorted, [2, 0, 1, 3].map(|k| Path::new(names[k])));
+    }
 }

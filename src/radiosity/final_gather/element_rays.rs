@@ -434,7 +434,7 @@ mod tests {
                     assert!(*next <= MAX_SEQUENCE);
                 }
             }
-            // 88,896 rays in each half.
+            // 87,072 rays in each half, and 65,536 numbers in a sequence.
             assert_eq!(used.len(), if joins_halves { 3 } else { 2 * 2 });
             let odd = used.keys().filter(|seed| *seed % 2 == 1).count();
             assert_eq!(odd, if joins_halves { 0 } else { 2 });

@@ -229,6 +229,7 @@ impl Stages<'_> {
             if solved.linked.elements.has_profiles() {
                 self.notes.extend([notes::DIFFUSE_LUMINAIRES.to_owned()]);
             }
+            self.notes.extend(notes::coarse_links(self.options));
             let crossed = solved.linked.count_crossed(&self.model.exact());
             self.notes.extend(notes::walls_across_elements(crossed));
         }

@@ -17,9 +17,6 @@ use std::time::Instant;
 /// Without a local pass 0.005, 0.01 and 0.02 leave errors of 1.15 %, 1.29 % and 1.32 % in 0.45 s, 0.26 s and 0.20 s
 /// (`constants.py solve`).
 const LINK_ERROR_SHARE: f64 = 0.01;
-/// Larger requested errors refine links to this one: a first link from a small lamp to a floor of 60 m or more finds nearly none of its light, and with 1
-/// instead of 0.7 or less it is not refined, so that 30 to 100 % of the power is lost (`mrvis solve --local-rays 0 --error 1`).
-const MAX_ERROR: f64 = 0.5;
 /// Factor by which the error of links may be larger before a local pass, for which links are only the first guess. 2 or
 /// 8 instead change irradiance by less than 0.01 % (`constants.py solve`).
 const COARSE_BEFORE_LOCAL_PASS: f64 = 4.0;
@@ -204,7 +201,7 @@ impl Coarse {
     /// The error that links are refined to, relative to the mean irradiance.
     fn tolerated_link_error(&self, options: &Options) -> f32 {
         let coarse = if self.needs_local_pass(options) { COARSE_BEFORE_LOCAL_PASS } else { 1.0 };
-        (options.error.min(MAX_ERROR) * LINK_ERROR_SHARE * coarse) as f32
+        (options.error * LINK_ERROR_SHARE * coarse) as f32
     }
 }
 

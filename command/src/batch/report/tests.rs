@@ -92,6 +92,13 @@ fn charts_of_differences_name_the_noise_of_the_reference() {
     let rows = [job(0.1, 0.2), job(0.05, 0.1)];
     let report = Report { name: "out", rows: &rows, jobs_in_all: 2, ..Report::default() };
     let page = report_page(&report).expect("a page");
+    // Estimates have no charts.
+    let estimated = rows.clone().map(|mut row| {
+        row.insert("error_estimate".into(), row["compared.rms"].clone());
+        row.remove("compared.rms");
+        row
+    });
+    assert!(charts(&rows).expect("charts").1 == 1 && charts(&estimated).expect("charts").1 == 0);
     assert!(page.contains("Each difference includes the noise of the reference, 0.0125."), "{page}");
 }
 
