@@ -12,8 +12,9 @@ use crate::radiosity::transport::Convergence;
 
 /// Part of the emitted power that may appear or vanish without a note, however small the estimated error: the noise of sampling.
 const MAX_IMBALANCE: f64 = 0.005;
-/// Largest error of links that finds the light of a small lamp on a large surface: on floors of 60 to 2,000 m below a lamp of 1 m none is lost with 0.7
-/// (test `links_bring_the_light_of_a_lamp_to_floors_of_any_size`), and up to all of it with 1.
+/// Largest error of links that finds the light of a small lamp on a large surface. On black floors of 60 to 2,000 m below a lamp of 1 m none is lost with
+/// 0.7, and up to all of it with 1 (`mrvis solve --local-rays 0 --error 1`); grey floors (test
+/// `links_bring_the_light_of_a_lamp_to_floors_of_any_size`) lose none with 1, because errors count by reflectance.
 const SURE_ERROR: f64 = 0.5;
 /// A note reports fewer rays below this part of the useful rays: above it, noise grows by less than 5 %.
 const NEARLY_ALL: f64 = 0.9;
