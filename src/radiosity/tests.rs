@@ -1,6 +1,7 @@
 //! Promises of the solver: conservation, closed forms, and that it can be stopped.
 
 mod again;
+mod audit;
 mod crossings;
 mod daylight;
 mod generated;

@@ -4,10 +4,10 @@
 use crate::math::sampling::{mix, point_on};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::final_gather::{Buffers, FinalGather, PathVertex};
+use crate::radiosity::final_gather::{Buffers, FinalGather, IndependentLight, PathVertex};
 use crate::radiosity::links::Tally;
 use crate::radiosity::options::Options;
-use crate::radiosity::rgb::{add, mean};
+use crate::radiosity::rgb::mean;
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
@@ -53,9 +53,7 @@ const MIN_ELEMENTS: usize = 40;
 /// Part of the errors that should lie within twice the bars: two standard deviations of a normal distribution. Errors have longer
 /// tails, so that bars fitted to one standard deviation would be too small.
 const WITHIN_TWO: f64 = 0.9545;
-/// Part of the elements that are drawn by area, the others by the light that they receive: where a lamp lights a thousandth of a floor, all error is there.
-const BY_AREA: f64 = 0.5;
-/// Position in each stratum of the sum of area and light at which an element is drawn: for the factor, and for the audit.
+/// Position in each stratum of the sum of chances at which an element is drawn: for the factor, and for the audit.
 const FOR_FACTOR: f64 = 0.25;
 const FOR_AUDIT: f64 = 0.75;
 
@@ -133,9 +131,8 @@ impl FinalGather<'_> {
 
     /// RMS error of elements relative to the mean irradiance, from other elements than those of the audit; at least the detection
     /// limit. `None` if no element was checked.
-    pub fn sampled_error(&self, size: AuditSize, deadline: &Deadline) -> (Option<f64>, Tally) {
-        let bars = vec![0.0; self.linked().elements.len()];
-        let (checks, tally) = self.checks(&bars, size, FOR_FACTOR, deadline);
+    pub fn sampled_error(&self, bars: &[f64], size: AuditSize, deadline: &Deadline) -> (Option<f64>, Tally) {
+        let (checks, tally) = self.checks(bars, size, FOR_FACTOR, deadline);
         let error =
             mean_square(&squares(&checks)).map(|(mean, resolved)| mean.max(resolved).sqrt() / self.level());
         (error, tally)
@@ -171,7 +168,7 @@ impl FinalGather<'_> {
         if area > 0.0 { light / area } else { 0.0 }
     }
 
-    /// Checks elements, drawn by area and light in strata; `position` in `[0, 1)` lies in each stratum. No checks without light
+    /// Checks elements, drawn by area, light and bars in strata; `position` in `[0, 1)` lies in each stratum. No checks without light
     /// or after an early stop.
     fn checks(
         &self,
@@ -184,27 +181,17 @@ impl FinalGather<'_> {
             return (Vec::new(), Tally::default());
         }
         let Elements { elements, states, .. } = &self.linked().elements;
-        let area = |e: u32| elements[e as usize].area;
-        let power = |e: u32| area(e) * mean(states[e as usize].irradiance);
-        let leaves = self.linked().lit_leaves();
-        let all_area: f64 = leaves.iter().copied().map(area).sum();
-        let all_power: f64 = leaves.iter().copied().map(power).sum();
-        // The chance of an element, relative to that by area alone.
-        let chance = |e: u32| match all_power > 0.0 {
-            true => BY_AREA + (1.0 - BY_AREA) * power(e) / all_power * all_area / area(e),
-            false => 1.0,
-        };
         let (mut sums, mut sum) = (Vec::new(), 0.0);
-        for e in leaves {
-            sum += area(e) * chance(e);
-            sums.push((sum, e));
+        for (e, chance) in self.chances(bars) {
+            sum += elements[e as usize].area * chance;
+            sums.push((sum, e, chance));
         }
         if sums.is_empty() {
             return (Vec::new(), Tally::default());
         }
         let drawn = |k: usize| {
             let at = (k as f64 + position) / size.elements as f64 * sum;
-            sums[sums.partition_point(|a| a.0 <= at).min(sums.len() - 1)].1
+            sums[sums.partition_point(|a| a.0 <= at).min(sums.len() - 1)]
         };
         let rows = self.ranks.rows(size.elements);
         let made: Vec<Option<(Check, Tally)>> = rows
@@ -214,11 +201,11 @@ impl FinalGather<'_> {
                     return None;
                 }
                 buffers.scratch.tally = Tally::default();
-                let e = drawn(k);
+                let (_, e, chance) = drawn(k);
                 let (by_paths, noise) = self.path_irradiance(e, size.paths, position.to_bits(), buffers);
                 deadline.advance(rows.steps(1));
                 let error = (mean(states[e as usize].irradiance) - by_paths).abs();
-                let check = Check { error, noise, bar: bars[e as usize], weight: 1.0 / chance(e) };
+                let check = Check { error, noise, bar: bars[e as usize], weight: 1.0 / chance };
                 Some((check, buffers.scratch.tally))
             })
             .collect();
@@ -231,13 +218,37 @@ impl FinalGather<'_> {
         (checks, tally)
     }
 
+    /// The elements that light arrives at, each with its chance to be drawn relative to the chance by area alone: by area, by light, and by error
+    /// bars alike, as far as there are any. Where a lamp lights a thousandth of a floor, all error is there; in a room full of things most of it
+    /// lies in few elements with large bars.
+    fn chances(&self, bars: &[f64]) -> Vec<(u32, f64)> {
+        let Elements { elements, states, .. } = &self.linked().elements;
+        let leaves = self.linked().lit_leaves();
+        let area = |e: u32| elements[e as usize].area;
+        let light = |e: u32| mean(states[e as usize].irradiance);
+        let bar = |e: u32| bars[e as usize];
+        let sum = |of: &dyn Fn(u32) -> f64| leaves.iter().map(|&e| area(e) * of(e)).sum::<f64>();
+        let (all_area, all_light, all_bars) = (sum(&|_| 1.0), sum(&light), sum(&bar));
+        let exists = |sum: f64| sum > 0.0 && sum.is_finite();
+        let parts = 1.0 + f64::from(exists(all_light)) + f64::from(exists(all_bars));
+        let relative = |v: f64, sum: f64| if exists(sum) { v * all_area / sum } else { 0.0 };
+        let chance = |e: u32| (1.0 + relative(light(e), all_light) + relative(bar(e), all_bars)) / parts;
+        leaves.iter().map(|&e| (e, chance(e))).collect()
+    }
+
     /// Irradiance of an element by independent paths, mean over the channels, and its standard error; W/m².
-    fn path_irradiance(&self, element: u32, paths: u32, seed: u64, buffers: &mut Buffers) -> (f64, f64) {
+    pub(in crate::radiosity) fn path_irradiance(
+        &self,
+        element: u32,
+        paths: u32,
+        seed: u64,
+        buffers: &mut Buffers,
+    ) -> (f64, f64) {
         let Shape::Surface { side, corners } = self.linked().elements.elements[element as usize].shape else {
             return (0.0, 0.0);
         };
         let seed = mix(!self.linked().settings.seed ^ mix(seed ^ u64::from(element)));
-        let groups: Vec<f64> = (0..GROUPS)
+        let groups: Vec<IndependentLight> = (0..GROUPS)
             .map(|g| {
                 let seed = mix(seed ^ u64::from(g));
                 buffers.vertices.clear();
@@ -252,12 +263,10 @@ impl FinalGather<'_> {
                         share: Vec3::ONE,
                     }
                 }));
-                let sum = self.independent_irradiance(mix(seed), buffers);
-                let mut value = [0.0; 3];
-                add(&mut value, 1.0 / f64::from(paths), sum);
-                mean(value)
+                self.independent_light(mix(seed), buffers)
             })
             .collect();
+        let groups = IndependentLight::means(&groups, paths);
         let n = f64::from(GROUPS);
         let level = groups.iter().sum::<f64>() / n;
         let spread: f64 = groups.iter().map(|g| (g - level).powi(2)).sum();

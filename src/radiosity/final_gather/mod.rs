@@ -13,6 +13,7 @@ mod face_parts;
 mod gather_point;
 mod gatherer;
 mod hemisphere;
+mod independent_light;
 mod kept_power;
 mod light_cells;
 mod local_noise;
@@ -34,6 +35,7 @@ mod untraced;
 
 pub use element_light::ElementSamples;
 pub use gatherer::{Buffers, FinalGather, PathVertex};
+pub use independent_light::IndependentLight;
 pub use local_pass::LocalPass;
 pub use points::with_fewer_rays;
 pub use ray_counts::LATE_RAYS;

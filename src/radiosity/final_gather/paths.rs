@@ -92,7 +92,7 @@ impl FinalGather<'_> {
     }
 
     /// The groups of emitting faces from which the emitter rays of `buffers.vertices` are drawn, in the buffer for them.
-    fn cuts_of_vertices(&self, buffers: &mut Buffers) -> Vec<EmitterCut> {
+    pub(super) fn cuts_of_vertices(&self, buffers: &mut Buffers) -> Vec<EmitterCut> {
         let mut cuts = std::mem::take(&mut buffers.cuts);
         cuts.resize_with(cuts.len().max(buffers.vertices.len()), EmitterCut::default);
         for (vertex, cut) in buffers.vertices.iter().zip(&mut cuts) {
@@ -197,6 +197,19 @@ impl FinalGather<'_> {
     /// Adds the light that reaches the path starts through all of `buffers.vertices` to the sums of their paths: direct light at each vertex, and the light
     /// of the element that its ray hits, or the light of a longer path where that element is too near.
     pub(super) fn follow(&self, seed: u64, ends: EndOfPaths, sums: &mut [Rgb], buffers: &mut Buffers) {
+        buffers.path_ends.clear();
+        self.follow_from(1, seed, ends, sums, buffers);
+    }
+
+    /// [`FinalGather::follow`] from the bounce with this number on.
+    pub(super) fn follow_from(
+        &self,
+        first: u64,
+        seed: u64,
+        ends: EndOfPaths,
+        sums: &mut [Rgb],
+        buffers: &mut Buffers,
+    ) {
         let exact;
         let engine = if ends == EndOfPaths::Nowhere {
             exact = VisibilityEngine::Exact(self.linked.engine.exact());
@@ -204,50 +217,50 @@ impl FinalGather<'_> {
         } else {
             &self.linked.engine
         };
-        buffers.path_ends.clear();
-        for bounce in 1..=MAX_BOUNCES {
+        for bounce in first..=MAX_BOUNCES {
             if buffers.vertices.is_empty() {
                 return;
             }
             let seed = mix(seed ^ bounce);
             self.trace(engine, |i| numbers(seed, i as u64), buffers);
-            let Buffers { vertices, results, next_vertices, path_ends, .. } = buffers;
-            next_vertices.clear();
-            for (i, (vertex, found)) in vertices.iter().zip(results.iter()).enumerate() {
-                let mut received = found.direct + found.sun + found.sky;
-                if found.met.side != Elements::NONE {
-                    let reflected = &self.reflected[found.met.leaf as usize];
-                    if ends != EndOfPaths::Nowhere && found.distance >= reflected.trusted_from {
-                        match ends {
-                            EndOfPaths::Listed => path_ends.push((vertex.path, found.met.leaf, vertex.share)),
-                            _ => received += Vec3::from(reflected.light),
-                        }
-                    } else {
-                        let next = self.continued(found.met, vertex.share, vertex.path);
-                        let survival = next.share.max_element().min(1.0);
-                        let [chance, ..] = numbers(!seed, i as u64);
-                        if bounce < FIRST_ROULETTE_BOUNCE {
-                            next_vertices.push(next);
-                        } else if chance < survival {
-                            next_vertices.push(PathVertex { share: next.share / survival, ..next });
-                        }
-                    }
-                }
-                add(
-                    &mut sums[vertex.path as usize],
-                    1.0,
-                    (vertex.share * received).to_array().map(f64::from),
-                );
-            }
-            std::mem::swap(vertices, next_vertices);
+            self.advance(bounce, seed, ends, sums, buffers);
         }
     }
 
-    /// Irradiance of independent paths from all of `buffers.vertices`, summed; W/m².
-    pub fn independent_irradiance(&self, seed: u64, buffers: &mut Buffers) -> Rgb {
-        let mut sum = [0.0; 3];
-        self.follow(seed, EndOfPaths::Nowhere, std::slice::from_mut(&mut sum), buffers);
-        sum
+    /// Adds `buffers.results` to the sums of their paths, and replaces `buffers.vertices` by those from which paths continue.
+    pub(super) fn advance(
+        &self,
+        bounce: u64,
+        seed: u64,
+        ends: EndOfPaths,
+        sums: &mut [Rgb],
+        buffers: &mut Buffers,
+    ) {
+        let Buffers { vertices, results, next_vertices, path_ends, .. } = buffers;
+        next_vertices.clear();
+        for (i, (vertex, found)) in vertices.iter().zip(results.iter()).enumerate() {
+            let mut received = found.direct + found.sun + found.sky;
+            if found.met.side != Elements::NONE {
+                let reflected = &self.reflected[found.met.leaf as usize];
+                if ends != EndOfPaths::Nowhere && found.distance >= reflected.trusted_from {
+                    match ends {
+                        EndOfPaths::Listed => path_ends.push((vertex.path, found.met.leaf, vertex.share)),
+                        _ => received += Vec3::from(reflected.light),
+                    }
+                } else {
+                    let next = self.continued(found.met, vertex.share, vertex.path);
+                    let survival = next.share.max_element().min(1.0);
+                    let [chance, ..] = numbers(!seed, i as u64);
+                    if bounce < FIRST_ROULETTE_BOUNCE {
+                        next_vertices.push(next);
+                    } else if chance < survival {
+                        next_vertices.push(PathVertex { share: next.share / survival, ..next });
+                    }
+                }
+            }
+            add(&mut sums[vertex.path as usize], 1.0, (vertex.share * received).to_array().map(f64::from));
+        }
+        std::mem::swap(vertices, next_vertices);
     }
 
     /// The reflected radiosity at the point that a ray has met, or the vertex from which its path continues if the element is too
@@ -312,6 +325,6 @@ pub(super) fn weight(q: f32) -> f32 {
     if q.is_finite() { q / (1.0 + q) } else { 1.0 }
 }
 
-fn to_vec(exitance: Rgb) -> Vec3 {
+pub(super) fn to_vec(exitance: Rgb) -> Vec3 {
     Vec3::from(exitance.map(|m| m as f32))
 }

@@ -3,7 +3,9 @@
 
 use super::accuracy::{Accuracy, FEW_SEGMENTS_ERROR, LinkDraft};
 use super::end_samples::{EndSamples, kernel};
+use super::surface_pair::LAMBERT_DISTANCE;
 use super::{BlockerCertificate, VisibilityQuery};
+use crate::form_factors::analytic::point_to_polygon;
 use crate::math::Aabb;
 use crate::math::sampling::mix;
 use crate::radiosity::elements::{Element, Elements, Shape, facing};
@@ -55,7 +57,8 @@ impl ClusterPair<'_> {
         let weights = self.kernels(&from, &to);
         let distance = (eb.centre - ea.centre).length();
         let max = MAX_FORM_FACTOR * ea.area.min(eb.area) as f32;
-        let free = (weights.iter().sum::<f32>() / LANES as f32).min(max);
+        let exchanges = self.exchanges(elements, &from, &to, &weights);
+        let free = (exchanges.iter().sum::<f32>() / LANES as f32).min(max);
         // The error oracle reads a model of the exchange without noise: otherwise overestimates would be refined and
         // underestimates kept.
         let model = (projected_area(elements, ea, towards) * projected_area(elements, eb, -towards)
@@ -92,6 +95,37 @@ impl ClusterPair<'_> {
             certificate: BlockerCertificate::UNKNOWN,
         };
         Some((draft, accuracy.query(packet, [ea.radius, eb.radius])))
+    }
+
+    /// Unoccluded exchange area by each pair of points: by its kernel in `weights`, or by Lambert's formula from one point to all of the surface on
+    /// which the other lies, if that surface is large compared with the distance. Few points of a floor would miss the place below a small lamp.
+    fn exchanges(
+        &self,
+        elements: &Elements,
+        from: &EndSamples,
+        to: &EndSamples,
+        weights: &[f32; LANES],
+    ) -> [f32; LANES] {
+        if self.inside == Inside::Isotropic {
+            return *weights;
+        }
+        let surface = |k: usize, side: u32| match self.ends[k].shape {
+            Shape::Surface { .. } => self.ends[k],
+            Shape::Cluster(_) => &elements.elements[elements.sides[side as usize].element as usize],
+        };
+        std::array::from_fn(|l| {
+            let [of_a, of_b] = [surface(0, from.sides[l]), surface(1, to.sides[l])];
+            let (start, large) = if of_a.area < of_b.area { (from, of_b) } else { (to, of_a) };
+            let (at, normal) = (start.points[l], start.normals[l]);
+            let Shape::Surface { corners, .. } = large.shape else { return weights[l] };
+            if (at - large.centre).length() >= LAMBERT_DISTANCE * large.radius {
+                return weights[l];
+            }
+            let polygon = corners.map(|p| p.as_dvec3());
+            let polygon = if corners[2] == corners[3] { &polygon[..3] } else { &polygon[..] };
+            let factor = point_to_polygon(at.as_dvec3(), normal.as_dvec3(), polygon).max(0.0);
+            (factor / large.area) as f32 / from.density[l] / to.density[l]
+        })
     }
 
     /// Kernel of each pair of points over the densities of the points.

@@ -9,6 +9,8 @@ use glam::Vec3;
 pub(super) struct EndSamples {
     pub points: [Vec3; LANES],
     pub normals: [Vec3; LANES],
+    /// The sides on which the points lie.
+    pub sides: [u32; LANES],
     /// End rules of the surfaces at the points.
     pub rules: [EndRule; LANES],
     /// Density with which each point was drawn, 1/area.
@@ -41,25 +43,29 @@ impl EndSamples {
         let mut ends = EndSamples {
             points: [Vec3::ZERO; LANES],
             normals: [Vec3::ZERO; LANES],
+            sides: [0; LANES],
             rules: [EndRule::of_slack(0.0); LANES],
             density: [0.0; LANES],
         };
         let e = &elements.elements[element as usize];
         for lane in 0..LANES {
             let [u, v, t, q] = place(lane);
-            let (point, side, density) = match &e.shape {
-                Shape::Surface { side, corners } => {
-                    (point_on(corners, u, v), &elements.sides[*side as usize], 1.0 / e.area as f32)
-                }
+            let (number, density) = match &e.shape {
+                Shape::Surface { side, .. } => (*side, 1.0 / e.area as f32),
                 Shape::Cluster(c) => {
                     let cluster = &elements.clusters[*c as usize];
-                    let side = &elements.sides[elements.samples().pick(cluster, towards, u, v) as usize];
-                    let density = elements.samples().density(cluster, towards, side.normal);
-                    (point_on(elements.corners(side), t, q), side, density)
+                    let number = elements.samples().pick(cluster, towards, u, v);
+                    let normal = elements.sides[number as usize].normal;
+                    (number, elements.samples().density(cluster, towards, normal))
                 }
             };
-            (ends.points[lane], ends.normals[lane]) = (point, side.normal);
-            (ends.rules[lane], ends.density[lane]) = (side.end, density);
+            let side = &elements.sides[number as usize];
+            ends.points[lane] = match &e.shape {
+                Shape::Surface { corners, .. } => point_on(corners, u, v),
+                Shape::Cluster(_) => point_on(elements.corners(side), t, q),
+            };
+            (ends.sides[lane], ends.density[lane]) = (number, density);
+            (ends.normals[lane], ends.rules[lane]) = (side.normal, side.end);
         }
         ends
     }

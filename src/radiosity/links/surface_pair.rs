@@ -17,7 +17,7 @@ use glam::{DVec3, Vec3};
 /// Distance in units of the sum of the radii below which Lambert's formula replaces Gauss points: the error of four
 /// points falls with the fourth power of the distance, to 1/4⁴ = 0.4 % here. 2 or 8 instead change irradiance without a
 /// local pass by less than 0.01 % (`constants.py solve`).
-const LAMBERT_DISTANCE: f32 = 4.0;
+pub(super) const LAMBERT_DISTANCE: f32 = 4.0;
 /// Distance in the same units below which the contour integral replaces Lambert's formula. 0.6 or 2.4 instead change
 /// irradiance without a local pass by less than 0.02 % (`constants.py solve`).
 const CONTOUR_DISTANCE: f32 = 1.2;

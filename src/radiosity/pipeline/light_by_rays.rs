@@ -64,7 +64,8 @@ impl Stages<'_> {
         let size = AuditSize::of(options);
         self.progress.stage("error of elements", size.elements as u64);
         let gather = FinalGather::new(self.model, &solved.linked, options);
-        let (found, _) = timed(&mut self.seconds.audit, || gather.sampled_error(size, deadline));
+        let bars = solved.uncertainty();
+        let (found, _) = timed(&mut self.seconds.audit, || gather.sampled_error(&bars, size, deadline));
         let error = options.error * (TARGET_MARGIN * target / found?).max(MIN_ERROR_STEP);
         let more = Options { error, ..options.clone() };
         (found? > KEPT * target && more.local_rays() > options.local_rays()).then_some(error)

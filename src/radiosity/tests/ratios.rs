@@ -82,8 +82,8 @@ fn the_stated_error_is_that_of_the_lit_part() {
     }
     let [error, level] = [squares, light_squares].map(|squares| (squares * area).sqrt() / light);
     let stated = outcome.record.error_estimate.expect("an estimate");
-    // Paths know the light of an element to about a hundredth.
-    assert!(stated > 0.3 * error && stated < 0.01 * level, "{stated} stated, {error} of {level}");
+    // Direct light without obstacles is known in closed form, so that only the little light that the floor reflects to the lamp has noise.
+    assert!(stated > 0.5 * error && stated < 0.006 * level, "{stated} stated, {error} of {level}");
 }
 
 /// The back of a lamp lies in the plane of its front, which is a million times as bright as the ground.
@@ -116,7 +116,7 @@ fn at_points(scene: &Scene, points: &[Point]) -> [Vec<f64>; 2] {
 /// By coarse links alone the lamp is no part of the mean of what it stands above.
 #[test]
 fn links_bring_the_light_of_a_lamp_to_floors_of_any_size() {
-    for (width, error) in [(60.0, 0.02), (60.0, 0.5), (300.0, 0.7), (5e3, 0.02), (1e6, 0.02), (1e6, 0.5)] {
+    for (width, error) in [(60.0, 0.02), (60.0, 1.0), (300.0, 10.0), (5e3, 0.02), (1e6, 0.02), (1e6, 0.5)] {
         let lamp = Lamp { centre: DVec3::new(0.03 * width, 0.01 * width, 1.0), width: 1.0 };
         let scene = lamp_over_floor(width, &lamp, 0.0);
         let options = Options { local_rays: Some(0), error, audit: 0, ..Options::default() };
@@ -188,5 +188,34 @@ fn the_foot_of_a_box_has_the_light_beside_it() {
             let (found, want) = (on[engine][k], beside[engine][k]);
             assert!(want > 0.01 && (found / want - 1.0).abs() < 0.1, "{k} {engine}: {found} beside {want}");
         }
+    }
+}
+
+/// Slender faces and a lamp of two sides, with coordinates from 1e-12 to 1e6.
+#[test]
+fn needles_of_any_length_keep_the_energy() {
+    let far = 1e6;
+    let corners = [
+        DVec3::new(-1.0, 2.0, far),
+        DVec3::new(1.0, 0.0, 1.0),
+        DVec3::new(0.0, 3.0, -1.0),
+        DVec3::new(1.3, 1.0, 1e-7),
+        DVec3::new(far, far, 2.0),
+        DVec3::new(-1.2, 0.0, far),
+        DVec3::new(1e-12, 1.0, 1e-12),
+        DVec3::new(-1.9, 1e-30, 1e-7),
+        DVec3::new(far, -0.01, 1e-12),
+    ];
+    let mut pieces = Pieces::empty();
+    pieces.grey("needles", 0.5);
+    for face in [[8, 5, 7], [6, 0, 5], [2, 4, 8], [0, 6, 1], [3, 1, 6]] {
+        pieces.polygon(&face.map(|k: usize| corners[k]));
+    }
+    pieces.glowing("lamp", 5.0).polygon(&[7, 3, 4].map(|k: usize| corners[k]));
+    let scene = pieces.scene_with(&LoadOptions { two_sided_emission: true, ..LoadOptions::default() });
+    for (error, local_rays) in [(0.1, Some(400_000)), (0.02, Some(0)), (1.0, Some(0))] {
+        let options = Options { error, local_rays, audit: 0, ..Options::default() };
+        let Ledger { emitted, created, .. } = solved(&scene, &[], &options).record.ledger;
+        assert!(emitted > 0.0 && created.abs() < 5e-3 * emitted, "{error}: created {created} of {emitted}");
     }
 }

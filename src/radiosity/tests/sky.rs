@@ -130,6 +130,27 @@ fn a_house_under_sun_and_sky_is_lit_as_paths_say_and_keeps_its_energy() {
     assert!((ledger.emitted - ledger.sky - ledger.sun).abs() < 1e-9 * known);
 }
 
+/// A box in a black yard: the mean light of the ground is that of the ground outside the box and its shadow.
+#[test]
+fn a_yard_has_the_mean_light_of_the_sun_with_all_options() {
+    let mut yard = Pieces::empty();
+    yard.grey("box", 0.0).room_without(Wall::Floor, DVec3::new(1.0, -1.0, 0.0), DVec3::new(-1.0, 1.0, 3.0));
+    yard.grey("ground", 0.0).polygon(&facing_up([-10.0, 10.0], [-10.0, 10.0], 0.0));
+    let height = 40f64.to_radians();
+    let scene = under(yard, "none", &format!("0,{},{}:1000", height.cos(), height.sin()));
+    let want = 1000.0 * height.sin() * (400.0 - 4.0 - 2.0 * 3.0 / height.tan());
+    for (error, local_rays, seed) in
+        [(0.02, None, 1), (0.1, None, 2), (0.02, Some(20_000), 3), (0.02, Some(0), 1)]
+    {
+        let options = Options { error, local_rays, seed, audit: 0, ..Options::default() };
+        let outcome = solved(&scene, &[], &options);
+        let ground = outcome.mesh.elements.iter().filter(|e| e.object == 1 && e.front);
+        near(ground.map(|e| e.area * e.irradiance[0]).sum(), want, 0.02);
+        let Ledger { emitted, created, .. } = outcome.record.ledger;
+        assert!(created.abs() < 5e-3 * emitted, "created {created} of {emitted}");
+    }
+}
+
 /// A room that the sky lights through a window of a fortieth of its walls, and the same room without it.
 #[test]
 fn windows_let_in_what_paths_say_and_closed_rooms_are_dark() {
