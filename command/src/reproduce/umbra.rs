@@ -80,7 +80,7 @@ pub fn figure_5(context: &Context) -> Result<Item> {
     };
     let mut table = Table::new("Widths", "case | d1, m | umbra, m | formula, m | penumbra, m | formula, m");
     let (wall, mut worst) = (floor(texels), [0.0f64; 2]);
-    let mut vanishes = Vec::new();
+    let mut umbrae = Vec::new();
     for (case, e, b) in [("a: b > e", 0.6, 1.0), ("b: b < e", 1.0, 0.5)] {
         let (mut measured, mut predicted, mut panels) = (Vec::new(), Vec::new(), Vec::new());
         for &d1 in positions {
@@ -91,7 +91,7 @@ pub fn figure_5(context: &Context) -> Result<Item> {
                 worst[k] = worst[k].max((found[k] - expected[k]).abs() / wall.texel);
             }
             if case.starts_with('b') {
-                vanishes.push((d1, found[0], expected[0]));
+                umbrae.push(Umbra { d1, found: found[0], expected: expected[0] });
             }
             measured.push(PlotPoint { x: d1, y: found[0], label: String::new() });
             predicted.push(PlotPoint { x: d1, y: expected[0], label: String::new() });
@@ -105,13 +105,24 @@ pub fn figure_5(context: &Context) -> Result<Item> {
     }
     item.chart(plot, "Umbra against the position of the blocker.");
     item.tables.push(table);
-    judge_figure_5(&mut item, worst, &vanishes, wall.texel);
+    judge_figure_5(&mut item, worst, &umbrae, wall.texel);
     Ok(item)
 }
 
-/// Largest differences between measured and predicted widths of umbrae and of outlines of penumbrae, texels; by position of a blocker
-/// smaller than the emitter the widths of its umbra, measured and predicted, metres; the side of a texel.
-fn judge_figure_5(item: &mut Item, worst: [f64; 2], vanishes: &[(f64, f64, f64)], texel: f64) {
+/// The umbra of a blocker that is smaller than the emitter, metres.
+#[derive(Clone, Copy)]
+struct Umbra {
+    /// Distance of the blocker from the emitter.
+    d1: f64,
+    /// Measured width.
+    found: f64,
+    /// Width by the formula.
+    expected: f64,
+}
+
+/// Judges the largest differences between measured and predicted widths of umbrae and of outlines of penumbrae (`worst`, texels), and the umbrae of a
+/// blocker smaller than the emitter. `texel` is the side of a texel, metres.
+fn judge_figure_5(item: &mut Item, worst: [f64; 2], umbrae: &[Umbra], texel: f64) {
     for (what, worst) in ["umbra", "outline of the penumbra"].into_iter().zip(worst) {
         item.check(
             format!("the {what} has the width of the formula, to the one texel that counting can miss"),
@@ -120,16 +131,15 @@ fn judge_figure_5(item: &mut Item, worst: [f64; 2], vanishes: &[(f64, f64, f64)]
             || "rays leave out the border of the emitter, or meet the blocker beside its edge".into(),
         );
     }
-    let differs = |(_, found, expected): &&(f64, f64, f64)| {
-        (*found > 0.0) != (*expected > 0.0) && (found - expected).abs() > COUNTED * texel
-    };
-    let wrong: Vec<String> = vanishes.iter().filter(differs).map(|(d1, ..)| format!("{d1} m")).collect();
+    let differs =
+        |u: &&Umbra| (u.found > 0.0) != (u.expected > 0.0) && (u.found - u.expected).abs() > COUNTED * texel;
+    let wrong: Vec<String> = umbrae.iter().filter(differs).map(|u| format!("{} m", u.d1)).collect();
     item.check(
         "with a blocker smaller than the emitter the umbra is absent at some positions and present at others, as predicted",
-        vanishes.iter().map(|(d1, found, _)| format!("{d1} m: {}", fixed(*found, 2))).collect::<Vec<_>>().join(", "),
+        umbrae.iter().map(|u| format!("{} m: {}", u.d1, fixed(u.found, 2))).collect::<Vec<_>>().join(", "),
         wrong.is_empty()
-            && vanishes.iter().any(|(_, found, _)| *found == 0.0)
-            && vanishes.iter().any(|(_, found, _)| *found > 0.0),
+            && umbrae.iter().any(|u| u.found == 0.0)
+            && umbrae.iter().any(|u| u.found > 0.0),
         || match wrong.is_empty() {
             true => "it is the same at all positions".into(),
             false => format!("the formula predicts another one at {}", wrong.join(", ")),
@@ -322,14 +332,15 @@ mod tests {
 
     #[test]
     fn widths_beside_the_formula_are_found() {
-        let failing = |worst: [f64; 2], vanishes: &[(f64, f64, f64)]| {
-            failing_checks(|item| judge_figure_5(item, worst, vanishes, 0.05))
+        let failing = |worst: [f64; 2], umbrae: &[Umbra]| {
+            failing_checks(|item| judge_figure_5(item, worst, umbrae, 0.05))
         };
-        let predicted = [(1.0, 0.0, 0.0), (3.0, 0.35, 0.33)];
+        let umbra = |d1, found, expected| Umbra { d1, found, expected };
+        let predicted = [umbra(1.0, 0.0, 0.0), umbra(3.0, 0.35, 0.33)];
         assert_eq!(failing([1.0, 1.0], &predicted), [0; 0]);
         assert_eq!(failing([1.1, 1.0], &predicted), [0]);
         assert_eq!(failing([1.0, 1.1], &predicted), [1]);
-        assert_eq!(failing([1.0, 1.0], &[(1.0, 0.2, 0.0), predicted[0], predicted[1]]), [2]);
+        assert_eq!(failing([1.0, 1.0], &[umbra(1.0, 0.2, 0.0), predicted[0], predicted[1]]), [2]);
         assert_eq!(failing([1.0, 1.0], &predicted[1..]), [2]);
     }
 

@@ -21,6 +21,16 @@ pub struct Emitter {
     pub width: f32,
 }
 
+/// A lit face, for which callers have a number of their own.
+pub struct NumberedFace {
+    /// Index of its emitter.
+    pub emitter: u32,
+    /// Index among the faces of the emitter.
+    pub face: u32,
+    /// The number.
+    pub number: u32,
+}
+
 /// The emitters, and the tables from which their faces are drawn.
 pub struct Emitters {
     /// In the order of the scene.
@@ -45,12 +55,12 @@ impl Emitters {
     pub fn new(scene: &Scene, elements: &Elements) -> Emitters {
         let mut emitters: Vec<Emitter> =
             scene.emitters.iter().map(|e| Emitter { faces: Vec::new(), width: e.min_width }).collect();
-        let mut sides: Vec<(u32, u32, u32)> = Vec::new();
+        let mut sides = Vec::new();
         for (s, side) in (0u32..).zip(&elements.sides).filter(|(_, s)| s.exitance.iter().any(|&m| m > 0.0)) {
             let corners = *elements.corners(side);
             let emitter = scene.triangle_emitter[side.triangles[0] as usize];
             let faces = &mut emitters[emitter as usize].faces;
-            sides.push((emitter, faces.len() as u32, s));
+            sides.push(NumberedFace { emitter, face: faces.len() as u32, number: s });
             faces.push(EmitterFace {
                 corners,
                 polygon: corners.map(|p| p.as_dvec3()),
@@ -65,9 +75,9 @@ impl Emitters {
         Emitters::of(emitters, sides, elements.sides.len())
     }
 
-    /// Emitters, of whose faces `numbered` lists each as (emitter, face, number) with numbers below `count`.
-    pub fn of(emitters: Vec<Emitter>, numbered: Vec<(u32, u32, u32)>, count: usize) -> Emitters {
-        let mut lit: Vec<(u32, u32)> = numbered.iter().map(|&(e, k, _)| (e, k)).collect();
+    /// Emitters, of whose faces `numbered` lists each once, with numbers below `count`.
+    pub fn of(emitters: Vec<Emitter>, numbered: Vec<NumberedFace>, count: usize) -> Emitters {
+        let mut lit: Vec<(u32, u32)> = numbered.iter().map(|f| (f.emitter, f.face)).collect();
         let face = |(e, k): (u32, u32)| &emitters[e as usize].faces[k as usize];
         let tree =
             EmitterTree::build(&mut lit, &|f| face(f).corners, &|f| (face(f).normal, power_of(face(f))));
@@ -84,7 +94,7 @@ impl Emitters {
             faces().all(|f| f.profile.is_none() && mean(f.exitance) as f32 * area <= MAX_UNEVEN * sent);
         let mut places = vec![Elements::NONE; count];
         let place: FxHashMap<(u32, u32), u32> = lit.iter().copied().zip(0..).collect();
-        numbered.into_iter().for_each(|(e, k, number)| places[number as usize] = place[&(e, k)]);
+        numbered.iter().for_each(|f| places[f.number as usize] = place[&(f.emitter, f.face)]);
         let width = emitters.iter().map(|e| e.width).fold(f32::MAX, f32::min);
         Emitters { width, tree, lit, powers, places, is_even, emitters }
     }

@@ -2,7 +2,7 @@
 //! and a ray that does stands for all that miss, which causes noise. Shadow rays to these surfaces find their light without this noise.
 
 use super::reflected::Reflected;
-use crate::radiosity::elements::emitters::{Emitter, EmitterFace, Emitters};
+use crate::radiosity::elements::emitters::{Emitter, EmitterFace, Emitters, NumberedFace};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{Rgb, add, mean};
@@ -59,7 +59,8 @@ impl BrightLeaves {
         let (sides, faces): (Vec<u32>, Vec<EmitterFace>) =
             chosen.iter().zip(&sums).map(|(&e, &sum)| face(&linked.elements, e, sum)).unzip();
         let width = faces.iter().map(|face| face.area.sqrt()).fold(f32::MAX, f32::min);
-        let numbered = (0..faces.len() as u32).map(|k| (0, k, k)).collect();
+        let numbered =
+            (0..faces.len() as u32).map(|k| NumberedFace { emitter: 0, face: k, number: k }).collect();
         let emitters = Emitters::of(vec![Emitter { faces, width }], numbered, sides.len());
         Some(BrightLeaves { face_of, emitters, sides })
     }
