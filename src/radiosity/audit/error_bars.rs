@@ -1,5 +1,5 @@
-//! The audit of error bars: independent paths from a few elements, followed to the end by exact rays. The only data that they
-//! share with the solution are the sides that count as unlit.
+//! The audit of error bars: independent paths from a few elements, followed to the end by exact rays. They share with the solution which sides count as
+//! unlit, and the closed form of the light of diffuse emitters without obstacles.
 
 use crate::math::sampling::{mix, point_on};
 use crate::radiosity::deadline::Deadline;

@@ -10,7 +10,8 @@ use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
 /// Irradiance of an element by some paths, summed; W/m². Shadow rays from the starts of the paths to one point of an emitter each give the visible
-/// part of the direct light; its value without obstacles has a closed form ([`EmitterFace::factor`](crate::radiosity::elements::emitters::EmitterFace::factor)).
+/// part of the direct light; that of diffuse faces without obstacles has a closed form. Faces with a profile do without it, so that the quadrature of the
+/// solution is checked too.
 #[derive(Clone, Copy, Default)]
 pub struct IndependentLight {
     /// All light but the direct light of emitters.
@@ -19,7 +20,7 @@ pub struct IndependentLight {
     pub seen: Rgb,
     /// Direct light by the same rays if nothing blocked them.
     pub unoccluded: Rgb,
-    /// The expected value of `unoccluded`, by closed forms at the starts of the paths.
+    /// The expected value of `unoccluded` for the faces drawn: of diffuse ones by closed forms at the starts of the paths.
     pub expected: Rgb,
 }
 
@@ -62,15 +63,23 @@ impl FinalGather<'_> {
                     continue;
                 };
                 let face = &self.emitters.emitters[emitter].faces[face];
-                let Side { normal, .. } = self.linked.elements.sides[vertex.side as usize];
-                let factor = face.factor(vertex.at.as_dvec3(), normal.as_dvec3()) as f32;
-                // The probability of the face is the density of the point times the face's area.
-                let chance = density * mean(face.exitance) as f32 * face.area;
-                add(&mut light.expected, 1.0, rgb(factor / chance * to_vec(face.exitance)));
-                if let Some(ray) = self.emitter_ray(&self.emitters, cut, vertex, |q| q, random) {
+                let ray = self.emitter_ray(&self.emitters, cut, vertex, |q| q, random);
+                let sampled = ray.as_ref().map_or(Vec3::ZERO, |ray| ray.light);
+                let expected = match face.profile {
+                    None => {
+                        let Side { normal, .. } = self.linked.elements.sides[vertex.side as usize];
+                        let factor = face.factor(vertex.at.as_dvec3(), normal.as_dvec3()) as f32;
+                        // The probability of the face is the density of the point times the face's area.
+                        let chance = density * mean(face.exitance) as f32 * face.area;
+                        factor / chance * to_vec(face.exitance)
+                    }
+                    Some(_) => sampled,
+                };
+                add(&mut light.expected, 1.0, rgb(expected));
+                add(&mut light.unoccluded, 1.0, rgb(sampled));
+                if let Some(ray) = ray {
                     packet.set_blocked_from_start(lane, ray.ends[0], ray.ends[1], ray.rules);
-                    unoccluded[lane] = ray.light;
-                    add(&mut light.unoccluded, 1.0, rgb(ray.light));
+                    unoccluded[lane] = sampled;
                 }
             }
             let width = self.emitters.width;
