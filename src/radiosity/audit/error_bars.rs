@@ -168,7 +168,7 @@ impl FinalGather<'_> {
         if area > 0.0 { light / area } else { 0.0 }
     }
 
-    /// Checks elements, drawn by area, light and bars in strata; `position` in `[0, 1)` lies in each stratum. No checks without light
+    /// Checks elements, drawn by area, light and error bars in strata; one drawn twice is checked by other paths; `position` in `[0, 1)` lies in each stratum. No checks without light
     /// or after an early stop.
     fn checks(
         &self,
@@ -202,7 +202,8 @@ impl FinalGather<'_> {
                 }
                 buffers.scratch.tally = Tally::default();
                 let (_, e, chance) = drawn(k);
-                let (by_paths, noise) = self.path_irradiance(e, size.paths, position.to_bits(), buffers);
+                let (by_paths, noise) =
+                    self.path_irradiance(e, size.paths, mix(position.to_bits() ^ k as u64), buffers);
                 deadline.advance(rows.steps(1));
                 let error = (mean(states[e as usize].irradiance) - by_paths).abs();
                 let check = Check { error, noise, bar: bars[e as usize], weight: 1.0 / chance };
@@ -218,8 +219,8 @@ impl FinalGather<'_> {
         (checks, tally)
     }
 
-    /// The elements that light arrives at, each with its chance to be drawn relative to the chance by area alone: by area, by light, and by error
-    /// bars alike, as far as there are any. Where a lamp lights a thousandth of a floor, all error is there; in a room full of things most of it
+    /// The elements that light arrives at, each with its chance to be drawn relative to the chance by area alone: a third of the draws is by area, a
+    /// third by light, and a third by error bars (half by area and half by light without bars). Where a lamp lights a thousandth of a floor, all error is there; in a room full of things most of it
     /// lies in few elements with large bars.
     fn chances(&self, bars: &[f64]) -> Vec<(u32, f64)> {
         let Elements { elements, states, .. } = &self.linked().elements;

@@ -9,8 +9,8 @@ use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
-/// Irradiance of an element by some paths, summed; W/m². Shadow rays from the starts of the paths to one point of an emitter each give the visible
-/// part of the direct light; that of diffuse faces without obstacles has a closed form. Faces with a profile do without it, so that the quadrature of the
+/// Sums of the irradiance that some paths bring to an element, W/m². One shadow ray from the start of each path, to a point of an emitter, finds which part
+/// of the direct light is visible; the direct light of diffuse faces without obstacles has a closed form. Faces with a profile do without it, so that the quadrature of the
 /// solution is checked too.
 #[derive(Clone, Copy, Default)]
 pub struct IndependentLight {
@@ -26,7 +26,7 @@ pub struct IndependentLight {
 
 impl IndependentLight {
     /// The mean irradiance by each of some groups of `paths` paths, channels averaged. The expected direct light without obstacles serves as a
-    /// control variate, with the visible part that all groups find as its coefficient: where all or nothing is visible, points on emitters cause no noise.
+    /// control variate, with the ratio of seen to unoccluded light over all groups as its coefficient: where all or nothing is visible, points on emitters cause no noise.
     pub fn means(groups: &[IndependentLight], paths: u32) -> Vec<f64> {
         let [mut seen, mut unoccluded] = [[0.0; 3]; 2];
         for group in groups {

@@ -1,5 +1,5 @@
-//! The unoccluded exchange of two elements of which at least one is a cluster: an unbiased estimate over sixteen points of each
-//! end, drawn with a preference for sides that face the other end.
+//! The unoccluded exchange of two elements of which at least one is a cluster: the mean over sixteen points of each end, drawn with a preference for
+//! sides that face the other end, and no more than the smaller area allows.
 
 use super::accuracy::{Accuracy, FEW_SEGMENTS_ERROR, LinkDraft};
 use super::end_samples::{EndSamples, kernel};
