@@ -305,7 +305,7 @@ fn error_bars(record: &Record) -> Result<Markup> {
         section {
             h2 { "Are the error bars right?" }
             p {
-                "The light of " (audit.elements) " elements, drawn by area, was computed again by independent paths of \
+                "The light of " (audit.elements) " elements, drawn by area, light and error bars, was computed again by independent paths of \
                  exact rays. " (percent(audit.within_one)) " of their errors lie within one error bar and "
                 (percent(audit.within_two)) " within two (68 and 95 % for a normal distribution): " (verdict(audit.elements, audit.within_one)) ". The error of the \
                  whole solution above comes from the same paths."
