@@ -111,11 +111,29 @@ impl Emitters {
 
     /// The faces that light the receiver of a cut, if they are so few that the cut has a node for each.
     pub fn faces<'c>(&'c self, cut: &'c EmitterCut) -> Option<impl Iterator<Item = &'c EmitterFace> + 'c> {
-        let face = |place: u32| {
-            let (e, k) = self.lit[place as usize];
-            &self.emitters[e as usize].faces[k as usize]
-        };
-        self.tree.faces(cut).map(|places| places.map(face))
+        self.tree.faces(cut).map(|places| places.map(|place| self.face(place)))
+    }
+
+    /// Those of [`Emitters::faces`] that a ray would meet if nothing blocked it, with the point and the density of [`Emitters::sample`] there over the face's
+    /// exitance. The face with the number `met` is one of them also where rounding errors at its edges say otherwise.
+    pub fn faces_along<'c>(
+        &'c self,
+        cut: &'c EmitterCut,
+        [from, to]: [Vec3; 2],
+        met: u32,
+    ) -> impl Iterator<Item = (&'c EmitterFace, Vec3, f32)> + 'c {
+        let met = self.places.get(met as usize).copied().unwrap_or(Elements::NONE);
+        self.tree.faces(cut).into_iter().flatten().filter_map(move |place| {
+            let face = self.face(place);
+            let at = face.point_on_plane(from, to)?;
+            (place == met || face.contains(at)).then(|| (face, at, self.tree.probability(cut, place)))
+        })
+    }
+
+    /// A face by its place in the order of the tree.
+    fn face(&self, place: u32) -> &EmitterFace {
+        let (e, k) = self.lit[place as usize];
+        &self.emitters[e as usize].faces[k as usize]
     }
 
     /// See [`EmitterTree::variation`].
@@ -195,6 +213,19 @@ pub struct EmitterFace {
 }
 
 impl EmitterFace {
+    /// Where a ray through two points meets the plane of the face from its lit side.
+    fn point_on_plane(&self, from: Vec3, to: Vec3) -> Option<Vec3> {
+        let (height, slope) = (self.normal.dot(from - self.corners[0]), self.normal.dot(to - from));
+        (height > 0.0 && slope < 0.0).then(|| from - height / slope * (to - from))
+    }
+
+    /// Whether a point of its plane lies on the face.
+    fn contains(&self, at: Vec3) -> bool {
+        let corners = &self.corners[..self.count];
+        let next = corners.iter().cycle().skip(1);
+        corners.iter().zip(next).all(|(a, b)| (*b - *a).cross(at - *a).dot(self.normal) >= 0.0)
+    }
+
     /// Form factor from a point (position, unit normal) to the face: of a diffuse face in closed form, or by quadrature to 0.1 % if it is
     /// far; of one with a profile with its radiance relative to a diffuse face as weight.
     pub fn factor(&self, at: DVec3, normal: DVec3) -> f64 {

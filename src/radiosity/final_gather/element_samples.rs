@@ -12,6 +12,15 @@ pub const DIRECT: usize = 0;
 /// Index of reflected light.
 pub const REFLECTED: usize = 1;
 
+/// Light of emitters along the rays from one point of a leaf, over their density, W/m².
+#[derive(Clone, Copy, Default)]
+pub struct DirectRay {
+    /// Without occlusion.
+    pub free: Vec3,
+    /// What arrives.
+    pub seen: Vec3,
+}
+
 /// Irradiance of one leaf by its own rays.
 #[derive(Clone, Copy, Debug, Default, serde::Deserialize, serde::Serialize)]
 pub struct ElementLight {
@@ -112,24 +121,24 @@ impl ElementLight {
 
     /// Direct light as the light without blockers, `free`, times the visible part of it: a ratio of two sums over the rays, which has
     /// no noise where all rays or none are blocked.
-    pub fn direct_of_fraction(&mut self, free: Vec3, half: usize, parts: &[(Vec3, f32)]) {
-        let ratio = |parts: &[(Vec3, f32)]| {
-            let all: Vec3 = parts.iter().map(|p| p.0).sum();
-            let seen: Vec3 = parts.iter().map(|p| p.1 * p.0).sum();
+    pub fn direct_of_fraction(&mut self, free: Vec3, half: usize, rays: &[DirectRay]) {
+        let ratio = |rays: &[DirectRay]| {
+            let all: Vec3 = rays.iter().map(|ray| ray.free).sum();
+            let seen: Vec3 = rays.iter().map(|ray| ray.seen).sum();
             (all, seen / all.max(Vec3::splat(f32::MIN_POSITIVE)))
         };
-        let (all, joint) = ratio(parts);
+        let (all, joint) = ratio(rays);
         let joint = Vec3::select(all.cmpgt(Vec3::ZERO), joint, Vec3::ONE);
-        for (h, parts) in parts.chunks(half).enumerate() {
+        for (h, rays) in rays.chunks(half).enumerate() {
             // A half without a sample above the horizon has the ratio of both halves.
-            let (all, own) = ratio(parts);
+            let (all, own) = ratio(rays);
             self.halves[DIRECT][h] = free * Vec3::select(all.cmpgt(Vec3::ZERO), own, joint);
         }
-        let seen = (free * joint).element_sum() / free.element_sum().max(f32::MIN_POSITIVE);
-        let weights = || parts.iter().map(|p| (p.0.element_sum(), p.1));
-        let all: f32 = weights().map(|(w, _)| w).sum();
-        let squares: f32 = weights().map(|(w, through)| (w * (through - seen)).powi(2)).sum();
-        let n = parts.len() as f32;
+        let part = (free * joint).element_sum() / free.element_sum().max(f32::MIN_POSITIVE);
+        let all: f32 = rays.iter().map(|ray| ray.free.element_sum()).sum();
+        let difference = |ray: &DirectRay| ray.seen.element_sum() - part * ray.free.element_sum();
+        let squares: f32 = rays.iter().map(|ray| difference(ray).powi(2)).sum();
+        let n = rays.len() as f32;
         let level = free.element_sum() / 3.0;
         self.squares[DIRECT] = if all > 0.0 { n * n * level * level * (squares / all) / all } else { 0.0 };
     }
@@ -180,7 +189,7 @@ mod tests {
     #[test]
     fn the_visible_part_is_a_ratio_of_sums() {
         let mut light = ElementLight { rays: 2, ..ElementLight::default() };
-        let w = |w: f32, through: f32| (Vec3::splat(w), through);
+        let w = |w: f32, through: f32| DirectRay { free: Vec3::splat(w), seen: Vec3::splat(through * w) };
         light.direct_of_fraction(Vec3::splat(8.0), 2, &[w(1.0, 1.0), w(3.0, 0.0), w(0.0, 0.0), w(0.0, 0.0)]);
         // The second half has no sample of its own.
         assert_eq!(light.halves[DIRECT], [Vec3::splat(2.0); 2]);

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// Rows of one parallel task.
 const CHUNK: usize = 64;
-/// Weight, in rays, of the spread of neighbouring leaves when it is mixed with that of a leaf: the relative error of a
+/// Weight, in rays, of the spread around an element when it is mixed with its own: the relative error of a
 /// variance from 8 rays alone is √(2/8) = 50 %. Affects error bars and the number of rays.
 const NEIGHBOUR_RAYS: f64 = 8.0;
 /// Light of a side relative to the mean below which errors are relative to the side's own light, not to the mean: sides of furniture in a lit room are above.
@@ -73,25 +73,43 @@ pub fn assign_noise(
             RowSpread::new(row, f64::from(row.rays), others)
         })
         .collect();
-    // Sums over the leaves below each parent.
-    let mut around = vec![[Spread::default(); 2]; elements.len()];
-    for (row, spread) in rows.rows.iter().zip(&spreads) {
-        let around = &mut around[elements.elements[row.leaf as usize].parent as usize];
-        around.iter_mut().zip(spread.spreads).for_each(|(a, s)| a.add(s));
-    }
+    let mut below = vec![[Spread::default(); 2]; elements.len()];
+    rows.rows.iter().zip(&spreads).for_each(|(row, spread)| below[row.leaf as usize] = spread.spreads);
+    let variances = variances_below(elements, &mut below);
     for (i, (row, spread)) in rows.rows.iter().zip(&spreads).enumerate() {
         let leaf = row.leaf as usize;
         let n = f64::from(row.rays);
-        let around = around[elements.elements[leaf].parent as usize];
-        let [direct, reflected] = [0, 1].map(|k| spread.spreads[k].variance(around[k]));
+        let parent = elements.elements[leaf].parent as usize;
+        let [direct, reflected] = [0, 1].map(|k| spread.spreads[k].variance(variances[parent][k]));
         let rays = (spread.spreads[1].freedom + 1.0).max(1.0);
         let variance = direct / n
             + sums[i] * sums[i] * reflected / rays
             + sums[i] * (1.0 - sums[i]).max(0.0) * spread.mean * spread.mean / n;
         // One more ray might meet a surface that no other ray has met, here or nearby, as bright as the scene on average.
-        let known = n + NEIGHBOUR_RAYS.min(around[0].freedom);
+        let known = n + NEIGHBOUR_RAYS.min(below[parent][0].freedom);
         results[leaf].noise = variance.sqrt().hypot(level / known) as f32;
     }
+}
+
+/// Adds the spreads of leaves to those of all elements above them. Returns the variance of one ray among the leaves below each element. Few rays may miss
+/// what light there is between blockers, and rays that all find the same say little: there the variance among more rays around counts with the weight
+/// [`NEIGHBOUR_RAYS`].
+fn variances_below(elements: &Elements, below: &mut [[Spread; 2]]) -> Vec<[f64; 2]> {
+    let parent = |e: usize| elements.elements[e].parent as usize;
+    // Parents come before their children.
+    for e in (1..below.len()).rev() {
+        let own = below[e];
+        below[parent(e)].iter_mut().zip(own).for_each(|(sum, of)| sum.add(of));
+    }
+    let mut variances: Vec<[f64; 2]> = Vec::with_capacity(below.len());
+    for (e, spreads) in below.iter().enumerate() {
+        let of = |k: usize| match spreads[k] {
+            Spread { squares, freedom } if squares > 0.0 || e == 0 => squares / freedom.max(1.0),
+            same => same.variance(variances[parent(e)][k]),
+        };
+        variances.push([0, 1].map(of));
+    }
+    variances
 }
 
 /// Increases the weight of errors on sides that have less than [`DIM_SIDE`] of the mean light: an image of a room that the sky lights
@@ -179,9 +197,8 @@ impl Spread {
         (self.squares, self.freedom) = (self.squares + other.squares, self.freedom + other.freedom);
     }
 
-    /// Variance of one ray, by the leaf's own rays and, with the weight [`NEIGHBOUR_RAYS`], those of leaves around it.
-    fn variance(self, around: Spread) -> f64 {
-        (self.squares + NEIGHBOUR_RAYS * around.squares / around.freedom.max(1.0))
-            / (self.freedom + NEIGHBOUR_RAYS)
+    /// Variance of one ray by these rays, mixed with the variance of other rays with the weight [`NEIGHBOUR_RAYS`].
+    fn variance(self, around: f64) -> f64 {
+        (self.squares + NEIGHBOUR_RAYS * around) / (self.freedom + NEIGHBOUR_RAYS)
     }
 }

@@ -191,6 +191,27 @@ fn the_foot_of_a_box_has_the_light_beside_it() {
     }
 }
 
+/// Fins two centimetres before a lamp of four metres: coarse elements get as much light on each side as fine ones.
+#[test]
+fn fins_close_to_a_lamp_have_its_light() {
+    let mut pieces = Pieces::empty();
+    pieces.glowing("lamp", 5.0).rectangle(DVec3::ZERO, 4.0 * DVec3::Y, 2.0 * DVec3::Z);
+    pieces.grey("fins", 0.0);
+    for k in 0..10 {
+        let corner = DVec3::new(0.02, 0.0, 0.1 + 0.2 * f64::from(k));
+        pieces.rectangle(corner, 0.2 * DVec3::X, 4.0 * DVec3::Y);
+    }
+    let scene = pieces.scene();
+    let light = |error: f64| {
+        let outcome = solved(&scene, &[], &Options { error, audit: 0, ..Options::default() });
+        [true, false].map(|front| received(&outcome, 1, front))
+    };
+    let (coarse, fine) = (light(0.1), light(0.02));
+    for (coarse, fine) in coarse.into_iter().zip(fine) {
+        assert!((coarse / fine - 1.0).abs() < 0.05, "{coarse} instead of {fine}");
+    }
+}
+
 /// Slender faces and a lamp of two sides, with coordinates from 1e-12 to 1e6.
 #[test]
 fn needles_of_any_length_keep_the_energy() {
