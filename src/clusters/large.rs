@@ -5,9 +5,6 @@ use crate::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Smallest cosine between the normals of a surface's faces: cos 1.15°, above the rounding of normals in files with
-/// four digits. No value from 0.999 to 0.99999 changes the errors of a forest (`constants.py bench`).
-pub(crate) const MIN_COPLANAR_COSINE: f32 = 0.9998;
 /// Raster width for the inscribed disc, pixels; 64 with a free border. An error of 3 % is enough for a class boundary.
 const DISC_RASTER_PIXELS: usize = 62;
 
@@ -25,7 +22,7 @@ pub(super) fn surfaces(scene: &Scene, part: f32) -> Vec<u32> {
     };
     let candidates: Vec<u32> =
         (0..scene.triangles.len() as u32).filter(|&t| wide(scene.triangle_component[t as usize])).collect();
-    let patches = patches(scene, &candidates);
+    let patches = scene.planar_patches(&candidates, |_| 0);
     // A patch with such a disc has at least its area; of a terrain hardly any other has to be drawn.
     let disc = 0.25 * std::f64::consts::PI * f64::from(size).powi(2);
     let area = |p: &[u32]| -> f64 { p.iter().map(|&t| scene.face_area(t)).sum() };
@@ -34,18 +31,6 @@ pub(super) fn surfaces(scene: &Scene, part: f32) -> Vec<u32> {
     let mut large: Vec<u32> = patches.into_par_iter().filter(is_large).flatten().collect();
     large.par_sort();
     large
-}
-
-/// Edge-connected coplanar patches of the candidates.
-fn patches(scene: &Scene, candidates: &[u32]) -> Vec<Vec<u32>> {
-    let normals: Vec<Vec3> = candidates.par_iter().map(|&t| scene.face_normal(t)).collect();
-    // Compare with the first face's normal, not the neighbour's: small angles must not add up around a column.
-    let groups = scene.joined_across_edges(candidates, |_, [i, j]| {
-        normals[i as usize].dot(normals[j as usize]).abs() > MIN_COPLANAR_COSINE
-    });
-    let mut labelled: Vec<(u32, u32)> = groups.into_iter().zip(candidates.iter().copied()).collect();
-    labelled.par_sort_unstable();
-    labelled.chunk_by(|a, b| a.0 == b.0).map(|patch| patch.iter().map(|&(_, t)| t).collect()).collect()
 }
 
 /// Diameter of the largest disc inside a planar patch; length.

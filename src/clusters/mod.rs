@@ -17,7 +17,6 @@ use crate::math::Aabb;
 use crate::scene::Scene;
 use draft::{Draft, Item, Member};
 #[cfg(any(test, feature = "reports"))]
-pub(crate) use large::MIN_COPLANAR_COSINE;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 pub use tree::{Cluster, Tree};

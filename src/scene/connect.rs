@@ -114,16 +114,16 @@ impl Scene {
     }
 
     /// Groups of some triangles across their common edges: for each the place in the list of the first of its group. `joins` says whether
-    /// two neighbours are joined; it gets their places, and those of the first of their groups so far.
+    /// two neighbours are joined, by their places.
     pub(crate) fn joined_across_edges(
         &self,
         triangles: &[u32],
-        joins: impl Fn([u32; 2], [u32; 2]) -> bool,
+        joins: impl Fn([u32; 2]) -> bool,
     ) -> Vec<u32> {
         let mut sets = Sets::new(triangles.len());
         for pair in self.edges_of(triangles).windows(2) {
             let ((a0, b0, i), (a1, b1, j)) = (pair[0], pair[1]);
-            if (a0, b0) == (a1, b1) && joins([i, j], [sets.root(i), sets.root(j)]) {
+            if (a0, b0) == (a1, b1) && joins([i, j]) {
                 sets.join(i, j);
             }
         }

@@ -31,6 +31,7 @@ mod names;
 mod overlap;
 mod photometry;
 mod placement;
+mod planar;
 mod power;
 mod profile;
 mod read_gltf;

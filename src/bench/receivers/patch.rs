@@ -3,10 +3,8 @@
 use super::relief::points as relief_points;
 use super::{Rectangle, TexelGrid, fit, inscribed};
 use crate::bench::workload::ReceiverPoint;
-use crate::clusters::MIN_COPLANAR_COSINE;
 use crate::scene::Scene;
-use glam::{DVec3, Vec3};
-use rayon::prelude::*;
+use glam::DVec3;
 
 /// Part of its rectangle that a nearly rectangular patch covers at least; the image of any other lies in a rectangle
 /// inside it. A disc covers π/4 = 0.785 of its square.
@@ -84,43 +82,15 @@ impl Patch {
     }
 }
 
-/// Planar edge-connected patches, each of one object, grown from the largest triangles. The normals of all members
-/// agree with that of the first triangle, so that finely tessellated curves are not planes.
+/// [`Scene::planar_patches`], each of one object.
 pub(super) fn patches(scene: &Scene, triangles: &[u32]) -> Vec<Patch> {
-    let normals: Vec<Vec3> = triangles.par_iter().map(|&t| scene.face_normal(t)).collect();
-    let areas: Vec<f64> = triangles.par_iter().map(|&t| scene.face_area(t)).collect();
-    let neighbours = neighbours(scene, triangles);
-    let mut seeds: Vec<u32> = (0..triangles.len() as u32).collect();
-    seeds.par_sort_by(|&a, &b| areas[b as usize].total_cmp(&areas[a as usize]).then(a.cmp(&b)));
-    let object = |i: u32| scene.triangle_object[triangles[i as usize] as usize];
-    let mut taken = vec![false; triangles.len()];
-    let mut patches = Vec::new();
-    for seed in seeds {
-        if std::mem::replace(&mut taken[seed as usize], true) {
-            continue;
-        }
-        let normal = normals[seed as usize];
-        let mut members = vec![seed];
-        let mut next = 0;
-        while next < members.len() {
-            let i = members[next];
-            next += 1;
-            let first = neighbours.partition_point(|n| n.0 < i);
-            for &(_, j) in neighbours[first..].iter().take_while(|n| n.0 == i) {
-                let joins =
-                    object(j) == object(seed) && normals[j as usize].dot(normal).abs() > MIN_COPLANAR_COSINE;
-                if joins && !std::mem::replace(&mut taken[j as usize], true) {
-                    members.push(j);
-                }
-            }
-        }
-        let area = members.iter().map(|&i| areas[i as usize]).sum();
-        let triangles: Vec<u32> = members.iter().map(|&i| triangles[i as usize]).collect();
-        if let Some(rectangle) = fit(scene, &triangles, normal.as_dvec3()) {
-            patches.push(Patch { triangles, area, rectangle, relief: false });
-        }
-    }
-    patches
+    let patch = |triangles: Vec<u32>| {
+        let area = triangles.iter().map(|&t| scene.face_area(t)).sum();
+        let rectangle = fit(scene, &triangles, scene.face_normal(triangles[0]).as_dvec3())?;
+        Some(Patch { triangles, area, rectangle, relief: false })
+    };
+    let patches = scene.planar_patches(triangles, |t| scene.triangle_object[t as usize]);
+    patches.into_iter().filter_map(patch).collect()
 }
 
 /// The relief of some faces; `None` if one of their planar patches is large, or if the faces point into all
@@ -142,21 +112,4 @@ pub(super) fn relief<'a>(
     }
     let rectangle = fit(scene, triangles, sum.normalize())?;
     Some(Patch { triangles: triangles.to_vec(), area: sum.length(), rectangle, relief: true })
-}
-
-/// Pairs of indices into `triangles` that share an edge, in both orders, ascending.
-fn neighbours(scene: &Scene, triangles: &[u32]) -> Vec<(u32, u32)> {
-    let mut pairs: Vec<(u32, u32)> = scene
-        .edges_of(triangles)
-        .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
-        .flat_map(|run| {
-            // More than eight faces at one edge form a fan; each is joined to its next neighbour only.
-            let reach = if run.len() <= 8 { run.len() } else { 2 };
-            run.iter().enumerate().flat_map(move |(k, a)| {
-                run[k + 1..].iter().take(reach - 1).flat_map(move |b| [(a.2, b.2), (b.2, a.2)])
-            })
-        })
-        .collect();
-    pairs.par_sort_unstable();
-    pairs
 }

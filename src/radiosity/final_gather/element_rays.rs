@@ -6,9 +6,7 @@ use super::paths::{EmitterRay, EndOfPaths, to_vec, weight};
 use crate::math::sampling::{mix, point_on, shifted};
 use crate::radiosity::elements::emitter_tree::EmitterCut;
 use crate::radiosity::elements::emitters::{EmitterFace, Emitters, density_ratio};
-use crate::radiosity::elements::{
-    Elements, Shape, Side, centres_of_quarters, emission_gain, mean_over,
-};
+use crate::radiosity::elements::{Elements, Shape, Side, centres_of_quarters, emission_gain, mean_over};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
 use crate::ray::{LANES, Packet};
@@ -105,7 +103,8 @@ impl FinalGather<'_> {
     pub(super) fn light_of(&self, batch: &[LeafRays], buffers: &mut Buffers) -> Vec<ElementLight> {
         let cuts = self.cuts_of(batch, buffers);
         let unblocked = |of: &LeafRays, cut| of.to_emitters.then(|| self.unblocked(of.leaf, cut)).flatten();
-        let free: Vec<Option<Unblocked>> = batch.iter().zip(&cuts).map(|(of, cut)| unblocked(of, cut)).collect();
+        let free: Vec<Option<Unblocked>> =
+            batch.iter().zip(&cuts).map(|(of, cut)| unblocked(of, cut)).collect();
         let random = self.starts(batch, buffers);
         let direct = self.trace_leaves(batch, &random, &cuts, &free, buffers);
         buffers.cuts = cuts;
@@ -247,7 +246,9 @@ impl FinalGather<'_> {
         let light = |(face, at, density): (&EmitterFace, Vec3, f32)| {
             let rounding = end.rounding_of_heights(face.end);
             let q = density_ratio(vertex.at, normal, at, face.normal, rounding, face.exitance, density);
-            emission_gain(face.profile.as_deref(), at, face.normal, vertex.at) * weight(q) * to_vec(face.exitance)
+            emission_gain(face.profile.as_deref(), at, face.normal, vertex.at)
+                * weight(q)
+                * to_vec(face.exitance)
         };
         self.emitters.faces_along(cut, ray, met).map(light).sum()
     }

@@ -92,10 +92,11 @@ pub fn assign_noise(
 }
 
 /// Adds the spreads of leaves to those of all elements above them. Returns the variance of one ray among the leaves below each element. Few rays may miss
-/// what light there is between blockers, and rays that all find the same say little: there the variance among more rays around counts with the weight
-/// [`NEIGHBOUR_RAYS`].
+/// the light that comes between blockers: where all rays of an element find the same, the variance among the rays of the larger element around it counts,
+/// with the weight [`NEIGHBOUR_RAYS`]. Other surfaces do not count: in an office, shaded elements would take rays from those in penumbrae.
 fn variances_below(elements: &Elements, below: &mut [[Spread; 2]]) -> Vec<[f64; 2]> {
     let parent = |e: usize| elements.elements[e].parent as usize;
+    let is_cluster = |e: usize| matches!(elements.elements[e].shape, Shape::Cluster(_));
     // Parents come before their children.
     for e in (1..below.len()).rev() {
         let own = below[e];
@@ -105,6 +106,7 @@ fn variances_below(elements: &Elements, below: &mut [[Spread; 2]]) -> Vec<[f64; 
     for (e, spreads) in below.iter().enumerate() {
         let of = |k: usize| match spreads[k] {
             Spread { squares, freedom } if squares > 0.0 || e == 0 => squares / freedom.max(1.0),
+            _ if is_cluster(parent(e)) => 0.0,
             same => same.variance(variances[parent(e)][k]),
         };
         variances.push([0, 1].map(of));

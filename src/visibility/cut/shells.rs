@@ -294,7 +294,7 @@ fn widths(groups: &[u32], areas: &[f64]) -> Vec<f32> {
 fn smooth_surfaces(scene: &Scene) -> Vec<u32> {
     let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
     let normals: Vec<Vec3> = triangles.par_iter().map(|&t| scene.face_normal(t)).collect();
-    scene.joined_across_edges(&triangles, |[i, j], _| {
+    scene.joined_across_edges(&triangles, |[i, j]| {
         normals[i as usize].dot(normals[j as usize]).abs() > SMOOTH_COSINE
     })
 }
