@@ -164,7 +164,7 @@ pub mod optics {
 /// Parts of pages.
 pub mod page {
     pub use crate::page::{
-        Cell, bytes, chart, count, data_url, document, figure, file_name, seconds, small_chart, table,
+        TableCell, bytes, chart, count, data_url, document, figure, file_name, seconds, small_chart, table,
     };
 }
 

@@ -5,14 +5,14 @@ use super::record::{
     Workload,
 };
 use crate::error::quote;
-use crate::page::{Cell, bytes, count, length, percent, seconds, signed, text_of, text_table, times};
+use crate::page::{TableCell, bytes, count, length, percent, seconds, signed, text_of, text_table, times};
 use crate::plot::number;
 
 /// Names and values under a heading.
 pub(super) type Properties = (&'static str, Vec<(&'static str, String)>);
 
 /// Columns of a table, between vertical bars, and its rows.
-pub(super) struct Table(pub &'static str, pub Vec<Vec<Cell>>);
+pub(super) struct Table(pub &'static str, pub Vec<Vec<TableCell>>);
 
 /// The columns of multi-resolution rows and their meaning.
 pub(super) const MR_COLUMNS: [(&str, &str); 13] = [
@@ -122,18 +122,18 @@ fn cache(build: &Build) -> String {
 }
 
 /// Rows of multi-resolution visibility.
-pub(super) fn mr(record: &Record) -> Vec<Vec<Cell>> {
+pub(super) fn mr(record: &Record) -> Vec<Vec<TableCell>> {
     let row = |row: &MrRow| {
         vec![
             length(row.feature_size, &record.unit).into(),
             row.rays.into(),
-            Cell::words(row.route_in_a_word()),
+            TableCell::words(row.route_in_a_word()),
             seconds(row.seconds).into(),
             number(row.rms).into(),
             signed(row.bias).into(),
-            Cell::speedup(record.gain(row.speedup_at_same_rms), row.extrapolated),
-            Cell::speedup(record.gain(row.speedup_at_same_fbem), false),
-            Cell::speedup(record.gain(Some(row.speedup_per_segment)), false),
+            TableCell::speedup(record.gain(row.speedup_at_same_rms), row.extrapolated),
+            TableCell::speedup(record.gain(row.speedup_at_same_fbem), false),
+            TableCell::speedup(record.gain(Some(row.speedup_per_segment)), false),
             percent(row.aggregated_fraction).into(),
             count(row.exact_rays).into(),
             number(row.nodes_per_segment).into(),
@@ -152,7 +152,7 @@ pub(super) fn exact(record: &Record) -> Table {
             seconds(row.seconds).into(),
             number(row.rms).into(),
             signed(row.bias).into(),
-            Cell::words(call),
+            TableCell::words(call),
         ]
     };
     Table("rays | time | RMS | bias | call", record.exact.iter().chain(&record.certified).map(row).collect())
@@ -163,17 +163,17 @@ pub(super) fn classes(record: &Record) -> Table {
     let row = |class: &ClassRecord| {
         let row = class.shown_row()?;
         Some(vec![
-            Cell::words(class.class.name()),
+            TableCell::words(class.class.name()),
             count(class.points as u64).into(),
             length(row.feature_size, &record.unit).into(),
             row.rays.into(),
-            Cell::words(row.route_in_words()),
+            TableCell::words(row.route_in_words()),
             seconds(row.seconds).into(),
             number(row.rms).into(),
             signed(row.bias).into(),
-            Cell::speedup(record.gain(row.speedup_at_same_rms), row.extrapolated),
-            Cell::speedup(record.gain(class.smallest_speedup()), false),
-            Cell::speedup(record.gain(Some(row.speedup_per_segment)), false),
+            TableCell::speedup(record.gain(row.speedup_at_same_rms), row.extrapolated),
+            TableCell::speedup(record.gain(class.smallest_speedup()), false),
+            TableCell::speedup(record.gain(Some(row.speedup_per_segment)), false),
             percent(row.interval_coverage).into(),
         ])
     };
@@ -190,16 +190,16 @@ pub(super) fn audited(record: &Record) -> Vec<(&MrRow, &IntervalAudit)> {
 
 /// Claimed and observed errors of these rows.
 pub(super) fn audits(record: &Record) -> Table {
-    let range = |low: String, high: String| Cell::from(format!("{low} to {high}"));
+    let range = |low: String, high: String| TableCell::from(format!("{low} to {high}"));
     let line = |(row, audit): (&MrRow, &IntervalAudit)| {
         vec![
             length(row.feature_size, &record.unit).into(),
             number(audit.claimed_rms).into(),
             number(audit.observed_rms).into(),
             range(number(audit.observed_lo), number(audit.observed_hi)),
-            Cell::from(percent(audit.coverage)).loss(audit.coverage_hi < 0.95),
+            TableCell::from(percent(audit.coverage)).loss(audit.coverage_hi < 0.95),
             range(percent(audit.coverage_lo), percent(audit.coverage_hi)),
-            Cell::from(percent(row.interval_coverage)).loss(row.interval_coverage < 0.95),
+            TableCell::from(percent(row.interval_coverage)).loss(row.interval_coverage < 0.95),
         ]
     };
     let columns = "s | claimed RMS | observed RMS | its 95 % interval | intervals confirmed | their 95 % interval | in bounds, all bundles";
@@ -223,20 +223,20 @@ pub(super) fn map_rows(map: &MapRecord, record: &Record) -> [Table; 2] {
     // Segments, spacing, times and errors: columns of both tables.
     let measured = |rays: usize, spacing: usize, times: [f64; 2], [rms, bias]: [f64; 2]| {
         let every = if spacing == 1 { "texel".to_owned() } else { format!("{spacing} texels") };
-        let [time, setup] = times.map(|t| Cell::from(seconds(t)));
+        let [time, setup] = times.map(|t| TableCell::from(seconds(t)));
         vec![rays.into(), every.into(), time, setup, number(rms).into(), signed(bias).into()]
     };
     let mr = |row: &MapMrRow| {
-        let speed = |v: Option<f64>| Cell::speedup(record.gain(v), row.extrapolated);
+        let speed = |v: Option<f64>| TableCell::speedup(record.gain(v), row.extrapolated);
         let mut cells = vec![length(row.feature_size, &record.unit).into()];
         cells.extend(measured(row.rays, row.spacing, [row.seconds, row.setup_s], [row.rms, row.bias]));
         cells.extend([
             number(row.fbem).into(),
             speed(row.speedup_at_same_rms),
             speed(row.speedup_with_setup),
-            Cell::speedup(record.gain(row.speedup_over_texels), row.texels_extrapolated),
+            TableCell::speedup(record.gain(row.speedup_over_texels), row.texels_extrapolated),
             speed(row.speedup_with_preparation),
-            Cell::speedup(record.gain(row.speedup_at_same_fbem), false),
+            TableCell::speedup(record.gain(row.speedup_at_same_fbem), false),
         ]);
         cells
     };
@@ -348,7 +348,7 @@ pub fn text(record: &Record) -> String {
     for warning in record.warnings.iter().chain(&record.build.cache_note) {
         text += &format!("note: {warning}\n");
     }
-    let mut add = |title: &str, columns: &str, rows: &[Vec<Cell>]| {
+    let mut add = |title: &str, columns: &str, rows: &[Vec<TableCell>]| {
         if !rows.is_empty() {
             text += &format!("\n{title}\n{}", text_table(columns, rows));
         }

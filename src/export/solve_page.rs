@@ -12,7 +12,8 @@ use crate::Result;
 use crate::error::{own_word, worded};
 use crate::image_io::Picture;
 use crate::page::{
-    Cell, bytes, chart, count, data_url, document, figure, file_name, percent, properties, seconds, table,
+    TableCell, bytes, chart, count, data_url, document, figure, file_name, percent, properties, seconds,
+    table,
 };
 use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 use crate::radiosity::mesh::RadiosityMesh;
@@ -344,11 +345,11 @@ pub fn grid_section(grids: &[PageGrid], unit: &str) -> Result<Markup> {
     let [height, mean] = [format!("height {unit}"), format!("mean {}", first.unit)];
     let columns = format!("surface | points | {height} | minimum | {mean} | maximum | uniformity U0");
     let row = |grid: &PageGrid| {
-        let [minimum, mean, maximum] = grid.light.map(|light| Cell::from(number(light)));
+        let [minimum, mean, maximum] = grid.light.map(|light| TableCell::from(number(light)));
         let points = format!("{} × {}", grid.counts[0], grid.counts[1]);
         let uniformity = grid.uniformity.map_or_else(String::new, |u| format!("{u:.2}"));
         let height = number(grid.height).into();
-        [Cell::words(grid.name), points.into(), height, minimum, mean, maximum, uniformity.into()]
+        [TableCell::words(grid.name), points.into(), height, minimum, mean, maximum, uniformity.into()]
     };
     let rows: Vec<_> = grids.iter().map(row).collect();
     let urls = grids.iter().map(|grid| Ok((grid, data_url(grid.picture)?))).collect::<Result<Vec<_>>>()?;
@@ -433,8 +434,8 @@ fn surface_section(scene: &Scene, shown: Shown, solution: &RadiosityMesh) -> Mar
     let columns = format!("object | side | {area} | {name} | minimum | maximum");
     let row = |s: &SurfaceLight| {
         [
-            Cell::words(&s.name),
-            Cell::words(s.side),
+            TableCell::words(&s.name),
+            TableCell::words(s.side),
             number(s.area).into(),
             number(s.mean).into(),
             number(s.minimum).into(),

@@ -52,39 +52,39 @@ pub fn figure(value: &str, what: &str) -> Markup {
 
 /// A cell of a [`table`].
 #[derive(Clone, Debug)]
-pub struct Cell {
+pub struct TableCell {
     text: String,
     class: Option<&'static str>,
 }
 
-impl Cell {
+impl TableCell {
     /// The cell, marked as a loss if `loss`.
-    pub fn loss(self, loss: bool) -> Cell {
-        Cell { class: if loss { Some("loss") } else { self.class }, ..self }
+    pub fn loss(self, loss: bool) -> TableCell {
+        TableCell { class: if loss { Some("loss") } else { self.class }, ..self }
     }
 
     /// A speed-up, a loss if it is below 1, marked if it is an estimate.
-    pub fn speedup(value: Option<f64>, is_estimate: bool) -> Cell {
+    pub fn speedup(value: Option<f64>, is_estimate: bool) -> TableCell {
         let about = if is_estimate { "~" } else { "" };
-        Cell::from(format!("{about}{}", times(value))).loss(value.is_some_and(|v| v < 1.0))
+        TableCell::from(format!("{about}{}", times(value))).loss(value.is_some_and(|v| v < 1.0))
     }
 
     /// A cell of words, aligned left; it may be long.
-    pub fn words(text: impl Into<String>) -> Cell {
-        Cell { text: text.into(), class: Some("text") }
+    pub fn words(text: impl Into<String>) -> TableCell {
+        TableCell { text: text.into(), class: Some("text") }
     }
 }
 
-impl<T: ToString> From<T> for Cell {
-    fn from(value: T) -> Cell {
-        Cell { text: value.to_string(), class: None }
+impl<T: ToString> From<T> for TableCell {
+    fn from(value: T) -> TableCell {
+        TableCell { text: value.to_string(), class: None }
     }
 }
 
 /// A table. The headings of its columns stand between vertical bars. In windows too narrow for its columns each row is a list of headings
 /// and values.
-pub fn table(columns: &str, rows: &[impl AsRef<[Cell]>]) -> Markup {
-    let rows: Vec<&[Cell]> = rows.iter().map(AsRef::as_ref).collect();
+pub fn table(columns: &str, rows: &[impl AsRef<[TableCell]>]) -> Markup {
+    let rows: Vec<&[TableCell]> = rows.iter().map(AsRef::as_ref).collect();
     let count = columns.split(" | ").count();
     debug_assert!(rows.iter().all(|row| row.len() == count), "a heading for each column");
     // More columns than this do not fit into a tablet.
@@ -115,7 +115,7 @@ pub fn text_of(text: &str) -> String {
 
 /// A table as lines of text. A heading with a comma takes two lines.
 #[cfg_attr(not(feature = "internals"), allow(dead_code))]
-pub fn text_table(columns: &str, rows: &[Vec<Cell>]) -> String {
+pub fn text_table(columns: &str, rows: &[Vec<TableCell>]) -> String {
     let headings: Vec<[&str; 2]> = (columns.split(" | "))
         .map(|name| name.split_once(", ").map_or(["", name], |(first, second)| [first, second]))
         .collect();
@@ -124,7 +124,7 @@ pub fn text_table(columns: &str, rows: &[Vec<Cell>]) -> String {
     lines.retain(|line| line.iter().any(|name| !name.is_empty()));
     lines.extend(rows.iter().map(|row| row.iter().map(|cell| text_of(&cell.text)).collect()));
     let is_words =
-        |k: usize| rows.first().is_some_and(|row: &Vec<Cell>| k > 0 && row[k].class == Some("text"));
+        |k: usize| rows.first().is_some_and(|row: &Vec<TableCell>| k > 0 && row[k].class == Some("text"));
     let width = |k: usize| lines.iter().map(|line| line[k].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..headings.len()).map(width).collect();
     let line = |line: &Vec<String>| {

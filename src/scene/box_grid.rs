@@ -3,8 +3,8 @@
 use crate::math::sampling::mix;
 use glam::DVec2;
 
-/// Cell of a grid: the exponent of two of its size, and its place.
-type Cell = (i32, i64, i64);
+/// BoxCell of a grid: the exponent of two of its size, and its place.
+type BoxCell = (i32, i64, i64);
 
 /// Boxes in the plane, each entered into the cells of a grid of its own size: in at most four cells.
 pub(super) struct BoxGrid {
@@ -15,7 +15,7 @@ pub(super) struct BoxGrid {
     /// First entry of each bucket of a hash table of cells, and the number of entries.
     starts: Vec<u32>,
     /// Cells and boxes by bucket; those of a bucket ascend.
-    entries: Vec<(Cell, u32)>,
+    entries: Vec<(BoxCell, u32)>,
 }
 
 impl BoxGrid {
@@ -56,7 +56,7 @@ impl BoxGrid {
     }
 
     /// The boxes of a cell from number `first` on, ascending.
-    fn of(&self, cell: Cell, first: usize) -> impl Iterator<Item = usize> + '_ {
+    fn of(&self, cell: BoxCell, first: usize) -> impl Iterator<Item = usize> + '_ {
         let i = bucket(cell, self.starts.len() - 1);
         let held = &self.entries[self.starts[i] as usize..self.starts[i + 1] as usize];
         let rest = &held[held.partition_point(|&(of, k)| (of, k as usize) < (cell, first))..];
@@ -65,14 +65,14 @@ impl BoxGrid {
 }
 
 /// Cells of size 2^`level` that a box touches.
-fn cells(b: &[DVec2; 2], level: i32) -> impl Iterator<Item = Cell> + use<> {
+fn cells(b: &[DVec2; 2], level: i32) -> impl Iterator<Item = BoxCell> + use<> {
     let size = f64::from(level).exp2();
     let [low, high] = b.map(|p| (p / size).floor().as_i64vec2());
     (low.x..=high.x).flat_map(move |x| (low.y..=high.y).map(move |y| (level, x, y)))
 }
 
 /// Bucket of a cell among a power of two of buckets.
-fn bucket((level, x, y): Cell, buckets: usize) -> usize {
+fn bucket((level, x, y): BoxCell, buckets: usize) -> usize {
     let mixed = [i64::from(level), x, y].iter().fold(0, |h, &v| mix(h ^ v as u64));
     mixed as usize & (buckets - 1)
 }

@@ -45,7 +45,7 @@ pub fn write_gltf(path: &Path, placed: &PlacedSoup, generator: &str) -> Result<(
     for polygons in order.chunk_by(|&a, &b| soup.polygon_object[a] == soup.polygon_object[b]) {
         let name = &soup.objects[soup.polygon_object[polygons[0]] as usize];
         let mesh = out.mesh(name, soup, polygons);
-        nodes.push(Node { name, mesh, matrix: None });
+        nodes.push(GltfNode { name, mesh, matrix: None });
     }
     let meshes: Vec<usize> = placed.meshes.iter().map(|mesh| out.whole_mesh(mesh)).collect();
     for p in placed.placements.iter().filter(|p| p.visible) {
@@ -56,7 +56,7 @@ pub fn write_gltf(path: &Path, placed: &PlacedSoup, generator: &str) -> Result<(
         let mesh =
             meshes.get(p.mesh as usize).ok_or_else(|| wrong("refers to a mesh that does not exist"))?;
         let matrix = glam::DMat4::from(p.transform).as_mat4().to_cols_array();
-        nodes.push(Node { name: &p.name, mesh: *mesh, matrix: Some(matrix) });
+        nodes.push(GltfNode { name: &p.name, mesh: *mesh, matrix: Some(matrix) });
     }
     out.write(path, nodes, generator)
 }
@@ -69,7 +69,7 @@ struct Root<'a> {
     extensions: Vec<&'a str>,
     scene: u32,
     scenes: [SceneNodes; 1],
-    nodes: Vec<Node<'a>>,
+    nodes: Vec<GltfNode<'a>>,
     meshes: Vec<Value>,
     materials: Vec<Value>,
     accessors: Vec<Value>,
@@ -84,7 +84,7 @@ struct SceneNodes {
 }
 
 #[derive(serde::Serialize)]
-struct Node<'a> {
+struct GltfNode<'a> {
     name: &'a str,
     mesh: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -179,7 +179,7 @@ impl Output {
         number
     }
 
-    fn write(self, path: &Path, nodes: Vec<Node>, generator: &str) -> Result<()> {
+    fn write(self, path: &Path, nodes: Vec<GltfNode>, generator: &str) -> Result<()> {
         let (positions, indices): (&[u8], &[u8]) =
             (bytemuck::cast_slice(&self.positions), bytemuck::cast_slice(&self.indices));
         let binary = [positions, indices].concat();

@@ -14,7 +14,7 @@ use toml::de::{DeTable, DeValue};
 const MAX_STEPS: u64 = 10_000;
 
 /// A value of the file with its place.
-type Node<'a> = Spanned<DeValue<'a>>;
+type TomlNode<'a> = Spanned<DeValue<'a>>;
 
 /// The content of a job file.
 ///
@@ -54,7 +54,7 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn error(&self, node: &Node, what: impl std::fmt::Display) -> Error {
+    fn error(&self, node: &TomlNode, what: impl std::fmt::Display) -> Error {
         self.source.error(&node.span(), what)
     }
 
@@ -71,7 +71,7 @@ impl Reader<'_> {
         }
     }
 
-    fn table<'t, 'a>(&self, node: &'t Node<'a>) -> Result<&'t DeTable<'a>> {
+    fn table<'t, 'a>(&self, node: &'t TomlNode<'a>) -> Result<&'t DeTable<'a>> {
         match node.get_ref() {
             DeValue::Table(table) => Ok(table),
             _ => Err(self.error(node, "must be a table")),
@@ -79,7 +79,7 @@ impl Reader<'_> {
     }
 
     /// Keys and values of a table in the order of the file.
-    fn ordered<'t, 'a>(&self, node: &'t Node<'a>) -> Result<Vec<(String, Span, &'t Node<'a>)>> {
+    fn ordered<'t, 'a>(&self, node: &'t TomlNode<'a>) -> Result<Vec<(String, Span, &'t TomlNode<'a>)>> {
         let table = self.table(node)?;
         let mut pairs: Vec<_> =
             table.iter().map(|(key, value)| (key.get_ref().to_string(), key.span(), value)).collect();
@@ -87,7 +87,7 @@ impl Reader<'_> {
         Ok(pairs)
     }
 
-    fn defaults(&self, node: &Node) -> Result<Defaults> {
+    fn defaults(&self, node: &TomlNode) -> Result<Defaults> {
         let table = self.table(node)?;
         self.check_keys(table, &DEFAULT_KEYS)?;
         Ok(Defaults {
@@ -98,7 +98,7 @@ impl Reader<'_> {
         })
     }
 
-    fn entry(&self, node: &Node, defaults: &Defaults) -> Result<JobEntry> {
+    fn entry(&self, node: &TomlNode, defaults: &Defaults) -> Result<JobEntry> {
         let table = self.table(node)?;
         self.check_keys(table, &JOB_KEYS)?;
         let command = self.command(table.get("command"), &node.span())?;
@@ -164,7 +164,7 @@ impl Reader<'_> {
         }
     }
 
-    fn command(&self, node: Option<&Node>, job: &Span) -> Result<&'static CommandKind> {
+    fn command(&self, node: Option<&TomlNode>, job: &Span) -> Result<&'static CommandKind> {
         let names = COMMANDS.iter().map(|c| c.name);
         let Some(node) = node else {
             let all: Vec<_> = names.collect();
@@ -181,7 +181,7 @@ impl Reader<'_> {
         })
     }
 
-    fn limits(&self, node: &Node) -> Result<Limits> {
+    fn limits(&self, node: &TomlNode) -> Result<Limits> {
         let table = self.table(node)?;
         self.check_keys(table, &LIMIT_KEYS)?;
         let seconds = table.get("seconds").map(|n| self.number(n)).transpose()?;
@@ -194,7 +194,7 @@ impl Reader<'_> {
     }
 
     /// Bytes: `"4G"`, `"500M"`, `"1.5GiB"`.
-    fn bytes(&self, node: &Node) -> Result<u64> {
+    fn bytes(&self, node: &TomlNode) -> Result<u64> {
         let wanted = || self.error(node, "must be text such as \"4G\" or \"500M\" (multiples of 1024)");
         let DeValue::String(text) = node.get_ref() else { return Err(wanted()) };
         let digits = text.trim_end_matches("iB").trim_end_matches('B');
@@ -205,14 +205,14 @@ impl Reader<'_> {
         if (1.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(wanted()) }
     }
 
-    fn options(&self, node: &Node, is_default: bool) -> Result<Vec<Opt>> {
+    fn options(&self, node: &TomlNode, is_default: bool) -> Result<Vec<Opt>> {
         let pairs = self.ordered(node)?.into_iter();
         pairs
             .map(|(name, span, value)| Ok(Opt { name, value: self.value(value)?, span, is_default }))
             .collect()
     }
 
-    fn value(&self, node: &Node) -> Result<Value> {
+    fn value(&self, node: &TomlNode) -> Result<Value> {
         Ok(match node.get_ref() {
             DeValue::Boolean(set) => Value::Flag(*set),
             DeValue::Array(list) => Value::List(list.iter().map(|n| self.text(n)).collect::<Result<_>>()?),
@@ -221,7 +221,7 @@ impl Reader<'_> {
     }
 
     /// Text, or a number or a time as it is written.
-    fn text(&self, node: &Node) -> Result<String> {
+    fn text(&self, node: &TomlNode) -> Result<String> {
         match node.get_ref() {
             DeValue::String(text) => Ok(text.to_string()),
             DeValue::Integer(n) if n.radix() == 10 => Ok(n.as_str().to_owned()),
@@ -233,7 +233,7 @@ impl Reader<'_> {
         }
     }
 
-    fn number(&self, node: &Node) -> Result<f64> {
+    fn number(&self, node: &TomlNode) -> Result<f64> {
         let text = match node.get_ref() {
             DeValue::Integer(n) if n.radix() == 10 => n.as_str(),
             DeValue::Float(x) => x.as_str(),
@@ -242,7 +242,7 @@ impl Reader<'_> {
         text.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| self.error(node, "must be a number"))
     }
 
-    fn count(&self, node: &Node) -> Result<u64> {
+    fn count(&self, node: &TomlNode) -> Result<u64> {
         let text = node.get_ref().as_integer().map_or("", |n| n.as_str());
         let number = text.parse().ok().filter(|n| *n <= MAX_STEPS);
         number.ok_or_else(|| self.error(node, format!("must be a whole number of 0 to {MAX_STEPS}")))
@@ -279,7 +279,7 @@ impl Reader<'_> {
     }
 
     /// Values of `{ from, to, steps }`, evenly spaced or by equal factors, or of `{ from, to, by }`.
-    fn range(&self, node: &Node, table: &DeTable) -> Result<Vec<Value>> {
+    fn range(&self, node: &TomlNode, table: &DeTable) -> Result<Vec<Value>> {
         self.check_keys(table, &AXIS_KEYS)?;
         let need =
             |key: &str| table.get(key).ok_or_else(|| self.error(node, format!("the range lacks `{key}`")));

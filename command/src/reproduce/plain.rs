@@ -171,7 +171,7 @@ impl Segment {
 const MAX_HALVINGS: usize = 60;
 
 /// A cell with what it holds.
-struct Cell {
+struct KdCell {
     bounds: Aabb,
     parent: usize,
     faces: Vec<u32>,
@@ -185,7 +185,8 @@ struct Cell {
 /// than that.
 pub fn cell_tree(scene: &Scene, faces: &[u32]) -> Tree {
     let bounds = |faces: &[u32]| Aabb::of(faces.iter().flat_map(|&t| scene.corners(t)));
-    let first = Cell { bounds: bounds(faces), parent: 0, faces: faces.to_vec(), halvings: 0, is_cut: false };
+    let first =
+        KdCell { bounds: bounds(faces), parent: 0, faces: faces.to_vec(), halvings: 0, is_cut: false };
     let mut cells = vec![first];
     let mut tree = Tree::default();
     while let Some(cell) = cells.get(tree.clusters.len()) {
@@ -214,7 +215,7 @@ pub fn cell_tree(scene: &Scene, faces: &[u32]) -> Tree {
     tree
 }
 
-fn halves(scene: &Scene, cell: &Cell, here: usize) -> Vec<Cell> {
+fn halves(scene: &Scene, cell: &KdCell, here: usize) -> Vec<KdCell> {
     let axis = cell.bounds.extent().max_position();
     let middle = 0.5 * (cell.bounds.min[axis] + cell.bounds.max[axis]);
     let mut parts = [Vec::new(), Vec::new(), Vec::new()];
@@ -231,7 +232,7 @@ fn halves(scene: &Scene, cell: &Cell, here: usize) -> Vec<Cell> {
     }
     let mut bounds = [cell.bounds; 3];
     (bounds[0].max[axis], bounds[1].min[axis]) = (middle, middle);
-    let made = parts.into_iter().zip(bounds).enumerate().map(|(k, (faces, bounds))| Cell {
+    let made = parts.into_iter().zip(bounds).enumerate().map(|(k, (faces, bounds))| KdCell {
         bounds,
         parent: here,
         faces,

@@ -1,7 +1,7 @@
 //! Rows of maps by the far-field cache: probes at the corners of cells that have nothing close to them, and segments at the texels between
 //! other corners.
 
-use super::quadtree::{Node, Quadtree};
+use super::quadtree::{MapNode, Quadtree};
 use super::{MAX_SEGMENTS, MORE_SEGMENTS, Map, Planned};
 use crate::bench::context::Bench;
 use crate::bench::receivers::ReceiverGrid;
@@ -107,13 +107,13 @@ impl Bench<'_> {
     }
 
     /// What nodes see of each emitter.
-    fn seen(&self, grid: &ReceiverGrid, field: &FarField, nodes: &[Node]) -> Values {
+    fn seen(&self, grid: &ReceiverGrid, field: &FarField, nodes: &[MapNode]) -> Values {
         let mut cost = Cost::default();
         let mut visible = Vec::new();
         for emitter in 0..self.scene.emitters.len() {
             let look = |range: Range<usize>| {
                 let (mut scratch, mut cost) = (FarFieldBuffers::default(), Cost::default());
-                let value = |node: &Node| {
+                let value = |node: &MapNode| {
                     let probe = grid.probe(node.at[0], node.at[1]);
                     let answer = field.visible(&probe, emitter, node.sets(), &mut scratch);
                     cost.add(answer.cost);

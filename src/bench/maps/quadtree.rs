@@ -10,14 +10,14 @@ const MAX_SETS: usize = 16;
 
 /// A rectangle between texels: columns and rows of its first and last texels. Neighbours share corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Cell {
+struct MapCell {
     low: [usize; 2],
     high: [usize; 2],
 }
 
 /// A texel at which light is computed.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
+pub(super) struct MapNode {
     /// Column and row.
     pub at: [usize; 2],
     /// Side of the largest cell that it is a corner of, texels.
@@ -28,13 +28,13 @@ pub(super) struct Node {
 pub(super) struct Quadtree {
     size: [usize; 2],
     /// Cells whose texels are interpolated, with the indices of the nodes at their corners.
-    smooth: Vec<(Cell, [u32; 4])>,
-    nodes: Vec<Node>,
+    smooth: Vec<(MapCell, [u32; 4])>,
+    nodes: Vec<MapNode>,
     /// Number of the nodes at corners of smooth cells, which come first.
     probes: usize,
 }
 
-impl Node {
+impl MapNode {
     /// Sets of segments: as many as the node is texels apart from others, because the noise of a probe is that of the whole cell.
     /// Neighbours begin with different ones.
     pub fn sets(self) -> Range<usize> {
@@ -44,10 +44,10 @@ impl Node {
     }
 }
 
-impl Cell {
+impl MapCell {
     /// Corners as columns and rows.
     fn corners(&self) -> [[usize; 2]; 4] {
-        let Cell { low: [x0, y0], high: [x1, y1] } = *self;
+        let MapCell { low: [x0, y0], high: [x1, y1] } = *self;
         [[x0, y0], [x1, y0], [x0, y1], [x1, y1]]
     }
 
@@ -57,14 +57,14 @@ impl Cell {
     }
 
     /// The parts that it is divided into: halves of both sides that are longer than a step.
-    fn add_parts(&self, parts: &mut Vec<Cell>) {
+    fn add_parts(&self, parts: &mut Vec<MapCell>) {
         let halves = |axis: usize| {
             let (a, b) = (self.low[axis], self.high[axis]);
             let middle = if b - a > 1 { (a + b) / 2 } else { b };
             [[a, middle], [middle, b]].into_iter().take(if b - a > 1 { 2 } else { 1 })
         };
         for [y0, y1] in halves(1) {
-            parts.extend(halves(0).map(|[x0, x1]| Cell { low: [x0, y0], high: [x1, y1] }));
+            parts.extend(halves(0).map(|[x0, x1]| MapCell { low: [x0, y0], high: [x1, y1] }));
         }
     }
 }
@@ -82,7 +82,7 @@ impl Quadtree {
         let (mut cells, mut side, mut rest) = (whole(size, spacing), spacing, Vec::new());
         while !cells.is_empty() {
             let mut asked: BTreeMap<[usize; 2], bool> = BTreeMap::new();
-            cells.iter().flat_map(Cell::corners).for_each(|corner| _ = asked.insert(corner, false));
+            cells.iter().flat_map(MapCell::corners).for_each(|corner| _ = asked.insert(corner, false));
             let texels: Vec<[usize; 2]> = asked.keys().copied().collect();
             asked.values_mut().zip(clear(&texels, side)).for_each(|(value, found)| *value = found);
             let mut parts = Vec::new();
@@ -99,7 +99,7 @@ impl Quadtree {
             (cells, side) = (parts, (side / 2).max(1));
         }
         tree.probes = tree.nodes.len();
-        for corner in rest.iter().flat_map(Cell::corners) {
+        for corner in rest.iter().flat_map(MapCell::corners) {
             tree.node(&mut numbers, corner, 1);
         }
         tree
@@ -110,22 +110,22 @@ impl Quadtree {
         let number = &mut numbers[at[1] * self.size[0] + at[0]];
         if *number == u32::MAX {
             *number = self.nodes.len() as u32;
-            self.nodes.push(Node { at, side });
+            self.nodes.push(MapNode { at, side });
         }
         *number
     }
 
-    pub fn nodes(&self) -> &[Node] {
+    pub fn nodes(&self) -> &[MapNode] {
         &self.nodes
     }
 
     /// Nodes at corners of smooth cells.
-    pub fn probes(&self) -> &[Node] {
+    pub fn probes(&self) -> &[MapNode] {
         &self.nodes[..self.probes]
     }
 
     /// All other nodes.
-    pub fn others(&self) -> &[Node] {
+    pub fn others(&self) -> &[MapNode] {
         &self.nodes[self.probes..]
     }
 
@@ -148,7 +148,7 @@ impl Quadtree {
             }
         }
         // Where a cell meets smaller ones, the values of the nodes count.
-        for (Node { at: [x, y], .. }, &value) in self.nodes.iter().zip(values) {
+        for (MapNode { at: [x, y], .. }, &value) in self.nodes.iter().zip(values) {
             texels[y * width + x] = value;
         }
         texels
@@ -156,14 +156,14 @@ impl Quadtree {
 }
 
 /// Cells of a whole map, at most `spacing` wide.
-fn whole([width, height]: [usize; 2], spacing: usize) -> Vec<Cell> {
+fn whole([width, height]: [usize; 2], spacing: usize) -> Vec<MapCell> {
     let sides = |n: usize| -> Vec<[usize; 2]> {
         let last = n - 1;
         (0..last.max(1)).step_by(spacing).map(|a| [a, (a + spacing).min(last)]).collect()
     };
     let across = sides(width);
     let row =
-        |[y0, y1]: [usize; 2]| across.iter().map(move |&[x0, x1]| Cell { low: [x0, y0], high: [x1, y1] });
+        |[y0, y1]: [usize; 2]| across.iter().map(move |&[x0, x1]| MapCell { low: [x0, y0], high: [x1, y1] });
     sides(height).into_iter().flat_map(row).collect()
 }
 

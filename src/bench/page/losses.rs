@@ -7,7 +7,7 @@ use super::{MrImage, ReceiverImages};
 use crate::Result;
 use crate::bench::record::Record;
 use crate::metrics::fbem::fbem_at;
-use crate::page::{Cell, length, signed, table, times};
+use crate::page::{TableCell, length, signed, table, times};
 use crate::plot::number;
 
 /// Slow rows, receivers where exact images of 16 rays are more accurate, and the largest differences.
@@ -29,19 +29,19 @@ pub(super) fn section(record: &Record, receivers: &[ReceiverImages]) -> Result<M
                 fbem_at(&receiver.reference, &receiver.exact16, size)?.value,
             );
             if mr > exact {
-                let name = Cell::words(&receiver.name);
+                let name = TableCell::words(&receiver.name);
                 worse.push([name, length(size, unit).into(), number(mr).into(), number(exact).into()]);
             }
             largest.push((&receiver.name, size, Spot::of(&receiver.reference, image)?));
         }
     }
     largest.sort_by(|(.., a), (.., b)| b.difference.abs().total_cmp(&a.difference.abs()));
-    let largest: Vec<[Cell; 4]> = largest
+    let largest: Vec<[TableCell; 4]> = largest
         .into_iter()
         .take(6)
         .map(|(name, size, Spot { x, y, difference, .. })| {
             let place = format!("{x}, {y}").into();
-            [Cell::words(name), length(size, unit).into(), place, signed(difference).into()]
+            [TableCell::words(name), length(size, unit).into(), place, signed(difference).into()]
         })
         .collect();
     Ok(html! {

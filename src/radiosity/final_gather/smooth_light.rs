@@ -21,7 +21,7 @@ const MIN_POINTS: usize = 2 * SETS as usize;
 const MAX_LEVEL: u32 = 16;
 
 /// The corners of the cell of a point, and their weights.
-type Place = ([u32; 4], [f32; 4]);
+type Interpolation = ([u32; 4], [f32; 4]);
 
 /// A corner with nothing close to it, and the light there without blockers, W/m².
 type Clear = (GatherPoint, f64);
@@ -30,7 +30,7 @@ type Clear = (GatherPoint, f64);
 #[derive(Default)]
 pub(super) struct SmoothLight {
     /// By point; none for points whose light is found by rays.
-    places: Vec<Option<Place>>,
+    places: Vec<Option<Interpolation>>,
     /// Irradiance at the corners, W/m².
     corners: Vec<Rgb>,
     /// Cost of the rays.
@@ -139,7 +139,7 @@ impl FinalGather<'_> {
         plane: Plane,
         cut: &DistanceCut,
         corners: &mut Vec<GatherPoint>,
-        places: &mut [Option<Place>],
+        places: &mut [Option<Interpolation>],
     ) {
         let Plane { normal, corner, axes, side, points } = plane;
         let at = |[x, y]: [u32; 2]| {

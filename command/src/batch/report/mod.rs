@@ -8,7 +8,7 @@ use maud::{Markup, PreEscaped, html};
 use mrvis::Result;
 use mrvis::internals::image_io::Picture;
 use mrvis::internals::page::{
-    Cell, bytes, chart, count, data_url, document, figure, seconds, table as plain_table,
+    TableCell, bytes, chart, count, data_url, document, figure, seconds, table as plain_table,
 };
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 use std::collections::{BTreeMap, BTreeSet};
@@ -274,10 +274,10 @@ fn shown(row: &Row, column: &Column) -> String {
 fn grids(grids: &[JobGrid]) -> Markup {
     let row = |JobGrid { job, grid }: &JobGrid| {
         let [height, minimum, mean, maximum] =
-            [grid.height, grid.minimum, grid.mean, grid.maximum].map(|x| Cell::from(number(x)));
+            [grid.height, grid.minimum, grid.mean, grid.maximum].map(|x| TableCell::from(number(x)));
         let points = format!("{} × {}", grid.columns, grid.rows);
         let uniformity = grid.uniformity.map_or_else(String::new, |u| format!("{u:.2}"));
-        let [job, name, unit] = [job, &grid.name, &grid.unit].map(Cell::words);
+        let [job, name, unit] = [job, &grid.name, &grid.unit].map(TableCell::words);
         [job, name, points.into(), height, minimum, mean, maximum, unit, uniformity.into()]
     };
     let columns =
