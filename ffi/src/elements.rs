@@ -4,9 +4,9 @@ use super::arguments::{Span, c_text, check_apart, check_array, nth, slice_mut, w
 use super::call_progress::{mrv_progress, with_progress};
 use super::entry::entry;
 use super::guard::Outcome;
+use super::member_names::{add_record, c_name};
 use super::record::{Record, record};
 use super::solve::{mrv_solution, mrv_solve_options};
-use super::words::{add_record, word};
 use mrvis::Element;
 use mrvis::internals::{SolutionParts, error::worded};
 use std::ffi::{c_char, c_void};
@@ -111,7 +111,7 @@ entry!(mrv_solution_get_json(call, solution: Handle<mrv_solution>) -> json: Plac
 entry!(mrv_solution_get_warning(call, solution: Handle<mrv_solution>, index: u64) -> text: Place<*const c_char> {
     let all = solution.warnings.get_or_init(|| {
         add_record("options", mrv_solve_options::MEMBERS);
-        solution.solution.notes().iter().map(|note| c_text(&worded(note, word))).collect()
+        solution.solution.notes().iter().map(|note| c_text(&worded(note, c_name))).collect()
     });
     nth(all, index, "the solution", "warnings")?.as_ptr()
 });

@@ -1,7 +1,7 @@
 //! What stands around the body of every entry: panics and errors become statuses, the floating-point state of the caller is kept.
 
+use super::member_names::{Records, c_name, exchange_records};
 use super::status::{self, MRV_ERROR_INTERNAL, MRV_OK, mrv_status};
-use super::words::{Records, exchange_records, word};
 use mrvis::Error;
 use smallvec::SmallVec;
 use std::any::Any;
@@ -61,7 +61,7 @@ pub fn guard(name: &str, body: impl FnOnce(&Call) -> Outcome) -> mrv_status {
     let records_before = exchange_records(Records::new());
     let (status, message) = match catch_unwind(AssertUnwindSafe(|| body(&call))) {
         Ok(Ok(())) => (MRV_OK, None),
-        Ok(Err(Failure::Error(error))) => (status::of(error.category()), Some(error.worded(word))),
+        Ok(Err(Failure::Error(error))) => (status::of(error.category()), Some(error.worded(c_name))),
         Ok(Err(Failure::Internal(what))) => (MRV_ERROR_INTERNAL, Some(what)),
         Err(panic) => {
             call.used.borrow().iter().for_each(|object| object.refuse());

@@ -26,6 +26,7 @@ mod guard;
 mod handle;
 mod images;
 mod library;
+mod member_names;
 mod model;
 mod record;
 mod scene;
@@ -35,7 +36,6 @@ mod status;
 mod tests;
 mod update;
 mod visibility;
-mod words;
 
 /// A handle `mrv_model *` of a model, for the benchmark of this interface.
 #[doc(hidden)]

@@ -2,7 +2,7 @@
 
 use super::arguments::{check_pointer, wrong};
 use super::guard::Outcome;
-use super::words::{Members, add_record};
+use super::member_names::{Members, add_record};
 use mrvis::Error;
 use std::mem::MaybeUninit;
 
@@ -32,7 +32,7 @@ macro_rules! record {
         unsafe impl super::record::Record for $name {
             const NAME: &'static str = stringify!($name);
             const FIRST_SIZE: usize = $first_size;
-            const MEMBERS: super::words::Members = &[$(stringify!($member)),+];
+            const MEMBERS: super::member_names::Members = &[$(stringify!($member)),+];
         }
         const _: () = assert!(std::mem::offset_of!($name, struct_size) == 0 && $first_size <= size_of::<$name>());
     };

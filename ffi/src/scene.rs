@@ -6,8 +6,8 @@ use super::arguments::{
 use super::entry::entry;
 use super::guard::Outcome;
 use super::handle::handle;
+use super::member_names::c_name;
 use super::record::record;
-use super::words::word;
 use mrvis::internals::SceneParts;
 use mrvis::internals::error::worded;
 use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, SkyOptions, Strength, UpAxis};
@@ -214,7 +214,7 @@ entry!(mrv_scene_get_name(call, scene: Handle<mrv_scene>, kind: i32, index: u64)
             scene.object_names().map(c_text).collect(),
             scene.material_names().map(c_text).collect(),
             scene.emitter_names().map(c_text).collect(),
-            scene.parts().repairs.messages.iter().map(|note| c_text(&worded(note, word))).collect(),
+            scene.parts().repairs.messages.iter().map(|note| c_text(&worded(note, c_name))).collect(),
             scene.cameras().map(|(name, _)| c_text(name)).collect(),
         ]
     });

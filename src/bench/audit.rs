@@ -1,8 +1,8 @@
 //! Audit: claimed against observed error, by independent exact rays on a random part of the bundles.
 
+use super::exact_reference::{ExactReference, RmsEstimate};
 use super::measure::{MrRun, Queries};
 use super::record;
-use super::reference::{Reference, RmsEstimate};
 use crate::math::NORMAL_95;
 use crate::visibility::{Exact, wilson};
 use rand_pcg::Pcg64Mcg;
@@ -24,7 +24,7 @@ pub(super) struct AuditRays {
     fraction: f64,
     /// Indices into the queries.
     chosen: Vec<usize>,
-    truth: Reference,
+    truth: ExactReference,
 }
 
 impl AuditRays {
@@ -34,7 +34,7 @@ impl AuditRays {
         let chosen = one_of_each(queries.pairs.len(), count, seed);
         let pairs: Vec<usize> = chosen.iter().map(|&k| queries.pairs[k]).collect();
         let truth =
-            Reference::trace(Queries { pairs: &pairs, ..queries }, engine, AUDIT_RAYS, STREAMS, &|_| ());
+            ExactReference::trace(Queries { pairs: &pairs, ..queries }, engine, AUDIT_RAYS, STREAMS, &|_| ());
         AuditRays { fraction, chosen, truth }
     }
 
@@ -136,7 +136,7 @@ mod tests {
             visible.push(x);
             intervals.push((x - 1.96 * claim, x + 1.96 * claim));
         }
-        let truth = Reference { a, b, rays: AUDIT_RAYS };
+        let truth = ExactReference { a, b, rays: AUDIT_RAYS };
         (AuditRays { fraction: 1.0, chosen: (0..4000).collect(), truth }, visible, intervals)
     }
 

@@ -1,10 +1,10 @@
 //! Data and engines that all rows of a run share, and the timed rows of both engines over the receiver points.
 
 use super::audit::{AUDIT_RAYS, AuditRays};
+use super::exact_reference::ExactReference;
 use super::measure::{MrRun, Queries, Run, Timer, WARM_UP_PAIRS, rounds};
 use super::options::BenchOptions;
 use super::record::{ExactRow, MrRow};
-use super::reference::Reference;
 use super::sample::Sample;
 use super::workload::Workload;
 use crate::Result;
@@ -130,10 +130,10 @@ impl Bench<'_> {
         Exact { scene: self.model.traced().clone(), traversal: self.traversal(workload, rays) }
     }
 
-    pub fn reference(&self, stage: &str, queries: Queries, rays: usize) -> Reference {
+    pub fn reference(&self, stage: &str, queries: Queries, rays: usize) -> ExactReference {
         self.progress.stage(stage, 2 * queries.pairs.len() as u64);
         let exact = self.embree(queries.workload, rays);
-        Reference::trace(queries, &exact, rays, [1, 2], &|n| self.progress.advance(n as u64))
+        ExactReference::trace(queries, &exact, rays, [1, 2], &|n| self.progress.advance(n as u64))
     }
 
     /// [`Bench::embree`], and the time that choosing the call took, seconds.
@@ -207,7 +207,7 @@ impl Bench<'_> {
 
 /// Rows and the reference that gives their errors.
 pub(super) struct Measured {
-    pub reference: Reference,
+    pub reference: ExactReference,
     pub exact: Vec<ExactRow>,
     /// Exact rows with certificates.
     pub certified: Vec<ExactRow>,
@@ -288,7 +288,7 @@ impl Bench<'_> {
 
 impl ExactRow {
     /// Computes the errors of the first run.
-    fn evaluate(&mut self, first: bool, reference: &Reference, run: &Run) {
+    fn evaluate(&mut self, first: bool, reference: &ExactReference, run: &Run) {
         if first {
             (self.rms, self.bias) = reference.errors(&run.visible);
         }
@@ -303,7 +303,7 @@ impl MrRow {
     }
 
     /// Computes errors, interval coverage and cost fractions of a run.
-    fn evaluate(&mut self, reference: &Reference, audit: Option<&AuditRays>, result: &MrRun) {
+    fn evaluate(&mut self, reference: &ExactReference, audit: Option<&AuditRays>, result: &MrRun) {
         let cost = result.cost;
         let segments = cost.segments.max(1) as f64;
         (self.rms, self.bias) = reference.errors(&result.run.visible);

@@ -8,13 +8,13 @@ mod cached;
 mod quadtree;
 
 use super::context::{Bench, EXACT_RAYS, PlannedRow};
+use super::exact_reference::ExactReference;
 use super::gallery::single_rays;
 use super::lights;
 use super::measure::{MrRun, Queries, rounds};
 use super::options::BenchOptions;
 use super::receivers::{ReceiverGrid, Surfaces};
 use super::record::{Build, MapRecord};
-use super::reference::Reference;
 use super::sample::{Extent, Sample};
 use super::workload::Workload;
 use crate::Result;
@@ -62,7 +62,7 @@ struct Map<'a> {
     /// Lattices of all spacings that fit, in the order of [`SPACINGS`], with the queries of their texels.
     lattices: Vec<(usize, Lattice, Workload)>,
     /// Light of every texel, by two halves of the rays.
-    reference: Reference,
+    reference: ExactReference,
     image: Image<'static>,
 }
 
@@ -140,9 +140,9 @@ impl Bench<'_> {
         let affordable = (MAX_REFERENCE_SEGMENTS / every.len()).clamp(MIN_REFERENCE_RAYS, MAX_REFERENCE_RAYS);
         let rays = affordable.min(self.options.reference_rays);
         let queries = Queries { scene: self.scene, workload, pairs: &every };
-        let Reference { a, b, rays } = self.reference("reference maps", queries, rays);
+        let ExactReference { a, b, rays } = self.reference("reference maps", queries, rays);
         let [a, b] = [a, b].map(|half| workload.weighted(&half));
-        let reference = Reference { a, b, rays };
+        let reference = ExactReference { a, b, rays };
         let means: Vec<f32> = (0..grid.points.len()).map(|texel| reference.mean(texel)).collect();
         let image = Image::new(grid.width, grid.height, grid.texel, means)?;
         Ok(Some(Map { grid, lattices, reference, image }))

@@ -3,6 +3,7 @@
 mod audit;
 mod classes;
 mod context;
+pub mod exact_reference;
 mod gallery;
 mod lights;
 mod maps;
@@ -12,7 +13,6 @@ pub mod page;
 mod prepare;
 pub mod receivers;
 pub mod record;
-pub mod reference;
 mod run;
 mod sample;
 mod shown;

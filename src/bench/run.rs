@@ -2,6 +2,7 @@
 
 use super::context::Bench;
 use super::context::Measured;
+use super::exact_reference::ExactReference;
 use super::gallery::single_rays;
 use super::measure::{MAX_TIME, Queries, Timer};
 use super::options::BenchOptions;
@@ -9,7 +10,6 @@ use super::page::ReceiverImages;
 use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
 use super::record::{self, Record, Spent};
-use super::reference::Reference;
 use super::sizes::{default_sizes, of_images};
 use super::workload::{Workload, surface_points};
 use super::{lights, unaveraged};
@@ -126,7 +126,7 @@ pub fn run(
 }
 
 /// A note if there are suns or patches of the sky and no point sees any.
-fn unseen_sky(workload: &Workload, reference: &Reference) -> Option<String> {
+fn unseen_sky(workload: &Workload, reference: &ExactReference) -> Option<String> {
     let mut distant = (0..workload.pairs.len()).filter(|&pair| workload.is_distant(pair)).peekable();
     distant.peek()?;
     distant.all(|pair| reference.mean(pair) == 0.0).then(|| {

@@ -7,7 +7,7 @@
 //!   5].
 //! * [`DistanceCut`]: the same rule for single segments of wide bundles, each of which stands for a part of the emitter; part of
 //!   [`MultiResolution`], which routes bundles to it.
-//! * `reference`: the same rule for single segments and nodes; the reference in tests of the fast engine, compiled for them alone.
+//! * `plain_walk`: the same rule for single segments and nodes; the reference in tests of the fast engine, compiled for them alone.
 //!
 //! Feature size and emitter size are arguments of every query. Links, energy and materials are not known here.
 //! Formulas: docs/method.md, Umbra criterion, Extinction, and Certificates and intervals.
@@ -24,9 +24,9 @@ mod frontier;
 mod instance_tree;
 mod instances;
 mod multires;
-mod probe;
 #[cfg(test)]
-pub mod reference;
+pub mod plain_walk;
+mod probe;
 mod routes;
 mod shaft;
 mod slabs;

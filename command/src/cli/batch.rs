@@ -1,5 +1,6 @@
 //! `mrvis batch JOBS.toml --out DIR`: many jobs of other commands.
 
+mod command_line;
 mod commit;
 mod estimates;
 mod job_run;
@@ -8,7 +9,6 @@ mod plan;
 mod ranks;
 mod reporter;
 mod runner;
-mod words;
 
 pub use job_run::run_requested;
 

@@ -3,7 +3,7 @@
 use super::*;
 use crate::optics::AxisMix;
 use crate::scene::testing::{cloud, direction, in_cube};
-use crate::visibility::reference::{SegmentRule, walk};
+use crate::visibility::plain_walk::{SegmentRule, walk};
 use glam::DVec3;
 
 /// No cut counts a triangle twice or omits one (docs/method.md, Traps: double counting).

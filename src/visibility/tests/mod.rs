@@ -1,6 +1,6 @@
 //! The umbra criterion against brute force, the engines against each other, and invariants under the feature size.
 
-mod against_reference;
+mod against_plain_walk;
 mod answers;
 mod certificates;
 mod edges;
@@ -12,7 +12,7 @@ mod routes;
 mod same_bits;
 mod solid;
 
-use super::reference::{Segment, end_rule, peak_occlusion, umbra};
+use super::plain_walk::{Segment, end_rule, peak_occlusion, umbra};
 use super::{LeafMode, MultiResolution, WideTree, *};
 use crate::clusters::{self, Hierarchy};
 use crate::embree::{CommittedScene, Traversal, committed};

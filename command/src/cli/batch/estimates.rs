@@ -1,6 +1,6 @@
 //! What jobs will probably take, before they run.
 
-use super::words::{Line, scene_of};
+use super::command_line::{Line, scene_of};
 use crate::batch::{Entries, Job, Status};
 use crate::cli::Command;
 use std::path::Path;
@@ -105,7 +105,7 @@ impl Corrections {
 mod tests {
     use super::*;
     use crate::batch::{TomlSource, expand, parse};
-    use crate::cli::batch::words::Grammar;
+    use crate::cli::batch::command_line::Grammar;
 
     /// Estimates grow with the scene, and jobs that ran correct those of the same command.
     #[test]

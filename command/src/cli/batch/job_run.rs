@@ -1,6 +1,6 @@
 //! Runs the command of one job, in this process or, with limits, in a process of its own.
 
-use super::words::Line;
+use super::command_line::Line;
 use crate::batch::{HashedFile, Limits};
 use crate::cli::shared_scenes::SharedScenes;
 use crate::cli::{interruption, job_context, one_line};

@@ -1,7 +1,7 @@
 //! What a batch will do: jobs with their command lines, checked before anything starts.
 
+use super::command_line::{Grammar, Line};
 use super::estimates::{Corrections, Estimate};
-use super::words::{Grammar, Line};
 use crate::batch::{
     Entries, Entry, HashedFile, Hashes, Job, Listed, Places, Status, TomlSource, check, expand, hash_file,
     key, order, parse, publish_left, read_journals, suggestion, work,

@@ -3,10 +3,10 @@
 //!
 //! A job goes to the next rank that has room for it. If a rank dies, the launcher ends all; the next run goes on from the journal.
 
+use super::command_line::Line;
 use super::commit::{Event, Finished};
 use super::job_run::{Ended, as_process, in_process};
 use super::plan::Plan;
-use super::words::Line;
 use crate::batch::{Capacity, Limits, begin};
 use crate::cli::interruption;
 use crate::cli::mpi::{Mailbox, World};

@@ -47,7 +47,7 @@ const MEMBERS: [(&str, &str); 4] = [
 ];
 
 /// What the running call, or another one, calls an option or argument of the crate.
-pub fn word(name: &str) -> String {
+pub fn c_name(name: &str) -> String {
     if let Some((_, word)) = WORDS.iter().find(|(own, _)| *own == name) {
         return (*word).into();
     }
@@ -78,7 +78,7 @@ fn argument_of(word: &str) -> Option<&'static str> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Members, Records, exchange_records, word};
+    use super::{Members, Records, c_name, exchange_records};
 
     #[test]
     fn names_are_those_of_the_header() {
@@ -99,7 +99,7 @@ mod tests {
             ("Engine::Average", "MRV_ENGINE_AVERAGE"),
             ("folder", "`folder`"),
         ] {
-            assert_eq!(word(name), want);
+            assert_eq!(c_name(name), want);
         }
     }
 }

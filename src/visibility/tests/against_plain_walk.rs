@@ -4,7 +4,7 @@ use super::*;
 use crate::optics::AxisMix;
 use crate::ray::{Brute, Verdict};
 use crate::scene::testing::{cloud, direction, in_cube};
-use crate::visibility::reference::{SegmentRule, walk};
+use crate::visibility::plain_walk::{SegmentRule, walk};
 use glam::DVec3;
 
 /// Statistics of the differences between fast engine and reference: large ones exceed 0.01.

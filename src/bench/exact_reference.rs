@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// Two independent estimates of each pair's visible fraction, half of the rays each.
 #[derive(Clone, Debug)]
-pub struct Reference {
+pub struct ExactReference {
     /// Estimates of the first half.
     pub a: Vec<f32>,
     /// Estimates of the second half, with other samples.
@@ -17,7 +17,7 @@ pub struct Reference {
     pub rays: usize,
 }
 
-impl Reference {
+impl ExactReference {
     /// Traces `rays` segments per pair on all threads; the halves use the samples of two `streams`. `advance` gets
     /// the number of pairs done with one half.
     pub fn trace(
@@ -26,7 +26,7 @@ impl Reference {
         rays: usize,
         streams: [u64; 2],
         advance: &(dyn Fn(usize) + Sync),
-    ) -> Reference {
+    ) -> ExactReference {
         let half = rays.div_ceil(2);
         let Queries { scene, workload, pairs } = queries;
         let [a, b] = streams.map(|stream| -> Vec<f32> {
@@ -47,7 +47,7 @@ impl Reference {
                 .collect();
             parts.concat()
         });
-        Reference { a, b, rays: 2 * half }
+        ExactReference { a, b, rays: 2 * half }
     }
 
     /// Mean of both halves.
@@ -55,14 +55,14 @@ impl Reference {
         0.5 * (self.a[pair] + self.b[pair])
     }
 
-    /// Standard error of [`Reference::mean`] (root mean square over the pairs): half the RMS difference of the
+    /// Standard error of [`ExactReference::mean`] (root mean square over the pairs): half the RMS difference of the
     /// halves.
     pub fn standard_error(&self) -> f64 {
         let sum: f64 = self.a.iter().zip(&self.b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
         0.5 * (sum / self.a.len().max(1) as f64).sqrt()
     }
 
-    /// Unbiased estimates of the squared errors; single ones may be negative. See [`Reference::errors`].
+    /// Unbiased estimates of the squared errors; single ones may be negative. See [`ExactReference::errors`].
     pub fn squares(&self, visible: &[f32]) -> Vec<f64> {
         let halves = self.a.iter().zip(&self.b);
         visible.iter().zip(halves).map(|(&x, (&a, &b))| f64::from(x - a) * f64::from(x - b)).collect()
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn the_noise_of_the_reference_drops_out() {
-        let reference = Reference { a: vec![0.6, 0.4], b: vec![0.4, 0.6], rays: 2000 };
+        let reference = ExactReference { a: vec![0.6, 0.4], b: vec![0.4, 0.6], rays: 2000 };
         assert!((reference.errors(&[0.7, 0.7]).0.powi(2) - 0.03).abs() < 1e-6);
         assert!((reference.errors(&[0.7, 0.7]).1 - 0.2).abs() < 1e-6);
         assert!((reference.standard_error() - 0.1).abs() < 1e-6);
