@@ -3,14 +3,15 @@
 use super::element_samples::{DirectRay, ElementLight, REFLECTED, variance_of_quarters};
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use super::paths::{EmitterRay, EndOfPaths, to_vec, weight};
+use crate::form_factors::analytic::clip;
 use crate::math::sampling::{mix, point_on, shifted};
 use crate::radiosity::elements::emitter_tree::EmitterCut;
 use crate::radiosity::elements::emitters::{EmitterFace, Emitters, density_ratio};
-use crate::radiosity::elements::{Elements, Shape, Side, centres_of_quarters, emission_gain, mean_over};
+use crate::radiosity::elements::{Elements, Shape, Side, emission_gain, mean_over};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
 use crate::ray::{LANES, Packet};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use sobol_burley::sample_4d;
 use std::ops::Range;
 
@@ -311,7 +312,6 @@ impl FinalGather<'_> {
         let Shape::Surface { side, corners } = element.shape else { return None };
         let Side { normal: facing, end, .. } = elements.sides[side as usize];
         let normal = facing.as_dvec3();
-        let quarters = centres_of_quarters(&corners);
         let (mut sum, mut is_near) = ([0.0; 3], false);
         for face in self.emitters.faces(cut)? {
             // The back of a lamp lies in the plane of its front.
@@ -329,6 +329,7 @@ impl FinalGather<'_> {
             let radius = face.corners.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
             // The distance from the face is at least the distance from its centre minus the radius of the face.
             let distance = (middle - element.centre).length() - radius;
+            let near = element.radius > MIDPOINT_RADIUS * distance;
             // Few rays to a near face leave a bias: fins 2 cm before a lamp of 4 m had 60 % too much light.
             is_near |= distance < radius;
             if face.profile.is_some() {
@@ -341,12 +342,11 @@ impl FinalGather<'_> {
                 add(&mut sum, mean, face.exitance);
                 continue;
             }
-            let near = element.radius > MIDPOINT_RADIUS * distance;
-            let centre = [element.centre; 1];
-            let places: &[Vec3] = if near { &quarters } else { &centre };
-            for &at in places {
-                add(&mut sum, of(at) / places.len() as f64, face.exitance);
-            }
+            let mean = match near {
+                true => mean_before(&of, corners, face, rounding),
+                false => of(element.centre),
+            };
+            add(&mut sum, mean, face.exitance);
         }
         Some(Unblocked { light: Vec3::from(sum.map(|s| s as f32)), near: is_near })
     }
@@ -440,6 +440,25 @@ impl FinalGather<'_> {
             light.squares[REFLECTED] = (sums[0].1 + sums[1].1 - 2.0 * half * mean * mean).max(0.0);
         }
     }
+}
+
+/// Mean of `of` over an element of which only the part before a face is lit. Points in the plane of the face within `rounding` count as before it.
+fn mean_before(of: &dyn Fn(Vec3) -> f64, corners: [Vec3; 4], face: &EmitterFace, rounding: f32) -> f64 {
+    if !corners.iter().any(|c| face.normal.dot(face.corners[0] - *c) > rounding) {
+        return mean_over(of, corners);
+    }
+    let area = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
+    let triangles = |polygon: &[DVec3]| -> Vec<[DVec3; 3]> {
+        (2..polygon.len()).map(|k| [polygon[0], polygon[k - 1], polygon[k]]).collect()
+    };
+    let corners = corners.map(|c| c.as_dvec3());
+    let lit = clip(&corners, face.polygon[0], face.normal.as_dvec3());
+    let light = |triangle: [DVec3; 3]| {
+        let [a, b, c] = triangle.map(|p| p.as_vec3());
+        area(triangle) * mean_over(of, [a, b, c, c])
+    };
+    let whole: f64 = triangles(&corners).into_iter().map(area).sum();
+    triangles(&lit).into_iter().map(light).sum::<f64>() / whole
 }
 
 #[cfg(test)]

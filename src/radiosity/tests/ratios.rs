@@ -212,6 +212,33 @@ fn fins_close_to_a_lamp_have_its_light() {
     }
 }
 
+/// A lamp whose edge lies on a wall: the wall's elements on both sides of the lamp's plane have the mean light of their part below it.
+#[test]
+fn elements_across_the_plane_of_a_lamp_have_the_light_of_their_part_before_it() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("wall", 0.0).rectangle(DVec3::new(0.0, -2.0, 0.0), 4.0 * DVec3::Y, 3.0 * DVec3::Z);
+    let [low, high] = [DVec3::new(0.0, -1.03, 2.117), DVec3::new(0.3, 0.97, 2.117)];
+    let lamp = facing_down([low.x, high.x], [low.y, high.y], low.z);
+    pieces.glowing("lamp", 5.0).polygon(&lamp);
+    let mesh = solved(&pieces.scene(), &[], &Options { error: 0.1, audit: 0, ..Options::default() }).mesh;
+    const POINTS: u32 = 20;
+    let (mut found, mut wanted) = (0.0, 0.0);
+    for element in mesh.elements.iter().filter(|e| e.object == 0 && e.front) {
+        let [a, _, c, _] = element.corners.map(|c| mesh.vertices[c as usize].as_dvec3());
+        if (a.z.min(c.z)..a.z.max(c.z)).contains(&low.z) {
+            let part = |k: u32| (f64::from(k) + 0.5) / f64::from(POINTS);
+            let light = |k: u32| {
+                let at = a + DVec3::new(0.0, part(k % POINTS), part(k / POINTS)) * (c - a);
+                if at.z < low.z { point_to_polygon(at, DVec3::X, &lamp) } else { 0.0 }
+            };
+            let mean = (0..POINTS * POINTS).map(light).sum::<f64>() / f64::from(POINTS * POINTS);
+            found += element.area * element.irradiance[0];
+            wanted += element.area * 5.0 * std::f64::consts::PI * mean;
+        }
+    }
+    assert!(wanted > 0.0 && (found / wanted - 1.0).abs() < 0.03, "{found} instead of {wanted}");
+}
+
 /// Slender faces and a lamp of two sides, with coordinates from 1e-12 to 1e6.
 #[test]
 fn needles_of_any_length_keep_the_energy() {
