@@ -1,8 +1,8 @@
 //! Emitting faces: closed forms use all faces of an emitter, single rays use one face drawn at random.
 
-use super::Elements;
 use super::emitter_tree::{EmitterCut, EmitterTree, Receiver};
 use super::profiles::profile_factor;
+use super::{Elements, Side};
 use crate::form_factors::analytic::{point_to_far_polygon, point_to_polygon};
 use crate::math::sampling::point_on;
 use crate::radiosity::rgb::{Rgb, mean};
@@ -50,6 +50,12 @@ pub struct Emitters {
 /// Largest exitance of a face, relative to the mean by area, up to which emitters count as evenly bright.
 const MAX_UNEVEN: f32 = 2.0;
 
+/// Smallest distance of points from the rim of a face in bounds of the rounding errors of its coordinates: twice the length that segments leave out at ends on
+/// unknown surfaces.
+const RIM: f32 = 32.0;
+/// Largest part of the way to the middle, for faces that are small against the rounding errors of their place.
+const MAX_RIM_PART: f32 = 0.1;
+
 impl Emitters {
     /// The emitters of a scene, with the lit sides of their faces, which have the numbers of the sides.
     pub fn new(scene: &Scene, elements: &Elements) -> Emitters {
@@ -61,16 +67,9 @@ impl Emitters {
             let emitter = scene.triangle_emitter[side.triangles[0] as usize];
             let faces = &mut emitters[emitter as usize].faces;
             sides.push(NumberedFace { emitter, face: faces.len() as u32, number: s });
-            faces.push(EmitterFace {
-                corners,
-                polygon: corners.map(|p| p.as_dvec3()),
-                count: if corners[2] == corners[3] { 3 } else { 4 },
-                normal: side.normal,
-                end: side.end,
-                exitance: side.exitance,
-                area: elements.elements[side.element as usize].area as f32,
-                profile: side.profile.clone(),
-            });
+            let area = elements.elements[side.element as usize].area as f32;
+            let face = EmitterFace::new(corners, side, side.exitance, area);
+            faces.push(EmitterFace { profile: side.profile.clone(), ..face });
         }
         Emitters::of(emitters, sides, elements.sides.len())
     }
@@ -156,7 +155,8 @@ impl Emitters {
         let u = ((target - below) / own).clamp(0.0, 1.0);
         let (e, k) = self.lit[f];
         let [e, k] = [e as usize, k as usize];
-        Some((point_on(&self.emitters[e].faces[k].corners, u, v), [e, k], density))
+        let face = &self.emitters[e].faces[k];
+        Some((face.off_the_rim(point_on(&face.corners, u, v)), [e, k], density))
     }
 
     /// The density of [`Emitters::sample`] at a point of the face with a number over the face's exitance.
@@ -210,9 +210,37 @@ pub struct EmitterFace {
     pub area: f32,
     /// Directions in which the face emits; none for diffuse emission.
     pub profile: Option<Arc<Profile>>,
+    /// Part of the way to the middle of the face by which points on it are moved.
+    to_middle: f32,
 }
 
 impl EmitterFace {
+    /// A diffuse face on a side of a surface; its area in scene units squared.
+    pub fn new(corners: [Vec3; 4], side: &Side, exitance: Rgb, area: f32) -> EmitterFace {
+        let count = if corners[2] == corners[3] { 3 } else { 4 };
+        let next = corners.iter().cycle().skip(1);
+        let longest = corners.iter().zip(next).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+        // The middle of a parallelogram is at least area / longest / 2 from the rim, that of a triangle 2/3 of area / longest.
+        let to_middle = (2.0 * RIM * side.end.slack() * longest / area).min(MAX_RIM_PART);
+        EmitterFace {
+            corners,
+            polygon: corners.map(|p| p.as_dvec3()),
+            count,
+            normal: side.normal,
+            end: side.end,
+            exitance,
+            area,
+            profile: None,
+            to_middle,
+        }
+    }
+
+    /// A point of the face, moved away from the rim: a ray that ends at an edge which lies on a wall would otherwise come through the wall.
+    pub fn off_the_rim(&self, at: Vec3) -> Vec3 {
+        let middle = self.corners[..self.count].iter().sum::<Vec3>() / self.count as f32;
+        at + self.to_middle * (middle - at)
+    }
+
     /// Where a ray through two points meets the plane of the face from its lit side.
     fn point_on_plane(&self, from: Vec3, to: Vec3) -> Option<Vec3> {
         let (height, slope) = (self.normal.dot(from - self.corners[0]), self.normal.dot(to - from));

@@ -186,15 +186,7 @@ fn face(elements: &Elements, e: u32, power: Rgb) -> (u32, EmitterFace) {
     let element = &elements.elements[e as usize];
     let Shape::Surface { side: number, corners } = element.shape else { unreachable!("leaves are surfaces") };
     let side = &elements.sides[number as usize];
-    let face = EmitterFace {
-        corners,
-        polygon: corners.map(|p| p.as_dvec3()),
-        count: if corners[2] == corners[3] { 3 } else { 4 },
-        normal: side.normal,
-        end: side.end,
-        exitance: power.map(|power| power / element.area),
-        area: element.area as f32,
-        profile: None,
-    };
+    let exitance = power.map(|power| power / element.area);
+    let face = EmitterFace::new(corners, side, exitance, element.area as f32);
     (number, face)
 }

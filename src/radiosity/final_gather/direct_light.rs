@@ -262,7 +262,7 @@ impl FinalGather<'_> {
             let (f, u, share) = pick(&view.shares, u);
             let face = &emitter_of.faces[f];
             let Part { corners, u, probability } = part_of(&face.corners, u, at, normal);
-            let y = point_on(&corners, u, v);
+            let y = face.off_the_rim(point_on(&corners, u, v));
             let d = y - at;
             let r2 = d.length_squared().max(f32::MIN_POSITIVE);
             let kernel = (normal.dot(d).max(0.0) / r2) * ((-face.normal.dot(d)).max(0.0) / r2);

@@ -19,6 +19,8 @@ use crate::radiosity::rgb::{Rgb, mean};
 use crate::radiosity::surroundings::{Arrived, ESCAPED, SideRays};
 use glam::Vec3;
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+use smallvec::SmallVec;
 
 /// Smallest number of rays of each half: a quarter of a packet; a half without rays has no estimate of its noise.
 const MIN_HALF: u32 = 4;
@@ -35,6 +37,9 @@ const RAYS_TO_SUN: u32 = 4;
 const MIN_EXCESS: f64 = 1.1;
 /// Neighbouring leaves whose rays use one sequence of random numbers: more than share their light, 49.
 const LEAVES_OF_SEQUENCE: usize = 64;
+/// Distance beyond the middle of an edge at which the element there is looked up, as a part of the distance from the centre: far above rounding, and within
+/// elements of an eighth of the size.
+const BEYOND_EDGE: f32 = 1.0 / 16.0;
 /// Elements of one parallel task that traces a ray along the normal of each.
 const CHUNK: usize = 256;
 
@@ -295,20 +300,36 @@ impl FinalGather<'_> {
         }
     }
 
-    /// The edges of leaves along which other surfaces stand, by index in `leaves`.
+    /// The edges of leaves along which other surfaces stand, and those of elements beside them that other surfaces cross, by index in `leaves`.
     fn walls_at(&self, leaves: &[u32]) -> Walls {
-        let edges = |(place, &bits): (u32, &u8)| {
-            let Shape::Surface { corners, .. } =
-                self.linked.elements.elements[leaves[place as usize] as usize].shape
-            else {
+        let Elements { elements, states, .. } = &self.linked.elements;
+        let edges_of = |leaf: u32| -> (u32, SmallVec<[[Vec3; 2]; 4]>) {
+            let Shape::Surface { side, corners } = elements[leaf as usize].shape else {
                 unreachable!("leaves are surfaces")
             };
             let count = if corners[2] == corners[3] { 3 } else { 4 };
-            let edge = |k: usize| [corners[k], corners[(k + 1) % count]];
-            (place, (0..count).filter(|k| bits >> k & 1 != 0).map(edge).collect())
+            (side, (0..count).map(|k| [corners[k], corners[(k + 1) % count]]).collect())
         };
-        let walls = self.linked.walls_along(&self.linked.engine.exact(), leaves);
-        (0..).zip(&walls).filter(|(_, bits)| **bits != 0).map(edges).collect()
+        let mut walls = Walls::default();
+        let along = self.linked.walls_along(&self.linked.engine.exact(), leaves);
+        for ((place, leaf), bits) in (0..).zip(leaves).zip(along).filter(|(_, bits)| *bits != 0) {
+            let edges = edges_of(*leaf).1.into_iter().enumerate();
+            let edges = edges.filter(|(k, _)| bits >> k & 1 != 0).map(|(_, edge)| edge);
+            walls.entry(place).or_default().extend(edges);
+        }
+        let places: FxHashMap<u32, u32> = leaves.iter().copied().zip(0..).collect();
+        let is_crossed = |e: &u32| states[*e as usize].crossed && elements[*e as usize].is_leaf();
+        for crossed in (0..elements.len() as u32).filter(is_crossed) {
+            let (side, edges) = edges_of(crossed);
+            for edge in edges {
+                let middle = 0.5 * (edge[0] + edge[1]);
+                let beyond = middle + BEYOND_EDGE * (middle - elements[crossed as usize].centre);
+                if let Some(&place) = places.get(&self.lookup.leaf(side, beyond)) {
+                    walls.entry(place).or_default().push(edge);
+                }
+            }
+        }
+        walls
     }
 
     /// The leaves as entries of the neighbour search, with the free height along the normal, which one ray measures.
