@@ -16,7 +16,6 @@ mod tree;
 use crate::math::Aabb;
 use crate::scene::Scene;
 use draft::{Draft, Item, Member};
-#[cfg(any(test, feature = "reports"))]
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 pub use tree::{Cluster, Tree};
