@@ -195,21 +195,48 @@ fn the_foot_of_a_box_has_the_light_beside_it() {
 #[test]
 fn fins_close_to_a_lamp_have_its_light() {
     let mut pieces = Pieces::empty();
+    pieces.grey("floor", 0.0).polygon(&facing_up([0.0, 4.0], [0.0, 4.0], 0.0));
     pieces.glowing("lamp", 5.0).rectangle(DVec3::ZERO, 4.0 * DVec3::Y, 2.0 * DVec3::Z);
-    pieces.grey("fins", 0.0);
     for k in 0..10 {
         let corner = DVec3::new(0.02, 0.0, 0.1 + 0.2 * f64::from(k));
-        pieces.rectangle(corner, 0.2 * DVec3::X, 4.0 * DVec3::Y);
+        pieces.grey(&format!("fin{k}"), 0.0).rectangle(corner, 0.2 * DVec3::X, 4.0 * DVec3::Y);
     }
     let scene = pieces.scene();
     let light = |error: f64| {
         let outcome = solved(&scene, &[], &Options { error, audit: 0, ..Options::default() });
-        [true, false].map(|front| received(&outcome, 1, front))
+        let of_fin = |fin: u32| [true, false].map(|front| received(&outcome, 2 + fin, front));
+        (0..10).flat_map(of_fin).collect::<Vec<f64>>()
     };
     let (coarse, fine) = (light(0.1), light(0.02));
     for (coarse, fine) in coarse.into_iter().zip(fine) {
-        assert!((coarse / fine - 1.0).abs() < 0.05, "{coarse} instead of {fine}");
+        assert!((coarse - fine).abs() <= 0.05 * fine, "{coarse} instead of {fine}");
     }
+}
+
+/// A black floor below a plate that hides most of a lamp: no element that sees a corner of the lamp is stated to be dark without an error.
+#[test]
+fn elements_in_penumbrae_of_black_floors_are_not_certainly_dark() {
+    let (lamp, plate) = (Lamp { centre: DVec3::new(1.8, 0.6, 2.0), width: 1.0 }, 0.9);
+    let mut pieces = Pieces::empty();
+    pieces.grey("floor", 0.0).polygon(&level(DVec3::ZERO, 60.0, true));
+    let light = SoupMaterial { reflectance: [0.0; 3], ..SoupMaterial::light("light", [5.0; 3]) };
+    pieces.made_of("lamp", light).polygon(&lamp.corners());
+    pieces.grey("plate", 0.0).polygon(&level(lamp.centre - 0.1 * DVec3::Z, plate, true));
+    let mesh = solved(&pieces.scene(), &[], &Options { error: 0.1, audit: 0, ..Options::default() }).mesh;
+    let mut seen = 0;
+    for element in mesh.elements.iter().filter(|e| e.object == 0 && e.front) {
+        let centre =
+            element.corners.map(|c| mesh.vertices[c as usize].as_dvec3()).into_iter().sum::<DVec3>() / 4.0;
+        let beside_plate = |corner: &DVec3| {
+            let at = centre + 0.95 * (*corner - centre) - lamp.centre;
+            at.x.abs().max(at.y.abs()) > 0.51 * plate
+        };
+        if centre.distance(lamp.centre) < 6.0 && lamp.corners().iter().any(beside_plate) {
+            seen += 1;
+            assert!(element.irradiance[0] > 0.0 || element.error[0] > 0.0, "dark at {centre}");
+        }
+    }
+    assert!(seen > 100, "{seen} elements");
 }
 
 /// A lamp whose edge lies on a wall: the wall's elements on both sides of the lamp's plane have the mean light of their part below it.
