@@ -39,9 +39,9 @@ pub mod error {
 /// Output of solutions.
 pub mod export {
     pub use crate::export::{
-        Camera, GridLight, MAX_PIXELS, MAX_SIDE, Mesh, PageGrid, PageView, Stage, SurfaceLight, Tone, VIEW,
-        best_view, bytes_per_pixel, developed, grid_section, picture, scene_view, solve_page,
-        suitable_lightmap, surfaces, write_glb, write_lightmap_mesh, write_ply, write_vtu,
+        Camera, GridLight, MAX_PIXELS, MAX_SIDE, Mesh, PageView, Stage, SurfaceLight, Tone, VIEW, best_view,
+        bytes_per_pixel, developed, picture, scene_view, solve_page, suitable_lightmap, surfaces, write_glb,
+        write_lightmap_mesh, write_ply, write_vtu,
     };
 }
 
@@ -189,7 +189,7 @@ pub mod points {
 pub mod radiosity {
     pub use crate::radiosity::mesh::{Element, RadiosityMesh};
     pub use crate::radiosity::{
-        Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View, run, solve,
+        Inside, Options, Outcome, PointLight, Powers, Record, RowSums, Solution, View, run, solve,
     };
 }
 

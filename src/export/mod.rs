@@ -39,7 +39,7 @@ pub use {
     grid_picture::GridLight,
     lightmap::write_lightmap_mesh,
     picture::developed,
-    solve_page::{PageGrid, SurfaceLight, grid_section, surfaces},
+    solve_page::{SurfaceLight, surfaces},
     view::scene_view,
 };
 

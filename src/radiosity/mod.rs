@@ -38,6 +38,6 @@ pub use pipeline::{Outcome, Record, Solution, solve};
 pub use {audit::Powers, pipeline::Seconds};
 #[cfg(feature = "internals")]
 pub use {
-    options::{Inside, Oracle, RowSums, View},
+    options::{Inside, RowSums, View},
     pipeline::{PointLight, run},
 };

@@ -31,17 +31,6 @@ pub enum Inside {
     Visible,
 }
 
-/// Which quantity of a link decides about its refinement.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Oracle {
-    /// The error of the irradiance: how much form factor, visibility and radiosity vary over the ends.
-    #[default]
-    Error,
-    /// All irradiance that the link carries: BF refinement [Hanrahan, Salzman and Aupperle 1991].
-    Bf,
-}
-
 /// Where a camera is, for importance.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct View {
@@ -68,9 +57,6 @@ options! {
         /// RMS error of the irradiance that links are refined to, relative to its mean. A goal, not a bound: each link is refined to a share
         /// of it, and the error that all links leave together is estimated in [`SolveReport::error_estimate`](crate::SolveReport::error_estimate).
         pub error: f64 = 0.02, above 0.0;
-        /// Which quantity of a link decides about its refinement.
-        #[doc(hidden)]
-        pub oracle: Oracle = Oracle::default();
         /// Smallest element as a fraction of the scene's area.
         // Numbers of elements have 32 bits, of which ranges of ids take a factor 4.
         pub min_area: f64 = 2e-5, in 1e-9..=1.0, "a part of the scene's area";

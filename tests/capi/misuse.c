@@ -24,6 +24,14 @@
     puts(mrv_error_message());                                                                               \
   } while (0)
 
+/* A member that the library was given as zero, with a value that it refuses. */
+#define REFUSED(member, value, call, word) \
+  do {                                     \
+    member = value;                        \
+    WRONG(call, word);                     \
+    member = 0;                            \
+  } while (0)
+
 static const mrv_scene *scene;
 static const mrv_model *model;
 
@@ -146,9 +154,7 @@ static void sizes_and_numbers(void) {
   newer.later[2] = 1;
   CHECK(mrv_model_prepare(scene, &newer.known, &m) == MRV_ERROR_UNSUPPORTED);
   newer.later[2] = 0;
-  newer.known.detail = 77;
-  WRONG(mrv_model_prepare(scene, &newer.known, &m), "detail` 77");
-  newer.known.detail = 0;
+  REFUSED(newer.known.detail, 77, mrv_model_prepare(scene, &newer.known, &m), "detail` 77");
   newer.known.builder = 9;
   WRONG(mrv_model_prepare(scene, &newer.known, &m), "builder` 9");
   newer.known.builder = MRV_BUILDER_SAH;
@@ -164,12 +170,8 @@ static void sizes_and_numbers(void) {
   WRONG(mrv_scene_generate("no such", &s), "no such");
   WRONG(mrv_scene_generate("\xff\xfe", &s), "UTF-8");
   CHECK(mrv_scene_load("/nonexistent/a.obj", NULL, &s) == MRV_ERROR_IO);
-  load.reserved = 1;
-  WRONG(mrv_scene_load("a.obj", &load, &s), "`options.reserved` 1");
-  load.reserved = 0;
-  load.sides = -3;
-  WRONG(mrv_scene_load("a.obj", &load, &s), "sides` -3");
-  load.sides = 0;
+  REFUSED(load.reserved, 1, mrv_scene_load("a.obj", &load, &s), "`options.reserved` 1");
+  REFUSED(load.sides, -3, mrv_scene_load("a.obj", &load, &s), "sides` -3");
   load.emitter_count = 1;
   WRONG(mrv_scene_load("a.obj", &load, &s), "emitters");
   load.emitters = names;
@@ -178,15 +180,9 @@ static void sizes_and_numbers(void) {
   load.emitter_watts = &watts;
   WRONG(mrv_scene_load("a.obj", &load, &s), "emitters");
   load.emitter_count = 1;
-  load.emitter_units = &unit;
-  WRONG(mrv_scene_load("a.obj", &load, &s), "emitter_units` 9");
-  load.emitter_units = NULL;
-  load.up = 3;
-  WRONG(mrv_scene_load("a.obj", &load, &s), "`options.up` 3");
-  load.up = 0;
-  load.channels = -1;
-  WRONG(mrv_scene_load("a.obj", &load, &s), "`options.channels` -1");
-  load.channels = 0;
+  REFUSED(load.emitter_units, &unit, mrv_scene_load("a.obj", &load, &s), "emitter_units` 9");
+  REFUSED(load.up, 3, mrv_scene_load("a.obj", &load, &s), "`options.up` 3");
+  REFUSED(load.channels, -1, mrv_scene_load("a.obj", &load, &s), "`options.channels` -1");
   load.luminaires = "/nonexistent/lamps.toml";
   CHECK(mrv_scene_load("a.obj", &load, &s) == MRV_ERROR_IO);
   load.luminaires = NULL;
@@ -201,51 +197,27 @@ static void sizes_and_numbers(void) {
   WRONG(mrv_scene_from_memory("v 0 0", 5, "obj", NULL, NULL, &s), "memory.obj");
   memset(&solve, 0, sizeof solve);
   solve.struct_size = sizeof solve;
-  solve.engine = -1;
-  WRONG(mrv_model_solve(model, &solve, &l), "engine` -1");
-  solve.engine = 0;
-  solve.error = NAN;
-  WRONG(mrv_model_solve(model, &solve, &l), "`options.error` NaN");
-  solve.error = 0;
+  REFUSED(solve.engine, -1, mrv_model_solve(model, &solve, &l), "engine` -1");
+  REFUSED(solve.error, NAN, mrv_model_solve(model, &solve, &l), "`options.error` NaN");
   solve.min_area = -2;
   WRONG(mrv_model_solve(model, &solve, &l), "`options.min_area` -2");
-  solve.min_area = 1e-10;
-  WRONG(mrv_model_solve(model, &solve, &l), "`options.min_area` 1e-10");
-  solve.min_area = 0;
-  solve.max_links = UINT64_MAX;
-  WRONG(mrv_model_solve(model, &solve, &l), "`options.max_links`");
-  solve.max_links = 0;
-  solve.max_seconds = -1;
-  WRONG(mrv_model_solve(model, &solve, &l), "`options.max_seconds` -1");
-  solve.max_seconds = 0;
-  solve.audit = UINT32_MAX;
-  WRONG(mrv_model_solve(model, &solve, &l), "`options.audit`");
-  solve.audit = 0;
-  solve.light_rays = UINT32_MAX;
-  WRONG(mrv_model_solve(model, &solve, &l), "`options.light_rays`");
-  solve.light_rays = 0;
-  solve.gather_rays = UINT32_MAX;
-  WRONG(mrv_model_solve(model, &solve, &l), "`options.gather_rays`");
-  solve.gather_rays = 0;
-  solve.feature_size = -3;
-  WRONG(mrv_model_solve(model, &solve, &l), "`options.feature_size` -3");
-  solve.feature_size = 0;
+  REFUSED(solve.min_area, 1e-10, mrv_model_solve(model, &solve, &l), "`options.min_area` 1e-10");
+  REFUSED(solve.max_links, UINT64_MAX, mrv_model_solve(model, &solve, &l), "`options.max_links`");
+  REFUSED(solve.max_seconds, -1, mrv_model_solve(model, &solve, &l), "`options.max_seconds` -1");
+  REFUSED(solve.audit, UINT32_MAX, mrv_model_solve(model, &solve, &l), "`options.audit`");
+  REFUSED(solve.light_rays, UINT32_MAX, mrv_model_solve(model, &solve, &l), "`options.light_rays`");
+  REFUSED(solve.gather_rays, UINT32_MAX, mrv_model_solve(model, &solve, &l), "`options.gather_rays`");
+  REFUSED(solve.feature_size, -3, mrv_model_solve(model, &solve, &l), "`options.feature_size` -3");
   solve.feature_size_names = floor_name;
   solve.feature_sizes = &negative;
-  solve.feature_size_count = 1;
-  WRONG(mrv_model_solve(model, &solve, &l), "`options.feature_sizes` -1 of `floor`");
-  solve.feature_size_count = 0;
+  REFUSED(solve.feature_size_count, 1, mrv_model_solve(model, &solve, &l), "`options.feature_sizes` -1 of `floor`");
   solve.importance = names;
   solve.importance_count = 1;
   WRONG(mrv_model_solve(model, &solve, &l), "no such");
   memset(&factors, 0, sizeof factors);
   factors.struct_size = sizeof factors;
-  factors.grouping = 5;
-  WRONG(mrv_model_form_factors(model, &factors, &f), "grouping` 5");
-  factors.grouping = 0;
-  factors.pair_rays = 1;
-  WRONG(mrv_model_form_factors(model, &factors, &f), "`options.pair_rays` 1");
-  factors.pair_rays = 0;
+  REFUSED(factors.grouping, 5, mrv_model_form_factors(model, &factors, &f), "grouping` 5");
+  REFUSED(factors.pair_rays, 1, mrv_model_form_factors(model, &factors, &f), "`options.pair_rays` 1");
   factors.max_bytes = 1;
   CHECK(mrv_model_form_factors(model, &factors, &f) == MRV_ERROR_OUT_OF_MEMORY);
   puts(mrv_error_message());
@@ -445,12 +417,8 @@ static void queries_and_points(void) {
   query.normal[2] = 1;
   query.source = 99;
   WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.source` 99");
-  query.source = UINT64_MAX;
-  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.source`");
-  query.source = 0;
-  query.target = 4;
-  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "target` 4");
-  query.target = 0;
+  REFUSED(query.source, UINT64_MAX, mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.source`");
+  REFUSED(query.target, 4, mrv_visibility_query(model, 0, &query, &answer, NULL), "target` 4");
   query.position[0] = NAN;
   WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.position`");
   query.position[0] = 1e300;
@@ -461,9 +429,7 @@ static void queries_and_points(void) {
   WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.point`");
   query.target = 0;
   query.position[0] = 0;
-  query.feature_size = -1;
-  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.feature_size` -1");
-  query.feature_size = 0;
+  REFUSED(query.feature_size, -1, mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.feature_size` -1");
   query.rays = 1u << 30;
   WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.rays`");
   CHECK(answer.transmittance == 9 && answer.method == 9);
@@ -658,22 +624,12 @@ static void stop_showing(const mrv_solution *light, int *calls) {
   CHECK(mrv_model_reference(model, at, normal, 1, &reference, irradiance, NULL) == MRV_ERROR_CANCELLED && irradiance[0] == 7);
   memset(&bench, 0, sizeof bench);
   bench.struct_size = sizeof bench;
-  bench.audit = NAN;
-  WRONG(mrv_model_bench(model, &bench, &report), "`options.audit` NaN");
-  bench.audit = 0;
-  bench.threads = 1u << 20;
-  WRONG(mrv_model_bench(model, &bench, &report), "`options.threads` 1048576");
-  bench.threads = 0;
-  bench.reference_rays = 1u << 20;
-  WRONG(mrv_model_bench(model, &bench, &report), "`options.reference_rays` 1048576");
-  bench.reference_rays = 0;
+  REFUSED(bench.audit, NAN, mrv_model_bench(model, &bench, &report), "`options.audit` NaN");
+  REFUSED(bench.threads, 1u << 20, mrv_model_bench(model, &bench, &report), "`options.threads` 1048576");
+  REFUSED(bench.reference_rays, 1u << 20, mrv_model_bench(model, &bench, &report), "`options.reference_rays` 1048576");
   bench.feature_sizes = &negative;
-  bench.feature_size_count = 1;
-  WRONG(mrv_model_bench(model, &bench, &report), "`options.feature_sizes` -1");
-  bench.feature_size_count = 0;
-  bench.max_memory = 1;
-  WRONG(mrv_model_bench(model, &bench, &report), "raise `options.max_memory`");
-  bench.max_memory = 0;
+  REFUSED(bench.feature_size_count, 1, mrv_model_bench(model, &bench, &report), "`options.feature_sizes` -1");
+  REFUSED(bench.max_memory, 1, mrv_model_bench(model, &bench, &report), "raise `options.max_memory`");
   bench.progress = stop_at_once;
   bench.user = calls;
   CHECK(mrv_model_bench(model, &bench, &report) == MRV_ERROR_CANCELLED && report == NULL);

@@ -328,7 +328,7 @@ fn what_is_installed_beside_the_command() {
         assert!(text.contains(".TH"), "{page}");
     }
     let long = scratch.mrvis("help solve").stdout;
-    assert!(long.contains("--oracle") && long.contains("Accuracy and time"), "{long}");
+    assert!(long.contains("--min-area") && long.contains("Accuracy and time"), "{long}");
     let colours = |variable: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_mrvis"));
         let output = command.arg("--help").env(variable, "1").output().expect("the command runs");

@@ -17,11 +17,11 @@ const GROUPS: [(&str, &[&str]); 3] = [
         "Visibility and feature sizes",
         &["visibility", "compare", "feature_size", "feature_sizes", "importance", "importance_camera"],
     ),
-    ("Method", &["oracle", "rows", "builder", "inside", "light_rays", "gather_rays", "local_rays"]),
+    ("Method", &["builder", "light_rays", "gather_rays", "local_rays"]),
 ];
 
 /// Options of `solve` that only `mrvis help solve` lists.
-const ADVANCED: [&str; 29] = [
+const ADVANCED: [&str; 26] = [
     "audit",
     "builder",
     "cache",
@@ -33,7 +33,6 @@ const ADVANCED: [&str; 29] = [
     "height_scale",
     "importance",
     "importance_camera",
-    "inside",
     "light_rays",
     "lightmap_texels",
     "local_rays",
@@ -42,9 +41,7 @@ const ADVANCED: [&str; 29] = [
     "min_area",
     "moves",
     "mpi",
-    "oracle",
     "place",
-    "rows",
     "seed",
     "sides",
     "step_seconds",

@@ -11,7 +11,7 @@ use super::interruption;
 use super::mpi::MpiArgs;
 use super::outputs::{Files, Outputs, Written};
 use super::progress::Bar;
-use super::values::{ClusterArgs, ENGINES, Values, lower, name_of, one_of, set_fields};
+use super::values::{ClusterArgs, ENGINES, lower, name_of, one_of, set_fields};
 use crate::cli::mpi::Sharing;
 use glam::DVec3;
 use grids::{GridArg, Grids, MeasuredGrid, section};
@@ -22,9 +22,7 @@ use mrvis::internals::files::{WholeFile, input, write_json};
 use mrvis::internals::image_io::{Picture, write_png};
 use mrvis::internals::plot::number;
 use mrvis::internals::points::{Irradiance, Point, read_points, write_irradiance};
-use mrvis::internals::radiosity::{
-    self, Inside, Options, Oracle, Outcome, PointLight, Powers, Record, RowSums, Solution, View,
-};
+use mrvis::internals::radiosity::{self, Options, Outcome, PointLight, Powers, Record, Solution, View};
 use mrvis::internals::scene::{Photometry, StoredCamera};
 use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::{Engine, Error, Progress, Result, Scene};
@@ -64,12 +62,6 @@ pub struct Args {
     /// Smallest element relative to the scene's area.
     #[arg(long, value_name = "PART", default_value_t = Options::default().min_area, allow_negative_numbers = true)]
     min_area: f64,
-    /// Criterion of refinement.
-    #[arg(long, value_parser = one_of(ORACLES), default_value = name_of(ORACLES, Oracle::default()))]
-    oracle: Oracle,
-    /// Normalisation of the form factors of elements in closed scenes to row sums of 1.
-    #[arg(long, value_parser = one_of(ROW_SUMS), default_value = name_of(ROW_SUMS, RowSums::default()))]
-    rows: RowSums,
     /// Engine for visibility.
     #[arg(long, value_parser = one_of(ENGINES), default_value = name_of(ENGINES, Options::default().engine))]
     visibility: Engine,
@@ -84,9 +76,6 @@ pub struct Args {
     /// Feature sizes of objects, groups or materials: a TOML file with lines `name = size`.
     #[arg(long, value_name = "FILE.toml")]
     feature_sizes: Option<PathBuf>,
-    /// Light inside the clusters at the ends of links.
-    #[arg(long, value_parser = one_of(INSIDE), default_value = name_of(INSIDE, Inside::default()))]
-    inside: Inside,
     /// Object, group or material whose light matters; repeatable [default: all].
     #[arg(long, value_name = "NAME")]
     importance: Vec<String>,
@@ -132,26 +121,6 @@ pub struct Args {
     pub common: Common,
 }
 
-const INSIDE: Values<Inside> = &[
-    ("isotropic", "Surfaces without orientation or mutual occlusion", Inside::Isotropic),
-    ("oriented", "Oriented surfaces without mutual occlusion", Inside::Oriented),
-    ("visible", "Oriented surfaces that occlude each other", Inside::Visible),
-];
-
-const ORACLES: Values<Oracle> = &[
-    ("error", "Error of the transported light", Oracle::Error),
-    ("bf", "Transported light (BF refinement of Hanrahan et al. 1991)", Oracle::Bf),
-];
-
-const ROW_SUMS: Values<RowSums> = &[
-    ("sampled", "None", RowSums::Sampled),
-    (
-        "balanced",
-        "Scale the light that each element gathers and sends by one factor: exactly reciprocal",
-        RowSums::Balanced,
-    ),
-];
-
 impl Args {
     /// Whether pictures are drawn by a camera that the options do not state.
     pub fn choose_camera(&self) -> bool {
@@ -174,7 +143,6 @@ fn options(args: &Args) -> Result<Options> {
         ));
     }
     let mut options = Options {
-        row_sums: args.rows,
         engine: args.visibility,
         feature_sizes: args.feature_sizes.as_deref().map(read_feature_sizes).transpose()?.unwrap_or_default(),
         elements: args.outputs.need_elements(args.has_points()) || args.target_error.is_some(),
@@ -185,7 +153,7 @@ fn options(args: &Args) -> Result<Options> {
         ..Options::default()
     };
     set_fields! {
-        options = args: error, min_area, oracle, feature_size, inside, importance, audit, direct_only, light_rays,
+        options = args: error, min_area, feature_size, importance, audit, direct_only, light_rays,
         gather_rays, local_rays, step_seconds, max_seconds, target_error, max_links
     }
     Ok(options)

@@ -3,7 +3,6 @@
 use super::Link;
 use super::cluster_pair::CLUSTER_DEVIATION;
 use crate::radiosity::elements::Elements;
-use crate::radiosity::options::Oracle;
 
 /// Which end of a link is to be split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,9 +20,9 @@ pub enum Split {
 /// effect, and refining the largest errors reduces the total.
 ///
 /// At the receiver a, the irradiance from b varies by `variation_a B_b / A_a`. Where the radiosity of b varies, the light from
-/// its parts differs by as much of that deviation as the exchange varies over b. Visibility is part of both variations. With
-/// [`Oracle::Bf`] all irradiance counts as error. The end with the greater contribution is split.
-pub fn link_error(elements: &Elements, link: &Link, oracle: Oracle) -> (f32, Split) {
+/// its parts differs by as much of that deviation as the exchange varies over b. Visibility is part of both variations.
+/// The end with the greater contribution is split.
+pub fn link_error(elements: &Elements, link: &Link) -> (f32, Split) {
     let ends =
         [link.a, link.b].map(|e| (&elements.elements[e as usize], elements.states[e as usize].statistics));
     if link.a == link.b {
@@ -31,7 +30,7 @@ pub fn link_error(elements: &Elements, link: &Link, oracle: Oracle) -> (f32, Spl
         let error = link.variation[0] * (l.deviation + CLUSTER_DEVIATION * l.mean) / e.area as f32;
         return (weigh(error, l.weight, e.area, elements.area), Split::A);
     }
-    let mut worst = 0.0;
+    let mut worst = 0.0f32;
     // The error that splitting each end could remove.
     let mut gain = [0.0f32; 2];
     for (receiver, source) in [(0, 1), (1, 0)] {
@@ -43,13 +42,7 @@ pub fn link_error(elements: &Elements, link: &Link, oracle: Oracle) -> (f32, Spl
         let scale = weigh(1.0, l.weight, e.area, elements.area) / e.area as f32;
         gain[receiver] = gain[receiver].max(of_receiver * scale);
         gain[source] = gain[source].max(of_source * scale);
-        let error = match oracle {
-            Oracle::Error => of_receiver.hypot(of_source) * scale,
-            Oracle::Bf => link.exchange_area * from.mean * scale,
-        };
-        if error > worst {
-            worst = error;
-        }
+        worst = worst.max(of_receiver.hypot(of_source) * scale);
     }
     let open = [link.a, link.b].map(|e| elements.can_open(e));
     // The larger end is split first unless the gain of the other one clearly dominates: kernels need ends of similar size, and

@@ -5,7 +5,6 @@
 use super::Split;
 use super::error_oracle::weigh;
 use crate::radiosity::elements::{DIRECTIONS, Elements};
-use crate::radiosity::options::Oracle;
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::ray::{LANES, Packet};
 use crate::sky::Environment;
@@ -160,12 +159,7 @@ pub struct SkyLink {
 
 /// The error of a link to the sky and the end to split: [`Split::A`] is the receiver. Errors are as those of [`link_error`](super::link_error).
 /// If only one end can be split, only the error that this split can reduce counts.
-pub fn sky_link_error(
-    elements: &Elements,
-    environment: &Environment,
-    link: &SkyLink,
-    oracle: Oracle,
-) -> (f32, Split) {
+pub fn sky_link_error(elements: &Elements, environment: &Environment, link: &SkyLink) -> (f32, Split) {
     let element = &elements.elements[link.receiver as usize];
     let (of_receiver, of_source) = (link.variation, link.noise);
     let (receiver_opens, source_opens) =
@@ -182,10 +176,9 @@ pub fn sky_link_error(
         (false, true) => Split::B,
         (false, false) => Split::Neither,
     };
-    let error = match (oracle, receiver_opens, source_opens) {
-        (Oracle::Bf, ..) => link.irradiance.iter().sum::<f32>() / 3.0,
-        (_, true, false) => of_receiver,
-        (_, false, true) => of_source,
+    let error = match (receiver_opens, source_opens) {
+        (true, false) => of_receiver,
+        (false, true) => of_source,
         _ => of_receiver.hypot(of_source),
     };
     let weight = elements.states[link.receiver as usize].statistics.weight;

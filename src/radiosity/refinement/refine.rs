@@ -34,7 +34,7 @@ pub fn link_errors(linked: &LinkedScene) -> LinkErrors {
 fn errors_of(linked: &LinkedScene, links: &[Link]) -> LinkErrors {
     let scale = 1.0 / linked.mean_irradiance as f32;
     let error = |link: &Link| {
-        let (error, split) = link_error(&linked.elements, link, linked.settings.oracle);
+        let (error, split) = link_error(&linked.elements, link);
         (error * scale, split)
     };
     links.par_iter().with_min_len(1024).map(error).collect()

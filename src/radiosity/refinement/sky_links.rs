@@ -107,7 +107,7 @@ pub fn sky_link_errors(linked: &LinkedScene, links: &[SkyLink]) -> Vec<(f32, Spl
     let Some(environment) = &linked.environment else { return Vec::new() };
     let scale = 1.0 / linked.mean_irradiance as f32;
     let error = |link: &SkyLink| {
-        let (error, split) = sky_link_error(&linked.elements, environment, link, linked.settings.oracle);
+        let (error, split) = sky_link_error(&linked.elements, environment, link);
         (error * scale, split)
     };
     links.par_iter().with_min_len(1024).map(error).collect()

@@ -2,11 +2,12 @@
 
 use super::super::args::{distinct, plain};
 use super::AtPoints;
-use maud::Markup;
+use maud::{Markup, html};
 use mrvis::internals::SceneParts;
 use mrvis::internals::error::quote;
-use mrvis::internals::export::{GridLight, PageGrid, grid_section};
+use mrvis::internals::export::GridLight;
 use mrvis::internals::image_io::Picture;
+use mrvis::internals::page::{TableCell, data_url, table};
 use mrvis::internals::plot::number;
 use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::Record;
@@ -123,24 +124,41 @@ impl Grids {
     }
 }
 
-/// The section of the page about grids with these pictures; `unit`: of lengths.
+/// The section of the page about grids with these pictures, empty without grids; `unit`: of lengths.
 ///
 /// # Errors
 /// A picture has no pixels.
 pub fn section(grids: &[MeasuredGrid], pictures: &[Picture], unit: &str) -> Result<Markup> {
-    let grid = |(grid, picture)| -> PageGrid {
-        let MeasuredGrid { name, height, columns, rows, light, .. }: &MeasuredGrid = grid;
-        PageGrid {
-            name,
-            counts: [*columns, *rows],
-            height: *height,
-            unit: light.unit,
-            light: [light.minimum, light.mean, light.maximum],
-            uniformity: light.uniformity,
-            picture,
-        }
+    let Some(first) = grids.first() else { return Ok(Markup::default()) };
+    let [height, mean] = [format!("height {unit}"), format!("mean {}", first.light.unit)];
+    let columns = format!("surface | points | {height} | minimum | {mean} | maximum | uniformity U0");
+    let row = |MeasuredGrid { name, height, columns, rows, light, .. }: &MeasuredGrid| {
+        let [minimum, mean, maximum] =
+            [light.minimum, light.mean, light.maximum].map(|light| TableCell::from(number(light)));
+        let uniformity = light.uniformity.map_or_else(String::new, |u| format!("{u:.2}"));
+        let [points, height] = [format!("{columns} × {rows}"), number(*height)];
+        [TableCell::words(name), points.into(), height.into(), minimum, mean, maximum, uniformity.into()]
     };
-    grid_section(&grids.iter().zip(pictures).map(grid).collect::<Vec<_>>(), unit)
+    let rows: Vec<_> = grids.iter().map(row).collect();
+    let urls = pictures.iter().map(data_url).collect::<Result<Vec<_>>>()?;
+    Ok(html! {
+        section {
+            h2 { "Grids of points" }
+            (table(&columns, &rows))
+            p.note { "Uniformity U0 is the minimum divided by the mean (EN 12464). Isolines are at the limits of the colours." }
+            div.views {
+                @for (MeasuredGrid { name, height, light, .. }, url) in grids.iter().zip(&urls) {
+                    figure {
+                        div.frame { img src=(url) alt=(format!("light on the grid of {name}")); }
+                        figcaption {
+                            b { (name) } " in " (light.unit)
+                            @if *height > 0.0 { ", " (number(*height)) " " (unit) " above the surface" }
+                        }
+                    }
+                }
+            }
+        }
+    })
 }
 
 /// The lines of the summary about the points of a file and about grids.
@@ -166,6 +184,37 @@ pub fn lines(points: Option<&AtPoints>, grids: &[MeasuredGrid], record: &Record)
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_page_lists_grids_and_shows_their_pictures() {
+        let picture = || Picture { width: 1, height: 1, pixels: vec![[7; 3]] };
+        let light = AtPoints {
+            count: 32,
+            unit: "lx",
+            minimum: 120.0,
+            mean: 300.0,
+            maximum: 456.0,
+            dark: 0,
+            uniformity: Some(0.4),
+        };
+        let desk = MeasuredGrid {
+            name: "desk <a>".into(),
+            spacing: 0.5,
+            height: 0.75,
+            columns: 8,
+            rows: 4,
+            normal: [0.0, 0.0, 1.0],
+            light,
+        };
+        let dark = MeasuredGrid { name: "dark".into(), height: 0.0, ..desk.clone() };
+        let page = section(&[desk, dark], &[picture(), picture()], "m").expect("a section").into_string();
+        assert_eq!(page.matches("data:image/png;base64,").count(), 2);
+        let parts = ["desk &lt;a&gt;", "8 × 4", "height m", "120", "mean lx", "456", "0.40", "0.75 m above"];
+        for part in parts {
+            assert!(page.contains(part), "lacks {part}");
+        }
+        assert!(section(&[], &[], "m").expect("nothing").into_string().is_empty());
+    }
 
     #[test]
     fn surface_spacing_and_height_are_read_from_the_end() {
