@@ -6,6 +6,7 @@ mod parts;
 pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, SceneParts, SolutionParts};
 
 /// The measurement behind `mrvis bench`.
+#[cfg(feature = "reports")]
 pub mod bench {
     pub use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
     pub use crate::bench::{Record, run, text};
@@ -37,6 +38,7 @@ pub mod error {
 }
 
 /// Output of solutions.
+#[cfg(feature = "reports")]
 pub mod export {
     pub use crate::export::{
         Camera, GridLight, MAX_PIXELS, MAX_SIDE, Mesh, PageView, Stage, SurfaceLight, Tone, VIEW, best_view,
@@ -54,9 +56,11 @@ pub mod sky {
 /// Height fields.
 pub mod terrain {
     pub use crate::terrain::{
-        EARTH_RADIUS, Georeference, Grid, Layer, Light, Loaded, ReadOptions, Sun, SweepOptions, horizon,
-        irradiance, mountains, read, sky_view_factor, sunlit, write_geotiff, write_npz, write_png,
+        EARTH_RADIUS, Georeference, Grid, Light, Loaded, ReadOptions, Sun, SweepOptions, horizon, irradiance,
+        mountains, read, sky_view_factor, sunlit,
     };
+    #[cfg(feature = "reports")]
+    pub use crate::terrain::{Layer, write_geotiff, write_npz, write_png};
 }
 
 /// Files that appear whole or not at all.
@@ -127,6 +131,7 @@ pub mod form_factors {
 }
 
 /// Images in files.
+#[cfg(feature = "reports")]
 pub mod image_io {
     pub use crate::image_io::{
         Channel, Picture, difference, grey, mask_overlay, read_image, thumbnail, write_exr, write_exr_rgb,
@@ -162,6 +167,7 @@ pub mod optics {
 }
 
 /// Parts of pages.
+#[cfg(feature = "reports")]
 pub mod page {
     pub use crate::page::{
         TableCell, bytes, chart, count, data_url, document, figure, file_name, seconds, small_chart, table,
@@ -174,6 +180,7 @@ pub mod path_tracer {
 }
 
 /// Charts.
+#[cfg(feature = "reports")]
 pub mod plot {
     pub use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 }

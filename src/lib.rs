@@ -88,7 +88,6 @@ mod files;
 mod form_factors;
 #[cfg(feature = "reports")]
 mod image_io;
-#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals;
 mod math;
@@ -116,10 +115,11 @@ mod visibility;
 
 pub use api::{
     Answers, Element, Engine, FormFactorOptions, FormFactors, Grouping, MeshArrays, Positions, Query,
-    SceneBuilder, Segments, Solution, SolveOptions, SolveReport, Strided, SurfacePoint, Visibility,
+    Reference, SceneBuilder, Segments, Solution, SolveOptions, SolveReport, Strided, SurfacePoint,
+    Visibility,
 };
 #[cfg(feature = "reports")]
-pub use api::{BenchOptions, BenchReport, BenchRow, Camera, ImageOptions, Lightmap, Reference};
+pub use api::{BenchOptions, BenchReport, BenchRow, Camera, ImageOptions, Lightmap};
 pub use clusters::Builder;
 pub use error::{Error, ErrorCategory, Result};
 pub use model::{Detail, Instance, InstanceChange, Model, PrepareOptions, PrepareReport, Source};

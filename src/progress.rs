@@ -4,8 +4,6 @@
 pub mod testing;
 
 use std::fmt;
-#[cfg(any(test, feature = "reports"))]
-use std::io::{Error, Result, Seek, SeekFrom, Write};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -111,38 +109,4 @@ pub fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
     let result = make();
     *seconds += start.elapsed().as_secs_f64();
     result
-}
-
-/// Bytes that are written between two checks for cancellation: a millisecond.
-#[cfg(any(test, feature = "reports"))]
-const SLICE: usize = 1 << 20;
-
-/// A writer that fails once `progress` has stopped.
-#[cfg(any(test, feature = "reports"))]
-pub struct Stoppable<'a, W> {
-    /// Where the bytes go.
-    pub out: W,
-    /// The caller.
-    pub progress: &'a dyn Progress,
-}
-
-#[cfg(any(test, feature = "reports"))]
-impl<W: Write> Write for Stoppable<'_, W> {
-    fn write(&mut self, bytes: &[u8]) -> Result<usize> {
-        match self.progress.stopped() {
-            true => Err(Error::other("interrupted")),
-            false => self.out.write(&bytes[..bytes.len().min(SLICE)]),
-        }
-    }
-
-    fn flush(&mut self) -> Result<()> {
-        self.out.flush()
-    }
-}
-
-#[cfg(any(test, feature = "reports"))]
-impl<W: Seek> Seek for Stoppable<'_, W> {
-    fn seek(&mut self, to: SeekFrom) -> Result<u64> {
-        self.out.seek(to)
-    }
 }

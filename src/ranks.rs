@@ -33,7 +33,6 @@ const MAX_BLOCK: usize = 1024;
 
 impl Ranks {
     /// Connected ranks.
-    #[cfg(feature = "internals")]
     pub fn of(exchange: Arc<dyn Exchange>) -> Ranks {
         Ranks(Some(exchange).filter(|e| e.count() > 1))
     }

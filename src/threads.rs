@@ -17,7 +17,6 @@ thread_local! {
 
 /// Runs a callback that is called while a pool works for its caller. What it asks is done on a thread of its own: in the pool at work it
 /// would wait until that work is over. For interfaces to other languages, whose callbacks run on the thread of the caller.
-#[cfg(any(test, feature = "internals"))]
 pub fn in_callback<R>(is_callback: bool, run: impl FnOnce() -> R) -> R {
     struct Before(bool);
     impl Drop for Before {
@@ -30,7 +29,6 @@ pub fn in_callback<R>(is_callback: bool, run: impl FnOnce() -> R) -> R {
 }
 
 /// Whether this thread runs a callback.
-#[cfg(any(test, feature = "internals"))]
 pub fn is_in_callback() -> bool {
     IN_CALLBACK.get()
 }

@@ -5,6 +5,7 @@ mod batch;
 mod bench;
 mod form_factors;
 mod mesh_arrays;
+mod reference;
 mod scene_builder;
 mod segments;
 #[cfg(feature = "reports")]
@@ -20,11 +21,10 @@ pub use crate::form_factors::matrix::{FormFactors, Grouping};
 pub use crate::radiosity::{SolveOptions, mesh::Element};
 pub use crate::visibility::Engine;
 #[cfg(feature = "reports")]
-pub use bench::Reference;
-#[cfg(feature = "reports")]
 pub use bench::{BenchReport, BenchRow};
 pub use form_factors::FormFactorOptions;
 pub use mesh_arrays::{MeshArrays, Positions};
+pub use reference::Reference;
 pub use scene_builder::SceneBuilder;
 pub use segments::{Answers, Segments, Strided};
 #[cfg(feature = "reports")]

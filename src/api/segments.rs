@@ -60,7 +60,6 @@ impl<'a, T: Copy> Strided<'a, T> {
     }
 
     /// The same position, `count` times, with its numbers in arrays of one entry.
-    #[cfg(feature = "internals")]
     #[doc(hidden)]
     pub fn repeated_axes(x: &'a [T], y: &'a [T], z: &'a [T], count: usize) -> Strided<'a, T> {
         Strided { axes: [x, y, z], stride: 0, count }
@@ -322,7 +321,6 @@ impl<'a> Answers<'a> {
     }
 
     /// The same as numbers: `Method as u8`.
-    #[cfg(feature = "internals")]
     #[doc(hidden)]
     pub fn method_codes(mut self, codes: &'a mut [u8]) -> Answers<'a> {
         self.method_codes = Some(codes);

@@ -94,7 +94,6 @@ pub struct Solution {
 pub(super) struct Solved {
     pub solved: radiosity::Solution,
     pub report: SolveReport,
-    #[cfg(feature = "reports")]
     pub record: Record,
     pub mesh: RadiosityMesh,
     /// The mesh of pictures and lightmaps, made when it is first needed.
@@ -128,7 +127,6 @@ impl Model {
         let solved = Solved {
             solved,
             report: SolveReport::of(&record),
-            #[cfg(feature = "reports")]
             record,
             mesh,
             #[cfg(feature = "reports")]
@@ -188,7 +186,6 @@ impl Solution {
     }
 
     /// The warnings of the report, with names of options between `⟨` and `⟩`.
-    #[cfg(feature = "internals")]
     pub(crate) fn notes(&self) -> &[String] {
         &self.inner.record.warnings
     }

@@ -22,8 +22,6 @@ mod unaveraged;
 pub mod workload;
 
 pub use options::BenchOptions;
-#[cfg(any(test, feature = "internals"))]
 pub use record::Record;
 pub use run::run;
-#[cfg_attr(not(feature = "internals"), allow(unused_imports))]
 pub use shown::text;

@@ -5,7 +5,6 @@ use super::options::BenchOptions;
 use super::record::{Build, BytesPerTriangle};
 use super::sample::{Extent, Sample};
 use super::workload::{Workload, surface_points};
-#[cfg(any(test, feature = "internals"))]
 use crate::model::{Detail, PrepareOptions};
 use crate::model::{Mesh, Model};
 use crate::progress::timed;
@@ -15,7 +14,6 @@ use std::sync::Arc;
 
 impl BenchOptions {
     /// What [`Model::prepare`] must make for a benchmark with these options.
-    #[cfg(any(test, feature = "internals"))]
     #[doc(hidden)]
     pub fn prepare(&self) -> PrepareOptions {
         PrepareOptions {

@@ -335,7 +335,6 @@ pub(super) fn settings(record: &Record) -> String {
 }
 
 /// The record as text.
-#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub fn text(record: &Record) -> String {
     let mut text = format!("{}\n{}\n", quote(&record.scene.path), settings(record));
     for (title, list) in properties(record) {

@@ -4,7 +4,6 @@ use crate::points::Comparison;
 use crate::radiosity::links::Tally;
 use crate::radiosity::{Record, Seconds};
 use crate::visibility::Engine;
-#[cfg(any(test, feature = "internals"))]
 use crate::{
     Result,
     model::Model,
@@ -50,7 +49,6 @@ pub struct ComparedRecord {
 ///
 /// # Errors
 /// As [`run()`].
-#[cfg(any(test, feature = "internals"))]
 pub fn side_by_side(
     model: &Model,
     points: &[Point],

@@ -50,12 +50,10 @@ pub enum Builder {
 
 impl Builder {
     /// All builders, the default first.
-    #[cfg(any(test, feature = "internals"))]
     pub(crate) const ALL: [Builder; 4] =
         [Builder::Grids, Builder::KdTree, Builder::GoldsmithSalmon, Builder::Sah];
 
     /// Name on the command line and in JSON.
-    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn name(self) -> &'static str {
         match self {
             Builder::Grids => "grids",
@@ -88,7 +86,6 @@ pub struct Hierarchy {
 }
 
 /// Builds the clusters of a scene. Parallel; the result does not depend on the number of threads; O(n log n).
-#[cfg(any(test, feature = "internals"))]
 pub fn build(scene: &Scene, options: &Options) -> Hierarchy {
     build_unless(scene, options, &|| false).expect("nothing stops it")
 }

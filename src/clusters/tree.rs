@@ -144,7 +144,6 @@ impl Tree {
     }
 
     /// Size of the arrays in bytes.
-    #[cfg(any(test, feature = "reports"))]
     pub fn bytes(&self) -> usize {
         size_of_val(self.clusters.as_slice()) + size_of_val(self.order.as_slice())
     }

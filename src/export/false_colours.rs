@@ -41,7 +41,6 @@ impl Bands {
     }
 
     /// The limits between bands, ascending.
-    #[cfg(any(test, feature = "internals"))]
     pub(super) fn limits(&self) -> &[f64] {
         &self.limits
     }

@@ -1,8 +1,9 @@
 //! Binary glTF.
 
 use super::{Mesh, Tone};
+use crate::image_io::Stoppable;
 use crate::math::Aabb;
-use crate::progress::{Progress, Stoppable};
+use crate::progress::Progress;
 use crate::scene::UpAxis;
 use crate::{Error, Result, files::WholeFile};
 use gltf::binary::{Glb, Header};

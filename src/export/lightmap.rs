@@ -12,7 +12,6 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-#[cfg(any(test, feature = "internals"))]
 use {super::write_file, std::io::Write, std::path::Path};
 
 /// An image of irradiance and its texture coordinates.
@@ -355,7 +354,6 @@ impl Lightmap {
 ///
 /// # Errors
 /// The file cannot be written, or `progress` has stopped.
-#[cfg(any(test, feature = "internals"))]
 pub fn write_lightmap_mesh(
     path: &Path,
     map: &Lightmap,

@@ -7,7 +7,6 @@
 mod camera;
 mod false_colours;
 mod gltf;
-#[cfg(any(test, feature = "internals"))]
 mod grid_picture;
 mod lightmap;
 mod mesh;
@@ -19,7 +18,8 @@ mod tests;
 mod view;
 mod vtu;
 
-use crate::progress::{Progress, Stoppable};
+use crate::image_io::Stoppable;
+use crate::progress::Progress;
 use crate::{Error, Result, files::WholeFile};
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -34,7 +34,6 @@ pub use ply::write_ply;
 pub use solve_page::{PageView, solve_page};
 pub use view::{VIEW, best_view};
 pub use vtu::write_vtu;
-#[cfg(any(test, feature = "internals"))]
 pub use {
     grid_picture::GridLight,
     lightmap::write_lightmap_mesh,

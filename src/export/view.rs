@@ -313,7 +313,6 @@ fn dense_places(solution: &RadiosityMesh, bounds: Aabb) -> Vec<Vec3> {
 }
 
 /// Part of the diagonal by which a lamp may reach out of the box around everything else: lamps in openings of a ceiling.
-#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 const INSIDE: f32 = 0.01;
 
 /// The automatic camera for a scene with the same light on all surfaces. It depends neither on options of the solver nor on which lamps
@@ -321,7 +320,6 @@ const INSIDE: f32 = 0.01;
 ///
 /// # Errors
 /// Embree fails.
-#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub fn scene_view(scene: &Scene) -> Result<Camera> {
     let solution = evenly_lit(scene);
     // Nothing stops it.
@@ -332,7 +330,6 @@ pub fn scene_view(scene: &Scene) -> Result<Camera> {
 
 /// The scene with equal light on all lit sides, one element per side of a triangle. Emitters outside the box around everything else emit:
 /// the sun, a sky. Others are surfaces like all.
-#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub(super) fn evenly_lit(scene: &Scene) -> RadiosityMesh {
     let of_emitter = |t: usize| scene.triangle_emitter[t] != u32::MAX;
     let corners = |t: usize| scene.triangles[t].map(|v| scene.positions[v as usize]);

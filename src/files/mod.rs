@@ -12,7 +12,6 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 /// The text of a JSON file: indented, with a line feed at its end. Characters of names that a terminal obeys are escaped.
-#[cfg(any(test, feature = "reports"))]
 pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
     let (text, is_escaped) = (serde_json::to_string_pretty(value)? + "\n", |c| is_obeyed(c) && c != '\n');
     if !text.contains(is_escaped) {
@@ -29,7 +28,6 @@ pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
 }
 
 /// Writes a JSON file.
-#[cfg(feature = "internals")]
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     WholeFile::write(path, json_text(value).map_err(|e| Error::format(path, None, e.to_string()))?)
 }
@@ -190,7 +188,6 @@ impl WholeFile {
     }
 
     /// Writes a complete file.
-    #[cfg(feature = "internals")]
     pub fn write(target: &Path, content: impl AsRef<[u8]>) -> Result<()> {
         let mut file = WholeFile::create(target)?;
         file.write_all(content.as_ref()).map_err(|e| Error::io(target, e))?;

@@ -1,9 +1,10 @@
 //! Image files: reads one scalar quantity, writes values and pictures.
 
+use super::Stoppable;
 use super::picture::{Picture, encode};
 use crate::files::{WholeFile, input};
 use crate::metrics::Image;
-use crate::progress::{Progress, Stoppable};
+use crate::progress::Progress;
 use crate::{Error, Result, error::quote, memory};
 use image::{DynamicImage, ImageError, ImageFormat, ImageReader, Rgb32FImage};
 use std::io::{Cursor, Write};

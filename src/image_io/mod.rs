@@ -4,13 +4,10 @@
 //! display; the function that makes a picture documents the mapping of values. Files are written beside their target
 //! and renamed, so that no reader sees a partial file.
 
-#[cfg(any(test, feature = "internals"))]
 mod file;
 mod picture;
+mod stoppable;
 
-pub use picture::{Picture, difference, false_colour, grey, linear_to_srgb, mask_overlay};
-#[cfg(any(test, feature = "internals"))]
-pub use {
-    file::{Channel, read_image, write_exr, write_exr_rgb, write_png},
-    picture::thumbnail,
-};
+pub use file::{Channel, read_image, write_exr, write_exr_rgb, write_png};
+pub use picture::{Picture, difference, false_colour, grey, linear_to_srgb, mask_overlay, thumbnail};
+pub use stoppable::Stoppable;

@@ -1,8 +1,9 @@
 //! Pictures: mappings from values to colours, and smaller versions of pictures in files.
 
+use super::Stoppable;
 use crate::files::input;
 use crate::metrics::Image;
-use crate::progress::{Progress, Stoppable};
+use crate::progress::Progress;
 use crate::raster::BitImage;
 use crate::{Error, Result};
 use image::{DynamicImage, ImageFormat, ImageReader, RgbImage};
@@ -142,7 +143,6 @@ fn colour(map: &[[u8; 3]; 9], t: f32) -> [u8; 3] {
 ///
 /// # Errors
 /// The file cannot be read or is no such picture.
-#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub fn thumbnail(path: &Path, side: u32) -> Result<(Picture, [u32; 2])> {
     let bytes = input::read(path, input::MAX_SMALL_FILE)?;
     // The reader's own limits keep the memory of a damaged file small.

@@ -1,6 +1,7 @@
 //! What types of the public interface hold besides it: traits, so that the types themselves have no more names.
 
-use crate::api::{Reference, Solution, SurfacePoint};
+use crate::api::Reference;
+use crate::api::{Solution, SurfacePoint};
 use crate::clusters::{self, Builder};
 use crate::math::Aabb;
 use crate::model::cache::CacheLocation;

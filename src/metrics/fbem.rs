@@ -84,7 +84,6 @@ pub fn fbem(
 
 /// Feature sizes (scene units) for a spectrum of this image: 0, then `steps` sizes in geometric progression from one
 /// texel to half of the shorter side.
-#[cfg(any(test, feature = "reports"))]
 pub fn spectrum_sizes(image: &Image, steps: usize) -> Vec<f64> {
     let largest = (image.width().min(image.height()) as f64 / 2.0).max(1.0);
     let at = |i: usize| image.texel() * largest.powf(i as f64 / (steps.max(2) - 1) as f64);

@@ -24,7 +24,7 @@ pub use fbem::{Fbem, FbemOptions, Filter, fbem};
 pub use features::{FeatureOptions, Features};
 pub use image::Image;
 
-#[cfg(any(test, feature = "reports"))]
+#[cfg(feature = "reports")]
 pub(crate) use {
     fbem::spectrum_sizes,
     features::FeatureSet,

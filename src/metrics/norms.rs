@@ -4,7 +4,6 @@ use super::Image;
 use crate::Result;
 
 /// Errors of an approximation as means over the texels, in the units of the image values.
-#[cfg(any(test, feature = "reports"))]
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Norms {
@@ -22,7 +21,6 @@ pub struct Norms {
 ///
 /// # Errors
 /// [`Error::Argument`](crate::Error::Argument) if the images differ in columns or rows.
-#[cfg(any(test, feature = "reports"))]
 pub fn norms(reference: &Image, approximation: &Image) -> Result<Norms> {
     let d = difference(reference, approximation)?;
     let mean = |f: fn(f64) -> f64| d.iter().map(|&d| f(d)).sum::<f64>() / d.len() as f64;

@@ -32,7 +32,6 @@ pub struct Clusters {
 /// What multi-resolution visibility needs beside the cluster trees.
 pub struct Measured {
     /// One entry a cluster of `hierarchy.micro`.
-    #[cfg_attr(not(feature = "reports"), allow(dead_code))]
     pub optics: Vec<ClusterOptics>,
     /// The same clusters, sixteen children side by side.
     pub tree: Arc<WideTree>,
@@ -42,7 +41,6 @@ pub struct Measured {
 
 impl Measured {
     /// Bytes of `parts`.
-    #[cfg(any(test, feature = "reports"))]
     pub fn part_bytes(&self) -> usize {
         size_of_val(self.parts.as_slice())
     }
@@ -54,7 +52,6 @@ impl Mesh {
     }
 
     /// Memory of the clusters, bytes.
-    #[cfg(any(test, feature = "internals"))]
     pub(super) fn cluster_bytes(&self) -> usize {
         let of = |clusters: &Arc<Clusters>| {
             let trees = clusters.hierarchy.micro.bytes() + clusters.hierarchy.large.bytes();

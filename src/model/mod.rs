@@ -30,8 +30,6 @@ use crate::scene::{FineGround, Scene, magnitude};
 use crate::threads::Threads;
 use crate::visibility::{Engine, LeafMode, MultiResolution};
 use crate::{Error, Result};
-#[cfg(any(test, feature = "reports"))]
-use crate::{clusters, optics};
 use engines::Engines;
 use glam::Vec3;
 pub use instance::{Instance, InstanceChange};
@@ -45,7 +43,6 @@ use top_level::TopLevel;
 ///
 /// # Errors
 /// It does not suit this program, or fails.
-#[cfg(any(test, feature = "internals"))]
 pub fn embree_version() -> Result<String> {
     Ok(Device::new(1)?.version())
 }
@@ -102,7 +99,6 @@ impl Model {
     }
 
     /// The scene that was prepared, shared.
-    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn shared_scene(&self) -> Arc<Scene> {
         self.inner.scene.clone()
     }
@@ -161,13 +157,13 @@ impl Model {
 
     /// How the optics of clusters were measured.
     #[cfg(any(test, feature = "reports"))]
-    pub(crate) fn optics_options(&self) -> optics::Options {
+    pub(crate) fn optics_options(&self) -> crate::optics::Options {
         self.inner.options.optics
     }
 
     /// How clusters were built.
     #[cfg(any(test, feature = "reports"))]
-    pub(crate) fn cluster_options(&self) -> clusters::Options {
+    pub(crate) fn cluster_options(&self) -> crate::clusters::Options {
         self.inner.options.clusters()
     }
 
@@ -221,7 +217,6 @@ impl Model {
     }
 
     /// Memory of what was prepared, bytes; the scene is not in it.
-    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn bytes(&self) -> u64 {
         let clusters: usize = self.meshes().iter().map(|mesh| mesh.cluster_bytes()).sum();
         self.report().embree_bytes + clusters as u64

@@ -148,7 +148,7 @@ impl Model {
     ///
     /// # Errors
     /// As [`Model::prepare`].
-    #[cfg(any(test, feature = "internals"))]
+    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn prepared_to(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
         if self.detail() >= options.detail {
             return Ok(self.clone());
@@ -157,7 +157,6 @@ impl Model {
         self.on_threads(|| self.prepared_further(options, progress, report))?
     }
 
-    #[cfg(any(test, feature = "internals"))]
     fn prepared_further(
         &self,
         options: &PrepareOptions,
@@ -174,7 +173,6 @@ impl Model {
 
     /// The model that [`Model::prepare`] would make of the same scene with these options, which differ from those of this one in
     /// their detail at most. Nothing is made again, and the report has only what is made now.
-    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn prepared_again(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
         let PrepareReport { embree_bytes, origin, from_cache, .. } = self.inner.report;
         let report = PrepareReport { embree_bytes, ..PrepareReport::default() };
@@ -189,7 +187,6 @@ impl Model {
     }
 
     /// The model with other meshes in the places of its own.
-    #[cfg(any(test, feature = "internals"))]
     fn with_meshes(
         &self,
         meshes: Vec<Arc<Mesh>>,
@@ -203,7 +200,6 @@ impl Model {
 }
 
 /// A mesh with no more than `detail`.
-#[cfg(any(test, feature = "internals"))]
 fn reduced(mesh: &Mesh, detail: Detail) -> Mesh {
     let trees = |clusters: &Arc<Clusters>| {
         let hierarchy = clusters.hierarchy.clone();

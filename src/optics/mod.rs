@@ -28,7 +28,6 @@ const OPAQUE_DEPTH: f32 = 7.0;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Extinction {
     /// κ = Σ sides·A / (4V) [SD95 sec 3.1], the same in all directions (docs/method.md, Extinction).
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     Analytic,
     /// Fitted per axis, so that the mean transmittance of the projected box equals the free fraction of the silhouette
     /// (docs/method.md, Extinction).
@@ -91,7 +90,6 @@ impl ClusterOptics {
 /// Measures every cluster of `tree`, a tree over triangles of `scene`; the result is in the order of `tree.clusters`.
 ///
 /// Parallel; the result does not depend on the number of threads.
-#[cfg(any(test, feature = "internals"))]
 pub fn measure(scene: &Scene, tree: &Tree, options: &Options) -> Vec<ClusterOptics> {
     measure_unless(scene, tree, options, &|| false).expect("nothing stops it")
 }

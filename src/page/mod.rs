@@ -108,13 +108,11 @@ pub fn table(columns: &str, rows: &[impl AsRef<[TableCell]>]) -> Markup {
 }
 
 /// Text of a page for a terminal: with spaces that break lines, and digits in groups as in other texts.
-#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub fn text_of(text: &str) -> String {
     text.replace('\u{a0}', " ").replace('\u{202f}', ",")
 }
 
 /// A table as lines of text. A heading with a comma takes two lines.
-#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub fn text_table(columns: &str, rows: &[Vec<TableCell>]) -> String {
     let headings: Vec<[&str; 2]> = (columns.split(" | "))
         .map(|name| name.split_once(", ").map_or(["", name], |(first, second)| [first, second]))
@@ -159,7 +157,6 @@ pub fn chart(plot: &Plot, height: u32, caption: &str) -> Result<Markup> {
 ///
 /// # Errors
 /// The chart cannot be drawn.
-#[cfg(any(test, feature = "internals"))]
 pub fn small_chart(plot: &Plot, caption: &str) -> Result<Markup> {
     let svg = plot.svg(CHART_WIDTHS[1], NARROW_CHART_HEIGHT)?;
     Ok(html! { figure.plot { (PreEscaped(svg)) figcaption { (caption) } } })

@@ -5,12 +5,10 @@
 //! `Er_se,Eg_se,Eb_se` if standard errors are known. Further columns are ignored, so every irradiance file is also a
 //! point file.
 
-#[cfg(feature = "internals")]
 mod files;
 #[cfg(test)]
 mod tests;
 
-#[cfg(feature = "internals")]
 pub use files::{compare, irradiance_of, read_irradiance, read_points, write_irradiance};
 
 use glam::DVec3;
@@ -35,7 +33,6 @@ pub struct Irradiance {
     pub standard_errors: Vec<[f64; 3]>,
 }
 
-#[cfg(any(test, feature = "reports"))]
 /// Differences between two irradiance files over all points and channels.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Comparison {

@@ -76,7 +76,6 @@ pub struct RadiosityMesh {
     /// Number of these dark sides.
     pub dark: usize,
     /// The instance of each element; empty in scenes without placed meshes.
-    #[cfg_attr(not(feature = "reports"), allow(dead_code))]
     pub instances: Vec<PlacedElement>,
 }
 

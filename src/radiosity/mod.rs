@@ -9,17 +9,13 @@
 //! Rooms, each using only those before it: `elements`, `surroundings`, `links`, `transport`, `refinement`, `final_gather`, `audit`,
 //! `pipeline`.
 
-// Solutions at given points, their audit and some options have users in the command alone.
-#[cfg_attr(not(feature = "reports"), allow(dead_code, unused_imports))]
 mod audit;
 mod deadline;
 pub mod elements;
 mod final_gather;
 pub mod links;
 pub mod mesh;
-#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 mod options;
-#[cfg_attr(not(feature = "internals"), allow(dead_code, unused_imports))]
 mod pipeline;
 mod refinement;
 mod rgb;
@@ -28,16 +24,10 @@ mod surroundings;
 mod tests;
 mod transport;
 
-#[cfg(any(test, feature = "reports"))]
-pub(crate) use audit::Ledger;
-#[cfg(any(test, feature = "internals"))]
-pub use options::Options;
-pub use options::SolveOptions;
-pub use pipeline::{Outcome, Record, Solution, solve};
-#[cfg(any(test, feature = "reports"))]
-pub use {audit::Powers, pipeline::Seconds};
-#[cfg(feature = "internals")]
+#[cfg(feature = "reports")]
+pub(crate) use {audit::Ledger, pipeline::Seconds};
 pub use {
-    options::{Inside, RowSums, View},
-    pipeline::{PointLight, run},
+    audit::Powers,
+    options::{Inside, Options, RowSums, SolveOptions, View},
+    pipeline::{Outcome, PointLight, Record, Solution, run, solve},
 };

@@ -51,8 +51,7 @@ options! {
     /// options.importance.push("table".into());
     /// ```
     #[derive(Clone, Debug, serde::Serialize)]
-    // The command and tests state fields together.
-    #[cfg_attr(not(feature = "internals"), non_exhaustive)]
+    #[non_exhaustive]
     pub struct SolveOptions {
         /// RMS error of the irradiance that links are refined to, relative to its mean. A goal, not a bound: each link is refined to a share
         /// of it, and the error that all links leave together is estimated in [`SolveReport::error_estimate`](crate::SolveReport::error_estimate).

@@ -30,7 +30,6 @@ mod opening;
 
 pub use bits::BitImage;
 pub use edt::Edt;
-#[cfg(feature = "internals")]
 pub use erode::expand_by as expand;
 pub use fill::fill_triangle;
 pub use opening::Opener;

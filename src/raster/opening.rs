@@ -61,7 +61,6 @@ impl Opener {
     }
 
     /// Size in pixels of the largest object: the opening by any smaller size is not empty.
-    #[cfg(any(test, feature = "internals"))]
     pub fn largest(&mut self) -> f32 {
         match self.mode {
             Morphology::Euclid => self.edt.max_inscribed_diameter(&self.image),

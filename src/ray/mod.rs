@@ -52,7 +52,6 @@ impl Packet {
 
     /// Stores the segment from `a` to `b` in a lane. The surfaces at the ends are unknown; `rule` holds for both.
     #[inline]
-    #[cfg(any(test, feature = "internals"))]
     pub fn set(&mut self, lane: usize, a: Vec3, b: Vec3, rule: EndRule) {
         self.set_unknown(lane, a, b, [rule; 2]);
     }

@@ -23,7 +23,6 @@ pub struct AddedFiles {
 ///
 /// # Errors
 /// A file is of another kind, or as [`Scene::load`](super::Scene::load).
-#[cfg_attr(not(feature = "internals"), allow(dead_code))]
 pub fn read_added(paths: &[PathBuf], grid: &ReadOptions, max_memory: Option<u64>) -> Result<AddedFiles> {
     let mut added = AddedFiles::default();
     for path in paths {

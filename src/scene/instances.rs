@@ -4,16 +4,12 @@
 //! Parts and sides are determined within the shared mesh: faces of different placements are never connected, so six
 //! placements of a square that bound a box are six sheets.
 
-#[cfg(any(test, feature = "reports"))]
-use super::names::unknown;
 use super::{
     LoadOptions, MAX_COORDINATE, MIN_EXTENT, PlacedSoup, Placement, Repairs, Scene,
     resolve::{resolve, resolve_mesh},
 };
 use crate::{Error, Result, error::quote, math::Aabb};
 use glam::DAffine3;
-#[cfg(any(test, feature = "reports"))]
-use std::collections::HashSet;
 use std::sync::Arc;
 
 impl Scene {
@@ -56,7 +52,7 @@ impl Scene {
         if let Some((place, (_, mesh))) = placed.clone().enumerate().find(|(_, (n, _))| *n == name) {
             return Ok((Some(place), (0..mesh.triangles.len() as u32).collect()));
         }
-        let mut searched: HashSet<*const Scene> = HashSet::new();
+        let mut searched = std::collections::HashSet::<*const Scene>::new();
         for (place, (_, mesh)) in placed.clone().enumerate() {
             // A mesh is searched once, however often it is placed.
             if !searched.insert(mesh) {
@@ -67,7 +63,7 @@ impl Scene {
                 return Ok((Some(place), faces));
             }
         }
-        Err(unknown(name, self.names().chain(placed.map(|(name, _)| name))))
+        Err(super::names::unknown(name, self.names().chain(placed.map(|(name, _)| name))))
     }
 
     /// The names of the visible placements with their meshes.

@@ -148,7 +148,6 @@ fn placements(path: &Path, bytes: Vec<u8>, read: impl Fn(&Path) -> Result<Lumina
 ///
 /// # Errors
 /// The file is wrong.
-#[cfg(any(test, feature = "internals"))]
 pub fn lit_from_memory(format: &str, bytes: &[u8]) -> Result<super::Scene> {
     const PLACE: &str = "[[luminaire]]\nfile = \"a\"\nat = [0, 0, 2]\naim = [0, 0, -1]\n";
     const LAMP: &str = "TILT=NONE\n1 -1 1 2 1 1 2 0.1 0.1 0\n1 1 20\n0 180\n0\n100 50\n";

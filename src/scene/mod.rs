@@ -23,7 +23,6 @@ mod load;
 mod load_options;
 mod luminaires;
 mod magnitudes;
-#[cfg(any(test, feature = "internals"))]
 mod measuring_grid;
 mod moves;
 mod mtl;
@@ -54,9 +53,7 @@ mod tests;
 mod texture;
 mod triangulate;
 mod up;
-#[cfg(any(test, feature = "internals"))]
 mod write_gltf;
-#[cfg(any(test, feature = "internals"))]
 mod write_obj;
 
 pub use emitter_sampler::EmitterSampler;
@@ -78,7 +75,6 @@ pub use soup::{PlacedSoup, Soup, SoupMaterial};
 pub use strength::Strength;
 pub use stretch::{MAX_STRETCH, stretch};
 pub use up::UpAxis;
-#[cfg(any(test, feature = "internals"))]
 pub use {
     added::{AddedFiles, read_added},
     load::read_from_memory,
@@ -255,7 +251,6 @@ pub struct Scene {
     /// has none.
     pub(crate) triangle_texcoords: Vec<[[f32; 2]; 3]>,
     /// Perspective cameras of the file.
-    #[cfg_attr(not(feature = "reports"), allow(dead_code))]
     pub(crate) cameras: Vec<StoredCamera>,
     /// Bounding box of all vertices of faces.
     pub(crate) bounds: Aabb,
@@ -298,7 +293,6 @@ impl Scene {
     }
 
     /// Position and normal of a point of the map where it lies on a curved earth: lowered and turned as the surfaces of the scene are.
-    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn lowered(&self, position: DVec3, normal: DVec3) -> (DVec3, DVec3) {
         self.curved.map_or((position, normal), |curved| curved.place(position, normal))
     }
@@ -364,7 +358,6 @@ impl Scene {
     }
 
     /// Memory of vertices, faces, objects, materials and placements, bytes; each shared mesh counts once.
-    #[cfg(any(test, feature = "reports"))]
     pub(crate) fn bytes(&self) -> usize {
         fn of<T>(list: &[T]) -> usize {
             size_of_val(list)
@@ -388,7 +381,6 @@ impl Scene {
 
     /// Power of an emitter in watts, per channel: π L A, twice that for two-sided emission. Unknown units of length
     /// count as metres.
-    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn power(&self, emitter: &Emitter) -> [f64; 3] {
         let metres = unit_in_metres(&self.unit).unwrap_or(1.0);
         let material = self.triangle_material[emitter.triangles[0] as usize] as usize;

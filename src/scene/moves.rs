@@ -24,7 +24,6 @@ impl Move {
     ///
     /// # Errors
     /// [`Error::Argument`] for another form, or for numbers that are not finite.
-    #[cfg(any(test, feature = "internals"))]
     pub fn parse(text: &str) -> Result<Move> {
         let wrong = || {
             let form = "write NAME=X,Y,Z or NAME=X,Y,Z,DEGREES, as in chair=0.5,0,0 or chair=0.5,0,0,90";

@@ -71,7 +71,6 @@ impl Library {
 ///
 /// # Errors
 /// A number is not finite, or a value of `Ke` is negative.
-#[cfg(any(test, feature = "internals"))]
 pub fn read_materials(folder: &Path, bytes: &[u8]) -> Result<usize> {
     let mut library = Library::default();
     let path = folder.join("scene.mtl");

@@ -50,13 +50,11 @@ impl From<Channels> for Photometry {
 
 impl Photometry {
     /// The luminous counterpart of an RGB quantity: lm of W, lx of W/m², cd/m² of W/(m² sr).
-    #[cfg(any(test, feature = "reports"))]
     pub fn of(&self, rgb: [f64; 3]) -> f64 {
         self.lumens_per_watt * (0..3).map(|c| self.weights[c] * rgb[c]).sum::<f64>()
     }
 
     /// Whether a channel holds lumens instead of watts.
-    #[cfg(feature = "internals")]
     pub fn holds_lumens(&self) -> bool {
         self.weights.contains(&1.0)
     }

@@ -1,6 +1,5 @@
 //! Emitters by name, with their power.
 
-#[cfg(any(test, feature = "internals"))]
 use super::Strength;
 use super::{LoadOptions, Material, names::unknown};
 use crate::error::{figure, quote};
@@ -23,11 +22,9 @@ pub fn unit_in_metres(unit: &str) -> Option<f64> {
 }
 
 /// Makes a strength of a number in some unit.
-#[cfg(any(test, feature = "internals"))]
 type OfUnit = fn(f64) -> Strength;
 
 /// Parses `NAME=60`, `NAME=60W`, `NAME=800lm` or `NAME=5000cd/m2`; the name may contain `=`.
-#[cfg(any(test, feature = "internals"))]
 pub fn parse_emitter(text: &str) -> Result<(String, Strength)> {
     let wrong = || {
         let units = "lamp=60W, lamp=800lm, lamp=5000cd/m2";

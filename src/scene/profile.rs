@@ -152,7 +152,6 @@ pub struct Profile {
     /// Flux of the half of the distribution that the face emits, lm.
     flux: f64,
     /// Dimming and maintenance factor, which the emission of the face contains.
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub factors: [f64; 2],
 }
 

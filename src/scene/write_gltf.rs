@@ -19,7 +19,6 @@ const INDICES: u32 = 34963;
 
 impl PlacedSoup {
     /// A scene whose upward axis is z with the upward axis y of glTF files.
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub fn with_y_up(mut self) -> PlacedSoup {
         let turn = DAffine3::from_mat3(from_y_to_z().inverse());
         self.soup.positions.iter_mut().for_each(|p| *p = turn.transform_point3(*p));

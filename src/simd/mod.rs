@@ -155,7 +155,6 @@ impl Isa {
     }
 
     /// Name in reports: `avx512`, `avx2` or `portable`.
-    #[cfg(any(test, feature = "reports"))]
     pub fn name(self) -> &'static str {
         match self {
             Isa::Avx512 => "avx512",

@@ -31,7 +31,6 @@ mod tests;
 
 pub use environment::Environment;
 pub use options::SkyOptions;
-#[cfg(feature = "internals")]
 pub use parse::SkyModel;
 pub use sun::Sun;
 #[cfg(test)]

@@ -85,7 +85,6 @@ impl Grid {
     }
 
     /// Distances of neighbouring columns and of neighbouring rows, m.
-    #[cfg(feature = "internals")]
     pub fn cell(&self) -> [f64; 2] {
         self.cell
     }
@@ -96,7 +95,6 @@ impl Grid {
     }
 
     /// Where the grid is on the earth.
-    #[cfg(feature = "internals")]
     pub fn georeference(&self) -> &Georeference {
         &self.georeference
     }
@@ -136,7 +134,6 @@ impl Grid {
 
     /// The grid with columns and rows exchanged, without georeference: its x axis points to the south of this grid, its rows lie
     /// from west to east.
-    #[cfg(feature = "internals")]
     pub(super) fn transposed(&self) -> Result<Grid> {
         crate::memory::check_room(4 * self.heights.len() as u64, || "heights of the terrain".into())?;
         Ok(Grid {
@@ -153,7 +150,6 @@ impl Grid {
 /// Slope at a sample from the heights before, at and behind it, times `scale` (1 over the distance of samples); 0 if both
 /// neighbours are missing.
 #[inline]
-#[cfg(feature = "internals")]
 pub(super) fn slope(before: f32, here: f32, behind: f32, scale: f32) -> f32 {
     let (left, right) = (here - before, behind - here);
     let both = 0.5 * (left + right);

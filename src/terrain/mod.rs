@@ -9,33 +9,29 @@
 //! are in radians from north over east.
 
 mod coarse;
-#[cfg(feature = "internals")]
 mod generate;
 mod grid;
 mod numpy;
 mod quadtree;
-#[cfg(feature = "internals")]
 mod quantities;
 mod read;
-#[cfg(feature = "internals")]
 mod sky;
-#[cfg(feature = "internals")]
 mod sweep;
 #[cfg(test)]
 mod tests;
-#[cfg(feature = "internals")]
+#[cfg(feature = "reports")]
 mod write;
 
 pub use coarse::{Mesh, Piece, coarse, triangle_at};
 pub use grid::{Georeference, Grid};
 pub use read::{Loaded, ReadOptions, read};
-#[cfg(feature = "internals")]
+#[cfg(feature = "reports")]
+pub use write::{Layer, write_geotiff, write_npz, write_png};
 pub use {
     generate::mountains,
     quantities::{Sun, horizon, sky_view_factor, sunlit},
     sky::{Light, irradiance},
     sweep::SweepOptions,
-    write::{Layer, write_geotiff, write_npz, write_png},
 };
 #[cfg(test)]
 use {

@@ -160,7 +160,6 @@ fn npz(out: &mut impl Write, grid: &Grid, layers: &[Layer]) -> std::io::Result<(
 ///
 /// # Errors
 /// [`Error::Argument`] if the layer does not fit the grid or the range is empty, [`Error::Io`].
-#[cfg(feature = "reports")]
 pub fn write_png(path: &Path, grid: &Grid, layer: Layer, range: [f32; 2]) -> Result<()> {
     use crate::image_io::{Picture, false_colour, write_png};
     check(grid, &[layer])?;

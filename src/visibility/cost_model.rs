@@ -118,7 +118,6 @@ impl Work {
     }
 
     /// Whether most walks were abandoned: each counts its limit, which is twice the work of exact rays, and that of exact rays.
-    #[cfg(any(test, feature = "reports"))]
     pub fn is_mostly_abandoned(&self) -> bool {
         self.own > GIVE_UP_FACTOR * self.rays
     }

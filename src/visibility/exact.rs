@@ -3,8 +3,6 @@
 use super::answer::{Answer, Bundle, Cost, Method, wilson};
 use crate::embree::{CommittedScene, Traversal};
 use crate::ray::{Occluder, Packet};
-#[cfg(any(test, feature = "reports"))]
-use std::time::Instant;
 
 /// The exact engine.
 #[derive(Clone)]
@@ -53,7 +51,7 @@ pub fn fastest_traversal(scene: &CommittedScene, native_width: usize, sample: &[
             let traversal = Traversal { width, coherent };
             let seconds = (0..2)
                 .map(|_| {
-                    let start = Instant::now();
+                    let start = std::time::Instant::now();
                     scene.occluded_by(traversal, sample, &mut found);
                     start.elapsed().as_secs_f64()
                 })

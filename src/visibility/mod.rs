@@ -40,16 +40,16 @@ pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::{BatchBuffers, Workspace};
 pub use cost_model::{CALIBRATION_BUNDLES, Work, sample_runs};
 pub use cut::{Candidate, DistanceCut, rays_for};
-#[cfg(any(test, feature = "reports"))]
-pub use cut::{SURFACE_PART, surface_widths};
 pub use engine::Engine;
 pub use exact::Exact;
-#[cfg(any(test, feature = "reports"))]
-pub use exact::fastest_traversal;
-#[cfg(any(test, feature = "reports"))]
-pub use far_field::{FarField, FarFieldBuffers};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
 pub use multires::{LeafMode, MultiResolution, Route};
 pub use probe::Probe;
 pub use routes::{Halves, RouteSample};
 pub use wide::WideTree;
+#[cfg(feature = "reports")]
+pub use {
+    cut::{SURFACE_PART, surface_widths},
+    exact::fastest_traversal,
+    far_field::{FarField, FarFieldBuffers},
+};

@@ -134,7 +134,6 @@ impl MultiResolution {
     }
 
     /// The instruction set in use.
-    #[cfg(any(test, feature = "reports"))]
     pub fn isa(&self) -> Isa {
         self.isa
     }

@@ -111,7 +111,6 @@ impl MultiResolution {
     }
 
     /// Memory of the distance cut, bytes.
-    #[cfg(any(test, feature = "reports"))]
     pub fn cut_bytes(&self) -> usize {
         self.cut.as_ref().map_or(0, |cut| cut.bytes())
     }

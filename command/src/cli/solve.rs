@@ -142,16 +142,16 @@ fn options(args: &Args) -> Result<Options> {
                 .into(),
         ));
     }
-    let mut options = Options {
-        engine: args.visibility,
-        feature_sizes: args.feature_sizes.as_deref().map(read_feature_sizes).transpose()?.unwrap_or_default(),
-        elements: args.outputs.need_elements(args.has_points()) || args.target_error.is_some(),
-        more_points: args.outputs.gathers(args.has_points()),
-        builder: args.clusters.builder,
-        cache: args.cache.place()?,
-        seed: args.common.seed,
-        ..Options::default()
-    };
+    let mut options = Options::default();
+    if let Some(file) = &args.feature_sizes {
+        options.feature_sizes = read_feature_sizes(file)?;
+    }
+    options.engine = args.visibility;
+    options.elements = args.outputs.need_elements(args.has_points()) || args.target_error.is_some();
+    options.more_points = args.outputs.gathers(args.has_points());
+    options.builder = args.clusters.builder;
+    options.cache = args.cache.place()?;
+    options.seed = args.common.seed;
     set_fields! {
         options = args: error, min_area, feature_size, importance, audit, direct_only, light_rays,
         gather_rays, local_rays, step_seconds, max_seconds, target_error, max_links

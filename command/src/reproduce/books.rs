@@ -3,7 +3,7 @@
 use super::blocks::Blocks;
 use super::item::{Item, Panel, Table, count, number};
 use super::view::irradiance;
-use super::{CERTAIN, Context, counts_of, fixed};
+use super::{CERTAIN, Context, by_links, by_rays, changed, counts_of, fixed};
 use glam::DVec3;
 use mrvis::internals::math::triangle_area;
 use mrvis::internals::radiosity::{self, Inside, Options, Outcome, RowSums};
@@ -94,9 +94,9 @@ impl Solves {
         while all.powers.len() < most && (all.powers.len() < 2 || all.power()[1] > precise) {
             let first = all.powers.len() as u64 + 1;
             let seeds: Vec<u64> = (first..first + batch as u64).collect();
-            let made = seeds
-                .par_iter()
-                .map(|&seed| radiosity::run(model, &[], &Options { seed, ..options.clone() }, &()));
+            let made = seeds.par_iter().map(|&seed| {
+                radiosity::run(model, &[], &changed(options, |options| options.seed = seed), &())
+            });
             for outcome in made.collect::<Result<Vec<_>>>()? {
                 all.add(model.scene(), &outcome)?;
             }
@@ -184,7 +184,9 @@ fn areas(scene: &Scene) -> Vec<f64> {
 fn coarsest(model: &Model, options: &Options) -> Result<f64> {
     for k in 0..MAX_STEPS {
         let error = COARSE * FINER.powi(k);
-        if radiosity::run(model, &[], &Options { error, ..options.clone() }, &())?.record.links > 1 {
+        if radiosity::run(model, &[], &changed(options, |options| options.error = error), &())?.record.links
+            > 1
+        {
             return Ok(error);
         }
     }
@@ -197,28 +199,26 @@ pub fn figure_10(context: &Context) -> Result<Item> {
     let clusters = clusters::Options { large_surface: f32::INFINITY, ..Default::default() };
     let options = PrepareOptions::default().with_clusters(clusters);
     let model = Model::prepare_watched(scene()?, &options, context.progress)?;
-    let links = |inside| Options {
-        inside,
-        local_rays: Some(0),
-        audit: 0,
-        row_sums: RowSums::Sampled,
-        ..Options::default()
+    let links = |inside, error| {
+        changed(&by_links(error), |options| {
+            options.inside = inside;
+            options.row_sums = RowSums::Sampled;
+        })
     };
-    let rays = Options { audit: 0, error: if context.small { 0.1 } else { 0.02 }, ..Options::default() };
+    let rays = by_rays(if context.small { 0.1 } else { 0.02 });
     let small = usize::from(context.small);
     let by_rays = Solves::new(&model, &rays, BY_RAYS[small], BY_RAYS[small], 0.0)?;
     let precise = PRECISE * by_rays.power()[0];
     // The same error in all cases.
-    let error = coarsest(&model, &links(Inside::Visible))?;
-    let by_links = |inside: Inside, precise: f64| {
-        let options = Options { error, ..links(inside) };
-        Solves::new(&model, &options, BATCH[small], SOLVES[small], precise)
+    let error = coarsest(&model, &links(Inside::Visible, COARSE))?;
+    let solves = |inside: Inside, precise: f64| {
+        Solves::new(&model, &links(inside, error), BATCH[small], SOLVES[small], precise)
     };
-    let isotropic = by_links(Inside::Isotropic, precise)?;
-    let oriented = by_links(Inside::Oriented, precise)?;
+    let isotropic = solves(Inside::Isotropic, precise)?;
+    let oriented = solves(Inside::Oriented, precise)?;
     // A quarter of the margin of equality.
     let margin = EQUAL * (oriented.power()[0] - by_rays.power()[0]).abs();
-    let all = [isotropic, oriented, by_links(Inside::Visible, 0.25 * margin)?, by_rays];
+    let all = [isotropic, oriented, solves(Inside::Visible, 0.25 * margin)?, by_rays];
     let areas = areas(model.scene());
     let received = all.each_ref().map(|solves| solves.received(&areas));
     let mut item = Item::of(format!(

@@ -3,7 +3,7 @@
 use super::item::{Item, Panel, Table, number};
 use super::office_light::{ANGLE, SIZE, VIEW, bright};
 use super::view::{irradiance, seen};
-use super::{CERTAIN, Context, fixed};
+use super::{CERTAIN, Context, by_links, changed, fixed};
 use glam::DVec3;
 use mrvis::internals::SceneParts;
 use mrvis::internals::points::Point;
@@ -80,17 +80,24 @@ pub fn importance(context: &Context) -> Result<Item> {
     let points = desk();
     let small = usize::from(context.small);
     let error = [Options::default().error, 0.05][small];
-    let base = Options { error, local_rays: Some(0), audit: 0, ..Options::default() };
-    let reference = Options { error: [0.25, 0.5][small] * error, ..base.clone() };
-    let mr =
-        |rest: f32| Options { engine: Engine::MultiResolution, feature_size: Some(rest), ..base.clone() };
+    let base = by_links(error);
+    let reference = changed(&base, |options| options.error *= [0.25, 0.5][small]);
+    let mr = |rest: f32| {
+        changed(&base, |options| {
+            options.engine = Engine::MultiResolution;
+            options.feature_size = Some(rest);
+        })
+    };
     let names = OBJECTS.map(String::from).to_vec();
     let sizes = names.iter().map(|name| (name.clone(), LOOKED)).collect();
     let cases = [
         ("0.05 m everywhere", mr(LOOKED)),
         (COARSE, mr(ELSEWHERE)),
-        ("0.05 m on the desk, 2 m elsewhere", Options { feature_sizes: sizes, ..mr(ELSEWHERE) }),
-        ("importance of the desk", Options { importance: names, ..mr(LOOKED) }),
+        (
+            "0.05 m on the desk, 2 m elsewhere",
+            changed(&mr(ELSEWHERE), |options| options.feature_sizes = sizes),
+        ),
+        ("importance of the desk", changed(&mr(LOOKED), |options| options.importance = names)),
     ];
     let truth = radiosity::run(&model, &points, &reference, context.progress)?;
     let truth = (truth.irradiance, seen(&truth.mesh, at_desk(), ANGLE, SIZE)?);
@@ -100,7 +107,7 @@ pub fn importance(context: &Context) -> Result<Item> {
     for (name, options) in cases {
         let mut solve = Solve { name, ..Solve::default() };
         for seed in 1..=if name == COARSE { COARSE_SEEDS } else { SEEDS[small] } {
-            let options = Options { seed, ..options.clone() };
+            let options = changed(&options, |options| options.seed = seed);
             let outcome = radiosity::run(&model, &points, &options, context.progress)?;
             let picture = irradiance(&outcome.mesh, at_desk(), ANGLE, SIZE)?;
             solve.error.push(100.0 * difference(&truth.0, &outcome.irradiance));

@@ -30,10 +30,27 @@ pub use page::page;
 
 use groups::Groups;
 use mrvis::internals::ModelParts;
-use mrvis::{Detail, Error, Model, PrepareOptions, Progress, Result, Scene};
+use mrvis::{Detail, Error, Model, PrepareOptions, Progress, Result, Scene, SolveOptions};
 use serde::Serialize;
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Instant;
+
+/// `options` with other values of some fields.
+fn changed(options: &SolveOptions, change: impl FnOnce(&mut SolveOptions)) -> SolveOptions {
+    let mut options = options.clone();
+    change(&mut options);
+    options
+}
+
+/// A solution by rays, without an audit.
+fn by_rays(error: f64) -> SolveOptions {
+    changed(&SolveOptions::default(), |options| (options.error, options.audit) = (error, 0))
+}
+
+/// A solution by links alone, without an audit.
+fn by_links(error: f64) -> SolveOptions {
+    changed(&by_rays(error), |options| options.local_rays = Some(0))
+}
 
 /// What items share.
 pub struct Context<'a> {

@@ -3,9 +3,9 @@
 use super::item::{Item, Panel, Table, count, number};
 use super::shadow::{crop, mean};
 use super::view::irradiance;
-use super::{Context, fixed};
+use super::{Context, by_links, by_rays, changed, fixed};
 use glam::DVec3;
-use mrvis::internals::radiosity::{self, Element, Options, RadiosityMesh};
+use mrvis::internals::radiosity::{self, Element, RadiosityMesh};
 use mrvis::internals::scene::generate::{self, DESKS, ROOM, Spec};
 use mrvis::internals::{ModelParts, PrepareParts, SceneParts, clusters};
 use mrvis::metrics::Image;
@@ -50,17 +50,15 @@ pub fn show(item: &mut Item, engine: Engine, context: &Context) -> Result<InRadi
     let (mut images, mut contrasts) = (Vec::new(), Vec::new());
     // The last one is the reference of exact visibility, with a last pass by rays.
     let links = BUILDERS.into_iter().take(if context.small { 2 } else { 3 });
-    let links = links.map(|(builder, name)| {
-        (builder, name, Options { engine, error: ERROR, local_rays: Some(0), ..Options::default() })
-    });
-    let rays = Options { error: if context.small { ERROR } else { REFERENCE_ERROR }, ..Options::default() };
+    let of_engine = changed(&by_links(ERROR), |options| options.engine = engine);
+    let links = links.map(|(builder, name)| (builder, name, of_engine.clone()));
+    let rays = by_rays(if context.small { ERROR } else { REFERENCE_ERROR });
     let rays = (engine == Engine::Exact).then_some((Builder::Grids, "reference: rays", rays));
     let has_reference = rays.is_some();
     for (builder, name, options) in links.chain(rays) {
         let clusters = clusters::Options { builder, large_surface: SHELL };
         let prepare = PrepareOptions::default().with_clusters(clusters);
         let model = Model::prepare_watched(scene.clone(), &prepare, context.progress)?;
-        let options = Options { audit: 0, ..options };
         let outcome = radiosity::run(&model, &[], &options, context.progress)?;
         let under = contrast(&floor(&scene, &outcome.mesh)?)?;
         let seconds = outcome.record.seconds.work();

@@ -48,7 +48,6 @@ pub(super) struct Facet {
 
 impl Facets {
     /// The facets of a scene.
-    #[cfg(feature = "internals")]
     pub fn new(scene: &Scene) -> Facets {
         Facets::new_unless(scene, &()).expect("nobody stops")
     }
@@ -91,7 +90,6 @@ impl Facets {
     }
 
     /// Object and material of each facet.
-    #[cfg(feature = "internals")]
     pub fn labels(&self, scene: &Scene) -> Labels {
         let of = |list: &[u32]| (0..self.count()).map(|facet| list[self.triangle(facet)]).collect();
         Labels {

@@ -249,7 +249,6 @@ pub fn decode(payload: &[u8], scene: &Scene) -> Option<PreparedClusters> {
 }
 
 /// The content of a file.
-#[cfg(any(test, feature = "internals"))]
 pub fn encode(table: &PreparedClusters) -> Option<Vec<u8>> {
     postcard::to_stdvec(table).ok()
 }

@@ -4,7 +4,6 @@ use super::solved::{Closing, Solved};
 use crate::radiosity::elements::{RowFactors, Shape};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::Arrived;
-#[cfg(feature = "reports")]
 use crate::scene::Photometry;
 use crate::scene::unit_in_metres;
 
@@ -182,7 +181,6 @@ impl Ledger {
 
     /// The luminous powers and their unit: lm, or lx times scene units squared where the length of a scene unit is not known.
     /// Without `photometry` the means of the channels.
-    #[cfg(feature = "reports")]
     pub fn shown(&self, photometry: Option<Photometry>) -> (Powers<f64>, String) {
         match photometry {
             None => (self.channels.map(mean), self.unit.clone()),

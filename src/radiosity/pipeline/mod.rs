@@ -8,7 +8,9 @@ mod record;
 mod run;
 
 pub use point_query::{PointLight, Solution};
-pub use record::{Outcome, Record, Seconds};
+#[cfg(feature = "reports")]
+pub use record::Seconds;
+pub use record::{Outcome, Record};
 pub use run::{run, solve};
 #[cfg(test)]
 pub use {engine::engine_for, run::total_area};

@@ -14,7 +14,6 @@ use crate::{Error, Result, error::quote, memory};
 
 #[cfg(test)]
 pub use forest::ground_and_sky;
-#[cfg(any(test, feature = "internals"))]
 pub use office::{DESKS, ROOM};
 
 /// A kind of generated scene.
@@ -23,7 +22,6 @@ pub struct Kind {
     /// Name, see [`Spec::name`].
     pub name: &'static str,
     /// One-line description with the relevant fields of [`Spec`] and their defaults.
-    #[cfg_attr(not(feature = "internals"), allow(dead_code))]
     pub about: &'static str,
     /// Length unit of the coordinates.
     pub unit: &'static str,

@@ -313,7 +313,6 @@ fn archives_hold_all_layers() {
 }
 
 #[test]
-#[cfg(feature = "reports")]
 fn pictures_show_ranges() {
     let folder = folder();
     let path = folder.path().join("a.png");

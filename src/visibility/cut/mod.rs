@@ -79,7 +79,6 @@ impl DistanceCut {
     }
 
     /// Size of all arrays in bytes.
-    #[cfg(any(test, feature = "reports"))]
     pub fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice())
             + size_of_val(self.extinctions.as_slice())
