@@ -233,7 +233,7 @@ pub fn is_obeyed(c: char) -> bool {
     c.is_control() || turns
 }
 
-/// A path for a message: without control characters; of one with more than [`MAX_QUOTED`] characters the end, which has the name of
+/// A path for a message: without control characters; of one with more than `MAX_QUOTED` characters the end, which has the name of
 /// the file.
 pub fn shown(path: &Path) -> String {
     let text: Vec<char> =
@@ -247,7 +247,7 @@ pub fn shown(path: &Path) -> String {
 /// Largest number of characters of a file's content, or of a name in it, that a message repeats.
 pub(crate) const MAX_QUOTED: usize = 80;
 
-/// Text of a file for a message: without control characters, at most [`MAX_QUOTED`] characters.
+/// Text of a file for a message: without control characters, at most `MAX_QUOTED` characters.
 pub fn quote(text: &str) -> String {
     let mut shown = text.chars().filter(|c| !is_obeyed(*c)).map(unmarked);
     let mut short: String = shown.by_ref().take(MAX_QUOTED - 1).collect();

@@ -96,7 +96,7 @@ pub fn grey(image: &Image, white: f32) -> Picture {
     Picture::of(image, |v| [(linear_to_srgb((v / white).clamp(0.0, 1.0)) * 255.0).round() as u8; 3])
 }
 
-/// `approximation` − `reference` on [`DIVERGING`]: −`range` dark blue (too dark), 0 white, `range` dark red (too
+/// `approximation` − `reference` on `DIVERGING`: −`range` dark blue (too dark), 0 white, `range` dark red (too
 /// bright), linear between, clamped at the ends.
 ///
 /// # Errors

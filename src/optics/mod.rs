@@ -36,7 +36,7 @@ pub enum Extinction {
 }
 
 options! {
-    /// Options of [`measure`].
+    /// Options of `measure`.
     #[derive(Clone, Copy, Debug)]
     pub struct Options {
         /// Source of the extinction.

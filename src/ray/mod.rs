@@ -34,7 +34,7 @@ pub struct Packet {
     pub active: u32,
     /// Mask of lanes whose rays run from the emitter end to the receiver end.
     pub backwards: u32,
-    /// Smallest and largest [`EndRule::slack`] at the receiver ends and at the emitter ends, scene units.
+    /// Smallest and largest `EndRule::slack` at the receiver ends and at the emitter ends, scene units.
     pub slack: [[f32; 2]; 2],
 }
 

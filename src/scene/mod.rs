@@ -137,7 +137,7 @@ pub struct StoredCamera {
 pub struct Emitter {
     /// Object name, with a number where one object has several emissive surfaces.
     pub name: String,
-    /// Faces of the emitter: ascending indices into [`Scene::triangles`].
+    /// Faces of the emitter: ascending indices into `Scene::triangles`.
     pub triangles: Vec<u32>,
     /// One-sided area of the faces, scene units squared.
     pub area: f64,

@@ -55,7 +55,7 @@ pub fn courtyard(side: usize, cell: f64, radius: f64, height: f64) -> Result<Gri
     of(side, side, cell, |x, y| if x.hypot(y) >= radius * (1.0 - 1e-9) { height } else { 0.0 })
 }
 
-/// Mountains and valleys on a square of `side × side` samples, 20 m apart: [`fractal`] whose slopes are mostly between 10 and 35 degrees.
+/// Mountains and valleys on a square of `side × side` samples, 20 m apart: `fractal` whose slopes are mostly between 10 and 35 degrees.
 pub fn mountains(side: usize, seed: u64) -> Result<Grid> {
     const CELL: f64 = 20.0;
     fractal(side, side, CELL, 0.5 * side as f64 * CELL, 0.45, seed)

@@ -22,7 +22,7 @@ pub struct Bundle<'a> {
     /// A convex polygon of three or four corners in order gives an exact pyramid; other points one of extreme slopes.
     ///
     /// The caller guarantees that all segments start at one point, end inside the hull, and have the margins of an
-    /// [`crate::ray::EndRule`]; and calls [`Packet::share_slack`].
+    /// `crate::ray::EndRule`; and calls [`Packet::share_slack`].
     pub emitter: &'a [Vec3],
 }
 
