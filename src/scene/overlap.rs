@@ -4,7 +4,7 @@
 //! other is moved behind it by a few rounding errors and gets no light there (`stack.rs`).
 //!
 //! Examples are a rug at the height of the floor and a poster in the plane of its wall. Two closed solids in contact (a box on a
-//! block) are excluded, because nothing between them is visible. A sheet is visible from both sides, also if it faces what it is in
+//! block) are excluded, because nothing between them is visible; walls of two rooms in one place are not, as each room sees its own. A sheet is visible from both sides, also if it faces what it is in
 //! contact with; then there is no message, because bottoms of furniture that is not quite closed would give one for each piece.
 //! Faces of one part that lie in one place and face away from each other are the two sides of one sheet.
 //!
@@ -30,6 +30,8 @@ pub(super) struct Faces<'a> {
     pub two_sided: &'a (dyn Fn(usize) -> bool + Sync),
     /// Part (connected faces) of a triangle.
     pub part: &'a (dyn Fn(usize) -> u32 + Sync),
+    /// Whether the normals of the part of a triangle point into it, as those of a room.
+    pub is_room: &'a (dyn Fn(usize) -> bool + Sync),
     /// Whether two triangles reflect and emit alike.
     pub appear_alike: &'a (dyn Fn(usize, usize) -> bool + Sync),
 }
@@ -245,7 +247,8 @@ fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
     }
     let [p, q] = [corners(faces, s), corners(faces, t)];
     let [n, m] = [&p, &q].map(normal);
-    let is_sheet = (faces.part)(s) == (faces.part)(t);
+    let are_rooms = (faces.is_room)(s) && (faces.is_room)(t);
+    let is_sheet = (faces.part)(s) == (faces.part)(t) || are_rooms;
     let from_one_side = n.dot(m) > 0.0 || is_sheet || (faces.two_sided)(s) || (faces.two_sided)(t);
     if !from_one_side || beside(&p, &q, m) || beside(&q, &p, n) {
         return 0.0;

@@ -31,6 +31,8 @@ const MIN_SHEET_COVER: f64 = 0.99;
 pub(super) struct Order<'a> {
     /// Part (connected faces) of a triangle.
     pub part: &'a dyn Fn(usize) -> u32,
+    /// Whether the normals of the part of a triangle point into it, as those of a room.
+    pub is_room: &'a dyn Fn(usize) -> bool,
     /// Area of the part of each triangle.
     pub part_area: &'a [f64],
     /// Emitter of each triangle, or `u32::MAX`.
@@ -42,12 +44,13 @@ pub(super) struct Order<'a> {
 /// Moves the lower one of each two overlapping triangles behind the upper one: that of the smaller part, of equal parts the later
 /// one. Front is the front of an emitting face, so that lamps in the plane of a ceiling stay in front of it, or else the front of the
 /// lowest face. A closed solid on a larger sheet that it faces stays: the sheet hides its face.
-/// Faces that are turned away from each other and cover each other are the two sides of one sheet: each stays on its own side.
+/// Faces that are turned away from each other are the two sides of one sheet if they cover each other or belong to adjacent rooms: each stays on its own
+/// side.
 /// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face. Faces that touch a moved face, such as the walls below a
 /// ceiling, follow it ([`keep_contact`]).
 pub(super) fn stack(
     found: &[Overlap],
-    Order { part, part_area, emitter, two_sided }: Order,
+    Order { part, is_room, part_area, emitter, two_sided }: Order,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
 ) {
@@ -56,9 +59,11 @@ pub(super) fn stack(
         let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
         triangle_normal(a, b, c)
     };
+    let sheets = sheets(found, part, is_room, part_area, &normal);
     let is_stacked = |&[upper, lower]: &[u32; 2]| {
         let hides = two_sided(upper as usize) && emitter[upper as usize] == u32::MAX;
         hides
+            || sheets.contains(&[upper.min(lower), upper.max(lower)])
             || two_sided(lower as usize) == two_sided(upper as usize)
             || normal(upper).dot(normal(lower)) > 0.0
     };
@@ -71,7 +76,6 @@ pub(super) fn stack(
     pairs.sort_by(|a, b| compared(a[1], b[1]));
     let mut levels = levels(&pairs);
     let normals: HashMap<u32, Vec3> = levels.keys().map(|&t| (t, normal(t))).collect();
-    let sheets = sheets(found, part, part_area, &normal);
     let mut fronts = fronts(&pairs, &normals, emitter, &sheets);
     let step = step(levels.keys().copied(), positions, triangles);
     widen(&mut levels, &mut fronts, part, positions, triangles);
@@ -235,10 +239,11 @@ fn step(stacked: impl Iterator<Item = u32> + Clone, positions: &[Vec3], triangle
 }
 
 /// The pairs of overlapping triangles, the smaller index first, that are two sides of one sheet: they are turned away from each other, and
-/// belong to one part or to two that such triangles cover.
+/// belong to one part, to two that such triangles cover, or to two rooms.
 fn sheets(
     found: &[Overlap],
     part: &dyn Fn(usize) -> u32,
+    is_room: &dyn Fn(usize) -> bool,
     part_area: &[f64],
     normal: &dyn Fn(u32) -> Vec3,
 ) -> HashSet<[u32; 2]> {
@@ -248,7 +253,10 @@ fn sheets(
         [s, t].into_iter().for_each(|t| *covered.entry(part(t as usize)).or_default() += area);
     }
     let is_covered = |t: u32| covered[&part(t as usize)] >= MIN_SHEET_COVER * part_area[t as usize];
-    let is_sheet = |s: u32, t: u32| part(s as usize) == part(t as usize) || is_covered(s) && is_covered(t);
+    let is_sheet = |s: u32, t: u32| {
+        let are_rooms = is_room(s as usize) && is_room(t as usize);
+        part(s as usize) == part(t as usize) || are_rooms || is_covered(s) && is_covered(t)
+    };
     found.iter().filter(away).filter(|&&(s, t, _)| is_sheet(s, t)).map(|&(s, t, _)| [s, t]).collect()
 }
 

@@ -171,6 +171,38 @@ fn faces_back_to_back_are_two_sides_of_a_wall() {
     }
 }
 
+/// Two closed rooms, white and black, each with a lamp; their walls at x = 2.2 m have a gap. The black room ends at x = `end`.
+fn rooms_side_by_side(gap: f64, end: f64, white_first: bool) -> Scene {
+    let mut pieces = Pieces::empty();
+    let mut rooms = [("white", 0.9, 0.0, 2.2 - 0.5 * gap, 0.5), ("black", 0.1, 2.2 + 0.5 * gap, end, 2.7)];
+    if !white_first {
+        rooms.reverse();
+    }
+    for (name, reflectance, from, to, lamp) in rooms {
+        pieces.grey(name, reflectance).room(from * DVec3::X, DVec3::new(to, 3.0, 2.5));
+        pieces.glowing("lamp", 10.0).polygon(&facing_down([lamp, lamp + 1.0], [1.0, 2.0], 2.4));
+    }
+    pieces.scene()
+}
+
+/// Walls of closed rooms in one place are those of rooms with a gap of a millimetre, whichever room is larger or comes first.
+#[test]
+fn walls_of_closed_rooms_in_one_place_keep_their_sides() {
+    let points = [at(1.0, 1.5, 0.0), at(1.9, 1.2, 0.0), at(2.5, 1.2, 0.0), at(3.2, 1.5, 0.0)];
+    for end in [3.8, 6.0] {
+        let light = |gap: f64, white_first: bool| {
+            let scene = rooms_side_by_side(gap, end, white_first);
+            [solved(&scene, &points, &quick()).irradiance, traced(&scene, &points, 2048, 1)]
+        };
+        let wanted = light(1e-3, true);
+        for white_first in [false, true] {
+            for (found, wanted) in light(0.0, white_first).iter().flatten().zip(wanted.iter().flatten()) {
+                assert!((found[0] / wanted[0] - 1.0).abs() < 0.05, "{end}: {found:?} {wanted:?}");
+            }
+        }
+    }
+}
+
 /// Two lamps in one place that are turned away from each other light both parts of a room as lamps with a gap of a millimetre do, and all of their
 /// power arrives.
 #[test]
