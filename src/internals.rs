@@ -18,7 +18,7 @@ pub mod bench {
 
     /// Two builders.
     pub mod side_by_side {
-        pub use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
+        pub use crate::bench::side_by_side::{ComparedRecord, SideBySide, side_by_side};
     }
 }
 

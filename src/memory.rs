@@ -6,16 +6,16 @@ use std::path::Path;
 
 /// Part of the available memory that is used if the caller states no limit: the rest is for the system and for what is
 /// not estimated.
-pub const PART: f64 = 0.8;
+pub const USABLE_FRACTION: f64 = 0.8;
 
 /// Bytes that may be used if the caller states no limit; `None` where the system does not report what is available.
 pub fn usable() -> Option<u64> {
-    Some((PART * available()? as f64) as u64)
+    Some((USABLE_FRACTION * available()? as f64) as u64)
 }
 
 /// Requests below this are granted without a look at the system, bytes: the look takes 0.1 ms, half of it for one file
 /// (`python3 -m timeit "open('/proc/meminfo').read()"`: 56 µs), about as long as a core takes to fill so much memory.
-const SMALL: u64 = 1 << 20;
+const UNCHECKED_BYTES: u64 = 1 << 20;
 
 /// Refuses work for which the process cannot have so many bytes at once: more than [`usable`], or more than a limit of its address
 /// space. What would otherwise end the process is an error, also where the system promises more memory than it has. Nothing is touched.
@@ -25,7 +25,7 @@ const SMALL: u64 = 1 << 20;
 pub fn check_room(bytes: u64, what: impl FnOnce() -> String) -> Result<()> {
     let mut room: Vec<u8> = Vec::new();
     let is_given = usize::try_from(bytes).is_ok_and(|bytes| room.try_reserve_exact(bytes).is_ok());
-    let left = if bytes < SMALL { None } else { usable() };
+    let left = if bytes < UNCHECKED_BYTES { None } else { usable() };
     match left.is_none_or(|left| bytes <= left) && is_given {
         true => Ok(()),
         false => {

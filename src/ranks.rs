@@ -41,20 +41,20 @@ impl Ranks {
     pub fn rows(&self, count: usize) -> Rows<'_> {
         let (ranks, own) = self.0.as_ref().map_or((1, 0), |e| (e.count(), e.own()));
         let block = (count / (ranks * BLOCKS)).clamp(1, MAX_BLOCK);
-        Rows { exchange: self.0.as_deref(), count, deal: Deal { ranks, own, block } }
+        Rows { exchange: self.0.as_deref(), count, deal: RowBlocks { ranks, own, block } }
     }
 }
 
 /// How rows are dealt: blocks in turn.
 #[derive(Clone, Copy, Debug)]
-struct Deal {
+struct RowBlocks {
     ranks: usize,
     own: usize,
     /// Rows of a block.
     block: usize,
 }
 
-impl Deal {
+impl RowBlocks {
     /// Number of rows of a rank, of so many.
     fn len(self, count: usize, rank: usize) -> usize {
         let turn = self.block * self.ranks;
@@ -77,7 +77,7 @@ impl Deal {
 pub struct Rows<'a> {
     exchange: Option<&'a dyn Exchange>,
     count: usize,
-    deal: Deal,
+    deal: RowBlocks,
 }
 
 impl Rows<'_> {
@@ -197,7 +197,7 @@ mod tests {
     #[test]
     fn every_row_is_dealt_once() {
         for (count, ranks, block) in [(0, 3, 1), (1, 3, 1), (10, 3, 1), (11, 2, 4), (1000, 7, 3), (8, 2, 4)] {
-            let deal = |own| Deal { ranks, own, block };
+            let deal = |own| RowBlocks { ranks, own, block };
             let mut all = Vec::new();
             for own in 0..ranks {
                 let numbers: Vec<usize> =

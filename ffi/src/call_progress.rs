@@ -33,13 +33,13 @@ pub fn with_progress<R: Send>(
     };
     // Work of a call that is made in another callback stays apart from the pool that is at work there.
     let nested = is_in_callback();
-    let told = Arc::new(Told::default());
+    let told = Arc::new(ProgressState::default());
     // A caller who stops at once stops before anything is done.
     told.stop.store(ask(&CString::from(c"start"), 0.0), Ordering::Relaxed);
     thread::scope(|scope| {
         let worker = thread::Builder::new().name("mrvis".into()).stack_size(STACK);
         let worker = worker.spawn_scoped(scope, || {
-            let _over = Over(&told);
+            let _over = EndOfWork(&told);
             in_callback(nested, || work(told.clone()))
         });
         let worker = worker.map_err(|e| Error::OutOfMemory(format!("a thread cannot be started ({e})")))?;
@@ -52,7 +52,7 @@ pub fn with_progress<R: Send>(
 
 /// What the threads that work tell that of the caller.
 #[derive(Default)]
-struct Told {
+struct ProgressState {
     stage: Mutex<Stage>,
     changed: Condvar,
     done: AtomicU64,
@@ -67,7 +67,7 @@ struct Stage {
     is_over: bool,
 }
 
-impl Told {
+impl ProgressState {
     fn stage(&self) -> MutexGuard<'_, Stage> {
         self.stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -98,9 +98,9 @@ impl Told {
     }
 }
 
-impl Progress for Told {
+impl Progress for ProgressState {
     fn stage(&self, name: &str, steps: u64) {
-        let mut stage = Told::stage(self);
+        let mut stage = ProgressState::stage(self);
         stage.name = CString::new(name).unwrap_or_default();
         (stage.steps, stage.is_new) = (steps, true);
         self.done.store(0, Ordering::Relaxed);
@@ -117,9 +117,9 @@ impl Progress for Told {
 }
 
 /// Tells the end of the work, also of work that panics.
-struct Over<'a>(&'a Told);
+struct EndOfWork<'a>(&'a ProgressState);
 
-impl Drop for Over<'_> {
+impl Drop for EndOfWork<'_> {
     fn drop(&mut self) {
         self.0.stage().is_over = true;
         self.0.changed.notify_one();

@@ -26,7 +26,7 @@ impl From<Error> for Failure {
 pub type Outcome<T = ()> = Result<T, Failure>;
 
 /// An object that may be half changed after a defect.
-pub trait Suspect {
+pub trait MayBeDamaged {
     /// Refuses further use.
     fn refuse(&self);
 }
@@ -35,12 +35,12 @@ pub trait Suspect {
 pub struct Call {
     caller: FloatState,
     /// Objects of the handles that were given; they stay alive during the call. Four need no allocation.
-    used: RefCell<SmallVec<[Arc<dyn Suspect>; 4]>>,
+    used: RefCell<SmallVec<[Arc<dyn MayBeDamaged>; 4]>>,
 }
 
 impl Call {
     /// The call uses an object.
-    pub fn uses(&self, object: Arc<dyn Suspect>) {
+    pub fn uses(&self, object: Arc<dyn MayBeDamaged>) {
         self.used.borrow_mut().push(object);
     }
 

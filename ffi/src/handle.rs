@@ -4,7 +4,7 @@
 //! handle that was released, or has another type, is an error and never another object.
 
 use super::arguments::null;
-use super::guard::{Call, Failure, Outcome, Suspect};
+use super::guard::{Call, Failure, MayBeDamaged, Outcome};
 use super::status::keep_message;
 use mrvis::Error;
 use std::any::Any;
@@ -18,7 +18,7 @@ pub trait Opaque: 'static {
     /// Its name.
     const NAME: &'static str;
     /// What stands behind it.
-    type Value: Send + Sync + 'static;
+    type Inner: Send + Sync + 'static;
 }
 
 /// Defines an opaque type, what stands behind it, and the two functions that count its references.
@@ -31,7 +31,7 @@ macro_rules! handle {
 
         impl super::handle::Opaque for $name {
             const NAME: &'static str = stringify!($name);
-            type Value = $value;
+            type Inner = $value;
         }
 
         #[unsafe(no_mangle)]
@@ -57,7 +57,7 @@ pub struct Object<T> {
     suspect: AtomicBool,
 }
 
-impl<T> Suspect for Object<T> {
+impl<T> MayBeDamaged for Object<T> {
     fn refuse(&self) {
         self.suspect.store(true, Ordering::Relaxed);
     }
@@ -72,30 +72,30 @@ impl<T> Deref for Object<T> {
 }
 
 /// A live handle.
-struct Live {
+struct LiveHandle {
     /// Type of the handle.
     name: &'static str,
     object: Arc<dyn Any + Send + Sync>,
 }
 
 /// All live handles by their numbers.
-static LIVE: RwLock<BTreeMap<usize, Live>> = RwLock::new(BTreeMap::new());
+static LIVE: RwLock<BTreeMap<usize, LiveHandle>> = RwLock::new(BTreeMap::new());
 /// Number of the next handle, a multiple of [`STEP`].
 static NEXT: AtomicUsize = AtomicUsize::new(STEP);
 /// Difference of handles: that of aligned memory, for hosts that use the lowest bits of pointers.
 const STEP: usize = 16;
 
 /// A new handle with one reference.
-pub fn give<H: Opaque>(value: H::Value) -> *mut H {
+pub fn give<H: Opaque>(value: H::Inner) -> *mut H {
     let object = Object { value, references: AtomicUsize::new(1), suspect: AtomicBool::new(false) };
     let handle = NEXT.fetch_add(STEP, Ordering::Relaxed);
-    let live = Live { name: H::NAME, object: Arc::new(object) };
+    let live = LiveHandle { name: H::NAME, object: Arc::new(object) };
     LIVE.write().unwrap_or_else(PoisonError::into_inner).insert(handle, live);
     std::ptr::without_provenance_mut(handle)
 }
 
 /// The object of the handle that the argument `name` holds, alive until the result is dropped.
-pub fn object<H: Opaque>(call: &Call, handle: *const H, name: &str) -> Outcome<Arc<Object<H::Value>>> {
+pub fn object<H: Opaque>(call: &Call, handle: *const H, name: &str) -> Outcome<Arc<Object<H::Inner>>> {
     if handle.is_null() {
         return Err(null(name));
     }
@@ -136,10 +136,10 @@ pub fn release<H: Opaque>(handle: *const H) {
 
 /// The object of a handle of this type.
 fn listed<H: Opaque>(
-    live: &BTreeMap<usize, Live>,
+    live: &BTreeMap<usize, LiveHandle>,
     handle: *const H,
     name: &str,
-) -> Outcome<Arc<Object<H::Value>>> {
+) -> Outcome<Arc<Object<H::Inner>>> {
     let found = live.get(&handle.addr());
     if let Some(Ok(object)) =
         found.filter(|found| found.name == H::NAME).map(|found| found.object.clone().downcast())

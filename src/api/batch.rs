@@ -1,7 +1,7 @@
 //! Answers to batches: bundles in chunks, chunks in parallel, segments in packets. No memory is allocated once buffers are large enough.
 
 use super::segments::{Answers, Segments};
-use super::visibility::{Chosen, Visibility};
+use super::visibility::{BatchEngine, Visibility};
 use crate::model::Model;
 use crate::progress::Progress;
 use crate::ray::{LANES, Occluder, Packet};
@@ -17,7 +17,7 @@ use std::ops::Range;
 /// traversal. Larger bundles are answered in parts of so many segments. Does not depend on the number of threads, so that answers do not.
 const CHUNK: (usize, usize) = (256, 1 << 14);
 /// Largest batch that is answered without deciding between engines: the decision walks 16 bundles, a quarter of the batch.
-const SMALL: usize = 64;
+const MAX_UNDECIDED_SEGMENTS: usize = 64;
 
 impl Visibility {
     /// Answers a batch into the caller's arrays; returns its cost. The answers do not depend on the number of threads. A model with
@@ -42,10 +42,10 @@ impl Visibility {
         let shift = segments.shift(self.model.scene().origin);
         segments.check(shift, parallel)?;
         answers.check(segments.bundle_count(), segments.origins.len())?;
-        let ask = Ask { segments, shift, model: &self.model, progress, parallel };
+        let ask = CheckedBatch { segments, shift, model: &self.model, progress, parallel };
         let engine = match self.chosen(segments.feature_sizes.is_some())? {
-            Chosen::Either(engine) if ask.pays(&engine) => Chosen::Clusters(engine),
-            Chosen::Either(_) => Chosen::Exact(self.model.exact()),
+            BatchEngine::Either(engine) if ask.pays(&engine) => BatchEngine::Clusters(engine),
+            BatchEngine::Either(_) => BatchEngine::Exact(self.model.exact()),
             engine => engine,
         };
         let bundles = segments.bundle_count();
@@ -127,7 +127,7 @@ fn taken<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
 }
 
 /// A batch that was checked.
-struct Ask<'a> {
+struct CheckedBatch<'a> {
     segments: &'a Segments<'a>,
     /// Added to positions of segments to have them relative to the scene's origin.
     shift: DVec3,
@@ -137,9 +137,9 @@ struct Ask<'a> {
     parallel: bool,
 }
 
-impl Ask<'_> {
+impl CheckedBatch<'_> {
     /// Answers a chunk: its halves, until they are small. `None` if it was stopped.
-    fn answer(&self, engine: &Chosen, mut chunk: Chunk) -> Option<Cost> {
+    fn answer(&self, engine: &BatchEngine, mut chunk: Chunk) -> Option<Cost> {
         let Some(bundles) = chunk.division(self.segments) else {
             if self.progress.stopped() {
                 return None;
@@ -148,8 +148,8 @@ impl Ask<'_> {
             let cost = self.model.with_workspace(|workspace| {
                 let mut buffers = std::mem::take(&mut workspace.batch);
                 let cost = match engine {
-                    Chosen::Exact(engine) => self.exact(engine, chunk, &mut buffers),
-                    Chosen::Clusters(engine) | Chosen::Either(engine) => {
+                    BatchEngine::Exact(engine) => self.exact(engine, chunk, &mut buffers),
+                    BatchEngine::Clusters(engine) | BatchEngine::Either(engine) => {
                         self.clusters(engine, chunk, &mut buffers, workspace)
                     }
                 };
@@ -199,7 +199,7 @@ impl Ask<'_> {
     /// its own sample: the engine gives up by itself where it does not pay.
     fn pays(&self, engine: &MultiResolution) -> bool {
         let (bundles, sizes) = (self.segments.bundle_count(), self.segments.feature_sizes);
-        let Some(sizes) = sizes.filter(|_| bundles > SMALL) else { return true };
+        let Some(sizes) = sizes.filter(|_| bundles > MAX_UNDECIDED_SEGMENTS) else { return true };
         self.model.with_workspace(|workspace| {
             let (mut buffers, mut work) = (std::mem::take(&mut workspace.batch), Work::default());
             for run in sample_runs(bundles) {
@@ -264,7 +264,8 @@ impl Ask<'_> {
         workspace: &mut Workspace,
     ) -> Option<Cost> {
         let (bundles, mut each) = (chunk.bundles.clone(), chunk.each.take());
-        let mut sums: SmallVec<[Sum; CHUNK.0]> = SmallVec::from_elem(Sum::default(), bundles.len());
+        let mut sums: SmallVec<[PartialAnswers; CHUNK.0]> =
+            SmallVec::from_elem(PartialAnswers::default(), bundles.len());
         let mut cost = Cost::default();
         if bundles.len() > 1 {
             self.packets(bundles.clone().map(|k| self.segments.of_bundle(k)), buffers);
@@ -292,7 +293,7 @@ impl Ask<'_> {
         engine: &MultiResolution,
         bundles: Range<usize>,
         mut each: Option<&mut [f32]>,
-        sums: &mut [Sum],
+        sums: &mut [PartialAnswers],
         buffers: &mut BatchBuffers,
         workspace: &mut Workspace,
     ) -> Cost {
@@ -340,14 +341,14 @@ fn parts(segments: Range<usize>) -> impl Iterator<Item = Range<usize>> {
 
 /// Answers to parts of a bundle.
 #[derive(Clone, Copy, Default)]
-struct Sum {
+struct PartialAnswers {
     parts: u32,
     segments: f64,
     values: [f64; 3],
     method: Method,
 }
 
-impl Sum {
+impl PartialAnswers {
     fn add(&mut self, answer: &Answer) {
         let n = answer.cost.segments as f64;
         self.segments += n;

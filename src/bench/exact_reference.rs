@@ -145,7 +145,7 @@ impl RmsEstimate {
 /// expansion of Cornish and Fisher (Abramowitz and Stegun 26.7.5).
 fn student(freedom: usize) -> f64 {
     /// Quantiles for 1 to 4 degrees of freedom.
-    const FIRST: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
+    const SMALL_SAMPLE_QUANTILES: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
     let v = freedom as f64;
     let first = (NORMAL_95.powi(3) + NORMAL_95) / 4.0;
     let second = (5.0 * NORMAL_95.powi(5) + 16.0 * NORMAL_95.powi(3) + 3.0 * NORMAL_95) / 96.0;
@@ -154,7 +154,7 @@ fn student(freedom: usize) -> f64 {
         / 384.0;
     match freedom {
         0 => f64::INFINITY,
-        1..=4 => FIRST[freedom - 1],
+        1..=4 => SMALL_SAMPLE_QUANTILES[freedom - 1],
         _ => NORMAL_95 + first / v + second / (v * v) + third / v.powi(3),
     }
 }

@@ -295,7 +295,7 @@ pub(super) const WARM_UP_PAIRS: usize = 1024;
 
 /// Minimum times of rows that were run equally often.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Timed {
+pub(super) struct RowTimes {
     /// Time of each row, seconds, in order.
     pub seconds: Vec<f64>,
     /// Number of runs of each row.
@@ -309,7 +309,7 @@ pub(super) fn rounds(
     max_time: Duration,
     rows: usize,
     mut run: impl FnMut(usize, bool) -> Vec<f64>,
-) -> Timed {
+) -> RowTimes {
     let start = Instant::now();
     let goes_on = |rounds: usize| {
         let likely_end = start.elapsed().mul_f64((rounds + 1) as f64 / rounds as f64);
@@ -323,7 +323,7 @@ pub(super) fn rounds(
         }
         rounds += 1;
     }
-    Timed { seconds: best.iter().map(|sections| sections.iter().sum()).collect(), rounds }
+    RowTimes { seconds: best.iter().map(|sections| sections.iter().sum()).collect(), rounds }
 }
 
 /// Takes the smaller time of each section.

@@ -38,7 +38,7 @@ const PROBES_PER_SIDE: usize = 8;
 const PROBE_RAYS: usize = 16;
 /// A patch is dark below this fraction of the unoccluded irradiance, and fully lit above one minus this: the default
 /// threshold of shadows of `mrvis fbem`. Selects receivers only.
-const DARK_PART: f64 = 0.02;
+const SHADOW_THRESHOLD: f64 = 0.02;
 
 /// Default feature sizes: a shadow of two texels is the smallest that an image shows, and of the largest five lie side by side.
 const SMALLEST_FEATURE_TEXELS: f64 = 2.0;
@@ -262,15 +262,15 @@ fn candidates(
             let (light, part) = light_on(model, scene, exact, &patch, front);
             let sheet = scene.triangle_sides[patch.triangles[0] as usize] == 2;
             let (mut best, mut rectangle) = ((light, part), front);
-            if sheet || part < DARK_PART {
+            if sheet || part < SHADOW_THRESHOLD {
                 let back = front.turned();
                 let there = light_on(model, scene, exact, &patch, back);
                 if there.0 > best.0 {
                     (best, rectangle) = (there, back);
                 }
             }
-            let lit = best.1 >= DARK_PART;
-            let (surfaces, shadowed) = (scene.clone(), lit && best.1 <= 1.0 - DARK_PART);
+            let lit = best.1 >= SHADOW_THRESHOLD;
+            let (surfaces, shadowed) = (scene.clone(), lit && best.1 <= 1.0 - SHADOW_THRESHOLD);
             Candidate { patch, surfaces, object, rectangle, lit, shadowed }
         })
         .collect();

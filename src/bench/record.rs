@@ -12,7 +12,7 @@ mod maps;
 use serde::Serialize;
 
 pub use crate::model::summary::SceneSummary;
-pub use compared::{NO_FASTER, ratio, speedup};
+pub use compared::{EQUAL_SPEED_RANGE, ratio, speedup};
 pub use maps::{MapExactRow, MapMrRow, MapRecord};
 
 /// Results of one run.
@@ -43,7 +43,7 @@ pub struct Record {
     /// The queries that both engines answer.
     pub workload: Workload,
     /// What the run itself took.
-    pub spent: Spent,
+    pub spent: RunSeconds,
     /// Exact visibility, by number of rays.
     pub exact: Vec<ExactRow>,
     /// Exact visibility with certificates. Speed-ups refer to the fastest rows of `exact` and `certified` together.
@@ -283,7 +283,7 @@ impl Record {
     /// The MR row that is fastest at the same feature-based error, if it is faster than exact rays, and how much.
     pub fn faster_at_same_fbem(&self) -> Option<(&MrRow, f64)> {
         let rows = self.shown_rows().iter().filter_map(|row| Some((row, row.speedup_at_same_fbem?)));
-        rows.filter(|(_, speed)| *speed >= NO_FASTER[1]).max_by(|a, b| a.1.total_cmp(&b.1))
+        rows.filter(|(_, speed)| *speed >= EQUAL_SPEED_RANGE[1]).max_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
 
@@ -448,7 +448,7 @@ impl SkySources {
 
 /// What a run itself takes by part, seconds: most of it are references, and several runs of each row.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Spent {
+pub struct RunSeconds {
     /// Choice of points, receivers and ray calls.
     pub choice_s: f64,
     /// Rows over all points.
@@ -461,7 +461,7 @@ pub struct Spent {
     pub maps_s: f64,
 }
 
-impl Spent {
+impl RunSeconds {
     /// Names and seconds of the parts.
     pub fn parts(&self) -> [(&'static str, f64); 5] {
         [

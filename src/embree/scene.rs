@@ -322,7 +322,7 @@ impl CommittedScene {
             trace(packets, hits, places.as_mut_ptr());
             for (hits, [u, v]) in hits.iter_mut().zip(&places) {
                 for (triangle, (&u, &v)) in hits.triangle.iter_mut().zip(u.iter().zip(v)) {
-                    if *triangle != Hits::NOTHING && *triangle & Hits::PIECE != 0 {
+                    if *triangle != Hits::NO_HIT && *triangle & Hits::PIECE != 0 {
                         *triangle = grid(*triangle & !Hits::PIECE, [u, v]);
                     }
                 }

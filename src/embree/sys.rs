@@ -215,7 +215,7 @@ pub struct GridPiece {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Hits {
-    /// Triangle index within its geometry per lane; [`Hits::NOTHING`] without a hit.
+    /// Triangle index within its geometry per lane; [`Hits::NO_HIT`] without a hit.
     pub triangle: [u32; LANES],
     /// Index of the instance per lane, see [`super::SceneBuilder::add_instance`]; 0 in scenes without instances; undefined
     /// without a hit.
@@ -226,11 +226,11 @@ pub struct Hits {
 
 impl Hits {
     /// Triangle index that means "no hit".
-    pub const NOTHING: u32 = u32::MAX;
+    pub const NO_HIT: u32 = u32::MAX;
     /// Bit of [`Hits::triangle`] that the shim sets at hits of a grid's piece.
     pub(super) const PIECE: u32 = 1 << 31;
     /// No hit in any lane.
-    pub const NONE: Hits = Hits { triangle: [Self::NOTHING; LANES], instance: [0; LANES], t: [0.0; LANES] };
+    pub const NONE: Hits = Hits { triangle: [Self::NO_HIT; LANES], instance: [0; LANES], t: [0.0; LANES] };
 }
 
 // The same numbers as in `shim.c`.

@@ -127,7 +127,7 @@ impl<'a> Stage<'a> {
                 let mut again = 0;
                 for lane in rays.lanes() {
                     let hit = hits[0].triangle[lane];
-                    if hit == Hits::NOTHING {
+                    if hit == Hits::NO_HIT {
                         continue;
                     }
                     missed &= !(1 << lane);

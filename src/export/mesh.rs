@@ -47,7 +47,7 @@ impl Mesh {
         let normals: Vec<Vec3> = solution.elements.par_iter().map(|e| normal(solution, e)).collect();
         let outlined = |e| go_on().map(|()| outline(solution, &vertices, e));
         let outlines: Vec<Vec<u32>> = solution.elements.par_iter().map(outlined).collect::<Option<_>>()?;
-        let around = Around::new(solution.vertices.len(), &outlines);
+        let around = VertexElements::new(solution.vertices.len(), &outlines);
         let at_outlines = at_outlines(solution, &normals, &outlines, &around, &go_on)?;
         let mut out = Builder::default();
         for (e, (element, outline)) in solution.elements.iter().zip(&outlines).enumerate() {
@@ -125,13 +125,13 @@ fn halves(
 }
 
 /// Elements around each vertex.
-struct Around {
+struct VertexElements {
     first: Vec<u32>,
     elements: Vec<u32>,
 }
 
-impl Around {
-    fn new(vertices: usize, outlines: &[Vec<u32>]) -> Around {
+impl VertexElements {
+    fn new(vertices: usize, outlines: &[Vec<u32>]) -> VertexElements {
         let mut first = vec![0u32; vertices + 1];
         outlines.iter().flatten().for_each(|&v| first[v as usize + 1] += 1);
         (0..vertices).for_each(|v| first[v + 1] += first[v]);
@@ -143,7 +143,7 @@ impl Around {
                 next[v as usize] += 1;
             }
         }
-        Around { first, elements }
+        VertexElements { first, elements }
     }
 
     fn of(&self, vertex: u32) -> &[u32] {
@@ -163,7 +163,7 @@ fn at_outlines(
     solution: &RadiosityMesh,
     normals: &[Vec3],
     outlines: &[Vec<u32>],
-    around: &Around,
+    around: &VertexElements,
     go_on: &(impl Fn() -> Option<()> + Sync),
 ) -> Option<Vec<Vec<[f32; 3]>>> {
     let means = |values: &[[f64; 3]]| -> Option<Vec<Vec<[f64; 3]>>> {

@@ -24,13 +24,13 @@ use serde::Serialize;
 use std::collections::HashMap;
 
 /// More notes than this are at the end of the page: the pictures come first.
-const SHORT_NOTES: usize = 3;
+const MAX_NOTES_AT_TOP: usize = 3;
 
 /// How irradiance is shown: in W/m², the mean of the channels, or in lux.
 #[derive(Clone, Copy)]
-struct Shown(Option<Photometry>);
+struct LightUnit(Option<Photometry>);
 
-impl Shown {
+impl LightUnit {
     fn unit(self) -> &'static str {
         if self.0.is_some() { "lx" } else { "W/m²" }
     }
@@ -59,12 +59,12 @@ pub struct PageView {
     /// The tone-mapped picture.
     pub picture: Picture,
     /// What each pixel shows.
-    pub seen: Vec<Seen>,
+    pub seen: Vec<PixelContent>,
 }
 
 /// What a pixel shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Seen {
+pub enum PixelContent {
     /// No surface.
     Nothing,
     /// A surface that emits: what it receives is not to be seen.
@@ -87,7 +87,7 @@ pub fn solve_page(
     command: &str,
 ) -> Result<String> {
     let name = file_name(&record.scene.path);
-    let shown = Shown(photometry);
+    let shown = LightUnit(photometry);
     let body = html! {
         (headline(record, name, shown))
         section {
@@ -123,7 +123,7 @@ pub fn solve_page(
     Ok(document(&format!("mrvis solve: {name}"), &body))
 }
 
-fn headline(record: &Record, name: &str, shown: Shown) -> Markup {
+fn headline(record: &Record, name: &str, shown: LightUnit) -> Markup {
     let (light, unit) = (shown.of(record.mean_irradiance), shown.unit());
     let [red, green, blue] = record.mean_irradiance.map(number);
     let (powers, unit_of_power) = record.ledger.shown(shown.0);
@@ -146,7 +146,7 @@ fn headline(record: &Record, name: &str, shown: Shown) -> Markup {
                 @if shown.0.is_none() { "Irradiance is the mean of the channels; red" } @else { "Red" }
                 ", green and blue are " (red) ", " (green) " and " (blue) " W/m² in the mean."
             }
-            @if record.warnings.len() > SHORT_NOTES {
+            @if record.warnings.len() > MAX_NOTES_AT_TOP {
                 p.warning { (record.warnings.len()) " notes are at the end of this page." }
             } @else {
                 @for warning in &record.warnings { p.warning { (worded(warning, own_word)) } }
@@ -158,7 +158,7 @@ fn headline(record: &Record, name: &str, shown: Shown) -> Markup {
 /// All notes, if they are too many for the head of the page.
 fn notes(record: &Record) -> Markup {
     html! {
-        @if record.warnings.len() > SHORT_NOTES {
+        @if record.warnings.len() > MAX_NOTES_AT_TOP {
             section {
                 h2 { "Notes" }
                 @for warning in &record.warnings { p.note { (worded(warning, own_word)) } }
@@ -167,20 +167,20 @@ fn notes(record: &Record) -> Markup {
     }
 }
 
-fn pictures(views: &[PageView], shown: Shown) -> Result<Markup> {
-    let light = |seen: &Seen| match seen {
-        Seen::Surface(e) => Some(shown.of(e.map(f64::from)) as f32),
-        Seen::Nothing | Seen::Emitter => None,
+fn pictures(views: &[PageView], shown: LightUnit) -> Result<Markup> {
+    let light = |seen: &PixelContent| match seen {
+        PixelContent::Surface(e) => Some(shown.of(e.map(f64::from)) as f32),
+        PixelContent::Nothing | PixelContent::Emitter => None,
     };
     let lights: Vec<Vec<Option<f32>>> =
         views.iter().map(|view| view.seen.iter().map(light).collect()).collect();
-    let with_emitters = views.iter().any(|view| view.seen.contains(&Seen::Emitter));
+    let with_emitters = views.iter().any(|view| view.seen.contains(&PixelContent::Emitter));
     let bands = Bands::of(lights.iter().flatten().flatten().copied());
     let mut figures = Vec::new();
     for (view, light) in views.iter().zip(&lights) {
         let mut coloured = bands.picture(view.picture.width, light);
         for (k, colour) in
-            coloured.pixels.iter_mut().enumerate().filter(|(k, _)| view.seen[*k] == Seen::Emitter)
+            coloured.pixels.iter_mut().enumerate().filter(|(k, _)| view.seen[*k] == PixelContent::Emitter)
         {
             *colour = hatched([k % view.picture.width, k / view.picture.width]);
         }
@@ -344,7 +344,7 @@ pub fn surfaces(
     photometry: Option<Photometry>,
     solution: &RadiosityMesh,
 ) -> Vec<SurfaceLight> {
-    let shown = Shown(photometry);
+    let shown = LightUnit(photometry);
     let mut sides: HashMap<(u32, bool), [f64; 4]> = HashMap::new();
     for e in &solution.elements {
         let light = shown.of(e.irradiance);
@@ -369,7 +369,7 @@ pub fn surfaces(
 }
 
 /// The table.
-fn surface_section(scene: &Scene, shown: Shown, solution: &RadiosityMesh) -> Markup {
+fn surface_section(scene: &Scene, shown: LightUnit, solution: &RadiosityMesh) -> Markup {
     let surfaces = surfaces(scene, shown.0, solution);
     let (name, area) = (format!("mean {}", shown.unit()), format!("area {}²", scene.unit));
     let columns = format!("object | side | {area} | {name} | minimum | maximum");

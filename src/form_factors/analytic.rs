@@ -215,7 +215,7 @@ pub fn clip(polygon: &[DVec3], point: DVec3, normal: DVec3) -> Vec<DVec3> {
 /// Smallest distance of a polygon's first corner, relative to the largest distance of another corner from it, at which quadrature takes
 /// the place of the closed form. The rule is exact for polynomials of degree 2, so that its relative error falls with the third power of
 /// the distance; at 8 it is below 0.2 % (a test of random polygons).
-const FAR: f64 = 8.0;
+const MIN_QUADRATURE_DISTANCE: f64 = 8.0;
 
 /// [`point_to_polygon`] for a convex or concave polygon that is far and wholly above the horizon, to 0.2 %; none for others. About ten
 /// times as fast.
@@ -231,7 +231,7 @@ pub(crate) fn point_to_far_polygon(point: DVec3, normal: DVec3, polygon: &[DVec3
             return None;
         }
     }
-    if size * FAR * FAR > distance {
+    if size * MIN_QUADRATURE_DISTANCE * MIN_QUADRATURE_DISTANCE > distance {
         return None;
     }
     let mut sum = 0.0;

@@ -77,7 +77,7 @@ impl Model {
         let (mut met, mut outside, mut nearest) = (0.0, 0.0, None::<(u32, f32)>);
         for (k, (packet, hits)) in packets.iter().zip(&hits).enumerate() {
             // The first instance holds the scene's own faces.
-            let own = |lane: &usize| hits.triangle[*lane] != Hits::NOTHING && hits.instance[*lane] == 0;
+            let own = |lane: &usize| hits.triangle[*lane] != Hits::NO_HIT && hits.instance[*lane] == 0;
             for lane in (0..LANES).filter(own).filter(|&lane| is_other(hits.triangle[lane])) {
                 let (triangle, at) = (hits.triangle[lane], packet.point(lane, hits.t[lane]));
                 let way = at - packet.point(lane, 0.0);
@@ -105,7 +105,7 @@ impl Model {
         }
         let mut hits = [Hits::NONE];
         self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
-        [0, 1].map(|lane| Some(hits[0].triangle[lane]).filter(|&t| t != Hits::NOTHING))
+        [0, 1].map(|lane| Some(hits[0].triangle[lane]).filter(|&t| t != Hits::NO_HIT))
     }
 
     /// Emitters that are looked at: all, or evenly spread ones.
@@ -170,7 +170,7 @@ impl Model {
     fn meets_others(&self, emitter: &Emitter, side: f32) -> bool {
         let (_, hits) = self.rays_of_emitter(emitter, side);
         let other = |hits: &Hits, lane: usize| match hits.triangle[lane] {
-            Hits::NOTHING => false,
+            Hits::NO_HIT => false,
             // The first instance holds the scene's own faces.
             t => hits.instance[lane] != 0 || emitter.triangles.binary_search(&t).is_err(),
         };
@@ -226,13 +226,13 @@ fn triangle_normal_towards([a, b, c]: [Vec3; 3], towards: Vec3) -> Vec3 {
 const DOME_MARGIN: f32 = 0.01;
 
 /// Distance up to which an object encloses an emitter as a bulb does, relative to the scene's diagonal: that of rooms is more.
-const ENCLOSED: f32 = 0.02;
+const ENCLOSURE_DISTANCE: f32 = 0.02;
 
 impl Model {
     /// A note if all light of emitters ends on one small object around them, as that of a lamp inside of an opaque bulb does.
     pub(super) fn note_of_enclosed_emitters(&self) -> Option<String> {
         let scene = self.scene();
-        let small = ENCLOSED * self.bounds().diagonal();
+        let small = ENCLOSURE_DISTANCE * self.bounds().diagonal();
         let enclosed = |emitter: &&Emitter| {
             let (packets, hits) = self.rays_of_emitter(emitter, 1.0);
             let mut around = None;
@@ -240,7 +240,7 @@ impl Model {
                 for lane in 0..LANES {
                     let triangle = hits.triangle[lane];
                     let way = hits.t[lane] * (packet.point(lane, 1.0) - packet.point(lane, 0.0)).length();
-                    if triangle == Hits::NOTHING || hits.instance[lane] != 0 || way > small {
+                    if triangle == Hits::NO_HIT || hits.instance[lane] != 0 || way > small {
                         return None;
                     }
                     let object = scene.triangle_object[triangle as usize];

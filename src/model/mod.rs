@@ -320,7 +320,7 @@ impl Model {
             let mut hits = [Hits::NONE];
             self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
             let [Hits { triangle, instance, t }] = hits;
-            let face = (triangle[0] != Hits::NOTHING).then(|| self.end_on(instance[0], triangle[0]));
+            let face = (triangle[0] != Hits::NO_HIT).then(|| self.end_on(instance[0], triangle[0]));
             face.filter(|rule| t[0] <= rule.left_out())
         });
         faces.fold(own, |all, rule| if rule.slack() > all.slack() { rule } else { all })

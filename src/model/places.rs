@@ -60,7 +60,7 @@ impl Model {
     fn part_met(&self, hits: &Hits, lane: usize) -> Option<(u32, u32)> {
         let (triangle, instance) = (hits.triangle[lane], hits.instance[lane]);
         let part = || self.mesh_of(instance).triangle_component[triangle as usize];
-        (triangle != Hits::NOTHING).then(|| (instance, part()))
+        (triangle != Hits::NO_HIT).then(|| (instance, part()))
     }
 
     /// Number of cosine-weighted rays from a point that do not meet a wall, plus the mean distance to which all go, as a part of the longest in the

@@ -223,7 +223,7 @@ fn prepare(
     let mut report = PrepareReport::default();
     let device = Device::new(rayon::current_num_threads())?;
     progress.stage("building Embree's tree", 0);
-    let stop = Stop::of(progress);
+    let stop = StopCheck::of(progress);
     let stopped = || stop.asked();
     let scenes: Vec<&Arc<Scene>> = std::iter::once(&scene).chain(&scene.shared).collect();
     let traced = timed(&mut report.embree_s, || {
@@ -287,14 +287,14 @@ fn top_level(inner: &mut Inner) -> Result<Option<TopLevel>> {
 }
 
 /// Whether a preparation shall stop: asks the caller, until it says so once.
-struct Stop<'a> {
+struct StopCheck<'a> {
     progress: &'a dyn Progress,
     asked: AtomicBool,
 }
 
-impl Stop<'_> {
-    fn of(progress: &dyn Progress) -> Stop<'_> {
-        Stop { progress, asked: AtomicBool::new(false) }
+impl StopCheck<'_> {
+    fn of(progress: &dyn Progress) -> StopCheck<'_> {
+        StopCheck { progress, asked: AtomicBool::new(false) }
     }
 
     fn asked(&self) -> bool {
@@ -315,7 +315,7 @@ fn clusters_of(
     let how = cache::Options { clusters: options.clusters(), optics: options.optics };
     let start = time::Instant::now();
     let (mut clusters_s, mut optics_s) = (0.0, 0.0);
-    let stop = Stop::of(progress);
+    let stop = StopCheck::of(progress);
     let stopped = || stop.asked();
     let cancelled = || Error::Cancelled("stopped before the clusters were measured".into());
     // No optics are measured on the coarse faces of fine ground: averaged visibility refuses it.

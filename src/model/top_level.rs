@@ -22,7 +22,7 @@ pub struct TopLevel {
 }
 
 /// What stood above the instances before an update.
-pub struct Before<'a> {
+pub struct Previous<'a> {
     pub top: &'a TopLevel,
     pub instances: &'a [Instance],
     /// The instances that the update changes, each once; those that it adds have the numbers after `instances`.
@@ -39,7 +39,7 @@ impl TopLevel {
         meshes: &[Arc<Mesh>],
         instances: &[Instance],
         options: &optics::Options,
-        before: Option<&Before>,
+        before: Option<&Previous>,
     ) -> Result<TopLevel> {
         let mut builder = SceneBuilder::new(device)?;
         for (i, instance) in present(instances) {
@@ -71,7 +71,7 @@ fn groups(
     measured: &[&Measured],
     instances: &[Instance],
     options: &optics::Options,
-    before: Option<&Before>,
+    before: Option<&Previous>,
 ) -> InstanceTree {
     let bounds = |instance: &Instance| instance.bounds(&meshes[instance.mesh as usize].scene);
     let before = before.and_then(|before| Some((before, before.top.groups.as_deref()?)));

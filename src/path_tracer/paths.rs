@@ -134,7 +134,7 @@ impl<'a> Paths<'a> {
                     add(sum, direct[lane]);
                 }
                 let direction = directions[lane];
-                if let Some(sky) = self.sky.filter(|_| hits.triangle[lane] == Hits::NOTHING) {
+                if let Some(sky) = self.sky.filter(|_| hits.triangle[lane] == Hits::NO_HIT) {
                     let far = direction.as_dvec3();
                     let chance = f64::from(path.normal.dot(direction) / PI);
                     let share = if sky.sky().is_some() { chance / (chance + sky.pdf(far)) } else { 1.0 };

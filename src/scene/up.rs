@@ -61,7 +61,7 @@ impl UpAxis {
 const MAIN_EMISSION: f32 = 0.15;
 /// Ratio of extents above which the shorter of y and z is taken as the height: rooms and terrains are wider than high,
 /// and a cube that was rounded is no sign.
-const FLAT: f32 = 1.1;
+const MIN_FLATNESS: f32 = 1.1;
 
 impl Scene {
     /// The upward axis, see [`Scene::up_from`].
@@ -87,7 +87,7 @@ impl Scene {
         }
         let (main, along_y) = (down.y.max(down.z), down.y > down.z);
         let extent = self.world_bounds().extent();
-        let lower_along_y = extent.z > FLAT * extent.y;
+        let lower_along_y = extent.z > MIN_FLATNESS * extent.y;
         let (is_y, from) = if main > MAIN_EMISSION * total {
             (along_y, UpFrom::Light)
         } else {

@@ -9,7 +9,7 @@
 //!   ([`Work::is_less`]), which also saves the links of shadows that it need not resolve.
 
 use super::answer::Bundle;
-use super::walk::Walked;
+use super::walk::WalkResult;
 use crate::simd::LANES;
 use std::ops::Range;
 
@@ -98,7 +98,7 @@ impl CostModel {
     }
 
     /// Work of both engines for a bundle, after its walk.
-    pub fn of(&self, bundle: &Bundle, walked: &Walked) -> Work {
+    pub fn of(&self, bundle: &Bundle, walked: &WalkResult) -> Work {
         let (rays, limit) = (self.rays(bundle), self.limit(bundle));
         let abandoned = walked.gave_up || walked.work > limit;
         Work { own: BUNDLE_WORK + if abandoned { limit + rays } else { walked.work }, rays }

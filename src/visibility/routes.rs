@@ -20,14 +20,14 @@ const MIN_AVERAGED_RUNS: usize = 5;
 const WALK_WORK: f64 = 2.5;
 
 /// Visible fractions of the bundles of a sample by two independent halves of many rays.
-pub type Halves = [Vec<f32>; 2];
+pub type ReferenceHalves = [Vec<f32>; 2];
 
 /// Bundles like those that are to be answered.
 pub struct RouteSample<'a> {
     /// Runs of neighbouring bundles.
     pub runs: Vec<Vec<Bundle<'a>>>,
     /// A fraction for each bundle, in order.
-    pub truth: &'a Halves,
+    pub truth: &'a ReferenceHalves,
 }
 
 /// Time and errors of a route for the bundles of a sample.

@@ -15,7 +15,7 @@ use super::values::{ClusterArgs, ENGINES, lower, name_of, one_of, set_fields};
 use crate::cli::mpi::Sharing;
 use glam::DVec3;
 use grids::{GridArg, Grids, MeasuredGrid, section};
-use mrvis::internals::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
+use mrvis::internals::bench::side_by_side::{ComparedRecord, SideBySide, side_by_side};
 use mrvis::internals::error::{in_words, quote};
 use mrvis::internals::export::{SurfaceLight, solve_page, surfaces};
 use mrvis::internals::files::{WholeFile, input, write_json};
@@ -231,7 +231,7 @@ fn write(
     points: &[Point],
     grids: &Grids,
     outcome: Outcome,
-    versus: Option<Versus>,
+    versus: Option<SideBySide>,
     solution: &Solution,
     watch: &Watch,
 ) -> Result<()> {

@@ -4,7 +4,7 @@ use super::cubes::COVERAGE;
 use super::item::Item;
 use super::plain::Leaves;
 use super::table_1::{SATISFACTORY, paper_parts, satisfactory_spread};
-use super::{CERTAIN, Repeated, fixed, list};
+use super::{MIN_STANDARD_ERRORS, Repeated, fixed, list};
 
 /// Feature sizes of the paper, in its relative unit.
 pub const SIZES: [f64; 4] = [2.0, 2.8, 3.5, 5.0];
@@ -119,7 +119,7 @@ fn judge_work(item: &mut Item, measured: &Measured) {
         fall > certain && rises.is_none(),
         || match rises {
             Some(k) => format!("it rises from s = {} to s = {}", SIZES[k], SIZES[k + 1]),
-            None => format!("it falls by {} standard errors", fixed(CERTAIN * fall / certain, 1)),
+            None => format!("it falls by {} standard errors", fixed(MIN_STANDARD_ERRORS * fall / certain, 1)),
         },
     );
 }

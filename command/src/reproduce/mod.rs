@@ -289,7 +289,7 @@ impl Entry {
 }
 
 /// Standard errors by which a difference is certain.
-const CERTAIN: f64 = 3.0;
+const MIN_STANDARD_ERRORS: f64 = 3.0;
 
 /// Pairs of measurements of the same.
 #[derive(Clone, Debug)]
@@ -308,7 +308,7 @@ impl Repeated {
 
     /// Difference of the logarithms of two means that is certain.
     fn certain(&self) -> f64 {
-        CERTAIN * 2.0f64.sqrt() * self.noise()
+        MIN_STANDARD_ERRORS * 2.0f64.sqrt() * self.noise()
     }
 }
 

@@ -140,7 +140,7 @@ struct Segment {
 }
 
 /// Part of a segment at its ends on which triangles do not block.
-const END: f32 = 1e-5;
+const END_FRACTION: f32 = 1e-5;
 
 impl Segment {
     /// Parameter of the point of the line that is nearest to `point`.
@@ -163,7 +163,7 @@ impl Segment {
         let from = self.from - a;
         let (p, q) = (from.dot(across) / determinant, from.cross(u));
         let (r, t) = (self.direction.dot(q) / determinant, v.dot(q) / determinant);
-        p >= 0.0 && r >= 0.0 && p + r <= 1.0 && (END..=1.0 - END).contains(&t)
+        p >= 0.0 && r >= 0.0 && p + r <= 1.0 && (END_FRACTION..=1.0 - END_FRACTION).contains(&t)
     }
 }
 

@@ -45,7 +45,7 @@ fn formula(e: f64, b: f64, d1: f64) -> [f64; 2] {
 }
 
 /// Texels by which the number of centres inside a width may differ from the width; rounded up for widths that end at centres.
-const COUNTED: f64 = 1.01;
+const MAX_COUNT_DIFFERENCE: f64 = 1.01;
 
 /// Number of texels on the middle row that a predicate holds for, times their side.
 fn width_on_middle_row(image: &Image, holds: impl Fn(f32) -> bool) -> f64 {
@@ -127,12 +127,13 @@ fn judge_figure_5(item: &mut Item, worst: [f64; 2], umbrae: &[Umbra], texel: f64
         item.check(
             format!("the {what} has the width of the formula, to the one texel that counting can miss"),
             format!("largest difference {} texels", fixed(worst, 2)),
-            worst <= COUNTED,
+            worst <= MAX_COUNT_DIFFERENCE,
             || "rays leave out the border of the emitter, or meet the blocker beside its edge".into(),
         );
     }
-    let differs =
-        |u: &&Umbra| (u.found > 0.0) != (u.expected > 0.0) && (u.found - u.expected).abs() > COUNTED * texel;
+    let differs = |u: &&Umbra| {
+        (u.found > 0.0) != (u.expected > 0.0) && (u.found - u.expected).abs() > MAX_COUNT_DIFFERENCE * texel
+    };
     let wrong: Vec<String> = umbrae.iter().filter(differs).map(|u| format!("{} m", u.d1)).collect();
     item.check(
         "with a blocker smaller than the emitter the umbra is absent at some positions and present at others, as predicted",

@@ -7,7 +7,7 @@ pub const PLAIN: &str = "exact";
 pub const CERTIFIED: &str = "certified";
 
 /// Speed-ups between these are none: repeated runs of a row differ by 5 %.
-pub const NO_FASTER: [f64; 2] = [0.95, 1.05];
+pub const EQUAL_SPEED_RANGE: [f64; 2] = [0.95, 1.05];
 
 /// Route of rows that plain exact rays answer.
 const EMBREE: &str = "embree";

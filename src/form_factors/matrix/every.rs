@@ -88,8 +88,8 @@ impl Sequence {
     }
 
     fn next(&mut self) -> [f32; 4] {
-        const STEPS: [u32; 4] = [3_679_390_609, 3_152_041_523, 2_700_274_805, 2_313_257_605];
-        for (x, step) in self.0.iter_mut().zip(STEPS) {
+        const R4_STEPS: [u32; 4] = [3_679_390_609, 3_152_041_523, 2_700_274_805, 2_313_257_605];
+        for (x, step) in self.0.iter_mut().zip(R4_STEPS) {
             *x = x.wrapping_add(step);
         }
         self.0.map(|x| (x >> 8) as f32 / (1 << 24) as f32)

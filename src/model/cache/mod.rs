@@ -261,11 +261,11 @@ fn save(path: &Path, key: &blake3::Hash, table: &PreparedClusters) -> Result<()>
     }
     remove_oldest(folder, MAX_FOLDER);
     let at = |e| Error::io(path, e);
-    let summed = Summed { out: WholeFile::create(path)?, hash: blake3::Hasher::new() };
+    let summed = HashingWriter { out: WholeFile::create(path)?, hash: blake3::Hasher::new() };
     let mut out = BufWriter::with_capacity(1 << 20, summed);
     out.write_all(MAGIC).and_then(|()| out.write_all(key.as_bytes())).map_err(at)?;
     postcard::to_io(table, &mut out).map_err(|e| at(io::Error::other(e)))?;
-    let Summed { mut out, hash } = out.into_inner().map_err(|e| at(e.into_error()))?;
+    let HashingWriter { mut out, hash } = out.into_inner().map_err(|e| at(e.into_error()))?;
     out.write_all(hash.finalize().as_bytes()).map_err(at)?;
     out.commit()
 }
@@ -291,12 +291,12 @@ fn remove_oldest(folder: &Path, limit: u64) {
 }
 
 /// Writer that hashes all bytes.
-struct Summed {
+struct HashingWriter {
     out: WholeFile,
     hash: blake3::Hasher,
 }
 
-impl Write for Summed {
+impl Write for HashingWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let n = self.out.write(bytes)?;
         self.hash.update(&bytes[..n]);

@@ -1,9 +1,9 @@
 //! The energy ledger: where the emitted power went.
 
-use super::solved::{Closing, Solved};
+use super::solved::{FinalLightSource, Solved};
 use crate::radiosity::elements::{RowFactors, Shape};
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::radiosity::surroundings::Arrived;
+use crate::radiosity::surroundings::SkyPower;
 use crate::scene::Photometry;
 use crate::scene::unit_in_metres;
 
@@ -75,7 +75,7 @@ impl Solved {
         let mut ledger = Ledger::default();
         let mut powers = Powers::<Rgb>::default();
         let (mut received, mut sent, mut closed) = ([0.0; 3], [0.0; 3], 0.0);
-        let by_rays = matches!(self.closing, Closing::Rays(_));
+        let by_rays = matches!(self.closing, FinalLightSource::Rays(_));
         for (e, (element, state)) in elements.elements.iter().zip(elements.states.iter()).enumerate() {
             let Shape::Surface { side, .. } = element.shape else { continue };
             if !element.is_leaf() {
@@ -106,12 +106,12 @@ impl Solved {
             }
         }
         let arrived = match &self.closing {
-            Closing::Links(links) => links.arrived,
-            Closing::Rays(local) => local.arrived,
-            Closing::Nothing => Arrived::default(),
+            FinalLightSource::Links(links) => links.arrived,
+            FinalLightSource::Rays(local) => local.arrived,
+            FinalLightSource::Nothing => SkyPower::default(),
         };
         (ledger.sky, ledger.sun) = (mean(arrived.sky), mean(arrived.sun));
-        if let Closing::Rays(local) = &self.closing {
+        if let FinalLightSource::Rays(local) = &self.closing {
             for (k, share) in local.received.into_iter().enumerate() {
                 sent[k] += share * powers.emitted[k];
                 powers.escaped[k] += (1.0 - share) * powers.emitted[k];
@@ -129,7 +129,7 @@ impl Solved {
             ledger.reciprocity_residual = 0.0;
         }
         powers.created = std::array::from_fn(|k| received[k] - sent[k]);
-        if matches!(self.closing, Closing::Nothing) {
+        if matches!(self.closing, FinalLightSource::Nothing) {
             let unknown = [f64::NAN; 3];
             powers =
                 Powers { emitted: powers.emitted, absorbed: unknown, escaped: unknown, created: unknown };
@@ -142,16 +142,16 @@ impl Solved {
     /// sides without elements is not sent to any element.
     pub(super) fn row_sums(&self, e: usize) -> RowSums {
         match &self.closing {
-            Closing::Links(links) => {
+            FinalLightSource::Links(links) => {
                 let used = links.used[e] * f64::from(self.linked.elements.states[e].factors.gathers);
                 RowSums { sampled: links.sampled[e], used, sent: used }
             }
-            Closing::Rays(local) => {
+            FinalLightSource::Rays(local) => {
                 let result = local.results[e];
                 let kept = f64::from(result.kept);
                 RowSums { sampled: kept, used: kept, sent: f64::from(result.row_sum) }
             }
-            Closing::Nothing => RowSums { sampled: 1.0, used: 1.0, sent: 1.0 },
+            FinalLightSource::Nothing => RowSums { sampled: 1.0, used: 1.0, sent: 1.0 },
         }
     }
 }

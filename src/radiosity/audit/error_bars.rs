@@ -52,10 +52,10 @@ const FACTOR_LIMITS: [f64; 2] = [0.25, 4.0];
 const MIN_ELEMENTS: usize = 40;
 /// Part of the errors that should lie within twice the bars: two standard deviations of a normal distribution. Errors have longer
 /// tails, so that bars fitted to one standard deviation would be too small.
-const WITHIN_TWO: f64 = 0.9545;
+const FRACTION_WITHIN_TWO: f64 = 0.9545;
 /// Position in each stratum of the sum of chances at which an element is drawn: for the factor, and for the audit.
-const FOR_FACTOR: f64 = 0.25;
-const FOR_AUDIT: f64 = 0.75;
+const FACTOR_POSITION: f64 = 0.25;
+const AUDIT_POSITION: f64 = 0.75;
 
 /// The size of an audit.
 #[derive(Clone, Copy, Debug)]
@@ -111,7 +111,7 @@ impl FinalGather<'_> {
     /// Compares the solution's irradiance with paths, and the differences with `bars` (standard uncertainty by element, W/m²), at
     /// some elements. The audit is empty if the deadline ends it early.
     pub fn audit(&self, bars: &[f64], size: AuditSize, deadline: &Deadline) -> (ErrorBarAudit, Tally) {
-        let (checks, tally) = self.checks(bars, size, FOR_AUDIT, deadline);
+        let (checks, tally) = self.checks(bars, size, AUDIT_POSITION, deadline);
         if checks.is_empty() {
             return (ErrorBarAudit::default(), tally);
         }
@@ -132,7 +132,7 @@ impl FinalGather<'_> {
     /// RMS error of elements relative to the mean irradiance, from other elements than those of the audit; at least the detection
     /// limit. `None` if no element was checked.
     pub fn sampled_error(&self, bars: &[f64], size: AuditSize, deadline: &Deadline) -> (Option<f64>, Tally) {
-        let (checks, tally) = self.checks(bars, size, FOR_FACTOR, deadline);
+        let (checks, tally) = self.checks(bars, size, FACTOR_POSITION, deadline);
         let error =
             mean_square(&squares(&checks)).map(|(mean, resolved)| mean.max(resolved).sqrt() / self.level());
         (error, tally)
@@ -142,7 +142,7 @@ impl FinalGather<'_> {
     /// lie within twice the bars; 1 if too few of them have bars above the noise of the paths. Bars assume
     /// independent samples, but stratified samples are better, and errors of links are correlated.
     pub fn bar_factor(&self, bars: &[f64], size: AuditSize, deadline: &Deadline) -> (f64, Tally) {
-        let (mut checks, tally) = self.checks(bars, size, FOR_FACTOR, deadline);
+        let (mut checks, tally) = self.checks(bars, size, FACTOR_POSITION, deadline);
         checks.retain(|check| check.noise < check.bar);
         if checks.len() < MIN_ELEMENTS {
             return (1.0, tally);
@@ -152,7 +152,7 @@ impl FinalGather<'_> {
         let [mut low, mut high] = FACTOR_LIMITS;
         for _ in 0..20 {
             let middle = (low * high).sqrt();
-            if within(middle) < WITHIN_TWO { low = middle } else { high = middle }
+            if within(middle) < FRACTION_WITHIN_TWO { low = middle } else { high = middle }
         }
         (high, tally)
     }

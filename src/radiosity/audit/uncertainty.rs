@@ -1,6 +1,6 @@
 //! Error bars of the solution.
 
-use super::solved::{Closing, Solved};
+use super::solved::{FinalLightSource, Solved};
 use crate::math::weld::weld;
 use crate::radiosity::elements::{Element as ElementNode, Elements, Shape, Side, surface_area};
 use crate::radiosity::mesh::{Element, PlacedElement, RadiosityMesh};
@@ -69,9 +69,9 @@ impl Solved {
     /// the standard error of the element's rays.
     pub fn uncertainty(&self) -> Vec<f64> {
         match &self.closing {
-            Closing::Rays(local) => local.results.iter().map(|r| f64::from(r.noise)).collect(),
-            Closing::Links(_) => link_uncertainty(&self.linked),
-            Closing::Nothing => vec![0.0; self.linked.elements.len()],
+            FinalLightSource::Rays(local) => local.results.iter().map(|r| f64::from(r.noise)).collect(),
+            FinalLightSource::Links(_) => link_uncertainty(&self.linked),
+            FinalLightSource::Nothing => vec![0.0; self.linked.elements.len()],
         }
     }
 

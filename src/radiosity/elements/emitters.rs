@@ -52,7 +52,7 @@ const MAX_UNEVEN: f32 = 2.0;
 
 /// Smallest distance of points from the rim of a face in bounds of the rounding errors of its coordinates: twice the length that segments leave out at ends on
 /// unknown surfaces.
-const RIM: f32 = 32.0;
+const MIN_RIM_DISTANCE: f32 = 32.0;
 /// Largest part of the way to the middle, for faces that are small against the rounding errors of their place.
 const MAX_RIM_PART: f32 = 0.1;
 
@@ -221,7 +221,7 @@ impl EmitterFace {
         let next = corners.iter().cycle().skip(1);
         let longest = corners.iter().zip(next).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
         // The middle of a parallelogram is at least area / longest / 2 from the rim, that of a triangle 2/3 of area / longest.
-        let to_middle = (2.0 * RIM * side.end.slack() * longest / area).min(MAX_RIM_PART);
+        let to_middle = (2.0 * MIN_RIM_DISTANCE * side.end.slack() * longest / area).min(MAX_RIM_PART);
         EmitterFace {
             corners,
             polygon: corners.map(|p| p.as_dvec3()),

@@ -41,7 +41,7 @@ pub(super) fn lit_sides(scene: &Scene, open: &[u32]) -> Vec<[bool; 2]> {
 
 /// A ray that met a face on a side that was assumed to be dark.
 #[derive(Clone, Copy, Debug)]
-pub struct Entered {
+pub struct DarkSideHit {
     /// The face.
     pub triangle: u32,
     /// Origin of the ray, scene units.
@@ -58,18 +58,18 @@ const MIN_OUTSIDE_SHARE: f64 = 0.25;
 /// The closed parts (components of the scene, ascending) that have light on both sides: rays from outside or from an emitter
 /// have met their inside, because some of their faces are turned over. Other rays that meet a closed part from within start on
 /// an object that reaches into the part or stands on the same floor, and that is dark there.
-pub fn lit_inside(scene: &Scene, entered: &[Entered]) -> Vec<u32> {
+pub fn lit_inside(scene: &Scene, entered: &[DarkSideHit]) -> Vec<u32> {
     let parts = closed_parts(scene);
-    let mut by_part: Vec<Vec<Entered>> = vec![Vec::new(); parts.len()];
+    let mut by_part: Vec<Vec<DarkSideHit>> = vec![Vec::new(); parts.len()];
     for ray in entered {
         by_part[scene.triangle_component[ray.triangle as usize] as usize].push(*ray);
     }
-    let is_lit = |(rays, faces): (&Vec<Entered>, &Vec<u32>)| {
+    let is_lit = |(rays, faces): (&Vec<DarkSideHit>, &Vec<u32>)| {
         if rays.is_empty() || faces.is_empty() {
             return false;
         }
-        let tested: Vec<&Entered> = rays.iter().step_by(rays.len().div_ceil(MAX_TESTED_RAYS)).collect();
-        let outside = |ray: &&&Entered| winding(scene, faces, ray.from).abs() < 0.5;
+        let tested: Vec<&DarkSideHit> = rays.iter().step_by(rays.len().div_ceil(MAX_TESTED_RAYS)).collect();
+        let outside = |ray: &&&DarkSideHit| winding(scene, faces, ray.from).abs() < 0.5;
         let from_outside = tested.iter().filter(outside).count() as f64;
         rays.iter().any(|ray| ray.emits) || from_outside >= MIN_OUTSIDE_SHARE * tested.len() as f64
     };

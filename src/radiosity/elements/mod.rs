@@ -27,7 +27,7 @@ use crate::math::Aabb;
 use crate::ray::EndRule;
 use crate::scene::{FineGround, InstanceTriangles, Profile};
 use glam::Vec3;
-pub use lit_sides::{Entered, lit_inside};
+pub use lit_sides::{DarkSideHit, lit_inside};
 pub use lookup::Lookup;
 pub use profiles::{emission_gain, mean_over};
 pub use side_sampling::SideSampler;

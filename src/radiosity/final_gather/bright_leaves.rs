@@ -91,7 +91,7 @@ pub(super) struct Brightest {
 
 /// Areas and light of the leaves below an element.
 #[derive(Clone, Copy)]
-struct Light {
+struct SubtreeLight {
     /// Smallest and largest radiosity, W/m².
     range: [f64; 2],
     area: f64,
@@ -116,12 +116,12 @@ impl Brightest {
         shadow_rays: usize,
         tolerated_power: f64,
     ) -> Brightest {
-        let nothing = Light { range: [f64::INFINITY, 0.0], area: 0.0, power: 0.0 };
+        let nothing = SubtreeLight { range: [f64::INFINITY, 0.0], area: 0.0, power: 0.0 };
         let mut below = vec![nothing; elements.len()];
         for &(leaf, light) in leaves {
             let area = elements[leaf as usize].area;
             let range = if states[leaf as usize].is_apart() { [0.0, f64::INFINITY] } else { [light; 2] };
-            below[leaf as usize] = Light { range, area, power: area * light };
+            below[leaf as usize] = SubtreeLight { range, area, power: area * light };
         }
         // Parents come before their children.
         for e in (1..elements.len()).rev() {
@@ -130,7 +130,7 @@ impl Brightest {
             (of.area, of.power) = (of.area + own.area, of.power + own.power);
         }
         let is_even = |e: usize| {
-            let Light { range: [low, high], area, .. } = below[e];
+            let SubtreeLight { range: [low, high], area, .. } = below[e];
             !elements[e].is_cluster() && area > 0.0 && high <= MAX_RANGE * low
         };
         let mut is_part = vec![false; elements.len()];

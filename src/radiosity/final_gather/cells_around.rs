@@ -28,7 +28,7 @@ pub(super) struct RayCell {
     pub at_ray: Vec3,
     /// Square of the error of `sky`, mean over the channels, (W/m²)².
     pub error: f32,
-    /// Index of the first of its quarters in the next level; [`WHOLE`] if it is not divided.
+    /// Index of the first of its quarters in the next level; [`UNDIVIDED`] if it is not divided.
     pub quarters: u32,
 }
 
@@ -49,11 +49,11 @@ impl RayCell {
 }
 
 /// Index of the quarters of a cell that is not divided.
-pub(super) const WHOLE: u32 = u32::MAX;
+pub(super) const UNDIVIDED: u32 = u32::MAX;
 
 /// Ranges of light of some cells, and whether they are open or blocked.
 #[derive(Clone, Copy)]
-pub(super) struct Near {
+pub(super) struct NeighbourRanges {
     /// Range of the light of the sky, blocked or not, W/m².
     pub sky: [f32; 2],
     /// Range of the light of surfaces in blocked cells, W/m².
@@ -63,8 +63,8 @@ pub(super) struct Near {
     pub blocked: bool,
 }
 
-impl Near {
-    pub const NOTHING: Near = Near {
+impl NeighbourRanges {
+    pub const EMPTY: NeighbourRanges = NeighbourRanges {
         sky: [f32::INFINITY, f32::NEG_INFINITY],
         surfaces: [f32::INFINITY, f32::NEG_INFINITY],
         open: false,
@@ -150,7 +150,7 @@ impl<'a> Surroundings<'a> {
         }
         let mut cell = &self.levels[0][(j >> finest) * self.columns + (i >> finest)];
         for (depth, cells) in self.levels.iter().enumerate().skip(1) {
-            if cell.quarters == WHOLE {
+            if cell.quarters == UNDIVIDED {
                 break;
             }
             let half = |at: usize| (at >> (finest - depth)) & 1;
@@ -176,7 +176,7 @@ impl<'a> Surroundings<'a> {
 
     /// For each place of a grid of cells of one size, row after row, the cells around it. The ranges of all places are found at once, by
     /// operations on whole rows.
-    pub fn in_whole_grid(&self) -> Vec<Near> {
+    pub fn in_whole_grid(&self) -> Vec<NeighbourRanges> {
         let finest = &self.levels[self.levels.len() - 1];
         let largest = |of: &dyn Fn(&RayCell) -> f32| {
             let values: Vec<f32> = self.in_rows.iter().map(|k| of(&finest[*k as usize])).collect();
@@ -189,7 +189,7 @@ impl<'a> Surroundings<'a> {
             largest(&|cell| blocked(cell, cell.level_of_surfaces())),
         ];
         let open = largest(&|cell| f32::from(u8::from(cell.is_open)));
-        let near = |k: usize| Near {
+        let near = |k: usize| NeighbourRanges {
             sky: [-skies[0][k], skies[1][k]],
             surfaces: [-surfaces[0][k], surfaces[1][k]],
             open: open[k] > 0.0,
@@ -199,8 +199,8 @@ impl<'a> Surroundings<'a> {
     }
 
     /// The cells around a place; `whole` are those of all places of a grid of cells of one size.
-    pub fn near(&self, place: [u32; 2], whole: &[Near]) -> Near {
-        let mut near = Near::NOTHING;
+    pub fn near(&self, place: [u32; 2], whole: &[NeighbourRanges]) -> NeighbourRanges {
+        let mut near = NeighbourRanges::EMPTY;
         match whole.get(place[1] as usize * self.size[0] + place[0] as usize) {
             Some(near) => return *near,
             None => self.for_each_near(place, |cell| near.add(cell)),

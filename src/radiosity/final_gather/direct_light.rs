@@ -18,7 +18,7 @@ pub(super) const CHUNK: usize = 64;
 /// shows a hundredth of a lamp, none of 32 rays passes in three cases of four; without more rays a sixth of the lamp's light would be lost.
 const MAX_HIDDEN_VISIBILITY: f64 = 4.0 / MIN_SHADOW_RAYS as f64;
 /// Mean number of unseen emitters to which a point traces all rays in each set. Points of 64 closed cells with 32 lamps take 7 times as long with all lamps.
-const TRACED_AGAIN: f64 = 4.0;
+const RETRACED_EMITTERS: f64 = 4.0;
 
 impl FinalGather<'_> {
     /// Direct irradiance at points, W/m²: the mean over `sets` sets of shadow rays. All points query one emitter together.
@@ -67,7 +67,7 @@ impl FinalGather<'_> {
         let chosen = |(emitter, view): (usize, EmitterView)| {
             let chance = match view.visible() > 0.0 {
                 true => 1.0,
-                false => (TRACED_AGAIN * mean(view.free) / unoccluded[view.point]).min(1.0),
+                false => (RETRACED_EMITTERS * mean(view.free) / unoccluded[view.point]).min(1.0),
             };
             let [random, ..] = numbers(mix(view.from.seed) ^ emitter as u64, 0);
             (f64::from(random) < chance).then_some((emitter, chance, view))

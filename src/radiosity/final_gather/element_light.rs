@@ -5,7 +5,7 @@
 //! cosine-weighted rays hit. The rays of an element form two halves, to separate noise from differences between elements
 //! ([`super::sharing`]).
 
-use super::element_rays::{LeafRays, OF_LIGHT, batches, join_sequences};
+use super::element_rays::{LIGHT_SET, LeafRays, batches, join_sequences};
 use super::element_samples::{DIRECT, ElementLight, REFLECTED, SharedLight};
 use super::gatherer::{Buffers, FinalGather};
 use super::local_pass::LocalPass;
@@ -16,7 +16,7 @@ use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape, Side};
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::rgb::{Rgb, mean};
-use crate::radiosity::surroundings::{Arrived, ESCAPED, SideRays};
+use crate::radiosity::surroundings::{ESCAPED, SideRays, SkyPower};
 use glam::Vec3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -27,7 +27,7 @@ const MIN_HALF: u32 = 4;
 /// Largest number of rays of each half, so that no element can use up all rays: noise of 1 % where one ray deviates by half of the mean.
 const MAX_HALF: u32 = 1024;
 /// Deviation of one ray from the mean light of its element, relative to that light, where it is not known.
-const USUAL_DEVIATION: f64 = 0.5;
+const DEFAULT_DEVIATION: f64 = 0.5;
 
 /// Rays of an element to each sun for each of its other rays, where parts of the surface are in the shade. Rays to one sun are coherent: four take about
 /// as long as a ray into the scene. Below trees most of the noise comes from shadows.
@@ -54,7 +54,7 @@ pub struct Gathered {
     /// Part of the emitted power that meets elements, by channel.
     pub received: Rgb,
     /// The power that arrives from sky and suns.
-    pub arrived: Arrived,
+    pub arrived: SkyPower,
     /// Leaves without light, because the time was too short.
     pub hurried: usize,
     /// Cost of the rays.
@@ -119,7 +119,7 @@ impl FinalGather<'_> {
         let weight = elements[e as usize].area * f64::from(states[e as usize].importance);
         // Without rays of the first pass the deviation is unknown: leaves that were not traced for lack of time get the smallest number of rays.
         let deviation = match result.rays {
-            0 if states[e as usize].is_apart() => USUAL_DEVIATION * mean(result.irradiance),
+            0 if states[e as usize].is_apart() => DEFAULT_DEVIATION * mean(result.irradiance),
             0 => 0.0,
             _ => f64::from(result.deviation),
         };
@@ -188,7 +188,7 @@ impl FinalGather<'_> {
                 true => ((2 * count).min(MAX_HALF), false),
                 false => (count, true),
             };
-            LeafRays { leaf, count, to_emitters, suns, sequences: self.sequences_of(leaf, OF_LIGHT) }
+            LeafRays { leaf, count, to_emitters, suns, sequences: self.sequences_of(leaf, LIGHT_SET) }
         };
         let mut rays: Vec<LeafRays> = leaves.iter().map(of).collect();
         self.join_sequences(&mut rays);
@@ -230,7 +230,7 @@ impl FinalGather<'_> {
             let factor = self.balance_of_reflected_light(&leaves, &areas, &light, local);
             light.iter_mut().for_each(|light| light.scale(REFLECTED, factor));
             arrived =
-                Arrived::of(light.iter().zip(&areas).map(|(light, &area)| (area, light.sky, light.sun)));
+                SkyPower::of(light.iter().zip(&areas).map(|(light, &area)| (area, light.sky, light.sun)));
         }
         // The light of an element differs on both sides of a surface that crosses it: crossed elements share no light. Elements that
         // receive no light by any ray of either pass share none either, so that they get no light from elements behind the next wall.

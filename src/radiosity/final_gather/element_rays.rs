@@ -77,9 +77,9 @@ pub fn join_sequences(leaves: &mut [&mut LeafRays], joins_halves: bool) {
 }
 
 /// First of the two sequences of an element's own light. An element has four sequences.
-pub const OF_LIGHT: u64 = 0;
+pub const LIGHT_SET: u64 = 0;
 /// First of the two sequences of an element's rays of the exchange.
-pub const OF_EXCHANGE: u64 = 2;
+pub const EXCHANGE_SET: u64 = 2;
 /// Halves of the rays of an element.
 const HALVES: usize = 2;
 
@@ -254,7 +254,7 @@ impl FinalGather<'_> {
         self.emitters.faces_along(cut, ray, met).map(light).sum()
     }
 
-    /// Independent sequences for the halves of a leaf's rays: [`OF_LIGHT`] or [`OF_EXCHANGE`].
+    /// Independent sequences for the halves of a leaf's rays: [`LIGHT_SET`] or [`EXCHANGE_SET`].
     pub(super) fn sequences_of(&self, leaf: u32, kind: u64) -> [Sequence; HALVES] {
         let id = self.linked.elements.elements[leaf as usize].ids[0];
         let seed = |half: u64| mix(!self.linked.settings.seed ^ mix(4 * id + kind + half)) as u32;

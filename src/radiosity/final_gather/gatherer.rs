@@ -122,7 +122,7 @@ pub struct RayResult {
 
 impl RayResult {
     /// No light and no surface.
-    pub const NOTHING: RayResult = RayResult {
+    pub const EMPTY: RayResult = RayResult {
         direct: Vec3::ZERO,
         sun: Vec3::ZERO,
         sky: Vec3::ZERO,
@@ -243,7 +243,7 @@ impl<'a> FinalGather<'a> {
     /// Where a ray of a packet ended, moved back by rounding.
     pub(super) fn met(&self, packet: &Packet, hits: &Hits, lane: usize) -> Option<PathVertex> {
         let triangle = hits.triangle[lane];
-        if triangle == Hits::NOTHING {
+        if triangle == Hits::NO_HIT {
             return None;
         }
         let (from, at) = (packet.point(lane, 0.0), packet.point(lane, hits.t[lane]));

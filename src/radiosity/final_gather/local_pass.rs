@@ -21,7 +21,7 @@ use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::options::RowSums;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::radiosity::surroundings::{Arrived, SampledShare, emitted_share};
+use crate::radiosity::surroundings::{SampledShare, SkyPower, emitted_share};
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Path, RayTransport, TransportMatrix, solve,
 };
@@ -53,7 +53,7 @@ pub struct LocalPass {
     /// The same by these rays and the rays of the elements together, by channel.
     pub received: Rgb,
     /// The power that arrives from beyond the scene.
-    pub arrived: Arrived,
+    pub arrived: SkyPower,
     /// How the light converged.
     pub convergence: Convergence,
     /// Leaves with fewer rays than planned.
@@ -235,14 +235,14 @@ impl FinalGather<'_> {
     }
 
     /// The power that arrives from beyond the scene, and the part of it that arrives at `untraced` leaves.
-    fn arrived(&self, rows: [&RayRows; 2], around: Option<&Surrounding>, untraced: &[u32]) -> [Arrived; 2] {
+    fn arrived(&self, rows: [&RayRows; 2], around: Option<&Surrounding>, untraced: &[u32]) -> [SkyPower; 2] {
         let elements = &self.linked.elements.elements;
         let rows = || rows.iter().flat_map(|rows| &rows.rows);
         let beyond = |row: &RayRow| {
             let [sky, sun] = row.sky_and_sun();
             (elements[row.leaf as usize].area, sky, sun)
         };
-        let mut all = Arrived::of(rows().map(beyond));
+        let mut all = SkyPower::of(rows().map(beyond));
         let extrapolated = around.filter(|_| !untraced.is_empty());
         let extrapolated = extrapolated
             .map(|around| around.arrived(rows().map(|row| (row.leaf, row.sky_and_sun())), untraced))
@@ -261,7 +261,7 @@ impl FinalGather<'_> {
         leaves: &[u32],
         untraced: &[u32],
         sampled: &SampledShare,
-        [arrived, extrapolated]: [Arrived; 2],
+        [arrived, extrapolated]: [SkyPower; 2],
         results: &mut [LocalResult],
     ) {
         let Some(around) = around.filter(|_| !untraced.is_empty()) else { return };

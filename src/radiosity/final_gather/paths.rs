@@ -32,7 +32,7 @@ pub(super) enum EndOfPaths {
 
 /// Mean result of the paths that continue from an element outside the exchange.
 #[derive(Default)]
-pub(super) struct Onwards {
+pub(super) struct PathMean {
     /// Irradiance at their start, without the light of their ends, W/m².
     pub light: Vec3,
     /// The leaves where the paths end, and the parts of the radiosity reflected there that arrive.
@@ -148,8 +148,8 @@ impl FinalGather<'_> {
         lane: usize,
     ) -> RayResult {
         let elements = &self.linked.elements;
-        let gone = hits.triangle[lane] == Hits::NOTHING;
-        let mut result = RayResult { gone, ..RayResult::NOTHING };
+        let gone = hits.triangle[lane] == Hits::NO_HIT;
+        let mut result = RayResult { gone, ..RayResult::EMPTY };
         if gone && self.has_environment() {
             result.sky = self.sky_of_ray(packet.point(lane, 1.0) - packet.point(lane, 0.0));
         }
@@ -280,7 +280,7 @@ impl FinalGather<'_> {
     }
 
     /// For each of `buffers.results` that hit an element outside the exchange, the result of the paths that continue there.
-    pub(super) fn paths_onwards(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<Onwards>> {
+    pub(super) fn paths_onwards(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<PathMean>> {
         let results = std::mem::take(&mut buffers.results);
         buffers.vertices.clear();
         let part = 1.0 / PATHS_ONWARDS as f32;
@@ -301,9 +301,9 @@ impl FinalGather<'_> {
         let mut sums: Vec<Rgb> = vec![[0.0; 3]; count as usize];
         self.follow(self.linked.settings.seed ^ seed, EndOfPaths::Listed, &mut sums, buffers);
         buffers.results = results;
-        let mut found: Vec<Onwards> = sums
+        let mut found: Vec<PathMean> = sums
             .into_iter()
-            .map(|sum| Onwards { light: part * Vec3::from(sum.map(|v| v as f32)), ends: SmallVec::new() })
+            .map(|sum| PathMean { light: part * Vec3::from(sum.map(|v| v as f32)), ends: SmallVec::new() })
             .collect();
         for &(path, leaf, share) in &buffers.path_ends {
             found[path as usize].ends.push((leaf, part * share));

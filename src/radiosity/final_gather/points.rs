@@ -181,7 +181,7 @@ impl FinalGather<'_> {
                 }
                 let mut hits = [Hits::NONE];
                 self.traced.first_hits(self.traversal, &[packet], &mut hits);
-                (0..points.len()).filter(|&lane| hits[0].triangle[lane] == Hits::NOTHING).count()
+                (0..points.len()).filter(|&lane| hits[0].triangle[lane] == Hits::NO_HIT).count()
             })
             .sum();
         (off > 0).then(|| {

@@ -1,6 +1,6 @@
 //! Numbers of rays of elements: those that the error asked for needs, those that the time allows, and the share of each element.
 
-use super::element_rays::{LeafRays, OF_EXCHANGE};
+use super::element_rays::{EXCHANGE_SET, LeafRays};
 use super::gatherer::FinalGather;
 use super::local_noise::LocalResult;
 use super::local_pass::EXCHANGE_SHARE;
@@ -120,7 +120,7 @@ impl FinalGather<'_> {
 
     /// A row with `count` rays in each half.
     fn row_rays(&self, leaf: u32, count: u32) -> LeafRays {
-        LeafRays { leaf, count, to_emitters: true, suns: 1, sequences: self.sequences_of(leaf, OF_EXCHANGE) }
+        LeafRays { leaf, count, to_emitters: true, suns: 1, sequences: self.sequences_of(leaf, EXCHANGE_SET) }
     }
 
     /// Traces the rays of all leaves, those in the exchange and those outside of it; the share of each leaf depends on its area and importance.

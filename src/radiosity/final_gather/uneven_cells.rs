@@ -1,6 +1,6 @@
 //! Which cells of a point's grid of rays differ from their neighbours, and are divided.
 
-use super::cells_around::{Near, RayCell, Surroundings};
+use super::cells_around::{NeighbourRanges, RayCell, Surroundings};
 use glam::Vec3;
 
 /// Standard deviation of the open part of a cell that only its ray determines: two rays locate an edge at a random place in their two cells to
@@ -11,7 +11,7 @@ const ERROR_OF_EDGE: f64 = 0.29;
 /// the edge of a bright part of the sky.
 const ERROR_OF_GRADIENT: f64 = ERROR_OF_EDGE / 4.0;
 /// The error asked for by default, relative to the mean irradiance.
-pub(super) const USUAL_ERROR: f64 = 0.02;
+pub(super) const DEFAULT_ERROR: f64 = 0.02;
 /// Tolerated error of the light of the sky at a point, relative to all light of the point, as a part of the error asked for.
 pub(super) const TOLERANCE: f64 = 0.1;
 /// Weight of squared errors of the light of surfaces, whose error may be about the error asked for instead of a tenth of it.
@@ -48,7 +48,7 @@ impl Surroundings<'_> {
         let (mut found, mut inner) = (Vec::new(), Vec::new());
         for (k, cell) in self.levels[finest].iter().enumerate() {
             let near = self.near(cell.place, &whole);
-            let Near { sky, surfaces, blocked, .. } = near;
+            let NeighbourRanges { sky, surfaces, blocked, .. } = near;
             let open = near.open || beside_openings.binary_search(&cell.place).is_ok();
             if near.open && !blocked {
                 inner.push(k as u32);
@@ -144,9 +144,9 @@ fn step_at(cells: &[RayCell], k: usize, columns: usize) -> f64 {
 
 /// A cell to divide, with the light of the surfaces around it where errors of surface light matter little, as at the edges of leaves before the sky: then
 /// one quarter of four is evaluated for all.
-pub(super) type ToDivide = (u32, Option<Vec3>);
+pub(super) type CellToDivide = (u32, Option<Vec3>);
 
-fn to_divide(of: &Uneven, surroundings: &Surroundings, least: f64) -> ToDivide {
+fn to_divide(of: &Uneven, surroundings: &Surroundings, least: f64) -> CellToDivide {
     (of.cell, (of.errors[1] <= least).then(|| surroundings.surfaces_around(of.cell)))
 }
 
@@ -174,9 +174,9 @@ pub(super) fn all_cells(
     surroundings: &Surroundings,
     uneven: &[Uneven],
     least: f64,
-) -> Vec<ToDivide> {
+) -> Vec<CellToDivide> {
     let even = |(k, of): (u32, &RayCell)| (k, (!of.is_open).then_some(of.surfaces));
-    let mut all: Vec<ToDivide> = (0..).zip(cells).map(even).collect();
+    let mut all: Vec<CellToDivide> = (0..).zip(cells).map(even).collect();
     uneven.iter().for_each(|of| all[of.cell as usize] = to_divide(of, surroundings, least));
     all
 }
@@ -188,7 +188,7 @@ pub(super) fn largest_errors(
     least: f64,
     for_surfaces: &mut usize,
     most: usize,
-) -> Vec<ToDivide> {
+) -> Vec<CellToDivide> {
     let mut chosen: Vec<&Uneven> = uneven.iter().filter(|of| of.error() > least).collect();
     chosen.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));
     chosen.retain(|of| {
@@ -201,7 +201,7 @@ pub(super) fn largest_errors(
 
 #[cfg(test)]
 mod tests {
-    use super::super::cells_around::{RINGS, WHOLE};
+    use super::super::cells_around::{RINGS, UNDIVIDED};
     use super::*;
     use crate::math::sampling::{mix, numbers};
 
@@ -219,7 +219,7 @@ mod tests {
                 unblocked: Vec3::ZERO,
                 at_ray: Vec3::ZERO,
                 error: 0.0,
-                quarters: WHOLE,
+                quarters: UNDIVIDED,
             }
         };
         places.map(cell).collect()
@@ -238,7 +238,7 @@ mod tests {
             .iter()
             .map(Uneven::error)
             .sum();
-        let mut all = Near::NOTHING;
+        let mut all = NeighbourRanges::EMPTY;
         levels[0].iter().for_each(|cell| all.add(cell));
         let range = all.surfaces;
         assert!(

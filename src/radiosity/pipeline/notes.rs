@@ -5,7 +5,7 @@ use crate::error::number;
 use crate::radiosity::audit::Ledger;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::Options;
-use crate::radiosity::refinement::{Ended, Iteration};
+use crate::radiosity::refinement::{Iteration, StopReason};
 use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::Unlit;
 use crate::radiosity::transport::Convergence;
@@ -15,23 +15,25 @@ const MAX_IMBALANCE: f64 = 0.005;
 /// Largest error of links that finds the light of a small lamp on a large surface. Floors of 3 m to 1,000 km below lamps of 2 cm to 1 m lose none with 0.5;
 /// with 0.7, black floors from 30 km on lose all of it (`mrvis solve --local-rays 0 --error 0.7`). A lamp of 5 m loses the 3 % of its light that a black
 /// floor of 1 m below it would get with 0.5.
-const SURE_ERROR: f64 = 0.5;
+const MAX_SAFE_LINK_ERROR: f64 = 0.5;
 /// A note reports fewer rays below this part of the useful rays: above it, noise grows by less than 5 %.
-const NEARLY_ALL: f64 = 0.9;
+const MIN_RAY_FRACTION: f64 = 0.9;
 /// Part of the surfaces that may be unlit without a note: the insides of closed boxes are about half of a scene.
 const USUAL_UNLIT_AREA: f64 = 0.5;
 
 /// If refinement ended before the error asked for.
 pub fn ended(
-    ended: Ended,
+    ended: StopReason,
     options: &Options,
     last: Option<&Iteration>,
     estimate: Option<f64>,
 ) -> Option<String> {
     let why = match ended {
-        Ended::Error | Ended::Target | Ended::Interrupted | Ended::Nothing => return None,
-        Ended::Time => limit(options),
-        Ended::Links => format!("⟨max_links⟩ {}", options.max_links),
+        StopReason::Error | StopReason::Target | StopReason::Interrupted | StopReason::Nothing => {
+            return None;
+        }
+        StopReason::Time => limit(options),
+        StopReason::Links => format!("⟨max_links⟩ {}", options.max_links),
     };
     let reached =
         last.map_or_else(String::new, |i| format!("at links with errors of {}, ", number(i.error_bound)));
@@ -159,10 +161,10 @@ impl Notes {
     }
 }
 
-/// If the local pass had time for a smaller part of all useful rays than [`NEARLY_ALL`]; a `part` of `None` means the smallest number of rays.
+/// If the local pass had time for a smaller part of all useful rays than [`MIN_RAY_FRACTION`]; a `part` of `None` means the smallest number of rays.
 pub fn fewer_local_rays(part: Option<f64>, all: f64, deadline: &Deadline) -> Option<FewerRays> {
     let rays = match part {
-        Some(part) if part >= NEARLY_ALL => return None,
+        Some(part) if part >= MIN_RAY_FRACTION => return None,
         Some(part) => format!("{} % of its {} rays", number(100.0 * part), number(all)),
         None => format!("the fewest rays there can be, not {}", number(all)),
     };
@@ -254,13 +256,13 @@ pub const DIRECT_AT_POINTS: &str = "elements have reflected light: ⟨direct_onl
 pub const DIFFUSE_LUMINAIRES: &str = "without a local pass (⟨local_rays⟩ 0, ⟨direct_only⟩) elements see luminaires as diffuse \
      emitters; direct light at points has their distribution";
 
-/// If links alone are so coarse that they may miss the light of small lamps ([`SURE_ERROR`]).
+/// If links alone are so coarse that they may miss the light of small lamps ([`MAX_SAFE_LINK_ERROR`]).
 pub fn coarse_links(options: &Options) -> Option<String> {
     let error = options.error;
-    (error > SURE_ERROR).then(|| {
+    (error > MAX_SAFE_LINK_ERROR).then(|| {
         format!(
             "links with an ⟨error⟩ of {error} may miss the light of lamps that are small compared with the surfaces below them, which then counts as \
-             escaped: {SURE_ERROR} or less finds it"
+             escaped: {MAX_SAFE_LINK_ERROR} or less finds it"
         )
     })
 }

@@ -7,7 +7,7 @@ use crate::radiosity::audit::{ErrorBarAudit, ErrorSource, Ledger, PointsError};
 use crate::radiosity::links::Tally;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::options::Options;
-use crate::radiosity::refinement::{Ended, Iteration};
+use crate::radiosity::refinement::{Iteration, StopReason};
 use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::Unlit;
 use crate::radiosity::transport::Convergence;
@@ -66,7 +66,7 @@ pub struct Record {
     /// Steps of refinement.
     pub iterations: Vec<Iteration>,
     /// Why refinement ended.
-    pub ended: Ended,
+    pub ended: StopReason,
     /// The last sweeps along links.
     #[serde(rename = "settled")]
     pub convergence: Convergence,

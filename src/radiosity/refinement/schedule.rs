@@ -3,12 +3,12 @@
 use super::importance::propagate_importance;
 use super::link_measurement::remeasure_links;
 use super::linked_scene::LinkedScene;
-use super::refine::{Replaced, link_errors, refine, threshold};
+use super::refine::{StepResult, link_errors, refine, threshold};
 use super::sky_links::{remeasure_sky_links, sky_link_errors};
 use crate::progress::Progress;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::Options;
-use crate::radiosity::surroundings::Arrived;
+use crate::radiosity::surroundings::SkyPower;
 use crate::radiosity::transport::{Convergence, cap_row_sums, link_row_sums};
 use serde::Serialize;
 use std::time::Instant;
@@ -74,7 +74,7 @@ pub struct Iteration {
 /// Why refinement ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Ended {
+pub enum StopReason {
     /// No link that could be refined exceeds the requested error.
     Error,
     /// The estimated error was no larger than the target.
@@ -90,7 +90,7 @@ pub enum Ended {
 }
 
 /// A scene before refinement: its only link joins the root with itself.
-pub struct Coarse(pub LinkedScene);
+pub struct Unrefined(pub LinkedScene);
 
 /// A scene with refined links and consistent light.
 pub struct Refined {
@@ -99,7 +99,7 @@ pub struct Refined {
     /// The steps.
     pub iterations: Vec<Iteration>,
     /// Why there were no more steps.
-    pub ended: Ended,
+    pub ended: StopReason,
     /// The last sweeps.
     pub convergence: Convergence,
     /// Tolerated error of links relative to the mean irradiance.
@@ -123,13 +123,13 @@ pub struct LinkClosing {
     /// The last sweeps.
     pub convergence: Convergence,
     /// What arrives from beyond the scene.
-    pub arrived: Arrived,
+    pub arrived: SkyPower,
 }
 
-impl Coarse {
+impl Unrefined {
     /// Whether a local pass follows refinement: in scenes that have light.
     pub fn needs_local_pass(&self, options: &Options) -> bool {
-        let Coarse(linked) = self;
+        let Unrefined(linked) = self;
         options.local_rays() > 0 && !options.direct_only && linked.mean_irradiance > 0.0
     }
 
@@ -140,7 +140,7 @@ impl Coarse {
         Refined {
             linked: self.0,
             iterations: Vec::new(),
-            ended: Ended::Nothing,
+            ended: StopReason::Nothing,
             convergence: Convergence::default(),
             link_error,
             is_coarse,
@@ -182,15 +182,15 @@ impl Coarse {
             };
             let reached = || options.target_error.is_some_and(|t| estimate(&refined.linked) <= t);
             refined.ended = if deadline.interrupted() {
-                Ended::Interrupted
+                StopReason::Interrupted
             } else if deadline.left() <= refined.closing_cost * size as f64 {
-                Ended::Time
+                StopReason::Time
             } else if replaced.full {
-                Ended::Links
+                StopReason::Links
             } else if reached() {
-                Ended::Target
+                StopReason::Target
             } else if is_done {
-                Ended::Error
+                StopReason::Error
             } else {
                 continue;
             };
@@ -251,7 +251,7 @@ impl Steps {
 
 impl Refined {
     /// One step: refines links, sweeps, and updates importance and statistics. Returns its threshold.
-    fn step(&mut self, steps: &mut Steps, progress: &dyn Progress, deadline: &Deadline) -> (Replaced, f32) {
+    fn step(&mut self, steps: &mut Steps, progress: &dyn Progress, deadline: &Deadline) -> (StepResult, f32) {
         let start = Instant::now();
         let linked = &mut self.linked;
         let errors = [link_errors(linked), sky_link_errors(linked, &linked.sky_links)];

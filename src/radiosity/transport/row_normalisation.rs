@@ -29,7 +29,7 @@ const EXPONENT: f64 = 0.5;
 /// Rows at a limit do not count.
 const TOLERANCE: f64 = 3e-5;
 /// Smallest and largest factor: one above 2 would amplify a row of which half is missing.
-const FACTORS: [f32; 2] = [1e-4, 2.0];
+const FACTOR_LIMITS: [f32; 2] = [1e-4, 2.0];
 
 /// A closed leaf whose row sum is at most this is not normalised, because a factor above 10 would mostly amplify noise.
 /// 0.05 or 0.2 instead change irradiance without a local pass by less than 0.02 % (`constants.py solve`).
@@ -109,7 +109,7 @@ impl LinkRows<'_> {
     /// Brings row sums to their targets by factors of both directions, as far as that converges (Sinkhorn and Knopp 1967), starting from
     /// `sums`. The remainder is corrected where light is gathered. Returns the sums with the factors found.
     fn balance(&mut self, mut sums: Vec<f64>, deadline: &Deadline) -> Vec<f64> {
-        let [min, max] = FACTORS;
+        let [min, max] = FACTOR_LIMITS;
         for round in 1..=MAX_ROUNDS {
             let (mut error, mut all) = (0.0, 0.0);
             for (e, &sum) in sums.iter().enumerate() {

@@ -5,7 +5,7 @@
 
 use super::command_line::Line;
 use super::commit::{Event, Finished};
-use super::job_run::{Ended, as_process, in_process};
+use super::job_run::{JobResult, as_process, in_process};
 use super::plan::Plan;
 use crate::batch::{Capacity, Limits, begin};
 use crate::cli::interruption;
@@ -20,7 +20,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 /// Time between two looks for messages: a job takes so much longer at most.
-const PAUSE: Duration = Duration::from_millis(1);
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
 /// A job for another rank.
 pub struct Assignment {
@@ -55,7 +55,7 @@ struct Request {
 struct Reply {
     job: usize,
     seconds: f64,
-    ended: Ended,
+    ended: JobResult,
 }
 
 fn encoded(value: &impl Serialize) -> Vec<u8> {
@@ -80,23 +80,23 @@ pub fn capacities(world: World, own: Capacity) -> Vec<Capacity> {
 pub fn hand_out(world: World, plan: &Plan, assignments: &Receiver<Assignment>, events: &Sender<Event>) {
     let mut mailbox = Mailbox::new(world);
     let mut open: HashMap<usize, Assignment> = HashMap::new();
-    let finished = |a: &Assignment, seconds: f64, ended: Ended| {
+    let finished = |a: &Assignment, seconds: f64, ended: JobResult| {
         let (job, attempt, threads) = (a.job, a.attempt, a.threads);
         // Without a receiver the batch has ended.
         let _ =
             events.send(Event::Ran(Finished { job, attempt, threads, seconds, ended, needs: Vec::new() }));
     };
     loop {
-        match assignments.recv_timeout(PAUSE) {
+        match assignments.recv_timeout(POLL_INTERVAL) {
             Ok(assignment) => match begin(&plan.out, &plan.jobs[assignment.job].name) {
-                Err(error) => finished(&assignment, 0.0, Ended::with_error(&error)),
+                Err(error) => finished(&assignment, 0.0, JobResult::with_error(&error)),
                 Ok(()) => {
                     mailbox.send(assignment.rank, &encoded(&request(plan, &assignment)));
                     open.insert(assignment.job, assignment);
                 }
             },
             Err(RecvTimeoutError::Disconnected) if open.is_empty() => break,
-            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(PAUSE),
+            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(POLL_INTERVAL),
             Err(RecvTimeoutError::Timeout) => {}
         }
         while let Some((_, message)) = mailbox.receive() {
@@ -145,7 +145,7 @@ pub fn serve(world: World, capacity: Capacity) {
                     let _ = replies.send(run(&request, &scenes));
                 });
             }
-            if let Ok(reply) = ended.recv_timeout(PAUSE) {
+            if let Ok(reply) = ended.recv_timeout(POLL_INTERVAL) {
                 mailbox.send(0, &encoded(&reply));
             }
         }

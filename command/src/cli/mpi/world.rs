@@ -84,7 +84,7 @@ fn session() -> MutexGuard<'static, Option<Session>> {
 /// Largest number of bytes that ranks gather in one call of MPI, which counts bytes in 31 bits.
 const MAX_GATHERED: usize = 1 << 30;
 /// Time between two looks at whether all ranks have ended: MPI itself would use up a core by waiting.
-const PAUSE: Duration = Duration::from_millis(1);
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
 /// All ranks, as one of them sees them.
 #[derive(Clone, Copy)]
@@ -156,7 +156,7 @@ impl World {
         let mut all_here = communicator().immediate_barrier();
         while let Err(request) = all_here.test() {
             all_here = request;
-            std::thread::sleep(PAUSE);
+            std::thread::sleep(POLL_INTERVAL);
         }
         drop(session().take());
     }
