@@ -196,7 +196,7 @@ pub mod points {
 pub mod radiosity {
     pub use crate::radiosity::mesh::{Element, RadiosityMesh};
     pub use crate::radiosity::{
-        Inside, Options, Outcome, PointLight, Powers, Record, RowSums, Solution, View, run, solve,
+        Inside, Options, Outcome, PointLight, Powers, Record, RowNormalisation, Solution, View, run, solve,
     };
 }
 

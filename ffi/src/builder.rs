@@ -66,7 +66,7 @@ unsafe fn mesh_of<'a>(given: &mrv_mesh) -> Outcome<MeshArrays<'a>> {
         mesh = mesh.polygon_sizes(unsafe { slice(given.polygon_sizes, polygons, "mesh.polygon_sizes") }?);
     } else if given.polygon_count != 0 && given.polygon_count != polygons {
         return wrong(format!(
-            "`mesh.polygon_count` {}: is {polygons} for so many triangles; for polygons give `mesh.polygon_sizes`",
+            "`mesh.polygon_count` {}: must be {polygons}, the number of triangles; for polygons give `mesh.polygon_sizes`",
             given.polygon_count
         ));
     }

@@ -299,8 +299,8 @@ fn error_bars(record: &Record) -> Result<Markup> {
     let chart = chart(
         &plot,
         320,
-        "Part of the audited elements whose error is at most so many error bars. Points above the line: the bars are \
-         wider than the errors; below: too narrow.",
+        "Fraction of the audited elements whose error is at most this multiple of the error bar. Points above the line: the \
+        bars are wider than the errors; below: too narrow.",
     )?;
     Ok(html! {
         section {

@@ -8,7 +8,7 @@ use glam::DVec3;
 /// How the form factors of an element from which no light leaves the scene are brought to their sum, 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum RowSums {
+pub enum RowNormalisation {
     /// No normalisation: the sums that sampling gave. The record always reports them; solving with them shows what
     /// normalisation changes.
     Sampled,
@@ -62,7 +62,7 @@ options! {
         /// How row sums of form factors are normalised, along links and in the local pass.
         #[doc(hidden)]
         #[serde(rename = "rows")]
-        pub row_sums: RowSums = RowSums::default();
+        pub row_sums: RowNormalisation = RowNormalisation::default();
         /// Algorithm that builds the clusters.
         #[doc(hidden)]
         pub builder: Builder = Builder::default();

@@ -73,13 +73,13 @@ impl Args {
         Format::of(&self.out)
     }
 
-    /// What the command takes for so many facets.
+    /// Settings of the command for this number of facets.
     fn settings(&self, facets: usize) -> Settings {
         let settings = Settings { enforce: self.enforce, seed: self.common.seed, ..Settings::new(facets) };
         settings.with_rays(self.rays, self.pair_rays)
     }
 
-    /// Largest memory of the matrix of so many facets, bytes.
+    /// Largest memory of the matrix of this number of facets, bytes.
     pub fn matrix_bytes(&self, facets: usize) -> u64 {
         memory_bound(facets, &self.settings(facets))
     }

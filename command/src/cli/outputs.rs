@@ -74,7 +74,7 @@ enum Kind {
 /// All kinds of files.
 const KINDS: [Kind; 6] = [Kind::Ply, Kind::Glb, Kind::Vtu, Kind::Lightmap, Kind::Image, Kind::Page];
 
-/// What was written, and the pictures of the page if one is wanted.
+/// Written files, and the pictures of the page if one is requested.
 pub struct Written {
     /// Paths of the files.
     pub files: Vec<PathBuf>,

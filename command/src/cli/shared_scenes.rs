@@ -37,7 +37,7 @@ struct PreparedModel {
     model: Model,
 }
 
-/// A sign that a job uses a scene: the scene counts as idle when all have been dropped.
+/// Reference that a job holds while it uses a scene: the scene is idle when all have been dropped.
 pub type InUse = Arc<()>;
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -327,7 +327,7 @@ impl AtPoints {
         })
     }
 
-    /// What is stated of an irradiance, W/m².
+    /// Reported value of an irradiance, W/m²: lx, or the mean of the channels.
     pub fn value(irradiance: [f64; 3], photometry: Option<Photometry>) -> f64 {
         photometry
             .map_or_else(|| irradiance.iter().sum::<f64>() / 3.0, |photometry| photometry.of(irradiance))

@@ -6,7 +6,7 @@ use super::view::irradiance;
 use super::{Context, MIN_STANDARD_ERRORS, by_links, by_rays, changed, counts_of, fixed};
 use glam::DVec3;
 use mrvis::internals::math::triangle_area;
-use mrvis::internals::radiosity::{self, Inside, Options, Outcome, RowSums};
+use mrvis::internals::radiosity::{self, Inside, Options, Outcome, RowNormalisation};
 use mrvis::internals::{ModelParts, PrepareParts, SceneParts, clusters};
 use mrvis::metrics::Image;
 use mrvis::{Model, PrepareOptions, Result, Scene};
@@ -26,7 +26,7 @@ const VIEW: [DVec3; 2] = [DVec3::new(0.45, -0.55, 0.55), DVec3::new(-0.02, 0.0, 
 const ANGLE: f64 = 0.75;
 /// Largest error that links are refined to, relative to the mean irradiance.
 const MAX_LINK_ERROR: f64 = 64.0;
-/// Factor by which the error shrinks until links are refined.
+/// Factor between successive errors, until links are refined.
 const ERROR_FACTOR: f64 = 0.5;
 /// Largest number of these steps.
 const MAX_STEPS: i32 = 11;
@@ -53,7 +53,7 @@ fn scene() -> Result<Scene> {
     blocks.scene()
 }
 
-/// What the books receive by one method: means over solves.
+/// Light that the books receive by one method: means over solves.
 #[derive(Clone, Copy, Debug, Default)]
 struct Received {
     solves: usize,
@@ -202,7 +202,7 @@ pub fn figure_10(context: &Context) -> Result<Item> {
     let links = |inside, error| {
         changed(&by_links(error), |options| {
             options.inside = inside;
-            options.row_sums = RowSums::Sampled;
+            options.row_sums = RowNormalisation::Sampled;
         })
     };
     let rays = by_rays(if context.small { 0.1 } else { 0.02 });
@@ -225,8 +225,8 @@ pub fn figure_10(context: &Context) -> Result<Item> {
         "{BOOKS} black books side by side under a light of 0.4 m, with the coarsest links that refinement makes, to an error of {error} of \
              the mean irradiance in all cases, and no local pass; by values `isotropic`, `oriented` and `visible` of option `inside` of a solve. \
              mrvis lets the segments of a link end on the surfaces of the cluster instead of using an item buffer. Numbers and pictures are means \
-             over solves with other random numbers, so many that the standard error of the power is at most {} % of the power by rays (with \
-             visibility, a quarter of the margin of equality), and no more than {}. The books absorb all light. The ledger of a solution cannot show what is created inside a cluster: a link carries the \
+             over solves with different random numbers, repeated until the standard error of the power is at most {} % of the power by rays (with \
+             visibility, a quarter of the margin of equality) or {} solves are made. The books absorb all light. The ledger of a solution cannot show what is created inside a cluster: a link carries the \
              same power in both directions, and what the books receive in excess counts as power that did not leave the scene. So the power on \
              the books is compared with that by rays.",
         100.0 * TARGET_STANDARD_ERROR,
@@ -260,7 +260,7 @@ fn table(received: &[Received], names: &[&str]) -> Table {
     table
 }
 
-/// Part of what is created without visibility up to which powers count as equal: ours.
+/// Powers count as equal up to this fraction of the power created without visibility. Chosen here; the paper states none.
 const EQUALITY_MARGIN: f64 = 0.1;
 
 /// Checks of the numbers of the four cases.

@@ -11,7 +11,7 @@ pub const SIZES: [f64; 4] = [2.0, 2.8, 3.5, 5.0];
 /// The paper's seconds for these sizes.
 pub const PAPER_SECONDS: [f64; 4] = [1984.0, 1648.0, 1459.0, 1356.0];
 
-/// What is judged, for one treatment of leaves, by feature size.
+/// Measured numbers that the checks judge, for one treatment of leaves, by feature size.
 #[derive(Clone, Debug)]
 pub struct Measured {
     pub leaves: Leaves,

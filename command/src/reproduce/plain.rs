@@ -56,12 +56,12 @@ impl Visits {
         self.triangles += other.triangles;
     }
 
-    /// Those of one of `n` equal runs.
+    /// Counts of one of `n` equal runs.
     pub fn of_one(self, n: u64) -> Visits {
         Visits { clusters: self.clusters / n, triangles: self.triangles / n }
     }
 
-    /// Both.
+    /// Sum of visits and tests.
     pub fn all(self) -> u64 {
         self.clusters + self.triangles
     }
@@ -176,7 +176,7 @@ struct KdCell {
     parent: usize,
     faces: Vec<u32>,
     halvings: usize,
-    /// What a plane cut out of its parent: not divided.
+    /// Whether it holds the triangles that a plane cuts, which are not divided further.
     is_cut: bool,
 }
 

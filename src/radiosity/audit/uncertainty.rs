@@ -4,7 +4,7 @@ use super::solved::{FinalLightSource, Solved};
 use crate::math::weld::weld;
 use crate::radiosity::elements::{Element as ElementNode, Elements, Shape, Side, surface_area};
 use crate::radiosity::mesh::{Element, PlacedElement, RadiosityMesh};
-use crate::radiosity::options::RowSums;
+use crate::radiosity::options::RowNormalisation;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::mean;
 use crate::scene::Scene;
@@ -45,8 +45,8 @@ pub fn link_uncertainty(linked: &LinkedScene) -> Vec<f64> {
     }
     let loss = 1.0 - f64::from(elements.clusters[0].reflectance);
     let carried = match linked.settings.row_sums {
-        RowSums::Sampled => 1.0 / loss.max(MIN_LOSS),
-        RowSums::Balanced => 1.0 / loss.max(MIN_LOSS_NORMALISED),
+        RowNormalisation::Sampled => 1.0 / loss.max(MIN_LOSS),
+        RowNormalisation::Balanced => 1.0 / loss.max(MIN_LOSS_NORMALISED),
     };
     variance.into_iter().map(|v| carried * v.sqrt()).collect()
 }

@@ -18,7 +18,7 @@ use super::untraced::Surrounding;
 use crate::radiosity::deadline::{Deadline, GATHER_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
-use crate::radiosity::options::RowSums;
+use crate::radiosity::options::RowNormalisation;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{SampledShare, SkyPower, emitted_share};
@@ -367,8 +367,8 @@ impl FinalGather<'_> {
         };
         let (first, second) = rayon::join(|| of_half(0), || of_half(1));
         [first, second].map(|(matrix, rows, met)| match linked.settings.row_sums {
-            RowSums::Balanced => matrix.balanced(&rows, &met),
-            RowSums::Sampled => matrix,
+            RowNormalisation::Balanced => matrix.balanced(&rows, &met),
+            RowNormalisation::Sampled => matrix,
         })
     }
 

@@ -159,9 +159,9 @@ fn light_does_not_grow_inside_clusters() {
                 Options { inside, row_sums, error: 0.3, audit: 0, local_rays: Some(0), ..Options::default() };
             solved(&scene, &[], &options).record
         };
-        let right = mean(solve(Inside::Visible, RowSums::Balanced).mean_irradiance);
+        let right = mean(solve(Inside::Visible, RowNormalisation::Balanced).mean_irradiance);
         for inside in [Inside::Isotropic, Inside::Oriented, Inside::Visible] {
-            let record = solve(inside, RowSums::Sampled);
+            let record = solve(inside, RowNormalisation::Sampled);
             let ratio = mean(record.mean_irradiance) / right;
             assert!(record.convergence.converged, "{} {inside:?}: {:?}", kind.name, record.convergence);
             assert!(ratio > 0.3 && ratio < 5.0, "{} {inside:?}: {ratio}", kind.name);

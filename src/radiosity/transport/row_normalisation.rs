@@ -16,7 +16,7 @@ use super::directional::NodeIrradiance;
 use super::gather_push_pull::{NodeRadiosity, gather};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, RowFactors, Shape};
-use crate::radiosity::options::RowSums;
+use crate::radiosity::options::RowNormalisation;
 use crate::radiosity::rgb::Rgb;
 
 /// Largest number of rounds of Sinkhorn scaling, and rounds that are made even after the deadline.
@@ -149,12 +149,12 @@ pub fn normalise_link_rows(
     elements: &mut Elements,
     nodes: &mut ActiveNodes,
     closed: &[bool],
-    row_sums: RowSums,
+    row_sums: RowNormalisation,
     sampled: &[f64],
     deadline: &Deadline,
 ) -> usize {
     let mut sums = sampled.to_vec();
-    if row_sums == RowSums::Balanced {
+    if row_sums == RowNormalisation::Balanced {
         sums = LinkRows { elements, nodes, closed }.balance(sums, deadline);
     }
     bound_growing_rows(elements, &sums)

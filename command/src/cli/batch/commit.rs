@@ -37,19 +37,19 @@ pub enum JobEnd {
     Skipped(usize, String),
 }
 
-/// What happened.
+/// An event that the runner of a batch handles.
 pub enum Event {
     /// The command of a job has ended.
     Ran(Finished),
     /// The outputs of jobs are permanent, or they failed.
     JournalLines(Vec<(usize, Entry)>),
-    /// No more jobs may start. So many jobs have ended without a line in the journal.
+    /// No more jobs may start; the number of jobs that ended without a line in the journal.
     Broken(Error, usize),
     /// All finished jobs are permanent.
     Closed,
 }
 
-/// Largest number of jobs that are made permanent together: what waits for a slow disk is spread over so many threads.
+/// Largest number of jobs that are made permanent together, each by a thread of its own, so that waits for a slow disk overlap.
 const MAX_GROUP: usize = 16;
 
 /// Makes jobs permanent until the sender of `closing` is dropped. Those that wait at the same time share one write of the journal.

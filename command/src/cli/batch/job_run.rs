@@ -73,7 +73,7 @@ pub fn is_full(error: &Error) -> bool {
     matches!(error, Error::Io { source, .. } if kinds.contains(&source.kind()))
 }
 
-/// What a process of its own is told.
+/// Description of a job for a separate process, sent to its standard input.
 #[derive(Deserialize, Serialize)]
 struct Request {
     words: Vec<OsString>,
@@ -102,7 +102,7 @@ pub fn as_process(line: &Line, shown: &str, threads: usize, limits: Limits) -> J
     let (answer, text) = (read_on_thread(child.stdout.take()), read_on_thread(child.stderr.take()));
     let late = || limits.seconds.is_some_and(|s| start.elapsed().as_secs_f64() > s);
     let mut stopped = false;
-    // Short jobs are not held up, long ones cost little: the pause grows from 1 to 50 ms.
+    // The polling interval grows from 1 to 50 ms: short jobs are not delayed, and long ones are polled rarely.
     let mut pause = Duration::from_millis(1);
     let status = loop {
         match child.try_wait() {

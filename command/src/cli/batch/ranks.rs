@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-/// Time between two looks for messages: a job takes so much longer at most.
+/// Time between two checks for messages: the largest delay that it adds to a job.
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
 /// A job for another rank.
@@ -38,7 +38,7 @@ pub struct Assignment {
     pub spare: u64,
 }
 
-/// What a rank is told of a job.
+/// Request to a rank to run a job.
 #[derive(Deserialize, Serialize)]
 struct Request {
     job: usize,
@@ -50,7 +50,7 @@ struct Request {
     spare: u64,
 }
 
-/// What a rank says of a job.
+/// Reply of a rank about a job.
 #[derive(Deserialize, Serialize)]
 struct Reply {
     job: usize,
@@ -66,7 +66,7 @@ fn decoded<T: for<'a> Deserialize<'a>>(bytes: &[u8]) -> T {
     serde_json::from_slice(bytes).expect("all ranks run the same program")
 }
 
-/// What all ranks can run at once, from what this one can; asked once on each rank.
+/// Capacities of all ranks; each rank passes its own. Called once on each rank.
 pub fn capacities(world: World, own: Capacity) -> Vec<Capacity> {
     let all = world.all_gather(&encoded(&(own.threads, own.jobs, own.memory)));
     let capacity = |bytes: Vec<u8>| {
@@ -121,7 +121,7 @@ fn request(plan: &Plan, assignment: &Assignment) -> Request {
     Request { job, words, shown, threads, seconds: limits.seconds, memory: limits.memory, spare }
 }
 
-/// Runs what the first rank hands out within this capacity, until it says that there is no more.
+/// Runs the jobs that the first rank sends within this capacity, until the first rank sends the end.
 pub fn serve(world: World, capacity: Capacity) {
     interruption::watch(None);
     capacities(world, capacity);

@@ -30,7 +30,7 @@ const MAX_SHARED_PART: u64 = 4;
 /// Address space that a thread takes without using it, bytes: an arena of glibc (64 MiB) and a stack (8 MiB).
 const RESERVED_BY_THREAD: u64 = 72 << 20;
 
-/// Time between two looks at the flag of interruption: not noticed by a user.
+/// Time between two checks for an interruption: below what a user notices.
 const INTERVAL: Duration = Duration::from_millis(50);
 
 /// How a batch runs.
@@ -72,10 +72,10 @@ struct Runner<'a> {
     broken: Option<Error>,
     /// Jobs that run or are being made permanent.
     open: usize,
-    /// To where jobs are made permanent, until no more follow.
+    /// Sender to the thread that makes jobs permanent; `None` after the last job.
     closing: Option<Sender<JobEnd>>,
     scenes: Arc<SharedScenes>,
-    /// By process, what it can run at once; the first is this one.
+    /// Capacity of each process; the first is this one.
     capacities: Vec<Capacity>,
     /// Takes jobs for other processes.
     #[cfg(feature = "mpi")]
@@ -149,7 +149,7 @@ pub fn run(
     runner.broken.map_or(Ok(runner.summary), Err)
 }
 
-/// What all processes can run at once.
+/// Capacities of all processes.
 fn capacities(settings: &Settings) -> Vec<Capacity> {
     #[cfg(feature = "mpi")]
     if let Some(world) = settings.world {
