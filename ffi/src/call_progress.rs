@@ -29,12 +29,12 @@ pub fn with_progress<R: Send>(
     let Some(callback) = callback else { return Ok(work(Arc::new(()))) };
     let ask = |stage: &CString, done: f64| {
         // SAFETY: the caller promises that the callback may be called so; `stage` outlives the call.
-        call.as_the_caller(|| in_callback(true, || unsafe { callback(user, stage.as_ptr(), done) })) != 0
+        call.in_caller_state(|| in_callback(true, || unsafe { callback(user, stage.as_ptr(), done) })) != 0
     };
     // Work of a call that is made in another callback stays apart from the pool that is at work there.
     let nested = is_in_callback();
     let told = Arc::new(ProgressState::default());
-    // A caller who stops at once stops before anything is done.
+    // The first call comes before the work, so that the caller can stop it at once.
     told.stop.store(ask(&CString::from(c"start"), 0.0), Ordering::Relaxed);
     thread::scope(|scope| {
         let worker = thread::Builder::new().name("mrvis".into()).stack_size(STACK);
@@ -50,7 +50,7 @@ pub fn with_progress<R: Send>(
     })
 }
 
-/// What the threads that work tell that of the caller.
+/// State that the working threads share with the thread of the caller.
 #[derive(Default)]
 struct ProgressState {
     stage: Mutex<Stage>,
@@ -72,7 +72,7 @@ impl ProgressState {
         self.stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Calls `ask` every [`INTERVAL`] and at the begin of each stage, until the work is over or `ask` says that it shall stop.
+    /// Calls `ask` every [`INTERVAL`] and at the start of each stage, until the work ends or `ask` returns true.
     fn pass_on(&self, ask: impl Fn(&CString, f64) -> bool) {
         // The caller was asked before the work began.
         let mut due = Instant::now() + INTERVAL;
@@ -116,7 +116,7 @@ impl Progress for ProgressState {
     }
 }
 
-/// Tells the end of the work, also of work that panics.
+/// Guard that reports the end of the work when dropped, also after a panic.
 struct EndOfWork<'a>(&'a ProgressState);
 
 impl Drop for EndOfWork<'_> {

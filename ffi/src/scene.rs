@@ -1,4 +1,4 @@
-//! Scenes: read, generated, put under a sky, and what they say about themselves.
+//! Scenes: reading, generating, adding a sky, and queries of their properties.
 
 use super::arguments::{
     c_text, count_of, no_reserved, nth, one_of, optional_text, put_text, set, slice, texts, wrong,
@@ -59,7 +59,7 @@ pub const MRV_POWER_WATTS: i32 = 0;
 pub const MRV_POWER_LUMENS: i32 = 1;
 pub const MRV_POWER_LUMINANCE: i32 = 2;
 
-/// What an emitter sends out, in this unit.
+/// Strength of an emitter in this unit.
 fn strength_of(value: f64, unit: i32) -> Outcome<Strength> {
     Ok(one_of!(
         "options.emitter_units",

@@ -13,7 +13,7 @@ use mrvis::{Solution, SolveOptions, SurfacePoint};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::OnceLock;
 
-/// A solution and what it says as C text, made when it is first needed.
+/// A solution with its notes, record and page as C text, made on first use.
 pub struct NotedSolution {
     pub solution: Solution,
     pub json: OnceLock<CString>,

@@ -57,7 +57,7 @@ record!(136: struct mrv_instance_change {
 entry!(mrv_model_update(
     call, model: Handle<mrv_model>, changes: Pointer<mrv_instance_change>, count: usize
 ) -> updated: Made<mrv_model> {
-    // SAFETY: the caller gives so many records.
+    // SAFETY: the caller gives `count` records.
     let changes = unsafe { changes_of(changes, count) }?;
     NamedModel::new(model.model.update(&changes)?)
 });

@@ -82,7 +82,7 @@ record!(56: struct mrv_cost {
     certified: u64,
 });
 
-/// What answers took, for the caller.
+/// Cost of answers as a C record.
 pub fn cost_record(cost: Cost) -> mrv_cost {
     let Cost { segments, nodes, exact_rays, handed_over, aggregated, certified, .. } = cost;
     mrv_cost { struct_size: 0, segments, nodes, exact_rays, handed_over, aggregated, certified }
@@ -148,7 +148,7 @@ entry!(mrv_visibility_answer(
     let engine = engine_of(engine, "engine")?;
     let count = length(segments.segment_count, "segments.segment_count")?;
     let one = [0, segments.segment_count];
-    // SAFETY: the caller gives arrays of so many entries.
+    // SAFETY: the caller gives arrays with the stated numbers of entries.
     let (batch, bundles) = unsafe { segments_of(&segments, count, &one) }?;
     // SAFETY: as above.
     let mut found = unsafe { answers_of(&answers, bundles, count) }?;
@@ -200,7 +200,7 @@ unsafe fn segments_of<'a>(
     Ok((segments, bundles))
 }
 
-/// Where the answers of a caller go.
+/// Output arrays of a caller for answers.
 ///
 /// # Safety
 /// The arrays have room for as many entries as the header says.

@@ -58,7 +58,7 @@ impl Visibility {
     }
 }
 
-/// Some bundles and where their answers go.
+/// A range of bundles and the output slices of their answers.
 struct Chunk<'a> {
     bundles: Range<usize>,
     transmittance: &'a mut [f32],
@@ -94,7 +94,7 @@ impl<'a> Chunk<'a> {
         (large && half > 0).then(|| if bundles > CHUNK.0 { half.next_multiple_of(CHUNK.0) } else { half })
     }
 
-    /// Takes the first bundles, which have so many segments, from the chunk.
+    /// Splits off the first `bundles` bundles, which have `segments` segments.
     fn take_first(&mut self, bundles: usize, segments: usize) -> Chunk<'a> {
         let middle = self.bundles.start + bundles;
         let first = Chunk {
@@ -126,10 +126,10 @@ fn taken<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     slice.split_off_mut(..count.min(slice.len())).unwrap_or_default()
 }
 
-/// A batch that was checked.
+/// A checked batch with the data that all its chunks share.
 struct CheckedBatch<'a> {
     segments: &'a Segments<'a>,
-    /// Added to positions of segments to have them relative to the scene's origin.
+    /// Offset from the positions of segments to positions relative to the scene's origin.
     shift: DVec3,
     model: &'a Model,
     progress: &'a dyn Progress,
@@ -339,7 +339,7 @@ fn parts(segments: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     segments.step_by(CHUNK.1).map(move |first| first..end.min(first + CHUNK.1))
 }
 
-/// Answers to parts of a bundle.
+/// Sums of the answers to parts of a bundle.
 #[derive(Clone, Copy, Default)]
 struct PartialAnswers {
     parts: u32,

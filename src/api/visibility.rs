@@ -224,7 +224,7 @@ impl<'a> Query<'a> {
     }
 }
 
-/// Nothing of the source can be seen, whatever stands between.
+/// The answer if the whole source lies below the horizon of the point.
 fn hidden() -> Answer {
     Answer { transmittance: 0.0, lo: 0.0, hi: 0.0, method: Method::Covered, cost: Cost::default() }
 }

@@ -24,7 +24,7 @@ pub(super) struct AuditRays {
     fraction: f64,
     /// Indices into the queries.
     chosen: Vec<usize>,
-    truth: ExactReference,
+    reference: ExactReference,
 }
 
 impl AuditRays {
@@ -33,9 +33,9 @@ impl AuditRays {
         let count = ((fraction * queries.pairs.len() as f64).ceil() as usize).max(MIN_BUNDLES);
         let chosen = one_of_each(queries.pairs.len(), count, seed);
         let pairs: Vec<usize> = chosen.iter().map(|&k| queries.pairs[k]).collect();
-        let truth =
+        let reference =
             ExactReference::trace(Queries { pairs: &pairs, ..queries }, engine, AUDIT_RAYS, STREAMS, &|_| ());
-        AuditRays { fraction, chosen, truth }
+        AuditRays { fraction, chosen, reference }
     }
 
     /// Compares a run over all queries with the rays.
@@ -47,11 +47,11 @@ impl AuditRays {
 
     /// [`AuditRays::evaluate`] for answers to the chosen queries alone.
     fn compare(&self, visible: &[f32], intervals: &[(f32, f32)]) -> record::IntervalAudit {
-        let squares = self.truth.squares(visible);
+        let squares = self.reference.squares(visible);
         let claims: Vec<f64> =
             intervals.iter().map(|&(lo, hi)| f64::from(hi - lo) / (2.0 * NORMAL_95)).collect();
         let n = intervals.len();
-        let coverage = self.truth.coverage(visible, intervals);
+        let coverage = self.reference.coverage(visible, intervals);
         let (coverage_lo, coverage_hi) = wilson(coverage as f32, n.max(1) as f32);
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|&i, &j| claims[i].total_cmp(&claims[j]).then(i.cmp(&j)));
@@ -59,7 +59,7 @@ impl AuditRays {
         record::IntervalAudit {
             fraction: self.fraction,
             bundles: n,
-            rays: self.truth.rays,
+            rays: self.reference.rays,
             claimed_rms: all.claimed,
             observed_rms: all.observed,
             observed_lo: all.observed_lo,
@@ -125,19 +125,20 @@ mod tests {
         let mut random = Pcg64Mcg::new(7);
         let (mut a, mut b, mut visible, mut intervals) = (vec![], vec![], vec![], vec![]);
         for _ in 0..4000 {
-            let truth = unit(&mut random);
-            let mut half = || (0..AUDIT_RAYS / 2).filter(|_| unit(&mut random) < truth).count() as f32 / 32.0;
+            let reference = unit(&mut random);
+            let mut half =
+                || (0..AUDIT_RAYS / 2).filter(|_| unit(&mut random) < reference).count() as f32 / 32.0;
             a.push(half());
             b.push(half());
             let claim = 0.02 + 0.1 * unit(&mut random);
             // The sum of twelve uniform numbers is nearly normal.
             let normal = (0..12).map(|_| unit(&mut random)).sum::<f32>() - 6.0;
-            let x = truth + error * claim * normal;
+            let x = reference + error * claim * normal;
             visible.push(x);
             intervals.push((x - 1.96 * claim, x + 1.96 * claim));
         }
-        let truth = ExactReference { a, b, rays: AUDIT_RAYS };
-        (AuditRays { fraction: 1.0, chosen: (0..4000).collect(), truth }, visible, intervals)
+        let reference = ExactReference { a, b, rays: AUDIT_RAYS };
+        (AuditRays { fraction: 1.0, chosen: (0..4000).collect(), reference }, visible, intervals)
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub struct Sample {
     sets: Vec<Set>,
     runs: Vec<Run>,
     /// Visible fraction of each bundle, by [`Extent::reference_rays`] rays of their own for each half.
-    truth: ReferenceHalves,
+    reference: ReferenceHalves,
     /// More bundles, to which walks are fitted.
     mean: Option<Box<Sample>>,
 }
@@ -63,7 +63,7 @@ impl Sample {
     /// Samples with these numbers of segments per pair, and with one packet per pair. `exact` traces what tells errors.
     pub fn of(scene: &Scene, workload: &Workload, rays: &[usize], extent: Extent, exact: &Exact) -> Sample {
         let mut sample =
-            Sample { sets: Vec::new(), runs: Vec::new(), truth: ReferenceHalves::default(), mean: None };
+            Sample { sets: Vec::new(), runs: Vec::new(), reference: ReferenceHalves::default(), mean: None };
         let pairs = workload.pairs.len();
         let length = (extent.run * workload.sources()).min(pairs);
         let runs = extent.runs.min(pairs / length.max(1));
@@ -91,7 +91,7 @@ impl Sample {
             return sample;
         }
         let (mut packets, mut blocked) = (Vec::new(), Vec::new());
-        for (half, stream) in sample.truth.iter_mut().zip(REFERENCE_STREAMS) {
+        for (half, stream) in sample.reference.iter_mut().zip(REFERENCE_STREAMS) {
             for &pair in &chosen {
                 packets.clear();
                 workload.pack(scene, &[pair], extent.reference_rays, stream, &mut packets);
@@ -141,7 +141,7 @@ impl Sample {
 
     /// How bundles like these are answered.
     pub fn route(&self, engine: &MultiResolution, s: f32, rays: usize) -> Route {
-        let sample = RouteSample { runs: self.bundles(rays), truth: &self.truth };
+        let sample = RouteSample { runs: self.bundles(rays), reference: &self.reference };
         let mean = self.mean.as_deref().unwrap_or(self);
         let mean = mean.bundles(mean.sets.last().map_or(rays, |set| set.rays));
         engine.route(&sample, &mean, s, &mut Workspace::default())

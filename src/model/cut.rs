@@ -85,19 +85,19 @@ impl Model {
         let surfaces = Surfaces::receiving(self.scene(), self.bounds());
         let exact = self.exact();
         let mut blocked = Vec::new();
-        let (mut asked, mut truth) = (Vec::new(), ReferenceHalves::default());
+        let (mut asked, mut reference) = (Vec::new(), ReferenceHalves::default());
         for k in FIRST_POINT..FIRST_POINT + SAMPLE_POINTS {
             let of = |set: u32, count: usize| self.segments(&surfaces, k, set, count);
             let sets = [of(0, n), of(1, REFERENCE_SEGMENTS), of(2, REFERENCE_SEGMENTS)];
             let [Some(own), Some(first), Some(second)] = sets else { continue };
-            for (half, rays) in truth.iter_mut().zip([first, second]) {
+            for (half, rays) in reference.iter_mut().zip([first, second]) {
                 half.push(exact.answer(rays.bundle(), &mut blocked).transmittance);
             }
             asked.push(own);
         }
         // Points do not lie together: each bundle is walked by itself.
         let runs: Vec<Vec<Bundle>> = asked.iter().map(|own| vec![own.bundle()]).collect();
-        let sample = RouteSample { runs, truth: &truth };
+        let sample = RouteSample { runs, reference: &reference };
         self.with_workspace(|workspace| engine.route(&sample, &sample.runs, s, workspace))
     }
 

@@ -1,4 +1,4 @@
-//! When each stage of a solution must end: on an interruption, or when its part of the given time is used up.
+//! Deadlines of the stages of a solution: a stage ends on an interruption, or when its share of the time limit is used up.
 //!
 //! The shares of the time between stages are in this file; stages receive a [`Deadline`] and never compute one from the options.
 
@@ -30,11 +30,11 @@ pub const GATHER_SHARE: f64 = 0.8;
 /// that a fifth is kept for its error.
 pub const QUERY_SHARE: f64 = 0.8;
 
-/// The time limit of a piece of work. Inner loops ask for it every few milliseconds.
+/// The time limit of a computation. Inner loops check it every few milliseconds.
 #[derive(Clone, Copy)]
 pub struct Deadline<'a> {
     progress: &'a dyn Progress,
-    /// Tells the time. Tests count calls instead of seconds.
+    /// Clock; tests use one that counts calls.
     clock: fn() -> Instant,
     begun: Instant,
     /// Seconds that count as spent before `begun`.
@@ -44,7 +44,7 @@ pub struct Deadline<'a> {
 }
 
 impl<'a> Deadline<'a> {
-    /// A deadline so many seconds from now. Without a number only an interruption ends the work.
+    /// A deadline this number of seconds from now; with `None` only an interruption ends the computation.
     pub fn start(progress: &'a dyn Progress, seconds: Option<f64>) -> Deadline<'a> {
         let clock = Instant::now;
         Deadline { progress, clock, begun: clock(), spent: 0.0, seconds: seconds.unwrap_or(f64::INFINITY) }
@@ -56,7 +56,7 @@ impl<'a> Deadline<'a> {
         Deadline { clock, begun: clock(), ..self }
     }
 
-    /// The same deadline with so many seconds spent before its start.
+    /// The same deadline with these seconds already spent before its start.
     pub fn after(self, spent: f64) -> Deadline<'a> {
         Deadline { spent, ..self }
     }
@@ -98,12 +98,12 @@ impl<'a> Deadline<'a> {
         self.progress.stopped()
     }
 
-    /// Tells the caller that a stage of so many steps begins.
+    /// Reports to the caller that a stage of `steps` steps begins.
     pub fn stage(&self, name: &str, steps: usize) {
         self.progress.stage(name, steps as u64);
     }
 
-    /// Tells the caller that so many more steps of the stage are done.
+    /// Reports to the caller that `steps` more steps of the stage are done.
     pub fn advance(&self, steps: usize) {
         self.progress.advance(steps as u64);
     }

@@ -5,7 +5,7 @@ use crate::model::cache::CacheLocation;
 use crate::visibility::Engine;
 use glam::DVec3;
 
-/// How the form factors of an element from which no light leaves the scene are brought to their sum, 1.
+/// Normalisation of the row sums of form factors, for elements from which no light leaves the scene, to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RowNormalisation {
@@ -31,7 +31,7 @@ pub enum Inside {
     Visible,
 }
 
-/// Where a camera is, for importance.
+/// Position and view of a camera, for importance.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct View {
     /// Position of the camera, in the file's coordinates.
@@ -160,7 +160,7 @@ impl SolveOptions {
         self.min_area.min(Self::area_for(self.local_rays() as f64))
     }
 
-    /// The same area for a local pass of so many rays.
+    /// The same area for a local pass of this number of rays.
     pub(crate) fn area_for(rays: f64) -> f64 {
         RAYS_OF_SMALLEST_ELEMENT / rays.max(1.0)
     }

@@ -27,7 +27,7 @@ pub struct RouteSample<'a> {
     /// Runs of neighbouring bundles.
     pub runs: Vec<Vec<Bundle<'a>>>,
     /// A fraction for each bundle, in order.
-    pub truth: &'a ReferenceHalves,
+    pub reference: &'a ReferenceHalves,
 }
 
 /// Time and errors of a route for the bundles of a sample.
@@ -164,7 +164,7 @@ impl MultiResolution {
         limit: f64,
         workspace: &mut Workspace,
     ) -> Trial {
-        let RouteSample { runs, truth: [a, b] } = sample;
+        let RouteSample { runs, reference: [a, b] } = sample;
         let averages = matches!(self.route, Route::Walks { .. } | Route::Cut(_));
         let traced = |bundle: &Bundle| match self.route {
             Route::Exact => true,

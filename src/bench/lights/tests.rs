@@ -85,13 +85,18 @@ fn exact_fractions_are_the_irradiance_beside_a_box() {
     let asked: Vec<Point> =
         places.iter().map(|(at, n)| Point { position: DVec3::from(*at), normal: n.as_dvec3() }).collect();
     let settings = Settings { samples: 1 << 15, direct_only: true, seed: 1 };
-    let truth = irradiance(&model, &asked, settings, &()).expect("paths");
+    let reference = irradiance(&model, &asked, settings, &()).expect("paths");
     let workload = Workload::asking(PatchSet::All, &model, points(&model, &places), 1);
     let found = visible(&model, &workload, 256);
     let found = sums(&workload, |k| found[k]);
-    for ((found, truth), error) in found.iter().zip(&truth.values).zip(&truth.standard_errors) {
-        let tolerance = 4.0 * error[0] + 0.005 * truth[0];
-        assert!((found - truth[0]).abs() < tolerance, "{found} instead of {} ± {}", truth[0], error[0]);
+    for ((found, reference), error) in found.iter().zip(&reference.values).zip(&reference.standard_errors) {
+        let tolerance = 4.0 * error[0] + 0.005 * reference[0];
+        assert!(
+            (found - reference[0]).abs() < tolerance,
+            "{found} instead of {} ± {}",
+            reference[0],
+            error[0]
+        );
     }
     assert!(found[3] < 0.7 * found[0], "the box hides a third of the sky: {found:?}");
     // 4 of 64 patches at each of a thousand places.

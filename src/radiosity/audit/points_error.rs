@@ -26,7 +26,7 @@ pub struct PointsError {
     pub rms_upper: f64,
 }
 
-/// Stops the path tracer at the deadline.
+/// Progress that stops the path tracer at the deadline.
 struct DeadlineProgress<'a>(&'a Deadline<'a>);
 
 impl Progress for DeadlineProgress<'_> {

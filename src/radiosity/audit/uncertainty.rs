@@ -1,6 +1,6 @@
 //! Error bars of the solution.
 
-use super::solved::{FinalLightSource, Solved};
+use super::solved::{FinalLight, Solved};
 use crate::math::weld::weld;
 use crate::radiosity::elements::{Element as ElementNode, Elements, Shape, Side, surface_area};
 use crate::radiosity::mesh::{Element, PlacedElement, RadiosityMesh};
@@ -69,9 +69,9 @@ impl Solved {
     /// the standard error of the element's rays.
     pub fn uncertainty(&self) -> Vec<f64> {
         match &self.closing {
-            FinalLightSource::Rays(local) => local.results.iter().map(|r| f64::from(r.noise)).collect(),
-            FinalLightSource::Links(_) => link_uncertainty(&self.linked),
-            FinalLightSource::Nothing => vec![0.0; self.linked.elements.len()],
+            FinalLight::Rays(local) => local.results.iter().map(|r| f64::from(r.noise)).collect(),
+            FinalLight::Links(_) => link_uncertainty(&self.linked),
+            FinalLight::Nothing => vec![0.0; self.linked.elements.len()],
         }
     }
 

@@ -43,12 +43,12 @@ struct EmitterNode {
     second: u32,
 }
 
-/// The tree.
+/// Bounding tree over emitting faces.
 pub struct EmitterTree {
     nodes: Vec<EmitterNode>,
 }
 
-/// The nodes that a receiver draws from.
+/// The nodes from which a receiver draws faces.
 #[derive(Clone, Debug, Default)]
 pub struct EmitterCut {
     nodes: Vec<u32>,

@@ -21,7 +21,7 @@ pub struct Emitter {
     pub width: f32,
 }
 
-/// A lit face, for which callers have a number of their own.
+/// A lit face with a number that the caller assigns.
 pub struct NumberedFace {
     /// Index of its emitter.
     pub emitter: u32,

@@ -144,7 +144,7 @@ fn winding(scene: &Scene, faces: &[u32], from: Vec3) -> f64 {
     faces.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
 }
 
-/// How far the ground may end from the edge of the scene, as part of the scene's extent: rounding of coordinates in files.
+/// Largest distance between the edges of ground and scene, as a fraction of the scene's extent: rounding of coordinates in files.
 const GROUND_EDGE: f32 = 1e-3;
 
 /// The component that is the ground, and whether the fronts of its faces are above. None if light may come from below: from a sky with a lower half or

@@ -120,7 +120,7 @@ impl Brightest {
         let mut below = vec![nothing; elements.len()];
         for &(leaf, light) in leaves {
             let area = elements[leaf as usize].area;
-            let range = if states[leaf as usize].is_apart() { [0.0, f64::INFINITY] } else { [light; 2] };
+            let range = if states[leaf as usize].is_excluded() { [0.0, f64::INFINITY] } else { [light; 2] };
             below[leaf as usize] = SubtreeLight { range, area, power: area * light };
         }
         // Parents come before their children.

@@ -56,7 +56,7 @@ pub struct Gathered {
     /// The power that arrives from sky and suns.
     pub arrived: SkyPower,
     /// Leaves without light, because the time was too short.
-    pub hurried: usize,
+    pub skipped: usize,
     /// Cost of the rays.
     pub tally: Tally,
 }
@@ -70,7 +70,7 @@ pub struct ElementSamples {
     /// Rays of each half of a leaf, divided by [`FinalGather::wanted_rays`].
     scale: f64,
     /// Leaves without rays, because the time was too short.
-    hurried: usize,
+    skipped: usize,
     tally: Tally,
 }
 
@@ -119,7 +119,7 @@ impl FinalGather<'_> {
         let weight = elements[e as usize].area * f64::from(states[e as usize].importance);
         // Without rays of the first pass the deviation is unknown: leaves that were not traced for lack of time get the smallest number of rays.
         let deviation = match result.rays {
-            0 if states[e as usize].is_apart() => DEFAULT_DEVIATION * mean(result.irradiance),
+            0 if states[e as usize].is_excluded() => DEFAULT_DEVIATION * mean(result.irradiance),
             0 => 0.0,
             _ => f64::from(result.deviation),
         };
@@ -142,7 +142,7 @@ impl FinalGather<'_> {
             leaves: Vec::new(),
             light: Vec::new(),
             scale: if sum > 0.0 { 0.5 * rays / sum } else { 0.0 },
-            hurried: 0,
+            skipped: 0,
             tally: Tally::default(),
         };
         let mut is_known = vec![false; self.linked.elements.len()];
@@ -199,7 +199,7 @@ impl FinalGather<'_> {
                 samples.leaves.push(leaf);
                 samples.light.push(light);
             } else {
-                samples.hurried += 1;
+                samples.skipped += 1;
             }
         }
     }
@@ -217,10 +217,10 @@ impl FinalGather<'_> {
     /// The irradiance of leaves from their samples, shared between neighbours.
     pub fn share_samples(&self, samples: ElementSamples, local: &LocalPass, deadline: &Deadline) -> Gathered {
         let Elements { elements, states, .. } = &self.linked.elements;
-        let ElementSamples { leaves, light, hurried, tally, .. } = samples;
+        let ElementSamples { leaves, light, skipped, tally, .. } = samples;
         let areas: Vec<f64> = leaves.iter().map(|&e| elements[e as usize].area).collect();
         let (mut light, mut received_share, mut arrived) = (light, local.received, local.arrived);
-        if hurried == 0 {
+        if skipped == 0 {
             let of_emitters =
                 |light: &ElementLight| light.mean(DIRECT) - f64::from(light.sun.element_sum()) / 3.0;
             let received = light.iter().zip(&areas).map(|(light, area)| area * of_emitters(light)).sum();
@@ -255,7 +255,7 @@ impl FinalGather<'_> {
             (leaves[i], SharedLight { error: if own.error > 0.0 { own.error } else { noise * noise }, ..own })
         });
         let light = whole.iter().map(|&i| leaves[i]).zip(shared).chain(own).collect();
-        Gathered { light, received: received_share, arrived, hurried, tally }
+        Gathered { light, received: received_share, arrived, skipped, tally }
     }
 
     /// The factors f, by channel, that make the reflected light that leaves receive equal to the light that leaves reflect towards others: Σ A f·r = Σ A

@@ -101,12 +101,12 @@ impl FinalGather<'_> {
         let exact = VisibilityEngine::Exact(self.linked.engine.exact());
         let mut scratch = Scratch::default();
         // Different seeds give the points different rays.
-        let mut truth = [1, 2].map(|half| {
+        let mut reference = [1, 2].map(|half| {
             let seeded = sample.iter().map(|point| GatherPoint { seed: mix(point.seed ^ half), ..*point });
             self.trial(&exact, &seeded.collect::<Vec<_>>(), emitter, &mut scratch).visible
         });
         let first = self.trial(&exact, sample, emitter, &mut scratch);
-        let [a, b] = &mut truth;
+        let [a, b] = &mut reference;
         let n = first.visible.len().max(1) as f64;
         let noise: f64 = a.iter().zip(&*b).map(|(a, b)| 0.25 * (a - b).powi(2)).sum::<f64>() / n;
         // The noise of the halves is independent: the mean product has no bias. The result is at least its standard error.

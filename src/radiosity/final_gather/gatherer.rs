@@ -117,7 +117,7 @@ pub struct RayResult {
     /// Length of the ray, scene units.
     pub distance: f32,
     /// Whether the ray left the scene.
-    pub gone: bool,
+    pub escaped: bool,
 }
 
 impl RayResult {
@@ -135,7 +135,7 @@ impl RayResult {
             share: Vec3::ZERO,
         },
         distance: 0.0,
-        gone: false,
+        escaped: false,
     };
 }
 
@@ -183,7 +183,7 @@ impl<'a> FinalGather<'a> {
                     std::array::from_fn(|k| (state.radiosity[k] - emitted[k]) as f32)
                 }
             };
-            let trusted_from = match (state.is_apart(), elements.large_from > 0) {
+            let trusted_from = match (state.is_excluded(), elements.large_from > 0) {
                 (true, _) => f32::INFINITY,
                 (false, true) => e.radius,
                 (false, false) => 0.0,

@@ -8,7 +8,7 @@ use super::hemisphere::Hemisphere;
 use super::paths::EndOfPaths;
 use super::sky_light::SkyLight;
 use super::uneven_cells::{
-    DEFAULT_ERROR, TOLERANCE, Uneven, all_cells, bound_of_errors, largest_errors, next_tolerance,
+    DEFAULT_ERROR, TOLERANCE, UnevenCell, all_cells, bound_of_errors, largest_errors, next_tolerance,
 };
 use crate::embree::Hits;
 use crate::math::sampling::{mix, numbers};
@@ -109,7 +109,7 @@ impl FinalGather<'_> {
             if chosen.is_empty() {
                 break;
             }
-            left += uneven.iter().map(Uneven::error).filter(|e| !is_whole && *e <= least).sum::<f64>();
+            left += uneven.iter().map(UnevenCell::error).filter(|e| !is_whole && *e <= least).sum::<f64>();
             chosen.sort_unstable_by_key(|(cell, _)| *cell);
             rays += 4 * chosen.len();
             let cells = &mut levels[level as usize];

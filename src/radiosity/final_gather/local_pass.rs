@@ -57,7 +57,7 @@ pub struct LocalPass {
     /// How the light converged.
     pub convergence: Convergence,
     /// Leaves with fewer rays than planned.
-    pub hurried: usize,
+    pub reduced: usize,
     /// Leaves that were not traced for lack of time: their light is estimated ([`Surrounding::estimate`]).
     pub untraced: usize,
     /// Cost of the rays.
@@ -118,7 +118,7 @@ impl FinalGather<'_> {
             let others = apart.rows.iter().map(|row| row.leaf).chain(untraced.iter().copied());
             around.estimate(&leaves, &others.collect::<Vec<u32>>(), link_part, &mut results);
         }
-        self.light_apart(&mut apart, factor, &mut results);
+        self.light_of_excluded(&mut apart, factor, &mut results);
         let arrived = self.arrived([&rows, &apart], around.as_ref(), &untraced);
         self.balance_untraced(around.as_ref(), &all, &untraced, &sampled, arrived, &mut results);
         let (mut wanted, mut samples) = (EXCHANGE_SHARE * useful, Vec::new());
@@ -136,7 +136,7 @@ impl FinalGather<'_> {
             }
         });
         let traced_part = (EXCHANGE_SHARE * rays.unwrap_or(0.0) + element_rays.unwrap_or(0.0)) / wanted;
-        let RayRows { hurried, mut tally, .. } = rows;
+        let RayRows { reduced, mut tally, .. } = rows;
         tally.add(apart.tally);
         LocalPass {
             results,
@@ -148,7 +148,7 @@ impl FinalGather<'_> {
             received,
             arrived: arrived[0],
             convergence,
-            hurried: hurried + apart.hurried,
+            reduced: reduced + apart.reduced,
             untraced: untraced.len(),
             tally,
         }
@@ -183,7 +183,7 @@ impl FinalGather<'_> {
 
     /// Sets the light of leaves outside the exchange to the light that their rays have found, that of emitters times a factor. The light of all other leaves
     /// must be known.
-    fn light_apart(&self, apart: &mut RayRows, factor: f64, results: &mut [LocalResult]) {
+    fn light_of_excluded(&self, apart: &mut RayRows, factor: f64, results: &mut [LocalResult]) {
         apart.add_light_of_ends(|leaf| Some(self.reflected_by(leaf, results)));
         let Elements { elements, sides, .. } = &self.linked.elements;
         let mut first = 0;
@@ -378,12 +378,12 @@ impl FinalGather<'_> {
         let mut sides = vec![(0.5, 1.0); self.linked.elements.sides.len()];
         let mut first = 0;
         for row in &rows.rows {
-            let gone = rows.met[first..row.end].iter().filter(|&&met| met == Elements::NONE).count();
+            let escaped = rows.met[first..row.end].iter().filter(|&&met| met == Elements::NONE).count();
             let of = &mut sides[self.side_of(row.leaf) as usize];
-            *of = (of.0 + gone as f64, of.1 + f64::from(row.rays));
+            *of = (of.0 + escaped as f64, of.1 + f64::from(row.rays));
             first = row.end;
         }
-        sides.into_iter().map(|(gone, rays)| gone / rays).collect()
+        sides.into_iter().map(|(escaped, rays)| escaped / rays).collect()
     }
 }
 
@@ -411,7 +411,7 @@ fn assign_row_sums(rows: &RayRows, [first, second]: &[Vec<f64>; 2], results: &mu
         result.rays = row.rays;
         result.meets_emitters = 2 * row.met_emitters > row.rays;
         result.row_sum = (sum + f64::from(row.outside + row.continued()) / rays) as f32;
-        result.kept = 1.0 - row.gone as f32 / rays as f32;
+        result.kept = 1.0 - row.escaped as f32 / rays as f32;
     }
     sums
 }

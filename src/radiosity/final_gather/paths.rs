@@ -148,9 +148,9 @@ impl FinalGather<'_> {
         lane: usize,
     ) -> RayResult {
         let elements = &self.linked.elements;
-        let gone = hits.triangle[lane] == Hits::NO_HIT;
-        let mut result = RayResult { gone, ..RayResult::EMPTY };
-        if gone && self.has_environment() {
+        let escaped = hits.triangle[lane] == Hits::NO_HIT;
+        let mut result = RayResult { escaped, ..RayResult::EMPTY };
+        if escaped && self.has_environment() {
             result.sky = self.sky_of_ray(packet.point(lane, 1.0) - packet.point(lane, 0.0));
         }
         if let Some(met) = self.met(packet, hits, lane) {
@@ -289,7 +289,7 @@ impl FinalGather<'_> {
             .iter()
             .map(|found| {
                 let met = &found.met;
-                let goes_on = met.side != Elements::NONE && self.reflected[met.leaf as usize].is_apart();
+                let goes_on = met.side != Elements::NONE && self.reflected[met.leaf as usize].is_excluded();
                 goes_on.then(|| {
                     let start = self.continued(*met, Vec3::ONE, count);
                     buffers.vertices.extend([start; PATHS_ONWARDS]);

@@ -135,7 +135,7 @@ impl FinalGather<'_> {
     }
 
     /// Options with fewer rays, if the time is too short for all rays at these points.
-    pub fn hurried(
+    pub fn options_within_time(
         &self,
         points: &[(Vec3, Vec3)],
         options: &Options,

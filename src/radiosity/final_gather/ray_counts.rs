@@ -161,7 +161,7 @@ impl FinalGather<'_> {
         let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
         let planned = leaves.iter().map(|&leaf| self.row_rays(leaf, count(leaf, rays)));
         let (exchanged, apart): (Vec<LeafRays>, Vec<LeafRays>) =
-            planned.partition(|of| !states[of.leaf as usize].is_apart());
+            planned.partition(|of| !states[of.leaf as usize].is_excluded());
         // Half of the leaves that are traced late are large ones, half are drawn.
         let large = elements.area / (0.5 * MAX_LATE_LEAVES as f64);
         let step = leaves.len().div_ceil(MAX_LATE_LEAVES / 2) as u64;

@@ -24,13 +24,13 @@ const CHEAP_TOLERANCE: f64 = 0.25;
 const CHEAP_RAYS: usize = 2;
 
 /// A cell that may be divided, by its index in its level.
-pub(super) struct Uneven {
+pub(super) struct UnevenCell {
     pub cell: u32,
     /// Squares of the expected errors of the light of sky and surfaces, (W/m²)², that of surfaces times [`WEIGHT_OF_SURFACES`].
     pub errors: [f64; 2],
 }
 
-impl Uneven {
+impl UnevenCell {
     pub fn error(&self) -> f64 {
         self.errors[0] + self.errors[1]
     }
@@ -41,7 +41,7 @@ impl Surroundings<'_> {
     /// cell itself does not decide whether it is divided: otherwise partly open cells whose ray happens to be blocked would stay undivided. A neighbour at a
     /// coarser level counts as its larger cell. A cell at the rim of the hemisphere is also compared with all others of the finest level at the rim. At
     /// `openings`, points of the grid's unit square, the sky is visible: cells there and beside them count as neighbours of an open cell.
-    pub fn uneven(&self, area: f64, openings: &[[f32; 2]]) -> (Vec<Uneven>, Vec<u32>) {
+    pub fn uneven(&self, area: f64, openings: &[[f32; 2]]) -> (Vec<UnevenCell>, Vec<u32>) {
         let finest = self.levels.len() - 1;
         let (beside_openings, whole) = (self.beside(openings), self.in_whole_grid());
         let rim = self.rim();
@@ -68,7 +68,7 @@ impl Surroundings<'_> {
             };
             let of_sky = (edge * edge / across).max(strip) + gradient * gradient + 0.5 * step * step;
             let errors = [of_sky, WEIGHT_OF_SURFACES * between * between / across];
-            let of = Uneven { cell: k as u32, errors: errors.map(|e| area * area * e) };
+            let of = UnevenCell { cell: k as u32, errors: errors.map(|e| area * area * e) };
             if of.error() > 0.0 {
                 found.push(of);
             }
@@ -146,19 +146,19 @@ fn step_at(cells: &[RayCell], k: usize, columns: usize) -> f64 {
 /// one quarter of four is evaluated for all.
 pub(super) type CellToDivide = (u32, Option<Vec3>);
 
-fn to_divide(of: &Uneven, surroundings: &Surroundings, least: f64) -> CellToDivide {
+fn to_divide(of: &UnevenCell, surroundings: &Surroundings, least: f64) -> CellToDivide {
     (of.cell, (of.errors[1] <= least).then(|| surroundings.surfaces_around(of.cell)))
 }
 
 /// The tolerated sum of squared errors for the next division, after `rays` rays; `left` is that of the cells that stay undivided. `None` if no cell is to be
 /// divided. If the errors are within `tolerance`, only cells whose error is mainly that of the sky are kept.
 pub(super) fn next_tolerance(
-    uneven: &mut Vec<Uneven>,
+    uneven: &mut Vec<UnevenCell>,
     left: f64,
     tolerance: f64,
     rays: usize,
 ) -> Option<f64> {
-    let error: f64 = uneven.iter().map(Uneven::error).sum();
+    let error: f64 = uneven.iter().map(UnevenCell::error).sum();
     if left + error > tolerance {
         return Some(tolerance);
     }
@@ -172,7 +172,7 @@ pub(super) fn next_tolerance(
 pub(super) fn all_cells(
     cells: &[RayCell],
     surroundings: &Surroundings,
-    uneven: &[Uneven],
+    uneven: &[UnevenCell],
     least: f64,
 ) -> Vec<CellToDivide> {
     let even = |(k, of): (u32, &RayCell)| (k, (!of.is_open).then_some(of.surfaces));
@@ -184,12 +184,12 @@ pub(super) fn all_cells(
 /// The cells with errors above `least`, the largest first. Cells divided mainly for surfaces are limited to `most` rays in all.
 pub(super) fn largest_errors(
     surroundings: &Surroundings,
-    uneven: &[Uneven],
+    uneven: &[UnevenCell],
     least: f64,
     for_surfaces: &mut usize,
     most: usize,
 ) -> Vec<CellToDivide> {
-    let mut chosen: Vec<&Uneven> = uneven.iter().filter(|of| of.error() > least).collect();
+    let mut chosen: Vec<&UnevenCell> = uneven.iter().filter(|of| of.error() > least).collect();
     chosen.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));
     chosen.retain(|of| {
         let by_surfaces = of.errors[1] > of.errors[0];
@@ -236,7 +236,7 @@ mod tests {
             .uneven(1.0 / 96.0, &[])
             .0
             .iter()
-            .map(Uneven::error)
+            .map(UnevenCell::error)
             .sum();
         let mut all = NeighbourRanges::EMPTY;
         levels[0].iter().for_each(|cell| all.add(cell));

@@ -3,7 +3,7 @@
 use super::notes;
 use super::record::timed;
 use super::run::{Stages, total_area};
-use crate::radiosity::audit::{AuditSize, FinalLightSource, Solved};
+use crate::radiosity::audit::{AuditSize, FinalLight, Solved};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
 use crate::radiosity::options::Options;
@@ -11,10 +11,10 @@ use crate::radiosity::refinement::{LinkedScene, Refined};
 
 /// Largest number of local passes for [`Options::target_error`]: each has more rays than all before it together.
 const MAX_ATTEMPTS: usize = 5;
-/// Part of the target that the error of an attempt may reach: the error of 200 elements is known to 1/√(2 · 200) = 5 %, and the audit
-/// at the end draws other elements.
+/// Largest accepted error of an attempt, as a fraction of the target: the error of 200 elements is known to 1/√(2 · 200) = 5 %, and the
+/// final audit draws other elements.
 const ATTEMPT_MARGIN: f64 = 0.9;
-/// Part of the target that the next attempt aims at.
+/// Error that the next attempt is planned for, as a fraction of the target.
 const TARGET_MARGIN: f64 = 0.75;
 /// Smallest factor between the errors of two attempts: at most sixteen times the rays, as the first attempt's error is known only to
 /// about a quarter.
@@ -59,7 +59,7 @@ impl Stages<'_> {
     /// the target is kept as a margin for the noise of the comparison.
     fn smaller_error(&mut self, solved: &Solved, options: &Options, deadline: &Deadline) -> Option<f64> {
         let target = options.target_error.filter(|_| options.local_rays.is_none() && !deadline.late())?;
-        let FinalLightSource::Rays(local) = &solved.closing else { return None };
+        let FinalLight::Rays(local) = &solved.closing else { return None };
         local.element_rays?;
         let size = AuditSize::of(options);
         self.progress.stage("error of elements", size.elements as u64);
@@ -103,7 +103,7 @@ impl Stages<'_> {
         });
         self.notes.extend(note);
         let all = linked.leaves().len();
-        self.notes.extend(notes::hurried(found.hurried, all, deadline));
+        self.notes.extend(notes::reduced_leaves(found.reduced, all, deadline));
         self.notes.extend(notes::untraced(found.untraced, all, deadline));
         found
     }
@@ -111,7 +111,7 @@ impl Stages<'_> {
     /// Gathers the light of the local pass at all elements, and splits the elements over which direct light varies.
     fn element_light(&mut self, mut solved: Solved, options: &Options, deadline: &Deadline) -> Solved {
         let model = self.model;
-        let hurried = timed(&mut self.seconds.local, || {
+        let skipped = timed(&mut self.seconds.local, || {
             let mut samples = solved.sample_elements(model, options, SHARE_BEFORE_SPLIT, deadline)?;
             let variance = MAX_UNEVEN * options.error * options.error;
             let mut room = (MAX_ADDED * solved.linked.leaves().len() as f64) as usize;
@@ -127,7 +127,7 @@ impl Stages<'_> {
             Some(solved.share_samples(model, options, samples, deadline))
         });
         let all = solved.linked.leaves().len();
-        self.notes.extend(notes::hurried(hurried.unwrap_or(0), all, deadline));
+        self.notes.extend(notes::reduced_leaves(skipped.unwrap_or(0), all, deadline));
         solved
     }
 }

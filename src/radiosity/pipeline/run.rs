@@ -10,7 +10,7 @@ use crate::model::{Detail, Model};
 use crate::points::Point;
 use crate::progress::Progress;
 use crate::radiosity::audit::{
-    AuditSize, ErrorBarAudit, ErrorEstimate, FinalLightSource, PointsError, Solved, error_estimate,
+    AuditSize, ErrorBarAudit, ErrorEstimate, FinalLight, PointsError, Solved, error_estimate,
     link_uncertainty,
 };
 use crate::radiosity::deadline::{Deadline, DeadlinePlan};
@@ -152,11 +152,11 @@ struct RecordParts<'a> {
     audit: ErrorBarAudit,
     uncertainty: &'a [f64],
     points_error: Option<PointsError>,
-    /// Whether the light of all emitters reaches something, and some of it the points.
+    /// Whether the light of every emitter reaches a surface, and some light the points.
     arrives: bool,
 }
 
-/// The stages of one solution, with the seconds and notes that they leave.
+/// The stages of one solution, with their seconds and notes.
 pub(super) struct Stages<'a> {
     pub(super) model: &'a Model,
     pub(super) scene: &'a Scene,
@@ -208,7 +208,7 @@ impl Stages<'_> {
             convergence: refined.convergence,
         };
         if idle {
-            return (Solved { linked: refined.linked, closing: FinalLightSource::Nothing }, steps);
+            return (Solved { linked: refined.linked, closing: FinalLight::Nothing }, steps);
         }
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
@@ -222,7 +222,7 @@ impl Stages<'_> {
             return (self.light_by_rays(refined, &plan.light), steps);
         }
         let solved = Solved::by_links(refined, &plan.light);
-        if let FinalLightSource::Links(closing) = &solved.closing {
+        if let FinalLight::Links(closing) = &solved.closing {
             self.notes.extend(notes::bounded(closing.bounded));
             self.notes.extend(notes::unconverged(&closing.convergence, &plan.light));
             steps.convergence = closing.convergence;
@@ -249,13 +249,14 @@ impl Stages<'_> {
             return (Vec::new(), Tally::default());
         }
         let points = relative(scene, points);
-        let found =
-            timed(&mut self.seconds.points, || match gather.hurried(&points, options, &plan.closing) {
+        let found = timed(&mut self.seconds.points, || {
+            match gather.options_within_time(&points, options, &plan.closing) {
                 Some(fewer) => {
                     FinalGather::new(self.model, gather.linked(), &fewer).irradiance(&points, &done)
                 }
                 None => gather.irradiance(&points, &done),
-            });
+            }
+        });
         let on_surfaces = points.len().saturating_sub(options.points_in_space);
         self.notes.extend(gather.far_off(&points[..on_surfaces]));
         found
@@ -330,9 +331,9 @@ impl Stages<'_> {
         let balanced = imbalance.is_none();
         self.notes.extend(imbalance);
         let (bytes, local_convergence) = match &solved.closing {
-            FinalLightSource::Links(links) => (links.bytes, None),
-            FinalLightSource::Rays(local) => (0, Some(local.convergence)),
-            FinalLightSource::Nothing => (0, None),
+            FinalLight::Links(links) => (links.bytes, None),
+            FinalLight::Rays(local) => (0, Some(local.convergence)),
+            FinalLight::Nothing => (0, None),
         };
         Record {
             mrvis: env!("CARGO_PKG_VERSION").into(),

@@ -160,12 +160,12 @@ fn threads_and_instruction_sets_change_no_bit() {
         let bits = |packet: &Packet| lanes(&cut, packet, 9.0, 0.25).0.map(f32::to_bits);
         packets(9, 40, Vec3::ZERO, Vec3::new(6.0, 6.0, 2.0)).iter().map(bits).collect()
     };
-    let truth = answers(&all[0], Isa::Portable);
-    assert!(truth.iter().flatten().any(|&bits| bits != 0 && bits != 1f32.to_bits()));
+    let reference = answers(&all[0], Isa::Portable);
+    assert!(reference.iter().flatten().any(|&bits| bits != 0 && bits != 1f32.to_bits()));
     for cut in &all {
         assert_eq!(cut.bytes(), all[0].bytes());
         for isa in [Isa::Portable, Isa::Avx2, Isa::Avx512].into_iter().filter(|isa| isa.available()) {
-            assert_eq!(answers(cut, isa), truth, "{}", isa.name());
+            assert_eq!(answers(cut, isa), reference, "{}", isa.name());
         }
     }
 }

@@ -73,9 +73,9 @@ fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
                 differences.segments += 1;
                 differences.large += usize::from((f64::from(t) - walked.transmittance()).abs() > 0.01);
                 differences.sum += f64::from(t) - walked.transmittance();
-                let truth = if verdict == HitResult::Clear { 1.0 } else { 0.0 };
-                differences.squares[0] += (f64::from(t) - truth).powi(2);
-                differences.squares[1] += (walked.transmittance() - truth).powi(2);
+                let reference = if verdict == HitResult::Clear { 1.0 } else { 0.0 };
+                differences.squares[0] += (f64::from(t) - reference).powi(2);
+                differences.squares[1] += (walked.transmittance() - reference).powi(2);
             }
         }
         assert!(cost.aggregated <= aggregated, "s {s}: {cost:?}, the reference aggregates for {aggregated}");
