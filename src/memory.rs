@@ -4,7 +4,7 @@ use crate::{Error, Result};
 use std::fs::read_to_string;
 use std::path::Path;
 
-/// Part of the available memory that is used if the caller states no limit: the rest is for the system and for what is
+/// Fraction of the available memory that is used if the caller states no limit: the rest is for the system and for what is
 /// not estimated.
 pub const USABLE_FRACTION: f64 = 0.8;
 

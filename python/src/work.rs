@@ -65,7 +65,7 @@ impl Watch {
         let _ = self.events.lock().unwrap_or_else(PoisonError::into_inner).send(event);
     }
 
-    /// Part of the stage that is done, in `[0, 1]`; 0 if the number of its steps is unknown.
+    /// Fraction of the stage that is done, in `[0, 1]`; 0 if the number of its steps is unknown.
     fn fraction(&self) -> f64 {
         match self.steps.load(Relaxed) {
             0 => 0.0,

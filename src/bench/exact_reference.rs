@@ -81,7 +81,7 @@ impl ExactReference {
         ((square / n).max(0.0).sqrt(), bias / n)
     }
 
-    /// Part of the answers whose intervals the reference confirms; see [`agrees`].
+    /// Fraction of the answers whose intervals the reference confirms; see [`agrees`].
     pub fn coverage(&self, visible: &[f32], intervals: &[(f32, f32)]) -> f64 {
         let answers = visible.iter().zip(intervals).enumerate();
         let agree = answers.filter(|&(k, (&x, &interval))| agrees(x, interval, self.mean(k), self.rays));

@@ -34,7 +34,7 @@ options! {
         pub reference_rays: usize = 1024, in 1..=65_536;
         /// Threads of the timed sections. All else runs on the threads of the model.
         pub threads: usize = 1, in 1..=1024;
-        /// Part of the bundles on which independent exact rays check the stated intervals.
+        /// Fraction of the bundles on which independent exact rays check the stated intervals.
         pub audit: f64 = 0.05, in 0.0..=1.0, "a part of the bundles";
         /// Largest memory of the results, bytes; default: four fifths of the available memory.
         pub max_memory: Option<u64> = None;

@@ -203,18 +203,18 @@ pub struct MrRow {
     pub rms: f64,
     /// Mean error; positive: too bright.
     pub bias: f64,
-    /// Part of the stated 95 % intervals, in [0, 1], that the reference confirms, as in [`IntervalAudit::coverage`].
+    /// Fraction of the stated 95 % intervals, in [0, 1], that the reference confirms, as in [`IntervalAudit::coverage`].
     pub interval_coverage: f64,
     /// Audit of the stated intervals; `null` without an audit.
     pub audit: Option<IntervalAudit>,
-    /// Part of the segments, in [0, 1], that met at least one averaged cluster.
+    /// Fraction of the segments, in [0, 1], that met at least one averaged cluster.
     pub aggregated_fraction: f64,
-    /// Part of the segments, in [0, 1], in bundles with a certificate: nothing lies between point and emitter, or one
+    /// Fraction of the segments, in [0, 1], in bundles with a certificate: nothing lies between point and emitter, or one
     /// triangle covers the emitter.
     pub certified_fraction: f64,
     /// Segments of bundles for which triangles were tested, by this engine or by Embree.
     pub exact_rays: u64,
-    /// Part of the segments, in [0, 1], handed to Embree in whole bundles. At 1 the row takes the answers of the
+    /// Fraction of the segments, in [0, 1], handed to Embree in whole bundles. At 1 the row takes the answers of the
     /// exact row with as many rays, and the smaller time of that row and the one with certificates.
     pub handed_over: f64,
     /// Time to decide on a sample whether MR is faster, seconds; not part of `seconds`.
@@ -494,7 +494,7 @@ pub struct IntervalAudit {
     pub observed_lo: f64,
     /// 95 % interval of `observed_rms`, upper end.
     pub observed_hi: f64,
-    /// Part of the stated intervals, in `[0, 1]`, that the audit confirms: mean p of the rays and answer x satisfy |p
+    /// Fraction of the stated intervals, in `[0, 1]`, that the audit confirms: mean p of the rays and answer x satisfy |p
     /// − x| ≤ √(h² + 1.96² q (1 − q) / rays), with h the half width of the interval on p's side and q = p clamped to
     /// the interval. Correct intervals have 0.95, for any number of rays.
     pub coverage: f64,

@@ -72,7 +72,7 @@ pub struct Stage<'a> {
 
 /// Embree's ray call for packets of neighbouring pixels: the widest needs the fewest calls. Does not change results.
 const TRAVERSAL: Traversal = Traversal { width: 16, coherent: false };
-/// Distance of segments within an element from its plane and its corners, as a part of its diameter.
+/// Distance of segments within an element from its plane and its corners, as a fraction of its diameter.
 const INSET: f32 = 1.0 / 128.0;
 /// Largest difference of the distances at which a ray meets the two sides of a sheet, relative to them: a hundred roundings of 32 bits.
 const SHEET: f32 = 1e-5;

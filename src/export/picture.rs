@@ -178,7 +178,7 @@ pub struct Tone {
 /// 0.36 and 0.72 for bright scenes. Pictures only.
 const KEY: f32 = 0.25;
 
-/// Part of the values that must not be black to decide on the exposure: ten of 480,000 pixels. By rounding, a few rays of a picture may pass at the
+/// Fraction of the values that must not be black to decide on the exposure: ten of 480,000 pixels. By rounding, a few rays of a picture may pass at the
 /// foot of a wall without thickness; their pixels alone would otherwise be shown as bright.
 const MIN_LIT: f64 = 2e-5;
 

@@ -21,7 +21,7 @@ use std::collections::{HashMap, HashSet};
 
 /// Columns and rows of the pictures that views are compared by: 3,072 rays, a few milliseconds a view.
 const PREVIEW_PIXELS: [usize; 2] = [64, 48];
-/// Part of the directions from an eye that meet a surface where the scene is enclosed. From the middle of a cube with
+/// Fraction of the directions from an eye that meet a surface where the scene is enclosed. From the middle of a cube with
 /// one open side 5/6 do.
 const ENCLOSED_PART: f32 = 0.9;
 /// Angles of view from top to bottom, radians: of a 35 mm wide-angle lens of 20 mm from inside, of 28 mm from outside.
@@ -203,7 +203,7 @@ pub(super) struct Viewpoint {
     pub(super) position: Vec3,
     /// Height above the ground.
     pub(super) height: f32,
-    /// Part of all directions that meet a surface.
+    /// Fraction of all directions that meet a surface.
     pub(super) closed: f32,
 }
 
@@ -312,7 +312,7 @@ fn dense_places(solution: &RadiosityMesh, bounds: Aabb) -> Vec<Vec3> {
     middles
 }
 
-/// Part of the diagonal by which a lamp may reach out of the box around everything else: lamps in openings of a ceiling.
+/// Fraction of the diagonal by which a lamp may reach out of the box around everything else: lamps in openings of a ceiling.
 const INSIDE: f32 = 0.01;
 
 /// The automatic camera for a scene with the same light on all surfaces. It depends neither on options of the solver nor on which lamps

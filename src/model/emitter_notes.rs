@@ -21,7 +21,7 @@ pub(super) const PACKETS: usize = 4;
 const MAX_COMPARED_FACES: usize = 4096;
 /// Names that a note lists.
 const MAX_NAMES: usize = 3;
-/// Part of an emitter's rays that must meet surfaces for a note that these are the outside of a space, and the part of those that must meet such a
+/// Fraction of an emitter's rays that must meet surfaces for a note that these are the outside of a space, and the part of those that must meet such a
 /// side: some rays pass beside a ceiling, and some rays from below it leave through windows.
 const MIN_MET_SHARE: f64 = 0.5;
 const MIN_OUTSIDE_SHARE: f64 = 0.8;

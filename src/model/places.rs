@@ -63,7 +63,7 @@ impl Model {
         (triangle != Hits::NO_HIT).then(|| (instance, part()))
     }
 
-    /// Number of cosine-weighted rays from a point that do not meet a wall, plus the mean distance to which all go, as a part of the longest in the
+    /// Number of cosine-weighted rays from a point that do not meet a wall, plus the mean distance to which all go, as a fraction of the longest in the
     /// scene.
     fn openness(&self, from: Vec3, normal: Vec3, wall: (u32, u32)) -> f32 {
         let length = 1.01 * self.bounds().diagonal();

@@ -13,21 +13,21 @@ use rayon::prelude::*;
 /// A note reports surfaces above which rays start at more than this part of their distance from an emitter: shadows and reflected light there
 /// err by up to that part.
 const MAX_RELATIVE_HEIGHT: f32 = 0.01;
-/// The same as a part of the height of an object on the surface: its shadow is too short by that part, here by a tenth.
+/// The same as a fraction of the height of an object on the surface: its shadow is too short by that part, here by a tenth.
 const MAX_SHADOW_LOSS: f32 = 0.1;
 /// Distance by which the reader separates overlapping faces of one plane, as a multiple of the height at which rays start: 9e-6 of the
 /// largest coordinate against 2e-6, and their rounding.
 const OVERLAP_SHIFT: f32 = 6.0;
-/// Part of an emitter's rays that must meet such surfaces.
+/// Fraction of an emitter's rays that must meet such surfaces.
 const MIN_COARSE_SHARE: f64 = 0.05;
 
 /// Largest number of things that are tested, evenly spread: limits the time to 0.1 million rays.
 const MAX_THINGS: usize = 4096;
-/// Height of a thing, as a part of its diagonal, up to which it is flush with the surface, as a panel in a ceiling is.
+/// Height of a thing, as a fraction of its diagonal, up to which it is flush with the surface, as a panel in a ceiling is.
 const MAX_FLUSH_HEIGHT: f32 = 0.01;
 /// Largest coordinate of a scene relative to its extent up to which it counts as centred: that of a centred one is half.
 const MAX_CENTRED: f32 = 0.75;
-/// How far outside the box of a thing its rays run, as a part of the extent of the box.
+/// How far outside the box of a thing its rays run, as a fraction of the extent of the box.
 const RAY_OFFSET: f32 = 0.01;
 
 impl Model {
@@ -190,7 +190,7 @@ struct Ground {
 }
 
 impl Ground {
-    /// Part of the thing's height below which no rays start.
+    /// Fraction of the thing's height below which no rays start.
     fn coarseness(&self) -> f32 {
         self.start / self.rise
     }

@@ -14,19 +14,19 @@ use std::time::Instant;
 /// the limit as approximate.
 const GRACE_SECONDS: f64 = 0.5;
 const GRACE_SHARE: f64 = 0.05;
-/// Part of the time after preparation for the light of elements, without and with points to follow: a quarter
+/// Fraction of the time after preparation for the light of elements, without and with points to follow: a quarter
 /// is kept for the final gather; without points a tenth is kept for the error of the estimated time.
 const LIGHT_SHARE: f64 = 0.9;
 const LIGHT_SHARE_BEFORE_POINTS: f64 = 0.75;
-/// Part of the time for light in which links are refined, before a local pass and before all links are measured again:
+/// Fraction of the time for light in which links are refined, before a local pass and before all links are measured again:
 /// the rest is for the local pass, or for the second measurement and the last sweeps.
 const REFINEMENT_SHARE_BEFORE_LOCAL_PASS: f64 = 0.4;
 const REFINEMENT_SHARE: f64 = 0.6;
-/// Part of the time of the local pass that its rays may take; the solver of its matrix has the other half.
+/// Fraction of the time of the local pass that its rays may take; the solver of its matrix has the other half.
 pub const RAY_SHARE: f64 = 0.5;
-/// Part of the time that is left after the local pass that the rays of its elements are planned for, by the speed of those before.
+/// Fraction of the time that is left after the local pass that the rays of its elements are planned for, by the speed of those before.
 pub const GATHER_SHARE: f64 = 0.8;
-/// Part of the time of a point query that its rays are planned for: the estimate comes from a sample of points, so
+/// Fraction of the time of a point query that its rays are planned for: the estimate comes from a sample of points, so
 /// that a fifth is kept for its error.
 pub const QUERY_SHARE: f64 = 0.8;
 

@@ -154,7 +154,7 @@ impl SolveOptions {
             .unwrap_or((LOCAL_RAYS_TIMES_ERROR_SQUARED / self.error.powi(2)).clamp(1e5, 1e8) as usize)
     }
 
-    /// Smallest element of the local pass as part of the scene's area: so large that its share of the rays tells its light
+    /// Smallest element of the local pass as a fraction of the scene's area: so large that its share of the rays tells its light
     /// from that of its neighbours.
     pub(crate) fn local_area(&self) -> f64 {
         self.min_area.min(Self::area_for(self.local_rays() as f64))

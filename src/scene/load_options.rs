@@ -47,7 +47,7 @@ options! {
         pub(crate) grid: ReadOptions = ReadOptions::default();
         /// Further files of the scene.
         pub(crate) added: AddedFiles = AddedFiles::default();
-        /// Radius of the earth, as a part of its mean radius, along which height fields curve; `None`: a flat earth.
+        /// Radius of the earth, as a fraction of its mean radius, along which height fields curve; `None`: a flat earth.
         pub(crate) curvature: Option<f64> = None;
     }
 }

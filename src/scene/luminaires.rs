@@ -16,7 +16,7 @@ use toml::Spanned;
 
 /// Largest size of a placement file: 10,000 luminaires of about 100 bytes each.
 const MAX_BYTES: u64 = 1 << 20;
-/// Part of the flux below which the back of a luminaire is left out: the rounding of tables.
+/// Fraction of the flux below which the back of a luminaire is left out: the rounding of tables.
 const DARK_HALF: f64 = 1e-6;
 /// Largest flux, lm: as the largest intensity of photometric files.
 const MAX_LUMENS: f64 = 1e15;

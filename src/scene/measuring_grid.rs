@@ -12,7 +12,7 @@ const MAX_POINTS: f64 = 4e6;
 const MAX_PLANE_DISTANCE: f64 = 1e-4;
 /// Smallest cosine between the upward axis and normals that look up: 1:7 is the steepest ramp.
 const UPWARD: f64 = 0.99;
-/// Part of a spacing by which sides are taken as multiples of it: rounding of coordinates.
+/// Fraction of a spacing by which sides are taken as multiples of it: rounding of coordinates.
 const MULTIPLE_TOLERANCE: f64 = 1e-4;
 /// Part by which a turned rectangle must be smaller than one along the axes.
 const MIN_AREA_GAIN: f64 = 1e-3;

@@ -56,7 +56,7 @@ impl UpAxis {
     }
 }
 
-/// Part of the emission that must point down an axis before it is a sign: that of a hemisphere of directions about the axis
+/// Fraction of the emission that must point down an axis before it is a sign: that of a hemisphere of directions about the axis
 /// is 0.5, of a sphere 0.
 const MAIN_EMISSION: f32 = 0.15;
 /// Ratio of extents above which the shorter of y and z is taken as the height: rooms and terrains are wider than high,

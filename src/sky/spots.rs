@@ -21,7 +21,7 @@ const MAX_ERROR: f64 = 0.01;
 const EDGE: f64 = 1.0 / 16.0;
 /// Largest number of discs. Each takes a ray at all places where elements receive light, and 16 or more at each point.
 const MAX_DISCS: usize = 8;
-/// Smallest part of its bounding circle that a spot must fill to become one disc; others are halved. A row of five texels fills a quarter.
+/// Smallest fraction of its bounding circle that a spot must fill to become one disc; others are halved. A row of five texels fills a quarter.
 const MIN_COMPACT: f64 = 0.25;
 
 /// Texels of a sky's map and their light.

@@ -34,7 +34,7 @@ const MAX_STEPS: i32 = 11;
 const BATCH: [usize; 2] = [32, 8];
 /// Largest number of solves by links.
 const SOLVES: [usize; 2] = [1024, 8];
-/// Standard error of the mean power at which solves end, as a part of the power by rays.
+/// Standard error of the mean power at which solves end, as a fraction of the power by rays.
 const TARGET_STANDARD_ERROR: f64 = 0.01;
 /// Solves by rays.
 const RAY_SOLVES: [usize; 2] = [8, 2];

@@ -44,7 +44,7 @@ pub fn light() -> DVec3 {
     DVec3::new(0.0, LIGHT_DISTANCE, HEIGHT)
 }
 
-/// Part of an image by which its coverage may differ from the one asked for: half of the shadow of a cube at the centre of its group.
+/// Fraction of an image by which its coverage may differ from the one asked for: half of the shadow of a cube at the centre of its group.
 pub fn coverage_tolerance(edge: f64) -> f64 {
     let shadow = edge * LIGHT_DISTANCE / (LIGHT_DISTANCE - GROUP_DISTANCE);
     0.5 * (shadow / (COLUMNS as f64 * TEXEL)).powi(2)

@@ -300,7 +300,7 @@ impl Repeated {
         0.5 * (self.0[k][0] + self.0[k][1])
     }
 
-    /// Standard error of a mean, as a part of it: half the difference of the two, pooled over pairs.
+    /// Standard error of a mean, as a fraction of it: half the difference of the two, pooled over pairs.
     fn noise(&self) -> f64 {
         let square: f64 = self.0.iter().map(|[a, b]| ((a - b) / (a + b)).powi(2)).sum();
         (square / self.0.len() as f64).sqrt()

@@ -139,7 +139,7 @@ struct Segment {
     length: f32,
 }
 
-/// Part of a segment at its ends on which triangles do not block.
+/// Fraction of a segment at its ends on which triangles do not block.
 const END_FRACTION: f32 = 1e-5;
 
 impl Segment {

@@ -6,7 +6,7 @@ use crate::bench::workload::ReceiverPoint;
 use crate::scene::Scene;
 use glam::DVec3;
 
-/// Part of its rectangle that a nearly rectangular patch covers at least; the image of any other lies in a rectangle
+/// Fraction of its rectangle that a nearly rectangular patch covers at least; the image of any other lies in a rectangle
 /// inside it. A disc covers π/4 = 0.785 of its square.
 pub(super) const MIN_FILLED_PART: f64 = 0.8;
 /// Smallest length of the mean normal of a relief: for slopes of one angle in all directions its cosine, here 37

@@ -67,7 +67,7 @@ pub struct MapMrRow {
     pub bias: f64,
     /// Feature-based error at `feature_size`.
     pub fbem: f64,
-    /// Part of the segments, in [0, 1], that met at least one averaged cluster.
+    /// Fraction of the segments, in [0, 1], that met at least one averaged cluster.
     pub aggregated_fraction: f64,
     /// Time of exact rays for the same RMS error, divided by `seconds`; `null` if undefined.
     pub speedup_at_same_rms: Option<f64>,

@@ -35,7 +35,7 @@ pub struct Ledger {
     pub row_sum_error_sampled: f64,
     /// The same after normalisation.
     pub row_sum_error: f64,
-    /// Part of the scene's area from whose elements no light leaves the scene.
+    /// Fraction of the scene's area from whose elements no light leaves the scene.
     pub closed_area: f64,
     /// The powers of each channel, in [`Ledger::unit`].
     #[serde(skip)]
@@ -162,7 +162,7 @@ pub(super) struct RowSums {
     sampled: f64,
     /// After normalisation.
     used: f64,
-    /// Part of the leaf's light that reaches other elements.
+    /// Fraction of the leaf's light that reaches other elements.
     pub(super) sent: f64,
 }
 

@@ -27,11 +27,11 @@ const MAX_PATH_FACTOR: f64 = 64.0;
 pub struct ErrorBarAudit {
     /// Elements whose irradiance was computed again by paths.
     pub elements: usize,
-    /// Part of the area whose error lies within the bar (0.68 for a normal distribution).
+    /// Fraction of the area whose error lies within the bar (0.68 for a normal distribution).
     pub within_one: f64,
-    /// Part of the area whose error lies within twice the bar (0.95 for a normal distribution).
+    /// Fraction of the area whose error lies within twice the bar (0.95 for a normal distribution).
     pub within_two: f64,
-    /// Part of the area whose error lies within 1/4, 2/4, … 12/4 of the bar.
+    /// Fraction of the area whose error lies within 1/4, 2/4, … 12/4 of the bar.
     pub within_quarters: [f64; 12],
     /// Root mean square of the errors, less the noise of the paths, relative to the mean irradiance of all elements.
     pub rms_error: f64,
@@ -101,7 +101,7 @@ fn squares(checks: &[Check]) -> Vec<f64> {
     checks.iter().map(|c| c.weight * (c.error * c.error - c.noise * c.noise)).collect()
 }
 
-/// The part of the area whose error is within a bound.
+/// The fraction of the area whose error is within a bound.
 fn part_within(checks: &[Check], bound: impl Fn(&Check) -> f64) -> f64 {
     let within = checks.iter().filter(|check| check.error <= bound(check));
     within.map(|check| check.weight).sum::<f64>() / checks.iter().map(|check| check.weight).sum::<f64>()

@@ -53,7 +53,7 @@ const MAX_UNEVEN: f32 = 2.0;
 /// Smallest distance of points from the rim of a face in bounds of the rounding errors of its coordinates: twice the length that segments leave out at ends on
 /// unknown surfaces.
 const MIN_RIM_DISTANCE: f32 = 32.0;
-/// Largest part of the way to the middle, for faces that are small against the rounding errors of their place.
+/// Largest fraction of the way to the middle, for faces that are small against the rounding errors of their place.
 const MAX_RIM_PART: f32 = 0.1;
 
 impl Emitters {
@@ -210,7 +210,7 @@ pub struct EmitterFace {
     pub area: f32,
     /// Directions in which the face emits; none for diffuse emission.
     pub profile: Option<Arc<Profile>>,
-    /// Part of the way to the middle of the face by which points on it are moved.
+    /// Fraction of the way to the middle of the face by which points on it are moved.
     to_middle: f32,
 }
 

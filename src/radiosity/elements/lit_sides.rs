@@ -52,7 +52,7 @@ pub struct DarkSideHit {
 
 /// Largest number of rays of a part whose origins are tested: limits the time to 8 winding numbers per part.
 const MAX_TESTED_RAYS: usize = 8;
-/// Part of the tested rays that must start outside: 2 of 8, so that one ray that slips through an edge does not decide.
+/// Fraction of the tested rays that must start outside: 2 of 8, so that one ray that slips through an edge does not decide.
 const MIN_OUTSIDE_SHARE: f64 = 0.25;
 
 /// The closed parts (components of the scene, ascending) that have light on both sides: rays from outside or from an emitter

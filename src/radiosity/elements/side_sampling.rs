@@ -3,7 +3,7 @@
 use super::{Cluster, DIRECTIONS};
 use glam::Vec3;
 
-/// Part of the samples that is uniform over all sides, so that every side has a positive density: bounds the weight of
+/// Fraction of the samples that is uniform over all sides, so that every side has a positive density: bounds the weight of
 /// a sample to 1 / 0.2 = 5 times the weight of uniform sampling. Without a local pass half or twice as much changes
 /// irradiance by less than 0.1 % (`constants.py solve`).
 const UNIFORM_FRACTION: f32 = 0.2;

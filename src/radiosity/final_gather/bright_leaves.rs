@@ -11,7 +11,7 @@ use crate::ray::LANES;
 /// Smallest number of shadow rays of a point and an emitter: two packets, whose difference shows whether more rays are
 /// needed. 16 or 64 rays instead change irradiance by less than 0.08 % (`constants.py solve`).
 pub(super) const MIN_SHADOW_RAYS: usize = 2 * LANES;
-/// Allowed standard error of the light of one emitter, as a part of the error asked for: with four equal emitters the errors add up to all of it.
+/// Allowed standard error of the light of one emitter, as a fraction of the error asked for: with four equal emitters the errors add up to all of it.
 pub(super) const PART_OF_ERROR: f64 = 0.5;
 /// Time of the closed form of a face, relative to the time of a ray from a point: 0.1 µs over 0.4 µs in a Cornell box.
 const COST_OF_FACE: f64 = 0.25;
@@ -106,7 +106,7 @@ impl Brightest {
     ///
     /// One of the `rays` of a point hits a surface of area A with the mean probability A / S, where S is the area of all surfaces. With the radiosity B
     /// of the surface and the mean B̄ of all, the surface adds (B - B̄)² A / S to the variance of a ray, less if it covers whole cells of the grid of
-    /// rays ([`UNEVEN_CELLS`]). Each shadow ray leaves the variance p (1 - p) L² ≤ L² / 4, where p is the visible part of the light L of the chosen
+    /// rays ([`UNEVEN_CELLS`]). Each shadow ray leaves the variance p (1 - p) L² ≤ L² / 4, where p is the visible fraction of the light L of the chosen
     /// surfaces. A point traces as many shadow rays, at most `shadow_rays`, as leave [`PART_OF_ERROR`] of the error asked for. The time is that of both
     /// kinds of rays and of the closed forms of the faces.
     pub fn of(

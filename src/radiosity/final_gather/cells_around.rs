@@ -15,7 +15,7 @@ pub(super) struct RayCell {
     /// Whether its ray leaves the scene.
     pub is_open: bool,
     /// Irradiance by the cell over its area, if its ray represents all of it, W/m². The sky is taken in the direction of the ray, because the sky that an
-    /// edge hides may be brighter than the rest: the mean sky times the visible part errs by 1 % in courtyards under an overcast sky.
+    /// edge hides may be brighter than the rest: the mean sky times the visible fraction errs by 1 % in courtyards under an overcast sky.
     pub light: Vec3,
     /// The same by the mean light of the element that its ray has hit, or of the surfaces around it where only one of four quarters was evaluated,
     /// W/m²; it has no noise of paths.

@@ -37,7 +37,7 @@ const RAYS_TO_SUN: u32 = 4;
 const MIN_EXCESS: f64 = 1.1;
 /// Neighbouring leaves whose rays use one sequence of random numbers: more than share their light, 49.
 const LEAVES_OF_SEQUENCE: usize = 64;
-/// Distance beyond the middle of an edge at which the element there is looked up, as a part of the distance from the centre: far above rounding, and within
+/// Distance beyond the middle of an edge at which the element there is looked up, as a fraction of the distance from the centre: far above rounding, and within
 /// elements of an eighth of the size.
 const BEYOND_EDGE: f32 = 1.0 / 16.0;
 /// Elements of one parallel task that traces a ray along the normal of each.
@@ -51,7 +51,7 @@ const MAX_REFLECTED_FACTOR: f64 = 4.0;
 pub struct Gathered {
     /// Leaves with their light.
     pub light: Vec<(u32, SharedLight)>,
-    /// Part of the emitted power that meets elements, by channel.
+    /// Fraction of the emitted power that meets elements, by channel.
     pub received: Rgb,
     /// The power that arrives from sky and suns.
     pub arrived: SkyPower,

@@ -1,7 +1,7 @@
 //! Choice between the distance cut and other engines for the direct light of points.
 //!
 //! A sample of few points queries an emitter by each engine, as all points will. The cut is chosen if it needs less work for the same
-//! error, and if its error is no larger than the tolerance of the visible part, which the model error of the cut may exceed.
+//! error, and if its error is no larger than the tolerance of the visible fraction, which the model error of the cut may exceed.
 
 use super::direct_light::EmitterView;
 use super::gather_point::GatherPoint;
@@ -86,7 +86,7 @@ impl FinalGather<'_> {
         engine.by_cut().map(|(by, work)| (VisibilityEngine::MultiResolution(Arc::new(by)), work)).collect()
     }
 
-    /// The engine that needs the least work for a given error of an emitter's visible part at points like those of a sample: `other`, or
+    /// The engine that needs the least work for a given error of an emitter's visible fraction at points like those of a sample: `other`, or
     /// one of the engines by the cut.
     fn fastest(
         &self,

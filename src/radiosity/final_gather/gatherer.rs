@@ -98,7 +98,7 @@ pub struct PathVertex {
     pub triangle: u32,
     /// Index of the path's sum.
     pub path: u32,
-    /// Part of the light sent here that reaches the start of the path, by channel.
+    /// Fraction of the light sent here that reaches the start of the path, by channel.
     pub share: Vec3,
 }
 

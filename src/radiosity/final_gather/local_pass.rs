@@ -32,7 +32,7 @@ use std::collections::HashMap;
 
 /// Expected relative error of the direct light that all elements receive together, by their own rays.
 const DIRECT_ERROR: f64 = 0.01;
-/// Part of the rays by which elements exchange light. Each of the other rays gathers that light for one element. In an office and
+/// Fraction of the rays by which elements exchange light. Each of the other rays gathers that light for one element. In an office and
 /// a living room a seventh and two sevenths leave errors of the elements that differ by less than a tenth (`scenes/room.py`).
 pub(super) const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
 
@@ -44,7 +44,7 @@ pub struct LocalPass {
     pub element_rays: Option<f64>,
     /// Leaves whose light is known by the rays of the exchange, with this light.
     pub samples: Vec<(u32, ElementLight)>,
-    /// Rays of both passes together, as part of `wanted`.
+    /// Rays of both passes together, as a fraction of `wanted`.
     pub traced_part: f64,
     /// The rays that the error asked for needs in both passes.
     pub wanted: f64,

@@ -19,7 +19,7 @@ const MAX_OPEN: f32 = 0.125;
 const MAX_FOLLOWED: usize = 512;
 /// Largest number of places in openings of all rooms, to each of which points with little sky trace a ray: half the rays of their default grid.
 const MAX_PLACES: usize = 256;
-/// Part of all directions, also downwards, in which rays leave the scene at a place in an opening: half in the opening of a thin roof, a quarter in the plane
+/// Fraction of all directions, also downwards, in which rays leave the scene at a place in an opening: half in the opening of a thin roof, a quarter in the plane
 /// of a window above the ground, less in a shaft. The limit must be above the value in the room and below the value outside.
 const OPENING_SKY_FRACTION: f32 = 0.25;
 /// Number of directions that estimate this part.

@@ -21,7 +21,7 @@ const TIMED_POINTS: usize = CHUNK / 4;
 /// Smallest number of rays of each kind, however short the time: the lower bounds of [`Options::light_rays`]
 /// and [`Options::gather_rays`].
 const MIN_POINT_RAYS: usize = 64;
-/// Distance from surfaces, as part of the scene's diagonal, above which a point is reported as off all surfaces.
+/// Distance from surfaces, as a fraction of the scene's diagonal, above which a point is reported as off all surfaces.
 const FAR_OFF: f32 = 1e-3;
 
 /// Options with this part of the rays of a point, but at least a minimum of each kind.
@@ -145,7 +145,7 @@ impl FinalGather<'_> {
         (part < 1.0).then(|| with_fewer_rays(options, part))
     }
 
-    /// The part of the rays at these points that the time allows, from a timed sample of the points.
+    /// The fraction of the rays at these points that the time allows, from a timed sample of the points.
     pub fn possible_part(&self, points: &[(Vec3, Vec3)], deadline: &Deadline) -> f64 {
         if deadline.late() {
             0.0

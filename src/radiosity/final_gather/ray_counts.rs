@@ -27,14 +27,14 @@ pub const LATE_RAYS: f64 = 1e5;
 /// Largest number of leaves that are traced after the deadline: with [`MIN_ROW_RAYS`] and [`LATE_RAYS`] half a million rays, some 0.4 s on
 /// two cores. If there are more leaves, those above their share of the area and an even selection of the others are traced.
 const MAX_LATE_LEAVES: usize = 100_000;
-/// Part of the light that is reflected in scenes for which [`RAYS_TIMES_ERROR_SQUARED`] holds: half.
+/// Fraction of the light that is reflected in scenes for which [`RAYS_TIMES_ERROR_SQUARED`] holds: half.
 const USUAL_REFLECTED: f64 = 0.5;
 /// Neighbours that share their rays.
 pub(super) const NEIGHBOURS: f64 = 16.0;
 /// Rays of an element times the square of the error: one ray deviates by about half of the mean, neighbours share their rays, and direct and
 /// reflected light each have that variance.
 const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / NEIGHBOURS;
-/// Part of the error of elements that may be noise of their rays, where these deviate little: a fifth of the squared error. Most of the rest is the
+/// Fraction of the error of elements that may be noise of their rays, where these deviate little: a fifth of the squared error. Most of the rest is the
 /// variation of light over an element.
 pub(super) const NEEDED_SHARE: f64 = 0.45;
 /// Approximate number of leaves whose rays are timed for an estimate: limits it to 32,000 rays, 1 % of the rays at the
@@ -42,7 +42,7 @@ pub(super) const NEEDED_SHARE: f64 = 0.45;
 const TIMED_LEAVES: usize = 2000;
 /// Rays of each timed leaf: one packet.
 const TIMED_RAYS: u32 = 16;
-/// Part of the rays that remains after surfaces have been split for so many rays and each part has its smallest number:
+/// Fraction of the rays that remains after surfaces have been split for so many rays and each part has its smallest number:
 /// parts are made for 20 rays each and [`MIN_ROW_RAYS`] of them are fixed, 1 − 4 / 20.
 const SHARED_AFTER_SPLIT: f64 = 0.8;
 

@@ -61,7 +61,7 @@ pub struct PathEnd {
     pub ray: u32,
     /// The leaf where the path ends; after [`RayRows::number_rows`] its row.
     pub met: u32,
-    /// Part of the radiosity reflected there that arrives, by channel.
+    /// Fraction of the radiosity reflected there that arrives, by channel.
     pub share: Vec3,
     /// The light of the ray that is known without its ends, mean over the channels, W/m².
     pub direct: f32,
@@ -113,7 +113,7 @@ impl RayRow {
         self.halves[0].continued + self.halves[1].continued
     }
 
-    /// The part of the light reflected by the leaf that stays in the scene, for a leaf that lies both inside and outside of a room: each ray
+    /// The fraction of the light reflected by the leaf that stays in the scene, for a leaf that lies both inside and outside of a room: each ray
     /// has the weight of the light at its start.
     pub fn kept_of_lit(&self) -> f32 {
         let lit = (self.emitted() + self.sun()).element_sum() / 3.0;

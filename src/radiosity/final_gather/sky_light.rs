@@ -20,7 +20,7 @@ const MIN_OPEN_PART: f32 = 0.5;
 /// Smallest number of rays from a point to a sun, evenly spread over the disc, even if all agree: all of them miss a gap that shows a twentieth of the disc
 /// in one of seven hundred cases. A gap between leaves that shows a fiftieth of the disc lights a room as much as the sky does through a window.
 const AGREED_RAYS: usize = 8 * LANES;
-/// Largest ratio of the rays from a point to a sun to [`Options::light_rays`](crate::radiosity::Options::light_rays), and the visible part of the disc
+/// Largest ratio of the rays from a point to a sun to [`Options::light_rays`](crate::radiosity::Options::light_rays), and the visible fraction of the disc
 /// from which on the error is relative to this part: behind blinds and leaves a tenth of the sun is most of the light. The unoccluded sun has ten times
 /// the light of a clear sky.
 const MORE_FOR_SUNS: usize = 4;

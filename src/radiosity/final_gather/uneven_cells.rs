@@ -12,7 +12,7 @@ const ERROR_OF_EDGE: f64 = 0.29;
 const ERROR_OF_GRADIENT: f64 = ERROR_OF_EDGE / 4.0;
 /// The error asked for by default, relative to the mean irradiance.
 pub(super) const DEFAULT_ERROR: f64 = 0.02;
-/// Tolerated error of the light of the sky at a point, relative to all light of the point, as a part of the error asked for.
+/// Tolerated error of the light of the sky at a point, relative to all light of the point, as a fraction of the error asked for.
 pub(super) const TOLERANCE: f64 = 0.1;
 /// Weight of squared errors of the light of surfaces, whose error may be about the error asked for instead of a tenth of it.
 const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;

@@ -145,7 +145,7 @@ pub struct SkyLink {
     pub source: SkySource,
     /// Mean irradiance of the receiver, reduced by blockers, W/m².
     pub irradiance: [f32; 3],
-    /// Visible part of the light, in `[0, 1]`.
+    /// Visible fraction of the light, in `[0, 1]`.
     pub transmittance: f32,
     /// Standard deviation of the irradiance over the receiver, W/m²; mean of the channels.
     pub variation: f32,

@@ -20,10 +20,10 @@ const TARGET_MARGIN: f64 = 0.75;
 /// about a quarter.
 const MIN_ERROR_STEP: f64 = 0.25;
 
-/// Part of the rays of elements that are traced before any element is split. The error at points of an office is 10.3 % with 0.8 and 10.5 %
+/// Fraction of the rays of elements that are traced before any element is split. The error at points of an office is 10.3 % with 0.8 and 10.5 %
 /// with 0.6 (`scenes/room.py`).
 const SHARE_BEFORE_SPLIT: f64 = 0.8;
-/// Largest number of elements that are added where direct light varies, as a part of all elements: the error of an office is as small
+/// Largest number of elements that are added where direct light varies, as a fraction of all elements: the error of an office is as small
 /// with 0.15 as with 1, which takes a tenth more time.
 const MAX_ADDED: f64 = 0.15;
 /// Area-weighted mean variance of direct light over elements, relative to the square of the error, up to which no element is split.

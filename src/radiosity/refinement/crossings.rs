@@ -143,7 +143,7 @@ fn frame(corners: &[Vec3; 4], side: &Side, part: f32) -> (usize, Vec3, Vec3) {
 // reach deeper into the gap in proportion to the element's size: three times too much in a hollow panel of 3 cm with elements of 12 cm.
 // These elements do not exchange light, and paths that hit them continue from the hit point.
 
-/// Width of a gap that counts as narrow, as a part of the radius of the element. Over an endless gap of width w, the part (w / r)² of diffuse
+/// Width of a gap that counts as narrow, as a fraction of the radius of the element. Over an endless gap of width w, the part (w / r)² of diffuse
 /// light travels farther than r: half of it.
 const MAX_NARROW_GAP: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// The bits of all quarters.

@@ -28,7 +28,7 @@ const MIN_STEPS: i32 = 4;
 /// Smallest threshold of the first step, relative to the mean irradiance. 0.025 or 0.1 instead change irradiance by
 /// less than 0.01 % (`constants.py solve`).
 const FIRST_THRESHOLD: f64 = 0.05;
-/// Smallest part of a step of limited time in which links are refined: above 0, so that every step makes progress. This and the
+/// Smallest fraction of a step of limited time in which links are refined: above 0, so that every step makes progress. This and the
 /// next three change results with a time limit only.
 const MIN_REFINING_SHARE: f64 = 0.05;
 /// Expected growth of the time of sweeps from step to step; an estimate between 1 and the largest [`STEP_GROWTH`], as

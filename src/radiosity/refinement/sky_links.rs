@@ -20,7 +20,7 @@ use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Smallest projected area of a cluster, as part of its area, by which directional light is divided: smaller values are rounding errors.
+/// Smallest projected area of a cluster, as a fraction of its area, by which directional light is divided: smaller values are rounding errors.
 const MIN_PROJECTED: f64 = 1e-9;
 
 /// Number of segments up to which a last measurement is extended if the means of sides need as many: about .05 s. Where links alone take as many, the

@@ -11,13 +11,13 @@ use rayon::prelude::*;
 
 /// Results of the rays.
 pub struct Surroundings {
-    /// By cluster: part of the light of its sides that meets its own sides, in `[0, 1]`.
+    /// By cluster: fraction of the light of its sides that meets its own sides, in `[0, 1]`.
     pub enclosed: Vec<f32>,
     /// By cluster: the same part of the light that its sides emit; 0 without emitters.
     pub enclosed_emission: Vec<f32>,
     /// By side: whether none of its rays left the scene.
     pub closed: Vec<bool>,
-    /// By side: part of its rays that left the scene, in `[0, 1]`.
+    /// By side: fraction of its rays that left the scene, in `[0, 1]`.
     pub escaped: Vec<f32>,
     /// Length of rays, more than the scene's diagonal; scene units.
     pub length: f32,

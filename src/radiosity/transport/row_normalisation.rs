@@ -42,7 +42,7 @@ const MAX_OPEN_ROW_SUM: f64 = 1.25;
 /// 1; the rest is for sampling errors. 0.6 or 0.9 instead change irradiance without a local pass by less than 0.1 %
 /// (`constants.py solve`).
 const SHORT_ROW_SUM: f64 = 0.8;
-/// Largest part of its light that a row with a sum above 1 may return after one reflection: the light of such rows
+/// Largest fraction of its light that a row with a sum above 1 may return after one reflection: the light of such rows
 /// grows to at most 1 / (1 − 0.98) = 50 times its source.
 const MAX_RETURNED: f64 = 0.98;
 
