@@ -18,7 +18,7 @@ const ENGINES: [(&str, Engine); 4] = [
 ];
 arguments!(Engine: |name, given| word(name, given, &ENGINES););
 
-/// Largest batch that is answered on the calling thread, without a look at signals: 0.05 s at one microsecond a segment. A thread of its own
+/// Largest batch that is answered on the calling thread, without checks for signals: 0.05 s at one microsecond a segment. A separate thread
 /// takes 50 µs more.
 const MAX_SEGMENTS_WITHOUT_THREAD: usize = 50_000;
 
@@ -104,14 +104,14 @@ impl Ends<'_> {
     }
 }
 
-/// What bundles hold.
+/// Division of a batch into bundles.
 enum Bundles<'py> {
     Size(u64),
     Offsets(Numbers<'py, u64>),
 }
 
 impl Bundles<'_> {
-    /// Where bundles of so many segments begin and end.
+    /// Offsets of the bundles of a batch with `segments` segments.
     fn offsets(&self, py: Python<'_>, segments: usize) -> PyResult<Cow<'_, [u64]>> {
         let segments = segments as u64;
         match self {

@@ -12,10 +12,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How often the calling thread looks for signals and reports progress: a key that stops the program feels immediate below 0.1 s.
+/// Time between two checks for signals and reports of progress by the calling thread: an interruption feels immediate below 0.1 s.
 const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Work that has not stopped so long after an exception is left behind: Ctrl-C then acts within a second, with two ticks more.
+/// Time after an exception until work that has not stopped is abandoned: Ctrl-C then acts within a second, two [`CHECK_INTERVAL`]s included.
 const ABANDON_DELAY: Duration = Duration::from_millis(500);
 
 /// Stack of the working thread, bytes: that of the threads of a model.
@@ -26,7 +26,7 @@ enum Event {
     Done,
 }
 
-/// What the computation says, and whether it shall stop.
+/// Progress of a computation, and the flag that stops it.
 pub struct Watch {
     events: Mutex<Sender<Event>>,
     steps: AtomicU64,
@@ -61,7 +61,7 @@ impl Watch {
     }
 
     fn tell(&self, event: Event) {
-        // Nobody hears work that was left behind.
+        // Abandoned work has no receiver.
         let _ = self.events.lock().unwrap_or_else(PoisonError::into_inner).send(event);
     }
 

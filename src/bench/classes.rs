@@ -195,7 +195,7 @@ impl<'a> Surroundings<'a> {
         self.met(&hits[0], 0)
     }
 
-    /// What rays from a point see on the side of its normal.
+    /// Counts of the rays from a point on the side of its normal.
     fn seen(&self, point: &ReceiverPoint, seed: u64) -> Seen {
         let rule = EndRule::new(point.magnitude);
         let from = rule.lifted(point.position, point.normal);

@@ -33,12 +33,12 @@ const SAMPLES_PER_SIDE: usize = 4;
 const STEPS_PER_EDGE: usize = 64;
 const SAGITTA: f64 = 0.002;
 
-/// Patches that a workload asks.
+/// Patches of the sky to which a workload traces segments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PatchSet {
-    /// A few from each point, drawn in proportion to the irradiance by them.
+    /// A few per point, drawn in proportion to their irradiance at the point.
     Some,
-    /// All that a point sees a part of.
+    /// All patches that are above the horizon of the point, at least partly.
     #[cfg(test)]
     All,
     /// None; in scenes without other light that with the largest irradiance of a horizontal plane.

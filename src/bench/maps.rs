@@ -34,7 +34,7 @@ const DEFAULT_SIDE: usize = 256;
 const DEFAULT_PAIRS: usize = 1 << 19;
 /// Spacings of the texels at which light is computed: steps of 2 quarter the work.
 const SPACINGS: [usize; 4] = [1, 2, 4, 8];
-/// Rows of interpolated maps with so many times the segments of the others: as many a texel with every second column and row.
+/// Factor on the number of segments in some rows of interpolated maps: with every second column and row, as many segments per texel.
 const SEGMENT_FACTOR: usize = 4;
 /// Largest number of segments of rows with more.
 const MAX_SEGMENTS: usize = 256;
@@ -49,7 +49,7 @@ const MIN_REFERENCE_RAYS: usize = 16;
 const MAX_TIME: Duration = Duration::from_secs(3);
 
 impl BenchOptions {
-    /// Texels along the longer side of a map in a scene with so many emitters.
+    /// Texels along the longer side of a map in a scene with this number of emitters.
     fn map_side(&self, emitters: usize) -> usize {
         let default = || DEFAULT_SIDE.min(((DEFAULT_PAIRS / emitters.max(1)) as f64).sqrt() as usize).max(1);
         self.map.unwrap_or_else(default)
@@ -283,7 +283,7 @@ impl Map<'_> {
         })
     }
 
-    /// What is known of a row before it is measured.
+    /// A row before its measurement.
     fn planned_row(&self, lattice: usize, row: &PlannedRow) -> MapMrRow {
         let spacing = self.lattices[lattice].0;
         MapMrRow {
@@ -304,7 +304,7 @@ impl Map<'_> {
         exact: &[(usize, MapExactRow, &MapResult)],
         build: &Build,
     ) -> Result<MapMrRow> {
-        // Over exact rows whose texels are at most so far apart.
+        // Over exact rows with at most this spacing of texels.
         let over = |spacing: usize, time: &dyn Fn(&MapExactRow) -> f64, seconds: f64| {
             let rows = exact.iter().filter(|(_, e, _)| e.spacing <= spacing);
             let curve: Vec<(f64, f64)> = rows.map(|(_, e, _)| (time(e), e.rms)).collect();

@@ -42,7 +42,7 @@ options! {
         pub seed: u64 = 1;
         /// Texels along the longer side of the maps; 0: no maps, `None`: 256, or fewer with more than eight emitters.
         #[doc(hidden)]
-        // Images that programs open have up to so many texels.
+        // Common programs open images of up to this side.
         pub map: Option<usize> = Some(0), in 0..=16_384, "a number of texels";
         /// Largest number of times that each timed row is run; the smallest of its times counts.
         #[doc(hidden)]

@@ -13,7 +13,7 @@ use crate::visibility::{Candidate, DistanceCut, LeafMode, MultiResolution, Works
 use std::sync::Arc;
 
 impl BenchOptions {
-    /// What [`Model::prepare`] must make for a benchmark with these options.
+    /// Options of [`Model::prepare`] for a benchmark with these options.
     #[doc(hidden)]
     pub fn prepare(&self) -> PrepareOptions {
         PrepareOptions {

@@ -42,7 +42,7 @@ pub struct Record {
     pub build: Build,
     /// The queries that both engines answer.
     pub workload: Workload,
-    /// What the run itself took.
+    /// Time of the run by stage.
     pub spent: RunSeconds,
     /// Exact visibility, by number of rays.
     pub exact: Vec<ExactRow>,
@@ -194,8 +194,8 @@ pub struct MrRow {
     pub feature_size: f64,
     /// Segments from a point to an emitter.
     pub rays: usize,
-    /// What answers: `bundle` (walks), `cut` (the distance cut), `certified` (exact rays with certificates) or `embree` (exact rays,
-    /// because they are expected to be faster).
+    /// Engine: `bundle` (walks), `cut` (the distance cut), `certified` (exact rays with certificates) or `embree` (exact rays, because they
+    /// are expected to be faster).
     pub route: String,
     /// Time of the queries, seconds.
     pub seconds: f64,
@@ -226,7 +226,7 @@ pub struct MrRow {
     /// Time of the fastest exact rays for the same RMS error, with or without certificates, divided by this time; see
     /// [`interpolate_log_log`]. `null` if undefined, for example without any error.
     pub speedup_at_same_rms: Option<f64>,
-    /// What `speedup_at_same_rms` refers to: `exact`, or `certified` if certificates make exact rays faster at this error.
+    /// Exact rows that `speedup_at_same_rms` refers to: `exact`, or `certified` if certificates make exact rays faster at this error.
     pub compared_with: String,
     /// `speedup_at_same_rms` over exact rays without certificates.
     pub speedup_over_plain_exact: Option<f64>,
@@ -337,7 +337,7 @@ pub fn interpolate_log_log(points: &[(f64, f64)], error: f64) -> Option<Interpol
     measured(t0 * (t1 / t0).powf(part))
 }
 
-/// What lies around a receiver point; the rule is in docs/report.md, Receiver classes.
+/// Class of a receiver point by its surroundings; the rule is in docs/report.md, Receiver classes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ReceiverClass {
@@ -418,7 +418,7 @@ pub struct SkySources {
 }
 
 impl SkySources {
-    /// What the sources are, in one or two sentences.
+    /// Description of the sources, in one or two sentences.
     pub fn sentence(&self) -> String {
         let mut sources = Vec::new();
         if self.patches > 0 {
@@ -446,7 +446,7 @@ impl SkySources {
     }
 }
 
-/// What a run itself takes by part, seconds: most of it are references, and several runs of each row.
+/// Time of a run by stage, seconds: most of it are references, and several runs of each row.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RunSeconds {
     /// Choice of points, receivers and ray calls.

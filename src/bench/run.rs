@@ -20,9 +20,9 @@ use crate::progress::{Progress, timed};
 use crate::{Error, Result, error::shown};
 use std::time::Instant;
 
-/// Why no point of a bench faces an emitter: there are too few of them, or no surface does.
+/// The error if no point of a bench faces an emitter: too few points, or no surface that faces one.
 fn unlit(model: &Model, options: &BenchOptions) -> Result<Error> {
-    /// As many find a surface of a thousandth of the scene's area with a probability of 98 %.
+    /// Points of the search: they find a surface of a thousandth of the scene's area with a probability of 98 %.
     const MIN_POINTS: usize = 4096;
     let points = surface_points(model, MIN_POINTS.max(options.points), options.seed)?;
     let path = shown(&model.scene().path);

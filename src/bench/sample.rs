@@ -60,7 +60,7 @@ struct Run {
 }
 
 impl Sample {
-    /// Samples with these numbers of segments per pair, and with one packet per pair. `exact` traces what tells errors.
+    /// Samples with these numbers of segments per pair, and with one packet per pair. `exact` traces the reference.
     pub fn of(scene: &Scene, workload: &Workload, rays: &[usize], extent: Extent, exact: &Exact) -> Sample {
         let mut sample =
             Sample { sets: Vec::new(), runs: Vec::new(), reference: ReferenceHalves::default(), mean: None };

@@ -1,4 +1,4 @@
-//! What text and page show of a record: lists, tables and the result in a sentence, each stated once.
+//! Contents of text and page of a record: lists, tables and the result in a sentence, each defined once.
 
 use super::record::{
     Build, ClassRecord, EQUAL_SPEED_RANGE, ExactRow, IntervalAudit, MapExactRow, MapMrRow, MapRecord, MrRow,
@@ -292,7 +292,7 @@ pub(super) fn result(record: &Record) -> String {
     text
 }
 
-/// What features, certificates and classes of receivers gain.
+/// Gains of features, certificates and classes of receivers.
 fn more(record: &Record, best: &MrRow) -> String {
     let (mut text, gain) = (String::new(), best.certificates_gain());
     if let Some((row, speed)) = record.faster_at_same_fbem() {
@@ -388,7 +388,7 @@ mod tests {
         MrRow { route: route.into(), rays: 16, ..MrRow::default() }
     }
 
-    /// Whatever its measured time says, a row of plain exact rays is what it is compared with.
+    /// A row of plain exact rays has no speed-up, whatever its measured time.
     #[test]
     fn exact_rays_gain_nothing_over_themselves() {
         let exact = [(4, 1.0, 0.02), (16, 4.0, 0.02)].map(|(rays, seconds, rms)| ExactRow {

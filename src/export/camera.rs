@@ -66,7 +66,7 @@ pub struct Stage<'a> {
     crossed: Vec<bool>,
     /// Whether surfaces are transparent from sides that have no elements, as the outside of a closed room; otherwise they are black.
     looks_inside: bool,
-    /// What rays see that meet no surface.
+    /// Sky that rays see if they meet no surface; none: black.
     sky: Option<&'a Environment>,
 }
 
@@ -218,7 +218,7 @@ impl<'a> Stage<'a> {
 }
 
 impl Camera {
-    /// The direction of the ray through a place in a picture of so many columns and rows, in pixels from its upper left corner.
+    /// Directions of rays through places of a picture of this size; places are in pixels from its upper left corner.
     fn directions(&self, [width, height]: [usize; 2]) -> impl Fn(f32, f32) -> Vec3 {
         let right = self.forward.cross(self.up).normalize();
         let up = right.cross(self.forward);

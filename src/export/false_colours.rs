@@ -8,7 +8,7 @@ use maud::{Markup, html};
 const MAX_LIMITS: usize = 9;
 /// Ratio of the brightest to the darkest light above which the bands are logarithmic.
 const LOG_RATIO: f64 = 20.0;
-/// Parts of the pixels that may be darker than the first limit, and brighter than the last.
+/// Largest fractions of the pixels that are darker than the first limit, and brighter than the last.
 const CLIPPED_FRACTIONS: [f64; 2] = [0.03, 0.005];
 /// Colour of pixels without a surface.
 pub(super) const NO_SURFACE: [u8; 3] = [128; 3];

@@ -9,7 +9,7 @@ use glam::DVec2;
 const SIDE: [f64; 2] = [800.0, 4000.0];
 /// Pixels around the grid and between the parts of the scale.
 const GAP: usize = 12;
-/// Width of the scale's colours, and least height of one, pixels.
+/// Width of the colours of the scale, and smallest height of a colour, pixels.
 const SWATCH: [usize; 2] = [28, 2 * LINE];
 /// Largest side of the squares that isolines are straight in, pixels: bends of 8 pixels look round.
 const SQUARE: f64 = 8.0;

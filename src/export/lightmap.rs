@@ -154,8 +154,8 @@ fn check_room(width: usize, height: usize) -> Result<()> {
     memory::check_room(BYTES_PER_TEXEL * texels, || format!("{texels} texels of a lightmap (⟨texels⟩)"))
 }
 
-/// Column and row of the texels of an image of so many columns and rows whose centres lie in a triangle, and the barycentric coordinates
-/// of these. Centres on common edges belong to both triangles; the tolerance closes gaps of rounding.
+/// Column and row of the texels of an image of this size whose centres lie in a triangle, and the barycentric coordinates of these.
+/// Centres on common edges belong to both triangles; the tolerance closes gaps of rounding.
 pub(super) fn covered_texels(
     face: [Vec2; 3],
     [columns, rows]: [usize; 2],
@@ -380,7 +380,7 @@ pub fn write_lightmap_mesh(
 
 /// Tolerance of texture coordinates outside 0..1: files with four digits round by half of it.
 const TEXCOORD_TOLERANCE: f32 = 1e-4;
-/// Marks texels without a face.
+/// Index that means "no face" for a texel.
 const NO_FACE: u32 = u32::MAX;
 
 /// Irradiance of the fronts of all faces, in a square image of about `texels` texels; or a sentence that says why the coordinates are

@@ -26,7 +26,7 @@ use std::collections::HashMap;
 /// More notes than this are at the end of the page: the pictures come first.
 const MAX_NOTES_AT_TOP: usize = 3;
 
-/// How irradiance is shown: in W/m², the mean of the channels, or in lux.
+/// Unit of irradiance on the page: W/m² (mean of the channels), or lux with a photometry.
 #[derive(Clone, Copy)]
 struct LightUnit(Option<Photometry>);
 
@@ -58,16 +58,16 @@ pub struct PageView {
     pub name: String,
     /// The tone-mapped picture.
     pub picture: Picture,
-    /// What each pixel shows.
+    /// Content of each pixel.
     pub seen: Vec<PixelContent>,
 }
 
-/// What a pixel shows.
+/// Content of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PixelContent {
     /// No surface.
     Nothing,
-    /// A surface that emits: what it receives is not to be seen.
+    /// A surface that emits: its irradiance is not shown.
     Emitter,
     /// A surface with this irradiance, W/m².
     Surface([f32; 3]),
@@ -264,7 +264,7 @@ fn solution_properties(record: &Record) -> Markup {
 const NORMAL: [f64; 12] =
     [0.1974, 0.3829, 0.5467, 0.6827, 0.7887, 0.8664, 0.9199, 0.9545, 0.9756, 0.9876, 0.9940, 0.9973];
 
-/// What the part of the errors within one error bar says, where chance explains twice its standard deviation.
+/// Verdict on the fraction of the errors within one error bar; deviations up to twice its standard deviation count as chance.
 fn verdict(elements: usize, within_one: f64) -> &'static str {
     let chance = 2.0 * (NORMAL[3] * (1.0 - NORMAL[3]) / elements as f64).sqrt();
     match within_one - NORMAL[3] {
@@ -332,9 +332,9 @@ pub struct SurfaceLight {
     pub unit: &'static str,
     /// Mean over the area.
     pub mean: f64,
-    /// Of the darkest element.
+    /// Light of the darkest element.
     pub minimum: f64,
-    /// Of the brightest element.
+    /// Light of the brightest element.
     pub maximum: f64,
 }
 

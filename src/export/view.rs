@@ -107,7 +107,7 @@ fn bounds(stage: &Stage, solution: &RadiosityMesh) -> Aabb {
     if bounds.diagonal() > 0.0 { bounds } else { Aabb::of(mesh.positions.iter().copied()) }
 }
 
-/// How good views of a scene are.
+/// Score of views of a scene.
 struct ViewScore<'a> {
     solution: &'a RadiosityMesh,
     /// Number of objects that do not emit.
@@ -184,7 +184,7 @@ const EYE_HEIGHT_METRES: f64 = 1.6;
 const MIN_HEIGHT_PART: f32 = 0.015;
 /// Largest eye height relative to the free height above the ground.
 const MAX_HEADROOM_PART: f32 = 0.6;
-/// Where an eye is lower than this part of the eye height, a person would crawl.
+/// Smallest height of an eye at which a person can stand, relative to the eye height.
 const MIN_STANDING_PART: f32 = 0.6;
 /// Number of places on the ground, and of directions from each.
 const SPOTS: usize = 24;

@@ -1,5 +1,5 @@
-//! What rays from the emitters tell about a scene: emitters whose front faces away from everything, most often because the corners of their
-//! faces are in the wrong order or a luminaire is aimed wrongly, or whose light ends on the outside of a space.
+//! Notes from rays of the emitters: emitters whose front faces away from all surfaces, most often because the corners of their faces are
+//! in the wrong order or a luminaire is aimed wrongly, or whose light ends on the outside of a space.
 
 use super::Model;
 use crate::embree::Hits;
@@ -26,7 +26,7 @@ const MAX_NAMES: usize = 3;
 const MIN_MET_SHARE: f64 = 0.5;
 const MIN_OUTSIDE_SHARE: f64 = 0.8;
 
-/// What to change if the light of luminaires, or else of emissive faces, misses everything.
+/// Advice if the light of luminaires, or of emissive faces, meets no surface.
 const AIM: &str = "check `at` and `aim` of its luminaire in the file of luminaires (of glTF, place and turn of the light's node)";
 const TURN: &str =
     "set ⟨LoadOptions::two_sided_emission⟩, or reverse the order of the corners of their faces";
@@ -94,7 +94,7 @@ impl Model {
         nearest.filter(|_| enough)
     }
 
-    /// What one cosine-weighted ray meets from a point of a face, on the side of this normal and on the other.
+    /// Triangles that a cosine-weighted ray from a point of a face hits, on the side of this normal and on the other side.
     fn sides_meet(&self, at: Vec3, normal: Vec3, triangle: u32, number: u64) -> [Option<u32>; 2] {
         let length = 1.01 * self.bounds().diagonal();
         let [u, v, ..] = numbers(mix(u64::from(triangle)), number);
@@ -108,13 +108,13 @@ impl Model {
         [0, 1].map(|lane| Some(hits[0].triangle[lane]).filter(|&t| t != Hits::NO_HIT))
     }
 
-    /// Emitters that are looked at: all, or evenly spread ones.
+    /// Emitters that are tested: all, or at most [`MAX_TESTED`] evenly spread ones.
     pub(super) fn tested_emitters(&self) -> Vec<&Emitter> {
         let emitters = &self.scene().emitters;
         emitters.iter().step_by(emitters.len().div_ceil(MAX_TESTED).max(1)).collect()
     }
 
-    /// Why no light arrives anywhere, and what to change.
+    /// Reason why no surface receives light, with advice.
     pub(crate) fn cause_of_darkness(&self) -> String {
         let emitters = &self.scene().emitters;
         let lamps = emitters.iter().filter(|emitter| self.is_luminaire(emitter)).count();
@@ -177,7 +177,7 @@ impl Model {
         hits.iter().any(|hits| (0..LANES).any(|lane| other(hits, lane)))
     }
 
-    /// Cosine-weighted rays from one side of an emitter (1 front, −1 back), and what they meet.
+    /// Cosine-weighted rays from one side of an emitter (1 front, −1 back), and their hits.
     pub(super) fn rays_of_emitter(
         &self,
         emitter: &Emitter,

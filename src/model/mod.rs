@@ -52,7 +52,7 @@ pub fn embree_version() -> Result<String> {
 pub struct Model {
     inner: Arc<Inner>,
     ranks: Ranks,
-    /// The progress of what is asked of this handle.
+    /// Progress of the calls of this handle.
     watcher: Watcher,
 }
 
@@ -63,7 +63,7 @@ struct Inner {
     meshes: Vec<Arc<Mesh>>,
     /// The first instance places the first mesh as it is.
     instances: Vec<Instance>,
-    /// What stands above the instances; none if rays see only the first.
+    /// Embree scene and groups of the instances; none if rays see only the first instance.
     top: Option<TopLevel>,
     sources: Vec<Source>,
     revision: u64,
@@ -74,7 +74,7 @@ struct Inner {
 }
 
 impl Inner {
-    /// The same model, to be changed: what is kept between queries is made again.
+    /// A copy for changes: engines that are kept between queries are made again.
     fn copied(&self) -> Inner {
         Inner {
             scene: self.scene.clone(),
@@ -123,7 +123,7 @@ impl Model {
         Model { ranks, ..self }
     }
 
-    /// The same model, of which all that is asked reports to `progress` and can be stopped by it: `model.with_progress(bar).solve(&options)`.
+    /// The same model, whose calls report to `progress` and can be stopped by it: `model.with_progress(bar).solve(&options)`.
     /// Clones and [`Model::visibility`] keep it; models, solutions and form factors that are computed do not.
     #[must_use]
     pub fn with_progress(&self, progress: impl Progress + 'static) -> Model {
@@ -135,7 +135,7 @@ impl Model {
         Model { watcher: Watcher::default(), ..self.clone() }
     }
 
-    /// What computations report to.
+    /// The progress that computations report to.
     pub(crate) fn progress(&self) -> &dyn Progress {
         self.watcher.progress()
     }
@@ -181,7 +181,7 @@ impl Model {
         self.inner.threads.run(work)
     }
 
-    /// How much is prepared.
+    /// Level of detail that is prepared.
     pub fn detail(&self) -> Detail {
         match &self.base().clusters {
             None => Detail::Rays,
@@ -264,7 +264,7 @@ impl Model {
         }
     }
 
-    /// What [`Engine::Automatic`] stands for, other engines as they are. `sized`: whether a feature size is given.
+    /// Resolves [`Engine::Automatic`]; returns other engines unchanged. `sized`: whether a feature size is given.
     pub(crate) fn chosen(&self, engine: Engine, sized: bool) -> Engine {
         let averages = || self.detail() == Detail::Optics && self.scene().fine_ground.is_none();
         match engine {

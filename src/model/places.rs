@@ -1,4 +1,4 @@
-//! Where the surface of a given point is looked for.
+//! Places around a given point at which its surface is searched for.
 
 use super::Model;
 use crate::embree::Hits;

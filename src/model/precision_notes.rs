@@ -10,10 +10,10 @@ use crate::scene::{Emitter, magnitude};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// A note reports surfaces above which rays start at more than this part of their distance from an emitter: shadows and reflected light there
-/// err by up to that part.
+/// Largest height at which rays start above a surface, relative to its distance from an emitter, without a note: shadows and reflected
+/// light there err by up to this fraction.
 const MAX_RELATIVE_HEIGHT: f32 = 0.01;
-/// The same as a fraction of the height of an object on the surface: its shadow is too short by that part, here by a tenth.
+/// The same relative to the height of an object on the surface: its shadow is too short by this fraction.
 const MAX_SHADOW_LOSS: f32 = 0.1;
 /// Distance by which the reader separates overlapping faces of one plane, as a multiple of the height at which rays start: 9e-6 of the
 /// largest coordinate against 2e-6, and their rounding.
@@ -27,7 +27,7 @@ const MAX_THINGS: usize = 4096;
 const MAX_FLUSH_HEIGHT: f32 = 0.01;
 /// Largest coordinate of a scene relative to its extent up to which it counts as centred: that of a centred one is half.
 const MAX_CENTRED: f32 = 0.75;
-/// How far outside the box of a thing its rays run, as a fraction of the extent of the box.
+/// Distance of the test rays from the box of a thing, as a fraction of the diagonal of the box.
 const RAY_OFFSET: f32 = 0.01;
 
 impl Model {

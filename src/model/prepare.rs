@@ -58,7 +58,7 @@ pub struct PrepareOptions {
     pub(crate) clusters: clusters::Options,
     /// How their optics are measured.
     pub(crate) optics: optics::Options,
-    /// What the preparation reports to.
+    /// Progress of the preparation.
     pub(crate) watcher: Watcher,
 }
 
@@ -273,7 +273,7 @@ fn instances_of(scene: &Scene) -> Result<Vec<Instance>> {
     Ok(instances)
 }
 
-/// What stands above the instances, if rays see any beside the scene's own triangles; its time counts as Embree's.
+/// Embree scene and groups of the instances, if rays see any besides the scene's own triangles; its time counts as Embree's.
 fn top_level(inner: &mut Inner) -> Result<Option<TopLevel>> {
     if is_single(&inner.instances) {
         return Ok(None);
@@ -286,7 +286,7 @@ fn top_level(inner: &mut Inner) -> Result<Option<TopLevel>> {
     Ok(Some(top))
 }
 
-/// Whether a preparation shall stop: asks the caller, until it says so once.
+/// Check for cancellation of a preparation: once the caller has stopped it, the caller is not called again.
 struct StopCheck<'a> {
     progress: &'a dyn Progress,
     asked: AtomicBool,

@@ -1,4 +1,4 @@
-//! What stands above the instances of a model: the Embree scene of instances and the groups of instances.
+//! The top level of a model: the Embree scene of instances and the groups of instances.
 
 use super::instance::Instance;
 use super::mesh::{Measured, Mesh};
@@ -21,7 +21,7 @@ pub struct TopLevel {
     pub groups: Option<Arc<InstanceTree>>,
 }
 
-/// What stood above the instances before an update.
+/// The top level before an update.
 pub struct Previous<'a> {
     pub top: &'a TopLevel,
     pub instances: &'a [Instance],
@@ -30,7 +30,7 @@ pub struct Previous<'a> {
 }
 
 impl TopLevel {
-    /// Builds everything above the instances; takes groups without changed instances from `before`.
+    /// Builds the top level; takes groups without changed instances from `before`.
     ///
     /// # Errors
     /// [`crate::Error::Embree`] if Embree reports an error.

@@ -17,7 +17,7 @@ const MAX_SPACING: usize = 32;
 /// as what it saves.
 const MIN_SPACING: usize = 4;
 const MIN_TEXELS_PER_PROBE: usize = 8;
-/// Probes that one thread looks from at a time.
+/// Probes per parallel task.
 const PROBES_PER_TASK: usize = 64;
 
 /// A row by the cache.
@@ -33,7 +33,7 @@ pub(super) struct CachedRow<'a> {
 }
 
 impl CachedRow<'_> {
-    /// What is known of the row before it is measured.
+    /// The row before its measurement.
     pub fn row(&self) -> MapMrRow {
         let CachedRow { s, rays, spacing, setup_s, .. } = *self;
         MapMrRow {
@@ -82,7 +82,7 @@ impl Bench<'_> {
         rays.flat_map(|rays| self.sizes.iter().map(move |&s| (s, rays))).filter_map(row).collect()
     }
 
-    /// The cache of a map with at most so many texels between probes; none if its probes would be too many.
+    /// The cache of a map with at most `spacing` texels between probes; none if its probes would be too many.
     fn cache<'b>(
         &'b self,
         grid: &ReceiverGrid,
@@ -107,7 +107,7 @@ impl Bench<'_> {
         Some(Cache { field, tree, probes })
     }
 
-    /// What nodes see of each emitter.
+    /// Visible fraction of each emitter from the nodes.
     fn seen(&self, grid: &ReceiverGrid, field: &FarField, nodes: &[MapNode]) -> Values {
         let mut cost = Cost::default();
         let mut visible = Vec::new();

@@ -75,7 +75,7 @@ pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup
     })
 }
 
-/// What rows of images share.
+/// Data that all rows of images share.
 struct Compared<'a> {
     images: &'a ReceiverImages,
     /// End of the colour scale of differences.

@@ -18,7 +18,7 @@ const COLOURS: [&str; 7] =
 const SIZE: [f64; 2] = [1000.0, 240.0];
 const GAP: f64 = 14.0;
 
-/// A part of the emitted power.
+/// A part of the emitted power, as a stream of the diagram.
 #[derive(Clone, Debug, PartialEq)]
 struct Flow {
     name: String,

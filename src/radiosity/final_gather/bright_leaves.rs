@@ -83,7 +83,7 @@ const UNEVEN_CELLS: f64 = 0.3 * 4.0 / 6.0;
 
 /// Elements that should be sampled by shadow rays.
 pub(super) struct Brightest {
-    /// Their numbers.
+    /// Numbers of the elements.
     pub chosen: Vec<u32>,
     /// By element, the index in `chosen` of the element itself or of its chosen ancestor; [`Elements::NONE`] for others.
     pub face_of: Vec<u32>,
@@ -95,7 +95,7 @@ struct SubtreeLight {
     /// Smallest and largest radiosity, W/m².
     range: [f64; 2],
     area: f64,
-    /// Radiosity times area.
+    /// Sum of radiosity times area, W/m² times scene units squared.
     power: f64,
 }
 

@@ -17,14 +17,14 @@ pub(super) struct RayCell {
     /// Irradiance by the cell over its area, if its ray represents all of it, W/m². The sky is taken in the direction of the ray, because the sky that an
     /// edge hides may be brighter than the rest: the mean sky times the visible fraction errs by 1 % in courtyards under an overcast sky.
     pub light: Vec3,
-    /// The same by the mean light of the element that its ray has hit, or of the surfaces around it where only one of four quarters was evaluated,
-    /// W/m²; it has no noise of paths.
+    /// `light` with the mean light of the element that its ray has hit, or of the surfaces around it where only one of four quarters was
+    /// evaluated, W/m²; it has no noise of paths.
     pub surfaces: Vec3,
     /// Irradiance over the area of the cell if all of it is open, mean over the channels, W/m².
     pub sky: f32,
-    /// The same by channel.
+    /// `sky` by channel.
     pub unblocked: Vec3,
-    /// The same in the direction of the ray alone.
+    /// `unblocked` for the direction of the ray alone.
     pub at_ray: Vec3,
     /// Square of the error of `sky`, mean over the channels, (W/m²)².
     pub error: f32,
@@ -48,7 +48,7 @@ impl RayCell {
     }
 }
 
-/// Index of the quarters of a cell that is not divided.
+/// Value of [`RayCell::quarters`] for a cell that is not divided.
 pub(super) const UNDIVIDED: u32 = u32::MAX;
 
 /// Ranges of light of some cells, and whether they are open or blocked.
@@ -101,7 +101,7 @@ fn largest_around(values: &[f32], columns: usize, reach: usize) -> Vec<f32> {
     around
 }
 
-/// Raises values to at least those of another list.
+/// Replaces each value by the maximum of it and the value of `least`.
 fn raise(values: &mut [f32], least: &[f32]) {
     values
         .iter_mut()

@@ -12,12 +12,13 @@ use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{LANES, Packet};
 use glam::{DVec3, Vec3};
 
-/// Points of one task, whose light is gathered together: limits the buffers of the task. 64 points fill four packets.
+/// Points per parallel task: limits the buffers of the task. 64 points fill four packets.
 pub(super) const CHUNK: usize = 64;
 /// Visible fraction of an emitter below which a point with little other light traces more rays: the part if four of [`MIN_SHADOW_RAYS`] rays pass. If a hole
 /// shows a hundredth of a lamp, none of 32 rays passes in three cases of four; without more rays a sixth of the lamp's light would be lost.
 const MAX_HIDDEN_VISIBILITY: f64 = 4.0 / MIN_SHADOW_RAYS as f64;
-/// Mean number of unseen emitters to which a point traces all rays in each set. Points of 64 closed cells with 32 lamps take 7 times as long with all lamps.
+/// Mean number of emitters without a passing ray to which a point traces all rays in each set. Points of 64 closed cells with 32 lamps
+/// take 7 times as long with all lamps.
 const RETRACED_EMITTERS: f64 = 4.0;
 
 impl FinalGather<'_> {

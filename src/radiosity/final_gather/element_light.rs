@@ -35,7 +35,7 @@ const RAYS_TO_SUN: u32 = 4;
 /// Elements are split if the variance of direct light over elements exceeds the allowed variance by this factor. The parts keep some of the
 /// variance: without a margin an office has seven more rounds of a few hundred elements each, 6 % of the time.
 const MIN_EXCESS: f64 = 1.1;
-/// Neighbouring leaves whose rays use one sequence of random numbers: more than share their light, 49.
+/// Number of neighbouring leaves that use one sequence of random numbers: more than the 49 that share their light.
 const LEAVES_OF_SEQUENCE: usize = 64;
 /// Distance beyond the middle of an edge at which the element there is looked up, as a fraction of the distance from the centre: far above rounding, and within
 /// elements of an eighth of the size.
@@ -61,11 +61,11 @@ pub struct Gathered {
     pub tally: Tally,
 }
 
-/// The light of leaves by rays of their own, before it is shared.
+/// Light of leaves by their own rays, before it is shared between neighbours.
 pub struct ElementSamples {
     /// Leaves, in any order.
     leaves: Vec<u32>,
-    /// Their light.
+    /// Light of the leaves, in the same order.
     light: Vec<ElementLight>,
     /// Rays of each half of a leaf, divided by [`FinalGather::wanted_rays`].
     scale: f64,

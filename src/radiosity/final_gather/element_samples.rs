@@ -15,9 +15,9 @@ pub const REFLECTED: usize = 1;
 /// Light of emitters along the rays from one point of a leaf, over their density, W/m².
 #[derive(Clone, Copy, Default)]
 pub struct DirectRay {
-    /// Without occlusion.
+    /// Unoccluded light.
     pub free: Vec3,
-    /// What arrives.
+    /// Light that arrives.
     pub seen: Vec3,
 }
 

@@ -13,7 +13,7 @@ use crate::visibility::{DistanceCut, LeafMode, rays_for, sample_runs};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// Smallest number of points for which the cut is built, and number of triangles for one more point: with exact rays, so many points take about
+/// Smallest number of points for which the cut is built, and number of triangles for one more point: with exact rays, these points take about
 /// twice the time of building it, 1 s on each of two processors for the garden of `make scenes` and 6 s for its park of 1.9 million triangles.
 const MIN_CUT_POINTS: usize = 1 << 14;
 const TRIANGLES_PER_POINT: usize = 16;

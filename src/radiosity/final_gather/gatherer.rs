@@ -121,7 +121,7 @@ pub struct RayResult {
 }
 
 impl RayResult {
-    /// No light and no surface.
+    /// A result without light and without a hit.
     pub const EMPTY: RayResult = RayResult {
         direct: Vec3::ZERO,
         sun: Vec3::ZERO,
@@ -139,7 +139,7 @@ impl RayResult {
     };
 }
 
-/// Buffers of a thread.
+/// Reusable buffers of a thread.
 #[derive(Default)]
 pub struct Buffers {
     /// Buffers and tally of visibility queries.

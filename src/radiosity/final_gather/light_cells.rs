@@ -183,7 +183,7 @@ impl FinalGather<'_> {
         Hemisphere { frame, size: self.hemisphere_grid, reach: self.reach_from(point.at) }
     }
 
-    /// What the rays of the undivided grid have found, in blocks of 4 by 4 cells.
+    /// Hits of the rays of the undivided grid, in blocks of 4 by 4 cells.
     fn trace_whole(
         &self,
         hemisphere: &Hemisphere,

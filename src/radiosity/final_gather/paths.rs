@@ -19,14 +19,14 @@ const MAX_BOUNCES: u64 = 256;
 /// Bounce from which Russian roulette may end a path (Arvo and Kirk 1990): affects noise and time, not the mean.
 const FIRST_ROULETTE_BOUNCE: u64 = 3;
 
-/// Where paths end.
+/// Condition at which paths end.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum EndOfPaths {
-    /// Nowhere: no light of the solution is used, and rays are exact.
+    /// Paths are followed to the last bounce: no light of the solution is used, and rays are exact.
     Nowhere,
-    /// At elements whose light may stand for the light at the point of the hit.
+    /// Paths end at elements whose mean light represents the light at the hit point.
     Read,
-    /// At the same elements, but their light is not known yet: the ends are listed in [`Buffers::path_ends`].
+    /// Paths end at the same elements, whose light is not known yet: the ends are listed in [`Buffers::path_ends`].
     Listed,
 }
 

@@ -29,7 +29,7 @@ pub const LATE_RAYS: f64 = 1e5;
 const MAX_LATE_LEAVES: usize = 100_000;
 /// Fraction of the light that is reflected in scenes for which [`RAYS_TIMES_ERROR_SQUARED`] holds: half.
 const USUAL_REFLECTED: f64 = 0.5;
-/// Neighbours that share their rays.
+/// Number of neighbours that share their rays.
 pub(super) const NEIGHBOURS: f64 = 16.0;
 /// Rays of an element times the square of the error: one ray deviates by about half of the mean, neighbours share their rays, and direct and
 /// reflected light each have that variance.
@@ -42,7 +42,7 @@ pub(super) const NEEDED_SHARE: f64 = 0.45;
 const TIMED_LEAVES: usize = 2000;
 /// Rays of each timed leaf: one packet.
 const TIMED_RAYS: u32 = 16;
-/// Fraction of the rays that remains after surfaces have been split for so many rays and each part has its smallest number:
+/// Fraction of the rays that remains to be distributed after surfaces have been split and each part has its smallest number:
 /// parts are made for 20 rays each and [`MIN_ROW_RAYS`] of them are fixed, 1 − 4 / 20.
 const SHARED_AFTER_SPLIT: f64 = 0.8;
 

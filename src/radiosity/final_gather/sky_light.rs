@@ -1,4 +1,4 @@
-//! Light from infinitely far: rays that leave the scene meet the sky, and points send rays to the suns.
+//! Light of the sky and the suns: rays that leave the scene receive the light of the sky, and points trace shadow rays to the suns.
 
 use super::bright_leaves::PART_OF_ERROR;
 use super::cells_around::RayCell;

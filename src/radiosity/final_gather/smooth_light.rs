@@ -26,7 +26,7 @@ type Interpolation = ([u32; 4], [f32; 4]);
 /// A corner with nothing close to it, and the light there without blockers, W/m².
 type FreeCorner = (GatherPoint, f64);
 
-/// Direct light that is interpolated.
+/// Interpolated direct light.
 #[derive(Default)]
 pub(super) struct SmoothLight {
     /// By point; none for points whose light is found by rays.

@@ -1,4 +1,4 @@
-//! Where the rays of a given point start, and the feature size of its surface.
+//! Start of the rays of a given point, and the feature size of its surface.
 
 use super::gather_point::GatherPoint;
 use super::gatherer::FinalGather;

@@ -1,4 +1,4 @@
-//! Which cells of a point's grid of rays differ from their neighbours, and are divided.
+//! Selects the cells of a point's grid of rays to divide: those that differ from their neighbours.
 
 use super::cells_around::{NeighbourRanges, RayCell, Surroundings};
 use glam::Vec3;

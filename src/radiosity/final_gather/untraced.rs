@@ -102,7 +102,7 @@ impl TracedSums {
     }
 }
 
-/// Replaces channels by those of another colour where these are larger.
+/// Replaces each channel of `a` by the maximum of `a` and `b`.
 fn larger(a: &mut Rgb, b: &Rgb) {
     (0..3).for_each(|k| a[k] = a[k].max(b[k]));
 }
@@ -150,7 +150,7 @@ impl<'a> Surrounding<'a> {
         sums
     }
 
-    /// The place of the smallest element above a leaf that has so many traced leaves, or of the root.
+    /// The place of the smallest element above a leaf with at least `count` traced leaves, or of the root.
     fn of(&self, leaf: u32, count: u32) -> usize {
         let mut around = self.above(leaf);
         while around > 0 && self.counts[around] < count {

@@ -43,7 +43,7 @@ pub struct Link {
     pub noise: f32,
     /// Segments traced.
     pub rays: u32,
-    /// What geometry alone proves about the space between the ends.
+    /// Proof by geometry alone about the space between the ends.
     pub certificate: BlockerCertificate,
 }
 

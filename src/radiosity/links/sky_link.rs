@@ -141,7 +141,7 @@ impl SkySource {
 pub struct SkyLink {
     /// The element.
     pub receiver: u32,
-    /// Where the light comes from.
+    /// Source of the light.
     pub source: SkySource,
     /// Mean irradiance of the receiver, reduced by blockers, W/m².
     pub irradiance: [f32; 3],
@@ -195,7 +195,7 @@ const INHERITED: f32 = 0.5;
 pub struct SkyPair {
     /// The element.
     pub receiver: u32,
-    /// Where its light comes from.
+    /// Source of the light.
     pub source: SkySource,
     /// Error that 1 W/m² would cause, in units of the tolerated error.
     pub worth: f32,

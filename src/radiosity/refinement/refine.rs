@@ -14,7 +14,7 @@ const SHORT_SLICE: usize = 64;
 /// Approximate number of links that are added when a link is replaced: four parts instead of one whole.
 const ADDED_LINKS: usize = 3;
 
-/// Outcome of a refinement step.
+/// Result of a refinement step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StepResult {
     /// Links that were replaced.
@@ -98,7 +98,7 @@ pub fn refine(
     replaced
 }
 
-/// A link with the end to split, if its error is too large.
+/// A link and the end to split; [`Split::Neither`] if its error is small enough.
 enum ToSplit {
     Between(Link, Split),
     Sky(SkyLink, Split),

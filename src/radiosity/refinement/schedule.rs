@@ -13,7 +13,7 @@ use crate::radiosity::transport::{Convergence, cap_row_sums, link_row_sums};
 use serde::Serialize;
 use std::time::Instant;
 
-/// Error to which links are refined, as part of the requested error: the errors of the links of an element add up.
+/// Error to which links are refined, relative to the requested error: the errors of the links of an element add up.
 /// Without a local pass 0.005, 0.01 and 0.02 leave errors of 1.15 %, 1.29 % and 1.32 % in 0.45 s, 0.26 s and 0.20 s
 /// (`constants.py solve`).
 const LINK_ERROR_SHARE: f64 = 0.01;
@@ -98,7 +98,7 @@ pub struct Refined {
     pub linked: LinkedScene,
     /// The steps.
     pub iterations: Vec<Iteration>,
-    /// Why there were no more steps.
+    /// Reason why refinement ended.
     pub ended: StopReason,
     /// The last sweeps.
     pub convergence: Convergence,
@@ -122,7 +122,7 @@ pub struct LinkClosing {
     pub bytes: usize,
     /// The last sweeps.
     pub convergence: Convergence,
-    /// What arrives from beyond the scene.
+    /// Power of sky and suns that arrives at elements.
     pub arrived: SkyPower,
 }
 
@@ -148,7 +148,7 @@ impl Unrefined {
         }
     }
 
-    /// Refines in steps until the error asked for is reached or the deadline comes. `estimate` gives the error estimate that is
+    /// Refines in steps until the requested error or the deadline is reached. `estimate` gives the error estimate that is
     /// compared with [`Options::target_error`].
     pub fn refine(
         self,

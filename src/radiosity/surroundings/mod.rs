@@ -33,13 +33,13 @@ impl SkyPower {
         sums
     }
 
-    /// Adds what arrives elsewhere.
+    /// Adds the power that arrives at other elements.
     pub fn add(&mut self, other: SkyPower) {
         add(&mut self.sky, 1.0, other.sky);
         add(&mut self.sun, 1.0, other.sun);
     }
 
-    /// A multiple of both.
+    /// Both powers times `factor`.
     pub fn times(self, factor: f64) -> SkyPower {
         SkyPower { sky: self.sky.map(|v| factor * v), sun: self.sun.map(|v| factor * v) }
     }

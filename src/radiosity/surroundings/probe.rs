@@ -35,7 +35,7 @@ const MAX_RAYS: f64 = 256.0;
 const SHARED_RAYS: f64 = 1e5;
 /// Rays that emitting sides share by power besides: a tenth of [`SHARED_RAYS`].
 const EMITTED_RAYS: f64 = 1e4;
-/// A side is closed only if so many rays stayed in the scene, its own or those of all sides of its cluster: if a tenth
+/// Smallest number of rays, of a side or of all sides of its cluster, that must stay in the scene for a closed side: if a tenth
 /// of a side's rays leave the scene, none of 24 rays does so with a probability of 0.9²⁴ = 8 %.
 const MIN_CLOSED_RAYS: u32 = 24;
 /// Sides that are traced after the deadline, evenly spread, and part of the area of all sides from which a side is always traced:

@@ -19,10 +19,10 @@ use serde::Serialize;
 const PATH_PACKETS: usize = 1 << 9;
 /// Bounces of each path: up to eight surfaces on the way from an emitter to a room behind several doors.
 const BOUNCES: usize = 8;
-/// A side is unlit if no ray hits it where uniform light predicts at least so many hits: a side that receives a tenth
+/// Smallest number of hits in uniform light for which a side without any hit counts as unlit: a side that receives a tenth
 /// of uniform light is missed by all paths with a probability of exp(−3.2) = 4 %.
 const MIN_EXPECTED_HITS: f64 = 32.0;
-/// Sides with less than this part of the hits that uniform light predicts are dim: they lie in a room that little light
+/// Sides with less than this fraction of the hits in uniform light are dim: they lie in a room that little light
 /// enters, and some sides of that room may be missed by chance. A side of 32 expected hits has fewer than 4 with a
 /// probability of 1e-10 in uniform light.
 const MAX_DIM_HITS: f64 = 0.1;
