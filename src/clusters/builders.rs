@@ -154,7 +154,7 @@ impl Halving<'_> {
 
 /// Seed of the order of insertion.
 const SEED: u128 = 1;
-/// Insertions between two questions whether to stop.
+/// Insertions between two checks for cancellation.
 const STOP_INTERVAL: usize = 1024;
 
 /// The hierarchy of these triangles; none soon after `stopped` returns true.
@@ -189,7 +189,7 @@ struct Boxes {
     root: u32,
 }
 
-/// Where a triangle is added.
+/// Position in the tree at which a triangle is added.
 #[derive(Clone, Copy)]
 enum Place {
     /// As another child of this node.

@@ -8,7 +8,7 @@ const BYTES_PER_CHECK: usize = 1 << 20;
 
 /// A writer that fails once `progress` has stopped.
 pub struct Stoppable<'a, W> {
-    /// Where the bytes go.
+    /// Output of the bytes.
     pub out: W,
     /// The caller.
     pub progress: &'a dyn Progress,

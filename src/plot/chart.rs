@@ -51,7 +51,7 @@ pub struct Series {
     pub name: String,
     /// The points. Points that an axis cannot show (not finite, or not positive on a logarithmic axis) are omitted.
     pub points: Vec<PlotPoint>,
-    /// How the points are drawn.
+    /// Style of the points.
     pub marks: Marks,
 }
 
@@ -62,7 +62,7 @@ impl Series {
     }
 }
 
-/// How the points of a series are drawn.
+/// Style of the points of a series.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Marks {
     /// Dots.

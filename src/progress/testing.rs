@@ -4,7 +4,7 @@ use super::Progress;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
-/// What a computation has reported.
+/// Progress that a computation has reported.
 #[derive(Clone, Copy, Debug)]
 pub struct ReportedProgress<'a> {
     /// The stage that has begun last, empty before the first.
@@ -15,11 +15,11 @@ pub struct ReportedProgress<'a> {
     pub stage_steps: u64,
     /// Steps of all stages that are done.
     pub steps: u64,
-    /// Questions whether to stop, this one included.
+    /// Number of checks for cancellation, this one included.
     pub asked: u64,
 }
 
-/// A caller who stops, for good, by what it was told.
+/// A caller that stops permanently once a condition on the reported progress holds.
 pub struct StopWhen<F> {
     begun: Mutex<Vec<String>>,
     stage_steps: AtomicU64,
@@ -47,7 +47,7 @@ impl<F> StopWhen<F> {
         self.steps.load(Relaxed)
     }
 
-    /// How often it was asked whether to stop.
+    /// Number of checks for cancellation.
     pub fn asked(&self) -> u64 {
         self.asked.load(Relaxed)
     }

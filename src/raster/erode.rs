@@ -39,7 +39,7 @@ pub(super) fn erode(from: &BitImage, to: &mut BitImage, mode: Morphology, outsid
     }
 }
 
-/// Erodes `image` by at most so many steps, until no object pixel is left; with the number of steps.
+/// Erodes `image` by at most `steps` steps, until no object pixel is left; with the number of steps.
 pub(super) fn erode_by(
     image: &BitImage,
     most: usize,

@@ -1,4 +1,4 @@
-//! What a file does not state.
+//! Options of loading: properties that a file does not state.
 
 use super::added::AddedFiles;
 use super::read_luminaire::Luminaire;
@@ -43,7 +43,7 @@ options! {
         pub(crate) moves: Vec<Move> = Vec::new();
         /// Luminaires with photometric files.
         pub(crate) luminaires: Placements = Placements::default();
-        /// What the file of a height field does not state.
+        /// Properties that the file of a height field does not state.
         pub(crate) grid: ReadOptions = ReadOptions::default();
         /// Further files of the scene.
         pub(crate) added: AddedFiles = AddedFiles::default();
@@ -77,7 +77,7 @@ pub(crate) struct PlacedLuminaire {
 }
 
 impl LoadOptions {
-    /// How luminous quantities of the input become radiometric.
+    /// Conversion of luminous quantities of the input to radiometric ones.
     pub(crate) fn photometry(&self) -> Photometry {
         Photometry::from(self.channels)
     }

@@ -14,7 +14,7 @@ const MAX_PLANE_DISTANCE: f64 = 1e-4;
 const UPWARD: f64 = 0.99;
 /// Fraction of a spacing by which sides are taken as multiples of it: rounding of coordinates.
 const MULTIPLE_TOLERANCE: f64 = 1e-4;
-/// Part by which a turned rectangle must be smaller than one along the axes.
+/// Relative difference by which a turned rectangle must be smaller than one along the axes.
 const MIN_AREA_GAIN: f64 = 1e-3;
 
 /// A grid of points half a spacing from the edges of the rectangle around a plane surface, as EN 12464 has it.

@@ -46,7 +46,7 @@ pub(super) fn some_names<'a, S: AsRef<str> + ?Sized + 'a>(names: impl Iterator<I
 pub(super) struct UniqueNames(HashMap<String, usize>);
 
 impl UniqueNames {
-    /// Beside these, which are unique.
+    /// Names that must differ from these, which are unique.
     pub fn beside<'a>(taken: impl Iterator<Item = &'a String>) -> UniqueNames {
         UniqueNames(taken.map(|name| (name.clone(), 1)).collect())
     }

@@ -91,7 +91,7 @@ struct Lines<'a, R> {
     material: Option<u32>,
     runs: Vec<Run>,
     libraries: Vec<PathBuf>,
-    /// Other readings of names with spaces, as files that do not exist.
+    /// Files of other interpretations of names with spaces, which do not exist.
     missed_libraries: Vec<PathBuf>,
     repairs: super::Repairs,
 }

@@ -214,8 +214,8 @@ fn seen_from(origin: DVec3, positions: &[DVec3]) -> Vec<Vec3> {
     positions.iter().map(|p| (p - origin).as_vec3()).collect()
 }
 
-/// Ratio of a scene to its polygons, by their median, from which the origin is among these: rays start above a face by a hundredth of a polygon of that size
-/// if the face is as large as the scene.
+/// Smallest ratio of the scene's size to the median size of its polygons for which the origin is a median vertex: rays start above a face as large as the scene
+/// by a hundredth of a polygon of that size.
 const MIN_SCENE_RATIO: f64 = 5e3;
 
 /// Offset of the positions: zero unless the scene is far from zero relative to its size; otherwise its centre. In a scene that is much larger than most of

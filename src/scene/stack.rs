@@ -27,7 +27,7 @@ const MAX_TESTS: usize = 100_000_000;
 /// were rounded or drawn by hand leave less than a hundredth.
 const MIN_SHEET_COVER: f64 = 0.99;
 
-/// What decides the order of overlapping triangles.
+/// Properties of triangles that determine the order of overlapping ones.
 pub(super) struct Order<'a> {
     /// Part (connected faces) of a triangle.
     pub part: &'a dyn Fn(usize) -> u32,

@@ -1,4 +1,4 @@
-//! Which axis of a scene points upwards.
+//! The upward axis of a scene.
 
 use super::Scene;
 use glam::{DMat3, DVec3, Vec3};
@@ -13,7 +13,7 @@ pub enum UpAxis {
     Z,
 }
 
-/// Where the upward axis is from.
+/// Source of the upward axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UpFrom {
     /// An option.
@@ -56,11 +56,9 @@ impl UpAxis {
     }
 }
 
-/// Fraction of the emission that must point down an axis before it is a sign: that of a hemisphere of directions about the axis
-/// is 0.5, of a sphere 0.
+/// Smallest fraction of the emission down an axis that selects the axis: a hemisphere of directions about the axis has 0.5, a sphere 0.
 const MAIN_EMISSION: f32 = 0.15;
-/// Ratio of extents above which the shorter of y and z is taken as the height: rooms and terrains are wider than high,
-/// and a cube that was rounded is no sign.
+/// Ratio of extents above which the shorter of y and z is taken as the height: above the rounding of a cube, below rooms and terrains.
 const MIN_FLATNESS: f32 = 1.1;
 
 impl Scene {

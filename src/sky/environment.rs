@@ -1,4 +1,4 @@
-//! Everything that sends light into a scene from infinitely far.
+//! Light sources at infinity: the sky and the suns.
 
 use super::cells::{Cells, GroundRadiance};
 use super::frame::Frame;

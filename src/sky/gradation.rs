@@ -40,7 +40,7 @@ impl Shape {
         }
     }
 
-    /// Where the relative radiance may have a sharp maximum: the sun.
+    /// Direction in which the relative radiance may have a sharp maximum: the sun.
     pub fn peak(&self) -> Option<DVec3> {
         match self {
             Shape::Gradation(g) if g.indicatrix[0] != 0.0 => Some(g.sun),

@@ -267,7 +267,7 @@ impl Patches {
         sum
     }
 
-    /// What one patch adds to [`Patches::irradiance_to`] with a detail of 0.
+    /// Contribution of one patch to [`Patches::irradiance_to`] with a detail of 0.
     pub fn irradiance_of(&self, k: u32, normal: DVec3) -> [f64; 3] {
         let mut sum = [0.0; 3];
         self.add_irradiance(k, normal, [0.0; 3], &mut sum);

@@ -232,7 +232,7 @@ impl Partner {
     /// Largest number of facets.
     pub const MAX_FACETS: usize = 1 << (32 - Partner::HIT_BITS);
 
-    /// A facet with so many hits.
+    /// A facet with this number of hits.
     pub fn new(facet: u32, hits: u32) -> Partner {
         Partner(facet << Partner::HIT_BITS | hits.min(Partner::MAX_HITS))
     }

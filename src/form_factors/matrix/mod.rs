@@ -135,7 +135,7 @@ impl Report {
     pub const MAX_LOSS: f64 = 0.05;
 }
 
-/// Upper bound of the memory in bytes for a matrix of so many facets: at most all pairs, and at most one new pair per
+/// Upper bound of the memory in bytes for a matrix of `facets` facets: at most all pairs, and at most one new pair per
 /// ray. Excludes the scene and Embree.
 pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
     if settings.every {

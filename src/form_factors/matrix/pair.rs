@@ -29,7 +29,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// An empty row with capacity for so many pairs.
+    /// An empty row with this capacity, in pairs.
     pub fn with_capacity(pairs: usize) -> Row {
         Row {
             partner: Vec::with_capacity(pairs),

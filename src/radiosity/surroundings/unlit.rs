@@ -22,9 +22,8 @@ const BOUNCES: usize = 8;
 /// Smallest number of hits in uniform light for which a side without any hit counts as unlit: a side that receives a tenth
 /// of uniform light is missed by all paths with a probability of exp(−3.2) = 4 %.
 const MIN_EXPECTED_HITS: f64 = 32.0;
-/// Sides with less than this fraction of the hits in uniform light are dim: they lie in a room that little light
-/// enters, and some sides of that room may be missed by chance. A side of 32 expected hits has fewer than 4 with a
-/// probability of 1e-10 in uniform light.
+/// Sides with less than this fraction of the hits in uniform light are dim: they lie in a room that little light enters, and some sides of
+/// that room may be missed by chance. A side of 32 expected hits has fewer than 4 with a probability of 1e-10 in uniform light.
 const MAX_DIM_HITS: f64 = 0.1;
 /// Packets of sixteen rays from each side that may be unlit, which search for dim sides: one that covers a twentieth of
 /// the hemisphere is found with a probability of 1 − 0.95⁶⁴ = 0.96.

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 /// Largest side of the plate of a point or spot light relative to the scene's diagonal.
 const PLATE: f64 = 2e-3;
-/// Side of the plate relative to the distance of the nearest surface: light at ten sides' distance is that of a point within (1/10)² / 2 = 0.5 %.
+/// Largest side of the plate relative to the distance of the nearest surface: at ten sides its light is that of a point within (1/10)² / 2 = 0.5 %.
 const MAX_PLATE_RATIO: f64 = 0.1;
 /// Smallest side of the plate relative to the scene's diagonal: a dozen times the rounding of single-precision coordinates, 4e-7 of them.
 const SMALLEST_PLATE: f64 = 5e-6;
