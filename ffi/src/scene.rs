@@ -73,7 +73,7 @@ fn strength_of(value: f64, unit: i32) -> Outcome<Strength> {
 /// The options of a caller.
 ///
 /// # Safety
-/// The record holds arrays and text as the header says.
+/// The record holds arrays and text as the header states.
 pub unsafe fn load_options(given: &mrv_load_options) -> Outcome<LoadOptions> {
     no_reserved(given.reserved, "options.reserved")?;
     let mut options = LoadOptions::default();
@@ -123,7 +123,7 @@ pub unsafe fn load_options(given: &mrv_load_options) -> Outcome<LoadOptions> {
 }
 
 entry!(mrv_scene_load(call, path: Text, options: Given<mrv_load_options>) -> scene: Made<mrv_scene> {
-    // SAFETY: the record holds arrays and text as the header says.
+    // SAFETY: the record holds arrays and text as the header states.
     let wanted = unsafe { load_options(&options) }?;
     NamedScene::new(Arc::new(Scene::load_with(path, &wanted)?))
 });

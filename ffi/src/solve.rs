@@ -57,7 +57,7 @@ record!(128: struct mrv_solve_options {
 /// The options of a caller.
 ///
 /// # Safety
-/// The record holds arrays and text as the header says.
+/// The record holds arrays and text as the header states.
 unsafe fn solve_options(given: &mrv_solve_options) -> Outcome<SolveOptions> {
     let mut options = SolveOptions::default();
     // 0 stands for the default, as in other members.
@@ -94,7 +94,7 @@ unsafe fn solve_options(given: &mrv_solve_options) -> Outcome<SolveOptions> {
 }
 
 entry!(mrv_model_solve(call, model: Handle<mrv_model>, options: Given<mrv_solve_options>) -> solution: Made<mrv_solution> {
-    // SAFETY: the record holds arrays and text as the header says.
+    // SAFETY: the record holds arrays and text as the header states.
     let wanted = unsafe { solve_options(&options) }?;
     let solve = |progress| model.model.with_progress(progress).solve(&wanted);
     NotedSolution::new(with_progress(call, options.progress, options.user, solve)??)

@@ -160,7 +160,7 @@ entry!(mrv_visibility_answer(
 /// The batch of a caller and the number of its bundles. `one`: offsets of a single bundle.
 ///
 /// # Safety
-/// The arrays have as many entries as the header says.
+/// The arrays have as many entries as the header states.
 unsafe fn segments_of<'a>(
     given: &mrv_segments,
     count: usize,
@@ -203,7 +203,7 @@ unsafe fn segments_of<'a>(
 /// Output arrays of a caller for answers.
 ///
 /// # Safety
-/// The arrays have room for as many entries as the header says.
+/// The arrays have room for as many entries as the header states.
 unsafe fn answers_of<'a>(wanted: &mrv_answers, bundles: usize, segments: usize) -> Outcome<Answers<'a>> {
     if wanted.lo.is_null() != wanted.hi.is_null() {
         let missing = if wanted.lo.is_null() { "lo" } else { "hi" };

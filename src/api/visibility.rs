@@ -35,7 +35,7 @@ impl Visibility {
         self
     }
 
-    /// The engine that answers. `sized` says whether there is a feature size.
+    /// The engine that answers. `sized`: whether there is a feature size.
     pub(super) fn chosen(&self, sized: bool) -> Result<BatchEngine> {
         let need = |engine: Option<MultiResolution>, name: &str| {
             if !sized {

@@ -336,7 +336,7 @@ impl Lights {
         self.all.iter().any(|light| matches!(light, Light::Distant(_)))
     }
 
-    /// The sources that a point asks, with their sizes and weights. `chance` in `[0, 1)` is random and independent between points.
+    /// The sources of a point, with their sizes and weights. `chance` in `[0, 1)` is random and independent between points.
     pub fn seen_from(
         &self,
         position: Vec3,

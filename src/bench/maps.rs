@@ -176,7 +176,7 @@ impl Bench<'_> {
                 rows.push(PlannedMap::Mr { lattice, row });
             }
         }
-        // The cache knows emitters of the scene alone.
+        // The cache supports emitters of the scene only.
         if !map.lattices[0].2.is_under_a_sky() {
             rows.extend(self.cached_rows(map, engine));
         }

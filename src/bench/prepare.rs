@@ -42,7 +42,7 @@ pub(super) fn build_of(model: &Model) -> Build {
     }
 }
 
-/// Points of the workload on which the cut of a scene under a sky is fitted: more than the receivers that its pilot looks at.
+/// Points of the workload on which the cut of a scene under a sky is fitted: more than the receivers of its pilot.
 const CUT_POINTS: usize = 1 << 14;
 /// Step between the pairs of receivers with successive numbers, a prime near to a golden section of their number, so that any of them are spread over the scene.
 const RECEIVER_STRIDE: usize = 40_487;

@@ -406,7 +406,7 @@ pub struct SkySources {
     pub patches: usize,
     /// Largest angle across a patch, degrees.
     pub largest_angle: f64,
-    /// Most patches that a point asks, drawn in proportion to its irradiance by them.
+    /// Largest number of patches per point, drawn in proportion to its irradiance by them.
     pub patches_per_point: usize,
     /// Emissive surfaces around the scene that are divided into patches.
     pub domes: usize,

@@ -151,7 +151,7 @@ impl VertexElements {
     }
 }
 
-/// Irradiance at the vertices along each element's outline, W/m²; none if `go_on` says no.
+/// Irradiance at the vertices along each element's outline, W/m²; none if `go_on` returns false.
 ///
 /// A vertex has the mean of the elements around it. Interpolation between such means flattens light: at the edge of a wall the value of
 /// a vertex lies half an element away from it. So each vertex is corrected by the mean of what its elements lack: the difference

@@ -1,4 +1,4 @@
-//! Hashes of inputs, and the key that says whether a job is done already.
+//! Hashes of inputs, and the key by which a finished job is recognised.
 
 use super::job::{Job, Value};
 use mrvis::{Error, Result};

@@ -98,7 +98,7 @@ impl Schedule {
                 None => share.max(1),
             }
         };
-        // A job that asks for more than there is runs alone.
+        // A job that needs more than the capacity runs alone.
         let fits = |&k: &usize| {
             let task = &self.tasks[k];
             if task.alone { all_idle } else { idle || threads(task) <= free && task.memory <= memory }

@@ -21,7 +21,7 @@ const GROUPS: [(&str, &[&str]); 3] = [
 ];
 
 /// Options of `solve` that `--help` omits and `mrvis help solve` lists.
-const HIDDEN_SOLVE_OPTIONS: [&str; 26] = [
+const HIDDEN_SOLVE: [&str; 26] = [
     "audit",
     "builder",
     "cache",
@@ -51,8 +51,7 @@ const HIDDEN_SOLVE_OPTIONS: [&str; 26] = [
 ];
 
 /// Options of `bench` that `--help` omits and `mrvis help bench` lists.
-const HIDDEN_BENCH_OPTIONS: [&str; 7] =
-    ["builder", "cell", "extinction", "height_scale", "place", "sides", "time"];
+const HIDDEN_BENCH: [&str; 7] = ["builder", "cell", "extinction", "height_scale", "place", "sides", "time"];
 
 /// The command line, with options in groups and a short help of one sentence an option.
 pub fn command() -> Command {
@@ -60,8 +59,8 @@ pub fn command() -> Command {
         let name = command.get_name().to_owned();
         let solve = name == "solve";
         let advanced = match name.as_str() {
-            "solve" => &HIDDEN_SOLVE_OPTIONS[..],
-            "bench" => &HIDDEN_BENCH_OPTIONS,
+            "solve" => &HIDDEN_SOLVE[..],
+            "bench" => &HIDDEN_BENCH,
             _ => &[],
         };
         let command = command.mut_args(|arg| arranged(arg, solve, advanced));
@@ -176,12 +175,7 @@ mod tests {
             .flat_map(|c| c.get_arguments())
             .map(|a| a.get_id().as_str().to_owned())
             .collect();
-        for id in GROUPS
-            .iter()
-            .flat_map(|(_, ids)| ids.iter())
-            .chain(&HIDDEN_SOLVE_OPTIONS)
-            .chain(&HIDDEN_BENCH_OPTIONS)
-        {
+        for id in GROUPS.iter().flat_map(|(_, ids)| ids.iter()).chain(&HIDDEN_SOLVE).chain(&HIDDEN_BENCH) {
             assert!(ids.iter().any(|i| i == id), "{id}");
         }
     }

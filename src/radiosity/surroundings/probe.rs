@@ -196,14 +196,14 @@ fn rays_of_side(
     (found, entered)
 }
 
-/// Traces `count` cosine-weighted rays from a surface, and calls `tell` with the hit of each ray.
+/// Traces `count` cosine-weighted rays from a surface, and calls `each` with the hit of each ray.
 fn rays(
     tracer: &SideRays,
     element: &Element,
     count: usize,
     seed: u64,
     packets: &mut Vec<Packet>,
-    tell: impl FnMut(SideHit),
+    each: impl FnMut(SideHit),
 ) {
     let Shape::Surface { side, corners } = &element.shape else { return };
     let Side { normal, end, .. } = tracer.elements.sides[*side as usize];
@@ -212,5 +212,5 @@ fn rays(
         let at = point_on(corners, u, (i as f32 + v) / count as f32);
         ((at, normal, end), cosine_direction(normal, p, q))
     });
-    tracer.trace(rays, packets, tell);
+    tracer.trace(rays, packets, each);
 }

@@ -33,12 +33,12 @@ pub struct SideRays<'a> {
 }
 
 impl SideRays<'_> {
-    /// Traces rays from points in unit directions, and calls `tell` with the hit of each ray, in their order. `packets` is scratch space.
+    /// Traces rays from points in unit directions, and calls `each` with the hit of each ray, in their order. `packets` is scratch space.
     pub fn trace(
         &self,
         rays: impl Iterator<Item = (SurfacePoint, Vec3)>,
         packets: &mut Vec<Packet>,
-        mut tell: impl FnMut(SideHit),
+        mut each: impl FnMut(SideHit),
     ) {
         packets.clear();
         let mut count = 0;
@@ -60,7 +60,7 @@ impl SideRays<'_> {
                 Hits::NO_HIT => ESCAPED,
                 triangle => self.elements.met(triangle, packet.point(lane, 1.0) - from),
             };
-            tell(SideHit { side, triangle, from, at: packet.point(lane, t) });
+            each(SideHit { side, triangle, from, at: packet.point(lane, t) });
         }
     }
 }

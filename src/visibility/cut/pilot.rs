@@ -37,7 +37,7 @@ const MAX_FIT_STEPS: usize = 20;
 const MAX_EXCESS: f64 = 1e-5;
 /// Range of the factor: 0.5 to 1.8 was measured in garden, park, orchard, forest and valley (`benches/distance_cut.rs` of commit
 /// 2d559b4). A width that needs one outside is not used: its extinctions do not describe the scene.
-const FACTOR_RANGE: [f32; 2] = [0.25, 2.0];
+const FACTORS: [f32; 2] = [0.25, 2.0];
 /// Bundles per task: 256 segments.
 const BUNDLES_PER_TASK: usize = 16;
 
@@ -85,7 +85,7 @@ impl DistanceCut {
         &self,
         candidate: &(impl Fn(u32) -> Option<Candidate<'a>> + Sync),
     ) -> bool {
-        let mode = Mode::unmeasured(CANDIDATE_WIDTHS[0], FACTOR_RANGE[0]);
+        let mode = Mode::unmeasured(CANDIDATE_WIDTHS[0], FACTORS[0]);
         let counted = |k: u32| {
             let bundles = candidate(k)?;
             let sums = self.sum(&bundles.bundles()[0], Tracing::Mode(&mode));
@@ -136,7 +136,7 @@ impl DistanceCut {
         self.each_sum(&bundles, exactly, |_, sums| work.push(sums.embree_work()));
         let mut traces = CANDIDATE_WIDTHS.map(|width| {
             // Depths are needed up to those that the smallest factor makes opaque.
-            let mode = Mode::unmeasured(width, FACTOR_RANGE[0]);
+            let mode = Mode::unmeasured(width, FACTORS[0]);
             let mut all = Vec::with_capacity(bundles.len());
             self.each_packet(&bundles, Tracing::Mode(&mode), &mut |_, packet| {
                 all.push(SetTrace::of(&packet))
@@ -314,7 +314,7 @@ fn factor(all: &[(&PilotSet, &SetTrace)]) -> Option<f32> {
         let sums: Vec<f64> = all.par_iter().map(|(_, trace)| trace.passed(factor as f32)).collect();
         sums.iter().sum::<f64>() - visible
     };
-    let [mut low, mut high] = FACTOR_RANGE.map(|factor| (f64::from(factor), excess(f64::from(factor))));
+    let [mut low, mut high] = FACTORS.map(|factor| (f64::from(factor), excess(f64::from(factor))));
     if low.1 < 0.0 || high.1 > 0.0 {
         return None;
     }
