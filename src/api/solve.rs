@@ -111,9 +111,7 @@ impl Model {
     /// ([`Detail::Clusters`](crate::Detail::Clusters), for other than exact visibility [`Detail::Optics`](crate::Detail::Optics));
     /// [`Error::Scene`] if the scene's size or light is beyond f32.
     pub fn solve(&self, options: &SolveOptions) -> Result<Solution> {
-        let sized = options.feature_size.is_some() || !options.feature_sizes.is_empty();
-        let engine = self.chosen(options.engine, sized);
-        let options = &SolveOptions { engine, ..options.clone() };
+        let options = &SolveOptions { engine: options.chosen_engine(self), ..options.clone() };
         let needed = options.prepare().detail;
         if self.detail() < needed {
             let have = self.detail();

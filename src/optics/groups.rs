@@ -8,7 +8,7 @@
 
 use super::axes::{AXIS_COUNT, AxisMix, view};
 use super::silhouette::Silhouette;
-use super::{ClusterOptics, Extinction, OPAQUE_DEPTH, Options, Scratch};
+use super::{ClusterOptics, Extinction, Options, SOLID_DEPTH, Scratch};
 use crate::clusters::{Hierarchy, Tree};
 use crate::math::Aabb;
 use glam::{Affine3A, Vec2, Vec3};
@@ -65,7 +65,7 @@ pub fn parts(hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> Vec<Part> {
     // Large surfaces are tested exactly, never averaged: no emitter and no feature size is as large as this.
     let large = cut(&hierarchy.large).into_iter().map(|c| {
         let bounds = hierarchy.large.clusters[c].bounds.thickened();
-        let extinction = [OPAQUE_DEPTH / bounds.extent().min_element(); AXIS_COUNT];
+        let extinction = [SOLID_DEPTH / bounds.extent().min_element(); AXIS_COUNT];
         Part { bounds, extinction, feature_size: [NEVER_AVERAGED; AXIS_COUNT] }
     });
     micro.chain(large).collect()

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use silhouette::{Measure, Silhouettes};
 
 /// Optical depth of a solid surface: transmits e^-7, less than 0.1 %.
-const OPAQUE_DEPTH: f32 = 7.0;
+pub(crate) const SOLID_DEPTH: f32 = 7.0;
 
 /// Source of the extinction of clusters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use super::averaging_width::{CELL_PIXELS, Cells, count_in_cell};
 use super::axes::{AXIS_COUNT, PROBE_COUNT};
 use super::frame::Frame;
-use super::{Extinction, OPAQUE_DEPTH, Options};
+use super::{Extinction, Options, SOLID_DEPTH};
 use crate::math::Aabb;
 use crate::raster::{BitImage, Edt, fill_triangle};
 use crate::scene::Scene;
@@ -122,13 +122,13 @@ impl Measure {
             };
         }
         if !self.project(silhouette, slope) {
-            // The projection is thinner than the raster can resolve. It counts as fully covered and opaque ([`OPAQUE_DEPTH`] on the
+            // The projection is thinner than the raster can resolve. It counts as fully covered and opaque ([`SOLID_DEPTH`] on the
             // mean path V / front), and only a beam wider than the whole box may average the cluster.
             let averaging_width = bounds.diagonal();
             let e = bounds.extent();
             let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(view.abs());
             let opaque =
-                (f64::from(OPAQUE_DEPTH) * f64::from(front) / bounds.volume().max(f64::MIN_POSITIVE)) as f32;
+                (f64::from(SOLID_DEPTH) * f64::from(front) / bounds.volume().max(f64::MIN_POSITIVE)) as f32;
             let extinction = match options.extinction {
                 Extinction::Analytic => analytic,
                 Extinction::Measured => opaque,
@@ -147,7 +147,7 @@ impl Measure {
             // Lines through pixels on the outline can miss the box by rounding. Where all pixels are blocked, the fit would then grow
             // without bound; with this extinction, paths along the shortest edge are opaque.
             Extinction::Measured => {
-                self.cells.fitted_extinction().min(OPAQUE_DEPTH / bounds.extent().min_element())
+                self.cells.fitted_extinction().min(SOLID_DEPTH / bounds.extent().min_element())
             }
         };
         Measured {

@@ -12,6 +12,8 @@ mod hostile;
 mod install;
 mod light;
 mod lighting;
+#[cfg(feature = "mpi")]
+mod mpi;
 mod outdoor;
 mod outputs;
 mod package;

@@ -216,7 +216,7 @@ fn optics_of_closed_silhouettes_are_in_range() {
     let longest = 4.0 * scene.bounds.diagonal();
     for (optics, cluster) in measure(&scene, &tree, &options()).iter().zip(&tree.clusters) {
         // The mean path along a diagonal of a box is at least the shortest edge divided by √3.
-        let opaque = 3f32.sqrt() * OPAQUE_DEPTH / cluster.bounds.thickened().extent().min_element();
+        let opaque = 3f32.sqrt() * SOLID_DEPTH / cluster.bounds.thickened().extent().min_element();
         assert!(optics.is_in_range(longest), "{cluster:?}: {optics:?}");
         assert!(optics.extinction.iter().all(|&kappa| kappa <= 1.001 * opaque), "{cluster:?}: {optics:?}");
     }

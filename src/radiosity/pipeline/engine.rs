@@ -8,6 +8,11 @@ use crate::visibility::{Bundle, CALIBRATION_BUNDLES, Engine, LeafMode, Workspace
 use std::sync::Arc;
 
 impl Options {
+    /// The engine of a solve of `model`: what [`Engine::Automatic`] stands for, other engines as they are.
+    pub(crate) fn chosen_engine(&self, model: &Model) -> Engine {
+        model.chosen(self.engine, self.feature_size.is_some() || !self.feature_sizes.is_empty())
+    }
+
     /// What a model must hold for a solve with these options.
     #[doc(hidden)]
     pub fn prepare(&self) -> PrepareOptions {
@@ -24,7 +29,7 @@ impl Options {
 /// The visibility engine that the options ask for: multi-resolution or average visibility if the model holds optics, otherwise exact
 /// rays. The cost of exact rays is estimated on bundles between the surfaces of the scene.
 pub fn engine_for(model: &Model, elements: &Elements, options: &Options) -> VisibilityEngine {
-    let leaf = match options.engine {
+    let leaf = match options.chosen_engine(model) {
         Engine::Exact | Engine::Automatic => return VisibilityEngine::Exact(model.exact()),
         Engine::Average => LeafMode::Average,
         Engine::MultiResolution => LeafMode::Exact,

@@ -5,7 +5,7 @@ use super::build::{ChildProperties, NodeProperties};
 use super::layout::NO_THRESHOLD;
 use super::traverse::{AveragingRule, EMPTY_STACK, trace};
 use crate::math::Aabb;
-use crate::optics::{AXES, AXIS_COUNT};
+use crate::optics::{AXES, AXIS_COUNT, SOLID_DEPTH};
 use crate::ray::Packet;
 use crate::simd::{Kernel, LANES, Simd, dispatch, half_nearest, half_up};
 use glam::Vec3;
@@ -15,8 +15,6 @@ use rayon::prelude::*;
 /// 1/(2 √32) = 0.09, without bias and independent of that of other blocks, so that errors average out along a path. Each level has fewer
 /// children than the level below by a factor of about twelve; they get more rays, so that each level takes less time than that below.
 const RAYS: [usize; 4] = [32, 64, 256, 1024];
-/// Depth of a child that no ray passes: it transmits e^-7, less than 0.1 %.
-const SOLID_DEPTH: f32 = 7.0;
 
 /// Sets the extinctions of all children.
 pub(super) fn measure(cut: &mut DistanceCut, facts: &[NodeProperties]) {

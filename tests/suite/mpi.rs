@@ -1,12 +1,8 @@
 //! `--mpi` with Open MPI: several processes give the files of one, and a lost process leaves nothing half-written and no finished job
-//! behind. A test binary of its own, for the feature `mpi`: `make test` runs it after the suite.
+//! behind.
 
-#[allow(dead_code)]
-#[path = "suite/run.rs"]
-mod run;
-
+use super::run::{self, Line, Outcome, Scratch, assert_same_files, job_files, wait, wait_until, words};
 use mrvis::internals::scene::generate::Spec;
-use run::{Line, Outcome, Scratch, assert_same_files, job_files, wait, wait_until, words};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
