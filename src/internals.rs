@@ -1,5 +1,4 @@
-//! What the command, the C library, benches and tests need besides the public interface. Not part of it: names here change
-//! without notice.
+//! What the command, the C library, benches and tests need besides the public interface. Not part of it: names here change without notice.
 
 mod parts;
 

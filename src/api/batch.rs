@@ -14,7 +14,7 @@ use smallvec::SmallVec;
 use std::ops::Range;
 
 /// Largest numbers of bundles and of segments of a chunk: limits it to 1,024 packets and four groups of bundles that share their
-/// traversal. Larger bundles are answered in parts of so many segments. Does not depend on the number of threads, so that answers do not.
+/// traversal. Larger bundles are answered in parts of this number of segments. It is the same for any number of threads, so that the answers are too.
 const CHUNK: (usize, usize) = (256, 1 << 14);
 /// Largest batch that is answered without deciding between engines: the decision walks 16 bundles, a quarter of the batch.
 const MAX_UNDECIDED_SEGMENTS: usize = 64;

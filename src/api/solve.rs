@@ -102,9 +102,8 @@ pub(super) struct Solved {
 }
 
 impl Model {
-    /// Computes the light: hierarchical radiosity of all surfaces, with all reflections, on the threads of the model.
-    /// If the progress of [`Model::with_progress`] stops it, the result is the consistent solution reached so far: see
-    /// [`SolveReport::interrupted`].
+    /// Computes the light: hierarchical radiosity of all surfaces, with all reflections, on the threads of the model. If the progress of
+    /// [`Model::with_progress`] stops it, the result is the consistent solution reached so far: see [`SolveReport::interrupted`].
     ///
     /// # Errors
     /// [`Error::Argument`] if an option is out of its range, names nothing, or needs more of the model than was prepared

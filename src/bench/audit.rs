@@ -13,8 +13,7 @@ use rand_pcg::rand_core::Rng;
 pub(super) const AUDIT_RAYS: usize = 64;
 /// Random streams of the two halves.
 const STREAMS: [u64; 2] = [3, 4];
-/// Fewest bundles, where the workload has as many: coverage of 95 % is then known to ±2 % (Wilson: 1.96 √(0.95 · 0.05 /
-/// 400)).
+/// Fewest bundles, where the workload has as many: coverage of 95 % is then known to ±2 % (Wilson: 1.96 √(0.95 · 0.05 / 400)).
 const MIN_BUNDLES: usize = 400;
 /// Largest number of bins of the calibration: 50 bundles per bin at [`MIN_BUNDLES`].
 const MAX_BINS: usize = 8;
@@ -119,8 +118,7 @@ mod tests {
         (random.next_u64() >> 40) as f32 / (1u64 << 24) as f32
     }
 
-    /// 4,000 synthetic queries: their audit, answers with errors of `error` claimed standard errors, and stated
-    /// intervals.
+    /// 4,000 synthetic queries: their audit, answers with errors of `error` claimed standard errors, and stated intervals.
     fn synthetic(error: f32) -> (AuditRays, Vec<f32>, Vec<(f32, f32)>) {
         let mut random = Pcg64Mcg::new(7);
         let (mut a, mut b, mut visible, mut intervals) = (vec![], vec![], vec![], vec![]);

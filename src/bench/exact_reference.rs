@@ -55,8 +55,7 @@ impl ExactReference {
         0.5 * (self.a[pair] + self.b[pair])
     }
 
-    /// Standard error of [`ExactReference::mean`] (root mean square over the pairs): half the RMS difference of the
-    /// halves.
+    /// Standard error of [`ExactReference::mean`] (root mean square over the pairs): half the RMS difference of the halves.
     pub fn standard_error(&self) -> f64 {
         let sum: f64 = self.a.iter().zip(&self.b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
         0.5 * (sum / self.a.len().max(1) as f64).sqrt()
@@ -95,9 +94,8 @@ impl ExactReference {
 /// |p − x| ≤ √(h² + 1.96² q (1 − q) / rays)      h = x − lo or hi − x, on p's side;  q = p clamped to [lo, hi]
 /// ```
 ///
-/// The answer claims a standard error of h / 1.96; the mean has √(q (1 − q) / rays). Both are independent, so correct
-/// intervals are confirmed in 95 of 100 cases for any number of rays. One ray refutes a certificate (lo = hi = 0 or
-/// 1).
+/// The answer claims a standard error of h / 1.96; the mean has √(q (1 − q) / rays). Both are independent, so correct intervals are
+/// confirmed in 95 of 100 cases for any number of rays. One ray refutes a certificate (lo = hi = 0 or 1).
 pub fn agrees(x: f32, (lo, hi): (f32, f32), p: f32, rays: usize) -> bool {
     /// Rounding of f32 intervals that end at 0 or 1.
     const ROUNDING: f64 = 1e-6;
@@ -122,9 +120,8 @@ pub struct RmsEstimate {
 impl RmsEstimate {
     /// RMS of independent squared errors, at most 1 each.
     ///
-    /// The interval is Student's for the mean square. A single square gives no interval: [0, 1]. If all squares are
-    /// the same, the rule of three bounds the part of deviating squares by 3 / N with 95 % (N squares, deviations of
-    /// at most 1).
+    /// The interval is Student's for the mean square. A single square gives no interval: [0, 1]. If all squares are the same, the rule of
+    /// three bounds the part of deviating squares by 3 / N with 95 % (N squares, deviations of at most 1).
     pub fn of(squares: &[f64]) -> RmsEstimate {
         let n = squares.len().max(1) as f64;
         let mean = squares.iter().sum::<f64>() / n;

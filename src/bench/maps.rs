@@ -1,8 +1,7 @@
 //! Maps: shadow images of whole receivers by both engines, computed at every texel or at some and interpolated between.
 //!
 //! A map has many receiver points close together, so that both engines may interpolate, and what is prepared for it alone (choices and
-//! caches) counts: `speedup_with_setup`. All rows of a map are compared with one reference of independent rays at every
-//! texel.
+//! caches) counts: `speedup_with_setup`. All rows of a map are compared with one reference of independent rays at every texel.
 
 mod cached;
 mod quadtree;

@@ -180,8 +180,7 @@ impl Timer {
         Run { visible, sections }
     }
 
-    /// Visible fractions by MR with `rays` segments per pair at feature size `s`. `advance` gets the number of pairs
-    /// that were answered.
+    /// Visible fractions by MR with `rays` segments per pair at feature size `s`. `advance` gets the number of pairs that were answered.
     pub fn multi_resolution(
         &self,
         queries: Queries,
@@ -289,8 +288,7 @@ pub(super) const MAX_ROUNDS: usize = 6;
 /// A round starts only if the rounds are expected to end within this time: limits the duration of a benchmark.
 pub(super) const MAX_TIME: Duration = Duration::from_secs(10);
 
-/// Pairs that are asked, untimed, before each timed row: one chunk, which loads the upper nodes
-/// of the tree into the caches.
+/// Pairs that are asked, untimed, before each timed row: one chunk, which loads the upper nodes of the tree into the caches.
 pub(super) const WARM_UP_PAIRS: usize = 1024;
 
 /// Minimum times of rows that were run equally often.

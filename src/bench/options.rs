@@ -67,8 +67,7 @@ impl BenchOptions {
 
     /// Approximate peak memory of a run, bytes, without the scene, its clusters and Embree's tree.
     fn bytes(&self, emitters: usize) -> f64 {
-        // Points, pairs, both halves of the reference, and the largest row with its intervals: bytes per point and
-        // per pair.
+        // Points, pairs, both halves of the reference, and the largest row with its intervals: bytes per point and per pair.
         let rows = self.points as f64 * (32.0 + emitters as f64 * 48.0);
         // The samples of the decisions (points and images).
         let samples = 2 * Sample::bytes(&self.mr_rays());

@@ -1,13 +1,12 @@
 //! Selection of the surfaces with shadow images, and their grids of texels.
 //!
-//! A receiver is a planar patch (edge-connected triangles of one object in one plane) or a relief (all triangles of
-//! an object without a large planar patch whose faces point into one half space, such as terrain). Its image lies in
-//! the smallest rectangle around it, the longer side horizontal, or in the largest rectangle inside it if it covers
-//! less than 80 % of the former (discs, L shapes); a relief is projected along its mean normal. Texels are at most half
-//! the smallest feature size wide; if the surface would need too many, the image is a window of it, where most shadow
-//! borders are. By default the largest patches that see an emitter are taken, one per object before any object
-//! gets two; patches without shadows come last. A name selects the largest such patch of the object, group or
-//! material, or of the placed mesh (see [`faces_named`]); given k times it selects the k largest.
+//! A receiver is a planar patch (edge-connected triangles of one object in one plane) or a relief (all triangles of an object without a
+//! large planar patch whose faces point into one half space, such as terrain). Its image lies in the smallest rectangle around it, the
+//! longer side horizontal, or in the largest rectangle inside it if it covers less than 80 % of the former (discs, L shapes); a relief is
+//! projected along its mean normal. Texels are at most half the smallest feature size wide; if the surface would need too many, the image
+//! is a window of it, where most shadow borders are. By default the largest patches that see an emitter are taken, one per object before
+//! any object gets two; patches without shadows come last. A name selects the largest such patch of the object, group or material, or of
+//! the placed mesh (see [`faces_named`]); given k times it selects the k largest.
 
 mod patch;
 mod relief;

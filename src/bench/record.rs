@@ -83,21 +83,18 @@ pub struct Build {
     pub hierarchy_s: f64,
     /// Measuring cluster optics, seconds.
     pub characterise_s: f64,
-    /// Origin of the clusters: read from a cache file (`hit`; their times are then 0), made and cached (`made`), or
-    /// made only (`off`).
+    /// Origin of the clusters: read from a cache file (`hit`; their times are then 0), made and cached (`made`), or made only (`off`).
     pub cache: String,
     /// Finding, reading and writing the cache file, seconds.
     pub cache_s: f64,
     /// Note about the cache file: damaged, not writable.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cache_note: Option<String>,
-    /// Estimating the cost of exact rays on a sample and choosing Embree's ray call for bundles that are handed over,
-    /// seconds.
+    /// Estimating the cost of exact rays on a sample and choosing Embree's ray call for bundles that are handed over, seconds.
     pub budget_s: f64,
     /// Preparation of exact visibility: Embree's tree and the choice of its ray calls, seconds.
     pub exact_setup_s: f64,
-    /// Preparation of MR besides Embree's tree: clusters, optics, cache, budget and the decisions of all rows,
-    /// seconds.
+    /// Preparation of MR besides Embree's tree: clusters, optics, cache, budget and the decisions of all rows, seconds.
     pub mr_setup_s: f64,
     /// Memory of hierarchy and optics, bytes.
     pub hierarchy_bytes: u64,
@@ -174,8 +171,7 @@ pub struct ExactRow {
     pub rays: usize,
     /// Time of the queries, seconds.
     pub seconds: f64,
-    /// Embree's fastest ray call: `occluded1`, `occluded4`, `occluded8` or `occluded16`; `certified` with
-    /// certificates.
+    /// Embree's fastest ray call: `occluded1`, `occluded4`, `occluded8` or `occluded16`; `certified` with certificates.
     pub mode: String,
     /// Whether Embree's flag for coherent rays was set.
     pub coherent: bool,
@@ -476,8 +472,7 @@ impl RunSeconds {
 
 /// Comparison of the stated intervals of a row with independent exact rays on a random part of the bundles.
 ///
-/// A 95 % interval claims a standard error of its width / (2 · 1.96). The noise of the audit's rays is subtracted
-/// from the observed error.
+/// A 95 % interval claims a standard error of its width / (2 · 1.96). The noise of the audit's rays is subtracted from the observed error.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct IntervalAudit {
     /// Requested part of the bundles, in `(0, 1]`.

@@ -37,8 +37,7 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// All pairs of these points and the emitters and suns of the model that face each other, and a few patches of the sky for each
-    /// point.
+    /// All pairs of these points and the emitters and suns of the model that face each other, and a few patches of the sky for each point.
     pub fn new(model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
         Workload::asking(PatchSet::Some, model, points, seed)
     }

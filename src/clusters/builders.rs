@@ -87,8 +87,7 @@ fn divide(faces: Vec<u32>, boxes: &[Aabb]) -> [Vec<u32>; 2] {
     [a, b]
 }
 
-// k-d tree [Sillion 94]: the cell is halved in the middle of its longest edge; what a plane cuts stays in the smallest
-// cell that holds it.
+// k-d tree [Sillion 94]: the cell is halved in the middle of its longest edge; what a plane cuts stays in the smallest cell that holds it.
 //
 // Choice of ours where the paper gives no details: what a plane cuts is divided by the two other axes, so that a
 // cluster does not hold more than [`FAN_OUT`] parts.

@@ -217,8 +217,7 @@ pub struct GridPiece {
 pub struct Hits {
     /// Triangle index within its geometry per lane; [`Hits::NO_HIT`] without a hit.
     pub triangle: [u32; LANES],
-    /// Index of the instance per lane, see [`super::SceneBuilder::add_instance`]; 0 in scenes without instances; undefined
-    /// without a hit.
+    /// Index of the instance per lane, see [`super::SceneBuilder::add_instance`]; 0 in scenes without instances; undefined without a hit.
     pub instance: [u32; LANES],
     /// Parameter of the hit per lane; undefined without a hit.
     pub t: [f32; LANES],

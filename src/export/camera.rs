@@ -59,8 +59,7 @@ pub(super) type Pixel = ([f32; 3], Option<First>);
 pub struct Stage<'a> {
     /// The mesh.
     pub mesh: &'a Mesh,
-    /// Fronts and backs of sheets coincide: one Embree scene for each side, with the index in `mesh` of each
-    /// triangle.
+    /// Fronts and backs of sheets coincide: one Embree scene for each side, with the index in `mesh` of each triangle.
     sides: [(CommittedScene, Vec<u32>); 2],
     /// By element, whether another surface stands across it.
     crossed: Vec<bool>,

@@ -1,5 +1,4 @@
-//! Lightmaps: irradiance of all surfaces in one image, one chart per plane, or in the texture coordinates of the
-//! file.
+//! Lightmaps: irradiance of all surfaces in one image, one chart per plane, or in the texture coordinates of the file.
 
 use super::{Mesh, Stage};
 use crate::math::{Aabb, triangle_normal};

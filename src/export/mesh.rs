@@ -6,8 +6,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-/// A triangle mesh of all sides of surfaces, with light at the vertices. Vectors have one entry per vertex or per
-/// triangle.
+/// A triangle mesh of all sides of surfaces, with light at the vertices. Vectors have one entry per vertex or per triangle.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Positions relative to [`RadiosityMesh::origin`], scene units.
@@ -153,12 +152,11 @@ impl VertexElements {
 
 /// Irradiance at the vertices along each element's outline, W/m²; none if `go_on` returns false.
 ///
-/// A vertex has the mean of the elements around it. Interpolation between such means flattens light: at the edge of a wall the value of
-/// a vertex lies half an element away from it. So each vertex is corrected by the mean of what its elements lack: the difference
-/// between an element's irradiance and the mean of its vertices (one step of van Cittert's iteration). Where an element still lacks
-/// more than its uncertainty, as at the edge of a shadow, its own vertices are changed so that it does not; light is not continuous there.
-/// The vertices of elements that another surface stands across have the light of their neighbours, on either side of it, times what the elements
-/// lack.
+/// A vertex has the mean of the elements around it. Interpolation between such means flattens light: at the edge of a wall the value of a
+/// vertex lies half an element away from it. So each vertex is corrected by the mean of what its elements lack: the difference between an
+/// element's irradiance and the mean of its vertices (one step of van Cittert's iteration). Where an element still lacks more than its
+/// uncertainty, as at the edge of a shadow, its own vertices are changed so that it does not; light is not continuous there. The vertices
+/// of elements that another surface stands across have the light of their neighbours, on either side of it, times what the elements lack.
 fn at_outlines(
     solution: &RadiosityMesh,
     normals: &[Vec3],

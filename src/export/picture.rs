@@ -166,8 +166,7 @@ impl PageView {
     }
 }
 
-/// A tone curve: exposure by the mean logarithm of luminance, compressed highlights (Reinhard et al. 2002, equations
-/// 1 to 4).
+/// A tone curve: exposure by the mean logarithm of luminance, compressed highlights (Reinhard et al. 2002, equations 1 to 4).
 #[derive(Clone, Copy, Debug)]
 pub struct Tone {
     scale: f32,

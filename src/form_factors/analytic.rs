@@ -82,12 +82,11 @@ fn edge(normal: DVec3, a: DVec3, b: DVec3) -> f64 {
 
 /// `F(first → second)` between the front sides of two planar convex polygons, corners counterclockwise, in `[0, 1]`.
 ///
-/// Each polygon is clipped to the part in front of the other's plane; the remaining parts see each other entirely. For
-/// them `A1 F12 = 1/2π ∮∮ ln r dr1·dr2` (Sparrow 1963, Stokes' theorem twice). Along an edge of the second polygon the
-/// integral of `ln r` is elementary (`along`). Along the edges of the first polygon Gauss-Legendre quadrature is
-/// applied between the feet of the other edge's ends, the only points where the integrand is not smooth; nodes are
-/// concentrated at both ends of each piece to resolve the `x ln x` of touching edges. Relative error below 1e-9 for
-/// touching pairs.
+/// Each polygon is clipped to the part in front of the other's plane; the remaining parts see each other entirely. For them `A1 F12 = 1/2π
+/// ∮∮ ln r dr1·dr2` (Sparrow 1963, Stokes' theorem twice). Along an edge of the second polygon the integral of `ln r` is elementary
+/// (`along`). Along the edges of the first polygon Gauss-Legendre quadrature is applied between the feet of the other edge's ends, the
+/// only points where the integrand is not smooth; nodes are concentrated at both ends of each piece to resolve the `x ln x` of touching
+/// edges. Relative error below 1e-9 for touching pairs.
 pub fn polygon_to_polygon(first: &[DVec3], second: &[DVec3]) -> f64 {
     let (Some(p), Some(q)) = (Plane::of(first), Plane::of(second)) else { return 0.0 };
     let (a, b) = (clip(first, q.point, q.normal), clip(second, p.point, p.normal));

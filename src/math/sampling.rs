@@ -60,8 +60,7 @@ pub fn pick(running_sums: &[f32], u: f32) -> (usize, f32, f32) {
 /// Largest skew of a quad that counts as a parallelogram, relative to its diagonal: as much may the density of points be off.
 const PARALLELOGRAM: f32 = 1e-4;
 
-/// The point of a triangle or convex quad for `(u, v)` in the unit square. Equal areas of the square give equal areas of the
-/// surface.
+/// The point of a triangle or convex quad for `(u, v)` in the unit square. Equal areas of the square give equal areas of the surface.
 pub fn point_on(corners: &[Vec3; 4], u: f32, v: f32) -> Vec3 {
     let [a, b, c, d] = *corners;
     if c == d {

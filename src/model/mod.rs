@@ -1,8 +1,7 @@
 //! The prepared model: meshes, sources and everything that is computed once for a scene and shared by all queries.
 //!
-//! A [`Model`] is made from a [`Scene`] by [`Model::prepare`], is immutable, and is cheap to clone and to send between
-//! threads: clones share their parts by reference counts. Visibility, the radiosity solver, the path tracer and form
-//! factors all take a `&Model`.
+//! A [`Model`] is made from a [`Scene`] by [`Model::prepare`], is immutable, and is cheap to clone and to send between threads: clones
+//! share their parts by reference counts. Visibility, the radiosity solver, the path tracer and form factors all take a `&Model`.
 
 pub mod cache;
 mod cut;
@@ -334,8 +333,7 @@ impl Model {
 
 /// A source of light.
 ///
-/// Sky and sun will be variants of their own: they have no area and lie at infinity, so that code which matches must not
-/// assume a surface.
+/// Sky and sun will be variants of their own: they have no area and lie at infinity, so that code which matches must not assume a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Source {

@@ -118,8 +118,7 @@ impl PrepareReport {
 }
 
 impl Model {
-    /// Prepares a scene: commits the Embree scenes, builds the clusters and measures their optics, or takes the clusters from
-    /// the cache.
+    /// Prepares a scene: commits the Embree scenes, builds the clusters and measures their optics, or takes the clusters from the cache.
     ///
     /// # Errors
     /// [`Error::Unsupported`] if the installed Embree is too old, [`Error::OutOfMemory`] or [`Error::Embree`] if it fails,
@@ -143,8 +142,7 @@ impl Model {
         threads.run(|| prepare(scene, &options, &threads, progress))?
     }
 
-    /// This model with at least as much prepared as `options` ask for. Embree scenes are kept; what is there already is not
-    /// made again.
+    /// This model with at least as much prepared as `options` ask for. Embree scenes are kept; what is there already is not made again.
     ///
     /// # Errors
     /// As [`Model::prepare`].

@@ -302,8 +302,7 @@ fn text(root: &Area<'_>, what: &str, at: (i32, i32), size: i32, colour: RGBColor
     root.draw(&Text::new(what.to_string(), at, style))
 }
 
-/// The text and a font size at most `size` so that it is not wider than `width` pixels: smaller down to 10 pixels, then
-/// cut.
+/// The text and a font size at most `size` so that it is not wider than `width` pixels: smaller down to 10 pixels, then cut.
 fn fitted(what: &str, size: i32, width: i32) -> (String, i32) {
     let fits = |what: &str, size: &i32| text_width(what, *size) <= width;
     if let Some(size) = (10..=size).rev().find(|size| fits(what, size)) {

@@ -10,8 +10,7 @@ use std::time::Instant;
 // office with 14 s is 8.5, 10.6 or 10.4 % instead of 9.2 %, that of a kitchen with 20 s 21.4, 13.3 or 13.3 % instead of 13.8 %
 // (`scenes/room.py SCENE --elements 1500 --options='--max-seconds 14 --threads 1'`, with 20 for the kitchen).
 
-/// Seconds, and part of the whole time, by which the last stages may exceed the limit: the options state
-/// the limit as approximate.
+/// Seconds, and part of the whole time, by which the last stages may exceed the limit: the options state the limit as approximate.
 const GRACE_SECONDS: f64 = 0.5;
 const GRACE_SHARE: f64 = 0.05;
 /// Fraction of the time after preparation for the light of elements, without and with points to follow: a quarter

@@ -58,12 +58,12 @@ pub fn parse(path: &Path, bytes: impl FnOnce() -> Result<Vec<u8>>) -> Result<Lum
 /// The line, counted from 1, and what is wrong there.
 type LineError = (usize, String);
 
-/// A whole number in 1 to `most`.
-fn whole(value: f64, line: usize, what: &str, most: usize) -> Result<usize, LineError> {
-    if value.fract() == 0.0 && (1.0..=most as f64).contains(&value) {
+/// A whole number in 1 to `max`.
+fn whole(value: f64, line: usize, what: &str, max: usize) -> Result<usize, LineError> {
+    if value.fract() == 0.0 && (1.0..=max as f64).contains(&value) {
         Ok(value as usize)
     } else {
-        Err((line, format!("{what}: {} is not a whole number in 1 to {most}", figure(value))))
+        Err((line, format!("{what}: {} is not a whole number in 1 to {max}", figure(value))))
     }
 }
 
@@ -72,9 +72,9 @@ fn wrong_intensity(candelas: f64) -> String {
 }
 
 /// Checks a list of angles in degrees.
-fn check_angles(angles: &[f64], [least, most]: [f64; 2], line: usize, what: &str) -> Result<(), LineError> {
-    if angles.windows(2).any(|w| w[0] >= w[1]) || angles.iter().any(|a| !(least..=most).contains(a)) {
-        return Err((line, format!("{what} must ascend within {least} to {most} degrees")));
+fn check_angles(angles: &[f64], [min, max]: [f64; 2], line: usize, what: &str) -> Result<(), LineError> {
+    if angles.windows(2).any(|w| w[0] >= w[1]) || angles.iter().any(|a| !(min..=max).contains(a)) {
+        return Err((line, format!("{what} must ascend within {min} to {max} degrees")));
     }
     Ok(())
 }
@@ -197,9 +197,9 @@ impl Lines<'_> {
         (from..from + count).map(|line| self.number(line, what)).collect()
     }
 
-    fn angles(&self, from: usize, count: usize, most: f64, what: &str) -> Result<Vec<f64>, LineError> {
+    fn angles(&self, from: usize, count: usize, max: f64, what: &str) -> Result<Vec<f64>, LineError> {
         let angles = self.list(from, count, what)?;
-        check_angles(&angles, [0.0, most], from, what)?;
+        check_angles(&angles, [0.0, max], from, what)?;
         Ok(angles)
     }
 }

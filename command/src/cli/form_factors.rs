@@ -31,12 +31,10 @@ pub struct Args {
     /// Rows and columns: polygons of the file, objects (and groups), or materials.
     #[arg(long, value_name = "WHAT", value_parser = one_of(ROWS), default_value = name_of(ROWS, FormFactorOptions::default().grouping))]
     by: Grouping,
-    /// Rays per polygon that search for visible polygons; the rays per pair are proportional [default: 2048, more for
-    /// few polygons]
+    /// Rays per polygon that search for visible polygons; the rays per pair are proportional [default: 2048, more for few polygons]
     #[arg(long, value_name = "N")]
     rays: Option<u32>,
-    /// Largest number of rays between two polygons that are partly hidden from each other [default: 256, more for few
-    /// polygons]
+    /// Largest number of rays between two polygons that are partly hidden from each other [default: 256, more for few polygons]
     #[arg(long, value_name = "N")]
     pair_rays: Option<u32>,
     /// Adjustment of the matrix: `closure` makes rows without escape sum to 1, each entry according to its

@@ -88,10 +88,10 @@ struct Solves {
 }
 
 impl Solves {
-    /// Adds solves in the order of their seeds until the standard error of the power is at most `precise`, or there are `most`.
-    fn new(model: &Model, options: &Options, batch: usize, most: usize, precise: f64) -> Result<Solves> {
+    /// Adds solves in the order of their seeds until the standard error of the power is at most `max_error`, or there are `max`.
+    fn new(model: &Model, options: &Options, batch: usize, max: usize, max_error: f64) -> Result<Solves> {
         let mut all = Solves::default();
-        while all.powers.len() < most && (all.powers.len() < 2 || all.power()[1] > precise) {
+        while all.powers.len() < max && (all.powers.len() < 2 || all.power()[1] > max_error) {
             let first = all.powers.len() as u64 + 1;
             let seeds: Vec<u64> = (first..first + batch as u64).collect();
             let made = seeds.par_iter().map(|&seed| {
@@ -208,14 +208,14 @@ pub fn figure_10(context: &Context) -> Result<Item> {
     let rays = by_rays(if context.small { 0.1 } else { 0.02 });
     let small = usize::from(context.small);
     let by_rays = Solves::new(&model, &rays, RAY_SOLVES[small], RAY_SOLVES[small], 0.0)?;
-    let precise = TARGET_STANDARD_ERROR * by_rays.power()[0];
+    let max_error = TARGET_STANDARD_ERROR * by_rays.power()[0];
     // The same error in all cases.
     let error = coarsest(&model, &links(Inside::Visible, MAX_LINK_ERROR))?;
-    let solves = |inside: Inside, precise: f64| {
-        Solves::new(&model, &links(inside, error), BATCH[small], SOLVES[small], precise)
+    let solves = |inside: Inside, max_error: f64| {
+        Solves::new(&model, &links(inside, error), BATCH[small], SOLVES[small], max_error)
     };
-    let isotropic = solves(Inside::Isotropic, precise)?;
-    let oriented = solves(Inside::Oriented, precise)?;
+    let isotropic = solves(Inside::Isotropic, max_error)?;
+    let oriented = solves(Inside::Oriented, max_error)?;
     // A quarter of the margin of equality.
     let margin = EQUALITY_MARGIN * (oriented.power()[0] - by_rays.power()[0]).abs();
     let all = [isotropic, oriented, solves(Inside::Visible, 0.25 * margin)?, by_rays];

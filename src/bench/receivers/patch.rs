@@ -33,8 +33,7 @@ impl Patch {
         self.area / (self.rectangle.width * self.rectangle.height)
     }
 
-    /// The patch, or a rectangle inside it if it is not nearly rectangular; `None` if the largest such rectangle is a
-    /// small part of it.
+    /// The patch, or a rectangle inside it if it is not nearly rectangular; `None` if the largest such rectangle is a small part of it.
     pub(super) fn rectangular(self, scene: &Scene) -> Option<Patch> {
         if self.filled() >= MIN_FILLED_PART {
             return Some(self);
@@ -93,8 +92,7 @@ pub(super) fn patches(scene: &Scene, triangles: &[u32]) -> Vec<Patch> {
     patches.into_iter().filter_map(patch).collect()
 }
 
-/// The relief of some faces; `None` if one of their planar patches is large, or if the faces point into all
-/// directions.
+/// The relief of some faces; `None` if one of their planar patches is large, or if the faces point into all directions.
 pub(super) fn relief<'a>(
     scene: &Scene,
     triangles: &[u32],

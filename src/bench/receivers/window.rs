@@ -6,11 +6,9 @@ use crate::model::Model;
 use crate::ray::Occluder;
 use crate::scene::Scene;
 
-/// Smallest and largest number of texels along the longer side. A page shows 512 pixels without scaling; fewer than 96
-/// show no shape.
+/// Smallest and largest number of texels along the longer side. A page shows 512 pixels without scaling; fewer than 96 show no shape.
 const SIDE_TEXELS: [usize; 2] = [96, 512];
-/// Approximate number of pairs of all images: about 100 million segments of reference and rows together, some ten seconds
-/// on two cores.
+/// Approximate number of pairs of all images: about 100 million segments of reference and rows together, some ten seconds on two cores.
 const MAX_PAIRS: usize = 400_000;
 /// Smallest side of a window, in largest feature sizes, so that the image shows features of that size.
 const LARGEST_FEATURES: f64 = 6.0;

@@ -57,8 +57,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Largest number of facets for which all pairs are computed by default: 34 million pairs, of which
-    /// [`memory_bound`] is about 1 GB.
+    /// Largest number of facets for which all pairs are computed by default: 34 million pairs, of which [`memory_bound`] is about 1 GB.
     pub const MAX_ALL_PAIRS: usize = 8192;
 
     /// Defaults for a number of facets: about four million discovery rays in all (2,048 to 65,536 per facet), and

@@ -6,9 +6,8 @@
 //! files are trusted as programs are. Files are written completely or not at all, so that concurrent runs do not disturb
 //! each other; the oldest are removed when all together exceed [`MAX_FOLDER`].
 //!
-//! Layout: `MAGIC`, key, [`PreparedClusters`] in the `postcard` format, BLAKE3 hash of all these bytes. The key
-//! contains a hash of the source code that measures clusters (see `build.rs`), so that no version number has to be
-//! maintained.
+//! Layout: `MAGIC`, key, [`PreparedClusters`] in the `postcard` format, BLAKE3 hash of all these bytes. The key contains a hash of the
+//! source code that measures clusters (see `build.rs`), so that no version number has to be maintained.
 
 #[cfg(test)]
 mod tests;

@@ -47,8 +47,7 @@ pub struct ErrorBarAudit {
 
 /// Bounds of the factor that corrects bars: errors of the estimate beyond a factor of 4 stay visible in the audit.
 const FACTOR_LIMITS: [f64; 2] = [0.25, 4.0];
-/// Smallest number of elements that determine the factor: 2 of 40 are expected beyond the 95 % quantile that it is
-/// fitted to.
+/// Smallest number of elements that determine the factor: 2 of 40 are expected beyond the 95 % quantile that it is fitted to.
 const MIN_ELEMENTS: usize = 40;
 /// Fraction of the errors that should lie within twice the bars: two standard deviations of a normal distribution. Errors have longer
 /// tails, so that bars fitted to one standard deviation would be too small.

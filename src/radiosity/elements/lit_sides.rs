@@ -133,8 +133,7 @@ fn signed_volume(scene: &Scene, faces: &[u32], from: Vec3) -> f64 {
     faces.iter().map(six).sum()
 }
 
-/// Winding number: the sum of the signed solid angles of the faces over 4π (van Oosterom and Strackee 1983), ±1 inside, 0
-/// outside.
+/// Winding number: the sum of the signed solid angles of the faces over 4π (van Oosterom and Strackee 1983), ±1 inside, 0 outside.
 fn winding(scene: &Scene, faces: &[u32], from: Vec3) -> f64 {
     let from = from.as_dvec3();
     let angle = |t: &u32| {

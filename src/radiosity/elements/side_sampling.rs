@@ -35,8 +35,7 @@ impl SideSampler {
         std::array::from_fn(|k| self.sums[to as usize][k] - self.sums[from as usize][k])
     }
 
-    /// A side of a cluster by two numbers in `[0, 1)`, likely to face `towards` (a unit vector). [`SideSampler::density`] is its
-    /// density.
+    /// A side of a cluster by two numbers in `[0, 1)`, likely to face `towards` (a unit vector). [`SideSampler::density`] is its density.
     pub fn pick(&self, cluster: &Cluster, towards: Vec3, u: f32, v: f32) -> u32 {
         let weights = weights(cluster, towards);
         let total: f64 = weights.iter().sum();

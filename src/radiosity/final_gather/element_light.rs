@@ -1,9 +1,8 @@
 //! The irradiance of elements by their own rays, from light that is already computed.
 //!
-//! The local pass estimates irradiance and exchange with the same few rays. Here each element traces more rays, which read the
-//! light that the local pass found: direct light from emitters drawn for this element, reflected light from the elements that
-//! cosine-weighted rays hit. The rays of an element form two halves, to separate noise from differences between elements
-//! ([`super::sharing`]).
+//! The local pass estimates irradiance and exchange with the same few rays. Here each element traces more rays, which read the light that
+//! the local pass found: direct light from emitters drawn for this element, reflected light from the elements that cosine-weighted rays
+//! hit. The rays of an element form two halves, to separate noise from differences between elements ([`super::sharing`]).
 
 use super::element_rays::{LIGHT_SET, LeafRays, batches, join_sequences};
 use super::element_samples::{DIRECT, ElementLight, REFLECTED, SharedLight};
@@ -75,9 +74,9 @@ pub struct ElementSamples {
 }
 
 impl ElementSamples {
-    /// The leaves over which direct light varies most, at most `most`: as many as needed to bring the area-weighted mean variance over all
+    /// The leaves over which direct light varies most, at most `max`: as many as needed to bring the area-weighted mean variance over all
     /// other leaves to at most `variance`, relative to the square of the mean light. None if the mean hardly exceeds this limit.
-    pub fn uneven(&self, elements: &Elements, variance: f64, most: usize) -> Vec<u32> {
+    pub fn uneven(&self, elements: &Elements, variance: f64, max: usize) -> Vec<u32> {
         let area = |leaf: u32| elements.elements[leaf as usize].area;
         let (mut all, mut sum) = (0.0, 0.0);
         let mut found: Vec<(f64, u32)> = Vec::new();
@@ -96,7 +95,7 @@ impl ElementSamples {
         if rest <= MIN_EXCESS * allowed {
             return split;
         }
-        for (own, leaf) in found.into_iter().take(most) {
+        for (own, leaf) in found.into_iter().take(max) {
             if rest <= allowed {
                 break;
             }

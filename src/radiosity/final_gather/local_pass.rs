@@ -1,12 +1,11 @@
 //! The local pass: the irradiance of each element of a scene with clusters, by rays of its own.
 //!
-//! Light at a linked cluster is distributed among its surfaces by orientation. Occlusion between these surfaces is known only on
-//! average, and insides of furniture would receive light that cannot reach them. Therefore every element finally traces a few rays.
-//! The exchange of two elements is estimated by all rays that join them, from either side ([`TransportMatrix`]), so that no energy
-//! is created, and light that arrives by one half of the rays is sent along the other ([`RayTransport`]). The rays are stored,
-//! twelve bytes each, and the light is solved on them to the last bounce without further rays, starting from the direct light, or
-//! from the light along links if the time is up. The direct light of all elements is scaled to the total that rays from the emitters
-//! measure. See `docs/method.md`, Local pass.
+//! Light at a linked cluster is distributed among its surfaces by orientation. Occlusion between these surfaces is known only on average,
+//! and insides of furniture would receive light that cannot reach them. Therefore every element finally traces a few rays. The exchange of
+//! two elements is estimated by all rays that join them, from either side ([`TransportMatrix`]), so that no energy is created, and light
+//! that arrives by one half of the rays is sent along the other ([`RayTransport`]). The rays are stored, twelve bytes each, and the light
+//! is solved on them to the last bounce without further rays, starting from the direct light, or from the light along links if the time is
+//! up. The direct light of all elements is scaled to the total that rays from the emitters measure. See `docs/method.md`, Local pass.
 
 use super::bright_leaves::Brightest;
 use super::element_samples::ElementLight;
@@ -72,10 +71,10 @@ fn link_parts(around: Option<&Surrounding>, traced: &[u32], untraced: &[u32]) ->
 
 impl FinalGather<'_> {
     /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. The deviations of the rays determine how many of
-    /// `most` rays the light of the elements needs: on foliage and rocks more than estimated before, because elements share little light. If `rays` is
+    /// `max` rays the light of the elements needs: on foliage and rocks more than estimated before, because elements share little light. If `rays` is
     /// `None`, or after the deadline, elements trace only a few rays: enough for the light of the whole scene, not for that of each element. Of many
     /// elements, some are then not traced.
-    pub fn local_pass(&self, rays: Option<f64>, useful: f64, most: f64, deadline: &Deadline) -> LocalPass {
+    pub fn local_pass(&self, rays: Option<f64>, useful: f64, max: f64, deadline: &Deadline) -> LocalPass {
         let all = self.linked.leaves();
         let states = &self.linked.elements.states;
         let start = deadline.elapsed();
@@ -125,7 +124,7 @@ impl FinalGather<'_> {
         let element_rays = rays.filter(|_| self.elements).map(|rays| {
             weigh_errors(&self.linked.elements, &all, &mut results);
             samples = self.exchange_samples(&rows, &results);
-            let needed = ((1.0 - EXCHANGE_SHARE) * most).min(self.needed_rays(&all, &results));
+            let needed = ((1.0 - EXCHANGE_SHARE) * max).min(self.needed_rays(&all, &results));
             wanted += needed;
             if deadline.limited() {
                 // Where the exchange had fewer rays than planned, the light of the elements has more.

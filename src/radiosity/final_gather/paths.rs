@@ -263,8 +263,7 @@ impl FinalGather<'_> {
         std::mem::swap(vertices, next_vertices);
     }
 
-    /// The reflected radiosity at the point that a ray has met, or the vertex from which its path continues if the element is too
-    /// near.
+    /// The reflected radiosity at the point that a ray has met, or the vertex from which its path continues if the element is too near.
     pub(super) fn reflected_or_next(
         &self,
         met: PathVertex,

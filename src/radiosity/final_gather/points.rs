@@ -18,8 +18,7 @@ use std::sync::Arc;
 
 /// Points whose rays are timed for an estimate: a quarter of the points of one task. Used with a time limit only.
 const TIMED_POINTS: usize = CHUNK / 4;
-/// Smallest number of rays of each kind, however short the time: the lower bounds of [`Options::light_rays`]
-/// and [`Options::gather_rays`].
+/// Smallest number of rays of each kind, however short the time: the lower bounds of [`Options::light_rays`] and [`Options::gather_rays`].
 const MIN_POINT_RAYS: usize = 64;
 /// Distance from surfaces, as a fraction of the scene's diagonal, above which a point is reported as off all surfaces.
 const FAR_OFF: f32 = 1e-3;

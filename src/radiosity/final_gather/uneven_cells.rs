@@ -146,8 +146,8 @@ fn step_at(cells: &[RayCell], k: usize, columns: usize) -> f64 {
 /// one quarter of four is evaluated for all.
 pub(super) type CellToDivide = (u32, Option<Vec3>);
 
-fn to_divide(of: &UnevenCell, surroundings: &Surroundings, least: f64) -> CellToDivide {
-    (of.cell, (of.errors[1] <= least).then(|| surroundings.surfaces_around(of.cell)))
+fn to_divide(of: &UnevenCell, surroundings: &Surroundings, min_error: f64) -> CellToDivide {
+    (of.cell, (of.errors[1] <= min_error).then(|| surroundings.surfaces_around(of.cell)))
 }
 
 /// The tolerated sum of squared errors for the next division, after `rays` rays; `left` is that of the cells that stay undivided. `None` if no cell is to be
@@ -173,30 +173,30 @@ pub(super) fn all_cells(
     cells: &[RayCell],
     surroundings: &Surroundings,
     uneven: &[UnevenCell],
-    least: f64,
+    min_error: f64,
 ) -> Vec<CellToDivide> {
     let even = |(k, of): (u32, &RayCell)| (k, (!of.is_open).then_some(of.surfaces));
     let mut all: Vec<CellToDivide> = (0..).zip(cells).map(even).collect();
-    uneven.iter().for_each(|of| all[of.cell as usize] = to_divide(of, surroundings, least));
+    uneven.iter().for_each(|of| all[of.cell as usize] = to_divide(of, surroundings, min_error));
     all
 }
 
-/// The cells with errors above `least`, the largest first. Cells divided mainly for surfaces are limited to `most` rays in all.
+/// The cells with errors above `min_error`, the largest first. Cells divided mainly for surfaces are limited to `max_rays` rays in all.
 pub(super) fn largest_errors(
     surroundings: &Surroundings,
     uneven: &[UnevenCell],
-    least: f64,
+    min_error: f64,
     for_surfaces: &mut usize,
-    most: usize,
+    max_rays: usize,
 ) -> Vec<CellToDivide> {
-    let mut chosen: Vec<&UnevenCell> = uneven.iter().filter(|of| of.error() > least).collect();
+    let mut chosen: Vec<&UnevenCell> = uneven.iter().filter(|of| of.error() > min_error).collect();
     chosen.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));
     chosen.retain(|of| {
         let by_surfaces = of.errors[1] > of.errors[0];
         *for_surfaces += if by_surfaces { 4 } else { 0 };
-        !by_surfaces || *for_surfaces <= most
+        !by_surfaces || *for_surfaces <= max_rays
     });
-    chosen.into_iter().map(|of| to_divide(of, surroundings, least)).collect()
+    chosen.into_iter().map(|of| to_divide(of, surroundings, min_error)).collect()
 }
 
 #[cfg(test)]

@@ -32,8 +32,7 @@ use crate::visibility::Exact;
 use crate::{Error, Result};
 use std::time::Instant;
 
-/// Smallest and largest diagonal of a scene, scene units: within them f32 represents areas and the squares of
-/// large areas.
+/// Smallest and largest diagonal of a scene, scene units: within them f32 represents areas and the squares of large areas.
 const MIN_DIAGONAL: f64 = 1e-9;
 const MAX_DIAGONAL: f64 = 5e9;
 
