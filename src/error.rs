@@ -40,9 +40,9 @@ pub enum Error {
         name: String,
         /// The value; empty if it is not shown.
         value: String,
-        /// What is wrong with it, or what it must be.
+        /// The defect of the value, or the values that are allowed.
         problem: String,
-        /// What to do; empty if the problem says it.
+        /// The remedy; empty if the problem states it.
         cure: String,
     },
     /// The processor, the installed Embree or this version of the crate cannot do what was asked.
@@ -89,7 +89,7 @@ pub enum ErrorCategory {
 }
 
 impl Error {
-    /// What kind of error it is.
+    /// Category of the error.
     pub fn category(&self) -> ErrorCategory {
         match self {
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::OutOfMemory => {
@@ -209,7 +209,7 @@ fn unmarked(c: char) -> char {
     }
 }
 
-/// How the crate itself names an option or argument.
+/// Name of an option or argument in the crate itself.
 pub fn own_word(name: &str) -> String {
     let (name, entry) = parts_of(name);
     format!("`{name}`{entry}")

@@ -1,5 +1,4 @@
-//! What the command, the C library, benches and tests need besides the public interface. Not part of it: names here change
-//! without notice.
+//! What the command, the C library, benches and tests need besides the public interface. Not part of it: names here change without notice.
 
 mod parts;
 
@@ -18,7 +17,7 @@ pub mod bench {
 
     /// Two builders.
     pub mod side_by_side {
-        pub use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
+        pub use crate::bench::side_by_side::{ComparedRecord, SideBySide, side_by_side};
     }
 }
 
@@ -196,7 +195,7 @@ pub mod points {
 pub mod radiosity {
     pub use crate::radiosity::mesh::{Element, RadiosityMesh};
     pub use crate::radiosity::{
-        Inside, Options, Outcome, PointLight, Powers, Record, RowSums, Solution, View, run, solve,
+        Inside, Options, Outcome, PointLight, Powers, Record, RowNormalisation, Solution, View, run, solve,
     };
 }
 

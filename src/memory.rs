@@ -1,31 +1,30 @@
-//! Memory that the machine has left, and how much of it may be used.
+//! Available memory of the machine, and the part of it that may be used.
 
 use crate::{Error, Result};
 use std::fs::read_to_string;
 use std::path::Path;
 
-/// Part of the available memory that is used if the caller states no limit: the rest is for the system and for what is
-/// not estimated.
-pub const PART: f64 = 0.8;
+/// Fraction of the available memory that is used if the caller states no limit: the rest is for the system and for what is not estimated.
+pub const USABLE_FRACTION: f64 = 0.8;
 
 /// Bytes that may be used if the caller states no limit; `None` where the system does not report what is available.
 pub fn usable() -> Option<u64> {
-    Some((PART * available()? as f64) as u64)
+    Some((USABLE_FRACTION * available()? as f64) as u64)
 }
 
-/// Requests below this are granted without a look at the system, bytes: the look takes 0.1 ms, half of it for one file
-/// (`python3 -m timeit "open('/proc/meminfo').read()"`: 56 µs), about as long as a core takes to fill so much memory.
-const SMALL: u64 = 1 << 20;
+/// Requests below this are granted without reading the state of the system, bytes: reading takes 0.1 ms, half of it for one file
+/// (`python3 -m timeit "open('/proc/meminfo').read()"`: 56 µs), about as long as a core takes to fill this memory.
+const UNCHECKED_BYTES: u64 = 1 << 20;
 
-/// Refuses work for which the process cannot have so many bytes at once: more than [`usable`], or more than a limit of its address
-/// space. What would otherwise end the process is an error, also where the system promises more memory than it has. Nothing is touched.
+/// Refuses work that needs more than [`usable`] bytes at once, or more than the limit of the process's address space leaves: an error instead of
+/// a killed process, also where the system overcommits memory. No memory is allocated.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`] that names `what`.
 pub fn check_room(bytes: u64, what: impl FnOnce() -> String) -> Result<()> {
     let mut room: Vec<u8> = Vec::new();
     let is_given = usize::try_from(bytes).is_ok_and(|bytes| room.try_reserve_exact(bytes).is_ok());
-    let left = if bytes < SMALL { None } else { usable() };
+    let left = if bytes < UNCHECKED_BYTES { None } else { usable() };
     match left.is_none_or(|left| bytes <= left) && is_given {
         true => Ok(()),
         false => {
@@ -65,7 +64,7 @@ pub fn address_space_limit() -> Option<u64> {
     None
 }
 
-/// What the limit of address space (`ulimit -v`) leaves, bytes; `None` without a limit.
+/// Address space left below its limit (`ulimit -v`), bytes; `None` without a limit.
 #[cfg(target_os = "linux")]
 pub fn left_of_address_space() -> Option<u64> {
     let limit = address_space_limit()?;
@@ -82,8 +81,7 @@ pub fn left_of_address_space() -> Option<u64> {
 const V1: [&str; 3] = ["memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file "];
 const V2: [&str; 3] = ["memory.max", "memory.current", "inactive_file "];
 
-/// What the control groups in `/proc/self/cgroup` leave, bytes, and the groups that they are in: each may have a limit of its own.
-/// `root` is where they are mounted.
+/// Memory left by the control groups in `/proc/self/cgroup` and their parents, each of which may have a limit, bytes. `root`: mount point.
 fn left_by_groups(root: &Path, groups: &str) -> Option<u64> {
     let mut left: Option<u64> = None;
     for line in groups.lines() {
@@ -105,8 +103,8 @@ fn left_by_groups(root: &Path, groups: &str) -> Option<u64> {
     left
 }
 
-/// What one control group leaves; `None` without a limit. Pages of files that are not in use count as left: the system takes them
-/// back. `names` are those of the files of the limit and of the usage, and of the line about such pages.
+/// Memory left by one control group; `None` without a limit. Unused pages of files count as left: the system reclaims them. `names` are
+/// those of the files of limit and usage, and of the line about such pages.
 fn left_by_group(folder: &Path, [limit, usage, pages]: &[&str; 3]) -> Option<u64> {
     let number = |name: &str| read_to_string(folder.join(name)).ok()?.trim().parse::<u64>().ok();
     let (limit, usage) = (number(limit)?, number(usage)?);

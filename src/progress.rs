@@ -57,7 +57,7 @@ pub trait Progress: Send + Sync {
 /// Ignores progress and never cancels.
 impl Progress for () {}
 
-/// The shared one.
+/// Shared progress.
 impl<P: Progress + ?Sized> Progress for Arc<P> {
     fn stage(&self, name: &str, steps: u64) {
         (**self).stage(name, steps);
@@ -77,12 +77,12 @@ impl<P: Progress + ?Sized> Progress for Arc<P> {
 pub struct Watcher(Option<Arc<dyn Progress>>);
 
 impl Watcher {
-    /// What a caller gave.
+    /// The progress of a caller.
     pub fn new(progress: impl Progress + 'static) -> Watcher {
         Watcher(Some(Arc::new(progress)))
     }
 
-    /// What computations report to.
+    /// The progress that computations report to.
     pub fn progress(&self) -> &dyn Progress {
         self.0.as_deref().unwrap_or(&())
     }

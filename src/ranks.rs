@@ -25,8 +25,8 @@ pub trait Exchange: Send + Sync {
 #[derive(Clone, Default)]
 pub struct Ranks(Option<Arc<dyn Exchange>>);
 
-/// Blocks of rows that each rank has at least, if there are so many rows: the time of a rank is a sum over so many blocks, whose times
-/// may differ by as much as their mean, so that ranks differ by about 1/√256 = 6 % at most.
+/// Smallest number of blocks of rows per rank, if there are enough rows: the time of a rank is a sum over these blocks, whose times may
+/// differ by as much as their mean, so that ranks differ by about 1/√256 = 6 % at most.
 const BLOCKS: usize = 256;
 /// Largest number of rows of a block: neighbouring rows read the same memory.
 const MAX_BLOCK: usize = 1024;
@@ -37,25 +37,25 @@ impl Ranks {
         Ranks(Some(exchange).filter(|e| e.count() > 1))
     }
 
-    /// The part of this rank of so many rows.
+    /// The rows of this rank among `count` rows.
     pub fn rows(&self, count: usize) -> Rows<'_> {
         let (ranks, own) = self.0.as_ref().map_or((1, 0), |e| (e.count(), e.own()));
         let block = (count / (ranks * BLOCKS)).clamp(1, MAX_BLOCK);
-        Rows { exchange: self.0.as_deref(), count, deal: Deal { ranks, own, block } }
+        Rows { exchange: self.0.as_deref(), count, deal: RowBlocks { ranks, own, block } }
     }
 }
 
-/// How rows are dealt: blocks in turn.
+/// Distribution of rows to ranks: blocks, round robin.
 #[derive(Clone, Copy, Debug)]
-struct Deal {
+struct RowBlocks {
     ranks: usize,
     own: usize,
     /// Rows of a block.
     block: usize,
 }
 
-impl Deal {
-    /// Number of rows of a rank, of so many.
+impl RowBlocks {
+    /// Number of rows of a rank, of `count` rows.
     fn len(self, count: usize, rank: usize) -> usize {
         let turn = self.block * self.ranks;
         count / turn * self.block + (count % turn).saturating_sub(rank * self.block).min(self.block)
@@ -77,7 +77,7 @@ impl Deal {
 pub struct Rows<'a> {
     exchange: Option<&'a dyn Exchange>,
     count: usize,
-    deal: Deal,
+    deal: RowBlocks,
 }
 
 impl Rows<'_> {
@@ -89,7 +89,7 @@ impl Rows<'_> {
         all.map(move |i| deal.number(i))
     }
 
-    /// Steps of all ranks, about, when this rank has made so many.
+    /// Approximate steps of all ranks when this rank has made `own` steps.
     pub fn steps(&self, own: usize) -> usize {
         own * self.deal.ranks
     }
@@ -119,7 +119,7 @@ impl Rows<'_> {
         (0..self.count).map(next).collect()
     }
 
-    /// The same for rows of plain numbers, which are copied as they are: of much data in little time.
+    /// The same for rows of plain numbers, which are copied without encoding: faster for large rows.
     ///
     /// # Panics
     /// Another rank runs another program.
@@ -179,7 +179,7 @@ mod tests {
         }
     }
 
-    /// What each of `count` ranks returns from the same work, on a thread of its own.
+    /// Results of the same work on `count` ranks, each a thread.
     fn on_ranks<R: Send>(count: usize, work: impl Fn(Ranks) -> R + Sync) -> Vec<R> {
         let shared =
             Arc::new(Shared { barrier: Barrier::new(count), parts: Mutex::new(vec![Vec::new(); count]) });
@@ -197,7 +197,7 @@ mod tests {
     #[test]
     fn every_row_is_dealt_once() {
         for (count, ranks, block) in [(0, 3, 1), (1, 3, 1), (10, 3, 1), (11, 2, 4), (1000, 7, 3), (8, 2, 4)] {
-            let deal = |own| Deal { ranks, own, block };
+            let deal = |own| RowBlocks { ranks, own, block };
             let mut all = Vec::new();
             for own in 0..ranks {
                 let numbers: Vec<usize> =

@@ -15,8 +15,8 @@ thread_local! {
     static IN_CALLBACK: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs a callback that is called while a pool works for its caller. What it asks is done on a thread of its own: in the pool at work it
-/// would wait until that work is over. For interfaces to other languages, whose callbacks run on the thread of the caller.
+/// Runs a callback that is called while a pool works for its caller. Calls of the callback into the library run on a separate thread: in the
+/// busy pool they would wait. For interfaces to other languages, whose callbacks run on the thread of the caller.
 pub fn in_callback<R>(is_callback: bool, run: impl FnOnce() -> R) -> R {
     struct Before(bool);
     impl Drop for Before {
@@ -42,7 +42,7 @@ pub struct Threads {
 }
 
 impl Threads {
-    /// So many threads; 0 for one a core.
+    /// `count` threads; 0 for one per core.
     ///
     /// # Errors
     /// [`Error::Argument`] beyond [`MAX_THREADS`].

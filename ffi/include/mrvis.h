@@ -570,7 +570,7 @@ typedef struct mrv_lightmap mrv_lightmap;
 
 typedef struct mrv_lightmap_options {
   size_t struct_size;
-  uint64_t texels;       /* about so many texels, at most 67108864; 0: 1048576 */
+  uint64_t texels;       /* approximate number of texels, at most 67108864; 0: 1048576 */
   mrv_progress progress; /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned */
   void *user;            /* first argument of `progress` */
 } mrv_lightmap_options;

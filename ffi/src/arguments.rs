@@ -101,7 +101,7 @@ pub unsafe fn texts<'a>(pointer: *const *const c_char, count: usize, name: &str)
     all.iter().enumerate().map(|(i, &p)| unsafe { text(p, &format!("{name}[{i}]")) }).collect()
 }
 
-/// Where a result goes. Written last, when nothing can fail any more.
+/// Output argument of a call. It is written last, after everything that can fail.
 pub struct Place<T>(*mut T);
 
 impl<T> Place<T> {
@@ -200,7 +200,7 @@ pub unsafe fn put_text(text: &str, room: *mut c_char, size: usize, name: &str) -
     Ok(())
 }
 
-/// Memory of an array.
+/// Address range of an array.
 #[derive(Clone, Copy)]
 pub struct Span {
     name: &'static str,
@@ -209,13 +209,13 @@ pub struct Span {
 }
 
 impl Span {
-    /// An array of so many bytes; NULL is no memory.
+    /// An array of `bytes` bytes; NULL is no memory.
     pub fn new<T>(name: &'static str, array: *const T, bytes: usize) -> Span {
         let start = array.addr();
         Span { name, start, end: start.saturating_add(bytes) }
     }
 
-    /// An array of so many entries.
+    /// An array of `count` entries.
     pub fn of<T>(name: &'static str, array: *const T, count: usize) -> Span {
         Span::new(name, array, count.saturating_mul(size_of::<T>()))
     }

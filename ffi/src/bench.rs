@@ -41,7 +41,7 @@ record!(96: struct mrv_bench_options {
 /// The options of a caller.
 ///
 /// # Safety
-/// The record holds arrays and text as the header says.
+/// The record holds arrays and text as the header states.
 unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
     let mut options = BenchOptions::default();
     set(&mut options.points, count_of(given.points));
@@ -66,7 +66,7 @@ unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
 }
 
 entry!(mrv_model_bench(call, model: Handle<mrv_model>, options: Given<mrv_bench_options>) -> report: Made<mrv_bench_report> {
-    // SAFETY: the record holds arrays and text as the header says.
+    // SAFETY: the record holds arrays and text as the header states.
     let wanted = unsafe { bench_options(&options) }?;
     let run = |progress| model.model.with_progress(progress).bench(&wanted);
     let found: BenchReport = with_progress(call, options.progress, options.user, run)??;

@@ -37,7 +37,7 @@ record!(96: struct mrv_mesh {
 /// The mesh of a caller.
 ///
 /// # Safety
-/// The record holds arrays and text as the header says.
+/// The record holds arrays and text as the header states.
 unsafe fn mesh_of<'a>(given: &mrv_mesh) -> Outcome<MeshArrays<'a>> {
     no_reserved(given.reserved, "mesh.reserved")?;
     let (stride, count) = (given.position_stride, given.vertex_count);
@@ -66,7 +66,7 @@ unsafe fn mesh_of<'a>(given: &mrv_mesh) -> Outcome<MeshArrays<'a>> {
         mesh = mesh.polygon_sizes(unsafe { slice(given.polygon_sizes, polygons, "mesh.polygon_sizes") }?);
     } else if given.polygon_count != 0 && given.polygon_count != polygons {
         return wrong(format!(
-            "`mesh.polygon_count` {}: is {polygons} for so many triangles; for polygons give `mesh.polygon_sizes`",
+            "`mesh.polygon_count` {}: must be {polygons}, the number of triangles; for polygons give `mesh.polygon_sizes`",
             given.polygon_count
         ));
     }
@@ -122,13 +122,13 @@ entry!(mrv_scene_builder_add_material(
 });
 
 entry!(mrv_scene_builder_add_object(call, builder: MutHandle<mrv_scene_builder>, mesh: Record<mrv_mesh>) {
-    // SAFETY: the record holds arrays and text as the header says.
+    // SAFETY: the record holds arrays and text as the header states.
     let mesh = unsafe { mesh_of(&mesh) }?;
     Ok(open(&builder).add_object(&mesh)?)
 });
 
 entry!(mrv_scene_builder_add_shared_mesh(call, builder: MutHandle<mrv_scene_builder>, mesh: Record<mrv_mesh>) -> index: Place<u32> {
-    // SAFETY: the record holds arrays and text as the header says.
+    // SAFETY: the record holds arrays and text as the header states.
     let mesh = unsafe { mesh_of(&mesh) }?;
     open(&builder).add_shared_mesh(&mesh)?
 });
@@ -142,7 +142,7 @@ entry!(mrv_scene_builder_add_instance(
 });
 
 entry!(mrv_scene_builder_finish(call, builder: MutHandle<mrv_scene_builder>, options: Given<mrv_load_options>) -> scene: Made<mrv_scene> {
-    // SAFETY: the record holds arrays and text as the header says.
+    // SAFETY: the record holds arrays and text as the header states.
     let wanted = unsafe { load_options(&options) }?;
     let all = std::mem::take(&mut *open(&builder));
     NamedScene::new(Arc::new(all.finish(&wanted)?))

@@ -29,17 +29,17 @@ pub fn with_progress<R: Send>(
     let Some(callback) = callback else { return Ok(work(Arc::new(()))) };
     let ask = |stage: &CString, done: f64| {
         // SAFETY: the caller promises that the callback may be called so; `stage` outlives the call.
-        call.as_the_caller(|| in_callback(true, || unsafe { callback(user, stage.as_ptr(), done) })) != 0
+        call.in_caller_state(|| in_callback(true, || unsafe { callback(user, stage.as_ptr(), done) })) != 0
     };
     // Work of a call that is made in another callback stays apart from the pool that is at work there.
     let nested = is_in_callback();
-    let told = Arc::new(Told::default());
-    // A caller who stops at once stops before anything is done.
+    let told = Arc::new(ProgressState::default());
+    // The first call comes before the work, so that the caller can stop it at once.
     told.stop.store(ask(&CString::from(c"start"), 0.0), Ordering::Relaxed);
     thread::scope(|scope| {
         let worker = thread::Builder::new().name("mrvis".into()).stack_size(STACK);
         let worker = worker.spawn_scoped(scope, || {
-            let _over = Over(&told);
+            let _over = EndOfWork(&told);
             in_callback(nested, || work(told.clone()))
         });
         let worker = worker.map_err(|e| Error::OutOfMemory(format!("a thread cannot be started ({e})")))?;
@@ -50,9 +50,9 @@ pub fn with_progress<R: Send>(
     })
 }
 
-/// What the threads that work tell that of the caller.
+/// State that the working threads share with the thread of the caller.
 #[derive(Default)]
-struct Told {
+struct ProgressState {
     stage: Mutex<Stage>,
     changed: Condvar,
     done: AtomicU64,
@@ -67,12 +67,12 @@ struct Stage {
     is_over: bool,
 }
 
-impl Told {
+impl ProgressState {
     fn stage(&self) -> MutexGuard<'_, Stage> {
         self.stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Calls `ask` every [`INTERVAL`] and at the begin of each stage, until the work is over or `ask` says that it shall stop.
+    /// Calls `ask` every [`INTERVAL`] and at the start of each stage, until the work ends or `ask` returns true.
     fn pass_on(&self, ask: impl Fn(&CString, f64) -> bool) {
         // The caller was asked before the work began.
         let mut due = Instant::now() + INTERVAL;
@@ -98,9 +98,9 @@ impl Told {
     }
 }
 
-impl Progress for Told {
+impl Progress for ProgressState {
     fn stage(&self, name: &str, steps: u64) {
-        let mut stage = Told::stage(self);
+        let mut stage = ProgressState::stage(self);
         stage.name = CString::new(name).unwrap_or_default();
         (stage.steps, stage.is_new) = (steps, true);
         self.done.store(0, Ordering::Relaxed);
@@ -116,10 +116,10 @@ impl Progress for Told {
     }
 }
 
-/// Tells the end of the work, also of work that panics.
-struct Over<'a>(&'a Told);
+/// Guard that reports the end of the work when dropped, also after a panic.
+struct EndOfWork<'a>(&'a ProgressState);
 
-impl Drop for Over<'_> {
+impl Drop for EndOfWork<'_> {
     fn drop(&mut self) {
         self.0.stage().is_over = true;
         self.0.changed.notify_one();

@@ -37,7 +37,7 @@ fn room<T>(out: *mut T, name: &'static str, count: usize) -> Outcome<Span> {
     Ok(Span::of(name, out, count))
 }
 
-/// Writes what `of` gives for each item into an array of the caller, unless that is NULL.
+/// Writes `of(item)` for each item into an array of the caller, unless that is NULL.
 ///
 /// # Safety
 /// `out` is NULL or has room for as many entries as there are items.
@@ -87,7 +87,7 @@ entry!(mrv_solution_get_elements(call, solution: Handle<mrv_solution>, elements:
             room(to.exitance, "elements.exitance", 3 * elements)?,
         ],
     )?;
-    // SAFETY: the caller gives arrays of so many entries. They are aligned like their numbers.
+    // SAFETY: the caller gives arrays with the stated numbers of entries. They are aligned like their numbers.
     unsafe {
         put(to.positions.cast::<[f64; 3]>(), "elements.positions", solution.vertices(), |p| p)?;
         put(to.corners.cast::<[u32; 4]>(), "elements.corners", each(), |e: &Element| e.corners)?;

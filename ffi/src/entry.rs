@@ -1,4 +1,4 @@
-//! Entries of the header: one macro takes arguments and gives results.
+//! Entries of the header: one macro converts arguments and results.
 
 /// The type of an argument in C.
 macro_rules! in_c {
@@ -15,7 +15,7 @@ macro_rules! in_c {
 }
 pub(super) use in_c;
 
-/// What an argument is to the body.
+/// Conversion of a C argument to the type that the body of an entry uses.
 macro_rules! taken {
     ($call:ident, $name:ident, Handle<$of:ty>) => {
         super::handle::object($call, $name, stringify!($name))?
@@ -68,7 +68,7 @@ macro_rules! taken {
 }
 pub(super) use taken;
 
-/// What the body gives, as it is written into its place.
+/// Conversion of the result of a body to the value that is written to the output argument.
 macro_rules! given {
     (Made<$of:ty>, $value:expr) => {
         super::handle::give::<$of>($value)

@@ -75,7 +75,7 @@ entry!(mrv_fbem(
         ],
         &[Span::of("errors", errors, count), Span::of("masked", masked, count)],
     )?;
-    // SAFETY: the caller gives images of so many texels, and arrays of `count` entries.
+    // SAFETY: the caller gives images of `width * height` texels, and arrays of `count` entries.
     let (reference, approximation, sizes, errors) = unsafe {
         (
             slice(images.reference, texels, "images.reference")?,

@@ -1,4 +1,4 @@
-//! What stands around the body of every entry: panics and errors become statuses, the floating-point state of the caller is kept.
+//! Wrapper of the body of every entry: panics and errors become statuses, and the floating-point state of the caller is restored.
 
 use super::member_names::{Records, c_name, exchange_records};
 use super::status::{self, MRV_ERROR_INTERNAL, MRV_OK, mrv_status};
@@ -9,10 +9,10 @@ use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-/// Why a body ended without a result.
+/// Error of the body of an entry.
 pub enum Failure {
     Error(Error),
-    /// A defect of this crate.
+    /// A panic or another internal error of this crate.
     Internal(String),
 }
 
@@ -22,11 +22,11 @@ impl From<Error> for Failure {
     }
 }
 
-/// Result of a body and its parts.
+/// Result of a body and of the functions that it calls.
 pub type Outcome<T = ()> = Result<T, Failure>;
 
-/// An object that may be half changed after a defect.
-pub trait Suspect {
+/// An object that a panic may have left in an inconsistent state.
+pub trait MayBeDamaged {
     /// Refuses further use.
     fn refuse(&self);
 }
@@ -35,17 +35,17 @@ pub trait Suspect {
 pub struct Call {
     caller: FloatState,
     /// Objects of the handles that were given; they stay alive during the call. Four need no allocation.
-    used: RefCell<SmallVec<[Arc<dyn Suspect>; 4]>>,
+    used: RefCell<SmallVec<[Arc<dyn MayBeDamaged>; 4]>>,
 }
 
 impl Call {
-    /// The call uses an object.
-    pub fn uses(&self, object: Arc<dyn Suspect>) {
+    /// Registers an object that the call uses.
+    pub fn uses(&self, object: Arc<dyn MayBeDamaged>) {
         self.used.borrow_mut().push(object);
     }
 
     /// Runs code of the caller in the caller's floating-point state.
-    pub fn as_the_caller<R>(&self, run: impl FnOnce() -> R) -> R {
+    pub fn in_caller_state<R>(&self, run: impl FnOnce() -> R) -> R {
         self.caller.enter();
         let result = run();
         FloatState::DEFAULT.enter();
@@ -65,7 +65,10 @@ pub fn guard(name: &str, body: impl FnOnce(&Call) -> Outcome) -> mrv_status {
         Ok(Err(Failure::Internal(what))) => (MRV_ERROR_INTERNAL, Some(what)),
         Err(panic) => {
             call.used.borrow().iter().for_each(|object| object.refuse());
-            (MRV_ERROR_INTERNAL, Some(format!("a defect of mrvis, please report it: {}", words_of(&*panic))))
+            (
+                MRV_ERROR_INTERNAL,
+                Some(format!("a defect of mrvis, please report it: {}", panic_message(&*panic))),
+            )
         }
     };
     exchange_records(records_before);
@@ -78,8 +81,8 @@ pub fn guard(name: &str, body: impl FnOnce(&Call) -> Outcome) -> mrv_status {
     status
 }
 
-/// Runs the body of an entry that has no status; `otherwise` if it panics.
-pub fn quiet<T>(otherwise: T, body: impl FnOnce() -> T) -> T {
+/// Runs the body of an entry that returns no status; returns `otherwise` if it panics.
+pub fn or_if_panics<T>(otherwise: T, body: impl FnOnce() -> T) -> T {
     let caller = FloatState::DEFAULT.enter();
     let result = catch_unwind(AssertUnwindSafe(body)).unwrap_or(otherwise);
     caller.enter();
@@ -87,7 +90,7 @@ pub fn quiet<T>(otherwise: T, body: impl FnOnce() -> T) -> T {
 }
 
 /// The message of a panic.
-pub fn words_of(panic: &(dyn Any + Send)) -> &str {
+pub fn panic_message(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<&str>().copied();
     text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
 }
@@ -101,7 +104,7 @@ type Register = u32;
 #[cfg(not(target_arch = "x86_64"))]
 type Register = u64;
 
-/// What Rust code assumes, and what makes results the same in every host: round to nearest, no flush to zero, no traps.
+/// State that Rust code assumes, with which results are equal in every host: round to nearest, no flush to zero, no traps.
 #[cfg(target_arch = "x86_64")]
 const DEFAULT: Register = 0x1f80;
 #[cfg(not(target_arch = "x86_64"))]
@@ -111,7 +114,7 @@ impl FloatState {
     /// The default state.
     pub const DEFAULT: FloatState = FloatState(DEFAULT);
 
-    /// Makes this the state of the thread; gives the one before.
+    /// Sets this state for the thread; returns the previous state.
     pub fn enter(&self) -> FloatState {
         let before = read();
         if before != self.0 {

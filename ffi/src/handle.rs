@@ -4,7 +4,7 @@
 //! handle that was released, or has another type, is an error and never another object.
 
 use super::arguments::null;
-use super::guard::{Call, Failure, Outcome, Suspect};
+use super::guard::{Call, Failure, MayBeDamaged, Outcome};
 use super::status::keep_message;
 use mrvis::Error;
 use std::any::Any;
@@ -17,11 +17,11 @@ use std::sync::{Arc, PoisonError, RwLock};
 pub trait Opaque: 'static {
     /// Its name.
     const NAME: &'static str;
-    /// What stands behind it.
-    type Value: Send + Sync + 'static;
+    /// Rust type of its objects.
+    type Inner: Send + Sync + 'static;
 }
 
-/// Defines an opaque type, what stands behind it, and the two functions that count its references.
+/// Defines an opaque type, the Rust type of its objects, and the two functions that count its references.
 macro_rules! handle {
     ($name:ident($argument:ident): $value:ty, $retain:ident, $release:ident) => {
         #[repr(C)]
@@ -31,7 +31,7 @@ macro_rules! handle {
 
         impl super::handle::Opaque for $name {
             const NAME: &'static str = stringify!($name);
-            type Value = $value;
+            type Inner = $value;
         }
 
         #[unsafe(no_mangle)]
@@ -42,24 +42,24 @@ macro_rules! handle {
 
         #[unsafe(no_mangle)]
         pub extern "C" fn $release($argument: *const $name) {
-            super::guard::quiet((), || super::handle::release($argument));
+            super::guard::or_if_panics((), || super::handle::release($argument));
         }
     };
 }
 pub(super) use handle;
 
-/// What a handle points to.
+/// The object of a handle.
 pub struct Object<T> {
     value: T,
     /// References of the program.
     references: AtomicUsize,
     /// Whether a call that used it panicked.
-    suspect: AtomicBool,
+    may_be_damaged: AtomicBool,
 }
 
-impl<T> Suspect for Object<T> {
+impl<T> MayBeDamaged for Object<T> {
     fn refuse(&self) {
-        self.suspect.store(true, Ordering::Relaxed);
+        self.may_be_damaged.store(true, Ordering::Relaxed);
     }
 }
 
@@ -72,30 +72,30 @@ impl<T> Deref for Object<T> {
 }
 
 /// A live handle.
-struct Live {
+struct LiveHandle {
     /// Type of the handle.
     name: &'static str,
     object: Arc<dyn Any + Send + Sync>,
 }
 
 /// All live handles by their numbers.
-static LIVE: RwLock<BTreeMap<usize, Live>> = RwLock::new(BTreeMap::new());
+static LIVE: RwLock<BTreeMap<usize, LiveHandle>> = RwLock::new(BTreeMap::new());
 /// Number of the next handle, a multiple of [`STEP`].
 static NEXT: AtomicUsize = AtomicUsize::new(STEP);
 /// Difference of handles: that of aligned memory, for hosts that use the lowest bits of pointers.
 const STEP: usize = 16;
 
 /// A new handle with one reference.
-pub fn give<H: Opaque>(value: H::Value) -> *mut H {
-    let object = Object { value, references: AtomicUsize::new(1), suspect: AtomicBool::new(false) };
+pub fn give<H: Opaque>(value: H::Inner) -> *mut H {
+    let object = Object { value, references: AtomicUsize::new(1), may_be_damaged: AtomicBool::new(false) };
     let handle = NEXT.fetch_add(STEP, Ordering::Relaxed);
-    let live = Live { name: H::NAME, object: Arc::new(object) };
+    let live = LiveHandle { name: H::NAME, object: Arc::new(object) };
     LIVE.write().unwrap_or_else(PoisonError::into_inner).insert(handle, live);
     std::ptr::without_provenance_mut(handle)
 }
 
 /// The object of the handle that the argument `name` holds, alive until the result is dropped.
-pub fn object<H: Opaque>(call: &Call, handle: *const H, name: &str) -> Outcome<Arc<Object<H::Value>>> {
+pub fn object<H: Opaque>(call: &Call, handle: *const H, name: &str) -> Outcome<Arc<Object<H::Inner>>> {
     if handle.is_null() {
         return Err(null(name));
     }
@@ -104,7 +104,7 @@ pub fn object<H: Opaque>(call: &Call, handle: *const H, name: &str) -> Outcome<A
         listed(&live, handle, name)?
     };
     call.uses(object.clone());
-    if object.suspect.load(Ordering::Relaxed) {
+    if object.may_be_damaged.load(Ordering::Relaxed) {
         return Err(Failure::Internal(format!("`{name}` was in use when a defect occurred: release it")));
     }
     Ok(object)
@@ -116,7 +116,7 @@ pub fn retain<H: Opaque>(call: &Call, handle: *const H, name: &str) -> Outcome {
     Ok(())
 }
 
-/// Gives a reference of the program back. A pointer that is no live handle of this type is ignored, with a message.
+/// Releases a reference of the program. A pointer that is no live handle of this type is ignored, with a message.
 pub fn release<H: Opaque>(handle: *const H) {
     if handle.is_null() {
         return;
@@ -125,7 +125,7 @@ pub fn release<H: Opaque>(handle: *const H) {
     match listed(&live, handle, "handle") {
         Ok(object) => {
             let last = object.references.fetch_sub(1, Ordering::Relaxed) == 1;
-            // The object ends after the list is free: that may take long.
+            // The object is dropped after the lock, because dropping it may take long.
             let _ended = last.then(|| live.remove(&handle.addr()));
             drop(live);
         }
@@ -136,10 +136,10 @@ pub fn release<H: Opaque>(handle: *const H) {
 
 /// The object of a handle of this type.
 fn listed<H: Opaque>(
-    live: &BTreeMap<usize, Live>,
+    live: &BTreeMap<usize, LiveHandle>,
     handle: *const H,
     name: &str,
-) -> Outcome<Arc<Object<H::Value>>> {
+) -> Outcome<Arc<Object<H::Inner>>> {
     let found = live.get(&handle.addr());
     if let Some(Ok(object)) =
         found.filter(|found| found.name == H::NAME).map(|found| found.object.clone().downcast())

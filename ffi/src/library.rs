@@ -1,8 +1,8 @@
-//! What is asked of the library itself: messages, names of statuses, versions.
+//! Functions about the library itself: messages, names of statuses, versions.
 
 use super::arguments::{check_room, put_text};
 use super::entry::entry;
-use super::guard::quiet;
+use super::guard::or_if_panics;
 use super::status::{
     self, MRV_ERROR_CANCELLED, MRV_ERROR_DEVICE, MRV_ERROR_INPUT, MRV_ERROR_INTERNAL, MRV_ERROR_IO,
     MRV_ERROR_OUT_OF_MEMORY, MRV_ERROR_UNSUPPORTED, MRV_OK, mrv_status,
@@ -12,7 +12,7 @@ use std::ffi::{CStr, c_char};
 
 #[unsafe(no_mangle)]
 pub extern "C" fn mrv_error_message() -> *const c_char {
-    quiet(c"".as_ptr(), status::message)
+    or_if_panics(c"".as_ptr(), status::message)
 }
 
 #[unsafe(no_mangle)]
@@ -28,13 +28,13 @@ pub extern "C" fn mrv_status_name(status: mrv_status) -> *const c_char {
         MRV_ERROR_INTERNAL => c"MRV_ERROR_INTERNAL",
         _ => c"unknown",
     };
-    quiet(c"unknown".as_ptr(), || name.as_ptr())
+    or_if_panics(c"unknown".as_ptr(), || name.as_ptr())
 }
 
 #[unsafe(no_mangle)]
 pub extern "C" fn mrv_version() -> i32 {
     let number = |text: &str| text.parse().unwrap_or(0);
-    quiet(0, || {
+    or_if_panics(0, || {
         10_000 * number(env!("CARGO_PKG_VERSION_MAJOR"))
             + 100 * number(env!("CARGO_PKG_VERSION_MINOR"))
             + number(env!("CARGO_PKG_VERSION_PATCH"))

@@ -1,4 +1,4 @@
-//! What a C program calls the options and arguments of the crate: the crate's `origins` are a member of the record that the call has
+//! C names of the options and arguments of the crate, for messages: the crate's `origins` are a member of the record that the call has
 //! read, `segments.origins`.
 
 use mrvis::internals::error::parts_of;
@@ -27,7 +27,7 @@ pub fn exchange_records(records: Records) -> Records {
     RECORDS.try_with(|all| all.replace(records)).unwrap_or_default()
 }
 
-/// What the header calls otherwise.
+/// Words that differ in the header: the crate's word, that of the header.
 const WORDS: [(&str, &str); 7] = [
     ("Detail::Optics", "MRV_DETAIL_OPTICS"),
     ("Detail::Clusters", "MRV_DETAIL_CLUSTERS"),
@@ -38,7 +38,7 @@ const WORDS: [(&str, &str); 7] = [
     ("size", "`options.width`, `options.height`"),
 ];
 
-/// Members that the crate calls otherwise: its name, that of the header.
+/// Members whose names differ: the crate's name, that of the header.
 const MEMBERS: [(&str, &str); 4] = [
     ("bundles", "offsets"),
     ("to_source", "source"),
@@ -46,7 +46,7 @@ const MEMBERS: [(&str, &str); 4] = [
     ("feature_size", "feature_sizes"),
 ];
 
-/// What the running call, or another one, calls an option or argument of the crate.
+/// C name of an option or argument of the crate, in the running call or in another one.
 pub fn c_name(name: &str) -> String {
     if let Some((_, word)) = WORDS.iter().find(|(own, _)| *own == name) {
         return (*word).into();

@@ -51,7 +51,7 @@ record!(40: struct mrv_prepare_options {
 /// The options of a caller.
 ///
 /// # Safety
-/// The record holds text as the header says.
+/// The record holds text as the header states.
 unsafe fn prepare_options(given: &mrv_prepare_options) -> Outcome<PrepareOptions> {
     let detail = one_of!(
         "options.detail",
@@ -77,7 +77,7 @@ unsafe fn prepare_options(given: &mrv_prepare_options) -> Outcome<PrepareOptions
 }
 
 entry!(mrv_model_prepare(call, scene: Handle<mrv_scene>, options: Given<mrv_prepare_options>) -> model: Made<mrv_model> {
-    // SAFETY: the record holds text as the header says.
+    // SAFETY: the record holds text as the header states.
     let wanted = unsafe { prepare_options(&options) }?;
     let prepare = |progress| Model::prepare(scene.scene.clone(), &wanted.with_progress(progress));
     NamedModel::new(with_progress(call, options.progress, options.user, prepare)??)

@@ -14,7 +14,7 @@ use std::mem::MaybeUninit;
 pub unsafe trait Record: Copy {
     /// Its name.
     const NAME: &'static str;
-    /// Its size in the first version that had it: smaller ones are wrong.
+    /// Size of the record in its first version, bytes: smaller sizes are errors.
     const FIRST_SIZE: usize;
     /// Its members, for messages.
     const MEMBERS: Members;
@@ -39,7 +39,7 @@ macro_rules! record {
 }
 pub(super) use record;
 
-/// Largest size of a record that is believed, bytes: four times that of the largest today. A size that was not set is most often larger.
+/// Largest accepted size of a record, bytes: four times that of the largest record. An uninitialised size is usually larger.
 const MAX_SIZE: usize = 1024;
 
 /// A record with every member 0.
@@ -84,9 +84,9 @@ pub unsafe fn read_entry<R: Record>(pointer: *const R, name: &str) -> Outcome<R>
     // SAFETY: as for this function.
     let size = unsafe { stated_size(pointer, name) }?;
     let (from, mut record) = (pointer.cast::<u8>(), zero::<R>());
-    // SAFETY: both have so many bytes; every bit pattern is a value.
+    // SAFETY: both have this number of bytes; every bit pattern is a value.
     unsafe { from.copy_to_nonoverlapping((&raw mut record).cast(), size.min(size_of::<R>())) };
-    // SAFETY: the caller states so many bytes.
+    // SAFETY: the caller states that the record has `size` bytes.
     let unknown = (size_of::<R>()..size).any(|i| unsafe { from.add(i).read() } != 0);
     if unknown {
         return Err(Error::Unsupported(format!(
@@ -111,7 +111,7 @@ pub unsafe fn read_optional<R: Record>(pointer: *const R, name: &'static str) ->
     unsafe { read(pointer, name) }
 }
 
-/// Where a record of results goes.
+/// Output argument of a record.
 pub struct RecordPlace<R> {
     pointer: *mut R,
     size: usize,
@@ -146,7 +146,7 @@ impl<R: Record> RecordPlace<R> {
         }
         let (to, own, head) = (self.pointer.cast::<u8>(), size_of::<R>(), size_of::<usize>());
         let known = self.size.min(own);
-        // SAFETY: both have so many bytes by the promise that was given with the pointer, and the first member stays.
+        // SAFETY: both have this number of bytes by the promise that was given with the pointer, and the first member is not written.
         unsafe {
             (&raw const value).cast::<u8>().add(head).copy_to_nonoverlapping(to.add(head), known - head);
             to.add(known).write_bytes(0, self.size - known);

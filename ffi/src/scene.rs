@@ -1,4 +1,4 @@
-//! Scenes: read, generated, put under a sky, and what they say about themselves.
+//! Scenes: reading, generating, adding a sky, and queries of their properties.
 
 use super::arguments::{
     c_text, count_of, no_reserved, nth, one_of, optional_text, put_text, set, slice, texts, wrong,
@@ -59,7 +59,7 @@ pub const MRV_POWER_WATTS: i32 = 0;
 pub const MRV_POWER_LUMENS: i32 = 1;
 pub const MRV_POWER_LUMINANCE: i32 = 2;
 
-/// What an emitter sends out, in this unit.
+/// Strength of an emitter in this unit.
 fn strength_of(value: f64, unit: i32) -> Outcome<Strength> {
     Ok(one_of!(
         "options.emitter_units",
@@ -73,7 +73,7 @@ fn strength_of(value: f64, unit: i32) -> Outcome<Strength> {
 /// The options of a caller.
 ///
 /// # Safety
-/// The record holds arrays and text as the header says.
+/// The record holds arrays and text as the header states.
 pub unsafe fn load_options(given: &mrv_load_options) -> Outcome<LoadOptions> {
     no_reserved(given.reserved, "options.reserved")?;
     let mut options = LoadOptions::default();
@@ -123,7 +123,7 @@ pub unsafe fn load_options(given: &mrv_load_options) -> Outcome<LoadOptions> {
 }
 
 entry!(mrv_scene_load(call, path: Text, options: Given<mrv_load_options>) -> scene: Made<mrv_scene> {
-    // SAFETY: the record holds arrays and text as the header says.
+    // SAFETY: the record holds arrays and text as the header states.
     let wanted = unsafe { load_options(&options) }?;
     NamedScene::new(Arc::new(Scene::load_with(path, &wanted)?))
 });

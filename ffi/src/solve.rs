@@ -13,7 +13,7 @@ use mrvis::{Solution, SolveOptions, SurfacePoint};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::OnceLock;
 
-/// A solution and what it says as C text, made when it is first needed.
+/// A solution with its notes, record and page as C text, made on first use.
 pub struct NotedSolution {
     pub solution: Solution,
     pub json: OnceLock<CString>,
@@ -57,7 +57,7 @@ record!(128: struct mrv_solve_options {
 /// The options of a caller.
 ///
 /// # Safety
-/// The record holds arrays and text as the header says.
+/// The record holds arrays and text as the header states.
 unsafe fn solve_options(given: &mrv_solve_options) -> Outcome<SolveOptions> {
     let mut options = SolveOptions::default();
     // 0 stands for the default, as in other members.
@@ -94,7 +94,7 @@ unsafe fn solve_options(given: &mrv_solve_options) -> Outcome<SolveOptions> {
 }
 
 entry!(mrv_model_solve(call, model: Handle<mrv_model>, options: Given<mrv_solve_options>) -> solution: Made<mrv_solution> {
-    // SAFETY: the record holds arrays and text as the header says.
+    // SAFETY: the record holds arrays and text as the header states.
     let wanted = unsafe { solve_options(&options) }?;
     let solve = |progress| model.model.with_progress(progress).solve(&wanted);
     NotedSolution::new(with_progress(call, options.progress, options.user, solve)??)

@@ -104,7 +104,7 @@ fn defects_are_a_status() {
 fn text_is_cut_between_characters() {
     for (size, want) in [(1, ""), (2, "a"), (3, "a"), (4, "aé"), (9, "aé")] {
         let mut room = [1u8; 10];
-        // SAFETY: there is room for so many bytes.
+        // SAFETY: `room` has at least `size` bytes.
         let (status, ..) = run(|| unsafe { put_text("aé", room.as_mut_ptr().cast(), size, "t") });
         assert_eq!((status, &room[..want.len()], room[want.len()]), (MRV_OK, want.as_bytes(), 0));
         assert!(room[size..].iter().all(|&b| b == 1));

@@ -57,7 +57,7 @@ record!(136: struct mrv_instance_change {
 entry!(mrv_model_update(
     call, model: Handle<mrv_model>, changes: Pointer<mrv_instance_change>, count: usize
 ) -> updated: Made<mrv_model> {
-    // SAFETY: the caller gives so many records.
+    // SAFETY: the caller gives `count` records.
     let changes = unsafe { changes_of(changes, count) }?;
     NamedModel::new(model.model.update(&changes)?)
 });
@@ -65,7 +65,7 @@ entry!(mrv_model_update(
 /// The changes of a caller: records of the size that the first one states.
 ///
 /// # Safety
-/// `changes` is NULL or has `count` such records, with text as the header says.
+/// `changes` is NULL or has `count` such records, with text as the header states.
 unsafe fn changes_of(changes: *const mrv_instance_change, count: usize) -> Outcome<Vec<InstanceChange>> {
     if count == 0 {
         return Ok(Vec::new());
@@ -95,7 +95,7 @@ unsafe fn changes_of(changes: *const mrv_instance_change, count: usize) -> Outco
 }
 
 /// # Safety
-/// The record holds text as the header says.
+/// The record holds text as the header states.
 unsafe fn change(given: &mrv_instance_change, name: &str) -> Outcome<InstanceChange> {
     no_reserved(given.reserved, &format!("{name}.reserved"))?;
     let (instance, transform) = (given.instance, rows_of(&given.transform));

@@ -82,7 +82,7 @@ record!(56: struct mrv_cost {
     certified: u64,
 });
 
-/// What answers took, for the caller.
+/// Cost of answers as a C record.
 pub fn cost_record(cost: Cost) -> mrv_cost {
     let Cost { segments, nodes, exact_rays, handed_over, aggregated, certified, .. } = cost;
     mrv_cost { struct_size: 0, segments, nodes, exact_rays, handed_over, aggregated, certified }
@@ -148,7 +148,7 @@ entry!(mrv_visibility_answer(
     let engine = engine_of(engine, "engine")?;
     let count = length(segments.segment_count, "segments.segment_count")?;
     let one = [0, segments.segment_count];
-    // SAFETY: the caller gives arrays of so many entries.
+    // SAFETY: the caller gives arrays with the stated numbers of entries.
     let (batch, bundles) = unsafe { segments_of(&segments, count, &one) }?;
     // SAFETY: as above.
     let mut found = unsafe { answers_of(&answers, bundles, count) }?;
@@ -160,7 +160,7 @@ entry!(mrv_visibility_answer(
 /// The batch of a caller and the number of its bundles. `one`: offsets of a single bundle.
 ///
 /// # Safety
-/// The arrays have as many entries as the header says.
+/// The arrays have as many entries as the header states.
 unsafe fn segments_of<'a>(
     given: &mrv_segments,
     count: usize,
@@ -200,10 +200,10 @@ unsafe fn segments_of<'a>(
     Ok((segments, bundles))
 }
 
-/// Where the answers of a caller go.
+/// Output arrays of a caller for answers.
 ///
 /// # Safety
-/// The arrays have room for as many entries as the header says.
+/// The arrays have room for as many entries as the header states.
 unsafe fn answers_of<'a>(wanted: &mrv_answers, bundles: usize, segments: usize) -> Outcome<Answers<'a>> {
     if wanted.lo.is_null() != wanted.hi.is_null() {
         let missing = if wanted.lo.is_null() { "lo" } else { "hi" };

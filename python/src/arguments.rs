@@ -14,8 +14,8 @@ pub fn keywords<'py>(
     all.into_iter().filter(|(_, value)| !value.is_none()).map(|(name, value)| (name.to_string(), value))
 }
 
-/// Sets the fields of `options` that keyword arguments of a function name. Behind `as` stands how a field is read, otherwise its type says
-/// it ([`Argument`]); behind `=>` what is set, if it is not the field of that name.
+/// Sets the fields of `options` that keyword arguments of a function name. `as` states the type that a keyword is read as, by default that of
+/// the field ([`Argument`]); `=>` states the field to set, by default that of the same name.
 macro_rules! set_keywords {
     ($options:ident, $function:expr, $given:expr, $($name:ident $(as $read:path)? $(=> $place:expr)?),+ $(,)?) => {
         for (name, given) in $crate::arguments::keywords($given) {
@@ -34,13 +34,13 @@ macro_rules! set_keywords {
 }
 pub(crate) use set_keywords;
 
-/// What a keyword argument is read as.
+/// A type that a keyword argument can be read as.
 pub trait Argument<'py>: Sized {
     /// The argument.
     fn read(name: &str, given: &Bound<'py, PyAny>) -> PyResult<Self>;
 }
 
-/// How types are read.
+/// Implements [`Argument`] for types.
 macro_rules! arguments {
     ($($kind:ty: $read:expr;)+) => {
         $(impl<'py> $crate::arguments::Argument<'py> for $kind {

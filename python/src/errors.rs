@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 use std::any::Any;
 
-/// Names of the crate, and what stands for them in the package.
+/// Names of the crate, and their names in the package.
 const WORDS: [(&str, &str); 11] = [
     ("Detail::Optics", "`detail=\"optics\"`"),
     ("Detail::Clusters", "`detail=\"clusters\"`"),
@@ -22,7 +22,7 @@ const WORDS: [(&str, &str); 11] = [
     ("LoadOptions::max_memory", "the free memory"),
 ];
 
-/// What the package calls an option or argument of the crate.
+/// Name in the package of an option or argument of the crate.
 fn word(name: &str) -> String {
     let (base, entry) = parts_of(name);
     let own = WORDS.iter().find(|(own, _)| *own == base).map(|(_, word)| format!("{word}{entry}"));

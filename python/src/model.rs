@@ -6,7 +6,7 @@ use crate::form_factors::{PyFormFactors, form_factor_options};
 use crate::scene::{PyScene, affine};
 use crate::solution::{PySolution, class, solve_options, surface_points};
 use crate::source::SourceAsk;
-use crate::visibility::{Ask, PyVisibility};
+use crate::visibility::{PyVisibility, SegmentBatch};
 use crate::work::long;
 use mrvis::{BenchOptions, Builder, Detail, Instance, InstanceChange, Model, PrepareOptions};
 use numpy::{PyArray1, PyArrayMethods};
@@ -220,7 +220,7 @@ impl PyModel {
         progress: Option<Py<PyAny>>,
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<PyVisibility> {
-        Ask::new(origins, targets, bundles, options)?.answer(&self.model, out, progress)
+        SegmentBatch::new(origins, targets, bundles, options)?.answer(&self.model, out, progress)
     }
 
     /// Visible fraction of a light source from N points of surfaces, as a `Visibility`; parts below the horizon count as hidden.

@@ -18,9 +18,9 @@ const ENGINES: [(&str, Engine); 4] = [
 ];
 arguments!(Engine: |name, given| word(name, given, &ENGINES););
 
-/// Largest batch that is answered on the calling thread, without a look at signals: 0.05 s at one microsecond a segment. A thread of its own
+/// Largest batch that is answered on the calling thread, without checks for signals: 0.05 s at one microsecond a segment. A separate thread
 /// takes 50 µs more.
-const SHORT: usize = 50_000;
+const MAX_SEGMENTS_WITHOUT_THREAD: usize = 50_000;
 
 /// Answers to a batch: arrays with one entry a bundle or point.
 #[pyclass(frozen, module = "mrvis", name = "Visibility")]
@@ -104,14 +104,14 @@ impl Ends<'_> {
     }
 }
 
-/// What bundles hold.
+/// Division of a batch into bundles.
 enum Bundles<'py> {
     Size(u64),
     Offsets(Numbers<'py, u64>),
 }
 
 impl Bundles<'_> {
-    /// Where bundles of so many segments begin and end.
+    /// Offsets of the bundles of a batch with `segments` segments.
     fn offsets(&self, py: Python<'_>, segments: usize) -> PyResult<Cow<'_, [u64]>> {
         let segments = segments as u64;
         match self {
@@ -128,7 +128,7 @@ impl Bundles<'_> {
 }
 
 /// A batch of segments from the arguments of Python.
-pub struct Ask<'py> {
+pub struct SegmentBatch<'py> {
     py: Python<'py>,
     origins: Source<'py>,
     targets: Source<'py>,
@@ -179,19 +179,19 @@ impl<'py> Source<'py> {
     }
 }
 
-impl<'py> Ask<'py> {
+impl<'py> SegmentBatch<'py> {
     pub fn new(
         origins: &Bound<'py, PyAny>,
         targets: &Bound<'py, PyAny>,
         bundles: Option<&Bound<'py, PyAny>>,
         options: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<Ask<'py>> {
+    ) -> PyResult<SegmentBatch<'py>> {
         let bundles = match bundles {
             None => Bundles::Size(1),
             Some(size) if is_whole(size) => Bundles::Size(whole("bundles", size)?),
             Some(offsets) => Bundles::Offsets(numbers("bundles", offsets)?.0),
         };
-        let mut ask = Ask {
+        let mut ask = SegmentBatch {
             py: origins.py(),
             origins: Source::new("origins", origins)?,
             targets: Source::new("targets", targets)?,
@@ -261,7 +261,7 @@ impl<'py> Ask<'py> {
         let mut ask =
             |model: &Model| model.visibility().with_engine(self.engine).answer_into(&segments, &mut answers);
         let cost = match progress {
-            None if count <= SHORT => short(py, || ask(model)),
+            None if count <= MAX_SEGMENTS_WITHOUT_THREAD => short(py, || ask(model)),
             progress => borrowing(py, progress, |watch| ask(&model.with_progress(watch))),
         }?;
         let array = |wanted: bool, values: Vec<f32>| wanted.then(|| PyArray1::from_vec(py, values).unbind());

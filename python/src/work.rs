@@ -12,11 +12,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How often the calling thread looks for signals and reports progress: a key that stops the program feels immediate below 0.1 s.
-const TICK: Duration = Duration::from_millis(50);
+/// Time between two checks for signals and reports of progress by the calling thread: an interruption feels immediate below 0.1 s.
+const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Work that has not stopped so long after an exception is left behind: Ctrl-C then acts within a second, with two ticks more.
-const PATIENCE: Duration = Duration::from_millis(500);
+/// Time after an exception until work that has not stopped is abandoned: Ctrl-C then acts within a second, two [`CHECK_INTERVAL`]s included.
+const ABANDON_DELAY: Duration = Duration::from_millis(500);
 
 /// Stack of the working thread, bytes: that of the threads of a model.
 const STACK: usize = 8 << 20;
@@ -26,7 +26,7 @@ enum Event {
     Done,
 }
 
-/// What the computation says, and whether it shall stop.
+/// Progress of a computation, and the flag that stops it.
 pub struct Watch {
     events: Mutex<Sender<Event>>,
     steps: AtomicU64,
@@ -61,11 +61,11 @@ impl Watch {
     }
 
     fn tell(&self, event: Event) {
-        // Nobody hears work that was left behind.
+        // Abandoned work has no receiver.
         let _ = self.events.lock().unwrap_or_else(PoisonError::into_inner).send(event);
     }
 
-    /// Part of the stage that is done, in `[0, 1]`; 0 if the number of its steps is unknown.
+    /// Fraction of the stage that is done, in `[0, 1]`; 0 if the number of its steps is unknown.
     fn fraction(&self) -> f64 {
         match self.steps.load(Relaxed) {
             0 => 0.0,
@@ -112,7 +112,7 @@ pub fn stop_all(py: Python<'_>) -> PyResult<()> {
     let all = running(|all| all.clone());
     all.iter().for_each(|watch| watch.stop.store(true, Relaxed));
     while !all.iter().all(|watch| watch.ended.load(Relaxed)) {
-        py.detach(|| thread::sleep(TICK));
+        py.detach(|| thread::sleep(CHECK_INTERVAL));
         py.check_signals()?;
     }
     Ok(())
@@ -128,8 +128,8 @@ pub fn short<R: Send>(py: Python<'_>, work: impl FnOnce() -> mrvis::Result<R> + 
 }
 
 /// Does work without the GIL on another thread. Meanwhile `progress(stage, fraction)` is called on this one: when a stage begins and every
-/// [`TICK`]. The work is told to stop if it returns `False` or raises, or a signal raises. That exception is raised when the work has
-/// stopped, whatever its result, and at the latest after [`PATIENCE`] or when a signal raises again: then the work is left behind.
+/// [`CHECK_INTERVAL`]. The work is told to stop if it returns `False` or raises, or a signal raises. That exception is raised when the work has
+/// stopped, whatever its result, and at the latest after [`ABANDON_DELAY`] or when a signal raises again: then the work is left behind.
 ///
 /// What `progress` itself asks is done apart from the threads that are at work, for which it would wait.
 pub fn long<R: Send + 'static>(
@@ -210,7 +210,7 @@ fn serve(
     let mut stage = None;
     let mut raised: Option<(PyErr, Instant)> = None;
     loop {
-        match heard.recv_timeout(TICK) {
+        match heard.recv_timeout(CHECK_INTERVAL) {
             Ok(Event::Stage(name)) => stage = Some(name),
             Err(RecvTimeoutError::Timeout) => {}
             Ok(Event::Done) | Err(RecvTimeoutError::Disconnected) => return raised.map(|(error, _)| error),
@@ -242,7 +242,7 @@ fn serve(
         };
         if may_leave
             && let Some((_, since)) = &raised
-            && (is_again || since.elapsed() > PATIENCE)
+            && (is_again || since.elapsed() > ABANDON_DELAY)
         {
             return raised.map(|(error, _)| error);
         }

@@ -1,7 +1,7 @@
 //! Answers to batches: bundles in chunks, chunks in parallel, segments in packets. No memory is allocated once buffers are large enough.
 
 use super::segments::{Answers, Segments};
-use super::visibility::{Chosen, Visibility};
+use super::visibility::{BatchEngine, Visibility};
 use crate::model::Model;
 use crate::progress::Progress;
 use crate::ray::{LANES, Occluder, Packet};
@@ -14,10 +14,10 @@ use smallvec::SmallVec;
 use std::ops::Range;
 
 /// Largest numbers of bundles and of segments of a chunk: limits it to 1,024 packets and four groups of bundles that share their
-/// traversal. Larger bundles are answered in parts of so many segments. Does not depend on the number of threads, so that answers do not.
+/// traversal. Larger bundles are answered in parts of this number of segments. It is the same for any number of threads, so that the answers are too.
 const CHUNK: (usize, usize) = (256, 1 << 14);
 /// Largest batch that is answered without deciding between engines: the decision walks 16 bundles, a quarter of the batch.
-const SMALL: usize = 64;
+const MAX_UNDECIDED_SEGMENTS: usize = 64;
 
 impl Visibility {
     /// Answers a batch into the caller's arrays; returns its cost. The answers do not depend on the number of threads. A model with
@@ -42,10 +42,10 @@ impl Visibility {
         let shift = segments.shift(self.model.scene().origin);
         segments.check(shift, parallel)?;
         answers.check(segments.bundle_count(), segments.origins.len())?;
-        let ask = Ask { segments, shift, model: &self.model, progress, parallel };
+        let ask = CheckedBatch { segments, shift, model: &self.model, progress, parallel };
         let engine = match self.chosen(segments.feature_sizes.is_some())? {
-            Chosen::Either(engine) if ask.pays(&engine) => Chosen::Clusters(engine),
-            Chosen::Either(_) => Chosen::Exact(self.model.exact()),
+            BatchEngine::Either(engine) if ask.pays(&engine) => BatchEngine::Clusters(engine),
+            BatchEngine::Either(_) => BatchEngine::Exact(self.model.exact()),
             engine => engine,
         };
         let bundles = segments.bundle_count();
@@ -58,7 +58,7 @@ impl Visibility {
     }
 }
 
-/// Some bundles and where their answers go.
+/// A range of bundles and the output slices of their answers.
 struct Chunk<'a> {
     bundles: Range<usize>,
     transmittance: &'a mut [f32],
@@ -94,7 +94,7 @@ impl<'a> Chunk<'a> {
         (large && half > 0).then(|| if bundles > CHUNK.0 { half.next_multiple_of(CHUNK.0) } else { half })
     }
 
-    /// Takes the first bundles, which have so many segments, from the chunk.
+    /// Splits off the first `bundles` bundles, which have `segments` segments.
     fn take_first(&mut self, bundles: usize, segments: usize) -> Chunk<'a> {
         let middle = self.bundles.start + bundles;
         let first = Chunk {
@@ -126,10 +126,10 @@ fn taken<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     slice.split_off_mut(..count.min(slice.len())).unwrap_or_default()
 }
 
-/// A batch that was checked.
-struct Ask<'a> {
+/// A checked batch with the data that all its chunks share.
+struct CheckedBatch<'a> {
     segments: &'a Segments<'a>,
-    /// Added to positions of segments to have them relative to the scene's origin.
+    /// Offset from the positions of segments to positions relative to the scene's origin.
     shift: DVec3,
     model: &'a Model,
     progress: &'a dyn Progress,
@@ -137,9 +137,9 @@ struct Ask<'a> {
     parallel: bool,
 }
 
-impl Ask<'_> {
+impl CheckedBatch<'_> {
     /// Answers a chunk: its halves, until they are small. `None` if it was stopped.
-    fn answer(&self, engine: &Chosen, mut chunk: Chunk) -> Option<Cost> {
+    fn answer(&self, engine: &BatchEngine, mut chunk: Chunk) -> Option<Cost> {
         let Some(bundles) = chunk.division(self.segments) else {
             if self.progress.stopped() {
                 return None;
@@ -148,8 +148,8 @@ impl Ask<'_> {
             let cost = self.model.with_workspace(|workspace| {
                 let mut buffers = std::mem::take(&mut workspace.batch);
                 let cost = match engine {
-                    Chosen::Exact(engine) => self.exact(engine, chunk, &mut buffers),
-                    Chosen::Clusters(engine) | Chosen::Either(engine) => {
+                    BatchEngine::Exact(engine) => self.exact(engine, chunk, &mut buffers),
+                    BatchEngine::Clusters(engine) | BatchEngine::Either(engine) => {
                         self.clusters(engine, chunk, &mut buffers, workspace)
                     }
                 };
@@ -199,7 +199,7 @@ impl Ask<'_> {
     /// its own sample: the engine gives up by itself where it does not pay.
     fn pays(&self, engine: &MultiResolution) -> bool {
         let (bundles, sizes) = (self.segments.bundle_count(), self.segments.feature_sizes);
-        let Some(sizes) = sizes.filter(|_| bundles > SMALL) else { return true };
+        let Some(sizes) = sizes.filter(|_| bundles > MAX_UNDECIDED_SEGMENTS) else { return true };
         self.model.with_workspace(|workspace| {
             let (mut buffers, mut work) = (std::mem::take(&mut workspace.batch), Work::default());
             for run in sample_runs(bundles) {
@@ -264,7 +264,8 @@ impl Ask<'_> {
         workspace: &mut Workspace,
     ) -> Option<Cost> {
         let (bundles, mut each) = (chunk.bundles.clone(), chunk.each.take());
-        let mut sums: SmallVec<[Sum; CHUNK.0]> = SmallVec::from_elem(Sum::default(), bundles.len());
+        let mut sums: SmallVec<[PartialAnswers; CHUNK.0]> =
+            SmallVec::from_elem(PartialAnswers::default(), bundles.len());
         let mut cost = Cost::default();
         if bundles.len() > 1 {
             self.packets(bundles.clone().map(|k| self.segments.of_bundle(k)), buffers);
@@ -292,7 +293,7 @@ impl Ask<'_> {
         engine: &MultiResolution,
         bundles: Range<usize>,
         mut each: Option<&mut [f32]>,
-        sums: &mut [Sum],
+        sums: &mut [PartialAnswers],
         buffers: &mut BatchBuffers,
         workspace: &mut Workspace,
     ) -> Cost {
@@ -338,16 +339,16 @@ fn parts(segments: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     segments.step_by(CHUNK.1).map(move |first| first..end.min(first + CHUNK.1))
 }
 
-/// Answers to parts of a bundle.
+/// Sums of the answers to parts of a bundle.
 #[derive(Clone, Copy, Default)]
-struct Sum {
+struct PartialAnswers {
     parts: u32,
     segments: f64,
     values: [f64; 3],
     method: Method,
 }
 
-impl Sum {
+impl PartialAnswers {
     fn add(&mut self, answer: &Answer) {
         let n = answer.cost.segments as f64;
         self.segments += n;

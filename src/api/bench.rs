@@ -32,9 +32,9 @@ pub struct BenchRow {
     pub rms: f64,
     /// Mean error; positive: too bright.
     pub bias: f64,
-    /// Part of the stated 95 % intervals, in `[0, 1]`, that the reference confirms.
+    /// Fraction of the stated 95 % intervals, in `[0, 1]`, that the reference confirms.
     pub interval_coverage: f64,
-    /// Part of the segments, in `[0, 1]`, that met at least one averaged cluster.
+    /// Fraction of the segments, in `[0, 1]`, that met at least one averaged cluster.
     pub aggregated: f64,
     /// Time of the fastest exact rays for the same RMS error divided by this time; `None` if undefined, for example without any error.
     pub speedup: Option<f64>,

@@ -21,7 +21,7 @@ options! {
         /// Whether rows that nothing escapes from are adjusted to the sum 1, each entry by as much as it is uncertain; default true. A F is
         /// symmetric either way.
         pub closure: bool = true;
-        /// Refuses to begin if the matrix could take more than so many bytes; default: four fifths of the available memory.
+        /// Largest memory of the matrix, bytes: an error before the start if it could take more; default: four fifths of the available memory.
         pub max_bytes: Option<u64> = None;
         /// Seed of all random numbers; default 1.
         pub seed: u64 = 1;

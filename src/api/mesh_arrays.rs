@@ -104,7 +104,7 @@ impl<'a> MeshArrays<'a> {
         self.sizes.map_or(3, |sizes| sizes[polygon])
     }
 
-    /// Checks everything that the rooms behind rely on. `materials`: how many there are.
+    /// Checks all preconditions of the rooms that it calls. `materials`: number of materials.
     pub(super) fn check(&self, materials: usize) -> Result<()> {
         let wrong = |name: &str, i: usize, value: &dyn Display, problem: String| {
             let value = format!("{value} of mesh `{}`", quote(self.name));

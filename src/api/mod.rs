@@ -1,4 +1,4 @@
-//! The front door of the crate: what a user asks of a [`Model`](crate::Model), checked, and answered by the rooms behind it.
+//! Public interface of the crate: checks the arguments of calls of a [`Model`](crate::Model) and passes them to the other rooms.
 
 mod batch;
 #[cfg(feature = "reports")]

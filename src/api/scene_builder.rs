@@ -198,7 +198,7 @@ fn index(what: &str, count: usize) -> Result<u32> {
     u32::try_from(count).map_err(|_| Error::arguments(format!("more than {} {what}", u32::MAX)))
 }
 
-/// Makes room for so many vertices, corners and polygons.
+/// Reserves memory for these numbers of vertices, corners and polygons.
 fn reserve(soup: &mut Soup, name: &str, counts: [usize; 3]) -> Result<()> {
     let have = [soup.positions.len(), soup.corners.len(), soup.ends.len()];
     let what = ["positions", "indices", "polygon_sizes"];

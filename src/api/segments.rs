@@ -1,4 +1,4 @@
-//! Batches of segments in the caller's arrays, and where their answers go.
+//! Batches of segments in the caller's arrays, and the output arrays of their answers.
 
 use crate::visibility::Method;
 use crate::{Error, Result};
@@ -119,7 +119,7 @@ impl<T: Copy> PerEntry<'_, T> {
 }
 
 impl PerEntry<'_, f32> {
-    /// Checks the sizes of so many bundles.
+    /// Checks the sizes of `bundles` bundles.
     fn check(&self, name: &str, bundles: usize, in_range: impl Fn(f32) -> bool, must: &str) -> Result<()> {
         let sizes = match self {
             PerEntry::All(size) => std::slice::from_ref(size),
@@ -223,7 +223,7 @@ impl<'a> Segments<'a> {
         self.bundles[bundle] as usize..self.bundles[bundle + 1] as usize
     }
 
-    /// What is added to positions to have them relative to the scene's origin.
+    /// Offset from the positions of segments to positions relative to the scene's origin.
     pub(super) fn shift(&self, origin: DVec3) -> DVec3 {
         DVec3::from_array(self.relative_to) - origin
     }
@@ -234,7 +234,7 @@ impl<'a> Segments<'a> {
         (moved(self.origins.at(segment)), moved(self.targets.at(segment)))
     }
 
-    /// Checks everything that engines rely on.
+    /// Checks all preconditions of the engines.
     pub(super) fn check(&self, shift: DVec3, parallel: bool) -> Result<()> {
         let (segments, bundles) = (self.origins.len(), self.bundle_count());
         if self.targets.len() != segments {

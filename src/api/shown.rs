@@ -1,4 +1,4 @@
-//! What shows a solution: pictures, lightmaps, the page and the record.
+//! Outputs of a solution: pictures, lightmaps, the page and the record.
 
 use super::solve::{Solution, Solved};
 use crate::bench::side_by_side::ComparedRecord;
@@ -179,7 +179,7 @@ fn stopped(what: &str) -> Error {
 }
 
 impl Solution {
-    /// What is shown, and whom it is reported to.
+    /// The solution, and the progress that outputs report to.
     fn watched(&self) -> (&Solved, &dyn Progress) {
         (&self.inner, self.watcher.progress())
     }

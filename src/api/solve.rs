@@ -25,7 +25,7 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// The point, if rays can begin there. `origin`: that of the scene.
+    /// The point, if its position and normal are valid. `origin`: that of the scene.
     fn checked(&self, index: usize, origin: DVec3) -> Result<Point> {
         let wrong = |name: &str, value: [f64; 3], problem: String| {
             Error::argument(name, format!("{value:?}"), problem).in_entry("points", index)
@@ -86,11 +86,11 @@ impl SurfacePoint {
 #[derive(Clone)]
 pub struct Solution {
     pub(super) inner: Arc<Solved>,
-    /// The progress of what is asked of this handle.
+    /// Progress of the calls of this handle.
     pub(super) watcher: Watcher,
 }
 
-/// What all copies of a solution share.
+/// Data that all copies of a solution share.
 pub(super) struct Solved {
     pub solved: radiosity::Solution,
     pub report: SolveReport,
@@ -102,9 +102,8 @@ pub(super) struct Solved {
 }
 
 impl Model {
-    /// Computes the light: hierarchical radiosity of all surfaces, with all reflections, on the threads of the model.
-    /// If the progress of [`Model::with_progress`] stops it, the result is the consistent solution reached so far: see
-    /// [`SolveReport::interrupted`].
+    /// Computes the light: hierarchical radiosity of all surfaces, with all reflections, on the threads of the model. If the progress of
+    /// [`Model::with_progress`] stops it, the result is the consistent solution reached so far: see [`SolveReport::interrupted`].
     ///
     /// # Errors
     /// [`Error::Argument`] if an option is out of its range, names nothing, or needs more of the model than was prepared

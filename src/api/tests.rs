@@ -20,7 +20,7 @@ fn forest() -> Model {
 /// Origins, targets, offsets of bundles, and sizes of emitters.
 type Arrays = (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<u64>, Vec<f32>);
 
-/// Points below the trees, so many segments from each to the source 0, and the emitter's size from each.
+/// `points` points below the trees, `rays` segments from each to source 0, and the size of the emitter from each.
 fn queries(model: &Model, points: usize, rays: usize) -> Arrays {
     let (scene, sampler) = (model.scene(), &model.samplers()[0]);
     let (bounds, faces) = (scene.bounds, sampler.all());
@@ -40,7 +40,7 @@ fn queries(model: &Model, points: usize, rays: usize) -> Arrays {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct Found {
+struct BatchAnswers {
     transmittance: Vec<f32>,
     lo: Vec<f32>,
     hi: Vec<f32>,
@@ -49,9 +49,9 @@ struct Found {
 }
 
 /// Asks for everything; the transmittance of each segment if `each`.
-fn ask(visibility: &Visibility, segments: &Segments, each: bool) -> Found {
+fn ask(visibility: &Visibility, segments: &Segments, each: bool) -> BatchAnswers {
     let (n, m) = (segments.bundle_count(), segments.origins.len());
-    let mut found = Found {
+    let mut found = BatchAnswers {
         transmittance: vec![-1.0; n],
         lo: vec![-1.0; n],
         hi: vec![-1.0; n],
@@ -117,7 +117,7 @@ fn batches_are_answered_as_engines_do() {
         assert!(differing <= points / 20, "{differing} of {points} differ");
         // Walks for single segments mostly give up: a ray is cheap.
         assert!(rays == 1 || aggregated > points / 10, "{aggregated} of {points} aggregate");
-        let mean = |found: &Found| found.transmittance.iter().sum::<f32>() / points as f32;
+        let mean = |found: &BatchAnswers| found.transmittance.iter().sum::<f32>() / points as f32;
         assert!((mean(&exact) - mean(&averaged)).abs() < 0.03, "{} {}", mean(&exact), mean(&averaged));
         let automatic = ask(&visibility, &segments, false);
         assert!(

@@ -35,8 +35,8 @@ impl Visibility {
         self
     }
 
-    /// The engine that answers. `sized` says whether there is a feature size.
-    pub(super) fn chosen(&self, sized: bool) -> Result<Chosen> {
+    /// The engine that answers. `sized`: whether there is a feature size.
+    pub(super) fn chosen(&self, sized: bool) -> Result<BatchEngine> {
         let need = |engine: Option<MultiResolution>, name: &str| {
             if !sized {
                 let problem = format!("the engine ⟨Engine::{name}⟩ needs one, a length above 0");
@@ -48,19 +48,19 @@ impl Visibility {
                 Error::argument("engine", format!("⟨Engine::{name}⟩"), "needs optics").with_cure(cure)
             })
         };
-        let of = if self.engine == Engine::Automatic { Chosen::Either } else { Chosen::Clusters };
+        let of = if self.engine == Engine::Automatic { BatchEngine::Either } else { BatchEngine::Clusters };
         match self.model.chosen(self.engine, sized) {
             Engine::MultiResolution => {
                 need(self.model.multi_resolution().cloned(), "MultiResolution").map(of)
             }
             Engine::Average => need(self.model.average(), "Average").map(of),
-            Engine::Exact | Engine::Automatic => Ok(Chosen::Exact(self.model.exact())),
+            Engine::Exact | Engine::Automatic => Ok(BatchEngine::Exact(self.model.exact())),
         }
     }
 }
 
 /// An engine for a batch.
-pub(super) enum Chosen {
+pub(super) enum BatchEngine {
     Exact(Exact),
     /// Multi-resolution or average.
     Clusters(MultiResolution),
@@ -215,7 +215,7 @@ impl<'a> Query<'a> {
         Packet::share_slack(&mut packets);
         let bundle = Bundle { packets: &packets, emitter_size, emitter: hull };
         let answer = model.with_workspace(|workspace| match (&chosen, size) {
-            (Chosen::Clusters(engine) | Chosen::Either(engine), Some(s)) => {
+            (BatchEngine::Clusters(engine) | BatchEngine::Either(engine), Some(s)) => {
                 model.with_cut_for(engine, s, &bundle).answer(bundle, s, workspace)
             }
             _ => model.exact().answer(bundle, &mut Vec::new()),
@@ -224,7 +224,7 @@ impl<'a> Query<'a> {
     }
 }
 
-/// Nothing of the source can be seen, whatever stands between.
+/// The answer if the whole source lies below the horizon of the point.
 fn hidden() -> Answer {
     Answer { transmittance: 0.0, lo: 0.0, hi: 0.0, method: Method::Covered, cost: Cost::default() }
 }

@@ -13,8 +13,7 @@ use rand_pcg::rand_core::Rng;
 pub(super) const AUDIT_RAYS: usize = 64;
 /// Random streams of the two halves.
 const STREAMS: [u64; 2] = [3, 4];
-/// Fewest bundles, where the workload has as many: coverage of 95 % is then known to ±2 % (Wilson: 1.96 √(0.95 · 0.05 /
-/// 400)).
+/// Fewest bundles, where the workload has as many: coverage of 95 % is then known to ±2 % (Wilson: 1.96 √(0.95 · 0.05 / 400)).
 const MIN_BUNDLES: usize = 400;
 /// Largest number of bins of the calibration: 50 bundles per bin at [`MIN_BUNDLES`].
 const MAX_BINS: usize = 8;
@@ -24,7 +23,7 @@ pub(super) struct AuditRays {
     fraction: f64,
     /// Indices into the queries.
     chosen: Vec<usize>,
-    truth: ExactReference,
+    reference: ExactReference,
 }
 
 impl AuditRays {
@@ -33,9 +32,9 @@ impl AuditRays {
         let count = ((fraction * queries.pairs.len() as f64).ceil() as usize).max(MIN_BUNDLES);
         let chosen = one_of_each(queries.pairs.len(), count, seed);
         let pairs: Vec<usize> = chosen.iter().map(|&k| queries.pairs[k]).collect();
-        let truth =
+        let reference =
             ExactReference::trace(Queries { pairs: &pairs, ..queries }, engine, AUDIT_RAYS, STREAMS, &|_| ());
-        AuditRays { fraction, chosen, truth }
+        AuditRays { fraction, chosen, reference }
     }
 
     /// Compares a run over all queries with the rays.
@@ -47,11 +46,11 @@ impl AuditRays {
 
     /// [`AuditRays::evaluate`] for answers to the chosen queries alone.
     fn compare(&self, visible: &[f32], intervals: &[(f32, f32)]) -> record::IntervalAudit {
-        let squares = self.truth.squares(visible);
+        let squares = self.reference.squares(visible);
         let claims: Vec<f64> =
             intervals.iter().map(|&(lo, hi)| f64::from(hi - lo) / (2.0 * NORMAL_95)).collect();
         let n = intervals.len();
-        let coverage = self.truth.coverage(visible, intervals);
+        let coverage = self.reference.coverage(visible, intervals);
         let (coverage_lo, coverage_hi) = wilson(coverage as f32, n.max(1) as f32);
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|&i, &j| claims[i].total_cmp(&claims[j]).then(i.cmp(&j)));
@@ -59,7 +58,7 @@ impl AuditRays {
         record::IntervalAudit {
             fraction: self.fraction,
             bundles: n,
-            rays: self.truth.rays,
+            rays: self.reference.rays,
             claimed_rms: all.claimed,
             observed_rms: all.observed,
             observed_lo: all.observed_lo,
@@ -119,25 +118,25 @@ mod tests {
         (random.next_u64() >> 40) as f32 / (1u64 << 24) as f32
     }
 
-    /// 4,000 synthetic queries: their audit, answers with errors of `error` claimed standard errors, and stated
-    /// intervals.
+    /// 4,000 synthetic queries: their audit, answers with errors of `error` claimed standard errors, and stated intervals.
     fn synthetic(error: f32) -> (AuditRays, Vec<f32>, Vec<(f32, f32)>) {
         let mut random = Pcg64Mcg::new(7);
         let (mut a, mut b, mut visible, mut intervals) = (vec![], vec![], vec![], vec![]);
         for _ in 0..4000 {
-            let truth = unit(&mut random);
-            let mut half = || (0..AUDIT_RAYS / 2).filter(|_| unit(&mut random) < truth).count() as f32 / 32.0;
+            let reference = unit(&mut random);
+            let mut half =
+                || (0..AUDIT_RAYS / 2).filter(|_| unit(&mut random) < reference).count() as f32 / 32.0;
             a.push(half());
             b.push(half());
             let claim = 0.02 + 0.1 * unit(&mut random);
             // The sum of twelve uniform numbers is nearly normal.
             let normal = (0..12).map(|_| unit(&mut random)).sum::<f32>() - 6.0;
-            let x = truth + error * claim * normal;
+            let x = reference + error * claim * normal;
             visible.push(x);
             intervals.push((x - 1.96 * claim, x + 1.96 * claim));
         }
-        let truth = ExactReference { a, b, rays: AUDIT_RAYS };
-        (AuditRays { fraction: 1.0, chosen: (0..4000).collect(), truth }, visible, intervals)
+        let reference = ExactReference { a, b, rays: AUDIT_RAYS };
+        (AuditRays { fraction: 1.0, chosen: (0..4000).collect(), reference }, visible, intervals)
     }
 
     #[test]

@@ -22,7 +22,7 @@ use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::model::{Instance, Model};
 use crate::ray::{EndRule, LANES, Packet};
-use crate::visibility::{MultiResolution, SURFACE_PART, Workspace, surface_widths};
+use crate::visibility::{MIN_LARGE_SURFACE, MultiResolution, Workspace, surface_widths};
 use rayon::prelude::*;
 use std::time::Duration;
 
@@ -104,8 +104,8 @@ impl Workload {
 
 /// Rays along one side of the square that is mapped to the hemisphere. Shares of 64 stratified rays are known to less than
 /// √(¼ / 64) = 6 %.
-const ACROSS: usize = 8;
-const RAYS: usize = ACROSS * ACROSS;
+const RAYS_PER_SIDE: usize = 8;
+const RAYS: usize = RAYS_PER_SIDE * RAYS_PER_SIDE;
 /// Small surfaces that a ray passes on its way to a large one: both sides of two objects of a room.
 const MAX_PASSED: usize = 4;
 
@@ -156,7 +156,7 @@ impl Seen {
 impl<'a> Surroundings<'a> {
     pub fn of(model: &'a Model) -> Surroundings<'a> {
         let widths = model.meshes().iter().map(|mesh| surface_widths(mesh.scene())).collect();
-        Surroundings { model, widths, large: SURFACE_PART * model.scene().size() }
+        Surroundings { model, widths, large: MIN_LARGE_SURFACE * model.scene().size() }
     }
 
     /// The class of each point.
@@ -195,15 +195,16 @@ impl<'a> Surroundings<'a> {
         self.met(&hits[0], 0)
     }
 
-    /// What rays from a point see on the side of its normal.
+    /// Counts of the rays from a point on the side of its normal.
     fn seen(&self, point: &ReceiverPoint, seed: u64) -> Seen {
         let rule = EndRule::new(point.magnitude);
         let from = rule.lifted(point.position, point.normal);
         let mut packets = [Packet::EMPTY; RAYS / LANES];
         for k in 0..RAYS {
             let [u, v, ..] = numbers(seed, k as u64);
-            let place = |cell: usize, within: f32| (cell as f32 + within) / ACROSS as f32;
-            let towards = cosine_direction(point.normal, place(k % ACROSS, u), place(k / ACROSS, v));
+            let place = |cell: usize, within: f32| (cell as f32 + within) / RAYS_PER_SIDE as f32;
+            let towards =
+                cosine_direction(point.normal, place(k % RAYS_PER_SIDE, u), place(k / RAYS_PER_SIDE, v));
             packets[k / LANES].set_ray(k % LANES, from, towards);
         }
         let mut seen = Seen { rays: RAYS, ..Seen::default() };
@@ -230,7 +231,7 @@ impl<'a> Surroundings<'a> {
 
     fn met(&self, hits: &Hits, lane: usize) -> FirstHit {
         let (triangle, instance) = (hits.triangle[lane], hits.instance[lane] as usize);
-        if triangle == Hits::NOTHING {
+        if triangle == Hits::NO_HIT {
             return FirstHit::Nothing;
         }
         let instance = &self.model.instances()[instance];

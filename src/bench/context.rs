@@ -28,7 +28,7 @@ pub(super) struct PlannedRow {
     /// Feature size, scene units.
     pub s: f64,
     pub rays: usize,
-    /// What answers bundles. With exact rays the row takes the answers of the exact row with as many rays, and the time of the
+    /// Engine of the row. With exact rays the row takes the answers of the exact row with as many rays, and the time of the
     /// faster one of exact rays with and without certificates.
     pub route: Route,
     /// Time of that decision, seconds.

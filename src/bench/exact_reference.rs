@@ -55,8 +55,7 @@ impl ExactReference {
         0.5 * (self.a[pair] + self.b[pair])
     }
 
-    /// Standard error of [`ExactReference::mean`] (root mean square over the pairs): half the RMS difference of the
-    /// halves.
+    /// Standard error of [`ExactReference::mean`] (root mean square over the pairs): half the RMS difference of the halves.
     pub fn standard_error(&self) -> f64 {
         let sum: f64 = self.a.iter().zip(&self.b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
         0.5 * (sum / self.a.len().max(1) as f64).sqrt()
@@ -81,7 +80,7 @@ impl ExactReference {
         ((square / n).max(0.0).sqrt(), bias / n)
     }
 
-    /// Part of the answers whose intervals the reference confirms; see [`agrees`].
+    /// Fraction of the answers whose intervals the reference confirms; see [`agrees`].
     pub fn coverage(&self, visible: &[f32], intervals: &[(f32, f32)]) -> f64 {
         let answers = visible.iter().zip(intervals).enumerate();
         let agree = answers.filter(|&(k, (&x, &interval))| agrees(x, interval, self.mean(k), self.rays));
@@ -95,9 +94,8 @@ impl ExactReference {
 /// |p − x| ≤ √(h² + 1.96² q (1 − q) / rays)      h = x − lo or hi − x, on p's side;  q = p clamped to [lo, hi]
 /// ```
 ///
-/// The answer claims a standard error of h / 1.96; the mean has √(q (1 − q) / rays). Both are independent, so correct
-/// intervals are confirmed in 95 of 100 cases for any number of rays. One ray refutes a certificate (lo = hi = 0 or
-/// 1).
+/// The answer claims a standard error of h / 1.96; the mean has √(q (1 − q) / rays). Both are independent, so correct intervals are
+/// confirmed in 95 of 100 cases for any number of rays. One ray refutes a certificate (lo = hi = 0 or 1).
 pub fn agrees(x: f32, (lo, hi): (f32, f32), p: f32, rays: usize) -> bool {
     /// Rounding of f32 intervals that end at 0 or 1.
     const ROUNDING: f64 = 1e-6;
@@ -122,9 +120,8 @@ pub struct RmsEstimate {
 impl RmsEstimate {
     /// RMS of independent squared errors, at most 1 each.
     ///
-    /// The interval is Student's for the mean square. A single square gives no interval: [0, 1]. If all squares are
-    /// the same, the rule of three bounds the part of deviating squares by 3 / N with 95 % (N squares, deviations of
-    /// at most 1).
+    /// The interval is Student's for the mean square. A single square gives no interval: [0, 1]. If all squares are the same, the rule of
+    /// three bounds the part of deviating squares by 3 / N with 95 % (N squares, deviations of at most 1).
     pub fn of(squares: &[f64]) -> RmsEstimate {
         let n = squares.len().max(1) as f64;
         let mean = squares.iter().sum::<f64>() / n;
@@ -145,7 +142,7 @@ impl RmsEstimate {
 /// expansion of Cornish and Fisher (Abramowitz and Stegun 26.7.5).
 fn student(freedom: usize) -> f64 {
     /// Quantiles for 1 to 4 degrees of freedom.
-    const FIRST: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
+    const SMALL_SAMPLE_QUANTILES: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
     let v = freedom as f64;
     let first = (NORMAL_95.powi(3) + NORMAL_95) / 4.0;
     let second = (5.0 * NORMAL_95.powi(5) + 16.0 * NORMAL_95.powi(3) + 3.0 * NORMAL_95) / 96.0;
@@ -154,7 +151,7 @@ fn student(freedom: usize) -> f64 {
         / 384.0;
     match freedom {
         0 => f64::INFINITY,
-        1..=4 => FIRST[freedom - 1],
+        1..=4 => SMALL_SAMPLE_QUANTILES[freedom - 1],
         _ => NORMAL_95 + first / v + second / (v * v) + third / v.powi(3),
     }
 }

@@ -23,22 +23,22 @@ const MAX_HALF_ANGLE: f64 = 16.0 * std::f64::consts::PI / 180.0;
 const PATCHES_PER_POINT: usize = 4;
 /// L in diagonals of the scene: an umbra is at most a third larger than that of a source at infinity, at the far end of the scene. With more
 /// rounding errors of parameters along a segment grow.
-const FAR: f32 = 4.0;
+const SOURCE_DISTANCE: f32 = 4.0;
 /// Samples along each side of a patch that find whether a receiver sees any of it: parts below 1/16 of a patch lie within 2° of the
 /// horizon, with a cosine of at most 0.04.
-const TRIED: usize = 4;
+const SAMPLES_PER_SIDE: usize = 4;
 
 /// Steps along each edge of a source for the box around it, and how far the edge may lie outside between two of them, in units of the sine of
 /// the half angle: of a disc 1 − cos(π / 64) = 0.0012, of patches less.
-const AROUND: usize = 64;
+const STEPS_PER_EDGE: usize = 64;
 const SAGITTA: f64 = 0.002;
 
-/// Patches that a workload asks.
+/// Patches of the sky to which a workload traces segments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Asked {
-    /// A few from each point, drawn in proportion to the irradiance by them.
+pub enum PatchSet {
+    /// A few per point, drawn in proportion to their irradiance at the point.
     Some,
-    /// All that a point sees a part of.
+    /// All patches that are above the horizon of the point, at least partly.
     #[cfg(test)]
     All,
     /// None; in scenes without other light that with the largest irradiance of a horizontal plane.
@@ -100,8 +100,8 @@ impl Distant {
         let y = axis.cross(x);
         let (mut low, mut high) = (DVec2::MAX, DVec2::MIN);
         // The edge of a disc and of a patch; no direction inside is farther along x or y, which are perpendicular to the axis.
-        for k in 0..=AROUND {
-            let t = k as f64 / AROUND as f64;
+        for k in 0..=STEPS_PER_EDGE {
+            let t = k as f64 / STEPS_PER_EDGE as f64;
             let edge = match self.place {
                 Place::Patch(_) => vec![[0.0, t], [1.0, t], [t, 0.0], [t, 1.0]],
                 Place::Sun(_) => vec![[1.0, t]],
@@ -174,15 +174,16 @@ impl Distant {
 
     /// A direction of the source above the horizon of a receiver.
     fn seen_from(&self, normal: Vec3) -> Option<Vec3> {
-        let part = |k: usize| (k as f64 + 0.5) / TRIED as f64;
-        let tried = (0..TRIED * TRIED).map(|k| self.direction([part(k / TRIED), part(k % TRIED)]));
+        let part = |k: usize| (k as f64 + 0.5) / SAMPLES_PER_SIDE as f64;
+        let tried = (0..SAMPLES_PER_SIDE * SAMPLES_PER_SIDE)
+            .map(|k| self.direction([part(k / SAMPLES_PER_SIDE), part(k % SAMPLES_PER_SIDE)]));
         tried.into_iter().find(|direction| direction.dot(normal) > 0.0)
     }
 
     /// Ends of `count` segments from a point with a normal: the first directions above its horizon of those that `draw` gives by number.
     pub fn ends(&self, from: Vec3, normal: Vec3, count: usize, draw: impl Fn(u32) -> [f32; 4]) -> Vec<Vec3> {
         // At least about a sixteenth is above.
-        let most = (16 * TRIED * TRIED * count) as u32;
+        let most = (16 * SAMPLES_PER_SIDE * SAMPLES_PER_SIDE * count) as u32;
         let drawn = (0..most).map(|i| {
             let [u, v, ..] = draw(i);
             self.direction([f64::from(u), f64::from(v)])
@@ -292,15 +293,15 @@ pub(super) struct Lights {
     domes: Vec<usize>,
     /// Number of those that are no patches.
     lamps: usize,
-    asked: Asked,
+    asked: PatchSet,
 }
 
 impl Lights {
-    pub fn of(model: &Model, asked: Asked) -> Lights {
+    pub fn of(model: &Model, asked: PatchSet) -> Lights {
         let mut all: Vec<Light> = model.samplers().iter().cloned().map(Light::Surface).collect();
-        let divided = if asked == Asked::Shown { Vec::new() } else { domes(model.scene()) };
+        let divided = if asked == PatchSet::Shown { Vec::new() } else { domes(model.scene()) };
         let domes = divided.iter().map(|(k, _)| *k).collect();
-        let part = |part: Part| {
+        let part = |part: DomePart| {
             Light::Surface(EmitterSampler::new(model.scene(), &part.emitter, model.base().magnitudes()))
         };
         let parts = divided.into_iter().flat_map(|(_, parts)| parts).map(part);
@@ -309,7 +310,7 @@ impl Lights {
             all.extend(parts);
             return Lights { lamps, all, domes, asked };
         };
-        let length = FAR * model.bounds().diagonal();
+        let length = SOURCE_DISTANCE * model.bounds().diagonal();
         let distant = |place: Place, angle: f64| {
             Light::Distant(Distant::new(environment.clone(), place, angle, length))
         };
@@ -317,8 +318,8 @@ impl Lights {
         let lamps = all.len();
         all.extend(parts);
         let patches = match asked {
-            Asked::Shown if lamps > 0 => Vec::new(),
-            Asked::Shown => brightest(environment).into_iter().collect(),
+            PatchSet::Shown if lamps > 0 => Vec::new(),
+            PatchSet::Shown => brightest(environment).into_iter().collect(),
             _ => patches(environment),
         };
         all.extend(patches.into_iter().map(|k| {
@@ -335,7 +336,7 @@ impl Lights {
         self.all.iter().any(|light| matches!(light, Light::Distant(_)))
     }
 
-    /// The sources that a point asks, with their sizes and weights. `chance` in `[0, 1)` is random and independent between points.
+    /// The sources of a point, with their sizes and weights. `chance` in `[0, 1)` is random and independent between points.
     pub fn seen_from(
         &self,
         position: Vec3,
@@ -352,7 +353,7 @@ impl Lights {
         let mut sources: Vec<_> =
             (0..self.lamps).filter(|k| !self.domes.contains(k)).filter_map(seen).collect();
         let mut patches: Vec<_> = (self.lamps..self.all.len()).filter_map(seen).collect();
-        if self.asked == Asked::Some && patches.len() > PATCHES_PER_POINT {
+        if self.asked == PatchSet::Some && patches.len() > PATCHES_PER_POINT {
             patches = drawn(&patches, chance());
         }
         sources.append(&mut patches);
@@ -382,7 +383,7 @@ fn drawn(sources: &[(u32, (f32, f32))], chance: f64) -> Vec<(u32, (f32, f32))> {
 }
 
 /// A part of a dome.
-pub struct Part {
+pub struct DomePart {
     pub emitter: Emitter,
     /// Half angle of the cone around it from the middle of the scene, radians.
     pub half_angle: f64,
@@ -390,7 +391,7 @@ pub struct Part {
 
 /// The emitters that are domes, with their parts: emissive surfaces that are not plane, whose faces all look at the middle of the other surfaces, and that
 /// are wider from there than a patch may be. A part that is one face may be wider too.
-pub fn domes(scene: &Scene) -> Vec<(usize, Vec<Part>)> {
+pub fn domes(scene: &Scene) -> Vec<(usize, Vec<DomePart>)> {
     let count = scene.triangles.len() as u32;
     let others = (0..count).filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX);
     let bounds = Aabb::of(others.flat_map(|t| scene.corners(t)));
@@ -407,11 +408,12 @@ pub fn domes(scene: &Scene) -> Vec<(usize, Vec<Part>)> {
         if is_plane || !emitter.triangles.iter().all(looks_inwards) {
             return None;
         }
-        let faces: Vec<Face> = emitter.triangles.iter().map(|&t| Face::new(scene, t, middle)).collect();
+        let faces: Vec<DirectedFace> =
+            emitter.triangles.iter().map(|&t| DirectedFace::new(scene, t, middle)).collect();
         let groups = divided(faces);
-        let part = |faces: Vec<Face>| {
+        let part = |faces: Vec<DirectedFace>| {
             let triangles = faces.iter().map(|face| face.triangle).collect();
-            Part { emitter: emitter.part(scene, triangles), half_angle: half_angle(&faces) }
+            DomePart { emitter: emitter.part(scene, triangles), half_angle: half_angle(&faces) }
         };
         (groups.len() > 1).then(|| groups.into_iter().map(part).collect())
     };
@@ -419,28 +421,28 @@ pub fn domes(scene: &Scene) -> Vec<(usize, Vec<Part>)> {
 }
 
 /// A face with the directions of its corners from the middle of the scene.
-struct Face {
+struct DirectedFace {
     triangle: u32,
     corners: [Vec3; 3],
     centre: Vec3,
 }
 
-impl Face {
-    fn new(scene: &Scene, triangle: u32, from: Vec3) -> Face {
+impl DirectedFace {
+    fn new(scene: &Scene, triangle: u32, from: Vec3) -> DirectedFace {
         let corners = scene.corners(triangle).map(|corner| (corner - from).normalize_or_zero());
-        Face { triangle, corners, centre: corners.iter().sum::<Vec3>().normalize_or_zero() }
+        DirectedFace { triangle, corners, centre: corners.iter().sum::<Vec3>().normalize_or_zero() }
     }
 }
 
 /// Half angle of a cone around the directions of all corners.
-fn half_angle(faces: &[Face]) -> f64 {
+fn half_angle(faces: &[DirectedFace]) -> f64 {
     let axis = faces.iter().map(|face| face.centre).sum::<Vec3>().normalize_or_zero();
     let cosines = faces.iter().flat_map(|face| &face.corners).map(|corner| axis.dot(*corner));
     f64::from(cosines.fold(1.0f32, f32::min)).clamp(-1.0, 1.0).acos()
 }
 
 /// Groups of faces, halved across their largest extent until each is no wider than a patch of the sky may be.
-fn divided(faces: Vec<Face>) -> Vec<Vec<Face>> {
+fn divided(faces: Vec<DirectedFace>) -> Vec<Vec<DirectedFace>> {
     let (mut found, mut open) = (Vec::new(), vec![faces]);
     while let Some(mut faces) = open.pop() {
         if faces.len() == 1 || half_angle(&faces) <= MAX_HALF_ANGLE {

@@ -1,8 +1,7 @@
 //! Maps: shadow images of whole receivers by both engines, computed at every texel or at some and interpolated between.
 //!
 //! A map has many receiver points close together, so that both engines may interpolate, and what is prepared for it alone (choices and
-//! caches) counts: `speedup_with_setup`. All rows of a map are compared with one reference of independent rays at every
-//! texel.
+//! caches) counts: `speedup_with_setup`. All rows of a map are compared with one reference of independent rays at every texel.
 
 mod cached;
 mod quadtree;
@@ -34,8 +33,8 @@ const DEFAULT_SIDE: usize = 256;
 const DEFAULT_PAIRS: usize = 1 << 19;
 /// Spacings of the texels at which light is computed: steps of 2 quarter the work.
 const SPACINGS: [usize; 4] = [1, 2, 4, 8];
-/// Rows of interpolated maps with so many times the segments of the others: as many a texel with every second column and row.
-const MORE_SEGMENTS: usize = 4;
+/// Factor on the number of segments in some rows of interpolated maps: with every second column and row, as many segments per texel.
+const SEGMENT_FACTOR: usize = 4;
 /// Largest number of segments of rows with more.
 const MAX_SEGMENTS: usize = 256;
 /// Largest mean number of exact rays a texel: rows beyond are extrapolated.
@@ -49,7 +48,7 @@ const MIN_REFERENCE_RAYS: usize = 16;
 const MAX_TIME: Duration = Duration::from_secs(3);
 
 impl BenchOptions {
-    /// Texels along the longer side of a map in a scene with so many emitters.
+    /// Texels along the longer side of a map in a scene with this number of emitters.
     fn map_side(&self, emitters: usize) -> usize {
         let default = || DEFAULT_SIDE.min(((DEFAULT_PAIRS / emitters.max(1)) as f64).sqrt() as usize).max(1);
         self.map.unwrap_or_else(default)
@@ -67,14 +66,14 @@ struct Map<'a> {
 }
 
 /// A row to be measured.
-enum Planned<'a> {
+enum PlannedMap<'a> {
     Exact { lattice: usize, rays: usize, call: Exact, setup_s: f64 },
     Mr { lattice: usize, row: PlannedRow },
     Cached(CachedRow<'a>),
 }
 
 /// Texels and error of a row.
-struct Made {
+struct MapResult {
     image: Image<'static>,
     rms: f64,
     bias: f64,
@@ -104,7 +103,7 @@ impl Bench<'_> {
         self.progress.stage("choosing", 0);
         let rows = self.planned(&map, engine);
         self.progress.stage("maps", 0);
-        let mut made: Vec<Result<Made>> = Vec::new();
+        let mut made: Vec<Result<MapResult>> = Vec::new();
         let measured: Vec<usize> = (0..rows.len()).filter(|&k| rows[k].is_measured()).collect();
         let timed = rounds(self.options.rounds, MAX_TIME, measured.len(), |k, first| {
             let (texels, aggregated, sections) = self.texels_of(&map, &rows[measured[k]], engine);
@@ -113,7 +112,7 @@ impl Bench<'_> {
             }
             sections
         });
-        let made = made.into_iter().collect::<Result<Vec<Made>>>()?;
+        let made = made.into_iter().collect::<Result<Vec<MapResult>>>()?;
         let times: Vec<f64> = timed.seconds;
         let found = measured.iter().zip(made.iter().zip(&times)).map(|(&k, (made, &s))| (&rows[k], made, s));
         map.record(&rows, &found.collect::<Vec<_>>(), build).map(Some)
@@ -149,9 +148,9 @@ impl Bench<'_> {
     }
 
     /// Exact rows with and without interpolation, then MR rows, those by the far-field cache last.
-    fn planned<'b>(&'b self, map: &Map, engine: &MultiResolution) -> Vec<Planned<'b>> {
+    fn planned<'b>(&'b self, map: &Map, engine: &MultiResolution) -> Vec<PlannedMap<'b>> {
         let mut rows = Vec::new();
-        let more = MORE_SEGMENTS * self.options.rays;
+        let more = SEGMENT_FACTOR * self.options.rays;
         let mr_rays =
             if more <= MAX_SEGMENTS { vec![self.options.rays, more] } else { vec![self.options.rays] };
         let mut all_rays = [&EXACT_RAYS[..], &mr_rays].concat();
@@ -161,7 +160,7 @@ impl Bench<'_> {
             let most = (MAX_RAYS_PER_TEXEL * spacing * spacing).max(self.options.rays);
             for &rays in all_rays.iter().filter(|&&rays| rays <= most) {
                 let (call, setup_s) = self.embree_timed(workload, rays);
-                rows.push(Planned::Exact { lattice, rays, call, setup_s });
+                rows.push(PlannedMap::Exact { lattice, rays, call, setup_s });
             }
         }
         let mut sample_s = 0.0;
@@ -173,10 +172,10 @@ impl Bench<'_> {
             row.decide_s += sample_s;
             let at_most_one_set = |spacing: usize| rays <= self.options.rays * spacing * spacing;
             for lattice in (0..map.lattices.len()).filter(|&k| at_most_one_set(map.lattices[k].0)) {
-                rows.push(Planned::Mr { lattice, row });
+                rows.push(PlannedMap::Mr { lattice, row });
             }
         }
-        // The cache knows emitters of the scene alone.
+        // The cache supports emitters of the scene only.
         if !map.lattices[0].2.is_under_a_sky() {
             rows.extend(self.cached_rows(map, engine));
         }
@@ -184,7 +183,7 @@ impl Bench<'_> {
     }
 
     /// Light of all texels, the part of the segments that met averaged clusters, and the times of queries and interpolation, seconds.
-    fn texels_of(&self, map: &Map, row: &Planned, engine: &MultiResolution) -> (Vec<f32>, f64, Vec<f64>) {
+    fn texels_of(&self, map: &Map, row: &PlannedMap, engine: &MultiResolution) -> (Vec<f32>, f64, Vec<f64>) {
         let interpolated = |lattice: usize, ask: &dyn Fn(Queries) -> MrRun| {
             let (_, lattice, workload) = &map.lattices[lattice];
             let every: Vec<usize> = (0..workload.pairs.len()).collect();
@@ -196,47 +195,47 @@ impl Bench<'_> {
             (texels, cost.aggregated as f64 / cost.segments.max(1) as f64, sections)
         };
         match row {
-            Planned::Exact { lattice, rays, call, .. } => interpolated(*lattice, &|queries| MrRun {
+            PlannedMap::Exact { lattice, rays, call, .. } => interpolated(*lattice, &|queries| MrRun {
                 run: self.exact(queries, call, *rays, false),
                 ..MrRun::default()
             }),
-            Planned::Mr { lattice, row } => {
+            PlannedMap::Mr { lattice, row } => {
                 interpolated(*lattice, &|queries| self.mr(queries, engine, row, false))
             }
-            Planned::Cached(row) => self.cached_texels(map, row),
+            PlannedMap::Cached(row) => self.cached_texels(map, row),
         }
     }
 }
 
-impl Planned<'_> {
+impl PlannedMap<'_> {
     /// Whether the row is not that of exact rays.
     fn is_measured(&self) -> bool {
         match self {
-            Planned::Exact { .. } | Planned::Cached(_) => true,
-            Planned::Mr { row, .. } => row.pays(),
+            PlannedMap::Exact { .. } | PlannedMap::Cached(_) => true,
+            PlannedMap::Mr { row, .. } => row.pays(),
         }
     }
 }
 
 impl Map<'_> {
     /// Image and errors of the light of all texels.
-    pub(super) fn made(&self, texels: Vec<f32>, aggregated: f64) -> Result<Made> {
+    pub(super) fn made(&self, texels: Vec<f32>, aggregated: f64) -> Result<MapResult> {
         let (rms, bias) = self.reference.errors(&texels);
         let image = Image::new(self.grid.width, self.grid.height, self.grid.texel, texels)?;
-        Ok(Made { image, rms, bias, aggregated })
+        Ok(MapResult { image, rms, bias, aggregated })
     }
 
     /// The record from all rows, and those that were measured with their times.
     pub(super) fn record(
         &self,
-        rows: &[Planned],
-        measured: &[(&Planned, &Made, f64)],
+        rows: &[PlannedMap],
+        measured: &[(&PlannedMap, &MapResult, f64)],
         build: &Build,
     ) -> Result<MapRecord> {
-        let exact: Vec<(usize, MapExactRow, &Made)> = measured
+        let exact: Vec<(usize, MapExactRow, &MapResult)> = measured
             .iter()
             .filter_map(|&(row, made, seconds)| {
-                let Planned::Exact { lattice, rays, setup_s, .. } = *row else { return None };
+                let PlannedMap::Exact { lattice, rays, setup_s, .. } = *row else { return None };
                 let spacing = self.lattices[lattice].0;
                 let (interpolated, rms, bias) = (spacing > 1, made.rms, made.bias);
                 let row = MapExactRow { rays, spacing, interpolated, seconds, setup_s, rms, bias };
@@ -244,15 +243,15 @@ impl Map<'_> {
             })
             .collect();
         let mut mr = Vec::new();
-        let mut found = measured.iter().filter(|(row, ..)| !matches!(row, Planned::Exact { .. }));
+        let mut found = measured.iter().filter(|(row, ..)| !matches!(row, PlannedMap::Exact { .. }));
         for planned in rows {
             let (row, as_exact) = match planned {
-                Planned::Exact { .. } => continue,
-                Planned::Mr { lattice, row } => {
+                PlannedMap::Exact { .. } => continue,
+                PlannedMap::Mr { lattice, row } => {
                     let same = exact.iter().find(|e| e.0 == *lattice && e.1.rays == row.rays);
                     (self.planned_row(*lattice, row), same)
                 }
-                Planned::Cached(row) => (row.row(), None),
+                PlannedMap::Cached(row) => (row.row(), None),
             };
             let (made, seconds) = if planned.is_measured() {
                 let (_, made, seconds) = found.next().expect("a run of every row that is measured");
@@ -283,7 +282,7 @@ impl Map<'_> {
         })
     }
 
-    /// What is known of a row before it is measured.
+    /// A row before its measurement.
     fn planned_row(&self, lattice: usize, row: &PlannedRow) -> MapMrRow {
         let spacing = self.lattices[lattice].0;
         MapMrRow {
@@ -301,10 +300,10 @@ impl Map<'_> {
     fn compared(
         &self,
         row: MapMrRow,
-        exact: &[(usize, MapExactRow, &Made)],
+        exact: &[(usize, MapExactRow, &MapResult)],
         build: &Build,
     ) -> Result<MapMrRow> {
-        // Over exact rows whose texels are at most so far apart.
+        // Over exact rows with at most this spacing of texels.
         let over = |spacing: usize, time: &dyn Fn(&MapExactRow) -> f64, seconds: f64| {
             let rows = exact.iter().filter(|(_, e, _)| e.spacing <= spacing);
             let curve: Vec<(f64, f64)> = rows.map(|(_, e, _)| (time(e), e.rms)).collect();

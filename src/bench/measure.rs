@@ -180,8 +180,7 @@ impl Timer {
         Run { visible, sections }
     }
 
-    /// Visible fractions by MR with `rays` segments per pair at feature size `s`. `advance` gets the number of pairs
-    /// that were answered.
+    /// Visible fractions by MR with `rays` segments per pair at feature size `s`. `advance` gets the number of pairs that were answered.
     pub fn multi_resolution(
         &self,
         queries: Queries,
@@ -289,13 +288,12 @@ pub(super) const MAX_ROUNDS: usize = 6;
 /// A round starts only if the rounds are expected to end within this time: limits the duration of a benchmark.
 pub(super) const MAX_TIME: Duration = Duration::from_secs(10);
 
-/// Pairs that are asked, untimed, before each timed row: one chunk, which loads the upper nodes
-/// of the tree into the caches.
+/// Pairs that are asked, untimed, before each timed row: one chunk, which loads the upper nodes of the tree into the caches.
 pub(super) const WARM_UP_PAIRS: usize = 1024;
 
 /// Minimum times of rows that were run equally often.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Timed {
+pub(super) struct RowTimes {
     /// Time of each row, seconds, in order.
     pub seconds: Vec<f64>,
     /// Number of runs of each row.
@@ -309,7 +307,7 @@ pub(super) fn rounds(
     max_time: Duration,
     rows: usize,
     mut run: impl FnMut(usize, bool) -> Vec<f64>,
-) -> Timed {
+) -> RowTimes {
     let start = Instant::now();
     let goes_on = |rounds: usize| {
         let likely_end = start.elapsed().mul_f64((rounds + 1) as f64 / rounds as f64);
@@ -323,7 +321,7 @@ pub(super) fn rounds(
         }
         rounds += 1;
     }
-    Timed { seconds: best.iter().map(|sections| sections.iter().sum()).collect(), rounds }
+    RowTimes { seconds: best.iter().map(|sections| sections.iter().sum()).collect(), rounds }
 }
 
 /// Takes the smaller time of each section.

@@ -34,7 +34,7 @@ options! {
         pub reference_rays: usize = 1024, in 1..=65_536;
         /// Threads of the timed sections. All else runs on the threads of the model.
         pub threads: usize = 1, in 1..=1024;
-        /// Part of the bundles on which independent exact rays check the stated intervals.
+        /// Fraction of the bundles on which independent exact rays check the stated intervals.
         pub audit: f64 = 0.05, in 0.0..=1.0, "a part of the bundles";
         /// Largest memory of the results, bytes; default: four fifths of the available memory.
         pub max_memory: Option<u64> = None;
@@ -42,7 +42,7 @@ options! {
         pub seed: u64 = 1;
         /// Texels along the longer side of the maps; 0: no maps, `None`: 256, or fewer with more than eight emitters.
         #[doc(hidden)]
-        // Images that programs open have up to so many texels.
+        // Common programs open images of up to this side.
         pub map: Option<usize> = Some(0), in 0..=16_384, "a number of texels";
         /// Largest number of times that each timed row is run; the smallest of its times counts.
         #[doc(hidden)]
@@ -67,8 +67,7 @@ impl BenchOptions {
 
     /// Approximate peak memory of a run, bytes, without the scene, its clusters and Embree's tree.
     fn bytes(&self, emitters: usize) -> f64 {
-        // Points, pairs, both halves of the reference, and the largest row with its intervals: bytes per point and
-        // per pair.
+        // Points, pairs, both halves of the reference, and the largest row with its intervals: bytes per point and per pair.
         let rows = self.points as f64 * (32.0 + emitters as f64 * 48.0);
         // The samples of the decisions (points and images).
         let samples = 2 * Sample::bytes(&self.mr_rays());

@@ -13,7 +13,7 @@ use crate::visibility::{Candidate, DistanceCut, LeafMode, MultiResolution, Works
 use std::sync::Arc;
 
 impl BenchOptions {
-    /// What [`Model::prepare`] must make for a benchmark with these options.
+    /// Options of [`Model::prepare`] for a benchmark with these options.
     #[doc(hidden)]
     pub fn prepare(&self) -> PrepareOptions {
         PrepareOptions {
@@ -42,10 +42,10 @@ pub(super) fn build_of(model: &Model) -> Build {
     }
 }
 
-/// Points of the workload on which the cut of a scene under a sky is fitted: more than the receivers that its pilot looks at.
+/// Points of the workload on which the cut of a scene under a sky is fitted: more than the receivers of its pilot.
 const CUT_POINTS: usize = 1 << 14;
 /// Step between the pairs of receivers with successive numbers, a prime near to a golden section of their number, so that any of them are spread over the scene.
-const CUT_STEP: usize = 40_487;
+const RECEIVER_STRIDE: usize = 40_487;
 /// Sample sets of these receivers: others use 0 to 11.
 const CUT_STREAMS: [u64; 2] = [12, 13];
 
@@ -60,7 +60,7 @@ impl Bench<'_> {
         let workload = Workload::new(self.model, points, self.options.seed);
         let hulls: Vec<_> = (0..workload.pairs.len()).map(|pair| workload.hull(pair)).collect();
         let candidate = |k: u32| {
-            let pair = (k as usize).wrapping_mul(CUT_STEP) % workload.pairs.len().max(1);
+            let pair = (k as usize).wrapping_mul(RECEIVER_STRIDE) % workload.pairs.len().max(1);
             let emitter_size = workload.pairs.get(pair)?.emitter_size;
             let packets = CUT_STREAMS.map(|stream| {
                 let mut packets = Vec::with_capacity(1);

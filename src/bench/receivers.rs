@@ -1,13 +1,12 @@
 //! Selection of the surfaces with shadow images, and their grids of texels.
 //!
-//! A receiver is a planar patch (edge-connected triangles of one object in one plane) or a relief (all triangles of
-//! an object without a large planar patch whose faces point into one half space, such as terrain). Its image lies in
-//! the smallest rectangle around it, the longer side horizontal, or in the largest rectangle inside it if it covers
-//! less than 80 % of the former (discs, L shapes); a relief is projected along its mean normal. Texels are at most half
-//! the smallest feature size wide; if the surface would need too many, the image is a window of it, where most shadow
-//! borders are. By default the largest patches that see an emitter are taken, one per object before any object
-//! gets two; patches without shadows come last. A name selects the largest such patch of the object, group or
-//! material, or of the placed mesh (see [`faces_named`]); given k times it selects the k largest.
+//! A receiver is a planar patch (edge-connected triangles of one object in one plane) or a relief (all triangles of an object without a
+//! large planar patch whose faces point into one half space, such as terrain). Its image lies in the smallest rectangle around it, the
+//! longer side horizontal, or in the largest rectangle inside it if it covers less than 80 % of the former (discs, L shapes); a relief is
+//! projected along its mean normal. Texels are at most half the smallest feature size wide; if the surface would need too many, the image
+//! is a window of it, where most shadow borders are. By default the largest patches that see an emitter are taken, one per object before
+//! any object gets two; patches without shadows come last. A name selects the largest such patch of the object, group or material, or of
+//! the placed mesh (see [`faces_named`]); given k times it selects the k largest.
 
 mod patch;
 mod relief;
@@ -38,7 +37,7 @@ const PROBES_PER_SIDE: usize = 8;
 const PROBE_RAYS: usize = 16;
 /// A patch is dark below this fraction of the unoccluded irradiance, and fully lit above one minus this: the default
 /// threshold of shadows of `mrvis fbem`. Selects receivers only.
-const DARK_PART: f64 = 0.02;
+const SHADOW_THRESHOLD: f64 = 0.02;
 
 /// Default feature sizes: a shadow of two texels is the smallest that an image shows, and of the largest five lie side by side.
 const SMALLEST_FEATURE_TEXELS: f64 = 2.0;
@@ -262,15 +261,15 @@ fn candidates(
             let (light, part) = light_on(model, scene, exact, &patch, front);
             let sheet = scene.triangle_sides[patch.triangles[0] as usize] == 2;
             let (mut best, mut rectangle) = ((light, part), front);
-            if sheet || part < DARK_PART {
+            if sheet || part < SHADOW_THRESHOLD {
                 let back = front.turned();
                 let there = light_on(model, scene, exact, &patch, back);
                 if there.0 > best.0 {
                     (best, rectangle) = (there, back);
                 }
             }
-            let lit = best.1 >= DARK_PART;
-            let (surfaces, shadowed) = (scene.clone(), lit && best.1 <= 1.0 - DARK_PART);
+            let lit = best.1 >= SHADOW_THRESHOLD;
+            let (surfaces, shadowed) = (scene.clone(), lit && best.1 <= 1.0 - SHADOW_THRESHOLD);
             Candidate { patch, surfaces, object, rectangle, lit, shadowed }
         })
         .collect();

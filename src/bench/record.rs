@@ -12,7 +12,7 @@ mod maps;
 use serde::Serialize;
 
 pub use crate::model::summary::SceneSummary;
-pub use compared::{NO_FASTER, ratio, speedup};
+pub use compared::{EQUAL_SPEED_RANGE, ratio, speedup};
 pub use maps::{MapExactRow, MapMrRow, MapRecord};
 
 /// Results of one run.
@@ -42,8 +42,8 @@ pub struct Record {
     pub build: Build,
     /// The queries that both engines answer.
     pub workload: Workload,
-    /// What the run itself took.
-    pub spent: Spent,
+    /// Time of the run by stage.
+    pub spent: RunSeconds,
     /// Exact visibility, by number of rays.
     pub exact: Vec<ExactRow>,
     /// Exact visibility with certificates. Speed-ups refer to the fastest rows of `exact` and `certified` together.
@@ -83,21 +83,18 @@ pub struct Build {
     pub hierarchy_s: f64,
     /// Measuring cluster optics, seconds.
     pub characterise_s: f64,
-    /// Origin of the clusters: read from a cache file (`hit`; their times are then 0), made and cached (`made`), or
-    /// made only (`off`).
+    /// Origin of the clusters: read from a cache file (`hit`; their times are then 0), made and cached (`made`), or made only (`off`).
     pub cache: String,
     /// Finding, reading and writing the cache file, seconds.
     pub cache_s: f64,
     /// Note about the cache file: damaged, not writable.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cache_note: Option<String>,
-    /// Estimating the cost of exact rays on a sample and choosing Embree's ray call for bundles that are handed over,
-    /// seconds.
+    /// Estimating the cost of exact rays on a sample and choosing Embree's ray call for bundles that are handed over, seconds.
     pub budget_s: f64,
     /// Preparation of exact visibility: Embree's tree and the choice of its ray calls, seconds.
     pub exact_setup_s: f64,
-    /// Preparation of MR besides Embree's tree: clusters, optics, cache, budget and the decisions of all rows,
-    /// seconds.
+    /// Preparation of MR besides Embree's tree: clusters, optics, cache, budget and the decisions of all rows, seconds.
     pub mr_setup_s: f64,
     /// Memory of hierarchy and optics, bytes.
     pub hierarchy_bytes: u64,
@@ -174,8 +171,7 @@ pub struct ExactRow {
     pub rays: usize,
     /// Time of the queries, seconds.
     pub seconds: f64,
-    /// Embree's fastest ray call: `occluded1`, `occluded4`, `occluded8` or `occluded16`; `certified` with
-    /// certificates.
+    /// Embree's fastest ray call: `occluded1`, `occluded4`, `occluded8` or `occluded16`; `certified` with certificates.
     pub mode: String,
     /// Whether Embree's flag for coherent rays was set.
     pub coherent: bool,
@@ -194,8 +190,8 @@ pub struct MrRow {
     pub feature_size: f64,
     /// Segments from a point to an emitter.
     pub rays: usize,
-    /// What answers: `bundle` (walks), `cut` (the distance cut), `certified` (exact rays with certificates) or `embree` (exact rays,
-    /// because they are expected to be faster).
+    /// Engine: `bundle` (walks), `cut` (the distance cut), `certified` (exact rays with certificates) or `embree` (exact rays, because they
+    /// are expected to be faster).
     pub route: String,
     /// Time of the queries, seconds.
     pub seconds: f64,
@@ -203,18 +199,18 @@ pub struct MrRow {
     pub rms: f64,
     /// Mean error; positive: too bright.
     pub bias: f64,
-    /// Part of the stated 95 % intervals, in [0, 1], that the reference confirms, as in [`IntervalAudit::coverage`].
+    /// Fraction of the stated 95 % intervals, in [0, 1], that the reference confirms, as in [`IntervalAudit::coverage`].
     pub interval_coverage: f64,
     /// Audit of the stated intervals; `null` without an audit.
     pub audit: Option<IntervalAudit>,
-    /// Part of the segments, in [0, 1], that met at least one averaged cluster.
+    /// Fraction of the segments, in [0, 1], that met at least one averaged cluster.
     pub aggregated_fraction: f64,
-    /// Part of the segments, in [0, 1], in bundles with a certificate: nothing lies between point and emitter, or one
+    /// Fraction of the segments, in [0, 1], in bundles with a certificate: nothing lies between point and emitter, or one
     /// triangle covers the emitter.
     pub certified_fraction: f64,
     /// Segments of bundles for which triangles were tested, by this engine or by Embree.
     pub exact_rays: u64,
-    /// Part of the segments, in [0, 1], handed to Embree in whole bundles. At 1 the row takes the answers of the
+    /// Fraction of the segments, in [0, 1], handed to Embree in whole bundles. At 1 the row takes the answers of the
     /// exact row with as many rays, and the smaller time of that row and the one with certificates.
     pub handed_over: f64,
     /// Time to decide on a sample whether MR is faster, seconds; not part of `seconds`.
@@ -226,7 +222,7 @@ pub struct MrRow {
     /// Time of the fastest exact rays for the same RMS error, with or without certificates, divided by this time; see
     /// [`interpolate_log_log`]. `null` if undefined, for example without any error.
     pub speedup_at_same_rms: Option<f64>,
-    /// What `speedup_at_same_rms` refers to: `exact`, or `certified` if certificates make exact rays faster at this error.
+    /// Exact rows that `speedup_at_same_rms` refers to: `exact`, or `certified` if certificates make exact rays faster at this error.
     pub compared_with: String,
     /// `speedup_at_same_rms` over exact rays without certificates.
     pub speedup_over_plain_exact: Option<f64>,
@@ -283,7 +279,7 @@ impl Record {
     /// The MR row that is fastest at the same feature-based error, if it is faster than exact rays, and how much.
     pub fn faster_at_same_fbem(&self) -> Option<(&MrRow, f64)> {
         let rows = self.shown_rows().iter().filter_map(|row| Some((row, row.speedup_at_same_fbem?)));
-        rows.filter(|(_, speed)| *speed >= NO_FASTER[1]).max_by(|a, b| a.1.total_cmp(&b.1))
+        rows.filter(|(_, speed)| *speed >= EQUAL_SPEED_RANGE[1]).max_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
 
@@ -337,7 +333,7 @@ pub fn interpolate_log_log(points: &[(f64, f64)], error: f64) -> Option<Interpol
     measured(t0 * (t1 / t0).powf(part))
 }
 
-/// What lies around a receiver point; the rule is in docs/report.md, Receiver classes.
+/// Class of a receiver point by its surroundings; the rule is in docs/report.md, Receiver classes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ReceiverClass {
@@ -406,7 +402,7 @@ pub struct SkySources {
     pub patches: usize,
     /// Largest angle across a patch, degrees.
     pub largest_angle: f64,
-    /// Most patches that a point asks, drawn in proportion to its irradiance by them.
+    /// Largest number of patches per point, drawn in proportion to its irradiance by them.
     pub patches_per_point: usize,
     /// Emissive surfaces around the scene that are divided into patches.
     pub domes: usize,
@@ -418,7 +414,7 @@ pub struct SkySources {
 }
 
 impl SkySources {
-    /// What the sources are, in one or two sentences.
+    /// Description of the sources, in one or two sentences.
     pub fn sentence(&self) -> String {
         let mut sources = Vec::new();
         if self.patches > 0 {
@@ -446,9 +442,9 @@ impl SkySources {
     }
 }
 
-/// What a run itself takes by part, seconds: most of it are references, and several runs of each row.
+/// Time of a run by stage, seconds: most of it are references, and several runs of each row.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Spent {
+pub struct RunSeconds {
     /// Choice of points, receivers and ray calls.
     pub choice_s: f64,
     /// Rows over all points.
@@ -461,7 +457,7 @@ pub struct Spent {
     pub maps_s: f64,
 }
 
-impl Spent {
+impl RunSeconds {
     /// Names and seconds of the parts.
     pub fn parts(&self) -> [(&'static str, f64); 5] {
         [
@@ -476,8 +472,7 @@ impl Spent {
 
 /// Comparison of the stated intervals of a row with independent exact rays on a random part of the bundles.
 ///
-/// A 95 % interval claims a standard error of its width / (2 · 1.96). The noise of the audit's rays is subtracted
-/// from the observed error.
+/// A 95 % interval claims a standard error of its width / (2 · 1.96). The noise of the audit's rays is subtracted from the observed error.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct IntervalAudit {
     /// Requested part of the bundles, in `(0, 1]`.
@@ -494,7 +489,7 @@ pub struct IntervalAudit {
     pub observed_lo: f64,
     /// 95 % interval of `observed_rms`, upper end.
     pub observed_hi: f64,
-    /// Part of the stated intervals, in `[0, 1]`, that the audit confirms: mean p of the rays and answer x satisfy |p
+    /// Fraction of the stated intervals, in `[0, 1]`, that the audit confirms: mean p of the rays and answer x satisfy |p
     /// − x| ≤ √(h² + 1.96² q (1 − q) / rays), with h the half width of the interval on p's side and q = p clamped to
     /// the interval. Correct intervals have 0.95, for any number of rays.
     pub coverage: f64,

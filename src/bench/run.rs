@@ -9,7 +9,7 @@ use super::options::BenchOptions;
 use super::page::ReceiverImages;
 use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
-use super::record::{self, Record, Spent};
+use super::record::{self, Record, RunSeconds};
 use super::sizes::{default_sizes, of_images};
 use super::workload::{Workload, surface_points};
 use super::{lights, unaveraged};
@@ -20,11 +20,11 @@ use crate::progress::{Progress, timed};
 use crate::{Error, Result, error::shown};
 use std::time::Instant;
 
-/// Why no point of a bench faces an emitter: there are too few of them, or no surface does.
+/// The error if no point of a bench faces an emitter: too few points, or no surface that faces one.
 fn unlit(model: &Model, options: &BenchOptions) -> Result<Error> {
-    /// As many find a surface of a thousandth of the scene's area with a probability of 98 %.
-    const ENOUGH: usize = 4096;
-    let points = surface_points(model, ENOUGH.max(options.points), options.seed)?;
+    /// Points of the search: they find a surface of a thousandth of the scene's area with a probability of 98 %.
+    const MIN_POINTS: usize = 4096;
+    let points = surface_points(model, MIN_POINTS.max(options.points), options.seed)?;
     let path = shown(&model.scene().path);
     let found = Workload::new(model, points, options.seed);
     Ok(match found.pairs.is_empty() {
@@ -56,7 +56,7 @@ pub fn run(
     options.check_for(scene)?;
     model.check_clusters("the benchmark")?;
     let timer = Timer::new(options.threads)?;
-    let (mut build, mut spent, start) = (build_of(model), Spent::default(), Instant::now());
+    let (mut build, mut spent, start) = (build_of(model), RunSeconds::default(), Instant::now());
     let points = surface_points(model, options.points, options.seed)?;
     let workload = Workload::new(model, points, options.seed);
     if workload.pairs.is_empty() {

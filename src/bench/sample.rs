@@ -4,15 +4,17 @@ use super::measure::clear_fraction;
 use super::workload::Workload;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
-use crate::visibility::{Bundle, Exact, Halves, MultiResolution, Route, RouteSample, Work, Workspace};
+use crate::visibility::{
+    Bundle, Exact, MultiResolution, ReferenceHalves, Route, RouteSample, Work, Workspace,
+};
 use glam::Vec3;
 
 /// Segments of runs of neighbouring pairs, evenly spread over a workload, for each number of segments of the rows.
 pub struct Sample {
     sets: Vec<Set>,
     runs: Vec<Run>,
-    /// Visible fraction of each bundle, by [`Extent::truth_rays`] rays of their own for each half.
-    truth: Halves,
+    /// Visible fraction of each bundle, by [`Extent::reference_rays`] rays of their own for each half.
+    reference: ReferenceHalves,
     /// More bundles, to which walks are fitted.
     mean: Option<Box<Sample>>,
 }
@@ -24,24 +26,24 @@ pub struct Extent {
     runs: usize,
     run: usize,
     /// Rays of each half of a separate estimate of the visible fraction of a bundle; 0 for none.
-    truth_rays: usize,
+    reference_rays: usize,
 }
 
 impl Extent {
     /// For points: 256 bundles, so that mean squares have an error of a tenth, and as many rays as the largest row has, so that a half
     /// has no more noise. Bundles of a run share their traversal as those of rows do; there are many runs because errors within a run are similar.
-    pub const POINTS: Extent = Extent { runs: 32, run: 8, truth_rays: 256 };
+    pub const POINTS: Extent = Extent { runs: 32, run: 8, reference_rays: 256 };
     /// For the mean of walks, which is compared with exact rays along the same segments: among leaves, runs of neighbours differ by 0.04
     /// to 0.08, so that the mean of 1,024 runs has an error of 0.001 to 0.0025.
-    const MEAN: Extent = Extent { runs: 1024, run: 2, truth_rays: 0 };
+    const MEAN: Extent = Extent { runs: 1024, run: 2, reference_rays: 0 };
     /// For a map, which is interpolated between as few as a thousand bundles of sixteen segments: about as many rays as those.
-    pub const MAP: Extent = Extent { runs: 16, run: 4, truth_rays: 64 };
+    pub const MAP: Extent = Extent { runs: 16, run: 4, reference_rays: 64 };
 }
 
 /// Segments of the bundles of [`Extent::MEAN`].
 const MEAN_SEGMENTS: usize = 64;
-/// Sample sets of [`Extent::truth_rays`]: others use 0 to 9.
-const TRUTH_STREAMS: [u64; 2] = [10, 11];
+/// Sample sets of [`Extent::reference_rays`]: others use 0 to 9.
+const REFERENCE_STREAMS: [u64; 2] = [10, 11];
 
 /// All bundles with one number of segments, in order.
 struct Set {
@@ -58,9 +60,10 @@ struct Run {
 }
 
 impl Sample {
-    /// Samples with these numbers of segments per pair, and with one packet per pair. `exact` traces what tells errors.
+    /// Samples with these numbers of segments per pair, and with one packet per pair. `exact` traces the reference.
     pub fn of(scene: &Scene, workload: &Workload, rays: &[usize], extent: Extent, exact: &Exact) -> Sample {
-        let mut sample = Sample { sets: Vec::new(), runs: Vec::new(), truth: Halves::default(), mean: None };
+        let mut sample =
+            Sample { sets: Vec::new(), runs: Vec::new(), reference: ReferenceHalves::default(), mean: None };
         let pairs = workload.pairs.len();
         let length = (extent.run * workload.sources()).min(pairs);
         let runs = extent.runs.min(pairs / length.max(1));
@@ -84,18 +87,18 @@ impl Sample {
             }
             sample.sets.push(Set { rays, packets });
         }
-        if extent.truth_rays == 0 {
+        if extent.reference_rays == 0 {
             return sample;
         }
         let (mut packets, mut blocked) = (Vec::new(), Vec::new());
-        for (half, stream) in sample.truth.iter_mut().zip(TRUTH_STREAMS) {
+        for (half, stream) in sample.reference.iter_mut().zip(REFERENCE_STREAMS) {
             for &pair in &chosen {
                 packets.clear();
-                workload.pack(scene, &[pair], extent.truth_rays, stream, &mut packets);
+                workload.pack(scene, &[pair], extent.reference_rays, stream, &mut packets);
                 blocked.clear();
                 blocked.resize(packets.len(), 0);
                 exact.occluded(&packets, &mut blocked);
-                half.push(clear_fraction(&blocked, 0, extent.truth_rays));
+                half.push(clear_fraction(&blocked, 0, extent.reference_rays));
             }
         }
         sample
@@ -138,7 +141,7 @@ impl Sample {
 
     /// How bundles like these are answered.
     pub fn route(&self, engine: &MultiResolution, s: f32, rays: usize) -> Route {
-        let sample = RouteSample { runs: self.bundles(rays), truth: &self.truth };
+        let sample = RouteSample { runs: self.bundles(rays), reference: &self.reference };
         let mean = self.mean.as_deref().unwrap_or(self);
         let mean = mean.bundles(mean.sets.last().map_or(rays, |set| set.rays));
         engine.route(&sample, &mean, s, &mut Workspace::default())

@@ -1,8 +1,8 @@
-//! What text and page show of a record: lists, tables and the result in a sentence, each stated once.
+//! Contents of text and page of a record: lists, tables and the result in a sentence, each defined once.
 
 use super::record::{
-    Build, ClassRecord, ExactRow, IntervalAudit, MapExactRow, MapMrRow, MapRecord, MrRow, NO_FASTER, Record,
-    Workload,
+    Build, ClassRecord, EQUAL_SPEED_RANGE, ExactRow, IntervalAudit, MapExactRow, MapMrRow, MapRecord, MrRow,
+    Record, Workload,
 };
 use crate::error::quote;
 use crate::page::{TableCell, bytes, count, length, percent, seconds, signed, text_of, text_table, times};
@@ -262,17 +262,17 @@ pub(super) fn result(record: &Record) -> String {
     let than = best.compared_in_words();
     let factor = times(Some(speed));
     let mut text = match speed {
-        v if v >= NO_FASTER[1] => format!(
+        v if v >= EQUAL_SPEED_RANGE[1] => format!(
             "At feature size {size} multi-resolution visibility was {factor} faster than {than} of the same accuracy"
         ),
-        v if v > NO_FASTER[0] && best.aggregated_fraction == 0.0 => {
+        v if v > EQUAL_SPEED_RANGE[0] && best.aggregated_fraction == 0.0 => {
             return format!(
                 "Multi-resolution visibility was no faster than {than} of the same accuracy on this scene: in its fastest row, at {size}, \
                  nothing is averaged.{}",
                 more(record, best)
             );
         }
-        v if v > NO_FASTER[0] => format!(
+        v if v > EQUAL_SPEED_RANGE[0] => format!(
             "Multi-resolution visibility was no faster than {than} of the same accuracy on this scene; its best feature size was {size}"
         ),
         _ => format!(
@@ -292,19 +292,19 @@ pub(super) fn result(record: &Record) -> String {
     text
 }
 
-/// What features, certificates and classes of receivers gain.
+/// Gains of features, certificates and classes of receivers.
 fn more(record: &Record, best: &MrRow) -> String {
     let (mut text, gain) = (String::new(), best.certificates_gain());
     if let Some((row, speed)) = record.faster_at_same_fbem() {
         let (factor, size) = (times(Some(speed)), length(row.feature_size, &record.unit));
         text += &format!(" At the same feature error (FBEM) it was {factor} as fast at feature size {size}.");
     }
-    if gain > NO_FASTER[1] {
+    if gain > EQUAL_SPEED_RANGE[1] {
         let factor = times(Some(gain));
         text += &format!(" Certificates alone, without averaging, make exact rays {factor} as fast.");
     }
     // Where all points together gain nothing, those of a class may.
-    let speed = |row: &MrRow| row.speedup_at_same_rms.filter(|speed| *speed >= NO_FASTER[1]);
+    let speed = |row: &MrRow| row.speedup_at_same_rms.filter(|speed| *speed >= EQUAL_SPEED_RANGE[1]);
     let of_class = |class| {
         let row = ClassRecord::shown_row(class).filter(|row| row.aggregated_fraction > 0.0)?;
         Some((class, row, speed(row)?))
@@ -382,13 +382,13 @@ pub fn text(record: &Record) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::record::{ReceiverClass, Spent};
+    use crate::bench::record::{ReceiverClass, RunSeconds};
 
     fn row(route: &str) -> MrRow {
         MrRow { route: route.into(), rays: 16, ..MrRow::default() }
     }
 
-    /// Whatever its measured time says, a row of plain exact rays is what it is compared with.
+    /// A row of plain exact rays has no speed-up, whatever its measured time.
     #[test]
     fn exact_rays_gain_nothing_over_themselves() {
         let exact = [(4, 1.0, 0.02), (16, 4.0, 0.02)].map(|(rays, seconds, rms)| ExactRow {
@@ -408,7 +408,7 @@ mod tests {
 
     #[test]
     fn rows_name_their_route_and_the_run_its_time() {
-        let spent = Spent { points_s: 2.0, images_s: 1.0, ..Spent::default() };
+        let spent = RunSeconds { points_s: 2.0, images_s: 1.0, ..RunSeconds::default() };
         let class = ClassRecord {
             class: ReceiverClass::Inside,
             points: 1200,

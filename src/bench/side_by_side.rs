@@ -15,7 +15,7 @@ use serde::Serialize;
 
 /// The solution of the second engine, compared with that of the first.
 #[derive(Clone, Debug, Serialize)]
-pub struct Versus {
+pub struct SideBySide {
     /// The second engine.
     #[serde(rename = "visibility")]
     pub engine: Engine,
@@ -41,7 +41,7 @@ pub struct ComparedRecord {
     #[serde(flatten)]
     pub record: Record,
     /// The comparison with a second engine; `null` without one.
-    pub versus: Option<Versus>,
+    pub versus: Option<SideBySide>,
 }
 
 /// Solves the model again with the engine `engine` and compares the result with `outcome`. All other options are those of
@@ -55,7 +55,7 @@ pub fn side_by_side(
     outcome: &Outcome,
     engine: Engine,
     progress: &dyn Progress,
-) -> Result<Versus> {
+) -> Result<SideBySide> {
     let record = &outcome.record;
     let options = Options { engine, ..record.options.clone() };
     let model = model.prepared_to(&options.prepare(), progress)?;
@@ -68,5 +68,5 @@ pub fn side_by_side(
     let difference = compare(&at(&other), &at(outcome))?;
     let own = record.seconds.work().max(f64::MIN_POSITIVE);
     let Record { seconds, links, elements, bundles, .. } = other.record;
-    Ok(Versus { engine, speedup: seconds.work() / own, seconds, links, elements, bundles, difference })
+    Ok(SideBySide { engine, speedup: seconds.work() / own, seconds, links, elements, bundles, difference })
 }

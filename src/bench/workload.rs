@@ -1,6 +1,6 @@
 //! Queries of a benchmark: receiver points, the emitters that they face, and the segments between them.
 
-use super::lights::{Asked, Light, Lights};
+use super::lights::{Light, Lights, PatchSet};
 use crate::math::Aabb;
 use crate::math::sampling::on_triangle;
 use crate::model::{Instance, Mesh, Model};
@@ -37,18 +37,17 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// All pairs of these points and the emitters and suns of the model that face each other, and a few patches of the sky for each
-    /// point.
+    /// All pairs of these points and the emitters and suns of the model that face each other, and a few patches of the sky for each point.
     pub fn new(model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
-        Workload::asking(Asked::Some, model, points, seed)
+        Workload::asking(PatchSet::Some, model, points, seed)
     }
 
     /// The pairs of images: emitters and suns; in scenes without, the patch of the sky with the largest irradiance.
     pub fn shown(model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
-        Workload::asking(Asked::Shown, model, points, seed)
+        Workload::asking(PatchSet::Shown, model, points, seed)
     }
 
-    pub(super) fn asking(asked: Asked, model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
+    pub(super) fn asking(asked: PatchSet, model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
         let lights = Lights::of(model, asked);
         let pairs = points
             .par_iter()

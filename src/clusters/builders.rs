@@ -87,8 +87,7 @@ fn divide(faces: Vec<u32>, boxes: &[Aabb]) -> [Vec<u32>; 2] {
     [a, b]
 }
 
-// k-d tree [Sillion 94]: the cell is halved in the middle of its longest edge; what a plane cuts stays in the smallest
-// cell that holds it.
+// k-d tree [Sillion 94]: the cell is halved in the middle of its longest edge; what a plane cuts stays in the smallest cell that holds it.
 //
 // Choice of ours where the paper gives no details: what a plane cuts is divided by the two other axes, so that a
 // cluster does not hold more than [`FAN_OUT`] parts.
@@ -154,7 +153,7 @@ impl Halving<'_> {
 
 /// Seed of the order of insertion.
 const SEED: u128 = 1;
-/// Insertions between two questions whether to stop.
+/// Insertions between two checks for cancellation.
 const STOP_INTERVAL: usize = 1024;
 
 /// The hierarchy of these triangles; none soon after `stopped` returns true.
@@ -189,7 +188,7 @@ struct Boxes {
     root: u32,
 }
 
-/// Where a triangle is added.
+/// Position in the tree at which a triangle is added.
 #[derive(Clone, Copy)]
 enum Place {
     /// As another child of this node.

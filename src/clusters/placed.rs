@@ -70,7 +70,7 @@ fn first_difference(a: Key, b: Key) -> u32 {
 pub struct Item<I> {
     /// Its place in the order.
     pub key: Key,
-    /// What is placed.
+    /// The placed content.
     pub content: I,
 }
 
@@ -84,7 +84,7 @@ pub struct Group<I, G> {
     items: usize,
     /// Its items, or its groups and single items, at most [`FAN_OUT`], in the order of their keys.
     pub children: Vec<Child<I, G>>,
-    /// What was computed from its children.
+    /// Data computed from its children.
     pub content: G,
 }
 

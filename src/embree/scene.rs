@@ -114,7 +114,7 @@ impl SceneBuilder {
     }
 
     /// Adds rectangles of the samples of a grid, with two triangles for each four neighbours: from the first sample of a row, the second
-    /// corner and the third of the quadrangle are joined. [`Hits::triangle`] is what `triangle` says. A scene has one grid at most.
+    /// corner and the third of the quadrangle are joined. [`Hits::triangle`] is the value of `triangle`. A scene has one grid at most.
     ///
     /// # Errors
     /// [`Error::Embree`] if a piece has samples that do not exist, or Embree reports an error. Pieces with samples that are not finite are
@@ -322,7 +322,7 @@ impl CommittedScene {
             trace(packets, hits, places.as_mut_ptr());
             for (hits, [u, v]) in hits.iter_mut().zip(&places) {
                 for (triangle, (&u, &v)) in hits.triangle.iter_mut().zip(u.iter().zip(v)) {
-                    if *triangle != Hits::NOTHING && *triangle & Hits::PIECE != 0 {
+                    if *triangle != Hits::NO_HIT && *triangle & Hits::PIECE != 0 {
                         *triangle = grid(*triangle & !Hits::PIECE, [u, v]);
                     }
                 }

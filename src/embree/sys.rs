@@ -1,4 +1,4 @@
-//! What is called of Embree's C interface, and of the shim. Names are those of the headers.
+//! Functions of Embree's C interface and of the shim. Names are those of the headers.
 //!
 //! `shim.c` is compiled with the installed headers and checks all that is stated here: if a constant has another value there, or a
 //! function another type, the build fails.
@@ -22,7 +22,7 @@ macro_rules! enumeration {
 }
 
 enumeration! {
-    /// What went wrong.
+    /// Error codes.
     RTCError {
         /// Memory ran out.
         RTC_ERROR_OUT_OF_MEMORY = 4,
@@ -34,7 +34,7 @@ enumeration! {
 }
 
 enumeration! {
-    /// What can be asked of a device.
+    /// Properties of a device.
     RTCDeviceProperty {
         /// Version of the library: 40303 is 4.3.3.
         RTC_DEVICE_PROPERTY_VERSION = 0,
@@ -68,13 +68,13 @@ enumeration! {
 }
 
 enumeration! {
-    /// What a buffer of a geometry holds.
+    /// Types of buffers of a geometry.
     RTCBufferType {
         /// Three numbers of vertices for each triangle.
         RTC_BUFFER_TYPE_INDEX = 0,
         /// Positions of vertices.
         RTC_BUFFER_TYPE_VERTEX = 1,
-        /// Where grids lie among the vertices.
+        /// Positions of grids among the vertices.
         RTC_BUFFER_TYPE_GRID = 8,
     }
 }
@@ -93,7 +93,7 @@ enumeration! {
     }
 }
 
-/// A handle of Embree points to something that Rust does not know.
+/// Opaque type that a handle of Embree points to.
 macro_rules! handle {
     ($name:ident, $target:ident) => {
         pub type $name = *mut $target;
@@ -111,7 +111,7 @@ handle! { RTCGeometry, RTCGeometryTy }
 
 /// Called at errors with the pointer given for it, a code and a text.
 pub type RTCErrorFunction = extern "C" fn(*mut c_void, RTCError, *const c_char);
-/// Called with the pointer given for it before (`false`) or after (`true`) an allocation of so many bytes, freed ones being negative.
+/// Called with its user pointer before (`false`) or after (`true`) an allocation; the number of bytes is negative for freed memory.
 /// `false` makes the allocation fail.
 pub type RTCMemoryMonitorFunction = extern "C" fn(*mut c_void, isize, bool) -> bool;
 /// Called during a commit with the pointer given for it and the part that is done. `false` ends the commit.
@@ -125,13 +125,13 @@ unsafe extern "C" {
     /// Takes the error of this thread; without a device, of the creation of one.
     pub fn rtcGetDeviceError(device: RTCDevice) -> RTCError;
     pub fn rtcGetDeviceProperty(device: RTCDevice, property: RTCDeviceProperty) -> isize;
-    /// Sets the function that is told of errors.
+    /// Sets the callback for errors.
     pub fn rtcSetDeviceErrorFunction(
         device: RTCDevice,
         function: Option<RTCErrorFunction>,
         user: *mut c_void,
     );
-    /// Sets the function that is told of allocations.
+    /// Sets the callback for allocations.
     pub fn rtcSetDeviceMemoryMonitorFunction(
         device: RTCDevice,
         function: Option<RTCMemoryMonitorFunction>,
@@ -141,7 +141,7 @@ unsafe extern "C" {
     pub fn rtcNewScene(device: RTCDevice) -> RTCScene;
     pub fn rtcReleaseScene(scene: RTCScene);
     pub fn rtcSetSceneFlags(scene: RTCScene, flags: RTCSceneFlags);
-    /// Sets the function that is told of the progress of a commit.
+    /// Sets the callback for the progress of a commit.
     pub fn rtcSetSceneProgressMonitorFunction(
         scene: RTCScene,
         function: Option<RTCProgressMonitorFunction>,
@@ -177,7 +177,7 @@ unsafe extern "C" {
 unsafe extern "C" {
     /// `RTC_VERSION` of the headers.
     pub safe fn mrvis_headers_version() -> c_int;
-    /// Which lanes of packets are blocked; see `shim.h`.
+    /// Occlusion query of packets, with a mask of blocked lanes; see `shim.h`.
     pub fn mrvis_occluded(
         scene: RTCScene,
         packets: *const Packet,
@@ -186,7 +186,7 @@ unsafe extern "C" {
         coherent: c_int,
         occluded: *mut u32,
     );
-    /// What the lanes of packets hit first; see `shim.h`.
+    /// First hits of the lanes of packets; see `shim.h`.
     pub fn mrvis_first_hits(
         scene: RTCScene,
         packets: *const Packet,
@@ -215,10 +215,9 @@ pub struct GridPiece {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Hits {
-    /// Triangle index within its geometry per lane; [`Hits::NOTHING`] without a hit.
+    /// Triangle index within its geometry per lane; [`Hits::NO_HIT`] without a hit.
     pub triangle: [u32; LANES],
-    /// Index of the instance per lane, see [`super::SceneBuilder::add_instance`]; 0 in scenes without instances; undefined
-    /// without a hit.
+    /// Index of the instance per lane, see [`super::SceneBuilder::add_instance`]; 0 in scenes without instances; undefined without a hit.
     pub instance: [u32; LANES],
     /// Parameter of the hit per lane; undefined without a hit.
     pub t: [f32; LANES],
@@ -226,11 +225,11 @@ pub struct Hits {
 
 impl Hits {
     /// Triangle index that means "no hit".
-    pub const NOTHING: u32 = u32::MAX;
+    pub const NO_HIT: u32 = u32::MAX;
     /// Bit of [`Hits::triangle`] that the shim sets at hits of a grid's piece.
     pub(super) const PIECE: u32 = 1 << 31;
     /// No hit in any lane.
-    pub const NONE: Hits = Hits { triangle: [Self::NOTHING; LANES], instance: [0; LANES], t: [0.0; LANES] };
+    pub const NONE: Hits = Hits { triangle: [Self::NO_HIT; LANES], instance: [0; LANES], t: [0.0; LANES] };
 }
 
 // The same numbers as in `shim.c`.

@@ -1,7 +1,7 @@
 //! Embree against brute force, and the guarantees of the wrapper.
 
 use super::*;
-use crate::ray::{Brute, EndRule, LANES, Occluder, Packet, Verdict};
+use crate::ray::{Brute, EndRule, HitResult, LANES, Occluder, Packet};
 use glam::Vec3;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
@@ -129,16 +129,16 @@ fn brute_force_and_every_packet_mode_agree_on_100_000_segments() {
                 // errors) of an edge, an end or the plane.
                 let verdict = brute.verdict(a, d, packet.near[lane], packet.far[lane], 1e-6);
                 match verdict {
-                    Verdict::Clear => clear += 1,
-                    Verdict::Blocked => blocked_count += 1,
-                    Verdict::Marginal => {
+                    HitResult::Clear => clear += 1,
+                    HitResult::Blocked => blocked_count += 1,
+                    HitResult::Marginal => {
                         marginal[lane % 5] += 1;
                         continue;
                     }
                 }
                 for (traversal, blocked) in &modes {
                     let is = blocked[k] >> lane & 1 == 1;
-                    assert_eq!(is, verdict == Verdict::Blocked, "{traversal:?}: {a} + {d}");
+                    assert_eq!(is, verdict == HitResult::Blocked, "{traversal:?}: {a} + {d}");
                 }
             }
         }
@@ -218,7 +218,7 @@ fn first_hits_are_the_nearest() {
         for coherent in [false, true] {
             let mut hits = [Hits::NONE];
             scene.first_hits(Traversal { width, coherent }, std::slice::from_ref(&packet), &mut hits);
-            let mut want = [Hits::NOTHING; LANES];
+            let mut want = [Hits::NO_HIT; LANES];
             (want[0], want[3]) = (0, 5);
             assert_eq!(hits[0].triangle, want, "{width} {coherent}");
             assert!((hits[0].t[0] - 0.25).abs() < 1e-6 && (hits[0].t[3] - 0.25).abs() < 1e-6);
@@ -321,7 +321,7 @@ fn pieces_of_grids_are_hit_as_their_triangles() {
                     assert!((t - at).abs() < 1e-4);
                     met += 1;
                 }
-                None => missed += usize::from(triangle == Hits::NOTHING),
+                None => missed += usize::from(triangle == Hits::NO_HIT),
                 _ => {}
             }
         }

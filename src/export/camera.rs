@@ -59,20 +59,19 @@ pub(super) type Pixel = ([f32; 3], Option<First>);
 pub struct Stage<'a> {
     /// The mesh.
     pub mesh: &'a Mesh,
-    /// Fronts and backs of sheets coincide: one Embree scene for each side, with the index in `mesh` of each
-    /// triangle.
+    /// Fronts and backs of sheets coincide: one Embree scene for each side, with the index in `mesh` of each triangle.
     sides: [(CommittedScene, Vec<u32>); 2],
     /// By element, whether another surface stands across it.
     crossed: Vec<bool>,
     /// Whether surfaces are transparent from sides that have no elements, as the outside of a closed room; otherwise they are black.
     looks_inside: bool,
-    /// What rays see that meet no surface.
+    /// Sky that rays see if they meet no surface; none: black.
     sky: Option<&'a Environment>,
 }
 
 /// Embree's ray call for packets of neighbouring pixels: the widest needs the fewest calls. Does not change results.
 const TRAVERSAL: Traversal = Traversal { width: 16, coherent: false };
-/// Distance of segments within an element from its plane and its corners, as a part of its diameter.
+/// Distance of segments within an element from its plane and its corners, as a fraction of its diameter.
 const INSET: f32 = 1.0 / 128.0;
 /// Largest difference of the distances at which a ray meets the two sides of a sheet, relative to them: a hundred roundings of 32 bits.
 const SHEET: f32 = 1e-5;
@@ -127,7 +126,7 @@ impl<'a> Stage<'a> {
                 let mut again = 0;
                 for lane in rays.lanes() {
                     let hit = hits[0].triangle[lane];
-                    if hit == Hits::NOTHING {
+                    if hit == Hits::NO_HIT {
                         continue;
                     }
                     missed &= !(1 << lane);
@@ -218,7 +217,7 @@ impl<'a> Stage<'a> {
 }
 
 impl Camera {
-    /// The direction of the ray through a place in a picture of so many columns and rows, in pixels from its upper left corner.
+    /// Directions of rays through places of a picture of this size; places are in pixels from its upper left corner.
     fn directions(&self, [width, height]: [usize; 2]) -> impl Fn(f32, f32) -> Vec3 {
         let right = self.forward.cross(self.up).normalize();
         let up = right.cross(self.forward);

@@ -8,10 +8,10 @@ use maud::{Markup, html};
 const MAX_LIMITS: usize = 9;
 /// Ratio of the brightest to the darkest light above which the bands are logarithmic.
 const LOG_RATIO: f64 = 20.0;
-/// Parts of the pixels that may be darker than the first limit, and brighter than the last.
-const BEYOND: [f64; 2] = [0.03, 0.005];
+/// Largest fractions of the pixels that are darker than the first limit, and brighter than the last.
+const CLIPPED_FRACTIONS: [f64; 2] = [0.03, 0.005];
 /// Colour of pixels without a surface.
-pub(super) const NOTHING: [u8; 3] = [128; 3];
+pub(super) const NO_SURFACE: [u8; 3] = [128; 3];
 
 /// Width of the strips of a hatching, pixels.
 const STRIP: usize = 4;
@@ -35,7 +35,7 @@ impl Bands {
         values.sort_by(f64::total_cmp);
         let last = values.len().saturating_sub(1);
         let at = |part: f64| values.get((part * last as f64) as usize).copied().unwrap_or(1.0);
-        let [low, high] = [at(BEYOND[0]), at(1.0 - BEYOND[1])];
+        let [low, high] = [at(CLIPPED_FRACTIONS[0]), at(1.0 - CLIPPED_FRACTIONS[1])];
         let limits = if high > LOG_RATIO * low { logarithmic(low, high) } else { linear(low, high) };
         Bands { limits }
     }
@@ -56,7 +56,7 @@ impl Bands {
 
     /// The picture of values, row by row.
     pub(super) fn picture(&self, width: usize, values: &[Option<f32>]) -> Picture {
-        let pixel = |value: &Option<f32>| value.map_or(NOTHING, |v| self.colour(self.band(f64::from(v))));
+        let pixel = |value: &Option<f32>| value.map_or(NO_SURFACE, |v| self.colour(self.band(f64::from(v))));
         let pixels: Vec<[u8; 3]> = values.iter().map(pixel).collect();
         Picture { width, height: pixels.len() / width.max(1), pixels }
     }
@@ -77,7 +77,7 @@ impl Bands {
                 @for band in 0..=self.limits.len() {
                     div { (swatch(self.colour(band))) span { (range(band)) } }
                 }
-                div { (swatch(NOTHING)) span { "no surface" } }
+                div { (swatch(NO_SURFACE)) span { "no surface" } }
                 @if with_emitters { div { span.swatch.emitter {} span { "emits light" } } }
             }
         }
@@ -136,7 +136,7 @@ mod tests {
         let bands = Bands::of((1..200).map(|k| k as f32));
         let picture = bands.picture(3, &[Some(1.0), Some(199.0), None]);
         let [dark, bright, nothing] = picture.pixels[..] else { panic!("three pixels") };
-        assert_eq!((dark, bright, nothing), (false_colour(0.0), false_colour(1.0), NOTHING));
+        assert_eq!((dark, bright, nothing), (false_colour(0.0), false_colour(1.0), NO_SURFACE));
         assert_eq!(bands.band(0.0), 0);
         assert_eq!(bands.band(1e9), bands.limits.len());
     }

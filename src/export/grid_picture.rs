@@ -1,6 +1,6 @@
 //! Light on a regular grid as a picture: false colours, isolines and a scale.
 
-use super::false_colours::{Bands, NOTHING};
+use super::false_colours::{Bands, NO_SURFACE};
 use crate::image_io::Picture;
 use crate::plot::number;
 use glam::DVec2;
@@ -9,7 +9,7 @@ use glam::DVec2;
 const SIDE: [f64; 2] = [800.0, 4000.0];
 /// Pixels around the grid and between the parts of the scale.
 const GAP: usize = 12;
-/// Width of the scale's colours, and least height of one, pixels.
+/// Width of the colours of the scale, and smallest height of a colour, pixels.
 const SWATCH: [usize; 2] = [28, 2 * LINE];
 /// Largest side of the squares that isolines are straight in, pixels: bends of 8 pixels look round.
 const SQUARE: f64 = 8.0;
@@ -94,10 +94,10 @@ impl GridLight {
                 let place = DVec2::new(x as f64 + 0.5, (size[1] - 1 - y) as f64 + 0.5) / each;
                 let band = self.at(place).map(|light| bands.band(light));
                 picture.pixels[(y + GAP) * picture.width + x + GAP] =
-                    band.map_or(NOTHING, |band| bands.colour(band));
+                    band.map_or(NO_SURFACE, |band| bands.colour(band));
             }
         }
-        let mut strokes = [Strokes::new(size), Strokes::new(size)];
+        let mut strokes = [LineCoverage::new(size), LineCoverage::new(size)];
         let parts = [0, 1].map(|k| 2 * (0.5 * each[k] / SQUARE).ceil() as usize);
         self.isolines(bands.limits(), parts, |level, piece| {
             let from_top = |end: DVec2| DVec2::new(each.x * end.x, size[1] as f64 - each.y * end.y);
@@ -181,16 +181,16 @@ pub(super) fn pieces(corners: [f64; 4], level: f64) -> impl Iterator<Item = Piec
 }
 
 /// Lines of one colour, with smooth edges.
-struct Strokes {
+struct LineCoverage {
     size: [usize; 2],
     /// Part of each pixel that is covered, of 255, row by row.
     coverage: Vec<u8>,
 }
 
-impl Strokes {
+impl LineCoverage {
     /// No lines yet, in a picture of this size.
-    pub(super) fn new(size: [usize; 2]) -> Strokes {
-        Strokes { size, coverage: vec![0; size[0] * size[1]] }
+    pub(super) fn new(size: [usize; 2]) -> LineCoverage {
+        LineCoverage { size, coverage: vec![0; size[0] * size[1]] }
     }
 
     /// Adds a straight line; coordinates in pixels from the upper left corner.
@@ -366,8 +366,8 @@ mod tests {
         }
         // The first row of cells is at the bottom, what was not measured is grey.
         let corner = |y: usize| picture.pixels[(GAP + y) * picture.width + GAP + 790];
-        assert_eq!(corner(10), NOTHING);
-        assert_ne!(corner(240), NOTHING);
+        assert_eq!(corner(10), NO_SURFACE);
+        assert_ne!(corner(240), NO_SURFACE);
         assert_eq!(picture.pixels.len(), picture.width * picture.height);
     }
 
@@ -399,7 +399,7 @@ mod tests {
 
     #[test]
     fn strokes_cover_parts_of_pixels_near_the_line() {
-        let mut strokes = Strokes::new([9, 9]);
+        let mut strokes = LineCoverage::new([9, 9]);
         strokes.add([DVec2::new(4.5, -3.0), DVec2::new(4.5, 12.0)]);
         strokes.add([DVec2::new(4.5, 2.0), DVec2::new(4.5, 2.0)]);
         let mut picture = Picture { width: 11, height: 11, pixels: vec![[200; 3]; 121] };

@@ -1,5 +1,4 @@
-//! Lightmaps: irradiance of all surfaces in one image, one chart per plane, or in the texture coordinates of the
-//! file.
+//! Lightmaps: irradiance of all surfaces in one image, one chart per plane, or in the texture coordinates of the file.
 
 use super::{Mesh, Stage};
 use crate::math::{Aabb, triangle_normal};
@@ -65,7 +64,7 @@ pub(super) const MAX_SIDE_TEXELS: usize = 16_384;
 const BYTES_PER_TEXEL: u64 = 12 + 3 + 12 + 24;
 
 /// Triangles that are drawn between two calls of the caller's progress: below a millisecond.
-pub(super) const TRIANGLES_BETWEEN_LOOKS: usize = 1 << 10;
+pub(super) const TRIANGLES_PER_CHECK: usize = 1 << 10;
 
 struct Chart {
     triangles: Vec<u32>,
@@ -135,7 +134,7 @@ pub fn lightmap(
         for &t in &chart.triangles {
             map.draw(mesh, chart, t);
             drawn += 1;
-            if drawn % TRIANGLES_BETWEEN_LOOKS == 0 {
+            if drawn % TRIANGLES_PER_CHECK == 0 {
                 go_on(progress)?;
             }
         }
@@ -154,8 +153,8 @@ fn check_room(width: usize, height: usize) -> Result<()> {
     memory::check_room(BYTES_PER_TEXEL * texels, || format!("{texels} texels of a lightmap (⟨texels⟩)"))
 }
 
-/// Column and row of the texels of an image of so many columns and rows whose centres lie in a triangle, and the barycentric coordinates
-/// of these. Centres on common edges belong to both triangles; the tolerance closes gaps of rounding.
+/// Column and row of the texels of an image of this size whose centres lie in a triangle, and the barycentric coordinates of these.
+/// Centres on common edges belong to both triangles; the tolerance closes gaps of rounding.
 pub(super) fn covered_texels(
     face: [Vec2; 3],
     [columns, rows]: [usize; 2],
@@ -380,8 +379,8 @@ pub fn write_lightmap_mesh(
 
 /// Tolerance of texture coordinates outside 0..1: files with four digits round by half of it.
 const TEXCOORD_TOLERANCE: f32 = 1e-4;
-/// Marks texels without a face.
-const FREE: u32 = u32::MAX;
+/// Index that means "no face" for a texel.
+const NO_FACE: u32 = u32::MAX;
 
 /// Irradiance of the fronts of all faces, in a square image of about `texels` texels; or a sentence that says why the coordinates are
 /// unsuitable: they are missing, leave 0..1, have no area, or overlap.
@@ -452,14 +451,14 @@ fn placed(scene: &Scene, side: usize) -> std::result::Result<Vec<[Vec2; 3]>, Str
     scene.triangle_texcoords.iter().enumerate().map(place).collect()
 }
 
-/// Index of the face at each texel's centre, or [`FREE`].
+/// Index of the face at each texel's centre, or [`NO_FACE`].
 fn owners(
     scene: &Scene,
     faces: &[[Vec2; 3]],
     side: usize,
     progress: &dyn Progress,
 ) -> Result<Result<Vec<u32>, String>> {
-    let mut owner = vec![FREE; side * side];
+    let mut owner = vec![NO_FACE; side * side];
     let (mut all, mut taken) = (0.0, 0usize);
     // At least half a texel inside the face, where adjacent faces do not reach.
     let deep = |face: [Vec2; 3], p: Vec2| {
@@ -469,14 +468,14 @@ fn owners(
         weights(face, p).iter().zip(sides).all(|(w, s)| w * area > 0.5 * s)
     };
     for (t, &face) in faces.iter().enumerate() {
-        if t % TRIANGLES_BETWEEN_LOOKS == 0 {
+        if t % TRIANGLES_PER_CHECK == 0 {
             go_on(progress)?;
         }
         let [a, b, c] = face;
         all += f64::from(0.5 * (b - a).perp_dot(c - a).abs());
         for ([x, y], _) in covered_texels(face, [side; 2]) {
             let (at, p) = (&mut owner[y * side + x], middle(x, y));
-            if *at == FREE {
+            if *at == NO_FACE {
                 taken += 1;
                 *at = t as u32;
             } else if deep(face, p) && deep(faces[*at as usize], p) {
@@ -496,7 +495,7 @@ fn owners(
 /// Rays from just in front of the surface onto it, at up to sixteen texels of a row.
 fn probe_rays(scene: &Scene, faces: &[[Vec2; 3]], owner: &[u32], [left, y]: [usize; 2]) -> Packet {
     let mut rays = Packet::EMPTY;
-    for (lane, &t) in owner[left..].iter().take(LANES).enumerate().filter(|(_, t)| **t != FREE) {
+    for (lane, &t) in owner[left..].iter().take(LANES).enumerate().filter(|(_, t)| **t != NO_FACE) {
         let corners = scene.corners(t);
         let shares = weights(faces[t as usize], middle(left + lane, y));
         let place: Vec3 = corners.into_iter().zip(shares).map(|(p, w)| w * p).sum();

@@ -6,8 +6,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-/// A triangle mesh of all sides of surfaces, with light at the vertices. Vectors have one entry per vertex or per
-/// triangle.
+/// A triangle mesh of all sides of surfaces, with light at the vertices. Vectors have one entry per vertex or per triangle.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Positions relative to [`RadiosityMesh::origin`], scene units.
@@ -47,7 +46,7 @@ impl Mesh {
         let normals: Vec<Vec3> = solution.elements.par_iter().map(|e| normal(solution, e)).collect();
         let outlined = |e| go_on().map(|()| outline(solution, &vertices, e));
         let outlines: Vec<Vec<u32>> = solution.elements.par_iter().map(outlined).collect::<Option<_>>()?;
-        let around = Around::new(solution.vertices.len(), &outlines);
+        let around = VertexElements::new(solution.vertices.len(), &outlines);
         let at_outlines = at_outlines(solution, &normals, &outlines, &around, &go_on)?;
         let mut out = Builder::default();
         for (e, (element, outline)) in solution.elements.iter().zip(&outlines).enumerate() {
@@ -125,13 +124,13 @@ fn halves(
 }
 
 /// Elements around each vertex.
-struct Around {
+struct VertexElements {
     first: Vec<u32>,
     elements: Vec<u32>,
 }
 
-impl Around {
-    fn new(vertices: usize, outlines: &[Vec<u32>]) -> Around {
+impl VertexElements {
+    fn new(vertices: usize, outlines: &[Vec<u32>]) -> VertexElements {
         let mut first = vec![0u32; vertices + 1];
         outlines.iter().flatten().for_each(|&v| first[v as usize + 1] += 1);
         (0..vertices).for_each(|v| first[v + 1] += first[v]);
@@ -143,7 +142,7 @@ impl Around {
                 next[v as usize] += 1;
             }
         }
-        Around { first, elements }
+        VertexElements { first, elements }
     }
 
     fn of(&self, vertex: u32) -> &[u32] {
@@ -151,19 +150,18 @@ impl Around {
     }
 }
 
-/// Irradiance at the vertices along each element's outline, W/m²; none if `go_on` says no.
+/// Irradiance at the vertices along each element's outline, W/m²; none if `go_on` returns false.
 ///
-/// A vertex has the mean of the elements around it. Interpolation between such means flattens light: at the edge of a wall the value of
-/// a vertex lies half an element away from it. So each vertex is corrected by the mean of what its elements lack: the difference
-/// between an element's irradiance and the mean of its vertices (one step of van Cittert's iteration). Where an element still lacks
-/// more than its uncertainty, as at the edge of a shadow, its own vertices are changed so that it does not; light is not continuous there.
-/// The vertices of elements that another surface stands across have the light of their neighbours, on either side of it, times what the elements
-/// lack.
+/// A vertex has the mean of the elements around it. Interpolation between such means flattens light: at the edge of a wall the value of a
+/// vertex lies half an element away from it. So each vertex is corrected by the mean of what its elements lack: the difference between an
+/// element's irradiance and the mean of its vertices (one step of van Cittert's iteration). Where an element still lacks more than its
+/// uncertainty, as at the edge of a shadow, its own vertices are changed so that it does not; light is not continuous there. The vertices
+/// of elements that another surface stands across have the light of their neighbours, on either side of it, times what the elements lack.
 fn at_outlines(
     solution: &RadiosityMesh,
     normals: &[Vec3],
     outlines: &[Vec<u32>],
-    around: &Around,
+    around: &VertexElements,
     go_on: &(impl Fn() -> Option<()> + Sync),
 ) -> Option<Vec<Vec<[f32; 3]>>> {
     let means = |values: &[[f64; 3]]| -> Option<Vec<Vec<[f64; 3]>>> {

@@ -1,7 +1,7 @@
 //! Cameras, pictures and tone mapping as the command and users of the crate ask for them.
 
 use super::camera::{Pixel, samples_of_pixel};
-use super::solve_page::Seen;
+use super::solve_page::PixelContent;
 use super::{Camera, First, Frame, Lightmap, PageView, Stage, lightmap, render, unwrapped_lightmap};
 use crate::Result;
 use crate::image_io::{Picture, linear_to_srgb};
@@ -109,7 +109,7 @@ pub fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
 
 /// Brightness of the screen, of 1, above which a face is bright: tone mapping leaves little of what the samples of a pixel on its edge
 /// differ by.
-const BRIGHT: f32 = 0.5;
+const MIN_BRIGHT_FACE: f32 = 0.5;
 /// Ratio of luminances from which on neighbouring pixels have an edge between them.
 const EDGE: f32 = 2.0;
 
@@ -131,7 +131,8 @@ fn smoothly_developed(stage: &Stage, camera: &Camera, size: [usize; 2], frame: &
                 if luminance(l) > luminance(high) { l } else { high },
             )
         });
-        luminance(brightest) > EDGE * luminance(darkest) && luminance(tone.linear(brightest)) > BRIGHT
+        luminance(brightest) > EDGE * luminance(darkest)
+            && luminance(tone.linear(brightest)) > MIN_BRIGHT_FACE
     };
     picture.pixels.par_iter_mut().enumerate().filter(|(k, _)| is_edge(*k)).for_each(|(k, colour)| {
         let samples = samples_of_pixel(stage, camera, size, k).map(|light| tone.linear(light));
@@ -153,9 +154,9 @@ impl PageView {
     ) -> PageView {
         let emits = |f: &First| solution.elements[f.element as usize].exitance != [0.0; 3];
         let seen = |f: &Option<First>| match f {
-            None => Seen::Nothing,
-            Some(f) if emits(f) => Seen::Emitter,
-            Some(f) => Seen::Surface(f.irradiance),
+            None => PixelContent::Nothing,
+            Some(f) if emits(f) => PixelContent::Emitter,
+            Some(f) => PixelContent::Surface(f.irradiance),
         };
         PageView {
             name: camera.name.clone(),
@@ -165,8 +166,7 @@ impl PageView {
     }
 }
 
-/// A tone curve: exposure by the mean logarithm of luminance, compressed highlights (Reinhard et al. 2002, equations
-/// 1 to 4).
+/// A tone curve: exposure by the mean logarithm of luminance, compressed highlights (Reinhard et al. 2002, equations 1 to 4).
 #[derive(Clone, Copy, Debug)]
 pub struct Tone {
     scale: f32,
@@ -177,7 +177,7 @@ pub struct Tone {
 /// 0.36 and 0.72 for bright scenes. Pictures only.
 const KEY: f32 = 0.25;
 
-/// Part of the values that must not be black to decide on the exposure: ten of 480,000 pixels. By rounding, a few rays of a picture may pass at the
+/// Fraction of the values that must not be black to decide on the exposure: ten of 480,000 pixels. By rounding, a few rays of a picture may pass at the
 /// foot of a wall without thickness; their pixels alone would otherwise be shown as bright.
 const MIN_LIT: f64 = 2e-5;
 

@@ -24,13 +24,13 @@ use serde::Serialize;
 use std::collections::HashMap;
 
 /// More notes than this are at the end of the page: the pictures come first.
-const SHORT_NOTES: usize = 3;
+const MAX_NOTES_AT_TOP: usize = 3;
 
-/// How irradiance is shown: in W/m², the mean of the channels, or in lux.
+/// Unit of irradiance on the page: W/m² (mean of the channels), or lux with a photometry.
 #[derive(Clone, Copy)]
-struct Shown(Option<Photometry>);
+struct LightUnit(Option<Photometry>);
 
-impl Shown {
+impl LightUnit {
     fn unit(self) -> &'static str {
         if self.0.is_some() { "lx" } else { "W/m²" }
     }
@@ -58,16 +58,16 @@ pub struct PageView {
     pub name: String,
     /// The tone-mapped picture.
     pub picture: Picture,
-    /// What each pixel shows.
-    pub seen: Vec<Seen>,
+    /// Content of each pixel.
+    pub seen: Vec<PixelContent>,
 }
 
-/// What a pixel shows.
+/// Content of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Seen {
+pub enum PixelContent {
     /// No surface.
     Nothing,
-    /// A surface that emits: what it receives is not to be seen.
+    /// A surface that emits: its irradiance is not shown.
     Emitter,
     /// A surface with this irradiance, W/m².
     Surface([f32; 3]),
@@ -87,7 +87,7 @@ pub fn solve_page(
     command: &str,
 ) -> Result<String> {
     let name = file_name(&record.scene.path);
-    let shown = Shown(photometry);
+    let shown = LightUnit(photometry);
     let body = html! {
         (headline(record, name, shown))
         section {
@@ -123,7 +123,7 @@ pub fn solve_page(
     Ok(document(&format!("mrvis solve: {name}"), &body))
 }
 
-fn headline(record: &Record, name: &str, shown: Shown) -> Markup {
+fn headline(record: &Record, name: &str, shown: LightUnit) -> Markup {
     let (light, unit) = (shown.of(record.mean_irradiance), shown.unit());
     let [red, green, blue] = record.mean_irradiance.map(number);
     let (powers, unit_of_power) = record.ledger.shown(shown.0);
@@ -146,7 +146,7 @@ fn headline(record: &Record, name: &str, shown: Shown) -> Markup {
                 @if shown.0.is_none() { "Irradiance is the mean of the channels; red" } @else { "Red" }
                 ", green and blue are " (red) ", " (green) " and " (blue) " W/m² in the mean."
             }
-            @if record.warnings.len() > SHORT_NOTES {
+            @if record.warnings.len() > MAX_NOTES_AT_TOP {
                 p.warning { (record.warnings.len()) " notes are at the end of this page." }
             } @else {
                 @for warning in &record.warnings { p.warning { (worded(warning, own_word)) } }
@@ -158,7 +158,7 @@ fn headline(record: &Record, name: &str, shown: Shown) -> Markup {
 /// All notes, if they are too many for the head of the page.
 fn notes(record: &Record) -> Markup {
     html! {
-        @if record.warnings.len() > SHORT_NOTES {
+        @if record.warnings.len() > MAX_NOTES_AT_TOP {
             section {
                 h2 { "Notes" }
                 @for warning in &record.warnings { p.note { (worded(warning, own_word)) } }
@@ -167,20 +167,20 @@ fn notes(record: &Record) -> Markup {
     }
 }
 
-fn pictures(views: &[PageView], shown: Shown) -> Result<Markup> {
-    let light = |seen: &Seen| match seen {
-        Seen::Surface(e) => Some(shown.of(e.map(f64::from)) as f32),
-        Seen::Nothing | Seen::Emitter => None,
+fn pictures(views: &[PageView], shown: LightUnit) -> Result<Markup> {
+    let light = |seen: &PixelContent| match seen {
+        PixelContent::Surface(e) => Some(shown.of(e.map(f64::from)) as f32),
+        PixelContent::Nothing | PixelContent::Emitter => None,
     };
     let lights: Vec<Vec<Option<f32>>> =
         views.iter().map(|view| view.seen.iter().map(light).collect()).collect();
-    let with_emitters = views.iter().any(|view| view.seen.contains(&Seen::Emitter));
+    let with_emitters = views.iter().any(|view| view.seen.contains(&PixelContent::Emitter));
     let bands = Bands::of(lights.iter().flatten().flatten().copied());
     let mut figures = Vec::new();
     for (view, light) in views.iter().zip(&lights) {
         let mut coloured = bands.picture(view.picture.width, light);
         for (k, colour) in
-            coloured.pixels.iter_mut().enumerate().filter(|(k, _)| view.seen[*k] == Seen::Emitter)
+            coloured.pixels.iter_mut().enumerate().filter(|(k, _)| view.seen[*k] == PixelContent::Emitter)
         {
             *colour = hatched([k % view.picture.width, k / view.picture.width]);
         }
@@ -264,7 +264,7 @@ fn solution_properties(record: &Record) -> Markup {
 const NORMAL: [f64; 12] =
     [0.1974, 0.3829, 0.5467, 0.6827, 0.7887, 0.8664, 0.9199, 0.9545, 0.9756, 0.9876, 0.9940, 0.9973];
 
-/// What the part of the errors within one error bar says, where chance explains twice its standard deviation.
+/// Verdict on the fraction of the errors within one error bar; deviations up to twice its standard deviation count as chance.
 fn verdict(elements: usize, within_one: f64) -> &'static str {
     let chance = 2.0 * (NORMAL[3] * (1.0 - NORMAL[3]) / elements as f64).sqrt();
     match within_one - NORMAL[3] {
@@ -299,8 +299,8 @@ fn error_bars(record: &Record) -> Result<Markup> {
     let chart = chart(
         &plot,
         320,
-        "Part of the audited elements whose error is at most so many error bars. Points above the line: the bars are \
-         wider than the errors; below: too narrow.",
+        "Fraction of the audited elements whose error is at most this multiple of the error bar. Points above the line: the \
+        bars are wider than the errors; below: too narrow.",
     )?;
     Ok(html! {
         section {
@@ -332,9 +332,9 @@ pub struct SurfaceLight {
     pub unit: &'static str,
     /// Mean over the area.
     pub mean: f64,
-    /// Of the darkest element.
+    /// Light of the darkest element.
     pub minimum: f64,
-    /// Of the brightest element.
+    /// Light of the brightest element.
     pub maximum: f64,
 }
 
@@ -344,7 +344,7 @@ pub fn surfaces(
     photometry: Option<Photometry>,
     solution: &RadiosityMesh,
 ) -> Vec<SurfaceLight> {
-    let shown = Shown(photometry);
+    let shown = LightUnit(photometry);
     let mut sides: HashMap<(u32, bool), [f64; 4]> = HashMap::new();
     for e in &solution.elements {
         let light = shown.of(e.irradiance);
@@ -369,7 +369,7 @@ pub fn surfaces(
 }
 
 /// The table.
-fn surface_section(scene: &Scene, shown: Shown, solution: &RadiosityMesh) -> Markup {
+fn surface_section(scene: &Scene, shown: LightUnit, solution: &RadiosityMesh) -> Markup {
     let surfaces = surfaces(scene, shown.0, solution);
     let (name, area) = (format!("mean {}", shown.unit()), format!("area {}²", scene.unit));
     let columns = format!("object | side | {area} | {name} | minimum | maximum");

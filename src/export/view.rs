@@ -21,7 +21,7 @@ use std::collections::{HashMap, HashSet};
 
 /// Columns and rows of the pictures that views are compared by: 3,072 rays, a few milliseconds a view.
 const PREVIEW_PIXELS: [usize; 2] = [64, 48];
-/// Part of the directions from an eye that meet a surface where the scene is enclosed. From the middle of a cube with
+/// Fraction of the directions from an eye that meet a surface where the scene is enclosed. From the middle of a cube with
 /// one open side 5/6 do.
 const ENCLOSED_PART: f32 = 0.9;
 /// Angles of view from top to bottom, radians: of a 35 mm wide-angle lens of 20 mm from inside, of 28 mm from outside.
@@ -31,12 +31,12 @@ const OUTSIDE_ANGLE: f32 = 0.8;
 const MAX_PITCH: f32 = 0.4;
 /// Part of neighbouring pixels with an outline between them at which a picture has half of the possible detail: that of
 /// the furnished rooms of `make scenes`.
-const HALF_DETAIL: f32 = 0.15;
+const HALF_DETAIL_FRACTION: f32 = 0.15;
 
 /// Median distance in a picture, relative to half of the scene's diagonal, from which on it is an overview.
-const OVERVIEW_PART: f32 = 0.25;
+const MIN_OVERVIEW_DISTANCE: f32 = 0.25;
 /// Score factor of a view without objects; 1 for a view of all, relative to one of all: a close view of a few may still be the best.
-const ALONE_PART: f32 = 0.2;
+const NO_OBJECTS_FACTOR: f32 = 0.2;
 
 /// The best view of the scene; `unit` is the name of the unit of length, for the eye height.
 pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) -> Camera {
@@ -47,7 +47,7 @@ pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) 
         eyes.retain(|eye| eye.closed >= ENCLOSED_PART);
     }
     let mut cameras = if inside { Vec::new() } else { from_outside(stage, solution, up) };
-    let judge = Judge::new(stage, solution);
+    let judge = ViewScore::new(stage, solution);
     let places = dense_places(solution, bounds(stage, solution));
     for eye in &eyes {
         cameras.extend(places.iter().filter_map(|&place| from_eye(eye, place, up)));
@@ -82,7 +82,7 @@ fn from_outside(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Vec<(Camer
 }
 
 /// The view from an eye towards a place; `None` if the place is above or below it.
-fn from_eye(eye: &Eye, place: Vec3, up: Vec3) -> Option<(Camera, f32)> {
+fn from_eye(eye: &Viewpoint, place: Vec3, up: Vec3) -> Option<(Camera, f32)> {
     let way = place - eye.position;
     let level = way - up * way.dot(up);
     let pitch = way.dot(up).atan2(level.length()).clamp(-MAX_PITCH, MAX_PITCH);
@@ -107,8 +107,8 @@ fn bounds(stage: &Stage, solution: &RadiosityMesh) -> Aabb {
     if bounds.diagonal() > 0.0 { bounds } else { Aabb::of(mesh.positions.iter().copied()) }
 }
 
-/// How good views of a scene are.
-struct Judge<'a> {
+/// Score of views of a scene.
+struct ViewScore<'a> {
     solution: &'a RadiosityMesh,
     /// Number of objects that do not emit.
     objects: usize,
@@ -116,12 +116,12 @@ struct Judge<'a> {
     radius: f32,
 }
 
-impl Judge<'_> {
-    fn new<'a>(stage: &Stage, solution: &'a RadiosityMesh) -> Judge<'a> {
+impl ViewScore<'_> {
+    fn new<'a>(stage: &Stage, solution: &'a RadiosityMesh) -> ViewScore<'a> {
         let dark = solution.elements.iter().filter(|e| e.exitance == [0.0; 3]);
         let objects = dark.map(|e| e.object).collect::<HashSet<u32>>().len().max(1);
         let radius = 0.5 * bounds(stage, solution).diagonal();
-        Judge { solution, objects, radius }
+        ViewScore { solution, objects, radius }
     }
 
     /// Lit surfaces that do not emit, not nearer than `near`, with outlines, many of them, of many objects, and far
@@ -149,7 +149,7 @@ impl Judge<'_> {
             return 0.0;
         }
         distances.sort_by(f32::total_cmp);
-        let overview = (distances[distances.len() / 2] / (OVERVIEW_PART * self.radius)).min(1.0);
+        let overview = (distances[distances.len() / 2] / (MIN_OVERVIEW_DISTANCE * self.radius)).min(1.0);
         let columns = PREVIEW_PIXELS[0];
         let outline = |a: usize, b: usize| is_outline(&frame.first[a], &frame.first[b], self.solution);
         let outlines = (0..frame.first.len()).filter(|&k| {
@@ -157,8 +157,8 @@ impl Judge<'_> {
                 || k + columns < frame.first.len() && outline(k, k + columns)
         });
         let detail = outlines.count() as f32 / all;
-        let detail = detail / (detail + HALF_DETAIL);
-        let shown = ALONE_PART + objects.len() as f32 / self.objects as f32;
+        let detail = detail / (detail + HALF_DETAIL_FRACTION);
+        let shown = NO_OBJECTS_FACTOR + objects.len() as f32 / self.objects as f32;
         let many = (1.0 + surfaces.len() as f32).ln();
         (lit / all).sqrt() * (1.0 - close / all).powi(2) * detail * many * shown * overview
     }
@@ -184,7 +184,7 @@ const EYE_HEIGHT_METRES: f64 = 1.6;
 const MIN_HEIGHT_PART: f32 = 0.015;
 /// Largest eye height relative to the free height above the ground.
 const MAX_HEADROOM_PART: f32 = 0.6;
-/// Where an eye is lower than this part of the eye height, a person would crawl.
+/// Smallest height of an eye at which a person can stand, relative to the eye height.
 const MIN_STANDING_PART: f32 = 0.6;
 /// Number of places on the ground, and of directions from each.
 const SPOTS: usize = 24;
@@ -199,16 +199,16 @@ const PLACES: usize = 4;
 
 /// A place for a camera.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Eye {
+pub(super) struct Viewpoint {
     pub(super) position: Vec3,
     /// Height above the ground.
     pub(super) height: f32,
-    /// Part of all directions that meet a surface.
+    /// Fraction of all directions that meet a surface.
     pub(super) closed: f32,
 }
 
 /// Eyes, in scenes with this box and unit of length, above surfaces that face upwards, spread evenly by area, and above the ground below those.
-fn eyes(stage: &Stage, bounds: Aabb, up: Vec3, unit: &str) -> Vec<Eye> {
+fn eyes(stage: &Stage, bounds: Aabb, up: Vec3, unit: &str) -> Vec<Viewpoint> {
     let (size, level) = (bounds.extent(), bounds.extent() * (Vec3::ONE - up.abs()));
     let min_height = MIN_HEIGHT_PART * level.max_element();
     let person = unit_in_metres(unit).map_or(0.0, |metres| (EYE_HEIGHT_METRES / metres) as f32);
@@ -221,7 +221,7 @@ fn eyes(stage: &Stage, bounds: Aabb, up: Vec3, unit: &str) -> Vec<Eye> {
             let height = tall.min(MAX_HEADROOM_PART * headroom);
             let position = foot + height * up;
             let met = (0..DIRECTIONS).filter(|&k| distance(stage, position, sphere(k)).is_some()).count();
-            eyes.push(Eye { position, height, closed: met as f32 / DIRECTIONS as f32 });
+            eyes.push(Viewpoint { position, height, closed: met as f32 / DIRECTIONS as f32 });
         }
     }
     // Under tables only if there is no room to stand.
@@ -312,7 +312,7 @@ fn dense_places(solution: &RadiosityMesh, bounds: Aabb) -> Vec<Vec3> {
     middles
 }
 
-/// Part of the diagonal by which a lamp may reach out of the box around everything else: lamps in openings of a ceiling.
+/// Fraction of the diagonal by which a lamp may reach out of the box around everything else: lamps in openings of a ceiling.
 const INSIDE: f32 = 0.01;
 
 /// The automatic camera for a scene with the same light on all surfaces. It depends neither on options of the solver nor on which lamps

@@ -82,12 +82,11 @@ fn edge(normal: DVec3, a: DVec3, b: DVec3) -> f64 {
 
 /// `F(first → second)` between the front sides of two planar convex polygons, corners counterclockwise, in `[0, 1]`.
 ///
-/// Each polygon is clipped to the part in front of the other's plane; the remaining parts see each other entirely. For
-/// them `A1 F12 = 1/2π ∮∮ ln r dr1·dr2` (Sparrow 1963, Stokes' theorem twice). Along an edge of the second polygon the
-/// integral of `ln r` is elementary (`along`). Along the edges of the first polygon Gauss-Legendre quadrature is
-/// applied between the feet of the other edge's ends, the only points where the integrand is not smooth; nodes are
-/// concentrated at both ends of each piece to resolve the `x ln x` of touching edges. Relative error below 1e-9 for
-/// touching pairs.
+/// Each polygon is clipped to the part in front of the other's plane; the remaining parts see each other entirely. For them `A1 F12 = 1/2π
+/// ∮∮ ln r dr1·dr2` (Sparrow 1963, Stokes' theorem twice). Along an edge of the second polygon the integral of `ln r` is elementary
+/// (`along`). Along the edges of the first polygon Gauss-Legendre quadrature is applied between the feet of the other edge's ends, the
+/// only points where the integrand is not smooth; nodes are concentrated at both ends of each piece to resolve the `x ln x` of touching
+/// edges. Relative error below 1e-9 for touching pairs.
 pub fn polygon_to_polygon(first: &[DVec3], second: &[DVec3]) -> f64 {
     let (Some(p), Some(q)) = (Plane::of(first), Plane::of(second)) else { return 0.0 };
     let (a, b) = (clip(first, q.point, q.normal), clip(second, p.point, p.normal));
@@ -215,7 +214,7 @@ pub fn clip(polygon: &[DVec3], point: DVec3, normal: DVec3) -> Vec<DVec3> {
 /// Smallest distance of a polygon's first corner, relative to the largest distance of another corner from it, at which quadrature takes
 /// the place of the closed form. The rule is exact for polynomials of degree 2, so that its relative error falls with the third power of
 /// the distance; at 8 it is below 0.2 % (a test of random polygons).
-const FAR: f64 = 8.0;
+const MIN_QUADRATURE_DISTANCE: f64 = 8.0;
 
 /// [`point_to_polygon`] for a convex or concave polygon that is far and wholly above the horizon, to 0.2 %; none for others. About ten
 /// times as fast.
@@ -231,7 +230,7 @@ pub(crate) fn point_to_far_polygon(point: DVec3, normal: DVec3, polygon: &[DVec3
             return None;
         }
     }
-    if size * FAR * FAR > distance {
+    if size * MIN_QUADRATURE_DISTANCE * MIN_QUADRATURE_DISTANCE > distance {
         return None;
     }
     let mut sum = 0.0;

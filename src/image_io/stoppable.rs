@@ -4,11 +4,11 @@ use crate::progress::Progress;
 use std::io::{Error, Result, Seek, SeekFrom, Write};
 
 /// Bytes that are written between two checks for cancellation: a millisecond.
-const SLICE: usize = 1 << 20;
+const BYTES_PER_CHECK: usize = 1 << 20;
 
 /// A writer that fails once `progress` has stopped.
 pub struct Stoppable<'a, W> {
-    /// Where the bytes go.
+    /// Output of the bytes.
     pub out: W,
     /// The caller.
     pub progress: &'a dyn Progress,
@@ -18,7 +18,7 @@ impl<W: Write> Write for Stoppable<'_, W> {
     fn write(&mut self, bytes: &[u8]) -> Result<usize> {
         match self.progress.stopped() {
             true => Err(Error::other("interrupted")),
-            false => self.out.write(&bytes[..bytes.len().min(SLICE)]),
+            false => self.out.write(&bytes[..bytes.len().min(BYTES_PER_CHECK)]),
         }
     }
 

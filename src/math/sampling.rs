@@ -37,8 +37,8 @@ pub fn sobol(i: u32, set: u32, seed: u32) -> [f32; 4] {
 
 /// A place in the unit square, moved by the `m`-th term of the sequence R2 (Roberts 2018) modulo 1: the first terms are evenly spread around it.
 pub fn shifted([u, v]: [f32; 2], m: u32) -> [f32; 2] {
-    const STEPS: [f32; 2] = [0.754_877_7, 0.569_840_3];
-    [(u + STEPS[0] * m as f32).fract(), (v + STEPS[1] * m as f32).fract()]
+    const R2_STEPS: [f32; 2] = [0.754_877_7, 0.569_840_3];
+    [(u + R2_STEPS[0] * m as f32).fract(), (v + R2_STEPS[1] * m as f32).fract()]
 }
 
 /// The entry of a table of running sums that a number `u` in `[0, 1)` selects, each with a probability proportional to its
@@ -60,8 +60,7 @@ pub fn pick(running_sums: &[f32], u: f32) -> (usize, f32, f32) {
 /// Largest skew of a quad that counts as a parallelogram, relative to its diagonal: as much may the density of points be off.
 const PARALLELOGRAM: f32 = 1e-4;
 
-/// The point of a triangle or convex quad for `(u, v)` in the unit square. Equal areas of the square give equal areas of the
-/// surface.
+/// The point of a triangle or convex quad for `(u, v)` in the unit square. Equal areas of the square give equal areas of the surface.
 pub fn point_on(corners: &[Vec3; 4], u: f32, v: f32) -> Vec3 {
     let [a, b, c, d] = *corners;
     if c == d {

@@ -33,7 +33,7 @@ options! {
 
 /// The features of one image, prepared for masks of many sizes.
 ///
-/// Texels outside the image are neither shadowed nor lit: a feature at the border is measured by its visible part.
+/// Texels outside the image are neither shadowed nor lit: a feature at the border is measured by its visible fraction.
 #[derive(Clone, Debug)]
 pub struct FeatureSet {
     texel: f64,

@@ -1,4 +1,4 @@
-//! The distance cut of a model: made when multi-resolution visibility is first asked for, then kept.
+//! The distance cut of a model: built on the first multi-resolution query, then kept.
 
 use super::Model;
 use super::engines::{SEED, Surfaces};
@@ -7,29 +7,29 @@ use crate::math::triangle_normal;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::threads::Threads;
 use crate::visibility::{
-    Bundle, Candidate, DistanceCut, Halves, LeafMode, MultiResolution, Route, RouteSample,
+    Bundle, Candidate, DistanceCut, LeafMode, MultiResolution, ReferenceHalves, Route, RouteSample,
 };
 use glam::Vec3;
 use sobol_burley::sample_4d;
 use std::sync::{Arc, PoisonError};
 
-/// Points of the sample that decides for single queries, beyond those of the pilot, and their number: as many as a batch's.
-const FIRST_SAMPLED: u32 = 1 << 17;
-const SAMPLED: u32 = 256;
+/// First number and count of the points that select the engine of single queries: numbers beyond those of the pilot, as many as for batches.
+const FIRST_POINT: u32 = 1 << 17;
+const SAMPLE_POINTS: u32 = 256;
 /// Largest number of segments of a bundle that the cut answers: the error of its model does not fall with more, and is known from
 /// samples of as many.
-const MAX_SAMPLED: usize = 256;
-/// Segments of each half of what tells a visible fraction: as many as the most of a bundle, so that the noise of a half is no larger.
-const TRUTH_RAYS: usize = 256;
+const MAX_SEGMENTS: usize = 256;
+/// Segments of each half of the reference of a visible fraction: [`MAX_SEGMENTS`], so that the noise of a half is no larger than that of a bundle.
+const REFERENCE_SEGMENTS: usize = 256;
 
 /// Segments of a point to an emitter.
-struct Sampled<'a> {
+struct PointSegments<'a> {
     packets: Vec<Packet>,
     emitter_size: f32,
     emitter: &'a [Vec3],
 }
 
-impl Sampled<'_> {
+impl PointSegments<'_> {
     fn bundle(&self) -> Bundle<'_> {
         Bundle { packets: &self.packets, emitter_size: self.emitter_size, emitter: self.emitter }
     }
@@ -62,7 +62,7 @@ impl Model {
             return engine.clone();
         }
         let n = bundle.packets.iter().map(Packet::len).sum::<usize>().max(1).next_power_of_two();
-        let Some(cut) = self.cut().filter(|_| n <= MAX_SAMPLED) else { return engine.clone() };
+        let Some(cut) = self.cut().filter(|_| n <= MAX_SEGMENTS) else { return engine.clone() };
         let octave = s.log2().floor();
         let routes = || self.inner.engines.routes.lock().unwrap_or_else(PoisonError::into_inner);
         let known = routes().get(&(octave as i32, n)).copied();
@@ -85,19 +85,19 @@ impl Model {
         let surfaces = Surfaces::receiving(self.scene(), self.bounds());
         let exact = self.exact();
         let mut blocked = Vec::new();
-        let (mut asked, mut truth) = (Vec::new(), Halves::default());
-        for k in FIRST_SAMPLED..FIRST_SAMPLED + SAMPLED {
+        let (mut asked, mut reference) = (Vec::new(), ReferenceHalves::default());
+        for k in FIRST_POINT..FIRST_POINT + SAMPLE_POINTS {
             let of = |set: u32, count: usize| self.segments(&surfaces, k, set, count);
-            let sets = [of(0, n), of(1, TRUTH_RAYS), of(2, TRUTH_RAYS)];
+            let sets = [of(0, n), of(1, REFERENCE_SEGMENTS), of(2, REFERENCE_SEGMENTS)];
             let [Some(own), Some(first), Some(second)] = sets else { continue };
-            for (half, rays) in truth.iter_mut().zip([first, second]) {
+            for (half, rays) in reference.iter_mut().zip([first, second]) {
                 half.push(exact.answer(rays.bundle(), &mut blocked).transmittance);
             }
             asked.push(own);
         }
         // Points do not lie together: each bundle is walked by itself.
         let runs: Vec<Vec<Bundle>> = asked.iter().map(|own| vec![own.bundle()]).collect();
-        let sample = RouteSample { runs, truth: &truth };
+        let sample = RouteSample { runs, reference: &reference };
         self.with_workspace(|workspace| engine.route(&sample, &sample.runs, s, workspace))
     }
 
@@ -116,7 +116,7 @@ impl Model {
 
     /// Stratified segments from point `k` on the surfaces to the front of an emitter, unless the point emits or faces none, or rounding
     /// turns the segments around. Points are even over all surfaces, sets of a point independent of each other.
-    fn segments(&self, surfaces: &Surfaces, k: u32, set: u32, count: usize) -> Option<Sampled<'_>> {
+    fn segments(&self, surfaces: &Surfaces, k: u32, set: u32, count: usize) -> Option<PointSegments<'_>> {
         let (scene, samplers) = (self.scene(), self.samplers());
         let [u, v, w, pick] = sobol(k, 0, SEED);
         let [side, ..] = sobol(k, 1, SEED);
@@ -146,6 +146,6 @@ impl Model {
         }
         Packet::share_slack(&mut packets);
         let forwards = packets.iter().all(|packet| packet.backwards == 0);
-        forwards.then(|| Sampled { packets, emitter_size, emitter: sampler.hull() })
+        forwards.then(|| PointSegments { packets, emitter_size, emitter: sampler.hull() })
     }
 }

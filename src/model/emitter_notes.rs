@@ -1,5 +1,5 @@
-//! What rays from the emitters tell about a scene: emitters whose front faces away from everything, most often because the corners of their
-//! faces are in the wrong order or a luminaire is aimed wrongly, or whose light ends on the outside of a space.
+//! Notes from rays of the emitters: emitters whose front faces away from all surfaces, most often because the corners of their faces are
+//! in the wrong order or a luminaire is aimed wrongly, or whose light ends on the outside of a space.
 
 use super::Model;
 use crate::embree::Hits;
@@ -21,12 +21,12 @@ pub(super) const PACKETS: usize = 4;
 const MAX_COMPARED_FACES: usize = 4096;
 /// Names that a note lists.
 const MAX_NAMES: usize = 3;
-/// Part of an emitter's rays that must meet surfaces for a note that these are the outside of a space, and the part of those that must meet such a
+/// Fraction of an emitter's rays that must meet surfaces for a note that these are the outside of a space, and the part of those that must meet such a
 /// side: some rays pass beside a ceiling, and some rays from below it leave through windows.
 const MIN_MET_SHARE: f64 = 0.5;
 const MIN_OUTSIDE_SHARE: f64 = 0.8;
 
-/// What to change if the light of luminaires, or else of emissive faces, misses everything.
+/// Advice if the light of luminaires, or of emissive faces, meets no surface.
 const AIM: &str = "check `at` and `aim` of its luminaire in the file of luminaires (of glTF, place and turn of the light's node)";
 const TURN: &str =
     "set ⟨LoadOptions::two_sided_emission⟩, or reverse the order of the corners of their faces";
@@ -77,7 +77,7 @@ impl Model {
         let (mut met, mut outside, mut nearest) = (0.0, 0.0, None::<(u32, f32)>);
         for (k, (packet, hits)) in packets.iter().zip(&hits).enumerate() {
             // The first instance holds the scene's own faces.
-            let own = |lane: &usize| hits.triangle[*lane] != Hits::NOTHING && hits.instance[*lane] == 0;
+            let own = |lane: &usize| hits.triangle[*lane] != Hits::NO_HIT && hits.instance[*lane] == 0;
             for lane in (0..LANES).filter(own).filter(|&lane| is_other(hits.triangle[lane])) {
                 let (triangle, at) = (hits.triangle[lane], packet.point(lane, hits.t[lane]));
                 let way = at - packet.point(lane, 0.0);
@@ -94,7 +94,7 @@ impl Model {
         nearest.filter(|_| enough)
     }
 
-    /// What one cosine-weighted ray meets from a point of a face, on the side of this normal and on the other.
+    /// Triangles that a cosine-weighted ray from a point of a face hits, on the side of this normal and on the other side.
     fn sides_meet(&self, at: Vec3, normal: Vec3, triangle: u32, number: u64) -> [Option<u32>; 2] {
         let length = 1.01 * self.bounds().diagonal();
         let [u, v, ..] = numbers(mix(u64::from(triangle)), number);
@@ -105,16 +105,16 @@ impl Model {
         }
         let mut hits = [Hits::NONE];
         self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
-        [0, 1].map(|lane| Some(hits[0].triangle[lane]).filter(|&t| t != Hits::NOTHING))
+        [0, 1].map(|lane| Some(hits[0].triangle[lane]).filter(|&t| t != Hits::NO_HIT))
     }
 
-    /// Emitters that are looked at: all, or evenly spread ones.
+    /// Emitters that are tested: all, or at most [`MAX_TESTED`] evenly spread ones.
     pub(super) fn tested_emitters(&self) -> Vec<&Emitter> {
         let emitters = &self.scene().emitters;
         emitters.iter().step_by(emitters.len().div_ceil(MAX_TESTED).max(1)).collect()
     }
 
-    /// Why no light arrives anywhere, and what to change.
+    /// Reason why no surface receives light, with advice.
     pub(crate) fn cause_of_darkness(&self) -> String {
         let emitters = &self.scene().emitters;
         let lamps = emitters.iter().filter(|emitter| self.is_luminaire(emitter)).count();
@@ -170,14 +170,14 @@ impl Model {
     fn meets_others(&self, emitter: &Emitter, side: f32) -> bool {
         let (_, hits) = self.rays_of_emitter(emitter, side);
         let other = |hits: &Hits, lane: usize| match hits.triangle[lane] {
-            Hits::NOTHING => false,
+            Hits::NO_HIT => false,
             // The first instance holds the scene's own faces.
             t => hits.instance[lane] != 0 || emitter.triangles.binary_search(&t).is_err(),
         };
         hits.iter().any(|hits| (0..LANES).any(|lane| other(hits, lane)))
     }
 
-    /// Cosine-weighted rays from one side of an emitter (1 front, −1 back), and what they meet.
+    /// Cosine-weighted rays from one side of an emitter (1 front, −1 back), and their hits.
     pub(super) fn rays_of_emitter(
         &self,
         emitter: &Emitter,
@@ -226,13 +226,13 @@ fn triangle_normal_towards([a, b, c]: [Vec3; 3], towards: Vec3) -> Vec3 {
 const DOME_MARGIN: f32 = 0.01;
 
 /// Distance up to which an object encloses an emitter as a bulb does, relative to the scene's diagonal: that of rooms is more.
-const ENCLOSED: f32 = 0.02;
+const ENCLOSURE_DISTANCE: f32 = 0.02;
 
 impl Model {
     /// A note if all light of emitters ends on one small object around them, as that of a lamp inside of an opaque bulb does.
     pub(super) fn note_of_enclosed_emitters(&self) -> Option<String> {
         let scene = self.scene();
-        let small = ENCLOSED * self.bounds().diagonal();
+        let small = ENCLOSURE_DISTANCE * self.bounds().diagonal();
         let enclosed = |emitter: &&Emitter| {
             let (packets, hits) = self.rays_of_emitter(emitter, 1.0);
             let mut around = None;
@@ -240,7 +240,7 @@ impl Model {
                 for lane in 0..LANES {
                     let triangle = hits.triangle[lane];
                     let way = hits.t[lane] * (packet.point(lane, 1.0) - packet.point(lane, 0.0)).length();
-                    if triangle == Hits::NOTHING || hits.instance[lane] != 0 || way > small {
+                    if triangle == Hits::NO_HIT || hits.instance[lane] != 0 || way > small {
                         return None;
                     }
                     let object = scene.triangle_object[triangle as usize];

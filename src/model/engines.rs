@@ -1,4 +1,4 @@
-//! Engines and samplers of a model that are made when they are first asked for, then kept.
+//! Engines and samplers of a model, made on first use, then kept.
 
 use super::Model;
 use crate::math::Aabb;
@@ -13,10 +13,10 @@ use sobol_burley::sample_4d;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Seed of their ends.
+/// Seed of the ends of sample segments.
 pub(super) const SEED: u32 = 0x6d72_7669;
 
-/// What is kept.
+/// Engines and samplers that are kept between queries.
 #[derive(Default)]
 pub(super) struct Engines {
     multi_resolution: OnceLock<MultiResolution>,

@@ -29,7 +29,7 @@ pub struct Clusters {
     pub measured: Option<Measured>,
 }
 
-/// What multi-resolution visibility needs beside the cluster trees.
+/// Optics and traversal tree for multi-resolution visibility, besides the cluster trees.
 pub struct Measured {
     /// One entry a cluster of `hierarchy.micro`.
     pub optics: Vec<ClusterOptics>,

@@ -1,8 +1,7 @@
 //! The prepared model: meshes, sources and everything that is computed once for a scene and shared by all queries.
 //!
-//! A [`Model`] is made from a [`Scene`] by [`Model::prepare`], is immutable, and is cheap to clone and to send between
-//! threads: clones share their parts by reference counts. Visibility, the radiosity solver, the path tracer and form
-//! factors all take a `&Model`.
+//! A [`Model`] is made from a [`Scene`] by [`Model::prepare`], is immutable, and is cheap to clone and to send between threads: clones
+//! share their parts by reference counts. Visibility, the radiosity solver, the path tracer and form factors all take a `&Model`.
 
 pub mod cache;
 mod cut;
@@ -52,7 +51,7 @@ pub fn embree_version() -> Result<String> {
 pub struct Model {
     inner: Arc<Inner>,
     ranks: Ranks,
-    /// The progress of what is asked of this handle.
+    /// Progress of the calls of this handle.
     watcher: Watcher,
 }
 
@@ -63,7 +62,7 @@ struct Inner {
     meshes: Vec<Arc<Mesh>>,
     /// The first instance places the first mesh as it is.
     instances: Vec<Instance>,
-    /// What stands above the instances; none if rays see only the first.
+    /// Embree scene and groups of the instances; none if rays see only the first instance.
     top: Option<TopLevel>,
     sources: Vec<Source>,
     revision: u64,
@@ -74,7 +73,7 @@ struct Inner {
 }
 
 impl Inner {
-    /// The same model, to be changed: what is kept between queries is made again.
+    /// A copy for changes: engines that are kept between queries are made again.
     fn copied(&self) -> Inner {
         Inner {
             scene: self.scene.clone(),
@@ -123,7 +122,7 @@ impl Model {
         Model { ranks, ..self }
     }
 
-    /// The same model, of which all that is asked reports to `progress` and can be stopped by it: `model.with_progress(bar).solve(&options)`.
+    /// The same model, whose calls report to `progress` and can be stopped by it: `model.with_progress(bar).solve(&options)`.
     /// Clones and [`Model::visibility`] keep it; models, solutions and form factors that are computed do not.
     #[must_use]
     pub fn with_progress(&self, progress: impl Progress + 'static) -> Model {
@@ -135,7 +134,7 @@ impl Model {
         Model { watcher: Watcher::default(), ..self.clone() }
     }
 
-    /// What computations report to.
+    /// The progress that computations report to.
     pub(crate) fn progress(&self) -> &dyn Progress {
         self.watcher.progress()
     }
@@ -181,7 +180,7 @@ impl Model {
         self.inner.threads.run(work)
     }
 
-    /// How much is prepared.
+    /// Level of detail that is prepared.
     pub fn detail(&self) -> Detail {
         match &self.base().clusters {
             None => Detail::Rays,
@@ -264,7 +263,7 @@ impl Model {
         }
     }
 
-    /// What [`Engine::Automatic`] stands for, other engines as they are. `sized`: whether a feature size is given.
+    /// Resolves [`Engine::Automatic`]; returns other engines unchanged. `sized`: whether a feature size is given.
     pub(crate) fn chosen(&self, engine: Engine, sized: bool) -> Engine {
         let averages = || self.detail() == Detail::Optics && self.scene().fine_ground.is_none();
         match engine {
@@ -320,7 +319,7 @@ impl Model {
             let mut hits = [Hits::NONE];
             self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
             let [Hits { triangle, instance, t }] = hits;
-            let face = (triangle[0] != Hits::NOTHING).then(|| self.end_on(instance[0], triangle[0]));
+            let face = (triangle[0] != Hits::NO_HIT).then(|| self.end_on(instance[0], triangle[0]));
             face.filter(|rule| t[0] <= rule.left_out())
         });
         faces.fold(own, |all, rule| if rule.slack() > all.slack() { rule } else { all })
@@ -334,8 +333,7 @@ impl Model {
 
 /// A source of light.
 ///
-/// Sky and sun will be variants of their own: they have no area and lie at infinity, so that code which matches must not
-/// assume a surface.
+/// Sky and sun will be variants of their own: they have no area and lie at infinity, so that code which matches must not assume a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Source {

@@ -1,4 +1,4 @@
-//! Where the surface of a given point is looked for.
+//! Places around a given point at which its surface is searched for.
 
 use super::Model;
 use crate::embree::Hits;
@@ -60,10 +60,10 @@ impl Model {
     fn part_met(&self, hits: &Hits, lane: usize) -> Option<(u32, u32)> {
         let (triangle, instance) = (hits.triangle[lane], hits.instance[lane]);
         let part = || self.mesh_of(instance).triangle_component[triangle as usize];
-        (triangle != Hits::NOTHING).then(|| (instance, part()))
+        (triangle != Hits::NO_HIT).then(|| (instance, part()))
     }
 
-    /// Number of cosine-weighted rays from a point that do not meet a wall, plus the mean distance to which all go, as a part of the longest in the
+    /// Number of cosine-weighted rays from a point that do not meet a wall, plus the mean distance to which all go, as a fraction of the longest in the
     /// scene.
     fn openness(&self, from: Vec3, normal: Vec3, wall: (u32, u32)) -> f32 {
         let length = 1.01 * self.bounds().diagonal();

@@ -10,25 +10,25 @@ use crate::scene::{Emitter, magnitude};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// A note reports surfaces above which rays start at more than this part of their distance from an emitter: shadows and reflected light there
-/// err by up to that part.
-const COARSE: f32 = 0.01;
-/// The same as a part of the height of an object on the surface: its shadow is too short by that part, here by a tenth.
-const SHORT: f32 = 0.1;
+/// Largest height at which rays start above a surface, relative to its distance from an emitter, without a note: shadows and reflected
+/// light there err by up to this fraction.
+const MAX_RELATIVE_HEIGHT: f32 = 0.01;
+/// The same relative to the height of an object on the surface: its shadow is too short by this fraction.
+const MAX_SHADOW_LOSS: f32 = 0.1;
 /// Distance by which the reader separates overlapping faces of one plane, as a multiple of the height at which rays start: 9e-6 of the
 /// largest coordinate against 2e-6, and their rounding.
-const MOVED: f32 = 6.0;
-/// Part of an emitter's rays that must meet such surfaces.
+const OVERLAP_SHIFT: f32 = 6.0;
+/// Fraction of an emitter's rays that must meet such surfaces.
 const MIN_COARSE_SHARE: f64 = 0.05;
 
 /// Largest number of things that are tested, evenly spread: limits the time to 0.1 million rays.
 const MAX_THINGS: usize = 4096;
-/// Height of a thing, as a part of its diagonal, up to which it is flush with the surface, as a panel in a ceiling is.
-const FLUSH: f32 = 0.01;
+/// Height of a thing, as a fraction of its diagonal, up to which it is flush with the surface, as a panel in a ceiling is.
+const MAX_FLUSH_HEIGHT: f32 = 0.01;
 /// Largest coordinate of a scene relative to its extent up to which it counts as centred: that of a centred one is half.
 const MAX_CENTRED: f32 = 0.75;
-/// How far outside the box of a thing its rays run, as a part of the extent of the box.
-const OUTSIDE: f32 = 0.01;
+/// Distance of the test rays from the box of a thing, as a fraction of the diagonal of the box.
+const RAY_OFFSET: f32 = 0.01;
 
 impl Model {
     /// A note if emitters light surfaces from so near that the precision of the surfaces' coordinates shows: rays start above a surface by
@@ -60,11 +60,13 @@ impl Model {
         let moved = self.scene().repairs.overlapping_objects > 0;
         let mut coarse = Vec::new();
         for (packet, hits) in packets.iter().zip(&hits) {
-            for lane in (0..LANES).filter(|&lane| hits.triangle[lane] != Hits::NOTHING) {
+            for lane in (0..LANES).filter(|&lane| hits.triangle[lane] != Hits::NO_HIT) {
                 let distance = (packet.point(lane, hits.t[lane]) - packet.point(lane, 0.0)).length();
                 let height = self.end_on(hits.instance[lane], hits.triangle[lane]).height();
-                let is_moved = moved && distance < MOVED * height;
-                coarse.extend((height > COARSE * distance && !is_moved).then_some((height, distance)));
+                let is_moved = moved && distance < OVERLAP_SHIFT * height;
+                coarse.extend(
+                    (height > MAX_RELATIVE_HEIGHT * distance && !is_moved).then_some((height, distance)),
+                );
             }
         }
         let enough = coarse.len() as f64 >= MIN_COARSE_SHARE * (PACKETS * LANES) as f64;
@@ -84,7 +86,7 @@ impl Model {
             .rev()
             .for_each(|(t, &part)| first[part as usize] = t as u32);
         // Nothing that rises higher than this stands on a surface that is too coarse for it.
-        let highest = self.end_rule().height() / SHORT;
+        let highest = self.end_rule().height() / MAX_SHADOW_LOSS;
         let low = |(_, own): &(&u32, &Aabb)| own.extent().min_element() < highest;
         let small: Vec<(&u32, &Aabb)> = first.iter().zip(&bounds).filter(low).collect();
         let tested: Vec<(&u32, &Aabb)> =
@@ -133,7 +135,7 @@ impl Model {
         // so that each connected part of it counts as a thing, even if the file names that object.
         let groups = if scene.objects.len() > 1 { &scene.triangle_object } else { &scene.triangle_component };
         let (middle, half) = (0.5 * (bounds.min + bounds.max), 0.5 * bounds.extent());
-        let margin = OUTSIDE * bounds.diagonal();
+        let margin = RAY_OFFSET * bounds.diagonal();
         let mut rays = Vec::with_capacity(24);
         for (down, beside) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
             for (to, from) in [(1.0f32, 1.0f32), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
@@ -157,14 +159,15 @@ impl Model {
                 hits[i / LANES].t[i % LANES],
             );
             // The first instance holds the scene's own faces.
-            let other = triangle != Hits::NOTHING
+            let other = triangle != Hits::NO_HIT
                 && instance == 0
                 && groups[triangle as usize] != groups[thing as usize];
             if other {
                 let start = self.end_on(instance, triangle).height();
                 let rise = t * way.length() + half.dot(way.abs().normalize_or_zero());
                 let ground = Ground { start, rise, triangle };
-                let is_low = ground.coarseness() > SHORT && rise > FLUSH * bounds.diagonal();
+                let is_low =
+                    ground.coarseness() > MAX_SHADOW_LOSS && rise > MAX_FLUSH_HEIGHT * bounds.diagonal();
                 grounds.extend(is_low.then_some(ground));
             }
         }
@@ -187,7 +190,7 @@ struct Ground {
 }
 
 impl Ground {
-    /// Part of the thing's height below which no rays start.
+    /// Fraction of the thing's height below which no rays start.
     fn coarseness(&self) -> f32 {
         self.start / self.rise
     }

@@ -58,7 +58,7 @@ pub struct PrepareOptions {
     pub(crate) clusters: clusters::Options,
     /// How their optics are measured.
     pub(crate) optics: optics::Options,
-    /// What the preparation reports to.
+    /// Progress of the preparation.
     pub(crate) watcher: Watcher,
 }
 
@@ -118,8 +118,7 @@ impl PrepareReport {
 }
 
 impl Model {
-    /// Prepares a scene: commits the Embree scenes, builds the clusters and measures their optics, or takes the clusters from
-    /// the cache.
+    /// Prepares a scene: commits the Embree scenes, builds the clusters and measures their optics, or takes the clusters from the cache.
     ///
     /// # Errors
     /// [`Error::Unsupported`] if the installed Embree is too old, [`Error::OutOfMemory`] or [`Error::Embree`] if it fails,
@@ -143,8 +142,7 @@ impl Model {
         threads.run(|| prepare(scene, &options, &threads, progress))?
     }
 
-    /// This model with at least as much prepared as `options` ask for. Embree scenes are kept; what is there already is not
-    /// made again.
+    /// This model with at least as much prepared as `options` ask for. Embree scenes are kept; what is there already is not made again.
     ///
     /// # Errors
     /// As [`Model::prepare`].
@@ -223,7 +221,7 @@ fn prepare(
     let mut report = PrepareReport::default();
     let device = Device::new(rayon::current_num_threads())?;
     progress.stage("building Embree's tree", 0);
-    let stop = Stop::of(progress);
+    let stop = StopCheck::of(progress);
     let stopped = || stop.asked();
     let scenes: Vec<&Arc<Scene>> = std::iter::once(&scene).chain(&scene.shared).collect();
     let traced = timed(&mut report.embree_s, || {
@@ -273,7 +271,7 @@ fn instances_of(scene: &Scene) -> Result<Vec<Instance>> {
     Ok(instances)
 }
 
-/// What stands above the instances, if rays see any beside the scene's own triangles; its time counts as Embree's.
+/// Embree scene and groups of the instances, if rays see any besides the scene's own triangles; its time counts as Embree's.
 fn top_level(inner: &mut Inner) -> Result<Option<TopLevel>> {
     if is_single(&inner.instances) {
         return Ok(None);
@@ -286,15 +284,15 @@ fn top_level(inner: &mut Inner) -> Result<Option<TopLevel>> {
     Ok(Some(top))
 }
 
-/// Whether a preparation shall stop: asks the caller, until it says so once.
-struct Stop<'a> {
+/// Check for cancellation of a preparation: once the caller has stopped it, the caller is not called again.
+struct StopCheck<'a> {
     progress: &'a dyn Progress,
     asked: AtomicBool,
 }
 
-impl Stop<'_> {
-    fn of(progress: &dyn Progress) -> Stop<'_> {
-        Stop { progress, asked: AtomicBool::new(false) }
+impl StopCheck<'_> {
+    fn of(progress: &dyn Progress) -> StopCheck<'_> {
+        StopCheck { progress, asked: AtomicBool::new(false) }
     }
 
     fn asked(&self) -> bool {
@@ -315,7 +313,7 @@ fn clusters_of(
     let how = cache::Options { clusters: options.clusters(), optics: options.optics };
     let start = time::Instant::now();
     let (mut clusters_s, mut optics_s) = (0.0, 0.0);
-    let stop = Stop::of(progress);
+    let stop = StopCheck::of(progress);
     let stopped = || stop.asked();
     let cancelled = || Error::Cancelled("stopped before the clusters were measured".into());
     // No optics are measured on the coarse faces of fine ground: averaged visibility refuses it.

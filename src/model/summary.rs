@@ -24,9 +24,9 @@ pub struct SceneSummary {
     pub levels: usize,
     /// The upward axis, `y` or `z`.
     pub up: String,
-    /// Where it is from: `given`, `that of glTF`, or `guessed from` something.
+    /// Source of the upward axis: `given`, `that of glTF`, or `guessed from` something.
     pub up_from: String,
-    /// What lights the scene from infinitely far: axes and north, the sky, the sun; one line each.
+    /// Sky and sun: axes and north, the sky, the sun; one line each.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sky: Vec<String>,
     /// Number of visible instances of shared meshes; absent in scenes without instances.

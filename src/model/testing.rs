@@ -9,7 +9,7 @@ pub fn model(scene: &Scene, detail: Detail) -> Model {
     Model::prepare(scene.clone(), &options).expect("a model")
 }
 
-/// The same model, as if its preparation had taken so many seconds.
+/// The same model, whose report states `seconds` for the preparation.
 pub fn prepared_in(mut model: Model, seconds: f64) -> Model {
     let inner = std::sync::Arc::get_mut(&mut model.inner).expect("no other copy");
     inner.report.embree_s = seconds;

@@ -73,13 +73,13 @@ fn placed_meshes_answer_like_copied_triangles() {
     let differ: u32 = a.iter().zip(&b).map(|(a, b)| (a ^ b).count_ones()).sum();
     let stopped: u32 = b.iter().map(|b| b.count_ones()).sum();
     assert!(stopped > 1000 && differ <= 6, "{differ} of {stopped} blocked segments differ");
-    let truth: Vec<f32> = b.iter().map(|b| 1.0 - b.count_ones() as f32 / LANES as f32).collect();
+    let reference: Vec<f32> = b.iter().map(|b| 1.0 - b.count_ones() as f32 / LANES as f32).collect();
     for s in [0.05, 0.3, 2.0] {
         let [of_placed, of_copied] = [&placed, &copied].map(|model| {
             let found = transmittances(model, &packets, s);
             let n = found.len() as f32;
-            let rms = (found.iter().zip(&truth).map(|(f, t)| (f - t).powi(2)).sum::<f32>() / n).sqrt();
-            let bias = found.iter().zip(&truth).map(|(f, t)| f - t).sum::<f32>() / n;
+            let rms = (found.iter().zip(&reference).map(|(f, t)| (f - t).powi(2)).sum::<f32>() / n).sqrt();
+            let bias = found.iter().zip(&reference).map(|(f, t)| f - t).sum::<f32>() / n;
             (rms, bias)
         });
         assert!(of_placed.0 < 1.3 * of_copied.0 + 0.01, "s = {s}: RMS, bias {of_placed:?} and {of_copied:?}");

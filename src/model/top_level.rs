@@ -1,4 +1,4 @@
-//! What stands above the instances of a model: the Embree scene of instances and the groups of instances.
+//! The top level of a model: the Embree scene of instances and the groups of instances.
 
 use super::instance::Instance;
 use super::mesh::{Measured, Mesh};
@@ -21,8 +21,8 @@ pub struct TopLevel {
     pub groups: Option<Arc<InstanceTree>>,
 }
 
-/// What stood above the instances before an update.
-pub struct Before<'a> {
+/// The top level before an update.
+pub struct Previous<'a> {
     pub top: &'a TopLevel,
     pub instances: &'a [Instance],
     /// The instances that the update changes, each once; those that it adds have the numbers after `instances`.
@@ -30,7 +30,7 @@ pub struct Before<'a> {
 }
 
 impl TopLevel {
-    /// Builds everything above the instances; takes groups without changed instances from `before`.
+    /// Builds the top level; takes groups without changed instances from `before`.
     ///
     /// # Errors
     /// [`crate::Error::Embree`] if Embree reports an error.
@@ -39,7 +39,7 @@ impl TopLevel {
         meshes: &[Arc<Mesh>],
         instances: &[Instance],
         options: &optics::Options,
-        before: Option<&Before>,
+        before: Option<&Previous>,
     ) -> Result<TopLevel> {
         let mut builder = SceneBuilder::new(device)?;
         for (i, instance) in present(instances) {
@@ -71,7 +71,7 @@ fn groups(
     measured: &[&Measured],
     instances: &[Instance],
     options: &optics::Options,
-    before: Option<&Before>,
+    before: Option<&Previous>,
 ) -> InstanceTree {
     let bounds = |instance: &Instance| instance.bounds(&meshes[instance.mesh as usize].scene);
     let before = before.and_then(|before| Some((before, before.top.groups.as_deref()?)));

@@ -1,7 +1,7 @@
 //! Updates: instances move, come, go, appear and disappear; meshes stay as they are.
 
 use super::instance::{Instance, InstanceChange, is_single};
-use super::top_level::{Before, TopLevel};
+use super::top_level::{Previous, TopLevel};
 use super::{Inner, Model};
 use crate::{Error, Result};
 use std::collections::BTreeSet;
@@ -39,7 +39,7 @@ impl Model {
         }
         let changed: Vec<u32> = changed.into_iter().collect();
         let before =
-            inner.top.as_ref().map(|top| Before { top, instances: &inner.instances, changed: &changed });
+            inner.top.as_ref().map(|top| Previous { top, instances: &inner.instances, changed: &changed });
         let top = match is_single(&instances) {
             true => None,
             false => Some(self.on_threads(|| {

@@ -15,8 +15,7 @@ use std::f32::consts::PI;
 /// Number of independent groups of samples; the standard error is estimated from their spread. Samples inside a group
 /// are stratified (Owen 1997), so their own spread would overestimate the error.
 const GROUPS: u32 = 8;
-/// Number of paths advanced together: limits the buffers of a thread to 2 × 512 paths of 40 bytes. Affects only the
-/// rounding of sums.
+/// Number of paths advanced together: limits the buffers of a thread to 2 × 512 paths of 40 bytes. Affects only the rounding of sums.
 const BATCH_PATHS: u32 = 512;
 /// Number of bounces without Russian roulette: affects noise and time, not the mean (Arvo and Kirk 1990).
 const MIN_BOUNCES: u32 = 3;
@@ -134,7 +133,7 @@ impl<'a> Paths<'a> {
                     add(sum, direct[lane]);
                 }
                 let direction = directions[lane];
-                if let Some(sky) = self.sky.filter(|_| hits.triangle[lane] == Hits::NOTHING) {
+                if let Some(sky) = self.sky.filter(|_| hits.triangle[lane] == Hits::NO_HIT) {
                     let far = direction.as_dvec3();
                     let chance = f64::from(path.normal.dot(direction) / PI);
                     let share = if sky.sky().is_some() { chance / (chance + sky.pdf(far)) } else { 1.0 };
@@ -240,8 +239,7 @@ impl<'a> Paths<'a> {
     }
 }
 
-/// Random numbers in `[0, 1)` for one bounce of one sample: two for the direction, three for the emitter, one for
-/// Russian roulette.
+/// Random numbers in `[0, 1)` for one bounce of one sample: two for the direction, three for the emitter, one for Russian roulette.
 fn numbers(stream: u64, bounce: u32, sample: u32) -> ([f32; 4], [f32; 4]) {
     let (group, index) = (sample % GROUPS, sample / GROUPS);
     let seed =

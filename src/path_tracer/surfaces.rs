@@ -93,7 +93,7 @@ impl<'a> Surfaces<'a> {
         /// Largest number of surfaces that are tried.
         const MAX_SURFACES: usize = 64;
         /// Distance to which faces of one plane are moved off each other, in skins of the face.
-        const STACKED: f32 = 7.0;
+        const STACK_DISTANCE: f32 = 7.0;
         let mut ray = Packet::EMPTY;
         ray.set_ray(0, given + self.slack * normal, -normal);
         (ray.near[0], ray.far[0]) = (0.0, 2.0 * self.slack);
@@ -104,7 +104,8 @@ impl<'a> Surfaces<'a> {
             let Some(hit) = self.place(&ray, &hits, 0, -normal) else { break };
             let depth = hits.t[0] - self.slack;
             // Of faces that were moved off each other the first is that of this side of the common plane.
-            let nearer = |(other, _): &(f32, SurfaceHit)| depth.abs() + STACKED * hit.skin < other.abs();
+            let nearer =
+                |(other, _): &(f32, SurfaceHit)| depth.abs() + STACK_DISTANCE * hit.skin < other.abs();
             // A point that lies higher than rays start has the light of its place.
             let is_on = depth <= hit.skin.max(skin([given]));
             if hit.cosine.abs() >= 0.5 && is_on && found.as_ref().is_none_or(nearer) {
@@ -128,7 +129,7 @@ impl<'a> Surfaces<'a> {
     /// The hit of a lane whose ray has the unit vector `direction`; `None` if the ray left the scene.
     pub fn place(&self, ray: &Packet, hits: &Hits, lane: usize, direction: Vec3) -> Option<SurfaceHit<'_>> {
         let t = hits.triangle[lane];
-        if t == Hits::NOTHING {
+        if t == Hits::NO_HIT {
             return None;
         }
         let instance = &self.model.instances()[hits.instance[lane] as usize];

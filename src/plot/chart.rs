@@ -51,7 +51,7 @@ pub struct Series {
     pub name: String,
     /// The points. Points that an axis cannot show (not finite, or not positive on a logarithmic axis) are omitted.
     pub points: Vec<PlotPoint>,
-    /// How the points are drawn.
+    /// Style of the points.
     pub marks: Marks,
 }
 
@@ -62,7 +62,7 @@ impl Series {
     }
 }
 
-/// How the points of a series are drawn.
+/// Style of the points of a series.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Marks {
     /// Dots.
@@ -302,8 +302,7 @@ fn text(root: &Area<'_>, what: &str, at: (i32, i32), size: i32, colour: RGBColor
     root.draw(&Text::new(what.to_string(), at, style))
 }
 
-/// The text and a font size at most `size` so that it is not wider than `width` pixels: smaller down to 10 pixels, then
-/// cut.
+/// The text and a font size at most `size` so that it is not wider than `width` pixels: smaller down to 10 pixels, then cut.
 fn fitted(what: &str, size: i32, width: i32) -> (String, i32) {
     let fits = |what: &str, size: &i32| text_width(what, *size) <= width;
     if let Some(size) = (10..=size).rev().find(|size| fits(what, size)) {

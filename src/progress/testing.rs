@@ -4,9 +4,9 @@ use super::Progress;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
-/// What a computation has reported.
+/// Progress that a computation has reported.
 #[derive(Clone, Copy, Debug)]
-pub struct Told<'a> {
+pub struct ReportedProgress<'a> {
     /// The stage that has begun last, empty before the first.
     pub stage: &'a str,
     /// Stages that have begun.
@@ -15,11 +15,11 @@ pub struct Told<'a> {
     pub stage_steps: u64,
     /// Steps of all stages that are done.
     pub steps: u64,
-    /// Questions whether to stop, this one included.
+    /// Number of checks for cancellation, this one included.
     pub asked: u64,
 }
 
-/// A caller who stops, for good, by what it was told.
+/// A caller that stops permanently once a condition on the reported progress holds.
 pub struct StopWhen<F> {
     begun: Mutex<Vec<String>>,
     stage_steps: AtomicU64,
@@ -30,7 +30,7 @@ pub struct StopWhen<F> {
 }
 
 /// A caller who stops when `is_over`.
-pub fn stop_when<F: Fn(Told) -> bool + Send + Sync>(is_over: F) -> StopWhen<F> {
+pub fn stop_when<F: Fn(ReportedProgress) -> bool + Send + Sync>(is_over: F) -> StopWhen<F> {
     let [stage_steps, steps, asked] = std::array::from_fn(|_| AtomicU64::new(0));
     let (begun, has_stopped) = Default::default();
     StopWhen { begun, stage_steps, steps, asked, has_stopped, is_over }
@@ -47,13 +47,13 @@ impl<F> StopWhen<F> {
         self.steps.load(Relaxed)
     }
 
-    /// How often it was asked whether to stop.
+    /// Number of checks for cancellation.
     pub fn asked(&self) -> u64 {
         self.asked.load(Relaxed)
     }
 }
 
-impl<F: Fn(Told) -> bool + Send + Sync> Progress for StopWhen<F> {
+impl<F: Fn(ReportedProgress) -> bool + Send + Sync> Progress for StopWhen<F> {
     fn stage(&self, name: &str, _: u64) {
         self.begun.lock().unwrap().push(name.into());
         self.stage_steps.store(0, Relaxed);
@@ -67,7 +67,7 @@ impl<F: Fn(Told) -> bool + Send + Sync> Progress for StopWhen<F> {
     fn stopped(&self) -> bool {
         let asked = self.asked.fetch_add(1, Relaxed) + 1;
         let begun = self.begun.lock().unwrap();
-        let told = Told {
+        let told = ReportedProgress {
             stage: begun.last().map_or("", String::as_str),
             stages: begun.len(),
             stage_steps: self.stage_steps.load(Relaxed),

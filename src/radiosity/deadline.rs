@@ -1,4 +1,4 @@
-//! When each stage of a solution must end: on an interruption, or when its part of the given time is used up.
+//! Deadlines of the stages of a solution: a stage ends on an interruption, or when its share of the time limit is used up.
 //!
 //! The shares of the time between stages are in this file; stages receive a [`Deadline`] and never compute one from the options.
 
@@ -10,31 +10,30 @@ use std::time::Instant;
 // office with 14 s is 8.5, 10.6 or 10.4 % instead of 9.2 %, that of a kitchen with 20 s 21.4, 13.3 or 13.3 % instead of 13.8 %
 // (`scenes/room.py SCENE --elements 1500 --options='--max-seconds 14 --threads 1'`, with 20 for the kitchen).
 
-/// Seconds, and part of the whole time, by which the last stages may exceed the limit: the options state
-/// the limit as approximate.
+/// Seconds, and part of the whole time, by which the last stages may exceed the limit: the options state the limit as approximate.
 const GRACE_SECONDS: f64 = 0.5;
 const GRACE_SHARE: f64 = 0.05;
-/// Part of the time after preparation for the light of elements, without and with points to follow: a quarter
+/// Fraction of the time after preparation for the light of elements, without and with points to follow: a quarter
 /// is kept for the final gather; without points a tenth is kept for the error of the estimated time.
 const LIGHT_SHARE: f64 = 0.9;
 const LIGHT_SHARE_BEFORE_POINTS: f64 = 0.75;
-/// Part of the time for light in which links are refined, before a local pass and before all links are measured again:
+/// Fraction of the time for light in which links are refined, before a local pass and before all links are measured again:
 /// the rest is for the local pass, or for the second measurement and the last sweeps.
 const REFINEMENT_SHARE_BEFORE_LOCAL_PASS: f64 = 0.4;
 const REFINEMENT_SHARE: f64 = 0.6;
-/// Part of the time of the local pass that its rays may take; the solver of its matrix has the other half.
+/// Fraction of the time of the local pass that its rays may take; the solver of its matrix has the other half.
 pub const RAY_SHARE: f64 = 0.5;
-/// Part of the time that is left after the local pass that the rays of its elements are planned for, by the speed of those before.
+/// Fraction of the time that is left after the local pass that the rays of its elements are planned for, by the speed of those before.
 pub const GATHER_SHARE: f64 = 0.8;
-/// Part of the time of a point query that its rays are planned for: the estimate comes from a sample of points, so
+/// Fraction of the time of a point query that its rays are planned for: the estimate comes from a sample of points, so
 /// that a fifth is kept for its error.
 pub const QUERY_SHARE: f64 = 0.8;
 
-/// The time limit of a piece of work. Inner loops ask for it every few milliseconds.
+/// The time limit of a computation. Inner loops check it every few milliseconds.
 #[derive(Clone, Copy)]
 pub struct Deadline<'a> {
     progress: &'a dyn Progress,
-    /// Tells the time. Tests count calls instead of seconds.
+    /// Clock; tests use one that counts calls.
     clock: fn() -> Instant,
     begun: Instant,
     /// Seconds that count as spent before `begun`.
@@ -44,7 +43,7 @@ pub struct Deadline<'a> {
 }
 
 impl<'a> Deadline<'a> {
-    /// A deadline so many seconds from now. Without a number only an interruption ends the work.
+    /// A deadline this number of seconds from now; with `None` only an interruption ends the computation.
     pub fn start(progress: &'a dyn Progress, seconds: Option<f64>) -> Deadline<'a> {
         let clock = Instant::now;
         Deadline { progress, clock, begun: clock(), spent: 0.0, seconds: seconds.unwrap_or(f64::INFINITY) }
@@ -56,7 +55,7 @@ impl<'a> Deadline<'a> {
         Deadline { clock, begun: clock(), ..self }
     }
 
-    /// The same deadline with so many seconds spent before its start.
+    /// The same deadline with these seconds already spent before its start.
     pub fn after(self, spent: f64) -> Deadline<'a> {
         Deadline { spent, ..self }
     }
@@ -98,12 +97,12 @@ impl<'a> Deadline<'a> {
         self.progress.stopped()
     }
 
-    /// Tells the caller that a stage of so many steps begins.
+    /// Reports to the caller that a stage of `steps` steps begins.
     pub fn stage(&self, name: &str, steps: usize) {
         self.progress.stage(name, steps as u64);
     }
 
-    /// Tells the caller that so many more steps of the stage are done.
+    /// Reports to the caller that `steps` more steps of the stage are done.
     pub fn advance(&self, steps: usize) {
         self.progress.advance(steps as u64);
     }

@@ -28,6 +28,6 @@ mod transport;
 pub(crate) use {audit::Ledger, pipeline::Seconds};
 pub use {
     audit::Powers,
-    options::{Inside, Options, RowSums, SolveOptions, View},
+    options::{Inside, Options, RowNormalisation, SolveOptions, View},
     pipeline::{Outcome, PointLight, Record, Solution, run, solve},
 };

@@ -5,10 +5,10 @@ use crate::model::cache::CacheLocation;
 use crate::visibility::Engine;
 use glam::DVec3;
 
-/// How the form factors of an element from which no light leaves the scene are brought to their sum, 1.
+/// Normalisation of the row sums of form factors, for elements from which no light leaves the scene, to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum RowSums {
+pub enum RowNormalisation {
     /// No normalisation: the sums that sampling gave. The record always reports them; solving with them shows what
     /// normalisation changes.
     Sampled,
@@ -31,7 +31,7 @@ pub enum Inside {
     Visible,
 }
 
-/// Where a camera is, for importance.
+/// Position and view of a camera, for importance.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct View {
     /// Position of the camera, in the file's coordinates.
@@ -62,7 +62,7 @@ options! {
         /// How row sums of form factors are normalised, along links and in the local pass.
         #[doc(hidden)]
         #[serde(rename = "rows")]
-        pub row_sums: RowSums = RowSums::default();
+        pub row_sums: RowNormalisation = RowNormalisation::default();
         /// Algorithm that builds the clusters.
         #[doc(hidden)]
         pub builder: Builder = Builder::default();
@@ -154,13 +154,13 @@ impl SolveOptions {
             .unwrap_or((LOCAL_RAYS_TIMES_ERROR_SQUARED / self.error.powi(2)).clamp(1e5, 1e8) as usize)
     }
 
-    /// Smallest element of the local pass as part of the scene's area: so large that its share of the rays tells its light
+    /// Smallest element of the local pass as a fraction of the scene's area: so large that its share of the rays tells its light
     /// from that of its neighbours.
     pub(crate) fn local_area(&self) -> f64 {
         self.min_area.min(Self::area_for(self.local_rays() as f64))
     }
 
-    /// The same area for a local pass of so many rays.
+    /// The same area for a local pass of this number of rays.
     pub(crate) fn area_for(rays: f64) -> f64 {
         RAYS_OF_SMALLEST_ELEMENT / rays.max(1.0)
     }

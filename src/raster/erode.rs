@@ -39,16 +39,16 @@ pub(super) fn erode(from: &BitImage, to: &mut BitImage, mode: Morphology, outsid
     }
 }
 
-/// Erodes `image` by at most so many steps, until no object pixel is left; with the number of steps.
+/// Erodes `image` by at most `max_steps` steps, until no object pixel is left; with the number of steps.
 pub(super) fn erode_by(
     image: &BitImage,
-    most: usize,
+    max_steps: usize,
     mode: Morphology,
     outside: Outside,
 ) -> (BitImage, usize) {
     let (mut a, mut b) = (image.clone(), BitImage::new(image.width(), image.height()));
     let mut steps = 0;
-    while steps < most && !a.is_empty() {
+    while steps < max_steps && !a.is_empty() {
         erode(&a, &mut b, mode, outside);
         std::mem::swap(&mut a, &mut b);
         steps += 1;

@@ -4,8 +4,7 @@
 use super::erode::{erode_by, expand_by};
 use super::{BitImage, Edt, Morphology, Outside};
 
-/// Openings of one image by many sizes. Background lies outside the image: an object at the border is measured by its
-/// visible part.
+/// Openings of one image by many sizes. Background lies outside the image: an object at the border is measured by its visible fraction.
 ///
 /// With [`Morphology::Euclid`] the opening by size s (pixels) is the union of all discs of radius s/2 inside the
 /// object, found by two distance transforms: the core {depth > s/2}, and the pixels no further than s/2 from the core.

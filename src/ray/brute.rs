@@ -10,7 +10,7 @@ pub struct Brute {
 
 /// Result of exact arithmetic, with the cases in which f32 arithmetic may differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum HitResult {
     /// No triangle blocks the segment, by more than the tolerance.
     Clear,
     /// The interior of a triangle blocks the segment, by more than the tolerance.
@@ -28,9 +28,9 @@ impl Brute {
 
     /// Tests the segment `origin + t direction`, `near <= t <= far`. `tolerance` (dimensionless) is relative to the
     /// compared quantity: barycentric coordinates, segment parameter, sine of the angle to the plane.
-    pub fn verdict(&self, origin: Vec3, direction: Vec3, near: f32, far: f32, tolerance: f64) -> Verdict {
+    pub fn verdict(&self, origin: Vec3, direction: Vec3, near: f32, far: f32, tolerance: f64) -> HitResult {
         let (o, d) = (origin.as_dvec3(), direction.as_dvec3());
-        let mut result = Verdict::Clear;
+        let mut result = HitResult::Clear;
         for [a, b, c] in &self.corners {
             // Möller and Trumbore 1997, without early exits so that margins can be computed.
             let (e1, e2) = (b - a, c - a);
@@ -45,7 +45,7 @@ impl Brute {
                 let reach = d.length() + s.length();
                 let close = normal.dot(s).abs().min(normal.dot(s + d).abs()) <= tolerance * reach;
                 if close {
-                    result = Verdict::Marginal;
+                    result = HitResult::Marginal;
                 }
                 continue;
             }
@@ -62,10 +62,10 @@ impl Brute {
             // the normal.
             let reach = tolerance * (1.0 + size * area / det.abs());
             if inside > slack && range > reach {
-                return Verdict::Blocked;
+                return HitResult::Blocked;
             }
             if inside >= -slack && range >= -reach {
-                result = Verdict::Marginal;
+                result = HitResult::Marginal;
             }
         }
         result
@@ -81,7 +81,7 @@ impl Occluder for Brute {
                 .filter(|&i| {
                     let [o, e] =
                         [&packet.origin, &packet.direction].map(|v| Vec3::from(v.map(|axis| axis[i])));
-                    self.verdict(o, e, packet.near[i], packet.far[i], 0.0) != Verdict::Clear
+                    self.verdict(o, e, packet.near[i], packet.far[i], 0.0) != HitResult::Clear
                 })
                 .fold(0, |mask, lane| mask | 1 << lane);
         }

@@ -4,7 +4,7 @@
 mod brute;
 
 #[cfg(test)]
-pub use brute::{Brute, Verdict};
+pub use brute::{Brute, HitResult};
 
 use crate::math::sampling::Site;
 use glam::Vec3;

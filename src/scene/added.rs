@@ -170,7 +170,7 @@ fn take_degrees(soup: &mut Soup, of: &Soup, first: [u32; 2]) {
     soup.metres_of_degree = soup.metres_of_degree.or(of.metres_of_degree);
 }
 
-/// How the earth curves away below a scene that was measured on a map: at the horizontal distance d from the middle, heights are d²/2R less.
+/// Curvature of the earth below a scene that was measured on a map: at the horizontal distance d from the middle, heights are d²/2R less.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Curved {
     up: UpAxis,
@@ -180,7 +180,7 @@ pub(crate) struct Curved {
 }
 
 impl Curved {
-    /// Lowers the vertices of a soup, in scene units of so many `metres`, by `factor` times the radius of the earth.
+    /// Lowers the vertices of a soup by the curvature of `factor` times the radius of the earth; `metres`: length of a scene unit.
     ///
     /// # Errors
     /// The factor is out of range, or it is not known which axis is upward.
@@ -204,7 +204,7 @@ impl Curved {
         Ok(curved)
     }
 
-    /// Where a point of the map lies, and its turned normal.
+    /// Position of a point of the map on the curved earth, and its turned normal.
     pub fn place(&self, position: DVec3, normal: DVec3) -> (DVec3, DVec3) {
         let up = self.up.vector().as_dvec3();
         let across = (position - self.middle).reject_from_normalized(up);

@@ -3,7 +3,7 @@
 use crate::math::sampling::mix;
 use glam::DVec2;
 
-/// BoxCell of a grid: the exponent of two of its size, and its place.
+/// A cell of a grid: the exponent of two of its size, and its place.
 type BoxCell = (i32, i64, i64);
 
 /// Boxes in the plane, each entered into the cells of a grid of its own size: in at most four cells.

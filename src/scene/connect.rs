@@ -113,7 +113,7 @@ impl Scene {
         bounds
     }
 
-    /// Groups of some triangles across their common edges: for each the place in the list of the first of its group. `joins` says whether
+    /// Groups of some triangles across their common edges: for each the place in the list of the first of its group. `joins` states whether
     /// two neighbours are joined, by their places.
     pub(crate) fn joined_across_edges(
         &self,

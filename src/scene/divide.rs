@@ -18,17 +18,17 @@ use rustc_hash::FxHashMap;
 use std::collections::VecDeque;
 
 /// Height at which rays start above a face, relative to its largest coordinate (`ray::EndRule::height`).
-const START: f32 = 2e-6;
-/// Largest such height relative to the size of a thing near the face, or to its distance if that is more. Floors of 10 km below a lamp of 1 m
-/// have direct light within .1 % and paths within 1 %.
-const COARSE: f32 = 0.01;
-/// The same for the parts of a face: their neighbours, which count for rounding as well, are up to four times as large.
-const FINE: f32 = 0.25 * COARSE;
+const RAY_START_HEIGHT: f32 = 2e-6;
+/// Largest start height of rays relative to the size of a small part near the face, or to its distance if that is more. Floors of 10 km below
+/// a lamp of 1 m have direct light within .1 % and paths within 1 %.
+const MAX_COARSE: f32 = 0.01;
+/// The same limit for the halves of a divided face: their neighbours, which count for rounding as well, are up to four times as large.
+const MAX_FINE: f32 = 0.25 * MAX_COARSE;
 /// Smallest ratio of the largest coordinate of a face to that of a thing for which division helps: parts beside the thing still have its coordinates.
 const MIN_GAIN: f32 = 2.0;
 /// Largest number of pairs of a face and a thing that are compared: some 0.2 s. Of more, all that emit are compared, and others evenly spread.
 const MAX_PAIRS: usize = 100_000_000;
-/// Largest number of triangles that are divided before another one: edges that grow from triangle to triangle by ever so little make a long chain.
+/// Largest number of triangles that are divided before another one: edges that grow slightly from triangle to triangle make a long chain.
 const MAX_CHAIN: usize = 256;
 /// Largest number of triangles that are added to a scene. A lamp on a floor of 1,000 km needs 300.
 const MAX_ADDED: usize = 1 << 16;
@@ -66,7 +66,7 @@ pub(super) fn divide(
 type Coarse = Vec<(u32, Vec<u32>)>;
 
 /// Things, and the triangles that are too coarse for some of them with the numbers of these; none if there are none.
-fn coarse(faces: &Triangles, parts: &Parts, positions: &[Vec3], soup: &Soup) -> Option<(Vec<Thing>, Coarse)> {
+fn coarse(faces: &Triangles, parts: &Parts, positions: &[Vec3], soup: &Soup) -> Option<(Vec<Part>, Coarse)> {
     let place = |t: &u32| faces.triangles[*t as usize].map(|v| positions[v as usize]);
     // A face that reaches from its largest coordinate to a thing with less than half of that is about as large.
     let is_wide = |t: &u32| {
@@ -75,14 +75,14 @@ fn coarse(faces: &Triangles, parts: &Parts, positions: &[Vec3], soup: &Soup) -> 
     };
     let wide: Vec<u32> = (0..faces.triangles.len() as u32).filter(is_wide).collect();
     let largest = wide.iter().map(|t| magnitude(place(t))).fold(0.0, f32::max);
-    let (lamps, others): (Vec<Thing>, Vec<Thing>) =
+    let (lamps, others): (Vec<Part>, Vec<Part>) =
         things(faces, parts, positions, soup, largest).into_iter().partition(|thing| thing.emits);
     let step = (others.len().saturating_mul(wide.len())).div_ceil(MAX_PAIRS).max(1);
-    let things: Vec<Thing> = lamps.into_iter().chain(others.into_iter().step_by(step)).collect();
+    let things: Vec<Part> = lamps.into_iter().chain(others.into_iter().step_by(step)).collect();
     let near = |t: &u32| {
         let (corners, all) = (place(t), 0..things.len() as u32);
         let (own, magnitude) = (Aabb::of(corners), magnitude(corners));
-        let is_near = |i: &u32| things[*i as usize].is_too_small_for(&own, magnitude, COARSE);
+        let is_near = |i: &u32| things[*i as usize].is_too_small_for(&own, magnitude, MAX_COARSE);
         let near: Vec<u32> = all.filter(is_near).collect();
         (!near.is_empty()).then_some((*t, near))
     };
@@ -91,26 +91,26 @@ fn coarse(faces: &Triangles, parts: &Parts, positions: &[Vec3], soup: &Soup) -> 
 }
 
 /// A connected part of the scene.
-struct Thing {
+struct Part {
     bounds: Aabb,
     size: f32,
     magnitude: f32,
     emits: bool,
 }
 
-impl Thing {
+impl Part {
     /// Whether rays that start from a face with these bounds and this largest coordinate start too high for the thing, which division helps.
     fn is_too_small_for(&self, face: &Aabb, magnitude: f32, coarse: f32) -> bool {
-        if magnitude <= MIN_GAIN * self.magnitude || START * magnitude <= coarse * self.size {
+        if magnitude <= MIN_GAIN * self.magnitude || RAY_START_HEIGHT * magnitude <= coarse * self.size {
             return false;
         }
         let gap = (self.bounds.min - face.max).max(face.min - self.bounds.max).max(Vec3::ZERO);
-        START * magnitude > coarse * gap.length()
+        RAY_START_HEIGHT * magnitude > coarse * gap.length()
     }
 }
 
 /// The parts of the scene that are too small for a face with this largest coordinate.
-fn things(faces: &Triangles, parts: &Parts, positions: &[Vec3], soup: &Soup, largest: f32) -> Vec<Thing> {
+fn things(faces: &Triangles, parts: &Parts, positions: &[Vec3], soup: &Soup, largest: f32) -> Vec<Part> {
     let mut all = vec![(Aabb::EMPTY, false); parts.closed.len()];
     for (t, corners) in faces.triangles.iter().enumerate() {
         let (bounds, emits) = &mut all[parts.part[faces.polygon[t] as usize] as usize];
@@ -119,8 +119,8 @@ fn things(faces: &Triangles, parts: &Parts, positions: &[Vec3], soup: &Soup, lar
     }
     let thing = |(bounds, emits): (Aabb, bool)| {
         let (size, magnitude) = (bounds.diagonal(), magnitude([bounds.min, bounds.max]));
-        let is_small = size > 0.0 && START * largest > COARSE * size;
-        is_small.then_some(Thing { bounds, size, magnitude, emits })
+        let is_small = size > 0.0 && RAY_START_HEIGHT * largest > MAX_COARSE * size;
+        is_small.then_some(Part { bounds, size, magnitude, emits })
     };
     all.into_iter().filter(|(own, _)| own.min.x <= own.max.x).filter_map(thing).collect()
 }
@@ -163,12 +163,12 @@ impl Division<'_> {
     }
 
     /// Divides triangles as long as they are too coarse for some of the things, the largest first.
-    fn run(&mut self, things: &[Thing]) {
+    fn run(&mut self, things: &[Part]) {
         let most = self.is_left.len() + 2 * MAX_ADDED;
         while let Some(t) = self.queue.pop_front() {
             let corners = self.faces.triangles[t as usize].map(|v| self.positions[v as usize]);
             let (own, magnitude) = (Aabb::of(corners), magnitude(corners));
-            self.near[t as usize].retain(|&i| things[i as usize].is_too_small_for(&own, magnitude, FINE));
+            self.near[t as usize].retain(|&i| things[i as usize].is_too_small_for(&own, magnitude, MAX_FINE));
             if self.is_left[t as usize] && !self.near[t as usize].is_empty() && self.is_left.len() < most {
                 self.bisect(t);
             }

@@ -68,7 +68,7 @@ impl EmitterSampler {
         &self.hull
     }
 
-    /// Whether the front of any face looks at a point.
+    /// Whether the front of any face faces a point.
     pub fn faces(&self, position: Vec3) -> bool {
         self.normals.iter().zip(&self.corners).any(|(n, &corner)| n.dot(position - corner) > 0.0)
     }

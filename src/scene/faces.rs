@@ -2,7 +2,7 @@
 
 use super::{
     MAX_REFLECTANCE, Repairs, Soup, SoupMaterial,
-    keep::Kept,
+    keep::KeptPolygons,
     size::twice_area,
     triangulate::{Shape, Triangulator},
 };
@@ -24,7 +24,7 @@ pub(super) struct Triangles {
 /// Triangulates all kept polygons; also returns which of them are broken.
 pub(super) fn triangulate(
     soup: &Soup,
-    kept: &Kept,
+    kept: &KeptPolygons,
     positions: &[Vec3],
     repairs: &mut Repairs,
 ) -> (Triangles, Vec<bool>) {

@@ -1,4 +1,4 @@
-//! Ground that rays meet as its height field has it, and that light is exchanged with by fewer triangles.
+//! Ground whose height field rays meet in full resolution, while fewer triangles exchange its light.
 
 use super::Scene;
 use crate::terrain::{Mesh, Piece as TerrainPiece, triangle_at};
@@ -6,7 +6,7 @@ use glam::{DAffine3, DVec3};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A rectangle of samples, and the triangles that stand for it.
+/// A rectangle of samples, and the triangles that represent it.
 #[derive(Clone, Debug)]
 pub(crate) struct Piece {
     /// Its first sample.
@@ -57,7 +57,7 @@ impl FineGround {
     /// from that of the face by 30°. A ray from below within 30° of the plane of the face counts as one from above, too.
     pub const MAX_BACK: f32 = 0.5;
 
-    /// Adds a height field of an object with these positions of samples, so many in a row, of whose pieces the triangles are polygons from a number on.
+    /// Adds a height field of an object: positions of samples, their number in a row, and the number of the first polygon of its pieces.
     pub(super) fn add(
         &mut self,
         samples: impl Iterator<Item = DVec3>,

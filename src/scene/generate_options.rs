@@ -1,4 +1,4 @@
-//! What users of the crate make and ask of a scene.
+//! Public functions of scenes: generation, and queries of properties.
 
 use super::{Scene, generate};
 use crate::Result;

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 pub(super) const MIN_OPACITY: f32 = 0.5;
 
 /// Polygons that remain before triangulation.
-pub(super) struct Kept {
+pub(super) struct KeptPolygons {
     /// Index of each polygon in the soup.
     pub polygon: Vec<u32>,
     /// Merged vertices of all polygons in order; no two consecutive ones are equal.
@@ -20,7 +20,7 @@ pub(super) struct Kept {
     pub object: Vec<u32>,
 }
 
-impl Kept {
+impl KeptPolygons {
     /// Range of a kept polygon in `corners` and `source`.
     pub fn span(&self, i: usize) -> std::ops::Range<usize> {
         (if i == 0 { 0 } else { self.ends[i - 1] })..self.ends[i]
@@ -28,8 +28,8 @@ impl Kept {
 
     /// Cleans the corners of all polygons and drops polygons that are transparent, have fewer than three corners, or
     /// are duplicates.
-    pub fn of(soup: &Soup, number: &[u32], positions: &[Vec3], repairs: &mut Repairs) -> Kept {
-        let mut all = Kept {
+    pub fn of(soup: &Soup, number: &[u32], positions: &[Vec3], repairs: &mut Repairs) -> KeptPolygons {
+        let mut all = KeptPolygons {
             polygon: Vec::with_capacity(soup.polygons()),
             corners: Vec::with_capacity(soup.corners.len()),
             source: Vec::with_capacity(soup.corners.len()),

@@ -13,7 +13,7 @@ use std::{
 };
 
 /// Number of bytes from which the format of a scene without an extension is found: it may begin with as many blanks.
-const START: u64 = 1 << 16;
+const FORMAT_PROBE_BYTES: u64 = 1 << 16;
 
 impl Scene {
     /// Reads a scene with default options: metres, emission as the file has it; see [`Scene::load_with`].
@@ -141,7 +141,7 @@ fn read_stream(
 ) -> Result<Scene> {
     let wrong = |e| Error::io(path, e);
     let mut start = Vec::new();
-    stream.by_ref().take(START).read_to_end(&mut start).map_err(wrong)?;
+    stream.by_ref().take(FORMAT_PROBE_BYTES).read_to_end(&mut start).map_err(wrong)?;
     let format = format_of(&start);
     if format == "obj" {
         let file = BufReader::with_capacity(1 << 20, start.as_slice().chain(stream));
@@ -203,11 +203,11 @@ mod tests {
     use super::*;
 
     /// A stream that fails after `left` zeros.
-    struct Zeros {
+    struct FailingZeros {
         left: usize,
     }
 
-    impl Read for Zeros {
+    impl Read for FailingZeros {
         fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
             self.left = self.left.checked_sub(buffer.len()).ok_or(std::io::Error::other("read too far"))?;
             buffer.fill(0);
@@ -218,7 +218,7 @@ mod tests {
     #[test]
     fn streams_without_lines_are_not_read_to_their_end() {
         // A line may have 256 MiB.
-        let stream = Zeros { left: (256 << 20) + (2 << 20) };
+        let stream = FailingZeros { left: (256 << 20) + (2 << 20) };
         let error = read_stream(Path::new("-"), stream, &mut Sources::new(None), &LoadOptions::default());
         let message = error.expect_err("no scene").to_string();
         assert!(message.contains("line of more than 268435456 bytes"), "{message}");

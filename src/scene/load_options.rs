@@ -1,4 +1,4 @@
-//! What a file does not state.
+//! Options of loading: properties that a file does not state.
 
 use super::added::AddedFiles;
 use super::read_luminaire::Luminaire;
@@ -43,11 +43,11 @@ options! {
         pub(crate) moves: Vec<Move> = Vec::new();
         /// Luminaires with photometric files.
         pub(crate) luminaires: Placements = Placements::default();
-        /// What the file of a height field does not state.
+        /// Properties that the file of a height field does not state.
         pub(crate) grid: ReadOptions = ReadOptions::default();
         /// Further files of the scene.
         pub(crate) added: AddedFiles = AddedFiles::default();
-        /// Radius of the earth, as a part of its mean radius, along which height fields curve; `None`: a flat earth.
+        /// Radius of the earth, as a fraction of its mean radius, along which height fields curve; `None`: a flat earth.
         pub(crate) curvature: Option<f64> = None;
     }
 }
@@ -77,7 +77,7 @@ pub(crate) struct PlacedLuminaire {
 }
 
 impl LoadOptions {
-    /// How luminous quantities of the input become radiometric.
+    /// Conversion of luminous quantities of the input to radiometric ones.
     pub(crate) fn photometry(&self) -> Photometry {
         Photometry::from(self.channels)
     }

@@ -16,7 +16,7 @@ use toml::Spanned;
 
 /// Largest size of a placement file: 10,000 luminaires of about 100 bytes each.
 const MAX_BYTES: u64 = 1 << 20;
-/// Part of the flux below which the back of a luminaire is left out: the rounding of tables.
+/// Fraction of the flux below which the back of a luminaire is left out: the rounding of tables.
 const DARK_HALF: f64 = 1e-6;
 /// Largest flux, lm: as the largest intensity of photometric files.
 const MAX_LUMENS: f64 = 1e15;
@@ -27,7 +27,7 @@ const MIN_THICKNESS: f64 = 1e-2;
 const MIN_SEPARATION: f64 = 2.5e-6;
 
 /// Illuminance of a clear night with a quarter moon, lx.
-const NIGHT: f64 = 0.01;
+const NIGHT_ILLUMINANCE: f64 = 0.01;
 /// Illuminances of lit rooms and halls, lx, with room for a few lamps in the first and for spots in the second.
 const MIN_LUX: f64 = 1.0;
 const MAX_LUX: f64 = 1e5;
@@ -210,7 +210,7 @@ fn too_large(extents: DVec3, flux: f64, emitters: usize) -> Option<String> {
     let lux = flux / (width * length);
     // Terrains are flatter than 1 km.
     let is_a_room = height > 1000.0 && (MIN_LUX..MAX_LUX).contains(&(1e6 * lux));
-    (is_a_room && lux < NIGHT).then(|| {
+    (is_a_room && lux < NIGHT_ILLUMINANCE).then(|| {
         let some = counted(emitters, "emitter");
         format!(
             "{some} of {flux:.0} lm in total in a scene of {length:.0} m x {width:.0} m, {lux:.1e} lx: is the file in millimetres? set ⟨LoadOptions::unit⟩ to mm; positions of luminaires are then in millimetres too"

@@ -9,13 +9,13 @@ use glam::{DVec2, DVec3};
 /// Largest number of points of a grid: 2,000 in either direction.
 const MAX_POINTS: f64 = 4e6;
 /// Largest distance of corners from the plane of their surface, relative to its extent: 1 mm in 10 m.
-const FLAT: f64 = 1e-4;
+const MAX_PLANE_DISTANCE: f64 = 1e-4;
 /// Smallest cosine between the upward axis and normals that look up: 1:7 is the steepest ramp.
 const UPWARD: f64 = 0.99;
-/// Part of a spacing by which sides are taken as multiples of it: rounding of coordinates.
-const WHOLE: f64 = 1e-4;
-/// Part by which a turned rectangle must be smaller than one along the axes.
-const SMALLER: f64 = 1e-3;
+/// Fraction of a spacing by which sides are taken as multiples of it: rounding of coordinates.
+const MULTIPLE_TOLERANCE: f64 = 1e-4;
+/// Relative difference by which a turned rectangle must be smaller than one along the axes.
+const MIN_AREA_GAIN: f64 = 1e-3;
 
 /// A grid of points half a spacing from the edges of the rectangle around a plane surface, as EN 12464 has it.
 #[derive(Clone, Debug)]
@@ -72,7 +72,7 @@ impl Scene {
         let [u, v, normal] = plane.axes;
         plane.axes = [right.x * u + right.y * v, right.x * v - right.y * u, normal];
         let sides = (high - low).to_array();
-        let counts = sides.map(|side| (side / spacing - WHOLE).ceil().max(1.0));
+        let counts = sides.map(|side| (side / spacing - MULTIPLE_TOLERANCE).ceil().max(1.0));
         if counts[0] * counts[1] > MAX_POINTS {
             return wrong(format!(
                 "{} x {} points are more than 4,000,000; widen the spacing {spacing}",
@@ -139,7 +139,8 @@ impl Scene {
         let side = if reversed.length() > sum.length() { -1.0 } else { 1.0 };
         let normal = side * (sum + reversed).try_normalize()?;
         let origin = corners().next()?;
-        let is_flat = corners().all(|corner| (corner - origin).dot(normal).abs() <= FLAT * extent);
+        let is_flat =
+            corners().all(|corner| (corner - origin).dot(normal).abs() <= MAX_PLANE_DISTANCE * extent);
         let is_mixed = reversed != DVec3::ZERO;
         is_flat.then_some(Plane { faces, is_mixed, origin, axes: [normal; 3] })
     }
@@ -215,7 +216,7 @@ fn smallest_rectangle(points: &[DVec2]) -> (DVec2, [DVec2; 2]) {
         let edge = (hull[(k + 1) % hull.len()] - hull[k]).normalize_or_zero();
         let turns = [edge, edge.perp(), -edge, -edge.perp()];
         let found = around(turns.into_iter().max_by(|a, b| a.x.total_cmp(&b.x)).unwrap_or(DVec2::X));
-        if area(&found) < (1.0 - SMALLER) * area(&best) {
+        if area(&found) < (1.0 - MIN_AREA_GAIN) * area(&best) {
             best = found;
         }
     }

@@ -239,9 +239,9 @@ pub struct Scene {
     pub(crate) emitters: Vec<Emitter>,
     /// Sky and suns.
     pub(crate) environment: Option<Arc<Environment>>,
-    /// How the earth curves away below the scene; none for a flat one.
+    /// Curvature of the earth below the scene; none for a flat one.
     pub(crate) curved: Option<added::Curved>,
-    /// Ground that rays meet as its height field has it, in place of its faces.
+    /// Ground that rays meet in full resolution, in place of its faces.
     pub(crate) fine_ground: Option<Arc<fine_ground::Resolved>>,
     /// Suns of the file.
     pub(crate) suns: Vec<Sun>,

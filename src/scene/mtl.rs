@@ -100,7 +100,7 @@ struct Statements {
 }
 
 impl Statements {
-    /// What was left out.
+    /// Notes of statements that were left out.
     fn notes(&self) -> impl Iterator<Item = String> {
         let count = |n: usize, what: &str| (n > 0).then(|| format!("{n} {what}"));
         let emission = count(

@@ -5,14 +5,15 @@ use std::collections::{HashMap, HashSet};
 
 /// Similarity of two names above which one is suggested for the other, as in clap's suggestions of options; and number of
 /// names that are compared: a microsecond each.
-const SIMILAR: f64 = 0.7;
+const MIN_SIMILARITY: f64 = 0.7;
 const MAX_COMPARED: usize = 100_000;
 
 /// The error for an unknown name; it has no name of an option yet.
 pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Error {
     let names: Vec<&str> = names.take(MAX_COMPARED).collect();
     let similar = names.iter().map(|n| (strsim::jaro_winkler(name, n), n));
-    let similar = similar.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(likeness, _)| *likeness > SIMILAR);
+    let similar =
+        similar.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(likeness, _)| *likeness > MIN_SIMILARITY);
     let cure = match similar {
         Some((_, similar)) => format!("did you mean `{}`?", quote(similar)),
         None => format!("there are {}", some_names(names.into_iter())),
@@ -45,7 +46,7 @@ pub(super) fn some_names<'a, S: AsRef<str> + ?Sized + 'a>(names: impl Iterator<I
 pub(super) struct UniqueNames(HashMap<String, usize>);
 
 impl UniqueNames {
-    /// Beside these, which are unique.
+    /// Names that must differ from these, which are unique.
     pub fn beside<'a>(taken: impl Iterator<Item = &'a String>) -> UniqueNames {
         UniqueNames(taken.map(|name| (name.clone(), 1)).collect())
     }

@@ -6,7 +6,7 @@ pub const WHITE_LUMENS_PER_WATT: f64 = 179.0;
 /// Luminance of the linear RGB primaries of sRGB and glTF (ITU-R BT.709).
 const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// How luminous quantities follow from RGB.
+/// Conversion of RGB to luminous quantities.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Photometry {
     /// Weights of the channels, with sum 1.

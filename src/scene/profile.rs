@@ -76,7 +76,7 @@ impl Distribution {
         (1.0 - share) * self.in_plane(a, gamma) + share * self.in_plane(b, gamma)
     }
 
-    /// What is wrong if the planes state different intensities at the nadir or the zenith, the directions that they share.
+    /// The error message if the planes state different intensities at the nadir or the zenith, the directions that they share.
     pub fn contradiction(&self) -> Option<String> {
         let peak = self.candelas.iter().copied().fold(0.0, f64::max);
         let differs = |(name, gamma)| {

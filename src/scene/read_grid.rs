@@ -66,7 +66,7 @@ fn add(soup: &mut Soup, grid: &Grid, object: u32, material: u32) {
     }
 }
 
-/// Adds about so many triangles for a grid, and its samples, which rays meet in their place.
+/// Adds about this number of triangles for a grid, and its samples, which rays meet in their place.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).

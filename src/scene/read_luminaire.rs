@@ -56,14 +56,14 @@ pub fn parse(path: &Path, bytes: impl FnOnce() -> Result<Vec<u8>>) -> Result<Lum
 }
 
 /// The line, counted from 1, and what is wrong there.
-type Wrong = (usize, String);
+type LineError = (usize, String);
 
-/// A whole number in 1 to `most`.
-fn whole(value: f64, line: usize, what: &str, most: usize) -> Result<usize, Wrong> {
-    if value.fract() == 0.0 && (1.0..=most as f64).contains(&value) {
+/// A whole number in 1 to `max`.
+fn whole(value: f64, line: usize, what: &str, max: usize) -> Result<usize, LineError> {
+    if value.fract() == 0.0 && (1.0..=max as f64).contains(&value) {
         Ok(value as usize)
     } else {
-        Err((line, format!("{what}: {} is not a whole number in 1 to {most}", figure(value))))
+        Err((line, format!("{what}: {} is not a whole number in 1 to {max}", figure(value))))
     }
 }
 
@@ -72,9 +72,9 @@ fn wrong_intensity(candelas: f64) -> String {
 }
 
 /// Checks a list of angles in degrees.
-fn check_angles(angles: &[f64], [least, most]: [f64; 2], line: usize, what: &str) -> Result<(), Wrong> {
-    if angles.windows(2).any(|w| w[0] >= w[1]) || angles.iter().any(|a| !(least..=most).contains(a)) {
-        return Err((line, format!("{what} must ascend within {least} to {most} degrees")));
+fn check_angles(angles: &[f64], [min, max]: [f64; 2], line: usize, what: &str) -> Result<(), LineError> {
+    if angles.windows(2).any(|w| w[0] >= w[1]) || angles.iter().any(|a| !(min..=max).contains(a)) {
+        return Err((line, format!("{what} must ascend within {min} to {max} degrees")));
     }
     Ok(())
 }
@@ -87,7 +87,7 @@ struct Numbers<'a> {
 }
 
 impl Numbers<'_> {
-    fn next(&mut self, what: &str) -> Result<f64, Wrong> {
+    fn next(&mut self, what: &str) -> Result<f64, LineError> {
         let (line, word) =
             self.words.next().ok_or_else(|| (self.line, format!("the file ends before {what}")))?;
         self.line = line;
@@ -95,23 +95,23 @@ impl Numbers<'_> {
         value.ok_or_else(|| (line, format!("`{}` is not a number ({what})", quote(word))))
     }
 
-    fn list(&mut self, count: usize, what: &str) -> Result<Vec<f64>, Wrong> {
+    fn list(&mut self, count: usize, what: &str) -> Result<Vec<f64>, LineError> {
         (0..count).map(|_| self.next(what)).collect()
     }
 
-    fn count(&mut self, what: &str) -> Result<usize, Wrong> {
+    fn count(&mut self, what: &str) -> Result<usize, LineError> {
         let n = self.next(what)?;
         whole(n, self.line, what, MAX_ANGLES)
     }
 
-    fn angles(&mut self, count: usize, range: [f64; 2], what: &str) -> Result<Vec<f64>, Wrong> {
+    fn angles(&mut self, count: usize, range: [f64; 2], what: &str) -> Result<Vec<f64>, LineError> {
         let angles = self.list(count, what)?;
         check_angles(&angles, range, self.line, what)?;
         Ok(angles)
     }
 
     /// Candelas of one plane.
-    fn candelas(&mut self, count: usize, scale: f64) -> Result<Vec<f64>, Wrong> {
+    fn candelas(&mut self, count: usize, scale: f64) -> Result<Vec<f64>, LineError> {
         let value = |_| match self.next("the candelas")? * scale {
             v if (0.0..=MAX_CANDELAS).contains(&v) => Ok(v),
             v => Err((self.line, wrong_intensity(v))),
@@ -120,7 +120,7 @@ impl Numbers<'_> {
     }
 }
 
-fn ies(text: &str) -> Result<Luminaire, Wrong> {
+fn ies(text: &str) -> Result<Luminaire, LineError> {
     let mut lines = (1..).zip(text.lines());
     let tilt = lines.find(|(_, l)| l.trim_start().starts_with("TILT="));
     let (line, tilt) = tilt.ok_or((1, "no line TILT=: not an IES LM-63 file".to_owned()))?;
@@ -169,7 +169,7 @@ fn ies(text: &str) -> Result<Luminaire, Wrong> {
         }
     };
     let scale = multiplier * factors[0] * if factors[1] > 0.0 { factors[1] } else { 1.0 };
-    let rows = (0..around).map(|_| numbers.candelas(down, scale)).collect::<Result<Vec<_>, Wrong>>()?;
+    let rows = (0..around).map(|_| numbers.candelas(down, scale)).collect::<Result<Vec<_>, LineError>>()?;
     let distribution = Distribution::new(&planes, &gammas, &rows, symmetry);
     // A negative number of lumens: absolute photometry, without a flux of lamps.
     let lamp = lamps * lumens * factors[0] * multiplier;
@@ -185,7 +185,7 @@ fn ies(text: &str) -> Result<Luminaire, Wrong> {
 struct Lines<'a>(Vec<&'a str>);
 
 impl Lines<'_> {
-    fn number(&self, n: usize, what: &str) -> Result<f64, Wrong> {
+    fn number(&self, n: usize, what: &str) -> Result<f64, LineError> {
         let last = self.0.len().max(1);
         let line =
             self.0.get(n - 1).ok_or_else(|| (last, format!("the file ends before line {n}, {what}")))?;
@@ -193,18 +193,18 @@ impl Lines<'_> {
         value.ok_or_else(|| (n, format!("`{}` is not a number ({what})", quote(line))))
     }
 
-    fn list(&self, from: usize, count: usize, what: &str) -> Result<Vec<f64>, Wrong> {
+    fn list(&self, from: usize, count: usize, what: &str) -> Result<Vec<f64>, LineError> {
         (from..from + count).map(|line| self.number(line, what)).collect()
     }
 
-    fn angles(&self, from: usize, count: usize, most: f64, what: &str) -> Result<Vec<f64>, Wrong> {
+    fn angles(&self, from: usize, count: usize, max: f64, what: &str) -> Result<Vec<f64>, LineError> {
         let angles = self.list(from, count, what)?;
-        check_angles(&angles, [0.0, most], from, what)?;
+        check_angles(&angles, [0.0, max], from, what)?;
         Ok(angles)
     }
 }
 
-fn eulumdat(text: &str) -> Result<Luminaire, Wrong> {
+fn eulumdat(text: &str) -> Result<Luminaire, LineError> {
     let lines = Lines(text.lines().map(str::trim).collect());
     let count = |n: usize, what: &str| whole(lines.number(n, what)?, n, what, MAX_ANGLES);
     let (all, down) = (count(4, "the number of C planes")?, count(6, "the number of angles from the axis")?);
@@ -257,7 +257,7 @@ fn eulumdat(text: &str) -> Result<Luminaire, Wrong> {
 
 /// Sides of a rectangle with the area of the opening, metres. A negative size is a diameter: round openings become squares; one
 /// of the sizes may be 0 then.
-fn opening([length, width, height]: [f64; 3], line: usize) -> Result<[f64; 3], Wrong> {
+fn opening([length, width, height]: [f64; 3], line: usize) -> Result<[f64; 3], LineError> {
     if [length, width, height].iter().any(|v| v.abs() > MAX_OPENING) {
         return Err((line, format!("an opening of more than {MAX_OPENING} m")));
     }

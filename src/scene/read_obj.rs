@@ -46,16 +46,16 @@ struct Corner {
 }
 
 /// Items of a file in the order of their first use.
-struct Used<'a, T> {
+struct UsedItems<'a, T> {
     all: &'a [T],
     /// By item, its number among the used ones; `u32::MAX` for others.
     number: Vec<u32>,
     list: Vec<T>,
 }
 
-impl<T: Copy> Used<'_, T> {
-    fn none(all: &[T]) -> Used<'_, T> {
-        Used { all, number: vec![u32::MAX; all.len()], list: Vec::new() }
+impl<T: Copy> UsedItems<'_, T> {
+    fn none(all: &[T]) -> UsedItems<'_, T> {
+        UsedItems { all, number: vec![u32::MAX; all.len()], list: Vec::new() }
     }
 
     /// The number of an item among the used ones.
@@ -91,7 +91,7 @@ struct Lines<'a, R> {
     material: Option<u32>,
     runs: Vec<Run>,
     libraries: Vec<PathBuf>,
-    /// Other readings of names with spaces, as files that do not exist.
+    /// Files of other interpretations of names with spaces, which do not exist.
     missed_libraries: Vec<PathBuf>,
     repairs: super::Repairs,
 }
@@ -313,12 +313,12 @@ impl<'a, R: BufRead> Lines<'a, R> {
     /// Gives the faces with the vertices and the texture coordinates that they use. A corner without texture coordinates has those of the
     /// one before it, the first corner the first of the file.
     fn give_corners(&mut self, soup: &mut Soup) {
-        let mut vertices = Used::none(&self.positions);
+        let mut vertices = UsedItems::none(&self.positions);
         soup.corners = self.corners.iter().map(|corner| vertices.number_of(corner.vertex)).collect();
         soup.positions = vertices.list;
         self.repairs.unused_vertices = self.positions.len() - soup.positions.len();
         if !self.texcoords.is_empty() {
-            let (mut texcoords, mut last) = (Used::none(&self.texcoords), None);
+            let (mut texcoords, mut last) = (UsedItems::none(&self.texcoords), None);
             let number = |corner: &Corner| match corner.texcoord {
                 None => *last.get_or_insert_with(|| texcoords.number_of(0)),
                 Some(own) => *last.insert(texcoords.number_of(own)),

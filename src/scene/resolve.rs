@@ -13,7 +13,7 @@ use super::{
     divide::divide,
     emitters::{self, Faces},
     faces::{Triangles, triangulate},
-    keep::Kept,
+    keep::KeptPolygons,
     luminaires, moves, names, overlap,
     power::{self, Surfaces},
     size::{areas, ends},
@@ -78,7 +78,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let mut materials = check_sides(options).and_then(|()| check_materials(&soup, role, &mut repairs))?;
     let origin = origin(&soup)?;
     let (number, mut positions) = weld(&seen_from(origin, &std::mem::take(&mut soup.positions)));
-    let kept = Kept::of(&soup, &number, &positions, &mut repairs);
+    let kept = KeptPolygons::of(&soup, &number, &positions, &mut repairs);
     let (mut faces, edges, parts) = faces_and_parts(&soup, &kept, &mut positions, role, &mut repairs)?;
     let area = areas(&faces.triangles, &positions);
     power::apply(
@@ -160,7 +160,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
 /// The triangles of the kept polygons, divided where they are too coarse, the edges of the polygons and the parts that these connect.
 fn faces_and_parts(
     soup: &Soup,
-    kept: &Kept,
+    kept: &KeptPolygons,
     positions: &mut Vec<Vec3>,
     role: Role,
     repairs: &mut Repairs,
@@ -240,9 +240,9 @@ fn seen_from(origin: DVec3, positions: &[DVec3]) -> Vec<Vec3> {
     positions.iter().map(|p| (p - origin).as_vec3()).collect()
 }
 
-/// Ratio of a scene to its polygons, by their median, from which the origin is among these: rays start above a face by a hundredth of a polygon of that size
-/// if the face is as large as the scene.
-const MANY_TIMES: f64 = 5e3;
+/// Smallest ratio of the scene's size to the median size of its polygons for which the origin is a median vertex: rays start above a face as large as the scene
+/// by a hundredth of a polygon of that size.
+const MIN_SCENE_RATIO: f64 = 5e3;
 
 /// Offset of the positions: zero unless the scene is far from zero relative to its size; otherwise its centre. In a scene that is much larger than most of
 /// its polygons, as a lamp on a plain, a median vertex, so that these have small coordinates. Rounded so that the subtraction is exact.
@@ -271,7 +271,7 @@ fn origin(soup: &Soup) -> Result<DVec3> {
         return Err(Error::format(&soup.path, None, what));
     }
     let (centre, step) = (0.5 * (min + max), extent.log2().floor().exp2());
-    if extent > MANY_TIMES * median_size(soup) {
+    if extent > MIN_SCENE_RATIO * median_size(soup) {
         let step = step / 4096.0;
         return Ok((median_vertex(soup) / step).round() * step);
     }

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 
 /// Ratio of the whole scene to what does not emit, above which emitters do not count: rooms with their lamps and terrains
 /// under their skies are below 3, distant lights of glTF files above 20.
-const FAR: f32 = 8.0;
+const FAR_EMITTER_RATIO: f32 = 8.0;
 
 impl Scene {
     /// Box around the own triangles, without emitters that are much farther away than the rest is wide, as the sun is.
@@ -14,7 +14,7 @@ impl Scene {
         let dark =
             (0..self.triangles.len() as u32).filter(|&t| self.triangle_emitter[t as usize] == u32::MAX);
         let dark = Aabb::of(dark.flat_map(|t| self.corners(t)));
-        if dark.diagonal() > 0.0 && self.bounds.diagonal() > FAR * dark.diagonal() {
+        if dark.diagonal() > 0.0 && self.bounds.diagonal() > FAR_EMITTER_RATIO * dark.diagonal() {
             dark
         } else {
             self.bounds

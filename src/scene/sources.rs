@@ -40,7 +40,7 @@ pub(super) enum TextureKey {
 }
 
 impl Sources {
-    /// `max_memory`: largest memory of the scene, bytes; `None` for [`memory::PART`] of what is available.
+    /// `max_memory`: largest memory of the scene, bytes; `None` for [`memory::USABLE_FRACTION`] of the available memory.
     pub fn new(max_memory: Option<u64>) -> Sources {
         let limit = max_memory.or_else(memory::usable).unwrap_or(u64::MAX >> 1);
         Sources {

@@ -23,11 +23,11 @@ const MAX_FAN: usize = 64;
 /// Largest number of tests whether a vertex lies on a moved triangle: half a second. A ceiling over a million vertices has fifty triangles for that many.
 const MAX_TESTS: usize = 100_000_000;
 
-/// Smallest part of the area of faces turned away from each other that overlaps if they are the two sides of one sheet. Borders that
+/// Smallest fraction of the area of faces turned away from each other that overlaps if they are the two sides of one sheet. Borders that
 /// were rounded or drawn by hand leave less than a hundredth.
 const MIN_SHEET_COVER: f64 = 0.99;
 
-/// What decides the order of overlapping triangles.
+/// Properties of triangles that determine the order of overlapping ones.
 pub(super) struct Order<'a> {
     /// Part (connected faces) of a triangle.
     pub part: &'a dyn Fn(usize) -> u32,

@@ -1,8 +1,8 @@
-//! What an emitter sends out.
+//! Strength of emitters.
 
 use std::f64::consts::PI;
 
-/// What a named emitter sends out.
+/// Strength of a named emitter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Strength {
     /// Power of each channel, W.

@@ -1,4 +1,4 @@
-//! How far a transform is from a similarity.
+//! Deviation of a transform from a similarity.
 
 use glam::DMat3;
 

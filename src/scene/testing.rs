@@ -148,7 +148,7 @@ impl Pieces {
         self
     }
 
-    /// Adds a half sphere around the origin of so many emitting quads around and up, which face inwards.
+    /// Adds a half sphere around the origin of `around` by `up` emitting quads, which face inwards.
     pub fn dome(&mut self, radius: f64, [around, up]: [i32; 2]) -> &mut Pieces {
         let shell = |turn: f64, rise: f64| {
             radius * DVec3::new(turn.cos() * rise.cos(), turn.sin() * rise.cos(), rise.sin())
@@ -226,13 +226,13 @@ pub fn facing_down([x0, x1]: [f64; 2], [y0, y1]: [f64; 2], z: f64) -> [DVec3; 4]
     [a, d, c, b]
 }
 
-/// Runs work on so many threads.
+/// Runs `work` on this number of threads.
 pub fn on_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     pool.install(work)
 }
 
-/// A generated forest of so many trees with so many leaves each.
+/// A generated forest of `trees` trees with `leaves` leaves each.
 pub fn forest(trees: usize, leaves: usize) -> Scene {
     build(&Spec { trees, leaves, ..Spec::new("forest") }).expect("a forest")
 }

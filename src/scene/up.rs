@@ -1,4 +1,4 @@
-//! Which axis of a scene points upwards.
+//! The upward axis of a scene.
 
 use super::Scene;
 use glam::{DMat3, DVec3, Vec3};
@@ -13,7 +13,7 @@ pub enum UpAxis {
     Z,
 }
 
-/// Where the upward axis is from.
+/// Source of the upward axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UpFrom {
     /// An option.
@@ -56,12 +56,10 @@ impl UpAxis {
     }
 }
 
-/// Part of the emission that must point down an axis before it is a sign: that of a hemisphere of directions about the axis
-/// is 0.5, of a sphere 0.
+/// Smallest fraction of the emission down an axis that selects the axis: a hemisphere of directions about the axis has 0.5, a sphere 0.
 const MAIN_EMISSION: f32 = 0.15;
-/// Ratio of extents above which the shorter of y and z is taken as the height: rooms and terrains are wider than high,
-/// and a cube that was rounded is no sign.
-const FLAT: f32 = 1.1;
+/// Ratio of extents above which the shorter of y and z is taken as the height: above the rounding of a cube, below rooms and terrains.
+const MIN_FLATNESS: f32 = 1.1;
 
 impl Scene {
     /// The upward axis, see [`Scene::up_from`].
@@ -87,7 +85,7 @@ impl Scene {
         }
         let (main, along_y) = (down.y.max(down.z), down.y > down.z);
         let extent = self.world_bounds().extent();
-        let lower_along_y = extent.z > FLAT * extent.y;
+        let lower_along_y = extent.z > MIN_FLATNESS * extent.y;
         let (is_y, from) = if main > MAIN_EMISSION * total {
             (along_y, UpFrom::Light)
         } else {

@@ -1,4 +1,4 @@
-//! What the instruction sets of x86-64 share.
+//! Macros shared by the instruction sets of x86-64.
 
 /// Defines the token that proves the presence of some features, and the function `run`, which alone makes one.
 macro_rules! feature_token {

@@ -23,7 +23,7 @@ const MAX_SAMPLES: usize = 64;
 
 /// Radiance below the horizon.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Lower {
+pub(super) enum GroundRadiance {
     /// Nothing.
     Black,
     /// The same radiance everywhere.
@@ -45,11 +45,11 @@ pub(super) struct Cells {
 
 impl Cells {
     /// Tabulates `value`, at least 0, of local unit directions by samples of each cell; `detail` is the angle between texels of a map.
-    pub fn new(lower: Lower, detail: Option<f64>, value: impl Fn(DVec3) -> f64) -> Cells {
+    pub fn new(lower: GroundRadiance, detail: Option<f64>, value: impl Fn(DVec3) -> f64) -> Cells {
         let lower_rows = match lower {
-            Lower::Black => 0,
-            Lower::Uniform => 1,
-            Lower::Detailed => ROWS,
+            GroundRadiance::Black => 0,
+            GroundRadiance::Uniform => 1,
+            GroundRadiance::Detailed => ROWS,
         };
         let mut cells = Cells { lower_rows, rows: Vec::new(), columns: Vec::new() };
         let count = lower_rows + ROWS;

@@ -1,6 +1,6 @@
-//! Everything that sends light into a scene from infinitely far.
+//! Light sources at infinity: the sky and the suns.
 
-use super::cells::{Cells, Lower};
+use super::cells::{Cells, GroundRadiance};
 use super::frame::Frame;
 use super::patches::Patches;
 use super::planes::Planes;
@@ -52,9 +52,9 @@ impl Environment {
         let value = |local: DVec3| radiance_of(sky.as_ref(), ground, local);
         let has_ground = ground.iter().any(|v| *v > 0.0);
         let lower = match is_detailed {
-            true => Lower::Detailed,
-            false if has_ground => Lower::Uniform,
-            false => Lower::Black,
+            true => GroundRadiance::Detailed,
+            false if has_ground => GroundRadiance::Uniform,
+            false => GroundRadiance::Black,
         };
         let detail = sky.as_ref().and_then(Sky::detail);
         let cells = Cells::new(lower, detail, |local| value(local).iter().sum());

@@ -40,7 +40,7 @@ impl Shape {
         }
     }
 
-    /// Where the relative radiance may have a sharp maximum: the sun.
+    /// Direction in which the relative radiance may have a sharp maximum: the sun.
     pub fn peak(&self) -> Option<DVec3> {
         match self {
             Shape::Gradation(g) if g.indicatrix[0] != 0.0 => Some(g.sun),
@@ -86,7 +86,7 @@ impl Gradation {
 }
 
 /// Steps of the tables below.
-const STEPS: usize = 2000;
+const TABLE_STEPS: usize = 2000;
 
 /// φ and f of a [`Gradation`] tabulated, for many evaluations: by the square root of cos Z, because φ changes most at the horizon, and by the
 /// distance to the sun on the unit sphere, in which f is smooth there. Values between entries are linear. The largest error of all CIE types and of
@@ -100,8 +100,8 @@ pub(super) struct GradationTable {
 
 impl GradationTable {
     pub fn new(formula: &Gradation) -> GradationTable {
-        let part = |k: usize| k as f64 / STEPS as f64;
-        let table = |value: &dyn Fn(f64) -> f64| (0..=STEPS).map(|k| value(part(k)) as f32).collect();
+        let part = |k: usize| k as f64 / TABLE_STEPS as f64;
+        let table = |value: &dyn Fn(f64) -> f64| (0..=TABLE_STEPS).map(|k| value(part(k)) as f32).collect();
         GradationTable {
             gradation: table(&|t| formula.gradation(t * t)),
             indicatrix: table(&|t| formula.indicatrix(2.0 * t)),
@@ -119,8 +119,8 @@ impl GradationTable {
 
 /// The value of a table at a part of its range, in `[0, 1]` but for rounding.
 fn interpolated(table: &[f32], part: f64) -> f64 {
-    let at = part * STEPS as f64;
-    let k = (at as usize).min(STEPS - 1);
+    let at = part * TABLE_STEPS as f64;
+    let k = (at as usize).min(TABLE_STEPS - 1);
     let [low, high] = [table[k], table[k + 1]].map(f64::from);
     low + (at - k as f64) * (high - low)
 }

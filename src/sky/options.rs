@@ -200,7 +200,7 @@ impl SkyOptions {
     }
 }
 
-/// What is wrong with a line of a description, with the key of the line, if it has one, and the cure of a table.
+/// Error message about a line of a description, with the key of the line, if it has one, and the remedy for a table.
 fn with_key(what: &str, line: Option<usize>, text: &str) -> String {
     let content = line.and_then(|line| text.lines().nth(line - 1)).unwrap_or_default();
     let key = content.split('=').next().unwrap_or_default().trim_matches(['[', ']', ' ', '\t']);

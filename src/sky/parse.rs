@@ -148,7 +148,7 @@ pub enum SunChoice {
     None,
     /// In a direction.
     At {
-        /// Where it is.
+        /// Direction towards the sun.
         direction: SunDirection,
         /// Normal irradiance, W/m² (lx if photometric); none for that of the sky.
         irradiance: Option<f64>,

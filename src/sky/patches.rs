@@ -4,7 +4,7 @@
 //! azimuths with a quarter of the solid angle, and the rest in three parts side by side, so that triangles keep their shape. Other patches split into two by
 //! two, or into four along the longer side if it is more than twice the other.
 
-use super::cells::Lower;
+use super::cells::GroundRadiance;
 use super::cosine::Extent;
 use super::frame::Frame;
 use glam::DVec3;
@@ -61,7 +61,7 @@ impl Patches {
     /// uniform. `detail` is the angle between texels of a map, `peak` a direction of sharp maximum.
     pub(super) fn new(
         frame: Frame,
-        lower: Lower,
+        lower: GroundRadiance,
         detail: Option<f64>,
         peak: Option<DVec3>,
         radiance: impl Fn(DVec3) -> [f64; 3],
@@ -69,9 +69,9 @@ impl Patches {
         let mut patches = Patches { frame, patches: Vec::new(), roots: 0 };
         let mut halves = vec![(1.0, LEVELS)];
         match lower {
-            Lower::Black => {}
-            Lower::Uniform => halves.push((-1.0, UNIFORM_LEVELS)),
-            Lower::Detailed => halves.push((-1.0, LEVELS)),
+            GroundRadiance::Black => {}
+            GroundRadiance::Uniform => halves.push((-1.0, UNIFORM_LEVELS)),
+            GroundRadiance::Detailed => halves.push((-1.0, LEVELS)),
         }
         for (side, _) in &halves {
             let z = if *side > 0.0 { [0.0, 1.0] } else { [-1.0, 0.0] };
@@ -267,7 +267,7 @@ impl Patches {
         sum
     }
 
-    /// What one patch adds to [`Patches::irradiance_to`] with a detail of 0.
+    /// Contribution of one patch to [`Patches::irradiance_to`] with a detail of 0.
     pub fn irradiance_of(&self, k: u32, normal: DVec3) -> [f64; 3] {
         let mut sum = [0.0; 3];
         self.add_irradiance(k, normal, [0.0; 3], &mut sum);

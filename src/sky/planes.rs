@@ -9,13 +9,13 @@ use super::patches::Patches;
 use glam::DVec3;
 use std::sync::OnceLock;
 
-/// Triangles along an edge of the octahedron. With those of [`DETAIL`] the largest error found is 6.4e-4 of the irradiance of a horizontal plane: close to
+/// Triangles along an edge of the octahedron. With those of [`MAX_ERROR`] the largest error found is 6.4e-4 of the irradiance of a horizontal plane: close to
 /// horizontal planes under a sky of CIE type 15 with the sun at 2°, as the second derivative jumps where the sky ends.
 const TRIANGLES: usize = 15;
 /// Places along an edge: corners of triangles and middles between them.
 const PLACES: usize = 2 * TRIANGLES + 1;
 /// Detail of values, see [`Patches::irradiance_to`]: they err by at most 2.5e-4 of the irradiance of a horizontal plane, and all of them take 13 ms.
-const DETAIL: f64 = 1.5e-4;
+const MAX_ERROR: f64 = 1.5e-4;
 
 /// Values on the faces of an octahedron, computed at their first use.
 #[derive(Debug)]
@@ -82,7 +82,7 @@ impl Planes {
     fn value(&self, patches: &Patches, quarter: Quarter, [i, j]: [usize; 2]) -> [f64; 3] {
         let of = || {
             let point = quarter.point([i, j].map(|k| k as f64 / (PLACES - 1) as f64));
-            patches.irradiance_to(DETAIL, point.normalize()).map(|e| point.length() * e)
+            patches.irradiance_to(MAX_ERROR, point.normalize()).map(|e| point.length() * e)
         };
         *self.values[(quarter.number() * PLACES + i) * PLACES + j].get_or_init(of)
     }

@@ -160,7 +160,7 @@ impl Sky {
         self.has_lower_half
     }
 
-    /// Where the radiance may have a sharp maximum, a local direction.
+    /// Local direction in which the radiance may have a sharp maximum.
     pub(super) fn peak(&self) -> Option<DVec3> {
         self.shape.peak()
     }

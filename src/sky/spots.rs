@@ -10,7 +10,7 @@ use std::collections::HashSet;
 use std::f64::consts::PI;
 
 /// Directions in which a point looks up a map with default options: sixteen in each of 192 cells.
-const LOOKUPS: f64 = 3072.0;
+const LOOKUPS_PER_POINT: f64 = 3072.0;
 /// Cosine-weighted directions that meet the widest spot on average. A wider one, of 10° and more, is found by every point, which then traces finer rays
 /// around it.
 const MAX_HITS: f64 = 24.0;
@@ -21,7 +21,7 @@ const MAX_ERROR: f64 = 0.01;
 const EDGE: f64 = 1.0 / 16.0;
 /// Largest number of discs. Each takes a ray at all places where elements receive light, and 16 or more at each point.
 const MAX_DISCS: usize = 8;
-/// Smallest part of its bounding circle that a spot must fill to become one disc; others are halved. A row of five texels fills a quarter.
+/// Smallest fraction of its bounding circle that a spot must fill to become one disc; others are halved. A row of five texels fills a quarter.
 const MIN_COMPACT: f64 = 0.25;
 
 /// Texels of a sky's map and their light.
@@ -68,7 +68,7 @@ impl Texels<'_> {
             flow += power * self.direction(k);
             (solid_angle, light) = (solid_angle + size, light + power);
         }
-        let hits = LOOKUPS * solid_angle / PI;
+        let hits = LOOKUPS_PER_POINT * solid_angle / PI;
         Spot { texels, middle: flow.normalize(), solid_angle, error: light / irradiance / hits.sqrt() }
     }
 
@@ -113,7 +113,7 @@ impl Texels<'_> {
         // Irradiance of a plane under the same light from all sides.
         let irradiance = 0.5 * (0..count).map(|k| self.radiance(k) * self.map.solid_angle(k)).sum::<f64>();
         // The least radiance of the widest spot that matters: its light is MAX_ERROR × √MAX_HITS of the irradiance.
-        let floor = MAX_ERROR * irradiance * LOOKUPS / (PI * MAX_HITS.sqrt());
+        let floor = MAX_ERROR * irradiance * LOOKUPS_PER_POINT / (PI * MAX_HITS.sqrt());
         let bright = |k: usize| Some((self.radiance(k), k)).filter(|(radiance, _)| *radiance > floor);
         let mut seeds: Vec<(f64, usize)> = (0..count).filter_map(bright).collect();
         seeds.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -121,7 +121,7 @@ impl Texels<'_> {
         for (_, seed) in seeds {
             if !is_taken.contains(&seed) {
                 let spot = self.spot(self.connected(seed, floor, &mut is_taken), irradiance);
-                if spot.error > MAX_ERROR && spot.solid_angle * LOOKUPS <= MAX_HITS * PI {
+                if spot.error > MAX_ERROR && spot.solid_angle * LOOKUPS_PER_POINT <= MAX_HITS * PI {
                     self.divided(spot, irradiance, &mut spots);
                 }
             }

@@ -94,7 +94,7 @@ impl Grid {
         &self.heights
     }
 
-    /// Where the grid is on the earth.
+    /// Position of the grid on the earth.
     pub fn georeference(&self) -> &Georeference {
         &self.georeference
     }
@@ -179,7 +179,7 @@ pub(super) fn transpose<T: Copy + Default + Send + Sync>(values: &[T], columns: 
     out
 }
 
-/// What is wrong with the sides of a grid, and the cure.
+/// Refuses sides of a grid that are too small or too large; the error contains the remedy.
 pub(super) fn check_sides(columns: usize, rows: usize) -> Result<(), String> {
     match (columns.min(rows), columns.max(rows)) {
         (0 | 1, _) => Err(format!("{columns} columns and {rows} rows: a terrain needs 2 of each or more")),
@@ -191,7 +191,7 @@ pub(super) fn check_sides(columns: usize, rows: usize) -> Result<(), String> {
     }
 }
 
-/// What is wrong with the distances of columns and rows, and the cure.
+/// Refuses distances of columns and rows out of range; the error contains the remedy.
 pub(super) fn check_cell(cell: [f64; 2]) -> Result<(), String> {
     // Beyond these limits squares of distances overflow or vanish in f32.
     match cell.iter().all(|d| (1e-9..=1e9).contains(d)) {

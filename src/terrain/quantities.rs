@@ -111,7 +111,7 @@ impl Sun {
         }
     }
 
-    /// Part of the disc above a horizon, a straight edge with these elevations half a radius to either side of the disc's middle.
+    /// Fraction of the disc above a horizon, a straight edge with these elevations half a radius to either side of the disc's middle.
     fn part_above(&self, [left, right]: [f32; 2]) -> f32 {
         let (radius, middle) = (self.half_angle as f32, self.elevation as f32);
         if middle - radius >= left.max(right) {

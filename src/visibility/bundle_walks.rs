@@ -6,7 +6,7 @@ use super::frontier::Frontier;
 use super::instance_tree::InstanceTree;
 use super::instances::{ENTER_BUNDLE, ENTER_PACKET, InstanceBuffers, ModelTrees, walk_instances};
 use super::shaft::Shaft;
-use super::walk::{Buffers, WalkRule, Walked, walk};
+use super::walk::{Buffers, WalkResult, WalkRule, walk};
 use super::wide::{FETCH_WORK, WideTree};
 use crate::ray::Packet;
 use crate::simd::{Kernel, LANES, Simd};
@@ -32,7 +32,7 @@ pub struct Workspace {
     placed: InstanceBuffers,
     frontier: Frontier,
     pub(super) shafts: Vec<Shaft>,
-    pub(super) walked: Vec<Walked>,
+    pub(super) walked: Vec<WalkResult>,
     /// Transmittance of each segment of the first packet of each bundle, if kept.
     pub(super) lanes: Vec<[f32; LANES]>,
     /// Buffers of the caller for a chunk of a batch. Taken out during calls of the engine.
@@ -162,7 +162,7 @@ impl Kernel for BundleWalks<'_> {
             for k in group.clone() {
                 let packets = bundles[k].packets;
                 if packets.is_empty() {
-                    walked.push(Walked::default());
+                    walked.push(WalkResult::default());
                     lanes.push([0.0; LANES]);
                     continue;
                 }

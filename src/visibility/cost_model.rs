@@ -9,7 +9,7 @@
 //!   ([`Work::is_less`]), which also saves the links of shadows that it need not resolve.
 
 use super::answer::Bundle;
-use super::walk::Walked;
+use super::walk::WalkResult;
 use crate::simd::LANES;
 use std::ops::Range;
 
@@ -39,7 +39,7 @@ const BUNDLE_WORK: u64 = 30;
 /// standard error of a mean to 1/16 of the spread of one.
 pub const CALIBRATION_BUNDLES: usize = 256;
 
-/// Evenly spread runs of so many bundles, by which the engine is chosen for all of them.
+/// Evenly spread runs of the indices of `bundles` bundles; the engine for all of them is chosen by these.
 pub fn sample_runs(bundles: usize) -> impl Iterator<Item = Range<usize>> {
     let length = SAMPLE_RUN.min(bundles);
     let runs = SAMPLE_RUNS.min(bundles / (MAX_SAMPLE_PART * SAMPLE_RUN)).max(1);
@@ -98,7 +98,7 @@ impl CostModel {
     }
 
     /// Work of both engines for a bundle, after its walk.
-    pub fn of(&self, bundle: &Bundle, walked: &Walked) -> Work {
+    pub fn of(&self, bundle: &Bundle, walked: &WalkResult) -> Work {
         let (rays, limit) = (self.rays(bundle), self.limit(bundle));
         let abandoned = walked.gave_up || walked.work > limit;
         Work { own: BUNDLE_WORK + if abandoned { limit + rays } else { walked.work }, rays }

@@ -42,8 +42,8 @@ impl Occluder for Exact {
 #[cfg(any(test, feature = "reports"))]
 pub fn fastest_traversal(scene: &CommittedScene, native_width: usize, sample: &[Packet]) -> Traversal {
     let single = Traversal { width: 1, coherent: false };
-    let mut truth = vec![0; sample.len()];
-    scene.occluded_by(single, sample, &mut truth);
+    let mut reference = vec![0; sample.len()];
+    scene.occluded_by(single, sample, &mut reference);
     let mut found = vec![0; sample.len()];
     let mut best = (f64::INFINITY, single);
     for width in [1, 4, 8, 16].into_iter().filter(|&w| w == 1 || w <= native_width) {
@@ -56,7 +56,7 @@ pub fn fastest_traversal(scene: &CommittedScene, native_width: usize, sample: &[
                     start.elapsed().as_secs_f64()
                 })
                 .fold(f64::INFINITY, f64::min);
-            let wrong: u32 = truth.iter().zip(&found).map(|(a, b)| (a ^ b).count_ones()).sum();
+            let wrong: u32 = reference.iter().zip(&found).map(|(a, b)| (a ^ b).count_ones()).sum();
             if seconds < best.0 && wrong == 0 {
                 best = (seconds, traversal);
             }

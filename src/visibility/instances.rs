@@ -8,8 +8,8 @@
 use super::answer::Bundle;
 use super::instance_tree::{Frame, InstanceTree};
 use super::shaft::Shaft;
-use super::slabs::{PacketSums, Passed};
-use super::walk::{Buffers, WalkRule, Walked, gather, visit};
+use super::slabs::{BoxSums, PacketSums};
+use super::walk::{Buffers, WalkResult, WalkRule, gather, visit};
 use super::wide::{NODE_WORK, WideTree};
 use crate::clusters::placed::Child;
 use crate::optics::AxisMix;
@@ -52,7 +52,7 @@ pub(super) fn walk_instances<S: Simd>(
     rule: &WalkRule,
     buffers: &mut Buffers,
     own: &mut InstanceBuffers,
-) -> Walked {
+) -> WalkResult {
     let packets = bundle.packets;
     let shared = shaft.apex.is_some();
     buffers.blocked.clear();
@@ -107,7 +107,7 @@ fn find<'a, S: Simd>(
     rule: &WalkRule,
     buffers: &mut Buffers,
     found: &mut TouchedInstances<'a>,
-    walked: &mut Walked,
+    walked: &mut WalkResult,
 ) {
     let mix = AxisMix::around(shaft.direction());
     buffers.slabs.clear();
@@ -139,7 +139,7 @@ fn add_slabs<S: Simd>(
     packets: &[Packet],
     shared: bool,
     sums: &mut [PacketSums],
-    walked: &mut Walked,
+    walked: &mut WalkResult,
 ) -> bool {
     let boxes = buffers.slabs.len() as u64;
     if boxes == 0 {
@@ -161,7 +161,7 @@ fn sum_up<S: Simd>(
     averaged: bool,
     buffers: &mut Buffers,
     own: &InstanceBuffers,
-    walked: &mut Walked,
+    walked: &mut WalkResult,
 ) {
     walked.clear = !walked.tested && !averaged;
     if walked.clear {
@@ -169,7 +169,7 @@ fn sum_up<S: Simd>(
         buffers.transmittance = std::array::from_fn(|i| (active >> i & 1) as f32);
         return;
     }
-    let mut total = Passed::default();
+    let mut total = BoxSums::default();
     for ((packet, blocked), sums) in packets.iter().zip(&buffers.blocked).zip(&own.sums) {
         let (each, passed) = sums.passed(simd, packet.active & !blocked);
         buffers.transmittance = each;
@@ -183,9 +183,9 @@ fn all_blocked(packets: &[Packet], blocked: &[u32]) -> bool {
     packets.iter().zip(blocked).all(|(packet, blocked)| packet.active & !blocked == 0)
 }
 
-impl Walked {
+impl WalkResult {
     /// Adds the counts of a walk through an instance.
-    fn join(&mut self, other: &Walked) {
+    fn join(&mut self, other: &WalkResult) {
         self.nodes += other.nodes;
         self.work += other.work;
         self.tested |= other.tested;

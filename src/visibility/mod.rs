@@ -45,11 +45,11 @@ pub use exact::Exact;
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
 pub use multires::{LeafMode, MultiResolution, Route};
 pub use probe::Probe;
-pub use routes::{Halves, RouteSample};
+pub use routes::{ReferenceHalves, RouteSample};
 pub use wide::WideTree;
 #[cfg(feature = "reports")]
 pub use {
-    cut::{SURFACE_PART, surface_widths},
+    cut::{MIN_LARGE_SURFACE, surface_widths},
     exact::fastest_traversal,
     far_field::{FarField, FarFieldBuffers},
 };

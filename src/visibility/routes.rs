@@ -20,14 +20,14 @@ const MIN_AVERAGED_RUNS: usize = 5;
 const WALK_WORK: f64 = 2.5;
 
 /// Visible fractions of the bundles of a sample by two independent halves of many rays.
-pub type Halves = [Vec<f32>; 2];
+pub type ReferenceHalves = [Vec<f32>; 2];
 
 /// Bundles like those that are to be answered.
 pub struct RouteSample<'a> {
     /// Runs of neighbouring bundles.
     pub runs: Vec<Vec<Bundle<'a>>>,
     /// A fraction for each bundle, in order.
-    pub truth: &'a Halves,
+    pub reference: &'a ReferenceHalves,
 }
 
 /// Time and errors of a route for the bundles of a sample.
@@ -164,7 +164,7 @@ impl MultiResolution {
         limit: f64,
         workspace: &mut Workspace,
     ) -> Trial {
-        let RouteSample { runs, truth: [a, b] } = sample;
+        let RouteSample { runs, reference: [a, b] } = sample;
         let averages = matches!(self.route, Route::Walks { .. } | Route::Cut(_));
         let traced = |bundle: &Bundle| match self.route {
             Route::Exact => true,

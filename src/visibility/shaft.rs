@@ -18,21 +18,21 @@ use glam::Vec3;
 
 /// A box as centre and half extent, scene units.
 #[derive(Clone, Copy)]
-pub(super) struct Ends {
+pub(super) struct BoxEnds {
     pub centre: Vec3,
     pub half: Vec3,
 }
 
-impl Ends {
-    fn of([lo, hi]: [Vec3; 2]) -> Ends {
-        Ends { centre: 0.5 * (lo + hi), half: 0.5 * (hi - lo) }
+impl BoxEnds {
+    fn of([lo, hi]: [Vec3; 2]) -> BoxEnds {
+        BoxEnds { centre: 0.5 * (lo + hi), half: 0.5 * (hi - lo) }
     }
 
     /// From the smallest and largest coordinates per axis and lane.
     #[inline(always)]
-    fn around<S: Simd>(simd: S, [x, y, z]: &[(S::F, S::F); 3]) -> Ends {
+    fn around<S: Simd>(simd: S, [x, y, z]: &[(S::F, S::F); 3]) -> BoxEnds {
         let lo = Vec3::new(simd.least(x.0), simd.least(y.0), simd.least(z.0));
-        Ends::of([lo, Vec3::new(simd.greatest(x.1), simd.greatest(y.1), simd.greatest(z.1))])
+        BoxEnds::of([lo, Vec3::new(simd.greatest(x.1), simd.greatest(y.1), simd.greatest(z.1))])
     }
 
     pub fn bounds(self) -> [Vec3; 2] {
@@ -64,7 +64,7 @@ pub(super) struct Shaft {
     offsets: [f32; 4],
     pub planes: usize,
     /// Boxes of the receiver ends and of the emitter ends.
-    pub ends: [Ends; 2],
+    pub ends: [BoxEnds; 2],
     /// Whether the shaft contains all segments between the common receiver end and the whole emitter.
     pub whole: bool,
     /// Widening of the box and of the side planes: bound on rounding errors of the scene's coordinates, scene units.
@@ -127,8 +127,8 @@ impl Shaft {
             }
         }
         let shared = simd.bits(apart) == 0;
-        let from = if shared { Ends::of([apex, apex]) } else { Ends::around(simd, &lanes[0]) };
-        let to = Ends::around(simd, &lanes[1]);
+        let from = if shared { BoxEnds::of([apex, apex]) } else { BoxEnds::around(simd, &lanes[0]) };
+        let to = BoxEnds::around(simd, &lanes[1]);
         let mut shaft = Shaft::between([from, to], magnitude);
         let slack = ends_slack(packets);
         shaft.slack = slack.map(|[least, _]| least);
@@ -156,7 +156,7 @@ impl Shaft {
             (lo, hi) = (lo.min(p), hi.max(p));
         }
         let nearest = apex.clamp(lo, hi).distance(apex);
-        let ends = [Ends::of([apex, apex]), Ends::of([lo, hi])];
+        let ends = [BoxEnds::of([apex, apex]), BoxEnds::of([lo, hi])];
         let mut shaft = Shaft::between(ends, magnitude);
         shaft.slack = slack.map(|[least, _]| least);
         shaft.margins = rules.map(|rule| rule.margin((nearest - height).max(0.0)));
@@ -174,7 +174,7 @@ impl Shaft {
     pub fn around(shafts: &[Shaft]) -> Shaft {
         let ends = [0, 1].map(|end| {
             let boxes = shafts.iter().map(|s| s.ends[end].bounds());
-            Ends::of(boxes.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).expect("a shaft"))
+            BoxEnds::of(boxes.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).expect("a shaft"))
         });
         let mut shaft = Shaft::between(ends, 0.0);
         shaft.widen(shafts.iter().map(|s| s.widening).fold(0.0, f32::max));
@@ -200,7 +200,7 @@ impl Shaft {
     }
 
     /// A shaft with box and axis, without side planes and margins. `magnitude` is the largest absolute coordinate of the scene.
-    fn between(ends: [Ends; 2], magnitude: f32) -> Shaft {
+    fn between(ends: [BoxEnds; 2], magnitude: f32) -> Shaft {
         let widening = EndRule::new(magnitude).slack();
         let along = ends[1].centre - ends[0].centre;
         // Of the directions that measure t, choose the one along which the ends spread least. For a panel parallel to
@@ -217,7 +217,7 @@ impl Shaft {
                 }
             }
         }
-        let [a, b] = ends.map(Ends::bounds);
+        let [a, b] = ends.map(BoxEnds::bounds);
         Shaft {
             lo: a[0].min(b[0]) - widening,
             hi: a[1].max(b[1]) + widening,
@@ -341,7 +341,7 @@ fn corners_of_polygon(points: &[Vec3], apex: Vec3) -> Option<[Vec3; 4]> {
 
 /// Vectors from a point to the corners of a box without thickness, in order; `None` if the box is thicker than `slack`.
 #[inline(always)]
-fn corners_of_panel(to: Ends, apex: Vec3, slack: f32) -> Option<[Vec3; 4]> {
+fn corners_of_panel(to: BoxEnds, apex: Vec3, slack: f32) -> Option<[Vec3; 4]> {
     let flat = to.half.min_position();
     if to.half[flat] > slack {
         return None;

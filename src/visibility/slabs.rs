@@ -96,7 +96,7 @@ impl Slabs {
 /// Results of [`pass`], summed over unblocked segments. Segments that are folded (see [`pass`]) count with the values
 /// of the mean of their two or four.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Passed {
+pub(super) struct BoxSums {
     /// Product of the boxes' transmittances along the segment [SD95 sec 3.1].
     pub transmittance: f32,
     /// Squares of the transmittances.
@@ -115,8 +115,8 @@ pub(super) struct Passed {
     pub times: u64,
 }
 
-impl Passed {
-    pub(super) fn add(&mut self, other: Passed) {
+impl BoxSums {
+    pub(super) fn add(&mut self, other: BoxSums) {
         self.transmittance += other.transmittance;
         self.square += other.square;
         self.lo += other.lo;
@@ -216,11 +216,11 @@ impl<S: Simd> LineSums<S> {
 
     /// The weighted transmittance of each line, and sums over the lines with their weights.
     #[inline(always)]
-    fn passed(&self, simd: S, weights: S::F) -> (S::F, Passed) {
+    fn passed(&self, simd: S, weights: S::F) -> (S::F, BoxSums) {
         let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
         let each = decay(simd, self.depth);
         let transmittance = simd.mul(weights, each);
-        let passed = Passed {
+        let passed = BoxSums {
             transmittance: simd.sum(transmittance),
             square: simd.sum(simd.mul(transmittance, each)),
             lo: simd.sum(simd.mul(weights, simd.max(simd.sub(one, self.depth), zero))),
@@ -267,7 +267,7 @@ impl PacketSums {
 
     /// The transmittance of each segment that is not blocked, 0 in other lanes, and their sums.
     #[inline(always)]
-    pub fn passed<S: Simd>(&self, simd: S, clear: u32) -> ([f32; LANES], Passed) {
+    pub fn passed<S: Simd>(&self, simd: S, clear: u32) -> ([f32; LANES], BoxSums) {
         let weights = simd.keep(simd.mask(clear), simd.splat(1.0));
         let (transmittance, passed) = self.loaded(simd).passed(simd, weights);
         let mut each = [0.0; LANES];
@@ -284,8 +284,8 @@ struct Lines<S: Simd> {
 }
 
 /// Lanes of the folded lines that hold the segments of each of four (two) packets.
-const OF_FOUR: [u32; 4] = [0x8421, 0x4812, 0x2184, 0x1248];
-const OF_TWO: [u32; 4] = [0x5555, 0xaaaa, 0, 0];
+const LANES_OF_FOUR: [u32; 4] = [0x8421, 0x4812, 0x2184, 0x1248];
+const LANES_OF_TWO: [u32; 4] = [0x5555, 0xaaaa, 0, 0];
 
 impl<S: Simd> Lines<S> {
     /// All segments of a packet, unfolded.
@@ -309,7 +309,7 @@ impl<S: Simd> Lines<S> {
         shared: bool,
         reach: f32,
     ) -> Option<Lines<S>> {
-        let fours = lanes[0] == OF_FOUR[0];
+        let fours = lanes[0] == LANES_OF_FOUR[0];
         let part = simd.splat(if fours { 0.25 } else { 0.5 });
         let mut lines = Lines::of(simd, &packets[0], u32::MAX);
         let mut apart = simd.splat(0.0);
@@ -338,7 +338,7 @@ impl<S: Simd> Lines<S> {
 
     /// Traces the lines through the boxes: the weighted transmittance of each line, and all sums.
     #[inline(always)]
-    fn pass(&self, simd: S, slabs: &Slabs, shared: bool) -> (S::F, Passed) {
+    fn pass(&self, simd: S, slabs: &Slabs, shared: bool) -> (S::F, BoxSums) {
         let zero = simd.splat(0.0);
         LineSums::<S> { depth: zero, deepest: zero, errors: zero }
             .through(simd, self, slabs, shared)
@@ -366,16 +366,16 @@ pub(super) fn pass<S: Simd>(
     shaft: &Shaft,
     sums: &mut Vec<f32>,
     each: &mut [f32; LANES],
-) -> Passed {
+) -> BoxSums {
     // All segments start at the boxes' reference point.
     let shared = shaft.apex.is_some();
     // Adjacent segments are folded if their ends are at most a quarter of the bundle's width from their mean.
     let reach = 0.5 * shaft.ends[0].half.max(shaft.ends[1].half).max_element();
-    let mut all = Passed::default();
+    let mut all = BoxSums::default();
     let (fold, lanes) = match packets.len() {
-        ..2 => (1, &OF_TWO),
-        2..MIN_FOLD_BY_FOUR_PACKETS => (2, &OF_TWO),
-        MIN_FOLD_BY_FOUR_PACKETS.. => (4, &OF_FOUR),
+        ..2 => (1, &LANES_OF_TWO),
+        2..MIN_FOLD_BY_FOUR_PACKETS => (2, &LANES_OF_TWO),
+        MIN_FOLD_BY_FOUR_PACKETS.. => (4, &LANES_OF_FOUR),
     };
     for (packets, blocked) in packets.chunks(fold).zip(blocked.chunks(fold)) {
         let full = packets.len() > 1 && packets.iter().all(|packet| packet.active == 0xffff);

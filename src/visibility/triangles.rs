@@ -18,7 +18,7 @@ const FAN_EDGE_WIDENING: f32 = f32::EPSILON;
 
 /// Result of testing a block.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Tested {
+pub(super) struct BlockTests {
     /// Whether a triangle was tested segment by segment.
     pub any: bool,
     /// Number of tests of a triangle against a packet, or of equivalent work.
@@ -36,13 +36,13 @@ pub(super) fn block_all<S: Simd>(
     packets: &[Packet],
     tiles: &mut Tiles,
     blocked: &mut [u32],
-) -> Tested {
+) -> BlockTests {
     let corner = vector::load(simd, &block.corner);
     let (edge1, edge2) = (vector::load(simd, &block.edge1), vector::load(simd, &block.edge2));
     let misses = shaft.misses(simd, &corner, [&edge1, &edge2]);
     let touched = block.used & !simd.bits(misses);
     if touched == 0 {
-        return Tested::default();
+        return BlockTests::default();
     }
     let normal = vector::cross(simd, &edge2, &edge1);
     let harmless = shaft.on_one_side(simd, &corner, &normal);
@@ -51,7 +51,7 @@ pub(super) fn block_all<S: Simd>(
         touched &= !simd.bits(shaft.beside(simd, &corner, [&edge1, &edge2]));
     }
     if touched == 0 {
-        return Tested::default();
+        return BlockTests::default();
     }
     match &shaft.pyramid {
         Some(pyramid) => {
@@ -81,8 +81,8 @@ fn each<S: Simd>(
     candidates: u32,
     packets: &[Packet],
     blocked: &mut [u32],
-) -> Tested {
-    let mut tested = Tested { any: true, ..Tested::default() };
+) -> BlockTests {
+    let mut tested = BlockTests { any: true, ..BlockTests::default() };
     for k in Lanes(candidates) {
         let triangle = Triangle::of(block, k);
         tested.work += 1 + packets.len() as u64;
@@ -199,13 +199,13 @@ impl Fans {
         packets: &[Packet],
         tiles: &mut Tiles,
         blocked: &mut [u32],
-    ) -> Tested {
+    ) -> BlockTests {
         if touched & self.covering != 0 {
             packets.iter().zip(blocked).for_each(|(packet, blocked)| *blocked = packet.active);
-            return Tested { all: true, ..Tested::default() };
+            return BlockTests { all: true, ..BlockTests::default() };
         }
         let mut touched = touched & !self.missed;
-        let mut tested = Tested { any: touched != 0, ..Tested::default() };
+        let mut tested = BlockTests { any: touched != 0, ..BlockTests::default() };
         let near_an_end = touched & !self.amid;
         if near_an_end != 0 && packets.iter().any(|packet| packet.backwards != 0) {
             // The common end has rounding errors that are larger than the margins at the other ends.

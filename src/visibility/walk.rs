@@ -14,7 +14,7 @@
 
 use super::frontier::Frontier;
 use super::shaft::Shaft;
-use super::slabs::{Passed, Slabs, pass};
+use super::slabs::{BoxSums, Slabs, pass};
 use super::triangles::{self, Tiles};
 use super::wide::{AxisOptics, BLOCK_WORK, LEAF, NODE_WORK, WideNode, WideTree, mixed};
 use crate::optics::{AXIS_COUNT, AxisMix};
@@ -43,7 +43,7 @@ pub(super) struct WalkRule {
 
 /// Result of a walk.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Walked {
+pub(super) struct WalkResult {
     /// Sums over all segments: transmittances, their squares, and Fréchet's bounds.
     pub transmittance: f32,
     pub square: f32,
@@ -76,7 +76,7 @@ pub(super) fn walk<S: Simd>(
     shaft: &Shaft,
     rule: &WalkRule,
     buffers: &mut Buffers,
-) -> Walked {
+) -> WalkResult {
     buffers.blocked.clear();
     buffers.blocked.resize(packets.len(), 0);
     let (mut walked, all) = gather(simd, tree, frontier, packets, shaft, rule, buffers);
@@ -121,9 +121,9 @@ pub(super) fn gather<S: Simd>(
     shaft: &Shaft,
     rule: &WalkRule,
     buffers: &mut Buffers,
-) -> (Walked, bool) {
+) -> (WalkResult, bool) {
     let Buffers { queue, slabs, tiles, blocked, .. } = buffers;
-    let mut walked = Walked::default();
+    let mut walked = WalkResult::default();
     let mix = AxisMix::around(shaft.direction());
     slabs.clear();
     tiles.clear();
@@ -184,9 +184,9 @@ pub(super) fn gather<S: Simd>(
     (walked, all)
 }
 
-impl Walked {
+impl WalkResult {
     /// Counts a tested block of triangles; returns whether all segments are blocked.
-    fn tested_block(&mut self, tested: &triangles::Tested) -> bool {
+    fn tested_block(&mut self, tested: &triangles::BlockTests) -> bool {
         self.work += BLOCK_WORK + tested.work;
         self.tested |= tested.any;
         self.covered |= tested.all && !tested.any;
@@ -194,7 +194,7 @@ impl Walked {
     }
 
     /// Takes over the sums of segments that passed through aggregated clusters.
-    pub fn take(&mut self, passed: &Passed, packets: &[Packet]) {
+    pub fn take(&mut self, passed: &BoxSums, packets: &[Packet]) {
         let segments: usize = packets.iter().map(Packet::len).sum();
         self.transmittance = passed.transmittance;
         self.square = passed.square;

@@ -93,7 +93,7 @@ fn job(source: &TomlSource, entry: &JobEntry, inputs: Vec<String>, point: &Point
     })
 }
 
-/// What templates of a job may name: its command, its scene without folder and extension, the folder of its scene, and its options.
+/// Values of the keys in templates of a job: command, scene without folder and extension, folder of the scene, and options.
 fn fields(entry: &JobEntry, inputs: &[String], options: &[Opt]) -> Fields {
     let options = options.iter().map(|o| (o.name.clone(), plain(&o.value.shown())));
     let mut fields: Fields = options.collect();

@@ -1,4 +1,4 @@
-//! Hashes of inputs, and the key that says whether a job is done already.
+//! Hashes of inputs, and the key by which a finished job is recognised.
 
 use super::job::{Job, Value};
 use mrvis::{Error, Result};
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-/// Takes the place of the hash of a file that cannot be read: one that appears later is a change.
+/// Replaces the hash of a file that cannot be read, so that a file that appears later counts as a change.
 const UNREADABLE: &str = "unreadable";
 
 /// A file with its content.
@@ -28,7 +28,7 @@ pub struct HashedFile {
     pub changed: Option<i64>,
 }
 
-/// What tells without reading that a file was replaced while the batch runs.
+/// Size and time of modification, by which a replaced file is recognised without reading it while the batch runs.
 type Stamp = (u64, Option<SystemTime>);
 
 fn stamp(about: &Metadata) -> Stamp {

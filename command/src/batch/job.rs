@@ -67,7 +67,7 @@ pub struct Opt {
     pub name: String,
     /// Its value.
     pub value: Value,
-    /// Where the job file states it.
+    /// Its place in the job file.
     pub span: Span,
     /// Whether `[defaults]` states it: it then applies only to commands that have it.
     pub is_default: bool,
@@ -82,7 +82,7 @@ pub struct Limits {
     pub memory: Option<u64>,
 }
 
-/// What a command reads by position, and where its results go.
+/// Positional inputs of a command, and the files of its results.
 #[derive(Clone, Copy, Debug)]
 pub struct CommandKind {
     /// Name of the command.
@@ -97,16 +97,16 @@ pub struct CommandKind {
     pub record: &'static str,
 }
 
-/// What a command reads by position.
+/// Positional inputs of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reads {
     /// One scene: key `scene`.
     Scene,
-    /// So many files or names: key `inputs`.
+    /// This number of files or names: key `inputs`.
     Inputs(usize),
 }
 
-/// What `out` of a command is.
+/// Meaning of the option `out` of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Out {
     /// The folder of the job.
@@ -148,7 +148,7 @@ pub struct Job {
     pub name: String,
     /// Its command.
     pub command: &'static CommandKind,
-    /// What the command reads by position. Paths are relative to the job file unless they name outputs of jobs.
+    /// Positional inputs of the command. Paths are relative to the job file unless they name outputs of jobs.
     pub inputs: Vec<String>,
     /// Options in the order of the job file, swept ones last.
     pub options: Vec<Opt>,
@@ -160,9 +160,9 @@ pub struct Job {
     pub needs: Vec<usize>,
     /// Limits.
     pub limits: Limits,
-    /// How often it is run again after a failure.
+    /// Number of times that it is run again after a failure.
     pub retry: u32,
-    /// Where its table begins in the job file.
+    /// Start of its table in the job file.
     pub span: Span,
 }
 
@@ -235,13 +235,13 @@ pub struct JobEntry {
     pub options: Vec<Opt>,
     /// Limits.
     pub limits: Limits,
-    /// How often a job is run again after a failure.
+    /// Number of times that a job is run again after a failure.
     pub retry: u32,
     /// Lists that are combined with each other, those of `each` among them.
     pub sweep: Vec<Axis>,
     /// Lists of one length that are read side by side.
     pub zip: Vec<Axis>,
-    /// Where the table begins.
+    /// Start of the table.
     pub span: Span,
 }
 
@@ -254,7 +254,7 @@ pub struct Axis {
     pub is_option: bool,
     /// Its values.
     pub values: Vec<Value>,
-    /// Where the axis is stated.
+    /// Place of the axis in the job file.
     pub span: Span,
 }
 

@@ -134,7 +134,7 @@ pub struct Journal {
 /// The last line of each job.
 pub type Entries = HashMap<String, Entry>;
 
-/// What the journals of an output folder say.
+/// Contents of the journals of an output folder.
 #[derive(Debug, Default)]
 pub struct Journals {
     /// The last line of each job.

@@ -40,7 +40,7 @@ pub fn parse(source: &TomlSource) -> Result<JobFile> {
     Ok(JobFile { entries })
 }
 
-/// What `[defaults]` states.
+/// Contents of `[defaults]`.
 #[derive(Default)]
 struct Defaults {
     options: Vec<Opt>,
@@ -296,7 +296,7 @@ impl Reader<'_> {
             (Some(n), None) => self.count(n)?,
             (None, Some(n)) if !log => {
                 let by = self.number(n)?;
-                // A hair more, so that rounding does not omit the last value.
+                // The addition keeps rounding from omitting the last value.
                 let count = ((to - from) / by + 1e-9).floor();
                 if !(count >= 0.0 && count < MAX_STEPS as f64) {
                     return Err(

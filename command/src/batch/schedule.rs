@@ -1,8 +1,8 @@
-//! Which job starts next, and on how many threads. Results do not depend on it.
+//! Schedule: selects the next job and its number of threads. Results do not depend on it.
 
 use std::collections::BTreeSet;
 
-/// What the schedule knows of a job.
+/// Properties of a job that the schedule needs.
 #[derive(Clone, Debug, Default)]
 pub struct Task {
     /// Jobs that must be done before.
@@ -98,7 +98,7 @@ impl Schedule {
                 None => share.max(1),
             }
         };
-        // A job that asks for more than there is runs alone.
+        // A job that needs more than the capacity runs alone.
         let fits = |&k: &usize| {
             let task = &self.tasks[k];
             if task.alone { all_idle } else { idle || threads(task) <= free && task.memory <= memory }

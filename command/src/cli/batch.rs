@@ -50,7 +50,7 @@ pub struct Args {
     /// Memory of all jobs together, of each process with --mpi, in GiB [default: 80 % of what is available]
     #[arg(long, value_name = "G", value_parser = limits::parse)]
     memory: Option<f64>,
-    /// Run a failed job again, so many times at most.
+    /// Largest number of times that a failed job runs again.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=100))]
     retry: u32,
     /// Only a part of the jobs, for several machines: part i of n; `mrvis merge` then makes the tables.
@@ -72,7 +72,7 @@ impl Args {
         self.shard.is_some()
     }
 
-    /// What one process runs at once. Ranks on one machine share it.
+    /// Threads, jobs and memory that one process may use at once. Ranks on one machine share them.
     fn capacity(&self) -> Capacity {
         let processes = self.mpi.on_machine();
         let threads = self.threads.map_or_else(|| self.mpi.threads(), usize::from);

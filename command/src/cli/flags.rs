@@ -1,4 +1,4 @@
-//! What the command calls the options of the library: their flags.
+//! Flags of the command for the options of the library.
 
 use clap::CommandFactory;
 use mrvis::internals::error::{own_word, worded};
@@ -8,7 +8,7 @@ pub fn with_flags(notes: &[String]) -> Vec<String> {
     notes.iter().map(|note| worded(note, word)).collect()
 }
 
-/// What the command calls an option of the library.
+/// Flag of an option of the library.
 pub fn word(name: &str) -> String {
     let field = match name {
         "LoadOptions::emitters" => return "--emitter NAME=W".into(),

@@ -31,12 +31,10 @@ pub struct Args {
     /// Rows and columns: polygons of the file, objects (and groups), or materials.
     #[arg(long, value_name = "WHAT", value_parser = one_of(ROWS), default_value = name_of(ROWS, FormFactorOptions::default().grouping))]
     by: Grouping,
-    /// Rays per polygon that search for visible polygons; the rays per pair are proportional [default: 2048, more for
-    /// few polygons]
+    /// Rays per polygon that search for visible polygons; the rays per pair are proportional [default: 2048, more for few polygons]
     #[arg(long, value_name = "N")]
     rays: Option<u32>,
-    /// Largest number of rays between two polygons that are partly hidden from each other [default: 256, more for few
-    /// polygons]
+    /// Largest number of rays between two polygons that are partly hidden from each other [default: 256, more for few polygons]
     #[arg(long, value_name = "N")]
     pair_rays: Option<u32>,
     /// Adjustment of the matrix: `closure` makes rows without escape sum to 1, each entry according to its
@@ -73,13 +71,13 @@ impl Args {
         Format::of(&self.out)
     }
 
-    /// What the command takes for so many facets.
+    /// Settings of the command for this number of facets.
     fn settings(&self, facets: usize) -> Settings {
         let settings = Settings { enforce: self.enforce, seed: self.common.seed, ..Settings::new(facets) };
         settings.with_rays(self.rays, self.pair_rays)
     }
 
-    /// Largest memory of the matrix of so many facets, bytes.
+    /// Largest memory of the matrix of this number of facets, bytes.
     pub fn matrix_bytes(&self, facets: usize) -> u64 {
         memory_bound(facets, &self.settings(facets))
     }

@@ -20,8 +20,8 @@ const GROUPS: [(&str, &[&str]); 3] = [
     ("Method", &["builder", "light_rays", "gather_rays", "local_rays"]),
 ];
 
-/// Options of `solve` that only `mrvis help solve` lists.
-const ADVANCED: [&str; 26] = [
+/// Options of `solve` that `--help` omits and `mrvis help solve` lists.
+const HIDDEN_SOLVE: [&str; 26] = [
     "audit",
     "builder",
     "cache",
@@ -50,8 +50,8 @@ const ADVANCED: [&str; 26] = [
     "two_sided_emission",
 ];
 
-/// The same of `bench`.
-const ADVANCED_BENCH: [&str; 7] = ["builder", "cell", "extinction", "height_scale", "place", "sides", "time"];
+/// Options of `bench` that `--help` omits and `mrvis help bench` lists.
+const HIDDEN_BENCH: [&str; 7] = ["builder", "cell", "extinction", "height_scale", "place", "sides", "time"];
 
 /// The command line, with options in groups and a short help of one sentence an option.
 pub fn command() -> Command {
@@ -59,8 +59,8 @@ pub fn command() -> Command {
         let name = command.get_name().to_owned();
         let solve = name == "solve";
         let advanced = match name.as_str() {
-            "solve" => &ADVANCED[..],
-            "bench" => &ADVANCED_BENCH,
+            "solve" => &HIDDEN_SOLVE[..],
+            "bench" => &HIDDEN_BENCH,
             _ => &[],
         };
         let command = command.mut_args(|arg| arranged(arg, solve, advanced));
@@ -175,7 +175,7 @@ mod tests {
             .flat_map(|c| c.get_arguments())
             .map(|a| a.get_id().as_str().to_owned())
             .collect();
-        for id in GROUPS.iter().flat_map(|(_, ids)| ids.iter()).chain(&ADVANCED).chain(&ADVANCED_BENCH) {
+        for id in GROUPS.iter().flat_map(|(_, ids)| ids.iter()).chain(&HIDDEN_SOLVE).chain(&HIDDEN_BENCH) {
             assert!(ids.iter().any(|i| i == id), "{id}");
         }
     }

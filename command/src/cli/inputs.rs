@@ -1,5 +1,5 @@
 //! Files that a command reads and writes: no output may replace an input or another output, and outputs can be written. Both are checked
-//! before the work, so that it is not done in vain.
+//! before the computation.
 
 use mrvis::internals::error::shown;
 use mrvis::internals::files::input::is_standard_input;

@@ -1,4 +1,4 @@
-//! What a command knows of the batch that it runs in: nothing on a thread that no batch prepared.
+//! Context of a command that runs as a job of a batch, by thread; none on other threads.
 
 use super::shared_scenes::{InUse, SharedScenes};
 use crate::batch::HashedFile;
@@ -66,7 +66,7 @@ pub fn scene(key: impl FnOnce() -> String, read: impl FnOnce() -> Result<Scene>)
     Ok(scene)
 }
 
-/// As [`Model::prepare`], but what another job of the batch has prepared is not made again.
+/// As [`Model::prepare`], but reuses what another job of the batch has prepared.
 ///
 /// # Errors
 /// As [`Model::prepare`].

@@ -1,7 +1,7 @@
 //! Limit of the memory of the whole command.
 //!
-//! What can be estimated is checked before the work. For all else a thread compares the memory in use with the limit and ends
-//! the command with an error: otherwise the system would end it without a word, or the machine would come to a standstill.
+//! Estimated memory is checked before the computation. For the rest a thread compares the memory in use with the limit and ends the
+//! command with an error: otherwise the system would kill it without a message, or the machine would swap.
 
 use mrvis::internals::memory;
 use mrvis::{Error, Result};

@@ -128,7 +128,7 @@ fn take(
         let made = made || entries.get(&entry.job).is_some_and(|known| known.made);
         copy(from, out, &mut entry, made)?;
     }
-    // It says what happened to the folder in `from`.
+    // The flag is about the folder in `from`.
     entry.withdrawn = false;
     journal.append(&[&entry])?;
     if entry.has_outputs() {

@@ -18,7 +18,7 @@ use std::process::ExitCode;
 #[cfg(feature = "mpi")]
 pub use world::{Mailbox, Sharing, World};
 
-/// What the ranks have exchanged: nothing without MPI.
+/// Statistics of the communication between ranks; none without MPI.
 #[cfg(not(feature = "mpi"))]
 #[derive(Clone, Debug, serde::Serialize)]
 pub enum Sharing {}
@@ -49,7 +49,7 @@ impl MpiArgs {
         true
     }
 
-    /// Does what only the first rank does.
+    /// Runs `work` on the first rank only.
     ///
     /// # Errors
     /// As `work`.
@@ -79,7 +79,7 @@ impl MpiArgs {
         self.mpi.then(World::present).flatten()
     }
 
-    /// What the ranks have exchanged, if there are several.
+    /// Communication statistics, if there are several ranks.
     pub fn sharing(self) -> Option<Sharing> {
         #[cfg(feature = "mpi")]
         return self.world().map(World::sharing);
@@ -87,14 +87,14 @@ impl MpiArgs {
         None
     }
 
-    /// Adds what the ranks have exchanged to the results, if there are several.
+    /// Adds the communication statistics to the results, if there are several ranks.
     pub fn add_sharing(self, json: &mut serde_json::Value) {
         if let Some(sharing) = self.sharing() {
             json["sharing"] = serde_json::json!(sharing);
         }
     }
 
-    /// Refuses options that make results depend on the time: ranks would decide differently, and wait for each other in vain.
+    /// Refuses options that make results depend on the time: ranks would decide differently and deadlock.
     ///
     /// # Errors
     /// [`Error::Argument`] if the option is given.

@@ -74,7 +74,7 @@ enum Kind {
 /// All kinds of files.
 const KINDS: [Kind; 6] = [Kind::Ply, Kind::Glb, Kind::Vtu, Kind::Lightmap, Kind::Image, Kind::Page];
 
-/// What was written, and the pictures of the page if one is wanted.
+/// Written files, and the pictures of the page if one is requested.
 pub struct Written {
     /// Paths of the files.
     pub files: Vec<PathBuf>,
@@ -105,7 +105,7 @@ impl<'a> Files<'a> {
         self.folder.join(name)
     }
 
-    /// Writes a file, or says that it is left out.
+    /// Writes a file, or notes that it is left out.
     fn write(&mut self, name: &str, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
         let spinner = self.common.spinner(format!("writing {name}"));
         let path = self.path(name);
@@ -120,7 +120,7 @@ impl<'a> Files<'a> {
         Ok(())
     }
 
-    /// Whether the caller has stopped; says then that the file is left out.
+    /// Whether the caller has stopped; then notes that the file is left out.
     fn left_out(&self, name: &str) -> Result<bool> {
         if self.progress.stopped() {
             self.common.print(&format!("interrupted: no `{name}`\n"))?;

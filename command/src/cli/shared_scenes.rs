@@ -14,14 +14,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub struct SharedScenes {
     hashes: Arc<Hashes>,
     /// By file and options.
-    kept: Mutex<HashMap<String, Kept>>,
+    kept: Mutex<HashMap<String, CachedScene>>,
     /// Counts uses.
     clock: AtomicU64,
 }
 
 /// A scene and what was prepared of it.
 #[derive(Default)]
-struct Kept {
+struct CachedScene {
     /// Held while the scene is read.
     gate: Arc<Mutex<()>>,
     scene: Option<(Arc<Scene>, Vec<HashedFile>)>,
@@ -37,7 +37,7 @@ struct PreparedModel {
     model: Model,
 }
 
-/// A sign that a job uses a scene: the scene counts as idle when all have been dropped.
+/// Reference that a job holds while it uses a scene: the scene is idle when all have been dropped.
 pub type InUse = Arc<()>;
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -97,7 +97,8 @@ impl SharedScenes {
     ) -> Result<Model> {
         let models = {
             let kept = lock(&self.kept);
-            let is_it = |entry: &&Kept| entry.scene.as_ref().is_some_and(|(own, _)| Arc::ptr_eq(own, &scene));
+            let is_it =
+                |entry: &&CachedScene| entry.scene.as_ref().is_some_and(|(own, _)| Arc::ptr_eq(own, &scene));
             kept.values().find(is_it).map(|entry| entry.models.clone())
         };
         let Some(models) = models else { return Model::prepare_watched(scene, options, progress) };
@@ -135,7 +136,7 @@ impl SharedScenes {
     }
 }
 
-impl Kept {
+impl CachedScene {
     /// Memory of the scene and its models.
     fn bytes(&self) -> u64 {
         let scene = self.scene.as_ref().map_or(0, |(scene, _)| scene.bytes() as u64);
@@ -159,18 +160,18 @@ mod tests {
     }
 
     /// Shared scenes of one file, which counts how often it is read.
-    struct Shared {
+    struct FileScenes {
         _folder: tempfile::TempDir,
         path: PathBuf,
         shared: SharedScenes,
         reads: Cell<usize>,
     }
 
-    impl Shared {
-        fn new() -> Shared {
+    impl FileScenes {
+        fn new() -> FileScenes {
             let folder = tempfile::tempdir().expect("a folder");
             let (path, shared) = (cornell(folder.path()), SharedScenes::new(Arc::default()));
-            Shared { _folder: folder, path, shared, reads: Cell::new(0) }
+            FileScenes { _folder: folder, path, shared, reads: Cell::new(0) }
         }
 
         fn scene(&self, key: &str) -> (Arc<Scene>, InUse) {
@@ -184,7 +185,7 @@ mod tests {
 
     #[test]
     fn scenes_are_read_again_when_a_file_changes() {
-        let all = Shared::new();
+        let all = FileScenes::new();
         let (path, reads) = (&all.path, &all.reads);
         let scene = || all.scene("cornell");
         let (first, _) = scene();
@@ -209,7 +210,7 @@ mod tests {
 
     #[test]
     fn models_share_what_is_prepared() {
-        let all = Shared::new();
+        let all = FileScenes::new();
         let (shared, (scene, _used)) = (&all.shared, all.scene("a"));
         let model = |detail| {
             let mut options = PrepareOptions::default();
@@ -231,7 +232,7 @@ mod tests {
 
     #[test]
     fn idle_scenes_are_dropped_the_longest_unused_first() {
-        let all = Shared::new();
+        let all = FileScenes::new();
         let (shared, reads) = (&all.shared, &all.reads);
         let scene = |key: &str| all.scene(key);
         let used = scene("used");

@@ -15,7 +15,7 @@ use super::values::{ClusterArgs, ENGINES, lower, name_of, one_of, set_fields};
 use crate::cli::mpi::Sharing;
 use glam::DVec3;
 use grids::{GridArg, Grids, MeasuredGrid, section};
-use mrvis::internals::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
+use mrvis::internals::bench::side_by_side::{ComparedRecord, SideBySide, side_by_side};
 use mrvis::internals::error::{in_words, quote};
 use mrvis::internals::export::{SurfaceLight, solve_page, surfaces};
 use mrvis::internals::files::{WholeFile, input, write_json};
@@ -231,7 +231,7 @@ fn write(
     points: &[Point],
     grids: &Grids,
     outcome: Outcome,
-    versus: Option<Versus>,
+    versus: Option<SideBySide>,
     solution: &Solution,
     watch: &Watch,
 ) -> Result<()> {
@@ -327,7 +327,7 @@ impl AtPoints {
         })
     }
 
-    /// What is stated of an irradiance, W/m².
+    /// Reported value of an irradiance, W/m²: lx, or the mean of the channels.
     pub fn value(irradiance: [f64; 3], photometry: Option<Photometry>) -> f64 {
         photometry
             .map_or_else(|| irradiance.iter().sum::<f64>() / 3.0, |photometry| photometry.of(irradiance))

@@ -8,7 +8,7 @@ use sobol_burley::sample_4d;
 /// Smallest distance between the centres of two cubes, edges: they do not touch.
 const MIN_DISTANCE: f64 = 1.1;
 /// Number of places that are tried.
-const TRIES: u32 = 16_384;
+const CANDIDATE_PLACES: u32 = 16_384;
 
 /// A scene under construction; each box is an object.
 pub struct Blocks {
@@ -88,7 +88,7 @@ pub fn apart_along_y(count: usize, edge: f64, centre: DVec3, side: f64) -> Vec<D
 /// a `distance` above [`MIN_DISTANCE`].
 fn places(count: usize, edge: f64, side: f64, distance: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
     let mut places: Vec<DVec3> = Vec::new();
-    for k in 0..TRIES {
+    for k in 0..CANDIDATE_PLACES {
         let [x, y, z, _] = sample_4d(k, 0, 7);
         let at = (DVec3::new(x.into(), y.into(), z.into()) - 0.5) * (side - edge);
         let apart = |other: &DVec3| distance((at - *other).abs()) > MIN_DISTANCE * edge;

@@ -3,10 +3,10 @@
 use super::blocks::Blocks;
 use super::item::{Item, Panel, Table, count, number};
 use super::view::irradiance;
-use super::{CERTAIN, Context, by_links, by_rays, changed, counts_of, fixed};
+use super::{Context, MIN_STANDARD_ERRORS, by_links, by_rays, changed, counts_of, fixed};
 use glam::DVec3;
 use mrvis::internals::math::triangle_area;
-use mrvis::internals::radiosity::{self, Inside, Options, Outcome, RowSums};
+use mrvis::internals::radiosity::{self, Inside, Options, Outcome, RowNormalisation};
 use mrvis::internals::{ModelParts, PrepareParts, SceneParts, clusters};
 use mrvis::metrics::Image;
 use mrvis::{Model, PrepareOptions, Result, Scene};
@@ -25,19 +25,19 @@ const VIEW: [DVec3; 2] = [DVec3::new(0.45, -0.55, 0.55), DVec3::new(-0.02, 0.0, 
 /// Its vertical angle of view.
 const ANGLE: f64 = 0.75;
 /// Largest error that links are refined to, relative to the mean irradiance.
-const COARSE: f64 = 64.0;
-/// Factor by which the error shrinks until links are refined.
-const FINER: f64 = 0.5;
+const MAX_LINK_ERROR: f64 = 64.0;
+/// Factor between successive errors, until links are refined.
+const ERROR_FACTOR: f64 = 0.5;
 /// Largest number of these steps.
 const MAX_STEPS: i32 = 11;
 /// Number of solves by links at a time, and in tests; their mean picture is shown.
 const BATCH: [usize; 2] = [32, 8];
 /// Largest number of solves by links.
 const SOLVES: [usize; 2] = [1024, 8];
-/// Standard error of the mean power at which solves end, as a part of the power by rays.
-const PRECISE: f64 = 0.01;
+/// Standard error of the mean power at which solves end, as a fraction of the power by rays.
+const TARGET_STANDARD_ERROR: f64 = 0.01;
 /// Solves by rays.
-const BY_RAYS: [usize; 2] = [8, 2];
+const RAY_SOLVES: [usize; 2] = [8, 2];
 
 /// Books that stand side by side and lean on nothing, lit from above.
 fn scene() -> Result<Scene> {
@@ -53,7 +53,7 @@ fn scene() -> Result<Scene> {
     blocks.scene()
 }
 
-/// What the books receive by one method: means over solves.
+/// Light that the books receive by one method: means over solves.
 #[derive(Clone, Copy, Debug, Default)]
 struct Received {
     solves: usize,
@@ -88,10 +88,10 @@ struct Solves {
 }
 
 impl Solves {
-    /// Adds solves in the order of their seeds until the standard error of the power is at most `precise`, or there are `most`.
-    fn new(model: &Model, options: &Options, batch: usize, most: usize, precise: f64) -> Result<Solves> {
+    /// Adds solves in the order of their seeds until the standard error of the power is at most `max_error`, or there are `max`.
+    fn new(model: &Model, options: &Options, batch: usize, max: usize, max_error: f64) -> Result<Solves> {
         let mut all = Solves::default();
-        while all.powers.len() < most && (all.powers.len() < 2 || all.power()[1] > precise) {
+        while all.powers.len() < max && (all.powers.len() < 2 || all.power()[1] > max_error) {
             let first = all.powers.len() as u64 + 1;
             let seeds: Vec<u64> = (first..first + batch as u64).collect();
             let made = seeds.par_iter().map(|&seed| {
@@ -183,14 +183,14 @@ fn areas(scene: &Scene) -> Vec<f64> {
 /// The largest error to which links beyond that of the root with itself are refined: those from the light to the cluster.
 fn coarsest(model: &Model, options: &Options) -> Result<f64> {
     for k in 0..MAX_STEPS {
-        let error = COARSE * FINER.powi(k);
+        let error = MAX_LINK_ERROR * ERROR_FACTOR.powi(k);
         if radiosity::run(model, &[], &changed(options, |options| options.error = error), &())?.record.links
             > 1
         {
             return Ok(error);
         }
     }
-    Ok(COARSE * FINER.powi(MAX_STEPS))
+    Ok(MAX_LINK_ERROR * ERROR_FACTOR.powi(MAX_STEPS))
 }
 
 /// Figure 10: links from the light to clusters with three models of the light inside them, and the light by rays.
@@ -202,22 +202,22 @@ pub fn figure_10(context: &Context) -> Result<Item> {
     let links = |inside, error| {
         changed(&by_links(error), |options| {
             options.inside = inside;
-            options.row_sums = RowSums::Sampled;
+            options.row_sums = RowNormalisation::Sampled;
         })
     };
     let rays = by_rays(if context.small { 0.1 } else { 0.02 });
     let small = usize::from(context.small);
-    let by_rays = Solves::new(&model, &rays, BY_RAYS[small], BY_RAYS[small], 0.0)?;
-    let precise = PRECISE * by_rays.power()[0];
+    let by_rays = Solves::new(&model, &rays, RAY_SOLVES[small], RAY_SOLVES[small], 0.0)?;
+    let max_error = TARGET_STANDARD_ERROR * by_rays.power()[0];
     // The same error in all cases.
-    let error = coarsest(&model, &links(Inside::Visible, COARSE))?;
-    let solves = |inside: Inside, precise: f64| {
-        Solves::new(&model, &links(inside, error), BATCH[small], SOLVES[small], precise)
+    let error = coarsest(&model, &links(Inside::Visible, MAX_LINK_ERROR))?;
+    let solves = |inside: Inside, max_error: f64| {
+        Solves::new(&model, &links(inside, error), BATCH[small], SOLVES[small], max_error)
     };
-    let isotropic = solves(Inside::Isotropic, precise)?;
-    let oriented = solves(Inside::Oriented, precise)?;
+    let isotropic = solves(Inside::Isotropic, max_error)?;
+    let oriented = solves(Inside::Oriented, max_error)?;
     // A quarter of the margin of equality.
-    let margin = EQUAL * (oriented.power()[0] - by_rays.power()[0]).abs();
+    let margin = EQUALITY_MARGIN * (oriented.power()[0] - by_rays.power()[0]).abs();
     let all = [isotropic, oriented, solves(Inside::Visible, 0.25 * margin)?, by_rays];
     let areas = areas(model.scene());
     let received = all.each_ref().map(|solves| solves.received(&areas));
@@ -225,11 +225,11 @@ pub fn figure_10(context: &Context) -> Result<Item> {
         "{BOOKS} black books side by side under a light of 0.4 m, with the coarsest links that refinement makes, to an error of {error} of \
              the mean irradiance in all cases, and no local pass; by values `isotropic`, `oriented` and `visible` of option `inside` of a solve. \
              mrvis lets the segments of a link end on the surfaces of the cluster instead of using an item buffer. Numbers and pictures are means \
-             over solves with other random numbers, so many that the standard error of the power is at most {} % of the power by rays (with \
-             visibility, a quarter of the margin of equality), and no more than {}. The books absorb all light. The ledger of a solution cannot show what is created inside a cluster: a link carries the \
+             over solves with different random numbers, repeated until the standard error of the power is at most {} % of the power by rays (with \
+             visibility, a quarter of the margin of equality) or {} solves are made. The books absorb all light. The ledger of a solution cannot show what is created inside a cluster: a link carries the \
              same power in both directions, and what the books receive in excess counts as power that did not leave the scene. So the power on \
              the books is compared with that by rays.",
-        100.0 * PRECISE,
+        100.0 * TARGET_STANDARD_ERROR,
         SOLVES[small]
     ));
     let images = all.iter().map(Solves::picture).collect::<Result<Vec<_>>>()?;
@@ -260,8 +260,8 @@ fn table(received: &[Received], names: &[&str]) -> Table {
     table
 }
 
-/// Part of what is created without visibility up to which powers count as equal: ours.
-const EQUAL: f64 = 0.1;
+/// Powers count as equal up to this fraction of the power created without visibility. Chosen here; the paper states none.
+const EQUALITY_MARGIN: f64 = 0.1;
 
 /// Checks of the numbers of the four cases.
 fn judge(item: &mut Item, received: &[Received; 4]) {
@@ -285,7 +285,7 @@ fn judge(item: &mut Item, received: &[Received; 4]) {
                 "without visibility{name} energy is created: the books receive more than rays bring, by over three standard errors"
             ),
             format!("{}, {by_rays}", of(case)),
-            more > CERTAIN * error,
+            more > MIN_STANDARD_ERRORS * error,
             || format!("the excess is {} standard errors after {} solves", fixed(more / error, 1), case.solves),
         );
     }
@@ -308,7 +308,7 @@ fn judge(item: &mut Item, received: &[Received; 4]) {
 
 /// Whether the power with visibility is that by rays; what is received in excess without and with visibility, with standard errors.
 fn judge_preserved(item: &mut Item, [[created, _], [more, error]]: [[f64; 2]; 2], measured: &str) {
-    let margin = EQUAL * created;
+    let margin = EQUALITY_MARGIN * created;
     item.check(
         format!(
             "with visibility energy is preserved: with two standard errors the power on the books differs from that by rays by at most a tenth \

@@ -12,8 +12,8 @@ pub const COLUMNS: usize = 176;
 pub const TEXEL: f64 = 0.0125;
 /// Edges of the cubes of the groups, from left to right, metres.
 pub const EDGES: [f64; 4] = [0.1, 0.15, 0.2, 0.3];
-/// Part of each image that is hidden from the centre of the light. The paper gives none; how much work Figure 9 saves depends on it, and
-/// the item gives the numbers for others.
+/// Fraction of each image that is hidden from the centre of the light. The paper gives none; the work that Figure 9 saves depends on it,
+/// and the item gives the numbers for other fractions.
 pub const COVERAGE: f64 = 0.4;
 /// Side of the light, metres.
 pub const LIGHT: f64 = 0.1;
@@ -44,7 +44,7 @@ pub fn light() -> DVec3 {
     DVec3::new(0.0, LIGHT_DISTANCE, HEIGHT)
 }
 
-/// Part of an image by which its coverage may differ from the one asked for: half of the shadow of a cube at the centre of its group.
+/// Fraction of an image by which its coverage may differ from the one asked for: half of the shadow of a cube at the centre of its group.
 pub fn coverage_tolerance(edge: f64) -> f64 {
     let shadow = edge * LIGHT_DISTANCE / (LIGHT_DISTANCE - GROUP_DISTANCE);
     0.5 * (shadow / (COLUMNS as f64 * TEXEL)).powi(2)

@@ -6,7 +6,7 @@ use super::item::{Cell, Chart, ChartRow, Item, Panel, Table, VISIBLE, number};
 use super::plain::{Descent, Leaves, PlainTree, Visits};
 use super::shadow::{Wall, mean, paper_features};
 use super::umbra::blocker_sizes;
-use super::{CERTAIN, Context, Repeated, fixed, list};
+use super::{Context, MIN_STANDARD_ERRORS, Repeated, fixed, list};
 use glam::Vec3;
 use mrvis::internals::ModelParts;
 use mrvis::internals::metrics::{FeatureSet, norms};
@@ -291,7 +291,7 @@ fn engine_times(name: &str, made: &Series9) -> String {
         fixed(100.0 * last / first, 0),
         SIZES[0],
         fixed(100.0 * noise, 0),
-        match 1.0 - last / first > CERTAIN * noise {
+        match 1.0 - last / first > MIN_STANDARD_ERRORS * noise {
             true => "",
             false => ", so that it does not certainly fall with s",
         }

@@ -4,14 +4,14 @@ use super::cubes::COVERAGE;
 use super::item::Item;
 use super::plain::Leaves;
 use super::table_1::{SATISFACTORY, paper_parts, satisfactory_spread};
-use super::{CERTAIN, Repeated, fixed, list};
+use super::{MIN_STANDARD_ERRORS, Repeated, fixed, list};
 
 /// Feature sizes of the paper, in its relative unit.
 pub const SIZES: [f64; 4] = [2.0, 2.8, 3.5, 5.0];
 /// The paper's seconds for these sizes.
 pub const PAPER_SECONDS: [f64; 4] = [1984.0, 1648.0, 1459.0, 1356.0];
 
-/// What is judged, for one treatment of leaves, by feature size.
+/// Measured numbers that the checks judge, for one treatment of leaves, by feature size.
 #[derive(Clone, Debug)]
 pub struct Measured {
     pub leaves: Leaves,
@@ -119,7 +119,7 @@ fn judge_work(item: &mut Item, measured: &Measured) {
         fall > certain && rises.is_none(),
         || match rises {
             Some(k) => format!("it rises from s = {} to s = {}", SIZES[k], SIZES[k + 1]),
-            None => format!("it falls by {} standard errors", fixed(CERTAIN * fall / certain, 1)),
+            None => format!("it falls by {} standard errors", fixed(MIN_STANDARD_ERRORS * fall / certain, 1)),
         },
     );
 }

@@ -57,7 +57,7 @@ fn median_size(image: &Image) -> Result<f64> {
 pub fn figure_1(context: &Context) -> Result<Item> {
     let groups = context.groups()?;
     let mut item = Item::of(format!(
-        "Cubes of 0.1, 0.15, 0.2 and 0.3 m in four groups, so many that each group hides {1} % of its image from the centre of a light of \
+        "Cubes of 0.1, 0.15, 0.2 and 0.3 m in four groups; each group has enough cubes to hide {1} % of its image from the centre of a light of \
              {LIGHT} m at a distance of {LIGHT_DISTANCE} m; the paper gives no dimensions. Images of {COLUMNS} x {COLUMNS} texels of 12.5 mm by \
              exact rays; a mesh of {0} x {0} elements with the mean of the reference.",
         COLUMNS / ELEMENT,

@@ -3,7 +3,7 @@
 use super::item::{Item, Panel, Table, number};
 use super::office_light::{ANGLE, SIZE, VIEW, bright};
 use super::view::{irradiance, seen};
-use super::{CERTAIN, Context, by_links, changed, fixed};
+use super::{Context, MIN_STANDARD_ERRORS, by_links, changed, fixed};
 use glam::DVec3;
 use mrvis::internals::SceneParts;
 use mrvis::internals::points::Point;
@@ -13,21 +13,21 @@ use mrvis::internals::scene::generate::{self, DESKS, Spec};
 use mrvis::metrics::Image;
 use mrvis::{Detail, Engine, Result};
 
-/// Feature size where one looks, metres.
-const LOOKED: f32 = 0.05;
-/// Feature size elsewhere, metres.
-const ELSEWHERE: f32 = 2.0;
+/// Feature size of the viewed objects, metres.
+const VIEWED_FEATURE_SIZE: f32 = 0.05;
+/// Feature size of all other objects, metres.
+const OTHER_FEATURE_SIZE: f32 = 2.0;
 /// Columns and rows of points on the desk.
 const POINTS: [i32; 2] = [32, 16];
-/// Number of solves of each case, whose scatter tells the noise, and in tests.
+/// Number of solves of each case, from whose spread the noise is estimated, and the number in tests.
 const SEEDS: [u64; 2] = [8, 2];
-/// Number of those with the large size everywhere, whose noise is not needed.
+/// Number of solves with the large size everywhere, whose noise is not needed.
 const COARSE_SEEDS: u64 = 2;
-/// Part of the goal by which errors may differ, with two standard errors of the difference, that count as the same quality: ours.
-const SAME: f64 = 0.1;
+/// Errors count as equal if they differ by at most this fraction of the goal and two standard errors. Chosen here; the paper states none.
+const EQUALITY_MARGIN: f64 = 0.1;
 /// Name of that case.
-const COARSE: &str = "2 m everywhere";
-/// What one looks at: the first desk and the things on it.
+const COARSE_CASE: &str = "2 m everywhere";
+/// Viewed objects: the first desk and the objects on it.
 const OBJECTS: [&str; 7] = ["desk", "screen", "keyboard", "cup", "pencils", "books", "sheets"];
 
 /// Numbers of solves of one case, by seed.
@@ -74,7 +74,7 @@ fn at_desk() -> [DVec3; 2] {
     [DVec3::new(x + 0.7, y - 1.3, 1.6), DVec3::new(x, y, 0.74)]
 }
 
-/// Section 6: feature sizes and errors by importance. One looks at the desks.
+/// Section 6: feature sizes and errors by importance. The camera looks at the desks.
 pub fn importance(context: &Context) -> Result<Item> {
     let model = context.model(generate::build(&Spec::new("office"))?, Detail::Optics)?;
     let points = desk();
@@ -89,24 +89,24 @@ pub fn importance(context: &Context) -> Result<Item> {
         })
     };
     let names = OBJECTS.map(String::from).to_vec();
-    let sizes = names.iter().map(|name| (name.clone(), LOOKED)).collect();
+    let sizes = names.iter().map(|name| (name.clone(), VIEWED_FEATURE_SIZE)).collect();
     let cases = [
-        ("0.05 m everywhere", mr(LOOKED)),
-        (COARSE, mr(ELSEWHERE)),
+        ("0.05 m everywhere", mr(VIEWED_FEATURE_SIZE)),
+        (COARSE_CASE, mr(OTHER_FEATURE_SIZE)),
         (
             "0.05 m on the desk, 2 m elsewhere",
-            changed(&mr(ELSEWHERE), |options| options.feature_sizes = sizes),
+            changed(&mr(OTHER_FEATURE_SIZE), |options| options.feature_sizes = sizes),
         ),
-        ("importance of the desk", changed(&mr(LOOKED), |options| options.importance = names)),
+        ("importance of the desk", changed(&mr(VIEWED_FEATURE_SIZE), |options| options.importance = names)),
     ];
     let truth = radiosity::run(&model, &points, &reference, context.progress)?;
     let truth = (truth.irradiance, seen(&truth.mesh, at_desk(), ANGLE, SIZE)?);
     let objects = &model.scene().parts().objects;
-    let looked: Vec<bool> = truth.1.objects.iter().map(|o| is_looked_at(objects, *o)).collect();
+    let looked: Vec<bool> = truth.1.objects.iter().map(|o| is_viewed(objects, *o)).collect();
     let (mut found, mut pictures) = (Vec::new(), Vec::new());
     for (name, options) in cases {
         let mut solve = Solve { name, ..Solve::default() };
-        for seed in 1..=if name == COARSE { COARSE_SEEDS } else { SEEDS[small] } {
+        for seed in 1..=if name == COARSE_CASE { COARSE_SEEDS } else { SEEDS[small] } {
             let options = changed(&options, |options| options.seed = seed);
             let outcome = radiosity::run(&model, &points, &options, context.progress)?;
             let picture = irradiance(&outcome.mesh, at_desk(), ANGLE, SIZE)?;
@@ -147,7 +147,7 @@ pub fn importance(context: &Context) -> Result<Item> {
 }
 
 /// Whether an object is one of [`OBJECTS`].
-fn is_looked_at(objects: &[Object], object: Option<u32>) -> bool {
+fn is_viewed(objects: &[Object], object: Option<u32>) -> bool {
     object.is_some_and(|o| OBJECTS.contains(&objects[o as usize].name.as_str()))
 }
 
@@ -217,7 +217,7 @@ fn judge_same(
     fine: &[f64],
     why: impl FnOnce() -> String,
 ) {
-    let margin = SAME * goal;
+    let margin = EQUALITY_MARGIN * goal;
     let [worse, error] = difference_of(errors, fine);
     item.check(
         format!(
@@ -244,7 +244,10 @@ fn judge_saved(item: &mut Item, name: &str, solve: &Solve, fine: &Solve) {
     let saved = |all: &[f64], of: &[f64]| {
         let [saving, error] = difference_of(all, of);
         let part = |v: f64| fixed(100.0 * v / mean(all), 1);
-        (format!("{} % ± {} %", part(saving), part(error)), saving > CERTAIN * error && saving > 0.0)
+        (
+            format!("{} % ± {} %", part(saving), part(error)),
+            saving > MIN_STANDARD_ERRORS * error && saving > 0.0,
+        )
     };
     let (links, rays) = (saved(&fine.links, &solve.links), saved(&fine.rays, &solve.rays));
     item.check(

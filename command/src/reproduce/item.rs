@@ -1,4 +1,4 @@
-//! What an item of the paper consists of: the claim, pictures, charts and tables made here, and a verdict of checks.
+//! Item of the paper: the claim, pictures, charts and tables made here, and a verdict of checks.
 
 use super::fixed;
 use mrvis::internals::image_io::{Picture, grey};
@@ -165,7 +165,7 @@ impl Item {
         self.checks.iter().filter(|check| !check.holds).count()
     }
 
-    /// What the verdict says in a word.
+    /// The verdict in one word.
     pub fn verdict(&self) -> &'static str {
         match (self.holds, self.of_program) {
             (true, _) => "holds",
@@ -274,7 +274,7 @@ impl Column {
 }
 
 impl Cell {
-    /// What the page shows.
+    /// Text of the cell on the page.
     pub fn text(&self) -> String {
         match self {
             Cell::Words(words) => words.clone(),
@@ -283,7 +283,7 @@ impl Cell {
     }
 }
 
-/// A cell with a number, of which the page shows so many digits after the point.
+/// A cell with a number, shown with this number of digits after the point.
 pub fn number(value: f64, digits: usize) -> Cell {
     Cell::Number(value, digits)
 }

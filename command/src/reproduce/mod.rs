@@ -52,7 +52,7 @@ fn by_links(error: f64) -> SolveOptions {
     changed(&by_rays(error), |options| options.local_rays = Some(0))
 }
 
-/// What items share.
+/// Data that all items share.
 pub struct Context<'a> {
     /// Whether small versions of the items are made, for tests.
     pub small: bool,
@@ -288,10 +288,10 @@ impl Entry {
     }
 }
 
-/// Standard errors by which a difference is certain.
-const CERTAIN: f64 = 3.0;
+/// Smallest ratio of a significant difference to its standard error.
+const MIN_STANDARD_ERRORS: f64 = 3.0;
 
-/// Pairs of measurements of the same.
+/// Pairs of repeated measurements of one quantity.
 #[derive(Clone, Debug)]
 struct Repeated(Vec<[f64; 2]>);
 
@@ -300,24 +300,24 @@ impl Repeated {
         0.5 * (self.0[k][0] + self.0[k][1])
     }
 
-    /// Standard error of a mean, as a part of it: half the difference of the two, pooled over pairs.
+    /// Standard error of a mean, as a fraction of it: half the difference of the two, pooled over pairs.
     fn noise(&self) -> f64 {
         let square: f64 = self.0.iter().map(|[a, b]| ((a - b) / (a + b)).powi(2)).sum();
         (square / self.0.len() as f64).sqrt()
     }
 
-    /// Difference of the logarithms of two means that is certain.
+    /// Smallest significant difference of the logarithms of two means.
     fn certain(&self) -> f64 {
-        CERTAIN * 2.0f64.sqrt() * self.noise()
+        MIN_STANDARD_ERRORS * 2.0f64.sqrt() * self.noise()
     }
 }
 
-/// A number with so many digits after the point.
+/// A number with this number of digits after the point.
 fn fixed(value: f64, digits: usize) -> String {
     format!("{value:.digits$}")
 }
 
-/// Several numbers with so many digits after the point.
+/// Several numbers with this number of digits after the point.
 fn list(values: &[f64], digits: usize) -> String {
     values.iter().map(|v| fixed(*v, digits)).collect::<Vec<_>>().join(", ")
 }

@@ -152,7 +152,7 @@ impl Floors {
     }
 }
 
-/// What was built instead of the paper's scene.
+/// Description of the scene that replaces the paper's.
 fn scene_of(polygons: usize) -> String {
     format!(
         "The paper's scene, pieces of the Soda Hall model, is lost; `mrvis generate office` has as many polygons \

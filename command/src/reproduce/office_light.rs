@@ -19,7 +19,7 @@ const BUILDERS: [(Builder, &str); 3] = [
     (Builder::GoldsmithSalmon, "Goldsmith-Salmon"),
 ];
 /// Error that links are refined to: a high tolerance, as in the paper.
-const ERROR: f64 = 0.1;
+const LINK_ERROR: f64 = 0.1;
 /// That of the solution by rays.
 const REFERENCE_ERROR: f64 = 0.02;
 /// Heading of pictures and numbers.
@@ -50,9 +50,9 @@ pub fn show(item: &mut Item, engine: Engine, context: &Context) -> Result<InRadi
     let (mut images, mut contrasts) = (Vec::new(), Vec::new());
     // The last one is the reference of exact visibility, with a last pass by rays.
     let links = BUILDERS.into_iter().take(if context.small { 2 } else { 3 });
-    let of_engine = changed(&by_links(ERROR), |options| options.engine = engine);
+    let of_engine = changed(&by_links(LINK_ERROR), |options| options.engine = engine);
     let links = links.map(|(builder, name)| (builder, name, of_engine.clone()));
-    let rays = by_rays(if context.small { ERROR } else { REFERENCE_ERROR });
+    let rays = by_rays(if context.small { LINK_ERROR } else { REFERENCE_ERROR });
     let rays = (engine == Engine::Exact).then_some((Builder::Grids, "reference: rays", rays));
     let has_reference = rays.is_some();
     for (builder, name, options) in links.chain(rays) {
@@ -71,7 +71,9 @@ pub fn show(item: &mut Item, engine: Engine, context: &Context) -> Result<InRadi
     let white = bright(&images[0].0);
     let panels = images.iter().map(|(image, caption)| Panel::scaled(image, white, caption.clone()));
     item.row(
-        format!("{TITLE}, error {ERROR} along links; irradiance: black 0, white {white:.0} W/m² and more"),
+        format!(
+            "{TITLE}, error {LINK_ERROR} along links; irradiance: black 0, white {white:.0} W/m² and more"
+        ),
         panels.collect(),
     );
     item.tables.push(table);
@@ -115,9 +117,9 @@ fn floor(scene: &Scene, mesh: &RadiosityMesh) -> Result<Image<'static>> {
 /// disc of 0.08 of the diagonal, do not.
 pub const SHELL: f32 = 0.15;
 /// Half of the area under a desk, of 1.6 x 0.8 m, that the penumbra of its edges leaves, metres.
-const UNDER: [f64; 2] = [0.5, 0.2];
+const FLOOR_UNDER_DESK: [f64; 2] = [0.5, 0.2];
 /// Half of the inner and outer border of the floor around a desk, up to the next one, metres.
-const AROUND: [[f64; 2]; 2] = [[0.9, 0.5], [1.2, 0.8]];
+const FLOOR_AROUND_DESK: [[f64; 2]; 2] = [[0.9, 0.5], [1.2, 0.8]];
 
 /// Loss of light under the desks, relative to the floor around them.
 pub fn contrast(image: &Image) -> Result<f64> {
@@ -132,7 +134,8 @@ pub fn contrast(image: &Image) -> Result<f64> {
     };
     let (mut under, mut around) = ([0.0; 2], [0.0; 2]);
     for desk in DESKS {
-        let [own, inner, outer] = [UNDER, AROUND[0], AROUND[1]].map(|half| sum(desk, half));
+        let [own, inner, outer] =
+            [FLOOR_UNDER_DESK, FLOOR_AROUND_DESK[0], FLOOR_AROUND_DESK[1]].map(|half| sum(desk, half));
         let [own, inner, outer] = [own?, inner?, outer?];
         for k in 0..2 {
             under[k] += own[k];

@@ -5,20 +5,20 @@ use super::office_light::InRadiosity;
 use super::{fixed, list};
 
 /// Contrast of a shadow that counts as missing: the default threshold of shadows of the feature-based error.
-const NO_SHADOW: f64 = 0.02;
-/// By what average visibility is faster than surface visibility in the paper [SD95 sec 4.2].
+const MAX_MISSING_CONTRAST: f64 = 0.02;
+/// Speed-up of average over surface visibility in the paper [SD95 sec 4.2].
 const PAPER_GAIN: f64 = 4.0;
 
 /// Contrasts of the shadows under the desks, as parts of the light beside them.
 pub struct Contrasts {
-    /// Of light straight on the floor, by rays.
+    /// Contrast of direct light on the floor, by rays.
     pub exact: f64,
-    /// Of light straight on the floor: uniform grids, cells of the k-d tree, fitted boxes of the k-d tree, Goldsmith and Salmon.
+    /// Contrasts of direct light on the floor: uniform grids, cells of the k-d tree, fitted boxes of the k-d tree, Goldsmith and Salmon.
     pub by: Vec<f64>,
     pub in_radiosity: InRadiosity,
 }
 
-/// What a segment costs on average, and all of them.
+/// Mean cost of a segment, and the cost of all segments.
 #[derive(Clone, Copy)]
 pub struct Cost {
     /// Visits per segment.
@@ -35,7 +35,7 @@ fn percentages(parts: &[f64]) -> String {
 /// Whether radiosity solutions with surface visibility show the shadows alike, and as rays do.
 pub fn judge_quality(item: &mut Item, in_radiosity: &InRadiosity) {
     let (by, by_rays) = (&in_radiosity.by, in_radiosity.by_rays.unwrap_or(f64::NAN));
-    let threshold = fixed(100.0 * NO_SHADOW, 0);
+    let threshold = fixed(100.0 * MAX_MISSING_CONTRAST, 0);
     let apart = |other: f64| by.iter().map(|c| (c - other).abs()).fold(0.0, f64::max);
     let first = by.first().copied().unwrap_or(f64::NAN);
     item.check(
@@ -44,13 +44,13 @@ pub fn judge_quality(item: &mut Item, in_radiosity: &InRadiosity) {
              contrasts differ by less than the threshold of a shadow, {threshold} %"
         ),
         format!("contrast {} %", percentages(by)),
-        by.len() > 1 && apart(first) < NO_SHADOW,
+        by.len() > 1 && apart(first) < MAX_MISSING_CONTRAST,
         || format!("they differ by up to {} percentage points", fixed(100.0 * apart(first), 1)),
     );
     item.check(
         format!("their contrasts are those of radiosity by rays, to the same threshold, {threshold} %"),
         format!("contrast {} %, by rays {} %", percentages(by), percentages(&[by_rays])),
-        by.len() > 1 && in_radiosity.by_rays.is_some() && apart(by_rays) < NO_SHADOW,
+        by.len() > 1 && in_radiosity.by_rays.is_some() && apart(by_rays) < MAX_MISSING_CONTRAST,
         || {
             format!(
                 "they differ by up to {} percentage points: links with a high tolerance end at clusters and elements that are as large as the \
@@ -90,14 +90,14 @@ pub fn judge_surface_speed(item: &mut Item, new: Cost, kd: [Cost; 2]) {
 pub fn judge_shadows(item: &mut Item, contrasts: &Contrasts) {
     let Contrasts { exact, by, in_radiosity } = contrasts;
     let [new, cells] = [by[0], by[1]];
-    let threshold = fixed(100.0 * NO_SHADOW, 0);
+    let threshold = fixed(100.0 * MAX_MISSING_CONTRAST, 0);
     item.check(
         format!(
             "shadows are completely missing from under the desks with the k-d tree: their contrast is below the threshold of a shadow, \
              {threshold} %"
         ),
         format!("contrast {} % with cells", percentages(&[cells])),
-        cells < NO_SHADOW,
+        cells < MAX_MISSING_CONTRAST,
         || {
             format!(
                 "the cells keep {} % of the contrast by rays: extinction of what they hold is spread over more air, but not lost",
@@ -139,7 +139,7 @@ pub fn judge_shadows(item: &mut Item, contrasts: &Contrasts) {
              shadow, {threshold} %"
         ),
         format!("contrast {} %", percentages(by)),
-        !by.is_empty() && by.iter().all(|c| *c >= NO_SHADOW),
+        !by.is_empty() && by.iter().all(|c| *c >= MAX_MISSING_CONTRAST),
         || "links end at clusters in which the desks' shadows are averaged".into(),
     );
 }

@@ -8,7 +8,7 @@ use mrvis::internals::page::{chart, data_url, document, figure, seconds, small_c
 
 const TITLE: &str = "Feature-based control of visibility error, reproduced";
 /// Characters of a cell beyond which its column is text, whose lines are broken.
-const LONG_CELL: usize = 24;
+const MIN_TEXT_CELL: usize = 24;
 /// Number of charts of a row beyond which they are small, two side by side.
 const LARGE_CHARTS: usize = 2;
 /// Said of checks of times.
@@ -140,7 +140,7 @@ fn picture_row(row: &PictureRow) -> Result<Markup> {
 /// A table whose number of columns is known when it is made; in narrow windows rows are lists.
 fn rows(table: &Table) -> Markup {
     let class = if table.columns.len() > 6 { "rows many" } else { "rows" };
-    let is_long = |k: usize| table.rows.iter().any(|row| row[k].text().chars().count() > LONG_CELL);
+    let is_long = |k: usize| table.rows.iter().any(|row| row[k].text().chars().count() > MIN_TEXT_CELL);
     let words = |k: usize| k == 0 || is_long(k);
     html! {
         table class=(class) {

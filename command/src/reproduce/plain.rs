@@ -56,12 +56,12 @@ impl Visits {
         self.triangles += other.triangles;
     }
 
-    /// Those of one of `n` equal runs.
+    /// Counts of one of `n` equal runs.
     pub fn of_one(self, n: u64) -> Visits {
         Visits { clusters: self.clusters / n, triangles: self.triangles / n }
     }
 
-    /// Both.
+    /// Sum of visits and tests.
     pub fn all(self) -> u64 {
         self.clusters + self.triangles
     }
@@ -139,8 +139,8 @@ struct Segment {
     length: f32,
 }
 
-/// Part of a segment at its ends on which triangles do not block.
-const END: f32 = 1e-5;
+/// Fraction of a segment at its ends on which triangles do not block.
+const END_FRACTION: f32 = 1e-5;
 
 impl Segment {
     /// Parameter of the point of the line that is nearest to `point`.
@@ -163,7 +163,7 @@ impl Segment {
         let from = self.from - a;
         let (p, q) = (from.dot(across) / determinant, from.cross(u));
         let (r, t) = (self.direction.dot(q) / determinant, v.dot(q) / determinant);
-        p >= 0.0 && r >= 0.0 && p + r <= 1.0 && (END..=1.0 - END).contains(&t)
+        p >= 0.0 && r >= 0.0 && p + r <= 1.0 && (END_FRACTION..=1.0 - END_FRACTION).contains(&t)
     }
 }
 
@@ -176,7 +176,7 @@ struct KdCell {
     parent: usize,
     faces: Vec<u32>,
     halvings: usize,
-    /// What a plane cut out of its parent: not divided.
+    /// Whether it holds the triangles that a plane cuts, which are not divided further.
     is_cut: bool,
 }
 

@@ -187,7 +187,7 @@ impl<'a> Grid<'a> {
     ) -> Result<Rendered> {
         let n = self.pairs.len();
         let ranges: Vec<Range<usize>> =
-            (0..n).step_by(RUN).map(|first| first..(first + RUN).min(n)).collect();
+            (0..n).step_by(TEXELS_PER_RUN).map(|first| first..(first + TEXELS_PER_RUN).min(n)).collect();
         let mut shortest = vec![f64::INFINITY; ranges.len()];
         let mut values = vec![0.0; n];
         for _ in 0..repeat.max(1) {
@@ -209,7 +209,7 @@ fn blocked(exact: &Exact, packets: &[Packet]) -> u32 {
 }
 
 /// Neighbouring texels that share the upper part of a traversal, as in `bench`.
-const RUN: usize = 64;
+const TEXELS_PER_RUN: usize = 64;
 
 /// Features as the paper defines them: shadows, sized by erosions with eight neighbours.
 pub fn paper_features() -> FeatureOptions {

@@ -18,22 +18,22 @@ const TABLE_1: [[f64; 4]; 5] = [
     [3.65, 2.33, 3.35, 6.94],
 ];
 /// The row of the size, 30 texels, for which the paper says that the images of three groups are satisfactory.
-const JUDGED: usize = 3;
+const ROW_OF_30_TEXELS: usize = 3;
 /// The paper's estimate of the part of its numbers that the mesh causes (section 2.3).
 const RESIDUAL: f64 = 3.0;
-/// Part of the error at the smallest size up to which an image counts as satisfactory: ours, between the parts of [`paper_parts`].
+/// An image is satisfactory up to this fraction of the error at the smallest size: chosen between the fractions of [`paper_parts`].
 pub const SATISFACTORY: f64 = 0.5;
 
 /// The largest part of the error at the smallest size that is left in an image that the paper calls satisfactory, and that in the
 /// image that needs more work.
 pub fn paper_parts() -> [f64; 2] {
-    let left = |k: usize| TABLE_1[JUDGED][k] / TABLE_1[0][k];
+    let left = |k: usize| TABLE_1[ROW_OF_30_TEXELS][k] / TABLE_1[0][k];
     [(0..3).map(left).fold(0.0, f64::max), left(3)]
 }
 
 /// Largest error relative to the smallest of the images that the paper calls satisfactory.
 pub fn satisfactory_spread() -> f64 {
-    let (smallest, largest) = range(&TABLE_1[JUDGED][..3]);
+    let (smallest, largest) = range(&TABLE_1[ROW_OF_30_TEXELS][..3]);
     largest / smallest
 }
 
@@ -99,8 +99,8 @@ fn judge(item: &mut Item, found: &[[f64; 4]]) {
         rising.is_none(),
         || format!("group {} has no features between two of the sizes", rising.map_or(0, |k| k + 1)),
     );
-    let left: [f64; 4] = std::array::from_fn(|k| 100.0 * found[JUDGED][k] / found[0][k]);
-    let paper: [f64; 4] = std::array::from_fn(|k| 100.0 * TABLE_1[JUDGED][k] / TABLE_1[0][k]);
+    let left: [f64; 4] = std::array::from_fn(|k| 100.0 * found[ROW_OF_30_TEXELS][k] / found[0][k]);
+    let paper: [f64; 4] = std::array::from_fn(|k| 100.0 * TABLE_1[ROW_OF_30_TEXELS][k] / TABLE_1[0][k]);
     let [satisfactory, not] = paper_parts().map(|part| fixed(100.0 * part, 0));
     let bound = 100.0 * SATISFACTORY;
     let wrong: Vec<String> =

@@ -45,7 +45,7 @@ fn formula(e: f64, b: f64, d1: f64) -> [f64; 2] {
 }
 
 /// Texels by which the number of centres inside a width may differ from the width; rounded up for widths that end at centres.
-const COUNTED: f64 = 1.01;
+const MAX_COUNT_DIFFERENCE: f64 = 1.01;
 
 /// Number of texels on the middle row that a predicate holds for, times their side.
 fn width_on_middle_row(image: &Image, holds: impl Fn(f32) -> bool) -> f64 {
@@ -127,12 +127,13 @@ fn judge_figure_5(item: &mut Item, worst: [f64; 2], umbrae: &[Umbra], texel: f64
         item.check(
             format!("the {what} has the width of the formula, to the one texel that counting can miss"),
             format!("largest difference {} texels", fixed(worst, 2)),
-            worst <= COUNTED,
+            worst <= MAX_COUNT_DIFFERENCE,
             || "rays leave out the border of the emitter, or meet the blocker beside its edge".into(),
         );
     }
-    let differs =
-        |u: &&Umbra| (u.found > 0.0) != (u.expected > 0.0) && (u.found - u.expected).abs() > COUNTED * texel;
+    let differs = |u: &&Umbra| {
+        (u.found > 0.0) != (u.expected > 0.0) && (u.found - u.expected).abs() > MAX_COUNT_DIFFERENCE * texel
+    };
     let wrong: Vec<String> = umbrae.iter().filter(differs).map(|u| format!("{} m", u.d1)).collect();
     item.check(
         "with a blocker smaller than the emitter the umbra is absent at some positions and present at others, as predicted",
@@ -155,23 +156,23 @@ const EMITTER: f64 = 0.1;
 const CLUSTER_AT: [f64; 2] = [2.0, 2.8];
 
 /// The largest umbra in a rendered shadow, and those of fictitious blockers, metres.
-struct Between {
+struct RenderedUmbra {
     /// Cubes and distance.
     name: String,
     rendered: f64,
-    /// Of the size of the blocked regions, at the far side, the centre and the near side of the cluster.
+    /// Umbrae of the size of the blocked regions, at the far side, the centre and the near side of the cluster.
     blocked: [f64; 3],
-    /// Of BSIZE, the larger one of the sizes of blocked and free regions, at the centre.
+    /// Umbra of BSIZE, the larger of the sizes of blocked and free regions, at the centre.
     bsize: f64,
     /// Resolution of the image and of the projection.
     slack: f64,
 }
 
-impl Between {
+impl RenderedUmbra {
     /// The fictitious blockers of a cluster with these sizes of blocked and free regions.
-    fn new(cubes: usize, [blocked, free]: [f64; 2], d1: f64, rendered: f64, texel: f64) -> Between {
+    fn new(cubes: usize, [blocked, free]: [f64; 2], d1: f64, rendered: f64, texel: f64) -> RenderedUmbra {
         let at = |b: f64, side: f64| formula(EMITTER, b, d1 + side * CLUSTER)[0];
-        Between {
+        RenderedUmbra {
             name: format!("{cubes} cubes, d1 = {d1} m"),
             rendered,
             blocked: [0.5, 0.0, -0.5].map(|side| at(blocked, side)),
@@ -201,7 +202,7 @@ pub fn figure_6(context: &Context) -> Result<Item> {
             let (size, image) = cluster_shadow(context, &wall, cubes, edge, d1)?;
             let dark = BitImage::from_fn(texels, texels, |x, y| image.at(x, y) == 0.0);
             let rendered = f64::from(Opener::new(dark, Morphology::Paper8).largest()) * wall.texel;
-            let between = Between::new(cubes, size, d1, rendered, wall.texel);
+            let between = RenderedUmbra::new(cubes, size, d1, rendered, wall.texel);
             let numbers = [size[0], size[0].max(size[1]), between.blocked[1], between.bsize, rendered]
                 .map(|v| number(v, 3));
             let first = [count(cubes), number(edge, 2), number(d1, 1)];
@@ -241,15 +242,17 @@ fn cluster_shadow(
 }
 
 /// Whether rendered umbrae are those of the fictitious blockers.
-fn judge_figure_6(item: &mut Item, found: &[Between]) {
-    let listed = |text: &dyn Fn(&Between) -> String| found.iter().map(text).collect::<Vec<_>>().join("; ");
+fn judge_figure_6(item: &mut Item, found: &[RenderedUmbra]) {
+    let listed =
+        |text: &dyn Fn(&RenderedUmbra) -> String| found.iter().map(text).collect::<Vec<_>>().join("; ");
     // The cases that fail, with what they show.
-    let failing = |fails: &dyn Fn(&Between) -> bool, text: &dyn Fn(&Between) -> String| {
+    let failing = |fails: &dyn Fn(&RenderedUmbra) -> bool, text: &dyn Fn(&RenderedUmbra) -> String| {
         let failing: Vec<String> =
             found.iter().filter(|f| fails(f)).map(|f| format!("{}: {}", f.name, text(f))).collect();
         failing.join("; ")
     };
-    let outside = |f: &Between| !(f.blocked[0] - f.slack..=f.blocked[2] + f.slack).contains(&f.rendered);
+    let outside =
+        |f: &RenderedUmbra| !(f.blocked[0] - f.slack..=f.blocked[2] + f.slack).contains(&f.rendered);
     item.check(
         "the umbra of the cluster lies between those of a fictitious blocker of the blocked size at its far and at its near side, to a texel \
          and a pixel of the projection",
@@ -260,8 +263,8 @@ fn judge_figure_6(item: &mut Item, found: &[Between]) {
         !found.iter().any(outside),
         || failing(&outside, &|_| "shadows of cubes join on the floor that are apart in the projection, or part".into()),
     );
-    let by = |f: &Between, predicted: f64| (f.rendered - predicted) / f.slack;
-    let wider = |f: &Between, than: f64| {
+    let by = |f: &RenderedUmbra, predicted: f64| (f.rendered - predicted) / f.slack;
+    let wider = |f: &RenderedUmbra, than: f64| {
         format!(
             "{} resolutions wider: its widest shadows are of cubes that are nearer to the emitter than the centre, where a blocker of that \
              size would have an umbra of up to {} m, or of cubes that lie apart and whose shadows join",
@@ -269,14 +272,14 @@ fn judge_figure_6(item: &mut Item, found: &[Between]) {
             fixed(f.blocked[2], 2)
         )
     };
-    let beyond = |f: &Between| by(f, f.bsize) > 1.0;
+    let beyond = |f: &RenderedUmbra| by(f, f.bsize) > 1.0;
     item.check(
         "BSIZE at the centre gives the maximum: no umbra is wider than that of this fictitious blocker, to the same resolution",
         listed(&|f| format!("{} m of {}", fixed(f.rendered, 2), fixed(f.bsize, 2))),
         !found.iter().any(beyond),
         || failing(&beyond, &|f| wider(f, f.bsize)),
     );
-    let differs = |f: &Between| by(f, f.blocked[1]).abs() > 1.0;
+    let differs = |f: &RenderedUmbra| by(f, f.blocked[1]).abs() > 1.0;
     item.check(
         "the umbra is that of the blocked size at the centre, to the same resolution",
         listed(&|f| format!("{} m of {}", fixed(f.rendered, 2), fixed(f.blocked[1], 2))),
@@ -349,7 +352,7 @@ mod tests {
         let failing = |rendered: f64| {
             let mut item = Item::default();
             // Umbrae of 0.37 to 0.25 m of the blocked size, 0.55 m of BSIZE, and a resolution of 0.04 m.
-            judge_figure_6(&mut item, &[Between::new(9, [0.2, 0.325], 2.0, rendered, 0.01)]);
+            judge_figure_6(&mut item, &[RenderedUmbra::new(9, [0.2, 0.325], 2.0, rendered, 0.01)]);
             assert!(
                 item.checks.iter().all(|check| check.holds || check.failure().contains("9 cubes, d1 = 2 m"))
             );

@@ -1,6 +1,6 @@
 //! Patches of the sky and suns as emitters.
 
-use super::{Asked, FAR, Lights, patches};
+use super::{Lights, PatchSet, SOURCE_DISTANCE, patches};
 use crate::bench::measure::{Queries, Timer};
 use crate::bench::workload::{ReceiverPoint, Workload, surface_points};
 use crate::bench::{BenchOptions, run};
@@ -66,7 +66,7 @@ fn weights_are_the_irradiance_of_the_sky() {
         [Vec3::Z, Vec3::X, Vec3::new(0.3, -0.8, 0.2), Vec3::new(-0.5, 0.1, -0.4)].map(Vec3::normalize);
     let places: Vec<_> = slopes.iter().map(|normal| ([-3.0, 0.5, 4.0], *normal)).collect();
     let sky = model.scene().sky().expect("a sky");
-    for asked in [Asked::All, Asked::Some] {
+    for asked in [PatchSet::All, PatchSet::Some] {
         let workload = Workload::asking(asked, &model, points(&model, &places), 1);
         for (sum, normal) in sums(&workload, |_| 1.0).into_iter().zip(slopes) {
             let whole = sky.irradiance(normal.as_dvec3()).iter().sum::<f64>() / 3.0;
@@ -85,13 +85,18 @@ fn exact_fractions_are_the_irradiance_beside_a_box() {
     let asked: Vec<Point> =
         places.iter().map(|(at, n)| Point { position: DVec3::from(*at), normal: n.as_dvec3() }).collect();
     let settings = Settings { samples: 1 << 15, direct_only: true, seed: 1 };
-    let truth = irradiance(&model, &asked, settings, &()).expect("paths");
-    let workload = Workload::asking(Asked::All, &model, points(&model, &places), 1);
+    let reference = irradiance(&model, &asked, settings, &()).expect("paths");
+    let workload = Workload::asking(PatchSet::All, &model, points(&model, &places), 1);
     let found = visible(&model, &workload, 256);
     let found = sums(&workload, |k| found[k]);
-    for ((found, truth), error) in found.iter().zip(&truth.values).zip(&truth.standard_errors) {
-        let tolerance = 4.0 * error[0] + 0.005 * truth[0];
-        assert!((found - truth[0]).abs() < tolerance, "{found} instead of {} ± {}", truth[0], error[0]);
+    for ((found, reference), error) in found.iter().zip(&reference.values).zip(&reference.standard_errors) {
+        let tolerance = 4.0 * error[0] + 0.005 * reference[0];
+        assert!(
+            (found - reference[0]).abs() < tolerance,
+            "{found} instead of {} ± {}",
+            reference[0],
+            error[0]
+        );
     }
     assert!(found[3] < 0.7 * found[0], "the box hides a third of the sky: {found:?}");
     // 4 of 64 patches at each of a thousand places.
@@ -111,7 +116,7 @@ fn segments_end_in_their_patch() {
     let found = patches(sky);
     assert_eq!(found.len(), 64);
     let normal = Vec3::new(0.2, 0.9, 0.4).normalize();
-    let workload = Workload::asking(Asked::All, &model, points(&model, &[([0.0, 0.0, 5.0], normal)]), 1);
+    let workload = Workload::asking(PatchSet::All, &model, points(&model, &[([0.0, 0.0, 5.0], normal)]), 1);
     for (k, pair) in workload.pairs.iter().enumerate() {
         let hull = workload.hull(k);
         let edges = [hull[1] - hull[0], hull[2] - hull[0], hull[4] - hull[0]];
@@ -120,7 +125,7 @@ fn segments_end_in_their_patch() {
         for packet in &packets {
             for lane in packet.lanes() {
                 let along = packet.point(lane, 1.0) - packet.point(lane, 0.0);
-                let length = FAR * model.bounds().diagonal();
+                let length = SOURCE_DISTANCE * model.bounds().diagonal();
                 assert!((along.length() / length - 1.0).abs() < 1e-5 && along.dot(normal) > 0.0);
                 let direction = along.as_dvec3().normalize();
                 let inside = |edge: Vec3| {
@@ -176,7 +181,7 @@ fn images_show_the_sun_or_the_patch_with_the_largest_irradiance() {
     let lights = |sun: &str| {
         let model = testing::model(&under("uniform:1000", sun, meadow(false).scene()), Detail::Rays);
         let points = points(&model, &[([-3.0, 0.0, 0.0], Vec3::Z)]);
-        assert_eq!(Lights::of(&model, Asked::Shown).all.len(), 1);
+        assert_eq!(Lights::of(&model, PatchSet::Shown).all.len(), 1);
         Workload::shown(&model, points, 1).pairs[0].weight
     };
     let sun = lights("160,50:400");
@@ -230,7 +235,7 @@ fn domes_are_divided_like_a_sky() {
     assert!((40..200).contains(&found.patches) && found.largest_angle <= 32.0, "{found:?}");
     let model = testing::model(&scene, Detail::Rays);
     let places = [([-3.0, 0.5, 4.0], Vec3::Z), ([1.0, 0.5, 0.5], Vec3::Z)];
-    for asked in [Asked::All, Asked::Some] {
+    for asked in [PatchSet::All, PatchSet::Some] {
         let workload = Workload::asking(asked, &model, points(&model, &places), 1);
         assert!(workload.pairs.iter().all(|pair| pair.emitter > 0), "the whole is not asked");
         let sums = sums(&workload, |_| 1.0);

@@ -2,7 +2,7 @@
 //! other corners.
 
 use super::quadtree::{MapNode, Quadtree};
-use super::{MAX_SEGMENTS, MORE_SEGMENTS, Map, Planned};
+use super::{MAX_SEGMENTS, Map, PlannedMap, SEGMENT_FACTOR};
 use crate::bench::context::Bench;
 use crate::bench::receivers::ReceiverGrid;
 use crate::bench::record::MapMrRow;
@@ -17,8 +17,8 @@ const MAX_SPACING: usize = 32;
 /// as what it saves.
 const MIN_SPACING: usize = 4;
 const MIN_TEXELS_PER_PROBE: usize = 8;
-/// Probes that one thread looks from at a time.
-const PART: usize = 64;
+/// Probes per parallel task.
+const PROBES_PER_TASK: usize = 64;
 
 /// A row by the cache.
 pub(super) struct CachedRow<'a> {
@@ -33,7 +33,7 @@ pub(super) struct CachedRow<'a> {
 }
 
 impl CachedRow<'_> {
-    /// What is known of the row before it is measured.
+    /// The row before its measurement.
     pub fn row(&self) -> MapMrRow {
         let CachedRow { s, rays, spacing, setup_s, .. } = *self;
         MapMrRow {
@@ -62,9 +62,10 @@ struct Values {
 
 impl Bench<'_> {
     /// A row for each feature size that is larger than a few texels, and two numbers of segments, where probes are much fewer than texels.
-    pub(super) fn cached_rows<'b>(&'b self, map: &Map, engine: &MultiResolution) -> Vec<Planned<'b>> {
-        let rays =
-            [self.options.rays, MORE_SEGMENTS * self.options.rays].into_iter().filter(|&n| n <= MAX_SEGMENTS);
+    pub(super) fn cached_rows<'b>(&'b self, map: &Map, engine: &MultiResolution) -> Vec<PlannedMap<'b>> {
+        let rays = [self.options.rays, SEGMENT_FACTOR * self.options.rays]
+            .into_iter()
+            .filter(|&n| n <= MAX_SEGMENTS);
         let row = |(s, rays): (f64, usize)| {
             let steps = (s / map.grid.texel).max(1.0) as usize;
             let spacing = (1 << steps.ilog2()).min(MAX_SPACING);
@@ -76,12 +77,12 @@ impl Bench<'_> {
             // The smaller time of two, as of rows.
             let mut again_s = 0.0;
             let cache = timed(&mut again_s, || self.cache(map.grid, engine, spacing, rays))?;
-            Some(Planned::Cached(CachedRow { s, rays, spacing, setup_s: first_s.min(again_s), cache }))
+            Some(PlannedMap::Cached(CachedRow { s, rays, spacing, setup_s: first_s.min(again_s), cache }))
         };
         rays.flat_map(|rays| self.sizes.iter().map(move |&s| (s, rays))).filter_map(row).collect()
     }
 
-    /// The cache of a map with at most so many texels between probes; none if its probes would be too many.
+    /// The cache of a map with at most `spacing` texels between probes; none if its probes would be too many.
     fn cache<'b>(
         &'b self,
         grid: &ReceiverGrid,
@@ -92,7 +93,7 @@ impl Bench<'_> {
         let seed = self.options.seed as u32;
         let field = FarField::new(engine, self.scene, self.model.samplers(), rays, seed)?;
         let tree = Quadtree::new([grid.width, grid.height], spacing, |texels, side| {
-            let parts = self.timer.parts(texels.len(), PART, |range| {
+            let parts = self.timer.parts(texels.len(), PROBES_PER_TASK, |range| {
                 let clear =
                     |&[x, y]: &[usize; 2]| field.is_clear(&grid.probe(x, y), side as f32 * grid.texel as f32);
                 texels[range].iter().map(clear).collect::<Vec<bool>>()
@@ -106,7 +107,7 @@ impl Bench<'_> {
         Some(Cache { field, tree, probes })
     }
 
-    /// What nodes see of each emitter.
+    /// Visible fraction of each emitter from the nodes.
     fn seen(&self, grid: &ReceiverGrid, field: &FarField, nodes: &[MapNode]) -> Values {
         let mut cost = Cost::default();
         let mut visible = Vec::new();
@@ -122,7 +123,7 @@ impl Bench<'_> {
                 let values: Vec<f32> = nodes[range].iter().map(value).collect();
                 (values, cost)
             };
-            let parts = self.timer.parts(nodes.len(), PART, look);
+            let parts = self.timer.parts(nodes.len(), PROBES_PER_TASK, look);
             parts.iter().for_each(|part| cost.add(part.1));
             visible.push(parts.into_iter().flat_map(|part| part.0).collect());
         }

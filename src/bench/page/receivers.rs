@@ -15,9 +15,9 @@ use crate::page::{data_url, length, signed};
 use crate::plot::number;
 
 /// Images with fewer columns are shown with sharp texels, others scaled smoothly: a column of three is as wide.
-const SHARP_COLUMNS: usize = 300;
+const MIN_SMOOTHED_COLUMNS: usize = 300;
 /// Images that differ nowhere by more than this visible fraction look alike: two steps of 8-bit grey.
-const LOOKS_ALIKE: f32 = 2.0 / 255.0;
+const MAX_EQUAL_DIFFERENCE: f32 = 2.0 / 255.0;
 
 /// Images, masks and spectrum of a receiver.
 pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup> {
@@ -75,7 +75,7 @@ pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup
     })
 }
 
-/// What rows of images share.
+/// Data that all rows of images share.
 struct Compared<'a> {
     images: &'a ReceiverImages,
     /// End of the colour scale of differences.
@@ -119,7 +119,7 @@ fn rms(reference: &Image, image: &Image) -> Result<String> {
 fn looks_like<'a>(shown: &'a [(String, &Image)], image: &Image) -> Option<&'a str> {
     let alike = |other: &Image| {
         other.data().len() == image.data().len()
-            && other.data().iter().zip(image.data()).all(|(a, b)| (a - b).abs() <= LOOKS_ALIKE)
+            && other.data().iter().zip(image.data()).all(|(a, b)| (a - b).abs() <= MAX_EQUAL_DIFFERENCE)
     };
     shown.iter().find(|(_, other)| alike(other)).map(|(name, _)| name.as_str())
 }
@@ -192,7 +192,7 @@ fn covered(part: f64) -> String {
 
 /// A picture with its caption and, if there is one, a circle around a texel.
 fn picture(picture: &Picture, spot: Option<&Spot>, what: &str, note: &str) -> Result<Markup> {
-    let class = (picture.width < SHARP_COLUMNS).then_some("texels");
+    let class = (picture.width < MIN_SMOOTHED_COLUMNS).then_some("texels");
     Ok(html! {
         figure {
             div.frame {
@@ -209,7 +209,7 @@ fn scaled(reference: &Image, unit: &str) -> Result<Markup> {
     let whole = reference.width() as f64 * reference.texel();
     let power = 10f64.powf((whole / 3.0).log10().floor());
     let bar = [5.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|b| *b <= whole / 3.0).unwrap_or(power);
-    let class = (reference.width() < SHARP_COLUMNS).then_some("texels");
+    let class = (reference.width() < MIN_SMOOTHED_COLUMNS).then_some("texels");
     Ok(html! {
         figure {
             div.frame {

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::bench::record::{
-    Build, CalibrationBin, ExactRow, IntervalAudit, ReceiverErrors, SceneSummary, SkySources, Spent, Workload,
+    Build, CalibrationBin, ExactRow, IntervalAudit, ReceiverErrors, RunSeconds, SceneSummary, SkySources,
+    Workload,
 };
 
 /// Shadows of 260 discs, six of them large, with noise; `large_only`: of the large ones.
@@ -106,7 +107,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             embree_bytes: 88_000_000,
             ..Build::default()
         },
-        spent: Spent { points_s: 12.3, ..Spent::default() },
+        spent: RunSeconds { points_s: 12.3, ..RunSeconds::default() },
         workload: Workload {
             points: 20_000,
             rays: 16,

@@ -6,7 +6,7 @@ use crate::bench::workload::ReceiverPoint;
 use crate::scene::Scene;
 use glam::DVec3;
 
-/// Part of its rectangle that a nearly rectangular patch covers at least; the image of any other lies in a rectangle
+/// Fraction of its rectangle that a nearly rectangular patch covers at least; the image of any other lies in a rectangle
 /// inside it. A disc covers π/4 = 0.785 of its square.
 pub(super) const MIN_FILLED_PART: f64 = 0.8;
 /// Smallest length of the mean normal of a relief: for slopes of one angle in all directions its cosine, here 37
@@ -33,8 +33,7 @@ impl Patch {
         self.area / (self.rectangle.width * self.rectangle.height)
     }
 
-    /// The patch, or a rectangle inside it if it is not nearly rectangular; `None` if the largest such rectangle is a
-    /// small part of it.
+    /// The patch, or a rectangle inside it if it is not nearly rectangular; `None` if the largest such rectangle is a small part of it.
     pub(super) fn rectangular(self, scene: &Scene) -> Option<Patch> {
         if self.filled() >= MIN_FILLED_PART {
             return Some(self);
@@ -93,8 +92,7 @@ pub(super) fn patches(scene: &Scene, triangles: &[u32]) -> Vec<Patch> {
     patches.into_iter().filter_map(patch).collect()
 }
 
-/// The relief of some faces; `None` if one of their planar patches is large, or if the faces point into all
-/// directions.
+/// The relief of some faces; `None` if one of their planar patches is large, or if the faces point into all directions.
 pub(super) fn relief<'a>(
     scene: &Scene,
     triangles: &[u32],

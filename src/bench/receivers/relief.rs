@@ -51,7 +51,7 @@ pub(super) fn highest(
     highest
 }
 
-/// The centre of a texel, in axes to the right and upwards from the middle of so many columns and rows.
+/// The centre of a texel, in axes to the right and upwards from the middle of a grid of this size.
 fn middle([x, y]: [usize; 2], [width, height]: [usize; 2], texel: f64) -> DVec2 {
     let at = |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * texel;
     DVec2::new(at(x, width), -at(y, height))

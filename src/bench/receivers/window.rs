@@ -6,18 +6,16 @@ use crate::model::Model;
 use crate::ray::Occluder;
 use crate::scene::Scene;
 
-/// Smallest and largest number of texels along the longer side. A page shows 512 pixels without scaling; fewer than 96
-/// show no shape.
+/// Smallest and largest number of texels along the longer side. A page shows 512 pixels without scaling; fewer than 96 show no shape.
 const SIDE_TEXELS: [usize; 2] = [96, 512];
-/// Approximate number of pairs of all images: about 100 million segments of reference and rows together, some ten seconds
-/// on two cores.
+/// Approximate number of pairs of all images: about 100 million segments of reference and rows together, some ten seconds on two cores.
 const MAX_PAIRS: usize = 400_000;
-/// The largest feature size fits so many times into a window, so that features of that size can be seen in it.
+/// Smallest side of a window, in largest feature sizes, so that the image shows features of that size.
 const LARGEST_FEATURES: f64 = 6.0;
 /// Test points along the longer side of a surface of which a window is imaged: a window of the smallest part, 1/20 of
 /// the side, contains several.
 const PROBES: usize = 48;
-/// A window beside the middle needs so much more light and shadow than the one nearest to the middle.
+/// Factor by which a window off the centre must have more borders of shadows than the one nearest to the centre.
 const MIN_GAIN: f64 = 1.05;
 
 impl TexelGrid {

@@ -2,18 +2,17 @@
 
 use super::{ExactRow, Interpolated, MrRow, interpolate_log_log};
 
-/// Which exact rays a speed-up refers to.
+/// Name in records of exact rays without certificates, to which a speed-up refers.
 pub const PLAIN: &str = "exact";
 pub const CERTIFIED: &str = "certified";
 
-/// Speed-ups between these are none: repeated runs of a row differ by 5 %.
-pub const NO_FASTER: [f64; 2] = [0.95, 1.05];
+/// Range of speed-ups that count as equal speed: repeated runs of a row differ by 5 %.
+pub const EQUAL_SPEED_RANGE: [f64; 2] = [0.95, 1.05];
 
 /// Route of rows that plain exact rays answer.
 const EMBREE: &str = "embree";
 
-/// The speed-up of a row by this route. One that plain exact rays answer is what it is compared with: whatever luck and noise say, it has
-/// no gain.
+/// The speed-up of a row by this route. A row of plain exact rays is compared with itself: its speed-up is 1, whatever the noise of its time.
 pub fn speedup(route: &str, found: Option<f64>) -> Option<f64> {
     if route == EMBREE { found.map(|_| 1.0) } else { found }
 }
@@ -51,7 +50,7 @@ impl MrRow {
         gain.and_then(|(plain, fastest)| ratio(plain, fastest)).unwrap_or(1.0)
     }
 
-    /// What answers, in words.
+    /// The engine of the row, in words.
     pub fn route_in_words(&self) -> &'static str {
         match self.route.as_str() {
             "cut" => "distance cut",
@@ -61,7 +60,7 @@ impl MrRow {
         }
     }
 
-    /// What answers, in a word.
+    /// The engine of the row, in one word.
     pub fn route_in_a_word(&self) -> &'static str {
         match self.route.as_str() {
             "cut" => "cut",
@@ -71,7 +70,7 @@ impl MrRow {
         }
     }
 
-    /// What the speed-up refers to, in words.
+    /// The reference of the speed-up, in words.
     pub fn compared_in_words(&self) -> &'static str {
         match self.compared_with == CERTIFIED {
             true => "exact rays (Embree) with certificates",

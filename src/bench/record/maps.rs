@@ -28,7 +28,7 @@ pub struct MapRecord {
 pub struct MapExactRow {
     /// Rays from a point to an emitter.
     pub rays: usize,
-    /// Light is computed at every so many-th column and row, and interpolated linearly between.
+    /// Distance of columns and rows at which light is computed, texels; it is interpolated linearly between them.
     pub spacing: usize,
     /// Whether texels are interpolated: `spacing` is above 1.
     pub interpolated: bool,
@@ -53,7 +53,7 @@ pub struct MapMrRow {
     pub spacing: usize,
     /// As [`MapExactRow::interpolated`].
     pub interpolated: bool,
-    /// What answers: `bundle` (walks), `cut` (the distance cut), `cache` (the far-field cache: `spacing` is the largest distance between
+    /// Engine: `bundle` (walks), `cut` (the distance cut), `cache` (the far-field cache: `spacing` is the largest distance between
     /// probes, `rays` the number of segments of a texel that is not interpolated), `certified` (exact rays with certificates) or `embree`
     /// (exact rays, because they are expected to be faster; the row is then that of `exact`).
     pub route: String,
@@ -67,7 +67,7 @@ pub struct MapMrRow {
     pub bias: f64,
     /// Feature-based error at `feature_size`.
     pub fbem: f64,
-    /// Part of the segments, in [0, 1], that met at least one averaged cluster.
+    /// Fraction of the segments, in [0, 1], that met at least one averaged cluster.
     pub aggregated_fraction: f64,
     /// Time of exact rays for the same RMS error, divided by `seconds`; `null` if undefined.
     pub speedup_at_same_rms: Option<f64>,

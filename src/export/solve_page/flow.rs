@@ -1,6 +1,6 @@
 //! The energy ledger as a flow: the emitted power at the top divides into what materials absorb and what escapes.
 
-use super::Shown;
+use super::LightUnit;
 use crate::page::percent;
 use crate::plot::number;
 use crate::radiosity::mesh::RadiosityMesh;
@@ -18,16 +18,16 @@ const COLOURS: [&str; 7] =
 const SIZE: [f64; 2] = [1000.0, 240.0];
 const GAP: f64 = 14.0;
 
-/// A part of the emitted power.
+/// A part of the emitted power, as a stream of the diagram.
 #[derive(Clone, Debug, PartialEq)]
-struct Stream {
+struct Flow {
     name: String,
     power: f64,
     colour: &'static str,
 }
 
 /// Diagram and numbers.
-pub(super) fn section(ledger: &Ledger, shown: Shown, scene: &Scene, solution: &RadiosityMesh) -> Markup {
+pub(super) fn section(ledger: &Ledger, shown: LightUnit, scene: &Scene, solution: &RadiosityMesh) -> Markup {
     let (powers, unit) = ledger.shown(shown.0);
     if powers.emitted <= 0.0 {
         return html! { p { "No surface emits light." } };
@@ -64,7 +64,7 @@ fn sums(sums: [f64; 2]) -> Option<String> {
 }
 
 /// Absorption by material, the largest first, then what escapes and what is lost by error.
-fn streams(powers: &Powers<f64>, shown: Shown, scene: &Scene, solution: &RadiosityMesh) -> Vec<Stream> {
+fn streams(powers: &Powers<f64>, shown: LightUnit, scene: &Scene, solution: &RadiosityMesh) -> Vec<Flow> {
     let mut absorbed = vec![0.0; scene.materials.len()];
     for e in &solution.elements {
         let part = shown.of([0, 1, 2].map(|c| (1.0 - f64::from(e.albedo[c])) * e.irradiance[c]));
@@ -79,7 +79,7 @@ fn streams(powers: &Powers<f64>, shown: Shown, scene: &Scene, solution: &Radiosi
     let mut streams = Vec::new();
     let mut add = |name: String, power: f64, colour: &'static str| {
         if power > 0.0 {
-            streams.push(Stream { name, power, colour });
+            streams.push(Flow { name, power, colour });
         }
     };
     for (&m, colour) in order.iter().zip(COLOURS).take(MAX_MATERIALS) {
@@ -97,7 +97,7 @@ fn streams(powers: &Powers<f64>, shown: Shown, scene: &Scene, solution: &Radiosi
 }
 
 /// Streams from one bar at the top to bars with gaps at the bottom, as wide as their power.
-fn drawing(streams: &[Stream]) -> String {
+fn drawing(streams: &[Flow]) -> String {
     let [width, height] = SIZE;
     let all: f64 = streams.iter().map(|s| s.power).sum();
     let gaps = GAP * streams.len().saturating_sub(1) as f64;
@@ -108,7 +108,7 @@ fn drawing(streams: &[Stream]) -> String {
          aria-label=\"flow of power\"><rect x=\"{top:.1}\" width=\"{:.1}\" height=\"{bar}\" class=\"stream-all\"/>",
         width - gaps
     );
-    for Stream { power, colour, .. } in streams {
+    for Flow { power, colour, .. } in streams {
         let wide = power * scale;
         let (a, b, m, end) = (bar, height - bar, 0.5 * height, bottom + wide);
         // Writing to a string cannot fail.
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn streams_are_as_wide_as_their_power() {
-        let stream = |power| Stream { name: String::new(), power, colour: "red" };
+        let stream = |power| Flow { name: String::new(), power, colour: "red" };
         let svg = drawing(&[stream(3.0), stream(1.0)]);
         let widths: Vec<f64> =
             svg.split("width=\"").skip(1).filter_map(|w| w.split('"').next()?.parse().ok()).collect();

@@ -14,7 +14,12 @@ fn page(audit: usize, photometry: Option<Photometry>) -> (String, Record) {
     let view = PageView {
         name: "view <1>".into(),
         picture: Picture { width: 2, height: 2, pixels: vec![[9; 3]; 4] },
-        seen: vec![Seen::Surface([1.0; 3]), Seen::Surface([2.0; 3]), Seen::Surface([5.0; 3]), Seen::Nothing],
+        seen: vec![
+            PixelContent::Surface([1.0; 3]),
+            PixelContent::Surface([2.0; 3]),
+            PixelContent::Surface([5.0; 3]),
+            PixelContent::Nothing,
+        ],
     };
     let page = solve_page(
         &outcome.record,
@@ -73,11 +78,12 @@ fn emitters_are_not_painted_by_what_they_receive() {
     let view = |seen| PageView {
         name: "view".into(),
         picture: Picture { width: 4, height: 1, pixels: vec![[9; 3]; 4] },
-        seen: [Seen::Surface([1.0; 3]), Seen::Surface([2.0; 3]), Seen::Nothing, seen].to_vec(),
+        seen: [PixelContent::Surface([1.0; 3]), PixelContent::Surface([2.0; 3]), PixelContent::Nothing, seen]
+            .to_vec(),
     };
-    let page = |seen| pictures(&[view(seen)], Shown(None)).expect("a page").into_string();
-    let emitting = page(Seen::Emitter);
-    assert!(emitting.contains("emits light") && !page(Seen::Nothing).contains("emits light"));
+    let page = |seen| pictures(&[view(seen)], LightUnit(None)).expect("a page").into_string();
+    let emitting = page(PixelContent::Emitter);
+    assert!(emitting.contains("emits light") && !page(PixelContent::Nothing).contains("emits light"));
     let bands = Bands::of([1.0, 2.0].into_iter());
     let mut picture = bands.picture(4, &[Some(1.0), Some(2.0), None, None]);
     picture.pixels[3] = hatched([3, 0]);

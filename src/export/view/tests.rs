@@ -21,7 +21,7 @@ fn view(scene: &Scene) -> (DVec3, Camera, Vec<f32>) {
     (camera.eye.as_dvec3() + scene.origin, camera, parts)
 }
 
-/// Part of the picture that shows an object.
+/// Fraction of the picture that shows an object.
 fn part(scene: &Scene, parts: &[f32], name: &str) -> f32 {
     let named = scene.objects.iter().zip(parts).filter(|(object, _)| object.name.starts_with(name));
     named.map(|(_, part)| part).sum()

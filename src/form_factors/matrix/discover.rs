@@ -31,7 +31,7 @@ pub struct Buffers {
     seen: Vec<Partner>,
 }
 
-/// Number of rays that separate closed rows from open ones: 1 / [`super::Report::STRAY`] = 500, rounded up to a power
+/// Number of rays that separate closed rows from open ones: 1 / [`super::Report::MAX_CLOSED_LOSS`] = 500, rounded up to a power
 /// of two, so that a share that counts as open is expected to lose a ray.
 const STRAY_CHECK_RAYS: u32 = 512;
 /// Packets per call of Embree: limits the buffers of a thread to 1,024 rays. Does not change results.
@@ -82,7 +82,7 @@ impl Pairs<'_> {
             for (packet, hits) in packets.iter().zip(&*hits) {
                 for lane in packet.lanes() {
                     let t = hits.triangle[lane];
-                    if t == Hits::NOTHING {
+                    if t == Hits::NO_HIT {
                         escaped += 1;
                         continue;
                     }

@@ -28,9 +28,8 @@ const NEAR_DISTANCE: f64 = 0.5;
 /// Facets with a smaller area in units of radius² are slim: rectangles with sides 13 : 1 (a square has 2). Any value
 /// from 0.1 to 1 changes the error of the matrix by less than 0.001 % (`constants.py form-factors`).
 const SLIM_AREA: f64 = 0.3;
-/// Largest number of point pairs drawn for a ray until the points see each other's fronts: limits the time of pairs
-/// that see each other only in a corner. 2 or 32 instead change the error of the matrix by less than 0.001 %
-/// (`constants.py form-factors`).
+/// Largest number of point pairs drawn for a ray until the points see each other's fronts: limits the time of pairs that see each other
+/// only in a corner. 2 or 32 instead change the error of the matrix by less than 0.001 % (`constants.py form-factors`).
 const MAX_DRAWS: u32 = 8;
 
 /// A pair with the results of its rays.
@@ -88,8 +87,8 @@ impl Sequence {
     }
 
     fn next(&mut self) -> [f32; 4] {
-        const STEPS: [u32; 4] = [3_679_390_609, 3_152_041_523, 2_700_274_805, 2_313_257_605];
-        for (x, step) in self.0.iter_mut().zip(STEPS) {
+        const R4_STEPS: [u32; 4] = [3_679_390_609, 3_152_041_523, 2_700_274_805, 2_313_257_605];
+        for (x, step) in self.0.iter_mut().zip(R4_STEPS) {
             *x = x.wrapping_add(step);
         }
         self.0.map(|x| (x >> 8) as f32 / (1 << 24) as f32)

@@ -154,7 +154,7 @@ impl Facet {
 }
 
 /// Barycentric quadrature points, exact for polynomials of second degree (Strang and Fix 1973).
-const RULE: [[f64; 3]; 3] =
+const QUADRATURE_POINTS: [[f64; 3]; 3] =
     [[2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0]];
 
 fn facet(scene: &Scene, magnitudes: &[f32], triangles: std::ops::Range<u32>) -> Facet {
@@ -170,7 +170,7 @@ fn facet(scene: &Scene, magnitudes: &[f32], triangles: std::ops::Range<u32>) -> 
         let [p, q, r] = t.map(|p| p.as_dvec3());
         let normal = (q - p).cross(r - p).normalize_or_zero();
         normals.push(normal);
-        nodes.extend(RULE.map(|[u, v, w]| (p * u + q * v + r * w, normal, a / area / 3.0)));
+        nodes.extend(QUADRATURE_POINTS.map(|[u, v, w]| (p * u + q * v + r * w, normal, a / area / 3.0)));
         sum += a / area;
         shares.push((*t, sum as f32));
     }
@@ -232,7 +232,7 @@ impl Partner {
     /// Largest number of facets.
     pub const MAX_FACETS: usize = 1 << (32 - Partner::HIT_BITS);
 
-    /// A facet with so many hits.
+    /// A facet with this number of hits.
     pub fn new(facet: u32, hits: u32) -> Partner {
         Partner(facet << Partner::HIT_BITS | hits.min(Partner::MAX_HITS))
     }

@@ -4,7 +4,7 @@
 //! is a polygon of the input; facets can be grouped by object or material. Three steps:
 //!
 //! 1. *Discovery*: every facet traces cosine-distributed rays. Facets that they hit are its partners; rays that hit
-//!    nothing are its escaped share, rays that hit a back side its lost share. Up to [`Settings::EVERY`] facets the
+//!    nothing are its escaped share, rays that hit a back side its lost share. Up to [`Settings::MAX_ALL_PAIRS`] facets the
 //!    rays only measure these shares, and all facets that face it are partners.
 //! 2. *Pairs*: for two facets of which one found the other, `A F` is a closed form ([`crate::form_factors::analytic`])
 //!    times the transmittance, which rays between them sample: one bundle, and more if neither all nor no rays are
@@ -57,9 +57,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Largest number of facets for which all pairs are computed by default: 34 million pairs, of which
-    /// [`memory_bound`] is about 1 GB.
-    pub const EVERY: usize = 8192;
+    /// Largest number of facets for which all pairs are computed by default: 34 million pairs, of which [`memory_bound`] is about 1 GB.
+    pub const MAX_ALL_PAIRS: usize = 8192;
 
     /// Defaults for a number of facets: about four million discovery rays in all (2,048 to 65,536 per facet), and
     /// bundles that grow as the number of pairs falls: about 16 million rays in first bundles (64 to 16,384 per pair),
@@ -74,7 +73,7 @@ impl Settings {
             rays,
             bundle,
             largest_bundle: largest,
-            every: facets <= Settings::EVERY,
+            every: facets <= Settings::MAX_ALL_PAIRS,
             enforce: true,
             seed: 1,
         }
@@ -105,7 +104,7 @@ pub struct Report {
     pub row_sums: [f64; 2],
     /// Mean of |row sum + escaped + lost − 1| over the closed rows of the final matrix.
     pub closed_row_sum_error: f64,
-    /// Number of closed rows: escaped and lost shares of at most [`Report::STRAY`].
+    /// Number of closed rows: escaped and lost shares of at most [`Report::MAX_CLOSED_LOSS`].
     pub closed_rows: usize,
     /// Area-weighted mean of the escaped shares.
     pub escaped: f64,
@@ -129,13 +128,13 @@ impl Report {
     pub const MAX_BAD: usize = 20;
     /// Largest sum of escaped and lost shares of a closed row: one ray in 500 through cracks at corners. Larger shares
     /// of open rows would be scaled away by the closure.
-    pub const STRAY: f32 = 2e-3;
+    pub const MAX_CLOSED_LOSS: f32 = 2e-3;
     /// A facet is suspicious if its lost share exceeds this, or if row sum, escaped and lost shares differ from 1 by
     /// more than this and by more than six standard errors. Affects warnings only.
-    pub const BAD: f64 = 0.05;
+    pub const MAX_LOSS: f64 = 0.05;
 }
 
-/// Upper bound of the memory in bytes for a matrix of so many facets: at most all pairs, and at most one new pair per
+/// Upper bound of the memory in bytes for a matrix of `facets` facets: at most all pairs, and at most one new pair per
 /// ray. Excludes the scene and Embree.
 pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
     if settings.every {

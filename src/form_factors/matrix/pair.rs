@@ -29,7 +29,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// An empty row with capacity for so many pairs.
+    /// An empty row with this capacity, in pairs.
     pub fn with_capacity(pairs: usize) -> Row {
         Row {
             partner: Vec::with_capacity(pairs),
@@ -49,8 +49,7 @@ impl Row {
     }
 }
 
-/// By class of [`chance`]: number of discovery rays that hit a pair, and number expected from the pairs' exchange
-/// areas.
+/// By class of [`chance`]: number of discovery rays that hit a pair, and number expected from the pairs' exchange areas.
 pub type Tally = [[f64; 2]; CHANCE_CLASSES];
 
 /// Number of classes of pairs by expected discovery rays: two per octave, from below 1/16 to 32. Pairs above are found
@@ -77,9 +76,8 @@ pub struct Pairs<'a> {
 #[derive(Default)]
 pub struct Buffers(Vec<SampleTable>);
 
-/// Facets with a distance of centres below this multiple of the sum of radii get the double contour integral. Row sums
-/// of a block of houses are off by 0.072 % with 1, by 0.051 % with 1.5, by 0.044 % with 3 (`constants.py
-/// form-factors`).
+/// Facets with a distance of centres below this multiple of the sum of radii get the double contour integral. Row sums of a block of
+/// houses are off by 0.072 % with 1, by 0.051 % with 1.5, by 0.044 % with 3 (`constants.py form-factors`).
 const CONTOUR_DISTANCE: f64 = 1.5;
 /// Form factors from here on get the double contour integral. With 0.005 or 0.1 row sums change by less than 0.002 %
 /// (`constants.py form-factors`).
@@ -93,17 +91,15 @@ const MIN_MORE_BUNDLES_EXPECTED: f64 = 16.0;
 /// Expected discovery rays above which the transmittance T of a found pair is sampled. Below, the estimate 1/c + T/2 of
 /// `share` changes with T by at most c/2 = 12.5 % of itself.
 const MIN_SAMPLED_EXPECTED: f64 = 0.25;
-/// Transmittance assumed for found pairs that are not sampled; with the bound above, an error of 0.2 changes the value
-/// by at most 2.5 %.
+/// Transmittance assumed for found pairs that are not sampled; with the bound above, an error of 0.2 changes the value by at most 2.5 %.
 const UNSAMPLED_TRANSMITTANCE: f64 = 0.8;
 
 impl Pairs<'_> {
     /// All pairs of facet `i` with `partners`.
     ///
-    /// Small pairs are found by chance, and each found pair represents similar ones that were not found: its value is
-    /// divided by the probability `1 − exp(−c T)` of discovery, with `c` the expected number of discovery rays without
-    /// occlusion (Horvitz and Thompson 1952). Large pairs are found with certainty. [`balance`] removes the remaining
-    /// bias.
+    /// Small pairs are found by chance, and each found pair represents similar ones that were not found: its value is divided by the
+    /// probability `1 − exp(−c T)` of discovery, with `c` the expected number of discovery rays without occlusion (Horvitz and Thompson
+    /// 1952). Large pairs are found with certainty. [`balance`] removes the remaining bias.
     pub fn row(&self, i: u32, partners: &[Partner], buffers: &mut Buffers) -> Row {
         let a = self.facets.get(i);
         let mut row = Row::with_capacity(partners.len());

@@ -165,7 +165,7 @@ pub fn assemble(
         .map(|i| sums[i] / areas[i] + f64::from(shares[i][0]) + f64::from(shares[i][1]) - 1.0)
         .collect();
     // A few stray rays through cracks do not make a row open.
-    let closed: Vec<bool> = shares.iter().map(|s| s[0] + s[1] <= Report::STRAY).collect();
+    let closed: Vec<bool> = shares.iter().map(|s| s[0] + s[1] <= Report::MAX_CLOSED_LOSS).collect();
     let steps = if settings.enforce {
         let kept = |i: usize| 1.0 - f64::from(shares[i][0] + shares[i][1]);
         let wanted: Vec<Option<f64>> = (0..n).map(|i| closed[i].then_some(areas[i] * kept(i))).collect();
@@ -230,11 +230,11 @@ fn report(m: &FormFactors, off: &[f64], closed: &[bool], variance: &[f64], steps
     let closed_off: f64 = (0..m.len()).filter(|&i| closed[i]).map(|i| short(i).abs()).sum();
     let mut bad = Vec::new();
     for (i, off) in off.iter().enumerate() {
-        if f64::from(m.lost[i]) > Report::BAD {
+        if f64::from(m.lost[i]) > Report::MAX_LOSS {
             let share = number(f64::from(100.0 * m.lost[i]));
             let why = "faces that touch it, sheets, or faces wound the wrong way";
             bad.push((i, format!("{share} % of the light it sends out falls on back sides: {why}")));
-        } else if off.abs() > Report::BAD.max(6.0 * variance[i].sqrt() / m.areas[i]) {
+        } else if off.abs() > Report::MAX_LOSS.max(6.0 * variance[i].sqrt() / m.areas[i]) {
             bad.push((i, format!("row sum, escaped and lost shares add up to {}", number(1.0 + off))));
         }
     }

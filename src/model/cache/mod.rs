@@ -6,9 +6,8 @@
 //! files are trusted as programs are. Files are written completely or not at all, so that concurrent runs do not disturb
 //! each other; the oldest are removed when all together exceed [`MAX_FOLDER`].
 //!
-//! Layout: `MAGIC`, key, [`PreparedClusters`] in the `postcard` format, BLAKE3 hash of all these bytes. The key
-//! contains a hash of the source code that measures clusters (see `build.rs`), so that no version number has to be
-//! maintained.
+//! Layout: `MAGIC`, key, [`PreparedClusters`] in the `postcard` format, BLAKE3 hash of all these bytes. The key contains a hash of the
+//! source code that measures clusters (see `build.rs`), so that no version number has to be maintained.
 
 #[cfg(test)]
 mod tests;
@@ -261,11 +260,11 @@ fn save(path: &Path, key: &blake3::Hash, table: &PreparedClusters) -> Result<()>
     }
     remove_oldest(folder, MAX_FOLDER);
     let at = |e| Error::io(path, e);
-    let summed = Summed { out: WholeFile::create(path)?, hash: blake3::Hasher::new() };
+    let summed = HashingWriter { out: WholeFile::create(path)?, hash: blake3::Hasher::new() };
     let mut out = BufWriter::with_capacity(1 << 20, summed);
     out.write_all(MAGIC).and_then(|()| out.write_all(key.as_bytes())).map_err(at)?;
     postcard::to_io(table, &mut out).map_err(|e| at(io::Error::other(e)))?;
-    let Summed { mut out, hash } = out.into_inner().map_err(|e| at(e.into_error()))?;
+    let HashingWriter { mut out, hash } = out.into_inner().map_err(|e| at(e.into_error()))?;
     out.write_all(hash.finalize().as_bytes()).map_err(at)?;
     out.commit()
 }
@@ -291,12 +290,12 @@ fn remove_oldest(folder: &Path, limit: u64) {
 }
 
 /// Writer that hashes all bytes.
-struct Summed {
+struct HashingWriter {
     out: WholeFile,
     hash: blake3::Hasher,
 }
 
-impl Write for Summed {
+impl Write for HashingWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let n = self.out.write(bytes)?;
         self.hash.update(&bytes[..n]);

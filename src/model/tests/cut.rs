@@ -16,11 +16,11 @@ fn ground(model: &Model, points: usize) -> (Workload, Vec<f32>) {
     let ground = points.into_iter().filter(|p| p.position.z < 0.01 && p.normal.z > 0.9).collect();
     let workload = Workload::new(model, ground, 1);
     let (exact, mut blocked) = (model.exact(), Vec::new());
-    let truth = |pair: usize| {
+    let reference = |pair: usize| {
         let packets = segments(model, &workload, pair, 2048, 1);
         exact.answer(bundle(&workload, pair, &packets), &mut blocked).transmittance
     };
-    let truths = (0..workload.pairs.len()).map(truth).collect();
+    let truths = (0..workload.pairs.len()).map(reference).collect();
     (workload, truths)
 }
 

@@ -1,13 +1,13 @@
-//! The energy ledger: where the emitted power went.
+//! The energy ledger: emitted, absorbed, escaped and created power of a solution.
 
-use super::solved::{Closing, Solved};
+use super::solved::{FinalLight, Solved};
 use crate::radiosity::elements::{RowFactors, Shape};
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::radiosity::surroundings::Arrived;
+use crate::radiosity::surroundings::SkyPower;
 use crate::scene::Photometry;
 use crate::scene::unit_in_metres;
 
-/// Powers, summed over all surfaces; means of the channels. Where only direct light at points was computed, all but the emitted power are NaN
+/// Powers, summed over all surfaces; means of the channels. If only direct light at points was computed, all but the emitted power are NaN
 /// (`null` in JSON).
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Ledger {
@@ -35,7 +35,7 @@ pub struct Ledger {
     pub row_sum_error_sampled: f64,
     /// The same after normalisation.
     pub row_sum_error: f64,
-    /// Part of the scene's area from whose elements no light leaves the scene.
+    /// Fraction of the scene's area from whose elements no light leaves the scene.
     pub closed_area: f64,
     /// The powers of each channel, in [`Ledger::unit`].
     #[serde(skip)]
@@ -75,7 +75,7 @@ impl Solved {
         let mut ledger = Ledger::default();
         let mut powers = Powers::<Rgb>::default();
         let (mut received, mut sent, mut closed) = ([0.0; 3], [0.0; 3], 0.0);
-        let by_rays = matches!(self.closing, Closing::Rays(_));
+        let by_rays = matches!(self.closing, FinalLight::Rays(_));
         for (e, (element, state)) in elements.elements.iter().zip(elements.states.iter()).enumerate() {
             let Shape::Surface { side, .. } = element.shape else { continue };
             if !element.is_leaf() {
@@ -106,12 +106,12 @@ impl Solved {
             }
         }
         let arrived = match &self.closing {
-            Closing::Links(links) => links.arrived,
-            Closing::Rays(local) => local.arrived,
-            Closing::Nothing => Arrived::default(),
+            FinalLight::Links(links) => links.arrived,
+            FinalLight::Rays(local) => local.arrived,
+            FinalLight::Nothing => SkyPower::default(),
         };
         (ledger.sky, ledger.sun) = (mean(arrived.sky), mean(arrived.sun));
-        if let Closing::Rays(local) = &self.closing {
+        if let FinalLight::Rays(local) = &self.closing {
             for (k, share) in local.received.into_iter().enumerate() {
                 sent[k] += share * powers.emitted[k];
                 powers.escaped[k] += (1.0 - share) * powers.emitted[k];
@@ -129,7 +129,7 @@ impl Solved {
             ledger.reciprocity_residual = 0.0;
         }
         powers.created = std::array::from_fn(|k| received[k] - sent[k]);
-        if matches!(self.closing, Closing::Nothing) {
+        if matches!(self.closing, FinalLight::Nothing) {
             let unknown = [f64::NAN; 3];
             powers =
                 Powers { emitted: powers.emitted, absorbed: unknown, escaped: unknown, created: unknown };
@@ -142,16 +142,16 @@ impl Solved {
     /// sides without elements is not sent to any element.
     pub(super) fn row_sums(&self, e: usize) -> RowSums {
         match &self.closing {
-            Closing::Links(links) => {
+            FinalLight::Links(links) => {
                 let used = links.used[e] * f64::from(self.linked.elements.states[e].factors.gathers);
                 RowSums { sampled: links.sampled[e], used, sent: used }
             }
-            Closing::Rays(local) => {
+            FinalLight::Rays(local) => {
                 let result = local.results[e];
                 let kept = f64::from(result.kept);
                 RowSums { sampled: kept, used: kept, sent: f64::from(result.row_sum) }
             }
-            Closing::Nothing => RowSums { sampled: 1.0, used: 1.0, sent: 1.0 },
+            FinalLight::Nothing => RowSums { sampled: 1.0, used: 1.0, sent: 1.0 },
         }
     }
 }
@@ -162,7 +162,7 @@ pub(super) struct RowSums {
     sampled: f64,
     /// After normalisation.
     used: f64,
-    /// Part of the leaf's light that reaches other elements.
+    /// Fraction of the leaf's light that reaches other elements.
     pub(super) sent: f64,
 }
 

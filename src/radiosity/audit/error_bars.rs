@@ -22,24 +22,24 @@ const TARGET_OF_PATHS: f64 = 0.02;
 /// Largest factor of the number of paths, for a target of 0.25 %: limits the time of the audit to 64 times that of one without target.
 const MAX_PATH_FACTOR: f64 = 64.0;
 
-/// Comparison of error bars with errors at some elements, each of which counts by the area for which it stands.
+/// Comparison of error bars with errors of sampled elements, each weighted by the area that it represents.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct ErrorBarAudit {
     /// Elements whose irradiance was computed again by paths.
     pub elements: usize,
-    /// Part of the area whose error lies within the bar (0.68 for a normal distribution).
+    /// Fraction of the area whose error lies within the bar (0.68 for a normal distribution).
     pub within_one: f64,
-    /// Part of the area whose error lies within twice the bar (0.95 for a normal distribution).
+    /// Fraction of the area whose error lies within twice the bar (0.95 for a normal distribution).
     pub within_two: f64,
-    /// Part of the area whose error lies within 1/4, 2/4, … 12/4 of the bar.
+    /// Fraction of the area whose error lies within 1/4, 2/4, … 12/4 of the bar.
     pub within_quarters: [f64; 12],
     /// Root mean square of the errors, less the noise of the paths, relative to the mean irradiance of all elements.
     pub rms_error: f64,
     /// RMS error, at least the detection limit: the root of one standard error of the mean square.
     pub expected_rms: f64,
-    /// Upper end of its 95 % interval.
+    /// Upper end of the 95 % interval of `expected_rms`.
     pub rms_upper: f64,
-    /// Root mean square of the bars, relative to the same.
+    /// Root mean square of the bars, relative to the mean irradiance of all elements.
     pub rms_bar: f64,
     /// The factor in `[1/4, 4]` by which the bars were multiplied, found at as many other elements.
     pub factor: f64,
@@ -47,15 +47,14 @@ pub struct ErrorBarAudit {
 
 /// Bounds of the factor that corrects bars: errors of the estimate beyond a factor of 4 stay visible in the audit.
 const FACTOR_LIMITS: [f64; 2] = [0.25, 4.0];
-/// Smallest number of elements that determine the factor: 2 of 40 are expected beyond the 95 % quantile that it is
-/// fitted to.
+/// Smallest number of elements that determine the factor: 2 of 40 are expected beyond the 95 % quantile that it is fitted to.
 const MIN_ELEMENTS: usize = 40;
-/// Part of the errors that should lie within twice the bars: two standard deviations of a normal distribution. Errors have longer
+/// Fraction of the errors that should lie within twice the bars: two standard deviations of a normal distribution. Errors have longer
 /// tails, so that bars fitted to one standard deviation would be too small.
-const WITHIN_TWO: f64 = 0.9545;
-/// Position in each stratum of the sum of chances at which an element is drawn: for the factor, and for the audit.
-const FOR_FACTOR: f64 = 0.25;
-const FOR_AUDIT: f64 = 0.75;
+const FRACTION_WITHIN_TWO: f64 = 0.9545;
+/// Position in each stratum of the summed draw weights at which an element is drawn: for the factor, and for the audit.
+const FACTOR_POSITION: f64 = 0.25;
+const AUDIT_POSITION: f64 = 0.75;
 
 /// The size of an audit.
 #[derive(Clone, Copy, Debug)]
@@ -67,7 +66,7 @@ pub struct AuditSize {
 }
 
 impl AuditSize {
-    /// The size that the options ask for; smaller targets need more paths.
+    /// The size for these options; smaller targets need more paths.
     pub fn of(options: &Options) -> AuditSize {
         let elements = if options.direct_only || !options.elements { 0 } else { options.audit };
         let factor = options.target_error.map_or(1.0, |target| (TARGET_OF_PATHS / target).powi(2));
@@ -84,7 +83,7 @@ struct Check {
     noise: f64,
     /// Error bar.
     bar: f64,
-    /// The area for which the element stands, over the mean of these areas.
+    /// The area that the element represents, divided by the mean of these areas.
     weight: f64,
 }
 
@@ -96,12 +95,12 @@ pub(super) fn mean_square(squares: &[f64]) -> Option<(f64, f64)> {
     (n > 0.0).then(|| (mean, (variance.max(0.0) / n).sqrt()))
 }
 
-/// Squared errors without the noise of the paths, by the area for which they stand.
+/// Squared errors less the noise of the paths, weighted by the represented areas.
 fn squares(checks: &[Check]) -> Vec<f64> {
     checks.iter().map(|c| c.weight * (c.error * c.error - c.noise * c.noise)).collect()
 }
 
-/// The part of the area whose error is within a bound.
+/// The fraction of the area whose error is within a bound.
 fn part_within(checks: &[Check], bound: impl Fn(&Check) -> f64) -> f64 {
     let within = checks.iter().filter(|check| check.error <= bound(check));
     within.map(|check| check.weight).sum::<f64>() / checks.iter().map(|check| check.weight).sum::<f64>()
@@ -111,7 +110,7 @@ impl FinalGather<'_> {
     /// Compares the solution's irradiance with paths, and the differences with `bars` (standard uncertainty by element, W/m²), at
     /// some elements. The audit is empty if the deadline ends it early.
     pub fn audit(&self, bars: &[f64], size: AuditSize, deadline: &Deadline) -> (ErrorBarAudit, Tally) {
-        let (checks, tally) = self.checks(bars, size, FOR_AUDIT, deadline);
+        let (checks, tally) = self.checks(bars, size, AUDIT_POSITION, deadline);
         if checks.is_empty() {
             return (ErrorBarAudit::default(), tally);
         }
@@ -132,7 +131,7 @@ impl FinalGather<'_> {
     /// RMS error of elements relative to the mean irradiance, from other elements than those of the audit; at least the detection
     /// limit. `None` if no element was checked.
     pub fn sampled_error(&self, bars: &[f64], size: AuditSize, deadline: &Deadline) -> (Option<f64>, Tally) {
-        let (checks, tally) = self.checks(bars, size, FOR_FACTOR, deadline);
+        let (checks, tally) = self.checks(bars, size, FACTOR_POSITION, deadline);
         let error =
             mean_square(&squares(&checks)).map(|(mean, resolved)| mean.max(resolved).sqrt() / self.level());
         (error, tally)
@@ -142,7 +141,7 @@ impl FinalGather<'_> {
     /// lie within twice the bars; 1 if too few of them have bars above the noise of the paths. Bars assume
     /// independent samples, but stratified samples are better, and errors of links are correlated.
     pub fn bar_factor(&self, bars: &[f64], size: AuditSize, deadline: &Deadline) -> (f64, Tally) {
-        let (mut checks, tally) = self.checks(bars, size, FOR_FACTOR, deadline);
+        let (mut checks, tally) = self.checks(bars, size, FACTOR_POSITION, deadline);
         checks.retain(|check| check.noise < check.bar);
         if checks.len() < MIN_ELEMENTS {
             return (1.0, tally);
@@ -152,7 +151,7 @@ impl FinalGather<'_> {
         let [mut low, mut high] = FACTOR_LIMITS;
         for _ in 0..20 {
             let middle = (low * high).sqrt();
-            if within(middle) < WITHIN_TWO { low = middle } else { high = middle }
+            if within(middle) < FRACTION_WITHIN_TWO { low = middle } else { high = middle }
         }
         (high, tally)
     }
@@ -182,7 +181,7 @@ impl FinalGather<'_> {
         }
         let Elements { elements, states, .. } = &self.linked().elements;
         let (mut sums, mut sum) = (Vec::new(), 0.0);
-        for (e, chance) in self.chances(bars) {
+        for (e, chance) in self.draw_weights(bars) {
             sum += elements[e as usize].area * chance;
             sums.push((sum, e, chance));
         }
@@ -219,10 +218,10 @@ impl FinalGather<'_> {
         (checks, tally)
     }
 
-    /// The elements that light arrives at, each with its chance to be drawn relative to the chance by area alone: a third of the draws is by area, a
-    /// third by light, and a third by error bars (half by area and half by light without bars). Where a lamp lights a thousandth of a floor, all error is there; in a room full of things most of it
-    /// lies in few elements with large bars.
-    fn chances(&self, bars: &[f64]) -> Vec<(u32, f64)> {
+    /// The elements that receive light, each with its probability to be drawn relative to that by area alone: a third of the draws is by area, a
+    /// third by light, and a third by error bars (half by area and half by light without bars). If a lamp lights a thousandth of a floor, all error
+    /// is there; in a room full of objects most of it lies in few elements with large bars.
+    fn draw_weights(&self, bars: &[f64]) -> Vec<(u32, f64)> {
         let Elements { elements, states, .. } = &self.linked().elements;
         let leaves = self.linked().lit_leaves();
         let area = |e: u32| elements[e as usize].area;

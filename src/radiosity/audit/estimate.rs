@@ -15,11 +15,11 @@ pub struct ErrorEstimate {
     pub rms: f64,
     /// Upper end of its 95 % interval, where the source has one.
     pub upper: Option<f64>,
-    /// Where both come from.
+    /// Source of both.
     pub source: ErrorSource,
 }
 
-/// Where an error estimate comes from.
+/// Source of an error estimate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ErrorSource {

@@ -11,5 +11,5 @@ pub use energy_ledger::{Ledger, Powers};
 pub use error_bars::{AuditSize, ErrorBarAudit};
 pub use estimate::{ErrorEstimate, ErrorSource};
 pub use points_error::PointsError;
-pub use solved::{Closing, Solved};
+pub use solved::{FinalLight, Solved};
 pub use uncertainty::{error_estimate, link_uncertainty};

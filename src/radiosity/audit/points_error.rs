@@ -26,10 +26,10 @@ pub struct PointsError {
     pub rms_upper: f64,
 }
 
-/// Stops the path tracer at the deadline.
-struct Until<'a>(&'a Deadline<'a>);
+/// Progress that stops the path tracer at the deadline.
+struct DeadlineProgress<'a>(&'a Deadline<'a>);
 
-impl Progress for Until<'_> {
+impl Progress for DeadlineProgress<'_> {
     fn stage(&self, name: &str, steps: u64) {
         self.0.stage(name, steps as usize);
     }
@@ -63,7 +63,8 @@ impl PointsError {
         let samples = (PATHS / count).clamp(2, MAX_PATHS) as u32;
         // Other paths than those of `mrvis reference` with the same seed.
         let settings = Settings { samples, direct_only: options.direct_only, seed: !options.seed };
-        let traced: Result<_> = path_tracer::irradiance(model, &chosen, settings, &Until(deadline));
+        let traced: Result<_> =
+            path_tracer::irradiance(model, &chosen, settings, &DeadlineProgress(deadline));
         let traced = traced.ok()?;
         let square = |(k, &i): (usize, &usize)| {
             let error = mean(irradiance[i]) - mean(traced.values[k]);

@@ -11,8 +11,8 @@ use crate::radiosity::rgb::{Rgb, add};
 /// Largest factor by which light along links is scaled to conserve its power, and the inverse of the smallest.
 const MAX_POWER_FACTOR: f64 = 2.0;
 
-/// Where the final light comes from.
-pub enum Closing {
+/// Method of the final light, with its results.
+pub enum FinalLight {
     /// Links.
     Links(LinkClosing),
     /// Rays of the local pass.
@@ -25,14 +25,14 @@ pub enum Closing {
 pub struct Solved {
     /// Elements, links and light.
     pub linked: LinkedScene,
-    /// Where the light comes from.
-    pub closing: Closing,
+    /// Method of the light, with its results.
+    pub closing: FinalLight,
 }
 
 impl Solved {
     /// The final light along links.
     pub fn by_links(mut refined: Refined, deadline: &Deadline) -> Solved {
-        let closing = Closing::Links(refined.close_links(deadline));
+        let closing = FinalLight::Links(refined.close_links(deadline));
         let mut solved = Solved { linked: refined.linked, closing };
         solved.balance_power();
         solved
@@ -45,7 +45,7 @@ impl Solved {
         let Elements { elements, states, sides, .. } = &self.linked.elements;
         // `sent`: the power from emitters and from beyond the scene to leaves. `lost`: the power that leaves absorb or lose.
         let (mut sent, mut lost) = ([0.0; 3], [0.0; 3]);
-        if let Closing::Links(links) = &self.closing {
+        if let FinalLight::Links(links) = &self.closing {
             add(&mut sent, 1.0, links.arrived.sky);
             add(&mut sent, 1.0, links.arrived.sun);
         }
@@ -72,7 +72,7 @@ impl Solved {
     pub fn by_rays(mut linked: LinkedScene, local: LocalPass) -> Solved {
         linked.tally.add(local.tally);
         linked.set_irradiance(local.results.iter().map(|r| r.irradiance));
-        Solved { linked, closing: Closing::Rays(local) }
+        Solved { linked, closing: FinalLight::Rays(local) }
     }
 
     /// The light of elements by a part of their rays; none where there is no time for rays.
@@ -83,7 +83,7 @@ impl Solved {
         part: f64,
         deadline: &Deadline,
     ) -> Option<ElementSamples> {
-        let Closing::Rays(local) = &mut self.closing else { return None };
+        let FinalLight::Rays(local) = &mut self.closing else { return None };
         let rays = part * local.element_rays.filter(|_| !deadline.late())?;
         let known = std::mem::take(&mut local.samples);
         Some(FinalGather::new(model, &self.linked, options).sample_elements(local, known, rays, deadline))
@@ -94,7 +94,7 @@ impl Solved {
         let first = self.linked.elements.len() as u32;
         for &leaf in leaves {
             self.linked.split(leaf);
-            if let Closing::Rays(local) = &mut self.closing {
+            if let FinalLight::Rays(local) = &mut self.closing {
                 local.results.resize(self.linked.elements.len(), local.results[leaf as usize]);
             }
         }
@@ -110,7 +110,7 @@ impl Solved {
         parts: &[u32],
         deadline: &Deadline,
     ) {
-        let Closing::Rays(local) = &self.closing else { return };
+        let FinalLight::Rays(local) = &self.closing else { return };
         FinalGather::new(model, &self.linked, options).sample_parts(samples, local, parts, deadline);
     }
 
@@ -122,7 +122,7 @@ impl Solved {
         samples: ElementSamples,
         deadline: &Deadline,
     ) -> usize {
-        let Closing::Rays(local) = &mut self.closing else { return 0 };
+        let FinalLight::Rays(local) = &mut self.closing else { return 0 };
         let gather = FinalGather::new(model, &self.linked, options);
         let gathered = gather.share_samples(samples, local, deadline);
         self.linked.tally.add(gathered.tally);
@@ -133,12 +133,12 @@ impl Solved {
             result.noise = light.error.sqrt() as f32;
         }
         self.linked.set_irradiance(local.results.iter().map(|r| r.irradiance));
-        gathered.hurried
+        gathered.skipped
     }
 
     /// Mean irradiance of the sides at which light arrives, W/m²; NaN where elements have no light.
     pub fn mean_irradiance(&self) -> Rgb {
-        if matches!(self.closing, Closing::Nothing) {
+        if matches!(self.closing, FinalLight::Nothing) {
             return [f64::NAN; 3];
         }
         let elements = &self.linked.elements;

@@ -1,10 +1,10 @@
 //! Error bars of the solution.
 
-use super::solved::{Closing, Solved};
+use super::solved::{FinalLight, Solved};
 use crate::math::weld::weld;
 use crate::radiosity::elements::{Element as ElementNode, Elements, Shape, Side, surface_area};
 use crate::radiosity::mesh::{Element, PlacedElement, RadiosityMesh};
-use crate::radiosity::options::RowSums;
+use crate::radiosity::options::RowNormalisation;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::mean;
 use crate::scene::Scene;
@@ -45,8 +45,8 @@ pub fn link_uncertainty(linked: &LinkedScene) -> Vec<f64> {
     }
     let loss = 1.0 - f64::from(elements.clusters[0].reflectance);
     let carried = match linked.settings.row_sums {
-        RowSums::Sampled => 1.0 / loss.max(MIN_LOSS),
-        RowSums::Balanced => 1.0 / loss.max(MIN_LOSS_NORMALISED),
+        RowNormalisation::Sampled => 1.0 / loss.max(MIN_LOSS),
+        RowNormalisation::Balanced => 1.0 / loss.max(MIN_LOSS_NORMALISED),
     };
     variance.into_iter().map(|v| carried * v.sqrt()).collect()
 }
@@ -69,9 +69,9 @@ impl Solved {
     /// the standard error of the element's rays.
     pub fn uncertainty(&self) -> Vec<f64> {
         match &self.closing {
-            Closing::Rays(local) => local.results.iter().map(|r| f64::from(r.noise)).collect(),
-            Closing::Links(_) => link_uncertainty(&self.linked),
-            Closing::Nothing => vec![0.0; self.linked.elements.len()],
+            FinalLight::Rays(local) => local.results.iter().map(|r| f64::from(r.noise)).collect(),
+            FinalLight::Links(_) => link_uncertainty(&self.linked),
+            FinalLight::Nothing => vec![0.0; self.linked.elements.len()],
         }
     }
 

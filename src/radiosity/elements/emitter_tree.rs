@@ -43,12 +43,12 @@ struct EmitterNode {
     second: u32,
 }
 
-/// The tree.
+/// Bounding tree over emitting faces.
 pub struct EmitterTree {
     nodes: Vec<EmitterNode>,
 }
 
-/// The nodes that a receiver draws from.
+/// The nodes from which a receiver draws faces.
 #[derive(Clone, Debug, Default)]
 pub struct EmitterCut {
     nodes: Vec<u32>,
@@ -302,10 +302,10 @@ mod tests {
     use crate::math::sampling::numbers;
 
     /// Corners, and normals with powers.
-    type Squares = (Vec<[Vec3; 4]>, Vec<(Vec3, f32)>);
+    type TestFaces = (Vec<[Vec3; 4]>, Vec<(Vec3, f32)>);
 
     /// Small squares at random places, turned at random.
-    fn tree(count: u64) -> (EmitterTree, Vec<(u32, u32)>, Squares) {
+    fn tree(count: u64) -> (EmitterTree, Vec<(u32, u32)>, TestFaces) {
         let (mut corners, mut faces) = (Vec::new(), Vec::new());
         for k in 0..count {
             let [x, y, z, w] = numbers(1, k);

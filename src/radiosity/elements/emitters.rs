@@ -21,7 +21,7 @@ pub struct Emitter {
     pub width: f32,
 }
 
-/// A lit face, for which callers have a number of their own.
+/// A lit face with a number that the caller assigns.
 pub struct NumberedFace {
     /// Index of its emitter.
     pub emitter: u32,
@@ -52,8 +52,8 @@ const MAX_UNEVEN: f32 = 2.0;
 
 /// Smallest distance of points from the rim of a face in bounds of the rounding errors of its coordinates: twice the length that segments leave out at ends on
 /// unknown surfaces.
-const RIM: f32 = 32.0;
-/// Largest part of the way to the middle, for faces that are small against the rounding errors of their place.
+const MIN_RIM_DISTANCE: f32 = 32.0;
+/// Largest fraction of the way to the middle, for faces that are small against the rounding errors of their place.
 const MAX_RIM_PART: f32 = 0.1;
 
 impl Emitters {
@@ -210,7 +210,7 @@ pub struct EmitterFace {
     pub area: f32,
     /// Directions in which the face emits; none for diffuse emission.
     pub profile: Option<Arc<Profile>>,
-    /// Part of the way to the middle of the face by which points on it are moved.
+    /// Fraction of the way to the middle of the face by which points on it are moved.
     to_middle: f32,
 }
 
@@ -221,7 +221,7 @@ impl EmitterFace {
         let next = corners.iter().cycle().skip(1);
         let longest = corners.iter().zip(next).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
         // The middle of a parallelogram is at least area / longest / 2 from the rim, that of a triangle 2/3 of area / longest.
-        let to_middle = (2.0 * RIM * side.end.slack() * longest / area).min(MAX_RIM_PART);
+        let to_middle = (2.0 * MIN_RIM_DISTANCE * side.end.slack() * longest / area).min(MAX_RIM_PART);
         EmitterFace {
             corners,
             polygon: corners.map(|p| p.as_dvec3()),

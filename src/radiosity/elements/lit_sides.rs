@@ -41,7 +41,7 @@ pub(super) fn lit_sides(scene: &Scene, open: &[u32]) -> Vec<[bool; 2]> {
 
 /// A ray that met a face on a side that was assumed to be dark.
 #[derive(Clone, Copy, Debug)]
-pub struct Entered {
+pub struct DarkSideHit {
     /// The face.
     pub triangle: u32,
     /// Origin of the ray, scene units.
@@ -52,24 +52,24 @@ pub struct Entered {
 
 /// Largest number of rays of a part whose origins are tested: limits the time to 8 winding numbers per part.
 const MAX_TESTED_RAYS: usize = 8;
-/// Part of the tested rays that must start outside: 2 of 8, so that one ray that slips through an edge does not decide.
+/// Fraction of the tested rays that must start outside: 2 of 8, so that one ray that slips through an edge does not decide.
 const MIN_OUTSIDE_SHARE: f64 = 0.25;
 
 /// The closed parts (components of the scene, ascending) that have light on both sides: rays from outside or from an emitter
 /// have met their inside, because some of their faces are turned over. Other rays that meet a closed part from within start on
 /// an object that reaches into the part or stands on the same floor, and that is dark there.
-pub fn lit_inside(scene: &Scene, entered: &[Entered]) -> Vec<u32> {
+pub fn lit_inside(scene: &Scene, entered: &[DarkSideHit]) -> Vec<u32> {
     let parts = closed_parts(scene);
-    let mut by_part: Vec<Vec<Entered>> = vec![Vec::new(); parts.len()];
+    let mut by_part: Vec<Vec<DarkSideHit>> = vec![Vec::new(); parts.len()];
     for ray in entered {
         by_part[scene.triangle_component[ray.triangle as usize] as usize].push(*ray);
     }
-    let is_lit = |(rays, faces): (&Vec<Entered>, &Vec<u32>)| {
+    let is_lit = |(rays, faces): (&Vec<DarkSideHit>, &Vec<u32>)| {
         if rays.is_empty() || faces.is_empty() {
             return false;
         }
-        let tested: Vec<&Entered> = rays.iter().step_by(rays.len().div_ceil(MAX_TESTED_RAYS)).collect();
-        let outside = |ray: &&&Entered| winding(scene, faces, ray.from).abs() < 0.5;
+        let tested: Vec<&DarkSideHit> = rays.iter().step_by(rays.len().div_ceil(MAX_TESTED_RAYS)).collect();
+        let outside = |ray: &&&DarkSideHit| winding(scene, faces, ray.from).abs() < 0.5;
         let from_outside = tested.iter().filter(outside).count() as f64;
         rays.iter().any(|ray| ray.emits) || from_outside >= MIN_OUTSIDE_SHARE * tested.len() as f64
     };
@@ -133,8 +133,7 @@ fn signed_volume(scene: &Scene, faces: &[u32], from: Vec3) -> f64 {
     faces.iter().map(six).sum()
 }
 
-/// Winding number: the sum of the signed solid angles of the faces over 4π (van Oosterom and Strackee 1983), ±1 inside, 0
-/// outside.
+/// Winding number: the sum of the signed solid angles of the faces over 4π (van Oosterom and Strackee 1983), ±1 inside, 0 outside.
 fn winding(scene: &Scene, faces: &[u32], from: Vec3) -> f64 {
     let from = from.as_dvec3();
     let angle = |t: &u32| {
@@ -144,7 +143,7 @@ fn winding(scene: &Scene, faces: &[u32], from: Vec3) -> f64 {
     faces.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
 }
 
-/// How far the ground may end from the edge of the scene, as part of the scene's extent: rounding of coordinates in files.
+/// Largest distance between the edges of ground and scene, as a fraction of the scene's extent: rounding of coordinates in files.
 const GROUND_EDGE: f32 = 1e-3;
 
 /// The component that is the ground, and whether the fronts of its faces are above. None if light may come from below: from a sky with a lower half or

@@ -27,7 +27,7 @@ use crate::math::Aabb;
 use crate::ray::EndRule;
 use crate::scene::{FineGround, InstanceTriangles, Profile};
 use glam::Vec3;
-pub use lit_sides::{Entered, lit_inside};
+pub use lit_sides::{DarkSideHit, lit_inside};
 pub use lookup::Lookup;
 pub use profiles::{emission_gain, mean_over};
 pub use side_sampling::SideSampler;
@@ -224,7 +224,7 @@ pub struct ElementState {
     pub statistics: LightStatistics,
     /// Row normalisation of a leaf.
     pub factors: RowFactors,
-    /// The sum that the form factors of a leaf should have: 1, or less where other surfaces cover part of the leaf.
+    /// Target sum of the form factors of a leaf: 1, or less where other surfaces cover part of the leaf.
     pub row_target: f32,
     /// Shadow features smaller than this on the element may be averaged, scene units.
     pub feature_size: f32,
@@ -252,7 +252,7 @@ impl ElementState {
     };
 
     /// Whether the element does not exchange light, and paths that hit it continue from the hit point.
-    pub fn is_apart(&self) -> bool {
+    pub fn is_excluded(&self) -> bool {
         self.crossed || self.narrow
     }
 

@@ -7,13 +7,13 @@ use std::f64::consts::PI;
 
 /// Longest side of a part of a face relative to its distance: the quadrature is exact for polynomials of degree 2 in each
 /// part, so its error is about (1/4)⁴ / 24 = 2e-4 of a diffuse kernel.
-const LARGEST_PART: f64 = 0.25;
+const MAX_PART_SIZE: f64 = 0.25;
 /// Largest number of subdivisions of a face, for points that lie on it: 4⁵ parts limit the time to 3,072 evaluations.
 const MAX_LEVEL: u32 = 5;
 /// Largest difference between the values at the centres of a receiver's quarters and their mean, relative to the mean over the
 /// receiver: for a smooth kernel the error of a part is a quarter of this difference, 1 %; the error at edges of beams falls
 /// with the number of parts that they cut.
-const LARGEST_DIFFERENCE: f64 = 0.04;
+const MAX_DIFFERENCE: f64 = 0.04;
 /// Largest number of subdivisions of a receiver, at edges of beams: limits the time to the values of 4⁴ = 256 points.
 const MAX_RECEIVER_LEVEL: u32 = 3;
 
@@ -52,7 +52,7 @@ fn mean_of_parts(of: &dyn Fn(Vec3) -> f64, corners: [Vec3; 4], whole: Option<f64
     let values = parts.map(|part| of(centroid(&part)));
     let mean = 0.25 * values.iter().sum::<f64>();
     let whole = whole.unwrap_or(mean).max(mean);
-    let differs = values.iter().any(|v| (v - mean).abs() > LARGEST_DIFFERENCE * whole);
+    let differs = values.iter().any(|v| (v - mean).abs() > MAX_DIFFERENCE * whole);
     if !differs || level >= MAX_RECEIVER_LEVEL {
         return mean;
     }
@@ -63,7 +63,7 @@ fn mean_of_parts(of: &dyn Fn(Vec3) -> f64, corners: [Vec3; 4], whole: Option<f64
 fn integral(of: &dyn Fn(DVec3) -> f64, at: DVec3, [a, b, c]: [DVec3; 3], level: u32) -> f64 {
     let middles = [0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)];
     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-    if level < MAX_LEVEL && longest > LARGEST_PART * at.distance((a + b + c) / 3.0) {
+    if level < MAX_LEVEL && longest > MAX_PART_SIZE * at.distance((a + b + c) / 3.0) {
         let [p, q, r] = middles;
         let parts = [[a, p, r], [p, b, q], [r, q, c], [p, q, r]];
         return parts.into_iter().map(|part| integral(of, at, part, level + 1)).sum();

@@ -3,10 +3,10 @@
 use super::{Cluster, DIRECTIONS};
 use glam::Vec3;
 
-/// Part of the samples that is uniform over all sides, so that every side has a positive density: bounds the weight of
+/// Fraction of the samples that is uniform over all sides, so that every side has a positive density: bounds the weight of
 /// a sample to 1 / 0.2 = 5 times the weight of uniform sampling. Without a local pass half or twice as much changes
 /// irradiance by less than 0.1 % (`constants.py solve`).
-const UNIFORM: f32 = 0.2;
+const UNIFORM_FRACTION: f32 = 0.2;
 
 /// Running sums of the sides' areas and projected areas.
 #[derive(Clone, Debug, Default)]
@@ -35,14 +35,13 @@ impl SideSampler {
         std::array::from_fn(|k| self.sums[to as usize][k] - self.sums[from as usize][k])
     }
 
-    /// A side of a cluster by two numbers in `[0, 1)`, likely to face `towards` (a unit vector). [`SideSampler::density`] is its
-    /// density.
+    /// A side of a cluster by two numbers in `[0, 1)`, likely to face `towards` (a unit vector). [`SideSampler::density`] is its density.
     pub fn pick(&self, cluster: &Cluster, towards: Vec3, u: f32, v: f32) -> u32 {
         let weights = weights(cluster, towards);
         let total: f64 = weights.iter().sum();
         let mut kind = DIRECTIONS;
-        if total > 0.0 && u >= UNIFORM {
-            let mut left = f64::from((u - UNIFORM) / (1.0 - UNIFORM)) * total;
+        if total > 0.0 && u >= UNIFORM_FRACTION {
+            let mut left = f64::from((u - UNIFORM_FRACTION) / (1.0 - UNIFORM_FRACTION)) * total;
             kind = (0..DIRECTIONS).rfind(|&k| weights[k] > 0.0).unwrap_or(DIRECTIONS);
             for (k, weight) in weights.iter().enumerate() {
                 if left < *weight {
@@ -67,7 +66,7 @@ impl SideSampler {
         if total <= 0.0 {
             return even;
         }
-        UNIFORM * even + (1.0 - UNIFORM) * facing_bound(normal, towards) / total as f32
+        UNIFORM_FRACTION * even + (1.0 - UNIFORM_FRACTION) * facing_bound(normal, towards) / total as f32
     }
 
     pub(super) fn bytes(&self) -> usize {

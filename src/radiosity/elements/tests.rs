@@ -139,9 +139,10 @@ fn a_solid_that_light_enters_has_two_sides() {
         .collect();
     let bounds = crate::math::Aabb::of(cube.iter().flat_map(|&t| scene.corners(t)));
     let outside = bounds.max + 0.1 * (bounds.max - bounds.min);
-    let sides =
-        |rays: &[Entered]| Elements::build(&scene, &hierarchy, 0.01, &lit_inside(&scene, rays)).sides.len();
-    let ray = |from, emits| Entered { triangle, from, emits };
+    let sides = |rays: &[DarkSideHit]| {
+        Elements::build(&scene, &hierarchy, 0.01, &lit_inside(&scene, rays)).sides.len()
+    };
+    let ray = |from, emits| DarkSideHit { triangle, from, emits };
     let (within, beyond) = (ray(bounds.center(), false), ray(outside, false));
     // What starts inside is dark, unless it is a lamp; some of the rays may be.
     assert_eq!(sides(&[within; 20]), sides(&[]));

@@ -11,7 +11,7 @@ use crate::ray::LANES;
 /// Smallest number of shadow rays of a point and an emitter: two packets, whose difference shows whether more rays are
 /// needed. 16 or 64 rays instead change irradiance by less than 0.08 % (`constants.py solve`).
 pub(super) const MIN_SHADOW_RAYS: usize = 2 * LANES;
-/// Allowed standard error of the light of one emitter, as a part of the error asked for: with four equal emitters the errors add up to all of it.
+/// Allowed standard error of the light of one emitter, as a fraction of the error asked for: with four equal emitters the errors add up to all of it.
 pub(super) const PART_OF_ERROR: f64 = 0.5;
 /// Time of the closed form of a face, relative to the time of a ray from a point: 0.1 µs over 0.4 µs in a Cornell box.
 const COST_OF_FACE: f64 = 0.25;
@@ -83,7 +83,7 @@ const UNEVEN_CELLS: f64 = 0.3 * 4.0 / 6.0;
 
 /// Elements that should be sampled by shadow rays.
 pub(super) struct Brightest {
-    /// Their numbers.
+    /// Numbers of the elements.
     pub chosen: Vec<u32>,
     /// By element, the index in `chosen` of the element itself or of its chosen ancestor; [`Elements::NONE`] for others.
     pub face_of: Vec<u32>,
@@ -91,11 +91,11 @@ pub(super) struct Brightest {
 
 /// Areas and light of the leaves below an element.
 #[derive(Clone, Copy)]
-struct Light {
+struct SubtreeLight {
     /// Smallest and largest radiosity, W/m².
     range: [f64; 2],
     area: f64,
-    /// Radiosity times area.
+    /// Sum of radiosity times area, W/m² times scene units squared.
     power: f64,
 }
 
@@ -106,7 +106,7 @@ impl Brightest {
     ///
     /// One of the `rays` of a point hits a surface of area A with the mean probability A / S, where S is the area of all surfaces. With the radiosity B
     /// of the surface and the mean B̄ of all, the surface adds (B - B̄)² A / S to the variance of a ray, less if it covers whole cells of the grid of
-    /// rays ([`UNEVEN_CELLS`]). Each shadow ray leaves the variance p (1 - p) L² ≤ L² / 4, where p is the visible part of the light L of the chosen
+    /// rays ([`UNEVEN_CELLS`]). Each shadow ray leaves the variance p (1 - p) L² ≤ L² / 4, where p is the visible fraction of the light L of the chosen
     /// surfaces. A point traces as many shadow rays, at most `shadow_rays`, as leave [`PART_OF_ERROR`] of the error asked for. The time is that of both
     /// kinds of rays and of the closed forms of the faces.
     pub fn of(
@@ -116,12 +116,12 @@ impl Brightest {
         shadow_rays: usize,
         tolerated_power: f64,
     ) -> Brightest {
-        let nothing = Light { range: [f64::INFINITY, 0.0], area: 0.0, power: 0.0 };
+        let nothing = SubtreeLight { range: [f64::INFINITY, 0.0], area: 0.0, power: 0.0 };
         let mut below = vec![nothing; elements.len()];
         for &(leaf, light) in leaves {
             let area = elements[leaf as usize].area;
-            let range = if states[leaf as usize].is_apart() { [0.0, f64::INFINITY] } else { [light; 2] };
-            below[leaf as usize] = Light { range, area, power: area * light };
+            let range = if states[leaf as usize].is_excluded() { [0.0, f64::INFINITY] } else { [light; 2] };
+            below[leaf as usize] = SubtreeLight { range, area, power: area * light };
         }
         // Parents come before their children.
         for e in (1..elements.len()).rev() {
@@ -130,7 +130,7 @@ impl Brightest {
             (of.area, of.power) = (of.area + own.area, of.power + own.power);
         }
         let is_even = |e: usize| {
-            let Light { range: [low, high], area, .. } = below[e];
+            let SubtreeLight { range: [low, high], area, .. } = below[e];
             !elements[e].is_cluster() && area > 0.0 && high <= MAX_RANGE * low
         };
         let mut is_part = vec![false; elements.len()];

@@ -15,20 +15,20 @@ pub(super) struct RayCell {
     /// Whether its ray leaves the scene.
     pub is_open: bool,
     /// Irradiance by the cell over its area, if its ray represents all of it, W/m². The sky is taken in the direction of the ray, because the sky that an
-    /// edge hides may be brighter than the rest: the mean sky times the visible part errs by 1 % in courtyards under an overcast sky.
+    /// edge hides may be brighter than the rest: the mean sky times the visible fraction errs by 1 % in courtyards under an overcast sky.
     pub light: Vec3,
-    /// The same by the mean light of the element that its ray has hit, or of the surfaces around it where only one of four quarters was evaluated,
-    /// W/m²; it has no noise of paths.
+    /// `light` with the mean light of the element that its ray has hit, or of the surfaces around it where only one of four quarters was
+    /// evaluated, W/m²; it has no noise of paths.
     pub surfaces: Vec3,
     /// Irradiance over the area of the cell if all of it is open, mean over the channels, W/m².
     pub sky: f32,
-    /// The same by channel.
+    /// `sky` by channel.
     pub unblocked: Vec3,
-    /// The same in the direction of the ray alone.
+    /// `unblocked` for the direction of the ray alone.
     pub at_ray: Vec3,
     /// Square of the error of `sky`, mean over the channels, (W/m²)².
     pub error: f32,
-    /// Index of the first of its quarters in the next level; [`WHOLE`] if it is not divided.
+    /// Index of the first of its quarters in the next level; [`UNDIVIDED`] if it is not divided.
     pub quarters: u32,
 }
 
@@ -48,12 +48,12 @@ impl RayCell {
     }
 }
 
-/// Index of the quarters of a cell that is not divided.
-pub(super) const WHOLE: u32 = u32::MAX;
+/// Value of [`RayCell::quarters`] for a cell that is not divided.
+pub(super) const UNDIVIDED: u32 = u32::MAX;
 
 /// Ranges of light of some cells, and whether they are open or blocked.
 #[derive(Clone, Copy)]
-pub(super) struct Near {
+pub(super) struct NeighbourRanges {
     /// Range of the light of the sky, blocked or not, W/m².
     pub sky: [f32; 2],
     /// Range of the light of surfaces in blocked cells, W/m².
@@ -63,8 +63,8 @@ pub(super) struct Near {
     pub blocked: bool,
 }
 
-impl Near {
-    pub const NOTHING: Near = Near {
+impl NeighbourRanges {
+    pub const EMPTY: NeighbourRanges = NeighbourRanges {
         sky: [f32::INFINITY, f32::NEG_INFINITY],
         surfaces: [f32::INFINITY, f32::NEG_INFINITY],
         open: false,
@@ -101,7 +101,7 @@ fn largest_around(values: &[f32], columns: usize, reach: usize) -> Vec<f32> {
     around
 }
 
-/// Raises values to at least those of another list.
+/// Replaces each value by the maximum of it and the value of `least`.
 fn raise(values: &mut [f32], least: &[f32]) {
     values
         .iter_mut()
@@ -150,7 +150,7 @@ impl<'a> Surroundings<'a> {
         }
         let mut cell = &self.levels[0][(j >> finest) * self.columns + (i >> finest)];
         for (depth, cells) in self.levels.iter().enumerate().skip(1) {
-            if cell.quarters == WHOLE {
+            if cell.quarters == UNDIVIDED {
                 break;
             }
             let half = |at: usize| (at >> (finest - depth)) & 1;
@@ -176,7 +176,7 @@ impl<'a> Surroundings<'a> {
 
     /// For each place of a grid of cells of one size, row after row, the cells around it. The ranges of all places are found at once, by
     /// operations on whole rows.
-    pub fn in_whole_grid(&self) -> Vec<Near> {
+    pub fn in_whole_grid(&self) -> Vec<NeighbourRanges> {
         let finest = &self.levels[self.levels.len() - 1];
         let largest = |of: &dyn Fn(&RayCell) -> f32| {
             let values: Vec<f32> = self.in_rows.iter().map(|k| of(&finest[*k as usize])).collect();
@@ -189,7 +189,7 @@ impl<'a> Surroundings<'a> {
             largest(&|cell| blocked(cell, cell.level_of_surfaces())),
         ];
         let open = largest(&|cell| f32::from(u8::from(cell.is_open)));
-        let near = |k: usize| Near {
+        let near = |k: usize| NeighbourRanges {
             sky: [-skies[0][k], skies[1][k]],
             surfaces: [-surfaces[0][k], surfaces[1][k]],
             open: open[k] > 0.0,
@@ -199,8 +199,8 @@ impl<'a> Surroundings<'a> {
     }
 
     /// The cells around a place; `whole` are those of all places of a grid of cells of one size.
-    pub fn near(&self, place: [u32; 2], whole: &[Near]) -> Near {
-        let mut near = Near::NOTHING;
+    pub fn near(&self, place: [u32; 2], whole: &[NeighbourRanges]) -> NeighbourRanges {
+        let mut near = NeighbourRanges::EMPTY;
         match whole.get(place[1] as usize * self.size[0] + place[0] as usize) {
             Some(near) => return *near,
             None => self.for_each_near(place, |cell| near.add(cell)),

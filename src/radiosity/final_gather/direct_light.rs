@@ -1,4 +1,4 @@
-//! Direct light at points: the unoccluded irradiance by Lambert's formula times the visible part, estimated by bundles of shadow rays.
+//! Direct light at points: the unoccluded irradiance by Lambert's formula times the visible fraction, estimated by bundles of shadow rays.
 
 use super::bright_leaves::{BrightLeaves, MIN_SHADOW_RAYS, PART_OF_ERROR};
 use super::face_parts::{Part, part_of};
@@ -12,13 +12,14 @@ use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{LANES, Packet};
 use glam::{DVec3, Vec3};
 
-/// Points of one task, whose light is gathered together: limits the buffers of the task. 64 points fill four packets.
+/// Points per parallel task: limits the buffers of the task. 64 points fill four packets.
 pub(super) const CHUNK: usize = 64;
-/// Visible part of an emitter below which a point with little other light traces more rays: the part if four of [`MIN_SHADOW_RAYS`] rays pass. If a hole
+/// Visible fraction of an emitter below which a point with little other light traces more rays: the part if four of [`MIN_SHADOW_RAYS`] rays pass. If a hole
 /// shows a hundredth of a lamp, none of 32 rays passes in three cases of four; without more rays a sixth of the lamp's light would be lost.
 const MAX_HIDDEN_VISIBILITY: f64 = 4.0 / MIN_SHADOW_RAYS as f64;
-/// Mean number of unseen emitters to which a point traces all rays in each set. Points of 64 closed cells with 32 lamps take 7 times as long with all lamps.
-const TRACED_AGAIN: f64 = 4.0;
+/// Mean number of emitters without a passing ray to which a point traces all rays in each set. Points of 64 closed cells with 32 lamps
+/// take 7 times as long with all lamps.
+const RETRACED_EMITTERS: f64 = 4.0;
 
 impl FinalGather<'_> {
     /// Direct irradiance at points, W/m²: the mean over `sets` sets of shadow rays. All points query one emitter together.
@@ -67,7 +68,7 @@ impl FinalGather<'_> {
         let chosen = |(emitter, view): (usize, EmitterView)| {
             let chance = match view.visible() > 0.0 {
                 true => 1.0,
-                false => (TRACED_AGAIN * mean(view.free) / unoccluded[view.point]).min(1.0),
+                false => (RETRACED_EMITTERS * mean(view.free) / unoccluded[view.point]).min(1.0),
             };
             let [random, ..] = numbers(mix(view.from.seed) ^ emitter as u64, 0);
             (f64::from(random) < chance).then_some((emitter, chance, view))
@@ -156,7 +157,7 @@ impl FinalGather<'_> {
         views
     }
 
-    /// Estimates the visible part of an emitter's irradiance by few rays, or by as many new rays as `rays` computes from the results of these. Averaged
+    /// Estimates the visible fraction of an emitter's irradiance by few rays, or by as many new rays as `rays` computes from the results of these. Averaged
     /// visibility varies less and needs fewer rays.
     pub(super) fn measure_visibility(
         &self,
@@ -232,12 +233,12 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Tolerated standard error of a visible part: that of all n rays in the worst case, 1 / (2 √n).
+    /// Tolerated standard error of a visible fraction: that of all n rays in the worst case, 1 / (2 √n).
     pub(super) fn visibility_tolerance(&self) -> f64 {
         0.5 / (self.light_rays as f64).sqrt()
     }
 
-    /// The standard error of an emitter's visible part at which the standard error of its light is [`PART_OF_ERROR`] of the error asked for, relative to
+    /// The standard error of an emitter's visible fraction at which the standard error of its light is [`PART_OF_ERROR`] of the error asked for, relative to
     /// the mean irradiance. At brighter points it is relative to the light of the point: `known`, W/m², plus the light that has arrived from this emitter.
     fn tolerance(&self, view: &EmitterView, known: f64) -> f64 {
         let free = mean(view.free);
@@ -315,18 +316,18 @@ impl EmitterView {
         EmitterView { from: GatherPoint { seed, ..self.from }, ..self.clone() }
     }
 
-    /// Visible part of the emitter's irradiance, mean over the channels.
+    /// Visible fraction of the emitter's irradiance, mean over the channels.
     pub(super) fn visible(&self) -> f64 {
         self.found.visible()
     }
 
-    /// Irradiance by the visible part, W/m². Each channel has its own visible part: of faces of several colours some may be hidden.
+    /// Irradiance by the visible fraction, W/m². Each channel has its own visible fraction: of faces of several colours some may be hidden.
     fn light(&self) -> Rgb {
         let ShadowRaySums { free, seen, .. } = self.found;
         std::array::from_fn(|k| if free[k] > 0.0 { self.free[k] * seen[k] / free[k] } else { self.free[k] })
     }
 
-    /// Number of rays for which the standard error of the visible part equals the tolerance; 0 if the traced rays already keep it.
+    /// Number of rays for which the standard error of the visible fraction equals the tolerance; 0 if the traced rays already keep it.
     pub(super) fn rays_for(&self, tolerance: f64) -> usize {
         let variance = self.found.variance();
         match variance <= tolerance * tolerance {
@@ -374,7 +375,7 @@ impl ShadowRaySums {
         if free > 0.0 { self.seen.element_sum() / free } else { 1.0 }
     }
 
-    /// Variance of the visible part; 0 without rays. The points of a packet are spread evenly over the emitter, so that packets differ less than random
+    /// Variance of the visible fraction; 0 without rays. The points of a packet are spread evenly over the emitter, so that packets differ less than random
     /// rays. Few packets determine their variance poorly: it is the variance of these packets and one more that varies like sixteen random rays.
     fn variance(&self) -> f64 {
         let free = self.free.element_sum() / 3.0;

@@ -1,11 +1,10 @@
 //! The irradiance of elements by their own rays, from light that is already computed.
 //!
-//! The local pass estimates irradiance and exchange with the same few rays. Here each element traces more rays, which read the
-//! light that the local pass found: direct light from emitters drawn for this element, reflected light from the elements that
-//! cosine-weighted rays hit. The rays of an element form two halves, to separate noise from differences between elements
-//! ([`super::sharing`]).
+//! The local pass estimates irradiance and exchange with the same few rays. Here each element traces more rays, which read the light that
+//! the local pass found: direct light from emitters drawn for this element, reflected light from the elements that cosine-weighted rays
+//! hit. The rays of an element form two halves, to separate noise from differences between elements ([`super::sharing`]).
 
-use super::element_rays::{LeafRays, OF_LIGHT, batches, join_sequences};
+use super::element_rays::{LIGHT_SET, LeafRays, batches, join_sequences};
 use super::element_samples::{DIRECT, ElementLight, REFLECTED, SharedLight};
 use super::gatherer::{Buffers, FinalGather};
 use super::local_pass::LocalPass;
@@ -16,7 +15,7 @@ use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape, Side};
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::rgb::{Rgb, mean};
-use crate::radiosity::surroundings::{Arrived, ESCAPED, SideRays};
+use crate::radiosity::surroundings::{ESCAPED, SideRays, SkyPower};
 use glam::Vec3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -27,7 +26,7 @@ const MIN_HALF: u32 = 4;
 /// Largest number of rays of each half, so that no element can use up all rays: noise of 1 % where one ray deviates by half of the mean.
 const MAX_HALF: u32 = 1024;
 /// Deviation of one ray from the mean light of its element, relative to that light, where it is not known.
-const USUAL_DEVIATION: f64 = 0.5;
+const DEFAULT_DEVIATION: f64 = 0.5;
 
 /// Rays of an element to each sun for each of its other rays, where parts of the surface are in the shade. Rays to one sun are coherent: four take about
 /// as long as a ray into the scene. Below trees most of the noise comes from shadows.
@@ -35,9 +34,9 @@ const RAYS_TO_SUN: u32 = 4;
 /// Elements are split if the variance of direct light over elements exceeds the allowed variance by this factor. The parts keep some of the
 /// variance: without a margin an office has seven more rounds of a few hundred elements each, 6 % of the time.
 const MIN_EXCESS: f64 = 1.1;
-/// Neighbouring leaves whose rays use one sequence of random numbers: more than share their light, 49.
+/// Number of neighbouring leaves that use one sequence of random numbers: more than the 49 that share their light.
 const LEAVES_OF_SEQUENCE: usize = 64;
-/// Distance beyond the middle of an edge at which the element there is looked up, as a part of the distance from the centre: far above rounding, and within
+/// Distance beyond the middle of an edge at which the element there is looked up, as a fraction of the distance from the centre: far above rounding, and within
 /// elements of an eighth of the size.
 const BEYOND_EDGE: f32 = 1.0 / 16.0;
 /// Elements of one parallel task that traces a ray along the normal of each.
@@ -51,33 +50,33 @@ const MAX_REFLECTED_FACTOR: f64 = 4.0;
 pub struct Gathered {
     /// Leaves with their light.
     pub light: Vec<(u32, SharedLight)>,
-    /// Part of the emitted power that meets elements, by channel.
+    /// Fraction of the emitted power that meets elements, by channel.
     pub received: Rgb,
     /// The power that arrives from sky and suns.
-    pub arrived: Arrived,
+    pub arrived: SkyPower,
     /// Leaves without light, because the time was too short.
-    pub hurried: usize,
+    pub skipped: usize,
     /// Cost of the rays.
     pub tally: Tally,
 }
 
-/// The light of leaves by rays of their own, before it is shared.
+/// Light of leaves by their own rays, before it is shared between neighbours.
 pub struct ElementSamples {
     /// Leaves, in any order.
     leaves: Vec<u32>,
-    /// Their light.
+    /// Light of the leaves, in the same order.
     light: Vec<ElementLight>,
     /// Rays of each half of a leaf, divided by [`FinalGather::wanted_rays`].
     scale: f64,
     /// Leaves without rays, because the time was too short.
-    hurried: usize,
+    skipped: usize,
     tally: Tally,
 }
 
 impl ElementSamples {
-    /// The leaves over which direct light varies most, at most `most`: as many as needed to bring the area-weighted mean variance over all
+    /// The leaves over which direct light varies most, at most `max`: as many as needed to bring the area-weighted mean variance over all
     /// other leaves to at most `variance`, relative to the square of the mean light. None if the mean hardly exceeds this limit.
-    pub fn uneven(&self, elements: &Elements, variance: f64, most: usize) -> Vec<u32> {
+    pub fn uneven(&self, elements: &Elements, variance: f64, max: usize) -> Vec<u32> {
         let area = |leaf: u32| elements.elements[leaf as usize].area;
         let (mut all, mut sum) = (0.0, 0.0);
         let mut found: Vec<(f64, u32)> = Vec::new();
@@ -96,7 +95,7 @@ impl ElementSamples {
         if rest <= MIN_EXCESS * allowed {
             return split;
         }
-        for (own, leaf) in found.into_iter().take(most) {
+        for (own, leaf) in found.into_iter().take(max) {
             if rest <= allowed {
                 break;
             }
@@ -119,7 +118,7 @@ impl FinalGather<'_> {
         let weight = elements[e as usize].area * f64::from(states[e as usize].importance);
         // Without rays of the first pass the deviation is unknown: leaves that were not traced for lack of time get the smallest number of rays.
         let deviation = match result.rays {
-            0 if states[e as usize].is_apart() => USUAL_DEVIATION * mean(result.irradiance),
+            0 if states[e as usize].is_excluded() => DEFAULT_DEVIATION * mean(result.irradiance),
             0 => 0.0,
             _ => f64::from(result.deviation),
         };
@@ -142,7 +141,7 @@ impl FinalGather<'_> {
             leaves: Vec::new(),
             light: Vec::new(),
             scale: if sum > 0.0 { 0.5 * rays / sum } else { 0.0 },
-            hurried: 0,
+            skipped: 0,
             tally: Tally::default(),
         };
         let mut is_known = vec![false; self.linked.elements.len()];
@@ -188,7 +187,7 @@ impl FinalGather<'_> {
                 true => ((2 * count).min(MAX_HALF), false),
                 false => (count, true),
             };
-            LeafRays { leaf, count, to_emitters, suns, sequences: self.sequences_of(leaf, OF_LIGHT) }
+            LeafRays { leaf, count, to_emitters, suns, sequences: self.sequences_of(leaf, LIGHT_SET) }
         };
         let mut rays: Vec<LeafRays> = leaves.iter().map(of).collect();
         self.join_sequences(&mut rays);
@@ -199,7 +198,7 @@ impl FinalGather<'_> {
                 samples.leaves.push(leaf);
                 samples.light.push(light);
             } else {
-                samples.hurried += 1;
+                samples.skipped += 1;
             }
         }
     }
@@ -217,10 +216,10 @@ impl FinalGather<'_> {
     /// The irradiance of leaves from their samples, shared between neighbours.
     pub fn share_samples(&self, samples: ElementSamples, local: &LocalPass, deadline: &Deadline) -> Gathered {
         let Elements { elements, states, .. } = &self.linked.elements;
-        let ElementSamples { leaves, light, hurried, tally, .. } = samples;
+        let ElementSamples { leaves, light, skipped, tally, .. } = samples;
         let areas: Vec<f64> = leaves.iter().map(|&e| elements[e as usize].area).collect();
         let (mut light, mut received_share, mut arrived) = (light, local.received, local.arrived);
-        if hurried == 0 {
+        if skipped == 0 {
             let of_emitters =
                 |light: &ElementLight| light.mean(DIRECT) - f64::from(light.sun.element_sum()) / 3.0;
             let received = light.iter().zip(&areas).map(|(light, area)| area * of_emitters(light)).sum();
@@ -230,7 +229,7 @@ impl FinalGather<'_> {
             let factor = self.balance_of_reflected_light(&leaves, &areas, &light, local);
             light.iter_mut().for_each(|light| light.scale(REFLECTED, factor));
             arrived =
-                Arrived::of(light.iter().zip(&areas).map(|(light, &area)| (area, light.sky, light.sun)));
+                SkyPower::of(light.iter().zip(&areas).map(|(light, &area)| (area, light.sky, light.sun)));
         }
         // The light of an element differs on both sides of a surface that crosses it: crossed elements share no light. Elements that
         // receive no light by any ray of either pass share none either, so that they get no light from elements behind the next wall.
@@ -255,7 +254,7 @@ impl FinalGather<'_> {
             (leaves[i], SharedLight { error: if own.error > 0.0 { own.error } else { noise * noise }, ..own })
         });
         let light = whole.iter().map(|&i| leaves[i]).zip(shared).chain(own).collect();
-        Gathered { light, received: received_share, arrived, hurried, tally }
+        Gathered { light, received: received_share, arrived, skipped, tally }
     }
 
     /// The factors f, by channel, that make the reflected light that leaves receive equal to the light that leaves reflect towards others: Σ A f·r = Σ A

@@ -46,14 +46,14 @@ pub(super) struct Unblocked {
 /// The part of a low-discrepancy sequence that starts at a number (Burley 2020).
 #[derive(Clone, Copy)]
 pub struct Sequence {
-    /// Names the sequence.
+    /// Seed of the sequence.
     seed: u32,
     /// Number of its first point.
     first: u32,
 }
 
 impl Sequence {
-    /// The part after so many numbers.
+    /// The part of the sequence that starts `count` numbers later.
     fn after(self, count: u32) -> Sequence {
         Sequence { first: self.first + count, ..self }
     }
@@ -76,14 +76,14 @@ pub fn join_sequences(leaves: &mut [&mut LeafRays], joins_halves: bool) {
     }
 }
 
-/// First of the two sequences of an element's own light. An element has four sequences.
-pub const OF_LIGHT: u64 = 0;
-/// First of the two sequences of an element's rays of the exchange.
-pub const OF_EXCHANGE: u64 = 2;
+/// Index of the first of the two sequences of an element's own light. An element has four sequences.
+pub const LIGHT_SET: u64 = 0;
+/// Index of the first of the two sequences of an element's rays of the exchange.
+pub const EXCHANGE_SET: u64 = 2;
 /// Halves of the rays of an element.
 const HALVES: usize = 2;
 
-/// Rays of one parallel task: so many that packets are full, and so few that all threads have work to the end.
+/// Rays per parallel task: enough to fill packets, and few enough to balance the load of the threads.
 const BATCH: usize = 1024;
 
 /// Parts of a list of leaves with about [`BATCH`] rays in each half.
@@ -254,7 +254,7 @@ impl FinalGather<'_> {
         self.emitters.faces_along(cut, ray, met).map(light).sum()
     }
 
-    /// Independent sequences for the halves of a leaf's rays: [`OF_LIGHT`] or [`OF_EXCHANGE`].
+    /// Independent sequences for the halves of a leaf's rays: [`LIGHT_SET`] or [`EXCHANGE_SET`].
     pub(super) fn sequences_of(&self, leaf: u32, kind: u64) -> [Sequence; HALVES] {
         let id = self.linked.elements.elements[leaf as usize].ids[0];
         let seed = |half: u64| mix(!self.linked.settings.seed ^ mix(4 * id + kind + half)) as u32;

@@ -15,9 +15,9 @@ pub const REFLECTED: usize = 1;
 /// Light of emitters along the rays from one point of a leaf, over their density, W/m².
 #[derive(Clone, Copy, Default)]
 pub struct DirectRay {
-    /// Without occlusion.
+    /// Unoccluded light.
     pub free: Vec3,
-    /// What arrives.
+    /// Light that arrives.
     pub seen: Vec3,
 }
 
@@ -119,7 +119,7 @@ impl ElementLight {
         self.uneven += variance_of_quarters(quarters.iter().zip(results).map(of));
     }
 
-    /// Direct light as the light without blockers, `free`, times the visible part of it: a ratio of two sums over the rays, which has
+    /// Direct light as the light without blockers, `free`, times the visible fraction of it: a ratio of two sums over the rays, which has
     /// no noise where all rays or none are blocked.
     pub fn direct_of_fraction(&mut self, free: Vec3, half: usize, rays: &[DirectRay]) {
         let ratio = |rays: &[DirectRay]| {

@@ -1,7 +1,7 @@
 //! Choice between the distance cut and other engines for the direct light of points.
 //!
 //! A sample of few points queries an emitter by each engine, as all points will. The cut is chosen if it needs less work for the same
-//! error, and if its error is no larger than the tolerance of the visible part, which the model error of the cut may exceed.
+//! error, and if its error is no larger than the tolerance of the visible fraction, which the model error of the cut may exceed.
 
 use super::direct_light::EmitterView;
 use super::gather_point::GatherPoint;
@@ -13,7 +13,7 @@ use crate::visibility::{DistanceCut, LeafMode, rays_for, sample_runs};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// Smallest number of points for which the cut is built, and number of triangles for one more point: with exact rays, so many points take about
+/// Smallest number of points for which the cut is built, and number of triangles for one more point: with exact rays, these points take about
 /// twice the time of building it, 1 s on each of two processors for the garden of `make scenes` and 6 s for its park of 1.9 million triangles.
 const MIN_CUT_POINTS: usize = 1 << 14;
 const TRIANGLES_PER_POINT: usize = 16;
@@ -86,7 +86,7 @@ impl FinalGather<'_> {
         engine.by_cut().map(|(by, work)| (VisibilityEngine::MultiResolution(Arc::new(by)), work)).collect()
     }
 
-    /// The engine that needs the least work for a given error of an emitter's visible part at points like those of a sample: `other`, or
+    /// The engine that needs the least work for a given error of an emitter's visible fraction at points like those of a sample: `other`, or
     /// one of the engines by the cut.
     fn fastest(
         &self,
@@ -101,12 +101,12 @@ impl FinalGather<'_> {
         let exact = VisibilityEngine::Exact(self.linked.engine.exact());
         let mut scratch = Scratch::default();
         // Different seeds give the points different rays.
-        let mut truth = [1, 2].map(|half| {
+        let mut reference = [1, 2].map(|half| {
             let seeded = sample.iter().map(|point| GatherPoint { seed: mix(point.seed ^ half), ..*point });
             self.trial(&exact, &seeded.collect::<Vec<_>>(), emitter, &mut scratch).visible
         });
         let first = self.trial(&exact, sample, emitter, &mut scratch);
-        let [a, b] = &mut truth;
+        let [a, b] = &mut reference;
         let n = first.visible.len().max(1) as f64;
         let noise: f64 = a.iter().zip(&*b).map(|(a, b)| 0.25 * (a - b).powi(2)).sum::<f64>() / n;
         // The noise of the halves is independent: the mean product has no bias. The result is at least its standard error.

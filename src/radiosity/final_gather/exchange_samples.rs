@@ -13,7 +13,7 @@ use rayon::prelude::*;
 impl FinalGather<'_> {
     /// The light of leaves of the exchange by its rays, after the light that elements reflect is known; empty if these rays leave more noise than the error
     /// asked for allows. Left out are leaves in partial shadow of suns, which need rays of their own to find the edges of shadows, along which elements are
-    /// split. The first half of the rays tells which these are, and the second half, divided again, tells the light of suns: if the same rays did both, the leaves below
+    /// split. The first half of the rays selects these leaves, and the second half, divided again, gives the light of suns: with the same rays for both, the leaves below
     /// small gaps that are not left out would have too little light.
     ///
     /// Scenes in which more light is reflected than the error asked for are left out as well: the light of an element and the part of it that leaves the

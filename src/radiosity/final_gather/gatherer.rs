@@ -98,7 +98,7 @@ pub struct PathVertex {
     pub triangle: u32,
     /// Index of the path's sum.
     pub path: u32,
-    /// Part of the light sent here that reaches the start of the path, by channel.
+    /// Fraction of the light sent here that reaches the start of the path, by channel.
     pub share: Vec3,
 }
 
@@ -117,12 +117,12 @@ pub struct RayResult {
     /// Length of the ray, scene units.
     pub distance: f32,
     /// Whether the ray left the scene.
-    pub gone: bool,
+    pub escaped: bool,
 }
 
 impl RayResult {
-    /// No light and no surface.
-    pub const NOTHING: RayResult = RayResult {
+    /// A result without light and without a hit.
+    pub const EMPTY: RayResult = RayResult {
         direct: Vec3::ZERO,
         sun: Vec3::ZERO,
         sky: Vec3::ZERO,
@@ -135,11 +135,11 @@ impl RayResult {
             share: Vec3::ZERO,
         },
         distance: 0.0,
-        gone: false,
+        escaped: false,
     };
 }
 
-/// Buffers of a thread.
+/// Reusable buffers of a thread.
 #[derive(Default)]
 pub struct Buffers {
     /// Buffers and tally of visibility queries.
@@ -183,7 +183,7 @@ impl<'a> FinalGather<'a> {
                     std::array::from_fn(|k| (state.radiosity[k] - emitted[k]) as f32)
                 }
             };
-            let trusted_from = match (state.is_apart(), elements.large_from > 0) {
+            let trusted_from = match (state.is_excluded(), elements.large_from > 0) {
                 (true, _) => f32::INFINITY,
                 (false, true) => e.radius,
                 (false, false) => 0.0,
@@ -243,7 +243,7 @@ impl<'a> FinalGather<'a> {
     /// Where a ray of a packet ended, moved back by rounding.
     pub(super) fn met(&self, packet: &Packet, hits: &Hits, lane: usize) -> Option<PathVertex> {
         let triangle = hits.triangle[lane];
-        if triangle == Hits::NOTHING {
+        if triangle == Hits::NO_HIT {
             return None;
         }
         let (from, at) = (packet.point(lane, 0.0), packet.point(lane, hits.t[lane]));

@@ -24,10 +24,10 @@ pub(super) struct SharedKinds {
 /// Power that the elements of a side receive of one kind of light, W/m² times scene units squared.
 #[derive(Clone, Copy, Default)]
 struct Received {
-    /// By their own rays, and the variance of this power.
+    /// Power by their own rays, and the variance of this power.
     own: f64,
     variance: f64,
-    /// After sharing.
+    /// Power after sharing.
     shared: f64,
     /// Number of elements.
     count: usize,

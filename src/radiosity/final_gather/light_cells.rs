@@ -1,14 +1,14 @@
 //! Light of surfaces and sky at a point: a grid of rays, one for each cell of a hemisphere of equal cosine weight. Cells are divided where
 //! neighbours differ, as at the edges of a window, of a bright part of the sky or of a sunlit wall.
 
-use super::cells_around::{RINGS, RayCell, Surroundings, WHOLE};
+use super::cells_around::{RINGS, RayCell, Surroundings, UNDIVIDED};
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather, PathVertex};
 use super::hemisphere::Hemisphere;
 use super::paths::EndOfPaths;
 use super::sky_light::SkyLight;
 use super::uneven_cells::{
-    TOLERANCE, USUAL_ERROR, Uneven, all_cells, bound_of_errors, largest_errors, next_tolerance,
+    DEFAULT_ERROR, TOLERANCE, UnevenCell, all_cells, bound_of_errors, largest_errors, next_tolerance,
 };
 use crate::embree::Hits;
 use crate::math::sampling::{mix, numbers};
@@ -18,7 +18,7 @@ use glam::{DVec3, Vec3};
 
 /// Largest number of halvings of a cell: of 1,024 cells, edges are then known to a 64th of a cell.
 const MAX_LEVEL: u32 = 6;
-/// Largest number of rays in the divided cells of a point for [`USUAL_ERROR`]; for a smaller error in proportion to 1 / error². Grids that are refined as a
+/// Largest number of rays in the divided cells of a point for [`DEFAULT_ERROR`]; for a smaller error in proportion to 1 / error². Grids that are refined as a
 /// whole are not limited. Foliage has edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and roofs need some hundreds of rays.
 const MAX_RAYS: f64 = 8192.0;
 /// Largest number of these rays for any error: limits the time of a point to some 0.1 s.
@@ -37,12 +37,12 @@ const MAX_WHOLE: usize = 1 << 12;
 struct CellRay {
     /// Direction of the ray, of any length.
     direction: Vec3,
-    seen: Seen,
+    seen: CellHit,
 }
 
 /// The result of the ray of a cell.
 #[derive(Clone, Copy)]
-enum Seen {
+enum CellHit {
     /// The ray leaves the scene.
     Sky,
     /// A side that no light reaches.
@@ -70,7 +70,7 @@ impl FinalGather<'_> {
         let whole = hemisphere.places();
         let mut levels = vec![self.cells(&hemisphere, 0, &whole, &[], &rays_of_cells, point)];
         // Where all rays met sides that no light reaches, as from below the ground, or the sky is dark, no opening is searched for.
-        let is_dark = rays_of_cells.iter().all(|ray| matches!(ray.seen, Seen::Dark))
+        let is_dark = rays_of_cells.iter().all(|ray| matches!(ray.seen, CellHit::Dark))
             || levels[0].iter().all(|cell| cell.sky == 0.0);
         // A cell with an opening is divided even if neither its ray nor a neighbouring ray passes through the opening.
         let is_searched = !is_dark && levels[0].iter().filter(|cell| cell.is_open).count() < MIN_OPEN;
@@ -109,7 +109,7 @@ impl FinalGather<'_> {
             if chosen.is_empty() {
                 break;
             }
-            left += uneven.iter().map(Uneven::error).filter(|e| !is_whole && *e <= least).sum::<f64>();
+            left += uneven.iter().map(UnevenCell::error).filter(|e| !is_whole && *e <= least).sum::<f64>();
             chosen.sort_unstable_by_key(|(cell, _)| *cell);
             rays += 4 * chosen.len();
             let cells = &mut levels[level as usize];
@@ -144,9 +144,9 @@ impl FinalGather<'_> {
         let (mut sum, mut range) = (DVec3::ZERO, [f32::INFINITY, f32::NEG_INFINITY]);
         for ray in rays {
             let level = match ray.seen {
-                Seen::Sky => continue,
-                Seen::Dark => 0.0,
-                Seen::Surface(light, of_element) => {
+                CellHit::Sky => continue,
+                CellHit::Dark => 0.0,
+                CellHit::Surface(light, of_element) => {
                     sum += light.as_dvec3();
                     of_element.element_sum() / 3.0
                 }
@@ -171,7 +171,7 @@ impl FinalGather<'_> {
 
     /// The largest number of rays in divided cells of a point.
     fn most_divided(&self) -> usize {
-        (MAX_RAYS * (USUAL_ERROR / self.error).powi(2)).clamp(MAX_RAYS, MAX_RAYS_OF_ALL) as usize
+        (MAX_RAYS * (DEFAULT_ERROR / self.error).powi(2)).clamp(MAX_RAYS, MAX_RAYS_OF_ALL) as usize
     }
 
     /// The grid of a point, turned by a random angle about its normal.
@@ -183,7 +183,7 @@ impl FinalGather<'_> {
         Hemisphere { frame, size: self.hemisphere_grid, reach: self.reach_from(point.at) }
     }
 
-    /// What the rays of the undivided grid have found, in blocks of 4 by 4 cells.
+    /// Hits of the rays of the undivided grid, in blocks of 4 by 4 cells.
     fn trace_whole(
         &self,
         hemisphere: &Hemisphere,
@@ -220,16 +220,16 @@ impl FinalGather<'_> {
         let mut near = Vec::new();
         let mut see = |k: usize| {
             let (packet, hits, lane) = (&packets[k / LANES], &hits[k / LANES], k % LANES);
-            if hits.triangle[lane] == Hits::NOTHING {
-                return Seen::Sky;
+            if hits.triangle[lane] == Hits::NO_HIT {
+                return CellHit::Sky;
             }
             let weight = if surfaces[k].is_some() { 4.0 } else { 1.0 };
             if surfaces[k].is_some() && k % 4 != (mix(seed ^ (k as u64 / 4)) % 4) as usize {
-                return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
+                return CellHit::Surface(Vec3::ZERO, Vec3::ZERO);
             }
-            let Some(met) = self.met(packet, hits, lane) else { return Seen::Dark };
+            let Some(met) = self.met(packet, hits, lane) else { return CellHit::Dark };
             if self.direct_only || self.is_bright(met.leaf) {
-                return Seen::Surface(Vec3::ZERO, Vec3::ZERO);
+                return CellHit::Surface(Vec3::ZERO, Vec3::ZERO);
             }
             let of_element = self.reflected_from(met.leaf);
             let distance = packet.point(lane, 0.0).distance(packet.point(lane, hits.t[lane]));
@@ -239,7 +239,7 @@ impl FinalGather<'_> {
                 vertices.push(PathVertex { share: weight * vertex.share, ..vertex });
                 Vec3::ZERO
             });
-            Seen::Surface(weight * light, of_element)
+            CellHit::Surface(weight * light, of_element)
         };
         let mut rays: Vec<CellRay> = (0..surfaces.len())
             .map(|k| {
@@ -250,7 +250,7 @@ impl FinalGather<'_> {
         let mut sums = vec![[0.0; 3]; near.len()];
         self.follow(seed, EndOfPaths::Read, &mut sums, buffers);
         for (k, sum) in near.into_iter().zip(sums) {
-            if let Seen::Surface(light, _) = &mut rays[k].seen {
+            if let CellHit::Surface(light, _) = &mut rays[k].seen {
                 *light = Vec3::from(sum.map(|s| s as f32));
             }
         }
@@ -323,13 +323,13 @@ impl FinalGather<'_> {
             (0.5 * (a + b), ((a - b).element_sum() / 6.0).powi(2))
         };
         let cell = |(k, (&place, ray)): (usize, (&[u32; 2], &CellRay))| {
-            let is_open = matches!(ray.seen, Seen::Sky);
+            let is_open = matches!(ray.seen, CellHit::Sky);
             let at_ray = self.sky_of_ray(ray.direction);
             let (sky, error) = sky_in(place);
             let (light, of_element) = match ray.seen {
-                Seen::Sky => (at_ray, sky),
-                Seen::Dark => (Vec3::ZERO, Vec3::ZERO),
-                Seen::Surface(light, of_element) => (light, of_element),
+                CellHit::Sky => (at_ray, sky),
+                CellHit::Dark => (Vec3::ZERO, Vec3::ZERO),
+                CellHit::Surface(light, of_element) => (light, of_element),
             };
             let surfaces = surfaces.get(k).copied().flatten().unwrap_or(of_element);
             RayCell {
@@ -341,7 +341,7 @@ impl FinalGather<'_> {
                 unblocked: sky,
                 at_ray,
                 error,
-                quarters: WHOLE,
+                quarters: UNDIVIDED,
             }
         };
         places.iter().zip(rays).enumerate().map(cell).collect()

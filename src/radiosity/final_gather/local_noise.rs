@@ -28,7 +28,7 @@ pub struct LocalResult {
     pub rays: u32,
     /// Sum of the form factors with sides that light can reach.
     pub row_sum: f32,
-    /// Part of the rays that did not leave the scene.
+    /// Fraction of the rays that did not leave the scene.
     pub kept: f32,
     /// Whether rays of the leaf and of those with the same parent find a part of the suns' light, neither none nor all.
     pub sun_varies: bool,

@@ -1,12 +1,11 @@
 //! The local pass: the irradiance of each element of a scene with clusters, by rays of its own.
 //!
-//! Light at a linked cluster is distributed among its surfaces by orientation. Occlusion between these surfaces is known only on
-//! average, and insides of furniture would receive light that cannot reach them. Therefore every element finally traces a few rays.
-//! The exchange of two elements is estimated by all rays that join them, from either side ([`TransportMatrix`]), so that no energy
-//! is created, and light that arrives by one half of the rays is sent along the other ([`RayTransport`]). The rays are stored,
-//! twelve bytes each, and the light is solved on them to the last bounce without further rays, starting from the direct light, or
-//! from the light along links if the time is up. The direct light of all elements is scaled to the total that rays from the emitters
-//! measure. See `docs/method.md`, Local pass.
+//! Light at a linked cluster is distributed among its surfaces by orientation. Occlusion between these surfaces is known only on average,
+//! and insides of furniture would receive light that cannot reach them. Therefore every element finally traces a few rays. The exchange of
+//! two elements is estimated by all rays that join them, from either side ([`TransportMatrix`]), so that no energy is created, and light
+//! that arrives by one half of the rays is sent along the other ([`RayTransport`]). The rays are stored, twelve bytes each, and the light
+//! is solved on them to the last bounce without further rays, starting from the direct light, or from the light along links if the time is
+//! up. The direct light of all elements is scaled to the total that rays from the emitters measure. See `docs/method.md`, Local pass.
 
 use super::bright_leaves::Brightest;
 use super::element_samples::ElementLight;
@@ -18,10 +17,10 @@ use super::untraced::Surrounding;
 use crate::radiosity::deadline::{Deadline, GATHER_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
-use crate::radiosity::options::RowSums;
+use crate::radiosity::options::RowNormalisation;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::radiosity::surroundings::{Arrived, SampledShare, emitted_share};
+use crate::radiosity::surroundings::{SampledShare, SkyPower, emitted_share};
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Path, RayTransport, TransportMatrix, solve,
 };
@@ -32,7 +31,7 @@ use std::collections::HashMap;
 
 /// Expected relative error of the direct light that all elements receive together, by their own rays.
 const DIRECT_ERROR: f64 = 0.01;
-/// Part of the rays by which elements exchange light. Each of the other rays gathers that light for one element. In an office and
+/// Fraction of the rays by which elements exchange light. Each of the other rays gathers that light for one element. In an office and
 /// a living room a seventh and two sevenths leave errors of the elements that differ by less than a tenth (`scenes/room.py`).
 pub(super) const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
 
@@ -44,7 +43,7 @@ pub struct LocalPass {
     pub element_rays: Option<f64>,
     /// Leaves whose light is known by the rays of the exchange, with this light.
     pub samples: Vec<(u32, ElementLight)>,
-    /// Rays of both passes together, as part of `wanted`.
+    /// Rays of both passes together, as a fraction of `wanted`.
     pub traced_part: f64,
     /// The rays that the error asked for needs in both passes.
     pub wanted: f64,
@@ -53,11 +52,11 @@ pub struct LocalPass {
     /// The same by these rays and the rays of the elements together, by channel.
     pub received: Rgb,
     /// The power that arrives from beyond the scene.
-    pub arrived: Arrived,
+    pub arrived: SkyPower,
     /// How the light converged.
     pub convergence: Convergence,
     /// Leaves with fewer rays than planned.
-    pub hurried: usize,
+    pub reduced: usize,
     /// Leaves that were not traced for lack of time: their light is estimated ([`Surrounding::estimate`]).
     pub untraced: usize,
     /// Cost of the rays.
@@ -72,10 +71,10 @@ fn link_parts(around: Option<&Surrounding>, traced: &[u32], untraced: &[u32]) ->
 
 impl FinalGather<'_> {
     /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. The deviations of the rays determine how many of
-    /// `most` rays the light of the elements needs: on foliage and rocks more than estimated before, because elements share little light. If `rays` is
+    /// `max` rays the light of the elements needs: on foliage and rocks more than estimated before, because elements share little light. If `rays` is
     /// `None`, or after the deadline, elements trace only a few rays: enough for the light of the whole scene, not for that of each element. Of many
     /// elements, some are then not traced.
-    pub fn local_pass(&self, rays: Option<f64>, useful: f64, most: f64, deadline: &Deadline) -> LocalPass {
+    pub fn local_pass(&self, rays: Option<f64>, useful: f64, max: f64, deadline: &Deadline) -> LocalPass {
         let all = self.linked.leaves();
         let states = &self.linked.elements.states;
         let start = deadline.elapsed();
@@ -118,14 +117,14 @@ impl FinalGather<'_> {
             let others = apart.rows.iter().map(|row| row.leaf).chain(untraced.iter().copied());
             around.estimate(&leaves, &others.collect::<Vec<u32>>(), link_part, &mut results);
         }
-        self.light_apart(&mut apart, factor, &mut results);
+        self.light_of_excluded(&mut apart, factor, &mut results);
         let arrived = self.arrived([&rows, &apart], around.as_ref(), &untraced);
         self.balance_untraced(around.as_ref(), &all, &untraced, &sampled, arrived, &mut results);
         let (mut wanted, mut samples) = (EXCHANGE_SHARE * useful, Vec::new());
         let element_rays = rays.filter(|_| self.elements).map(|rays| {
             weigh_errors(&self.linked.elements, &all, &mut results);
             samples = self.exchange_samples(&rows, &results);
-            let needed = ((1.0 - EXCHANGE_SHARE) * most).min(self.needed_rays(&all, &results));
+            let needed = ((1.0 - EXCHANGE_SHARE) * max).min(self.needed_rays(&all, &results));
             wanted += needed;
             if deadline.limited() {
                 // Where the exchange had fewer rays than planned, the light of the elements has more.
@@ -136,7 +135,7 @@ impl FinalGather<'_> {
             }
         });
         let traced_part = (EXCHANGE_SHARE * rays.unwrap_or(0.0) + element_rays.unwrap_or(0.0)) / wanted;
-        let RayRows { hurried, mut tally, .. } = rows;
+        let RayRows { reduced, mut tally, .. } = rows;
         tally.add(apart.tally);
         LocalPass {
             results,
@@ -148,7 +147,7 @@ impl FinalGather<'_> {
             received,
             arrived: arrived[0],
             convergence,
-            hurried: hurried + apart.hurried,
+            reduced: reduced + apart.reduced,
             untraced: untraced.len(),
             tally,
         }
@@ -183,7 +182,7 @@ impl FinalGather<'_> {
 
     /// Sets the light of leaves outside the exchange to the light that their rays have found, that of emitters times a factor. The light of all other leaves
     /// must be known.
-    fn light_apart(&self, apart: &mut RayRows, factor: f64, results: &mut [LocalResult]) {
+    fn light_of_excluded(&self, apart: &mut RayRows, factor: f64, results: &mut [LocalResult]) {
         apart.add_light_of_ends(|leaf| Some(self.reflected_by(leaf, results)));
         let Elements { elements, sides, .. } = &self.linked.elements;
         let mut first = 0;
@@ -235,14 +234,14 @@ impl FinalGather<'_> {
     }
 
     /// The power that arrives from beyond the scene, and the part of it that arrives at `untraced` leaves.
-    fn arrived(&self, rows: [&RayRows; 2], around: Option<&Surrounding>, untraced: &[u32]) -> [Arrived; 2] {
+    fn arrived(&self, rows: [&RayRows; 2], around: Option<&Surrounding>, untraced: &[u32]) -> [SkyPower; 2] {
         let elements = &self.linked.elements.elements;
         let rows = || rows.iter().flat_map(|rows| &rows.rows);
         let beyond = |row: &RayRow| {
             let [sky, sun] = row.sky_and_sun();
             (elements[row.leaf as usize].area, sky, sun)
         };
-        let mut all = Arrived::of(rows().map(beyond));
+        let mut all = SkyPower::of(rows().map(beyond));
         let extrapolated = around.filter(|_| !untraced.is_empty());
         let extrapolated = extrapolated
             .map(|around| around.arrived(rows().map(|row| (row.leaf, row.sky_and_sun())), untraced))
@@ -261,7 +260,7 @@ impl FinalGather<'_> {
         leaves: &[u32],
         untraced: &[u32],
         sampled: &SampledShare,
-        [arrived, extrapolated]: [Arrived; 2],
+        [arrived, extrapolated]: [SkyPower; 2],
         results: &mut [LocalResult],
     ) {
         let Some(around) = around.filter(|_| !untraced.is_empty()) else { return };
@@ -367,8 +366,8 @@ impl FinalGather<'_> {
         };
         let (first, second) = rayon::join(|| of_half(0), || of_half(1));
         [first, second].map(|(matrix, rows, met)| match linked.settings.row_sums {
-            RowSums::Balanced => matrix.balanced(&rows, &met),
-            RowSums::Sampled => matrix,
+            RowNormalisation::Balanced => matrix.balanced(&rows, &met),
+            RowNormalisation::Sampled => matrix,
         })
     }
 
@@ -378,12 +377,12 @@ impl FinalGather<'_> {
         let mut sides = vec![(0.5, 1.0); self.linked.elements.sides.len()];
         let mut first = 0;
         for row in &rows.rows {
-            let gone = rows.met[first..row.end].iter().filter(|&&met| met == Elements::NONE).count();
+            let escaped = rows.met[first..row.end].iter().filter(|&&met| met == Elements::NONE).count();
             let of = &mut sides[self.side_of(row.leaf) as usize];
-            *of = (of.0 + gone as f64, of.1 + f64::from(row.rays));
+            *of = (of.0 + escaped as f64, of.1 + f64::from(row.rays));
             first = row.end;
         }
-        sides.into_iter().map(|(gone, rays)| gone / rays).collect()
+        sides.into_iter().map(|(escaped, rays)| escaped / rays).collect()
     }
 }
 
@@ -411,7 +410,7 @@ fn assign_row_sums(rows: &RayRows, [first, second]: &[Vec<f64>; 2], results: &mu
         result.rays = row.rays;
         result.meets_emitters = 2 * row.met_emitters > row.rays;
         result.row_sum = (sum + f64::from(row.outside + row.continued()) / rays) as f32;
-        result.kept = 1.0 - row.gone as f32 / rays as f32;
+        result.kept = 1.0 - row.escaped as f32 / rays as f32;
     }
     sums
 }

@@ -105,7 +105,7 @@ impl Sight {
     }
 }
 
-/// Buffers of a search: what was found, and what is still to be searched, both with squared distances.
+/// Buffers of a search: places found, and nodes still to be searched, both with squared distances.
 #[derive(Default)]
 pub struct Search {
     found: Vec<(f32, u32)>,

@@ -19,9 +19,9 @@ const MAX_OPEN: f32 = 0.125;
 const MAX_FOLLOWED: usize = 512;
 /// Largest number of places in openings of all rooms, to each of which points with little sky trace a ray: half the rays of their default grid.
 const MAX_PLACES: usize = 256;
-/// Part of all directions, also downwards, in which rays leave the scene at a place in an opening: half in the opening of a thin roof, a quarter in the plane
+/// Fraction of all directions, also downwards, in which rays leave the scene at a place in an opening: half in the opening of a thin roof, a quarter in the plane
 /// of a window above the ground, less in a shaft. The limit must be above the value in the room and below the value outside.
-const OPEN: f32 = 0.25;
+const OPENING_SKY_FRACTION: f32 = 0.25;
 /// Number of directions that estimate this part.
 const DIRECTIONS: usize = 2 * LANES;
 /// Bisections of a ray to locate an opening, as if the open part of all directions grew along the ray: to a sixteenth of a metre in a scene of 4 km.
@@ -85,7 +85,7 @@ impl FinalGather<'_> {
         }
         let mut hits = [Hits::NONE];
         self.traced.first_hits(self.traversal, std::slice::from_ref(&rays), &mut hits);
-        let gone = rays.lanes().filter(|lane| hits[0].triangle[*lane] == Hits::NOTHING);
+        let gone = rays.lanes().filter(|lane| hits[0].triangle[*lane] == Hits::NO_HIT);
         let ray = |lane: usize| {
             [rays.point(lane, 0.0), (rays.point(lane, 1.0) - rays.point(lane, 0.0)).normalize()]
         };
@@ -94,13 +94,13 @@ impl FinalGather<'_> {
 
     /// The place where a ray to the sky leaves a room; `None` if the ray starts in the open.
     fn opening_on(&self, from: Vec3, direction: Vec3) -> Option<Vec3> {
-        if self.sky_part(from) >= OPEN {
+        if self.sky_part(from) >= OPENING_SKY_FRACTION {
             return None;
         }
         let (mut inside, mut outside) = (0.0, self.reach_from(from));
         for _ in 0..HALVINGS {
             let middle = 0.5 * (inside + outside);
-            match self.sky_part(from + middle * direction) < OPEN {
+            match self.sky_part(from + middle * direction) < OPENING_SKY_FRACTION {
                 true => inside = middle,
                 false => outside = middle,
             }
@@ -122,7 +122,7 @@ impl FinalGather<'_> {
         }
         let mut hits = [Hits::NONE; DIRECTIONS / LANES];
         self.traced.first_hits(self.traversal, &packets, &mut hits);
-        let free = hits.iter().flat_map(|hits| hits.triangle).filter(|t| *t == Hits::NOTHING).count();
+        let free = hits.iter().flat_map(|hits| hits.triangle).filter(|t| *t == Hits::NO_HIT).count();
         free as f32 / DIRECTIONS as f32
     }
 
@@ -151,7 +151,7 @@ impl FinalGather<'_> {
         hits.clear();
         hits.resize(packets.len(), Hits::NONE);
         self.traced.first_hits(self.traversal, packets, hits);
-        let is_open = |k: usize| hits[k / LANES].triangle[k % LANES] == Hits::NOTHING;
+        let is_open = |k: usize| hits[k / LANES].triangle[k % LANES] == Hits::NO_HIT;
         let seen = directions.iter().enumerate().filter(|(k, _)| is_open(*k));
         seen.map(|(_, d)| square_of_direction(*d)).collect()
     }

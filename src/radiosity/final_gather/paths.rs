@@ -19,20 +19,20 @@ const MAX_BOUNCES: u64 = 256;
 /// Bounce from which Russian roulette may end a path (Arvo and Kirk 1990): affects noise and time, not the mean.
 const FIRST_ROULETTE_BOUNCE: u64 = 3;
 
-/// Where paths end.
+/// Condition at which paths end.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum EndOfPaths {
-    /// Nowhere: no light of the solution is used, and rays are exact.
+    /// Paths are followed to the last bounce: no light of the solution is used, and rays are exact.
     Nowhere,
-    /// At elements whose light may stand for the light at the point of the hit.
+    /// Paths end at elements whose mean light represents the light at the hit point.
     Read,
-    /// At the same elements, but their light is not known yet: the ends are listed in [`Buffers::path_ends`].
+    /// Paths end at the same elements, whose light is not known yet: the ends are listed in [`Buffers::path_ends`].
     Listed,
 }
 
 /// Mean result of the paths that continue from an element outside the exchange.
 #[derive(Default)]
-pub(super) struct Onwards {
+pub(super) struct PathMean {
     /// Irradiance at their start, without the light of their ends, W/m².
     pub light: Vec3,
     /// The leaves where the paths end, and the parts of the radiosity reflected there that arrive.
@@ -148,9 +148,9 @@ impl FinalGather<'_> {
         lane: usize,
     ) -> RayResult {
         let elements = &self.linked.elements;
-        let gone = hits.triangle[lane] == Hits::NOTHING;
-        let mut result = RayResult { gone, ..RayResult::NOTHING };
-        if gone && self.has_environment() {
+        let escaped = hits.triangle[lane] == Hits::NO_HIT;
+        let mut result = RayResult { escaped, ..RayResult::EMPTY };
+        if escaped && self.has_environment() {
             result.sky = self.sky_of_ray(packet.point(lane, 1.0) - packet.point(lane, 0.0));
         }
         if let Some(met) = self.met(packet, hits, lane) {
@@ -263,8 +263,7 @@ impl FinalGather<'_> {
         std::mem::swap(vertices, next_vertices);
     }
 
-    /// The reflected radiosity at the point that a ray has met, or the vertex from which its path continues if the element is too
-    /// near.
+    /// The reflected radiosity at the point that a ray has met, or the vertex from which its path continues if the element is too near.
     pub(super) fn reflected_or_next(
         &self,
         met: PathVertex,
@@ -280,7 +279,7 @@ impl FinalGather<'_> {
     }
 
     /// For each of `buffers.results` that hit an element outside the exchange, the result of the paths that continue there.
-    pub(super) fn paths_onwards(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<Onwards>> {
+    pub(super) fn paths_onwards(&self, seed: u64, buffers: &mut Buffers) -> Vec<Option<PathMean>> {
         let results = std::mem::take(&mut buffers.results);
         buffers.vertices.clear();
         let part = 1.0 / PATHS_ONWARDS as f32;
@@ -289,7 +288,7 @@ impl FinalGather<'_> {
             .iter()
             .map(|found| {
                 let met = &found.met;
-                let goes_on = met.side != Elements::NONE && self.reflected[met.leaf as usize].is_apart();
+                let goes_on = met.side != Elements::NONE && self.reflected[met.leaf as usize].is_excluded();
                 goes_on.then(|| {
                     let start = self.continued(*met, Vec3::ONE, count);
                     buffers.vertices.extend([start; PATHS_ONWARDS]);
@@ -301,9 +300,9 @@ impl FinalGather<'_> {
         let mut sums: Vec<Rgb> = vec![[0.0; 3]; count as usize];
         self.follow(self.linked.settings.seed ^ seed, EndOfPaths::Listed, &mut sums, buffers);
         buffers.results = results;
-        let mut found: Vec<Onwards> = sums
+        let mut found: Vec<PathMean> = sums
             .into_iter()
-            .map(|sum| Onwards { light: part * Vec3::from(sum.map(|v| v as f32)), ends: SmallVec::new() })
+            .map(|sum| PathMean { light: part * Vec3::from(sum.map(|v| v as f32)), ends: SmallVec::new() })
             .collect();
         for &(path, leaf, share) in &buffers.path_ends {
             found[path as usize].ends.push((leaf, part * share));

@@ -18,10 +18,9 @@ use std::sync::Arc;
 
 /// Points whose rays are timed for an estimate: a quarter of the points of one task. Used with a time limit only.
 const TIMED_POINTS: usize = CHUNK / 4;
-/// Smallest number of rays of each kind, however short the time: the lower bounds of [`Options::light_rays`]
-/// and [`Options::gather_rays`].
+/// Smallest number of rays of each kind, however short the time: the lower bounds of [`Options::light_rays`] and [`Options::gather_rays`].
 const MIN_POINT_RAYS: usize = 64;
-/// Distance from surfaces, as part of the scene's diagonal, above which a point is reported as off all surfaces.
+/// Distance from surfaces, as a fraction of the scene's diagonal, above which a point is reported as off all surfaces.
 const FAR_OFF: f32 = 1e-3;
 
 /// Options with this part of the rays of a point, but at least a minimum of each kind.
@@ -135,7 +134,7 @@ impl FinalGather<'_> {
     }
 
     /// Options with fewer rays, if the time is too short for all rays at these points.
-    pub fn hurried(
+    pub fn options_within_time(
         &self,
         points: &[(Vec3, Vec3)],
         options: &Options,
@@ -145,7 +144,7 @@ impl FinalGather<'_> {
         (part < 1.0).then(|| with_fewer_rays(options, part))
     }
 
-    /// The part of the rays at these points that the time allows, from a timed sample of the points.
+    /// The fraction of the rays at these points that the time allows, from a timed sample of the points.
     pub fn possible_part(&self, points: &[(Vec3, Vec3)], deadline: &Deadline) -> f64 {
         if deadline.late() {
             0.0
@@ -181,7 +180,7 @@ impl FinalGather<'_> {
                 }
                 let mut hits = [Hits::NONE];
                 self.traced.first_hits(self.traversal, &[packet], &mut hits);
-                (0..points.len()).filter(|&lane| hits[0].triangle[lane] == Hits::NOTHING).count()
+                (0..points.len()).filter(|&lane| hits[0].triangle[lane] == Hits::NO_HIT).count()
             })
             .sum();
         (off > 0).then(|| {

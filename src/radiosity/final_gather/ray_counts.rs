@@ -1,6 +1,6 @@
 //! Numbers of rays of elements: those that the error asked for needs, those that the time allows, and the share of each element.
 
-use super::element_rays::{LeafRays, OF_EXCHANGE};
+use super::element_rays::{EXCHANGE_SET, LeafRays};
 use super::gatherer::FinalGather;
 use super::local_noise::LocalResult;
 use super::local_pass::EXCHANGE_SHARE;
@@ -27,14 +27,14 @@ pub const LATE_RAYS: f64 = 1e5;
 /// Largest number of leaves that are traced after the deadline: with [`MIN_ROW_RAYS`] and [`LATE_RAYS`] half a million rays, some 0.4 s on
 /// two cores. If there are more leaves, those above their share of the area and an even selection of the others are traced.
 const MAX_LATE_LEAVES: usize = 100_000;
-/// Part of the light that is reflected in scenes for which [`RAYS_TIMES_ERROR_SQUARED`] holds: half.
+/// Fraction of the light that is reflected in scenes for which [`RAYS_TIMES_ERROR_SQUARED`] holds: half.
 const USUAL_REFLECTED: f64 = 0.5;
-/// Neighbours that share their rays.
+/// Number of neighbours that share their rays.
 pub(super) const NEIGHBOURS: f64 = 16.0;
 /// Rays of an element times the square of the error: one ray deviates by about half of the mean, neighbours share their rays, and direct and
 /// reflected light each have that variance.
 const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / NEIGHBOURS;
-/// Part of the error of elements that may be noise of their rays, where these deviate little: a fifth of the squared error. Most of the rest is the
+/// Fraction of the error of elements that may be noise of their rays, where these deviate little: a fifth of the squared error. Most of the rest is the
 /// variation of light over an element.
 pub(super) const NEEDED_SHARE: f64 = 0.45;
 /// Approximate number of leaves whose rays are timed for an estimate: limits it to 32,000 rays, 1 % of the rays at the
@@ -42,7 +42,7 @@ pub(super) const NEEDED_SHARE: f64 = 0.45;
 const TIMED_LEAVES: usize = 2000;
 /// Rays of each timed leaf: one packet.
 const TIMED_RAYS: u32 = 16;
-/// Part of the rays that remains after surfaces have been split for so many rays and each part has its smallest number:
+/// Fraction of the rays that remains to be distributed after surfaces have been split and each part has its smallest number:
 /// parts are made for 20 rays each and [`MIN_ROW_RAYS`] of them are fixed, 1 − 4 / 20.
 const SHARED_AFTER_SPLIT: f64 = 0.8;
 
@@ -120,7 +120,7 @@ impl FinalGather<'_> {
 
     /// A row with `count` rays in each half.
     fn row_rays(&self, leaf: u32, count: u32) -> LeafRays {
-        LeafRays { leaf, count, to_emitters: true, suns: 1, sequences: self.sequences_of(leaf, OF_EXCHANGE) }
+        LeafRays { leaf, count, to_emitters: true, suns: 1, sequences: self.sequences_of(leaf, EXCHANGE_SET) }
     }
 
     /// Traces the rays of all leaves, those in the exchange and those outside of it; the share of each leaf depends on its area and importance.
@@ -161,7 +161,7 @@ impl FinalGather<'_> {
         let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
         let planned = leaves.iter().map(|&leaf| self.row_rays(leaf, count(leaf, rays)));
         let (exchanged, apart): (Vec<LeafRays>, Vec<LeafRays>) =
-            planned.partition(|of| !states[of.leaf as usize].is_apart());
+            planned.partition(|of| !states[of.leaf as usize].is_excluded());
         // Half of the leaves that are traced late are large ones, half are drawn.
         let large = elements.area / (0.5 * MAX_LATE_LEAVES as f64);
         let step = leaves.len().div_ceil(MAX_LATE_LEAVES / 2) as u64;

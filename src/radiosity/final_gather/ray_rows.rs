@@ -29,11 +29,11 @@ pub struct RayRow {
     /// The same without the light of suns.
     pub squares_beside_suns: f32,
     /// Rays that left the scene.
-    pub gone: u32,
+    pub escaped: u32,
     /// Rays that met emitters, if these are about equally bright and too many for a closed form; otherwise 0.
     pub met_emitters: u32,
     /// Irradiance from emitters and suns at the starts of the rays that left the scene, mean over the channels, sum over the rays, W/m².
-    pub gone_lit: f32,
+    pub escaped_lit: f32,
     /// Rays that met leaves without rows: their light is known and counts as direct.
     pub outside: u32,
 }
@@ -61,7 +61,7 @@ pub struct PathEnd {
     pub ray: u32,
     /// The leaf where the path ends; after [`RayRows::number_rows`] its row.
     pub met: u32,
-    /// Part of the radiosity reflected there that arrives, by channel.
+    /// Fraction of the radiosity reflected there that arrives, by channel.
     pub share: Vec3,
     /// The light of the ray that is known without its ends, mean over the channels, W/m².
     pub direct: f32,
@@ -77,7 +77,7 @@ pub struct RayRows {
     /// Ends of the paths of rays that met leaves outside the exchange, in the order of the rows.
     pub ends: Vec<PathEnd>,
     /// Leaves for which other rays were traced than planned.
-    pub hurried: usize,
+    pub reduced: usize,
     /// Cost of the rays.
     pub tally: Tally,
 }
@@ -113,21 +113,21 @@ impl RayRow {
         self.halves[0].continued + self.halves[1].continued
     }
 
-    /// The part of the light reflected by the leaf that stays in the scene, for a leaf that lies both inside and outside of a room: each ray
+    /// The fraction of the light reflected by the leaf that stays in the scene, for a leaf that lies both inside and outside of a room: each ray
     /// has the weight of the light at its start.
     pub fn kept_of_lit(&self) -> f32 {
         let lit = (self.emitted() + self.sun()).element_sum() / 3.0;
         if lit > 0.0 {
-            (1.0 - self.gone_lit / lit).clamp(0.0, 1.0)
+            (1.0 - self.escaped_lit / lit).clamp(0.0, 1.0)
         } else {
-            1.0 - self.gone as f32 / self.rays as f32
+            1.0 - self.escaped as f32 / self.rays as f32
         }
     }
 }
 
 impl RayRows {
     fn new() -> RayRows {
-        RayRows { rows: Vec::new(), met: Vec::new(), ends: Vec::new(), hurried: 0, tally: Tally::default() }
+        RayRows { rows: Vec::new(), met: Vec::new(), ends: Vec::new(), reduced: 0, tally: Tally::default() }
     }
 
     /// Traces the planned rays of the leaves of each list and returns the rows of each list. `instead` is called before each batch of leaves: if it returns
@@ -153,7 +153,7 @@ impl RayRows {
                 let mut made = RayRows::new();
                 buffers.scratch.tally = Tally::default();
                 made.trace_batch(gather, fewer.as_deref().unwrap_or(planned), buffers);
-                made.hurried = fewer.map_or(0, |fewer| fewer.len());
+                made.reduced = fewer.map_or(0, |fewer| fewer.len());
                 made.tally = buffers.scratch.tally;
                 done(rows.steps(planned.len()));
                 made
@@ -169,7 +169,7 @@ impl RayRows {
             all.ends.extend(part.ends.into_iter().map(|end| PathEnd { row: rows + end.row, ..end }));
             all.rows.extend(part.rows.into_iter().map(|r| RayRow { end: before + r.end, ..r }));
             all.met.extend(part.met);
-            all.hurried += part.hurried;
+            all.reduced += part.reduced;
             all.tally.add(part.tally);
         }
         lists
@@ -188,7 +188,8 @@ impl RayRows {
         let mut results = buffers.results.iter().zip(paths);
         for (of, many) in batch.iter().zip(many) {
             let (leaf, rays, outside) = (of.leaf, 2 * of.count, 0);
-            let (mut halves, mut gone, mut gone_lit, mut met_emitters) = ([RowHalf::default(); 2], 0, 0.0, 0);
+            let (mut halves, mut escaped, mut escaped_lit, mut met_emitters) =
+                ([RowHalf::default(); 2], 0, 0.0, 0);
             let (mut sky, mut squares, mut squares_beside_suns) = (Vec3::ZERO, 0.0, 0.0);
             for (k, (found, path)) in results.by_ref().take(rays as usize).enumerate() {
                 let onwards = path.as_ref().map_or(Vec3::ZERO, |path| path.light);
@@ -208,8 +209,9 @@ impl RayRows {
                 sky += found.sky;
                 let side = found.met.side;
                 met_emitters += u32::from(many && side != Elements::NONE && emits(side));
-                gone += u32::from(found.gone);
-                gone_lit += if found.gone { (found.direct + found.sun).element_sum() / 3.0 } else { 0.0 };
+                escaped += u32::from(found.escaped);
+                escaped_lit +=
+                    if found.escaped { (found.direct + found.sun).element_sum() / 3.0 } else { 0.0 };
                 squares += direct.powi(2);
                 squares_beside_suns += (beside_suns.element_sum() / 3.0).powi(2);
                 let met = match path {
@@ -227,9 +229,9 @@ impl RayRows {
                 sky,
                 squares,
                 squares_beside_suns,
-                gone,
+                escaped,
                 met_emitters,
-                gone_lit,
+                escaped_lit,
                 outside,
             });
         }

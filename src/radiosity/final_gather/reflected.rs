@@ -13,7 +13,7 @@ pub struct Reflected {
 
 impl Reflected {
     /// Whether the element is outside the exchange.
-    pub fn is_apart(&self) -> bool {
+    pub fn is_excluded(&self) -> bool {
         self.trusted_from == f32::INFINITY
     }
 }

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 const WINDOWS: [usize; 4] = [1, 9, 25, 49];
 /// Neighbours over which the comparison of windows is averaged, the element included: two rings of a square grid. Their 26
 /// comparisons determine a variance to √(2/26) = 28 %.
-const COMPARED: usize = 13;
+const COMPARED_NEIGHBOURS: usize = 13;
 /// Weight, in rays, of the spread of the neighbours when it is mixed with that of an element: twice the smallest number of rays of an element, 8. So few
 /// rays may all miss a window by chance, and then have no spread of their own.
 const NEIGHBOUR_RAYS: f64 = 16.0;
@@ -39,7 +39,7 @@ const MIN_FOR_PLANE: usize = 6;
 const MIN_FOR_NORMALS: usize = WINDOWS[1];
 
 /// Irradiance of one element by the fits: by kind, window and half, W/m².
-type Fits = [[[Vec3; 2]; WINDOWS.len()]; KINDS];
+type FittedIrradiance = [[[Vec3; 2]; WINDOWS.len()]; KINDS];
 
 /// How the windows of one element compare.
 #[derive(Clone, Copy, Default, Pod, Zeroable)]
@@ -92,7 +92,7 @@ pub fn share(
         };
         let (fits, compared) = fit(places, areas, light, i, found);
         deadline.advance(rows.steps(1));
-        let around: Vec<u32> = found.iter().take(COMPARED).map(|f| f.1).collect();
+        let around: Vec<u32> = found.iter().take(COMPARED_NEIGHBOURS).map(|f| f.1).collect();
         ((fits, around), compared)
     });
     let (mut own, mut compared) = (Vec::new(), Vec::new());
@@ -122,14 +122,14 @@ fn fit(
     light: &[ElementLight],
     i: usize,
     found: &[(f32, u32)],
-) -> (Fits, Comparison) {
+) -> (FittedIrradiance, Comparison) {
     let own = &places[i];
     let (x, y) = own.normal.any_orthonormal_pair();
     let scale = 1.0 / own.radius.max(f32::MIN_POSITIVE);
     // Normal equations, lower triangle; one right-hand side for each kind, half and channel.
     let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
     let mut sides = [[[[0.0; UNKNOWNS]; 3]; 2]; KINDS];
-    let (mut fits, mut compared) = (Fits::default(), Comparison::default());
+    let (mut fits, mut compared) = (FittedIrradiance::default(), Comparison::default());
     let mut next = 0;
     for (w, &size) in WINDOWS.iter().enumerate() {
         while next < size.min(found.len()) {
@@ -200,7 +200,7 @@ fn first_row(matrix: &[Row; UNKNOWNS], count: usize) -> Row {
 
 /// Chooses the windows of an element from its own fits and the comparisons at the elements around.
 fn choose(
-    fits: &Fits,
+    fits: &FittedIrradiance,
     around: &[u32],
     compared: &[Comparison],
     light: &[ElementLight],
@@ -209,7 +209,7 @@ fn choose(
 ) -> SharedKinds {
     let mut shared = SharedKinds::default();
     for (kind, level) in level.into_iter().enumerate() {
-        let compared = Compared::of(compared, light, around, kind, level.max(light[i].mean(kind)));
+        let compared = MeanComparison::of(compared, light, around, kind, level.max(light[i].mean(kind)));
         let noise = compared.variance_of_rays(&light[i], kind);
         let value = |w: usize| f64::from(fits[kind][w].iter().sum::<Vec3>().element_sum()) / 6.0;
         let agrees = |w: &usize| {
@@ -227,7 +227,7 @@ fn choose(
 }
 
 /// The comparisons of windows, averaged over some neighbours by their rays.
-struct Compared {
+struct MeanComparison {
     /// By window, the mean square difference of the fit to one half from the other half of the element's own rays.
     crossed: [f64; WINDOWS.len()],
     /// By window, the variance of the mean of both fits.
@@ -236,16 +236,16 @@ struct Compared {
     of_ray: f64,
 }
 
-impl Compared {
+impl MeanComparison {
     fn of(
         compared: &[Comparison],
         light: &[ElementLight],
         around: &[u32],
         kind: usize,
         level: f64,
-    ) -> Compared {
+    ) -> MeanComparison {
         let mut sums =
-            Compared { crossed: [0.0; WINDOWS.len()], variance: [0.0; WINDOWS.len()], of_ray: 0.0 };
+            MeanComparison { crossed: [0.0; WINDOWS.len()], variance: [0.0; WINDOWS.len()], of_ray: 0.0 };
         let mut rays = 0.0;
         for &j in around {
             let (windows, own) = (&compared[j as usize], &light[j as usize]);
@@ -260,7 +260,7 @@ impl Compared {
         // One more ray might find the opposite of all others (Laplace's rule of succession).
         sums.of_ray += level * level;
         let scale = 1.0 / rays.max(1.0);
-        Compared {
+        MeanComparison {
             crossed: sums.crossed.map(|v| scale * v),
             variance: sums.variance.map(|v| scale * v),
             of_ray: scale * sums.of_ray,

@@ -1,4 +1,4 @@
-//! Light from infinitely far: rays that leave the scene meet the sky, and points send rays to the suns.
+//! Light of the sky and the suns: rays that leave the scene receive the light of the sky, and points trace shadow rays to the suns.
 
 use super::bright_leaves::PART_OF_ERROR;
 use super::cells_around::RayCell;
@@ -20,7 +20,7 @@ const MIN_OPEN_PART: f32 = 0.5;
 /// Smallest number of rays from a point to a sun, evenly spread over the disc, even if all agree: all of them miss a gap that shows a twentieth of the disc
 /// in one of seven hundred cases. A gap between leaves that shows a fiftieth of the disc lights a room as much as the sky does through a window.
 const AGREED_RAYS: usize = 8 * LANES;
-/// Largest ratio of the rays from a point to a sun to [`Options::light_rays`](crate::radiosity::Options::light_rays), and the visible part of the disc
+/// Largest ratio of the rays from a point to a sun to [`Options::light_rays`](crate::radiosity::Options::light_rays), and the visible fraction of the disc
 /// from which on the error is relative to this part: behind blinds and leaves a tenth of the sun is most of the light. The unoccluded sun has ten times
 /// the light of a clear sky.
 const MORE_FOR_SUNS: usize = 4;
@@ -72,7 +72,7 @@ impl FinalGather<'_> {
                 for i in half.filter(|_| part > 0.0) {
                     let (packet, lane) = (&packets[i / LANES], i % LANES);
                     let ray = || self.sky_of_ray(packet.point(lane, 1.0) - packet.point(lane, 0.0));
-                    let free = if results[i].gone { results[i].sky } else { ray() };
+                    let free = if results[i].escaped { results[i].sky } else { ray() };
                     results[i].sky += part * (mean - free);
                 }
             }
@@ -83,10 +83,10 @@ impl FinalGather<'_> {
     /// sun is hidden, and with it the brightest sky.
     fn open_part(&self, results: &[RayResult], normal: DVec3) -> f32 {
         let count = results.len().max(1) as f32;
-        let gone = results.iter().filter(|of| of.gone).count() as f32 / count;
+        let escaped = results.iter().filter(|of| of.escaped).count() as f32 / count;
         let seen = results.iter().map(|of| of.sun.element_sum()).sum::<f32>() / count;
         let free: f64 = self.suns().iter().flat_map(|sun| sun.irradiance_on(normal)).sum();
-        if gone <= MIN_OPEN_PART || f64::from(seen) < 0.5 * free { 0.0 } else { gone }
+        if escaped <= MIN_OPEN_PART || f64::from(seen) < 0.5 * free { 0.0 } else { escaped }
     }
 
     /// A sampled direction towards a sun, and the irradiance by a ray in this direction on a surface with this normal, W/m²; `None` if this point

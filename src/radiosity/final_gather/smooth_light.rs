@@ -24,9 +24,9 @@ const MAX_LEVEL: u32 = 16;
 type Interpolation = ([u32; 4], [f32; 4]);
 
 /// A corner with nothing close to it, and the light there without blockers, W/m².
-type Clear = (GatherPoint, f64);
+type FreeCorner = (GatherPoint, f64);
 
-/// Direct light that is interpolated.
+/// Interpolated direct light.
 #[derive(Default)]
 pub(super) struct SmoothLight {
     /// By point; none for points whose light is found by rays.
@@ -154,7 +154,7 @@ impl FinalGather<'_> {
             let apart = side / (1u32 << level) as f32;
             // For the corners of the cells: whether no surface is close, and the unoccluded light there.
             let asked: BTreeSet<[u32; 2]> = cells.iter().flat_map(Square::corners).collect();
-            let probes: Vec<([u32; 2], Option<Clear>)> = asked
+            let probes: Vec<([u32; 2], Option<FreeCorner>)> = asked
                 .into_par_iter()
                 .map(|place| {
                     let point = at(place);
@@ -164,8 +164,8 @@ impl FinalGather<'_> {
                     (place, clear.then(|| (point, self.unblocked_at(&point))))
                 })
                 .collect();
-            let probes: BTreeMap<[u32; 2], Option<Clear>> = probes.into_iter().collect();
-            let smooth: Vec<Option<[Clear; 4]>> = cells
+            let probes: BTreeMap<[u32; 2], Option<FreeCorner>> = probes.into_iter().collect();
+            let smooth: Vec<Option<[FreeCorner; 4]>> = cells
                 .par_iter()
                 .map(|cell| {
                     let [a, b, c, d] = cell.corners().map(|corner| probes[&corner]);

@@ -1,4 +1,4 @@
-//! Where the rays of a given point start, and the feature size of its surface.
+//! Start of the rays of a given point, and the feature size of its surface.
 
 use super::gather_point::GatherPoint;
 use super::gatherer::FinalGather;
@@ -13,9 +13,9 @@ use glam::Vec3;
 const MAX_SURFACES: usize = 64;
 /// Distance up to which overlapping faces of one plane are moved apart, in rounding errors of a face's coordinates
 /// ([`EndRule::slack`]): 1.28e-5 of the largest coordinate, where the readers move them by 9e-6.
-const STACKED: f32 = 32.0;
+const MAX_STACK_DISTANCE: f32 = 32.0;
 /// Height above a surface up to which a point lies on it, in roundings of its coordinates: the height at which rays start.
-const ON_SURFACE: f32 = 5.0;
+const MAX_SURFACE_HEIGHT: f32 = 5.0;
 /// Smallest cosine between the normals of a point and of its surface, that of 60°: files hold smoothed normals.
 const MIN_COSINE: f32 = 0.5;
 
@@ -49,7 +49,7 @@ impl FinalGather<'_> {
         }
         let mut hits = [Hits::NONE];
         self.traced.first_hits(self.traversal, std::slice::from_ref(&packet), &mut hits);
-        let met = packet.lanes().map(|lane| hits[0].triangle[lane]).filter(|t| *t != Hits::NOTHING);
+        let met = packet.lanes().map(|lane| hits[0].triangle[lane]).filter(|t| *t != Hits::NO_HIT);
         met.map(|triangle| magnitude(self.scene.corners(triangle))).reduce(f32::max)
     }
 
@@ -65,7 +65,7 @@ impl FinalGather<'_> {
             self.traced.first_hits(self.traversal, std::slice::from_ref(&packet), &mut hits);
             let (triangle, t) = (hits[0].triangle[0], hits[0].t[0]);
             // t = 0.5 is the point itself; beyond it the distances of further surfaces only grow.
-            if triangle == Hits::NOTHING || t - 0.5 >= nearest {
+            if triangle == Hits::NO_HIT || t - 0.5 >= nearest {
                 break;
             }
             let corners @ [a, b, c] = self.scene.corners(triangle);
@@ -74,11 +74,11 @@ impl FinalGather<'_> {
             let parallel = triangle_normal(a, b, c).dot(normal).abs() >= MIN_COSINE;
             // Of coplanar faces that were moved apart, the first one found is that of this side of the plane, unless no light reaches its
             // side.
-            let moved = STACKED * end.slack() / (2.0 * self.slack);
+            let moved = MAX_STACK_DISTANCE * end.slack() / (2.0 * self.slack);
             let nearer = (t - 0.5).abs() + moved < nearest;
             let is_lit = self.linked.elements.met(triangle, -normal) != Elements::NONE;
             let depth = 2.0 * (t - 0.5) * self.slack;
-            let is_on = depth <= ON_SURFACE * end.slack().max(EndRule::new(magnitude([at])).slack());
+            let is_on = depth <= MAX_SURFACE_HEIGHT * end.slack().max(EndRule::new(magnitude([at])).slack());
             let better = if is_lit == lit { nearer } else { is_lit };
             if parallel && is_on && (found.is_none() || better) {
                 let mut at = packet.point(0, t);

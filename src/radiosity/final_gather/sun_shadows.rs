@@ -7,7 +7,7 @@ use crate::radiosity::elements::Elements;
 use crate::radiosity::rgb::mean;
 use glam::Vec3;
 
-/// Visible part of the suns' light up to which leaves with one parent count as shaded, and hidden part up to which they count as sunlit: half a ray of
+/// Visible fraction of the suns' light up to which leaves with one parent count as shaded, and hidden fraction up to which they count as sunlit: half a ray of
 /// sixteen, so that one ray that disagrees with up to thirty others puts these leaves in partial shadow.
 const SHADED: f64 = 1.0 / 32.0;
 

@@ -1,6 +1,6 @@
-//! Which cells of a point's grid of rays differ from their neighbours, and are divided.
+//! Selects the cells of a point's grid of rays to divide: those that differ from their neighbours.
 
-use super::cells_around::{Near, RayCell, Surroundings};
+use super::cells_around::{NeighbourRanges, RayCell, Surroundings};
 use glam::Vec3;
 
 /// Standard deviation of the open part of a cell that only its ray determines: two rays locate an edge at a random place in their two cells to
@@ -11,8 +11,8 @@ const ERROR_OF_EDGE: f64 = 0.29;
 /// the edge of a bright part of the sky.
 const ERROR_OF_GRADIENT: f64 = ERROR_OF_EDGE / 4.0;
 /// The error asked for by default, relative to the mean irradiance.
-pub(super) const USUAL_ERROR: f64 = 0.02;
-/// Tolerated error of the light of the sky at a point, relative to all light of the point, as a part of the error asked for.
+pub(super) const DEFAULT_ERROR: f64 = 0.02;
+/// Tolerated error of the light of the sky at a point, relative to all light of the point, as a fraction of the error asked for.
 pub(super) const TOLERANCE: f64 = 0.1;
 /// Weight of squared errors of the light of surfaces, whose error may be about the error asked for instead of a tenth of it.
 const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;
@@ -24,13 +24,13 @@ const CHEAP_TOLERANCE: f64 = 0.25;
 const CHEAP_RAYS: usize = 2;
 
 /// A cell that may be divided, by its index in its level.
-pub(super) struct Uneven {
+pub(super) struct UnevenCell {
     pub cell: u32,
     /// Squares of the expected errors of the light of sky and surfaces, (W/m²)², that of surfaces times [`WEIGHT_OF_SURFACES`].
     pub errors: [f64; 2],
 }
 
-impl Uneven {
+impl UnevenCell {
     pub fn error(&self) -> f64 {
         self.errors[0] + self.errors[1]
     }
@@ -41,14 +41,14 @@ impl Surroundings<'_> {
     /// cell itself does not decide whether it is divided: otherwise partly open cells whose ray happens to be blocked would stay undivided. A neighbour at a
     /// coarser level counts as its larger cell. A cell at the rim of the hemisphere is also compared with all others of the finest level at the rim. At
     /// `openings`, points of the grid's unit square, the sky is visible: cells there and beside them count as neighbours of an open cell.
-    pub fn uneven(&self, area: f64, openings: &[[f32; 2]]) -> (Vec<Uneven>, Vec<u32>) {
+    pub fn uneven(&self, area: f64, openings: &[[f32; 2]]) -> (Vec<UnevenCell>, Vec<u32>) {
         let finest = self.levels.len() - 1;
         let (beside_openings, whole) = (self.beside(openings), self.in_whole_grid());
         let rim = self.rim();
         let (mut found, mut inner) = (Vec::new(), Vec::new());
         for (k, cell) in self.levels[finest].iter().enumerate() {
             let near = self.near(cell.place, &whole);
-            let Near { sky, surfaces, blocked, .. } = near;
+            let NeighbourRanges { sky, surfaces, blocked, .. } = near;
             let open = near.open || beside_openings.binary_search(&cell.place).is_ok();
             if near.open && !blocked {
                 inner.push(k as u32);
@@ -68,7 +68,7 @@ impl Surroundings<'_> {
             };
             let of_sky = (edge * edge / across).max(strip) + gradient * gradient + 0.5 * step * step;
             let errors = [of_sky, WEIGHT_OF_SURFACES * between * between / across];
-            let of = Uneven { cell: k as u32, errors: errors.map(|e| area * area * e) };
+            let of = UnevenCell { cell: k as u32, errors: errors.map(|e| area * area * e) };
             if of.error() > 0.0 {
                 found.push(of);
             }
@@ -144,21 +144,21 @@ fn step_at(cells: &[RayCell], k: usize, columns: usize) -> f64 {
 
 /// A cell to divide, with the light of the surfaces around it where errors of surface light matter little, as at the edges of leaves before the sky: then
 /// one quarter of four is evaluated for all.
-pub(super) type ToDivide = (u32, Option<Vec3>);
+pub(super) type CellToDivide = (u32, Option<Vec3>);
 
-fn to_divide(of: &Uneven, surroundings: &Surroundings, least: f64) -> ToDivide {
-    (of.cell, (of.errors[1] <= least).then(|| surroundings.surfaces_around(of.cell)))
+fn to_divide(of: &UnevenCell, surroundings: &Surroundings, min_error: f64) -> CellToDivide {
+    (of.cell, (of.errors[1] <= min_error).then(|| surroundings.surfaces_around(of.cell)))
 }
 
 /// The tolerated sum of squared errors for the next division, after `rays` rays; `left` is that of the cells that stay undivided. `None` if no cell is to be
 /// divided. If the errors are within `tolerance`, only cells whose error is mainly that of the sky are kept.
 pub(super) fn next_tolerance(
-    uneven: &mut Vec<Uneven>,
+    uneven: &mut Vec<UnevenCell>,
     left: f64,
     tolerance: f64,
     rays: usize,
 ) -> Option<f64> {
-    let error: f64 = uneven.iter().map(Uneven::error).sum();
+    let error: f64 = uneven.iter().map(UnevenCell::error).sum();
     if left + error > tolerance {
         return Some(tolerance);
     }
@@ -172,36 +172,36 @@ pub(super) fn next_tolerance(
 pub(super) fn all_cells(
     cells: &[RayCell],
     surroundings: &Surroundings,
-    uneven: &[Uneven],
-    least: f64,
-) -> Vec<ToDivide> {
+    uneven: &[UnevenCell],
+    min_error: f64,
+) -> Vec<CellToDivide> {
     let even = |(k, of): (u32, &RayCell)| (k, (!of.is_open).then_some(of.surfaces));
-    let mut all: Vec<ToDivide> = (0..).zip(cells).map(even).collect();
-    uneven.iter().for_each(|of| all[of.cell as usize] = to_divide(of, surroundings, least));
+    let mut all: Vec<CellToDivide> = (0..).zip(cells).map(even).collect();
+    uneven.iter().for_each(|of| all[of.cell as usize] = to_divide(of, surroundings, min_error));
     all
 }
 
-/// The cells with errors above `least`, the largest first. Cells divided mainly for surfaces are limited to `most` rays in all.
+/// The cells with errors above `min_error`, the largest first. Cells divided mainly for surfaces are limited to `max_rays` rays in all.
 pub(super) fn largest_errors(
     surroundings: &Surroundings,
-    uneven: &[Uneven],
-    least: f64,
+    uneven: &[UnevenCell],
+    min_error: f64,
     for_surfaces: &mut usize,
-    most: usize,
-) -> Vec<ToDivide> {
-    let mut chosen: Vec<&Uneven> = uneven.iter().filter(|of| of.error() > least).collect();
+    max_rays: usize,
+) -> Vec<CellToDivide> {
+    let mut chosen: Vec<&UnevenCell> = uneven.iter().filter(|of| of.error() > min_error).collect();
     chosen.sort_unstable_by(|a, b| b.error().total_cmp(&a.error()).then(a.cell.cmp(&b.cell)));
     chosen.retain(|of| {
         let by_surfaces = of.errors[1] > of.errors[0];
         *for_surfaces += if by_surfaces { 4 } else { 0 };
-        !by_surfaces || *for_surfaces <= most
+        !by_surfaces || *for_surfaces <= max_rays
     });
-    chosen.into_iter().map(|of| to_divide(of, surroundings, least)).collect()
+    chosen.into_iter().map(|of| to_divide(of, surroundings, min_error)).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::cells_around::{RINGS, WHOLE};
+    use super::super::cells_around::{RINGS, UNDIVIDED};
     use super::*;
     use crate::math::sampling::{mix, numbers};
 
@@ -219,7 +219,7 @@ mod tests {
                 unblocked: Vec3::ZERO,
                 at_ray: Vec3::ZERO,
                 error: 0.0,
-                quarters: WHOLE,
+                quarters: UNDIVIDED,
             }
         };
         places.map(cell).collect()
@@ -236,9 +236,9 @@ mod tests {
             .uneven(1.0 / 96.0, &[])
             .0
             .iter()
-            .map(Uneven::error)
+            .map(UnevenCell::error)
             .sum();
-        let mut all = Near::NOTHING;
+        let mut all = NeighbourRanges::EMPTY;
         levels[0].iter().for_each(|cell| all.add(cell));
         let range = all.surfaces;
         assert!(

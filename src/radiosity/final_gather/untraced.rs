@@ -8,7 +8,7 @@
 use super::local_noise::LocalResult;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::radiosity::surroundings::Arrived;
+use crate::radiosity::surroundings::SkyPower;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::array::from_fn;
@@ -25,7 +25,7 @@ const MAX_FACTOR: f64 = 2.0;
 /// Area-weighted sums over traced leaves: of the light by rays and along links, and of their squares and product (means over the
 /// channels); the largest light of a leaf by rays. Sums of the exchange values of [`LocalResult`], weighted by the power that the leaves send out.
 #[derive(Clone, Copy, Default)]
-struct Traced {
+struct TracedSums {
     count: u32,
     area: f64,
     rays: Rgb,
@@ -38,12 +38,12 @@ struct Traced {
     kept: f64,
 }
 
-impl Traced {
+impl TracedSums {
     /// A leaf with its radiosity and its light along links.
-    fn of(area: f64, links: Rgb, radiosity: Rgb, result: &LocalResult) -> Traced {
+    fn of(area: f64, links: Rgb, radiosity: Rgb, result: &LocalResult) -> TracedSums {
         let power = area * mean(radiosity);
         let (by_rays, by_links) = (mean(result.irradiance), mean(links));
-        Traced {
+        TracedSums {
             count: 1,
             area,
             rays: result.irradiance.map(|v| area * v),
@@ -57,7 +57,7 @@ impl Traced {
         }
     }
 
-    fn add(&mut self, other: &Traced) {
+    fn add(&mut self, other: &TracedSums) {
         self.count += other.count;
         self.area += other.area;
         add(&mut self.rays, 1.0, other.rays);
@@ -102,7 +102,7 @@ impl Traced {
     }
 }
 
-/// Replaces channels by those of another colour where these are larger.
+/// Replaces each channel of `a` by the maximum of `a` and `b`.
 fn larger(a: &mut Rgb, b: &Rgb) {
     (0..3).for_each(|k| a[k] = a[k].max(b[k]));
 }
@@ -150,7 +150,7 @@ impl<'a> Surrounding<'a> {
         sums
     }
 
-    /// The place of the smallest element above a leaf that has so many traced leaves, or of the root.
+    /// The place of the smallest element above a leaf with at least `count` traced leaves, or of the root.
     fn of(&self, leaf: u32, count: u32) -> usize {
         let mut around = self.above(leaf);
         while around > 0 && self.counts[around] < count {
@@ -185,9 +185,9 @@ impl<'a> Surrounding<'a> {
         let of = |leaf: u32| {
             let state = &self.elements.states[leaf as usize];
             let area = self.elements.elements[leaf as usize].area;
-            Traced::of(area, state.irradiance, state.radiosity, &results[leaf as usize])
+            TracedSums::of(area, state.irradiance, state.radiosity, &results[leaf as usize])
         };
-        let sums = self.sums(traced.iter().map(|&leaf| (leaf, of(leaf))), Traced::add);
+        let sums = self.sums(traced.iter().map(|&leaf| (leaf, of(leaf))), TracedSums::add);
         let estimate = |&leaf: &u32| {
             let (links, part) = (self.elements.states[leaf as usize].irradiance, part(leaf));
             let brightest = sums[self.of(leaf, MIN_BOUNDING)].brightest;
@@ -200,16 +200,16 @@ impl<'a> Surrounding<'a> {
 
     /// The power that arrives at untraced leaves from beyond the scene: as much on each area as at the traced leaves around, of which the irradiance by the sky
     /// and by suns is given.
-    pub fn arrived(&self, traced: impl Iterator<Item = (u32, [Vec3; 2])>, untraced: &[u32]) -> Arrived {
+    pub fn arrived(&self, traced: impl Iterator<Item = (u32, [Vec3; 2])>, untraced: &[u32]) -> SkyPower {
         let area = |leaf: u32| self.elements.elements[leaf as usize].area;
         let of = |(leaf, [sky, sun]): (u32, [Vec3; 2])| {
-            (leaf, (area(leaf), Arrived::of([(area(leaf), sky, sun)].into_iter())))
+            (leaf, (area(leaf), SkyPower::of([(area(leaf), sky, sun)].into_iter())))
         };
-        let sums = self.sums(traced.map(of), |sum: &mut (f64, Arrived), other| {
+        let sums = self.sums(traced.map(of), |sum: &mut (f64, SkyPower), other| {
             sum.0 += other.0;
             sum.1.add(other.1);
         });
-        let mut all = Arrived::default();
+        let mut all = SkyPower::default();
         for &leaf in untraced {
             let (around, arrived) = sums[self.of(leaf, MIN_TRACED)];
             if around > 0.0 {
@@ -277,10 +277,10 @@ mod tests {
     #[test]
     fn levels_are_corrected_and_deviations_are_stated() {
         let around = |by_rays: &dyn Fn(f64) -> f64| {
-            let mut sum = Traced::default();
+            let mut sum = TracedSums::default();
             for k in 1..=100 {
                 let links = f64::from(k) / 10.0;
-                sum.add(&Traced::of(1.0, [links; 3], [links; 3], &of_rays(by_rays(links))));
+                sum.add(&TracedSums::of(1.0, [links; 3], [links; 3], &of_rays(by_rays(links))));
             }
             sum
         };
@@ -297,7 +297,7 @@ mod tests {
             "{beyond:?}"
         );
         // Nothing is known without any traced leaf.
-        let unknown = Traced::default().estimate([2.0; 3], [5.0; 3]);
+        let unknown = TracedSums::default().estimate([2.0; 3], [5.0; 3]);
         assert!(unknown.irradiance == [2.0; 3] && unknown.noise == 2.0, "{unknown:?}");
     }
 

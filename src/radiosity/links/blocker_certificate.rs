@@ -19,7 +19,7 @@ const MAX_TESTS: usize = 96;
 /// of f32 (2⁻²⁴). Pairs nearer to an edge are traced.
 const MIN_EDGE_DISTANCE: f64 = 1e-4;
 
-/// What geometry proves about the space between two ends.
+/// Proof by geometry alone about the space between two ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 pub struct BlockerCertificate(u32);
 

@@ -20,7 +20,7 @@ pub(super) const CLUSTER_DEVIATION: f32 = 0.3;
 /// the kernel of two points of theirs is unbounded. Half or twice as much change irradiance without a local pass by
 /// less than 0.1 % (`constants.py solve`).
 const MIN_DISTANCE: f32 = 0.2;
-/// Largest unoccluded exchange as part of the smaller area; a form factor is at most 1. 0.8 or 1 instead change
+/// Largest unoccluded exchange as a fraction of the smaller area; a form factor is at most 1. 0.8 or 1 instead change
 /// irradiance by less than 0.001 % (`constants.py solve`).
 const MAX_FORM_FACTOR: f32 = 0.9;
 /// Largest ratio of diameter to distance in the deviation, which keeps the error of overlapping clusters finite. 2 or 8
@@ -28,7 +28,7 @@ const MAX_FORM_FACTOR: f32 = 0.9;
 const MAX_NEARNESS: f32 = 4.0;
 /// [`FEW_SEGMENTS_ERROR`] for clusters, halved: their samples vary for other reasons than visibility.
 const FEW_SEGMENTS_CLUSTER_ERROR: f32 = 0.5 * FEW_SEGMENTS_ERROR;
-/// Smallest projected area of a surface as part of its area in the model that the error oracle reads. 0.1 or 0.4
+/// Smallest projected area of a surface as a fraction of its area in the model that the error oracle reads. 0.1 or 0.4
 /// instead change irradiance without a local pass by less than 0.04 % (`constants.py solve`).
 const MIN_PROJECTED_SURFACE: f32 = 0.2;
 /// The same for clusters: flat clusters seen edge-on, as a wall with a door is from the next room, exchange some light.

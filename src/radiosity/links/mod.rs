@@ -35,7 +35,7 @@ pub struct Link {
     pub b: u32,
     /// Exchange area `A_a F(a→b) T`, scene units squared.
     pub exchange_area: f32,
-    /// Visible part of the unoccluded exchange, in `[0, 1]`.
+    /// Visible fraction of the unoccluded exchange, in `[0, 1]`.
     pub transmittance: f32,
     /// Standard deviation of the exchange area over points (for clusters, also directions) of each end, scene units squared.
     pub variation: [f32; 2],
@@ -43,7 +43,7 @@ pub struct Link {
     pub noise: f32,
     /// Segments traced.
     pub rays: u32,
-    /// What geometry alone proves about the space between the ends.
+    /// Proof by geometry alone about the space between the ends.
     pub certificate: BlockerCertificate,
 }
 

@@ -29,7 +29,7 @@ const SEQUENCE_BITS: u32 = 16;
 pub struct SkyEstimator<'a> {
     /// The elements.
     pub elements: &'a Elements,
-    /// Where the light comes from.
+    /// Sky and suns.
     pub environment: &'a Environment,
     /// The visibility engine.
     pub engine: &'a VisibilityEngine,

@@ -141,11 +141,11 @@ impl SkySource {
 pub struct SkyLink {
     /// The element.
     pub receiver: u32,
-    /// Where the light comes from.
+    /// Source of the light.
     pub source: SkySource,
     /// Mean irradiance of the receiver, reduced by blockers, W/m².
     pub irradiance: [f32; 3],
-    /// Visible part of the light, in `[0, 1]`.
+    /// Visible fraction of the light, in `[0, 1]`.
     pub transmittance: f32,
     /// Standard deviation of the irradiance over the receiver, W/m²; mean of the channels.
     pub variation: f32,
@@ -195,7 +195,7 @@ const INHERITED: f32 = 0.5;
 pub struct SkyPair {
     /// The element.
     pub receiver: u32,
-    /// Where its light comes from.
+    /// Source of the light.
     pub source: SkySource,
     /// Error that 1 W/m² would cause, in units of the tolerated error.
     pub worth: f32,

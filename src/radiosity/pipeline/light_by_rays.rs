@@ -3,7 +3,7 @@
 use super::notes;
 use super::record::timed;
 use super::run::{Stages, total_area};
-use crate::radiosity::audit::{AuditSize, Closing, Solved};
+use crate::radiosity::audit::{AuditSize, FinalLight, Solved};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
 use crate::radiosity::options::Options;
@@ -11,19 +11,19 @@ use crate::radiosity::refinement::{LinkedScene, Refined};
 
 /// Largest number of local passes for [`Options::target_error`]: each has more rays than all before it together.
 const MAX_ATTEMPTS: usize = 5;
-/// Part of the target that the error of an attempt may reach: the error of 200 elements is known to 1/√(2 · 200) = 5 %, and the audit
-/// at the end draws other elements.
-const KEPT: f64 = 0.9;
-/// Part of the target that the next attempt aims at.
+/// Largest accepted error of an attempt, as a fraction of the target: the error of 200 elements is known to 1/√(2 · 200) = 5 %, and the
+/// final audit draws other elements.
+const ATTEMPT_MARGIN: f64 = 0.9;
+/// Error that the next attempt is planned for, as a fraction of the target.
 const TARGET_MARGIN: f64 = 0.75;
 /// Smallest factor between the errors of two attempts: at most sixteen times the rays, as the first attempt's error is known only to
 /// about a quarter.
 const MIN_ERROR_STEP: f64 = 0.25;
 
-/// Part of the rays of elements that are traced before any element is split. The error at points of an office is 10.3 % with 0.8 and 10.5 %
+/// Fraction of the rays of elements that are traced before any element is split. The error at points of an office is 10.3 % with 0.8 and 10.5 %
 /// with 0.6 (`scenes/room.py`).
-const FIRST_SHARE: f64 = 0.8;
-/// Largest number of elements that are added where direct light varies, as a part of all elements: the error of an office is as small
+const SHARE_BEFORE_SPLIT: f64 = 0.8;
+/// Largest number of elements that are added where direct light varies, as a fraction of all elements: the error of an office is as small
 /// with 0.15 as with 1, which takes a tenth more time.
 const MAX_ADDED: f64 = 0.15;
 /// Area-weighted mean variance of direct light over elements, relative to the square of the error, up to which no element is split.
@@ -59,7 +59,7 @@ impl Stages<'_> {
     /// the target is kept as a margin for the noise of the comparison.
     fn smaller_error(&mut self, solved: &Solved, options: &Options, deadline: &Deadline) -> Option<f64> {
         let target = options.target_error.filter(|_| options.local_rays.is_none() && !deadline.late())?;
-        let Closing::Rays(local) = &solved.closing else { return None };
+        let FinalLight::Rays(local) = &solved.closing else { return None };
         local.element_rays?;
         let size = AuditSize::of(options);
         self.progress.stage("error of elements", size.elements as u64);
@@ -68,7 +68,7 @@ impl Stages<'_> {
         let (found, _) = timed(&mut self.seconds.audit, || gather.sampled_error(&bars, size, deadline));
         let error = options.error * (TARGET_MARGIN * target / found?).max(MIN_ERROR_STEP);
         let more = Options { error, ..options.clone() };
-        (found? > KEPT * target && more.local_rays() > options.local_rays()).then_some(error)
+        (found? > ATTEMPT_MARGIN * target && more.local_rays() > options.local_rays()).then_some(error)
     }
 
     /// Splits surfaces as finely as the rays allow, and traces the rays of the exchange between elements.
@@ -103,7 +103,7 @@ impl Stages<'_> {
         });
         self.notes.extend(note);
         let all = linked.leaves().len();
-        self.notes.extend(notes::hurried(found.hurried, all, deadline));
+        self.notes.extend(notes::reduced_leaves(found.reduced, all, deadline));
         self.notes.extend(notes::untraced(found.untraced, all, deadline));
         found
     }
@@ -111,8 +111,8 @@ impl Stages<'_> {
     /// Gathers the light of the local pass at all elements, and splits the elements over which direct light varies.
     fn element_light(&mut self, mut solved: Solved, options: &Options, deadline: &Deadline) -> Solved {
         let model = self.model;
-        let hurried = timed(&mut self.seconds.local, || {
-            let mut samples = solved.sample_elements(model, options, FIRST_SHARE, deadline)?;
+        let skipped = timed(&mut self.seconds.local, || {
+            let mut samples = solved.sample_elements(model, options, SHARE_BEFORE_SPLIT, deadline)?;
             let variance = MAX_UNEVEN * options.error * options.error;
             let mut room = (MAX_ADDED * solved.linked.leaves().len() as f64) as usize;
             while !deadline.late() {
@@ -127,7 +127,7 @@ impl Stages<'_> {
             Some(solved.share_samples(model, options, samples, deadline))
         });
         let all = solved.linked.leaves().len();
-        self.notes.extend(notes::hurried(hurried.unwrap_or(0), all, deadline));
+        self.notes.extend(notes::reduced_leaves(skipped.unwrap_or(0), all, deadline));
         solved
     }
 }

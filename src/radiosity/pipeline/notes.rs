@@ -1,37 +1,38 @@
-//! Notes for the user about a solution that is not all that was asked for. Options are named by their
-//! field, between `⟨` and `⟩`.
+//! Notes for the user about a solution that falls short of the options. Options are named by their field, between `⟨` and `⟩`.
 
 use crate::error::number;
 use crate::radiosity::audit::Ledger;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::Options;
-use crate::radiosity::refinement::{Ended, Iteration};
+use crate::radiosity::refinement::{Iteration, StopReason};
 use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::Unlit;
 use crate::radiosity::transport::Convergence;
 
-/// Part of the emitted power that may appear or vanish without a note, however small the estimated error: the noise of sampling.
+/// Fraction of the emitted power that may appear or vanish without a note, however small the estimated error: the noise of sampling.
 const MAX_IMBALANCE: f64 = 0.005;
 /// Largest error of links that finds the light of a small lamp on a large surface. Floors of 3 m to 1,000 km below lamps of 2 cm to 1 m lose none with 0.5;
 /// with 0.7, black floors from 30 km on lose all of it (`mrvis solve --local-rays 0 --error 0.7`). A lamp of 5 m loses the 3 % of its light that a black
 /// floor of 1 m below it would get with 0.5.
-const SURE_ERROR: f64 = 0.5;
+const MAX_SAFE_LINK_ERROR: f64 = 0.5;
 /// A note reports fewer rays below this part of the useful rays: above it, noise grows by less than 5 %.
-const NEARLY_ALL: f64 = 0.9;
-/// Part of the surfaces that may be unlit without a note: the insides of closed boxes are about half of a scene.
+const MIN_RAY_FRACTION: f64 = 0.9;
+/// Fraction of the surfaces that may be unlit without a note: the insides of closed boxes are about half of a scene.
 const USUAL_UNLIT_AREA: f64 = 0.5;
 
-/// If refinement ended before the error asked for.
+/// A note if refinement ended before the requested error.
 pub fn ended(
-    ended: Ended,
+    ended: StopReason,
     options: &Options,
     last: Option<&Iteration>,
     estimate: Option<f64>,
 ) -> Option<String> {
     let why = match ended {
-        Ended::Error | Ended::Target | Ended::Interrupted | Ended::Nothing => return None,
-        Ended::Time => limit(options),
-        Ended::Links => format!("⟨max_links⟩ {}", options.max_links),
+        StopReason::Error | StopReason::Target | StopReason::Interrupted | StopReason::Nothing => {
+            return None;
+        }
+        StopReason::Time => limit(options),
+        StopReason::Links => format!("⟨max_links⟩ {}", options.max_links),
     };
     let reached =
         last.map_or_else(String::new, |i| format!("at links with errors of {}, ", number(i.error_bound)));
@@ -39,7 +40,7 @@ pub fn ended(
     Some(format!("{why} ended refinement {reached}before ⟨error⟩ {error} was reached; {estimate}"))
 }
 
-/// If power appears or vanishes: a larger part than the smaller one of the estimated error and the error asked for, and than [`MAX_IMBALANCE`].
+/// A note if the ledger does not balance: by a larger fraction than [`MAX_IMBALANCE`] and the smaller of estimated and requested error.
 pub fn imbalance(ledger: &Ledger, estimate: Option<f64>, options: &Options) -> Option<String> {
     let part = ledger.created / ledger.emitted;
     let asked = options.target_error.unwrap_or(options.error);
@@ -55,7 +56,7 @@ pub fn imbalance(ledger: &Ledger, estimate: Option<f64>, options: &Options) -> O
     })
 }
 
-/// If the estimated error is larger than the target.
+/// A note if the estimated error is larger than the target.
 pub fn missed(options: &Options, estimate: Option<f64>) -> Option<String> {
     let target = options.target_error.filter(|target| estimate.is_none_or(|e| e > *target))?;
     let estimate = in_words(estimate);
@@ -72,7 +73,7 @@ fn in_words(estimate: Option<f64>) -> String {
     )
 }
 
-/// If light does not arrive although a target is set.
+/// A note if light does not arrive although a target is set.
 pub fn lost_with_target(options: &Options) -> Option<String> {
     options.target_error.map(|_| {
         "the target counts as missed, because light does not arrive where it should (see the note before): without ⟨target_error⟩ that is \
@@ -81,7 +82,7 @@ pub fn lost_with_target(options: &Options) -> Option<String> {
     })
 }
 
-/// If more of the scene is unlit than objects usually hide.
+/// A note if more of the scene is unlit than objects usually hide.
 pub fn unlit(unlit: &Unlit) -> Option<String> {
     (unlit.area > USUAL_UNLIT_AREA).then(|| {
         format!(
@@ -110,7 +111,7 @@ pub struct FewerRays {
     what: String,
 }
 
-/// Where rays are missing. Several steps of an attempt may tell of one place.
+/// Stage in which rays are missing. Several steps of an attempt may report one stage.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Place {
     Reflected,
@@ -138,14 +139,14 @@ impl Extend<FewerRays> for Notes {
 }
 
 impl Notes {
-    /// Forgets which rays were missing in the attempt before: the next one traces all again, and more.
+    /// Clears the records of the previous attempt: the next one traces all rays again, and more.
     pub fn start_attempt(&mut self) {
         self.fewer.clear();
     }
 
     /// One note for all places with fewer rays, after the others so far.
     pub fn join(&mut self) {
-        // What happened first is the cause of what followed.
+        // The first cause explains the later ones.
         let Some(why) = self.fewer.first().map(|note| note.why) else { return };
         self.fewer.sort_by_key(|note| note.place);
         let places: Vec<String> = self.fewer.drain(..).map(|note| note.what).collect();
@@ -159,10 +160,10 @@ impl Notes {
     }
 }
 
-/// If the local pass had time for a smaller part of all useful rays than [`NEARLY_ALL`]; a `part` of `None` means the smallest number of rays.
+/// A note if the local pass had time for less than [`MIN_RAY_FRACTION`] of the useful rays; a `part` of `None` means the smallest number of rays.
 pub fn fewer_local_rays(part: Option<f64>, all: f64, deadline: &Deadline) -> Option<FewerRays> {
     let rays = match part {
-        Some(part) if part >= NEARLY_ALL => return None,
+        Some(part) if part >= MIN_RAY_FRACTION => return None,
         Some(part) => format!("{} % of its {} rays", number(100.0 * part), number(all)),
         None => format!("the fewest rays there can be, not {}", number(all)),
     };
@@ -170,18 +171,18 @@ pub fn fewer_local_rays(part: Option<f64>, all: f64, deadline: &Deadline) -> Opt
     Some(FewerRays { why: why(deadline), place: Place::Reflected, elements: 0, what })
 }
 
-/// If some of the leaves have fewer rays than planned.
-pub fn hurried(hurried: usize, all: usize, deadline: &Deadline) -> Option<FewerRays> {
-    let what = || format!("{hurried} of {all} elements have fewer rays than planned");
-    (hurried > 0).then(|| FewerRays {
+/// A note if some of the leaves have fewer rays than planned.
+pub fn reduced_leaves(reduced: usize, all: usize, deadline: &Deadline) -> Option<FewerRays> {
+    let what = || format!("{reduced} of {all} elements have fewer rays than planned");
+    (reduced > 0).then(|| FewerRays {
         why: why(deadline),
         place: Place::Hurried,
-        elements: hurried,
+        elements: reduced,
         what: what(),
     })
 }
 
-/// If there was no time for any rays of some of the leaves.
+/// A note if there was no time for any rays of some of the leaves.
 pub fn untraced(untraced: usize, all: usize, deadline: &Deadline) -> Option<FewerRays> {
     let what = || {
         format!(
@@ -202,7 +203,7 @@ fn why(deadline: &Deadline) -> &'static str {
     if deadline.interrupted() { "an interruption" } else { "⟨max_seconds⟩" }
 }
 
-/// If preparation used up the time.
+/// A note if preparation used up the time.
 pub fn late_preparation(options: &Options, deadline: &Deadline) -> Option<String> {
     let limit = options.max_seconds.filter(|_| deadline.late() && !deadline.interrupted())?;
     let taken = deadline.elapsed();
@@ -211,7 +212,7 @@ pub fn late_preparation(options: &Options, deadline: &Deadline) -> Option<String
     ))
 }
 
-/// If leaves were bounded.
+/// A note if the row factors of leaves were limited.
 pub fn bounded(leaves: usize) -> Option<String> {
     (leaves > 0).then(|| {
         format!(
@@ -221,7 +222,7 @@ pub fn bounded(leaves: usize) -> Option<String> {
     })
 }
 
-/// If the light did not converge although there was time.
+/// A note if the light did not converge although there was time.
 pub fn unconverged(convergence: &Convergence, deadline: &Deadline) -> Option<String> {
     (!convergence.converged && !deadline.late()).then(|| {
         format!(
@@ -231,7 +232,7 @@ pub fn unconverged(convergence: &Convergence, deadline: &Deadline) -> Option<Str
     })
 }
 
-/// If no light arrives at any of the points: an irradiance (W/m²) of up to `dark` counts as no light.
+/// A note if no point receives light: an irradiance (W/m²) of up to `dark` counts as none.
 pub fn dark_points(irradiance: &[Rgb], dark: f64) -> Option<String> {
     let is_dark = !irradiance.is_empty() && irradiance.iter().flatten().all(|&e| e <= dark);
     is_dark.then(|| {
@@ -247,25 +248,25 @@ pub fn limit(options: &Options) -> String {
     format!("⟨max_seconds⟩ {}", options.max_seconds.unwrap_or_default())
 }
 
-/// If direct light is asked for and elements too.
+/// Note if direct light and elements are both requested.
 pub const DIRECT_AT_POINTS: &str = "elements have reflected light: ⟨direct_only⟩ leaves it out at points and in pictures whose pixels are gathered";
 
-/// If links alone give the light of luminaires.
+/// Note if the light of luminaires comes from links alone.
 pub const DIFFUSE_LUMINAIRES: &str = "without a local pass (⟨local_rays⟩ 0, ⟨direct_only⟩) elements see luminaires as diffuse \
      emitters; direct light at points has their distribution";
 
-/// If links alone are so coarse that they may miss the light of small lamps ([`SURE_ERROR`]).
+/// A note if links alone are so coarse that they may miss the light of small lamps ([`MAX_SAFE_LINK_ERROR`]).
 pub fn coarse_links(options: &Options) -> Option<String> {
     let error = options.error;
-    (error > SURE_ERROR).then(|| {
+    (error > MAX_SAFE_LINK_ERROR).then(|| {
         format!(
             "links with an ⟨error⟩ of {error} may miss the light of lamps that are small compared with the surfaces below them, which then counts as \
-             escaped: {SURE_ERROR} or less finds it"
+             escaped: {MAX_SAFE_LINK_ERROR} or less finds it"
         )
     })
 }
 
-/// If links alone give the light of elements across which walls stand.
+/// A note if the light of elements that walls cross comes from links alone.
 pub fn walls_across_elements(count: usize) -> Option<String> {
     (count > 0).then(|| {
         format!(
@@ -275,11 +276,11 @@ pub fn walls_across_elements(count: usize) -> Option<String> {
     })
 }
 
-/// If the scene has no emitters.
+/// Note if the scene has no emitters.
 pub const NO_EMITTERS: &str =
     "nothing emits light: everything is black (⟨LoadOptions::emitters⟩ makes something emit)";
 
-/// If the light of a scene overflows.
+/// Note if the light of a scene overflows.
 pub const NOT_FINITE: &str = "the light in this scene is beyond all numbers: give it in other units of length or power, so that \
      neither are far from 1";
 

@@ -70,12 +70,12 @@ impl Solution {
         if possible < min_part {
             return self.nothing(points.len(), &deadline);
         }
-        let hurried = with_fewer_rays(&self.options, possible.min(1.0));
-        let gather = if possible < 1.0 { gather(&hurried) } else { all };
+        let fewer = with_fewer_rays(&self.options, possible.min(1.0));
+        let gather = if possible < 1.0 { gather(&fewer) } else { all };
         let mut irradiance = Vec::with_capacity(points.len());
         deadline.stage(stage, points.len());
         let direct = gather.direct_light_for(points);
-        let step = (RAYS_PER_CHECK / rays(&hurried)).max(1);
+        let step = (RAYS_PER_CHECK / rays(&fewer)).max(1);
         for first in (0..points.len()).step_by(step) {
             if deadline.with_grace().late() {
                 return self.nothing(points.len(), &deadline);
@@ -84,7 +84,7 @@ impl Solution {
             irradiance.extend(gather.irradiance_of(points, part, &direct, &|n| deadline.advance(n)).0);
         }
         let note = (possible < 1.0).then(|| {
-            let (few, many) = (rays(&hurried), rays(&self.options));
+            let (few, many) = (rays(&fewer), rays(&self.options));
             format!("{}: light at pixels by {few} rays each instead of {many}", notes::limit(&self.options))
         });
         PointLight { irradiance: Some(irradiance), note }

@@ -7,7 +7,7 @@ use crate::radiosity::audit::{ErrorBarAudit, ErrorSource, Ledger, PointsError};
 use crate::radiosity::links::Tally;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::options::Options;
-use crate::radiosity::refinement::{Ended, Iteration};
+use crate::radiosity::refinement::{Iteration, StopReason};
 use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::Unlit;
 use crate::radiosity::transport::Convergence;
@@ -66,7 +66,7 @@ pub struct Record {
     /// Steps of refinement.
     pub iterations: Vec<Iteration>,
     /// Why refinement ended.
-    pub ended: Ended,
+    pub ended: StopReason,
     /// The last sweeps along links.
     #[serde(rename = "settled")]
     pub convergence: Convergence,
@@ -98,7 +98,7 @@ pub struct Record {
     pub error_estimate: Option<f64>,
     /// Upper end of the 95 % interval of the estimate; `None` for an estimate from error bars.
     pub error_estimate_upper: Option<f64>,
-    /// Where the estimate comes from: an audit by independent paths, or the error bars if there was none of enough elements.
+    /// Source of the estimate: an audit by independent paths, or the error bars if the audit had too few elements.
     pub error_estimate_source: Option<ErrorSource>,
     /// Error of the irradiance at points; none without an audit.
     pub points_error: Option<PointsError>,

@@ -10,7 +10,8 @@ use crate::model::{Detail, Model};
 use crate::points::Point;
 use crate::progress::Progress;
 use crate::radiosity::audit::{
-    AuditSize, Closing, ErrorBarAudit, ErrorEstimate, PointsError, Solved, error_estimate, link_uncertainty,
+    AuditSize, ErrorBarAudit, ErrorEstimate, FinalLight, PointsError, Solved, error_estimate,
+    link_uncertainty,
 };
 use crate::radiosity::deadline::{Deadline, DeadlinePlan};
 use crate::radiosity::elements::{Elements, lit_inside};
@@ -18,7 +19,9 @@ use crate::radiosity::final_gather::FinalGather;
 use crate::radiosity::links::Tally;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::options::Options;
-use crate::radiosity::refinement::{Coarse, Ended, Iteration, LinkedScene, Refined, apply_importance};
+use crate::radiosity::refinement::{
+    Iteration, LinkedScene, Refined, StopReason, Unrefined, apply_importance,
+};
 use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::{Surroundings, Unlit, probe, unlit_sides};
 use crate::radiosity::transport::Convergence;
@@ -29,8 +32,7 @@ use crate::visibility::Exact;
 use crate::{Error, Result};
 use std::time::Instant;
 
-/// Smallest and largest diagonal of a scene, scene units: within them f32 represents areas and the squares of
-/// large areas.
+/// Smallest and largest diagonal of a scene, scene units: within them f32 represents areas and the squares of large areas.
 const MIN_DIAGONAL: f64 = 1e-9;
 const MAX_DIAGONAL: f64 = 5e9;
 
@@ -137,7 +139,7 @@ fn check_size(scene: &Scene) -> Result<()> {
 /// The steps of refinement and the last sweeps along links.
 struct RefinementSteps {
     iterations: Vec<Iteration>,
-    ended: Ended,
+    ended: StopReason,
     convergence: Convergence,
 }
 
@@ -149,11 +151,11 @@ struct RecordParts<'a> {
     audit: ErrorBarAudit,
     uncertainty: &'a [f64],
     points_error: Option<PointsError>,
-    /// Whether the light of all emitters reaches something, and some of it the points.
+    /// Whether the light of every emitter reaches a surface, and some light the points.
     arrives: bool,
 }
 
-/// The stages of one solution, with the seconds and notes that they leave.
+/// The stages of one solution, with their seconds and notes.
 pub(super) struct Stages<'a> {
     pub(super) model: &'a Model,
     pub(super) scene: &'a Scene,
@@ -166,7 +168,7 @@ pub(super) struct Stages<'a> {
 
 impl Stages<'_> {
     /// Elements with the link of the root, importance and feature sizes.
-    fn coarse(&mut self) -> Result<(Coarse, Unlit)> {
+    fn coarse(&mut self) -> Result<(Unrefined, Unlit)> {
         let (scene, options) = (self.scene, self.options);
         let exact = &self.model.exact();
         self.notes.extend(scene.repairs.messages.clone());
@@ -185,7 +187,7 @@ impl Stages<'_> {
         apply_importance(&mut linked, scene, options, exact)?;
         self.notes.extend(notes::unlit(&unlit));
         self.notes.extend(notes::late_preparation(options, &self.deadline));
-        Ok((Coarse(linked), unlit))
+        Ok((Unrefined(linked), unlit))
     }
 
     /// The final light: none, by a local pass or along links. `start` is when refinement began.
@@ -205,7 +207,7 @@ impl Stages<'_> {
             convergence: refined.convergence,
         };
         if idle {
-            return (Solved { linked: refined.linked, closing: Closing::Nothing }, steps);
+            return (Solved { linked: refined.linked, closing: FinalLight::Nothing }, steps);
         }
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
@@ -219,7 +221,7 @@ impl Stages<'_> {
             return (self.light_by_rays(refined, &plan.light), steps);
         }
         let solved = Solved::by_links(refined, &plan.light);
-        if let Closing::Links(closing) = &solved.closing {
+        if let FinalLight::Links(closing) = &solved.closing {
             self.notes.extend(notes::bounded(closing.bounded));
             self.notes.extend(notes::unconverged(&closing.convergence, &plan.light));
             steps.convergence = closing.convergence;
@@ -246,13 +248,14 @@ impl Stages<'_> {
             return (Vec::new(), Tally::default());
         }
         let points = relative(scene, points);
-        let found =
-            timed(&mut self.seconds.points, || match gather.hurried(&points, options, &plan.closing) {
+        let found = timed(&mut self.seconds.points, || {
+            match gather.options_within_time(&points, options, &plan.closing) {
                 Some(fewer) => {
                     FinalGather::new(self.model, gather.linked(), &fewer).irradiance(&points, &done)
                 }
                 None => gather.irradiance(&points, &done),
-            });
+            }
+        });
         let on_surfaces = points.len().saturating_sub(options.points_in_space);
         self.notes.extend(gather.far_off(&points[..on_surfaces]));
         found
@@ -327,9 +330,9 @@ impl Stages<'_> {
         let balanced = imbalance.is_none();
         self.notes.extend(imbalance);
         let (bytes, local_convergence) = match &solved.closing {
-            Closing::Links(links) => (links.bytes, None),
-            Closing::Rays(local) => (0, Some(local.convergence)),
-            Closing::Nothing => (0, None),
+            FinalLight::Links(links) => (links.bytes, None),
+            FinalLight::Rays(local) => (0, Some(local.convergence)),
+            FinalLight::Nothing => (0, None),
         };
         Record {
             mrvis: env!("CARGO_PKG_VERSION").into(),

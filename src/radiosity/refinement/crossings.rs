@@ -130,9 +130,9 @@ fn frame(corners: &[Vec3; 4], side: &Side, part: f32) -> (usize, Vec3, Vec3) {
 // reach deeper into the gap in proportion to the element's size: three times too much in a hollow panel of 3 cm with elements of 12 cm.
 // These elements do not exchange light, and paths that hit them continue from the hit point.
 
-/// Width of a gap that counts as narrow, as a part of the radius of the element. Over an endless gap of width w, the part (w / r)² of diffuse
+/// Width of a gap that counts as narrow, as a fraction of the radius of the element. Over an endless gap of width w, the part (w / r)² of diffuse
 /// light travels farther than r: half of it.
-const NARROW: f32 = std::f32::consts::FRAC_1_SQRT_2;
+const MAX_NARROW_GAP: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// The bits of all quarters.
 pub const ALL: u32 = 0xf;
 /// Elements of one parallel task: each has up to four segments of a packet.
@@ -157,7 +157,7 @@ pub fn covered_quarters(elements: &Elements, exact: &Exact, leaves: &[u32]) -> V
         let radius = 0.5 * Aabb::of(*corners).diagonal();
         for (k, at) in centres_of_quarters(corners).into_iter().enumerate() {
             let from = side.end.lifted(at, side.normal);
-            packet.set_between(first + k, from, from + NARROW * radius * side.normal, [0.0, 1.0]);
+            packet.set_between(first + k, from, from + MAX_NARROW_GAP * radius * side.normal, [0.0, 1.0]);
         }
     })
 }

@@ -6,7 +6,7 @@ use crate::radiosity::elements::{Elements, Shape};
 /// help of option `feature_size` states.
 pub const MIN_IMPORTANCE: f64 = 0.02;
 
-/// What determines feature sizes beside importance, scene units.
+/// Sizes that determine feature sizes together with importance, scene units.
 pub struct FeatureSizes {
     /// The size given for all receivers.
     pub given: Option<f32>,

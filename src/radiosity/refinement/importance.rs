@@ -98,7 +98,7 @@ fn visible_sides(
     let mut seen = Vec::new();
     for (packet, hits) in packets.iter().zip(&hits) {
         for lane in 0..LANES {
-            if hits.triangle[lane] != Hits::NOTHING {
+            if hits.triangle[lane] != Hits::NO_HIT {
                 let direction = packet.point(lane, 1.0) - packet.point(lane, 0.0);
                 let side = elements.met(hits.triangle[lane], direction);
                 if side != Elements::NONE {

@@ -12,10 +12,10 @@ use crate::visibility::sample_runs;
 use rayon::prelude::*;
 use serde::{Serialize, de::DeserializeOwned};
 
-/// Pairs that one task measures.
+/// Pairs per parallel task.
 const CHUNK: usize = 64;
 /// Links measured between two checks of the deadline: at most 32,768 segments. Changes results with a time limit only.
-pub const SLICE: usize = 2048;
+pub const LINKS_PER_CHECK: usize = 2048;
 /// Standard error of the link of a cluster with itself, relative to its exchange area: that of a share measured by 11
 /// rays (√(1/11) = 0.3). Half or twice as much change irradiance by less than 0.001 % (`constants.py solve`).
 const INSIDE_NOISE: f32 = 0.3;
@@ -92,7 +92,7 @@ pub fn remeasure_links(linked: &mut LinkedScene, threshold: f32, closing: f64, d
     let closing = closing * (certain.len() + uncertain.len() + linked.elements.len()) as f64;
     linked.links = certain;
     deadline.stage("measuring links again", uncertain.len());
-    for slice in uncertain.chunks(SLICE) {
+    for slice in uncertain.chunks(LINKS_PER_CHECK) {
         deadline.advance(slice.len());
         if deadline.left() <= closing {
             linked.links.extend(slice);

@@ -53,15 +53,15 @@ pub struct LinkedScene {
     pub surroundings: Surroundings,
     /// The visibility engine.
     pub engine: VisibilityEngine,
-    /// How links are measured, refined and normalised.
+    /// Options for measuring, refining and normalising links.
     pub settings: Options,
-    /// What determines the feature sizes of receivers.
+    /// Data from which the feature sizes of receivers are computed.
     pub feature_sizes: FeatureSizes,
     /// Mean irradiance that the emitted power and the mean reflectance imply, W/m²: errors are relative to this.
     pub mean_irradiance: f64,
     /// Light from beyond the scene.
     pub environment: Option<Arc<Environment>>,
-    /// The links to it.
+    /// Links to sky and suns.
     pub sky_links: Vec<SkyLink>,
     /// Irradiance of a horizontal plane by the sky and the suns, W/m².
     pub(super) beyond: f64,
@@ -71,7 +71,7 @@ pub struct LinkedScene {
     pub ranks: Ranks,
     /// Visibility queries so far.
     pub tally: Tally,
-    /// Irradiance at the active nodes after the last sweeps: where the next ones start.
+    /// Irradiance at the active nodes after the last sweeps: the first guess of the next ones.
     last_field: Option<Field>,
     /// The emitting faces, which subdivision does not change.
     emitters: OnceLock<Arc<Emitters>>,

@@ -1,7 +1,7 @@
 //! Refinement: links with large errors are replaced by links between parts of their ends, in steps after each of which the light
 //! is consistent (progressive multi-gridding [SD95 sec 6.2]; `docs/method.md`, Links and refinement).
 //!
-//! A [`Coarse`] scene has the link of the root with itself, which stands for all exchange of light [Sillion 95]; refining makes it
+//! An [`Unrefined`] scene has the link of the root with itself, which stands for all exchange of light [Sillion 95]; refining makes it
 //! a [`Refined`] one.
 
 mod crossings;
@@ -16,7 +16,7 @@ mod sky_links;
 
 pub use importance::apply_importance;
 pub use linked_scene::LinkedScene;
-pub use schedule::{Coarse, Ended, Iteration, LinkClosing, Refined};
+pub use schedule::{Iteration, LinkClosing, Refined, StopReason, Unrefined};
 #[cfg(test)]
 pub use {
     importance::propagate_importance,

@@ -21,7 +21,7 @@ const MIN_ENDS: u32 = 16;
 const MAX_IMPORTANCE: f64 = 16.0;
 /// Fraction of importance that is the same everywhere: surfaces that points see get light from elsewhere, and the energy balance needs a correct
 /// exchange in rooms that no point sees. The mean by area is at most 1, so that rays of such rooms are at most halved.
-const EVERYWHERE: f64 = 0.5;
+const UNIFORM_IMPORTANCE: f64 = 0.5;
 /// Points of one parallel task.
 const CHUNK: usize = 16;
 
@@ -62,7 +62,7 @@ impl LinkedScene {
             .collect();
         for (state, importance) in self.elements.states.iter_mut().zip(densities(&parents, &parts)) {
             let importance = importance.min(MAX_IMPORTANCE);
-            state.importance = (EVERYWHERE + (1.0 - EVERYWHERE) * importance) as f32;
+            state.importance = (UNIFORM_IMPORTANCE + (1.0 - UNIFORM_IMPORTANCE) * importance) as f32;
         }
     }
 

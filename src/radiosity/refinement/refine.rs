@@ -1,6 +1,6 @@
 //! Replaces links whose error is too large by links between parts of their ends.
 
-use super::link_measurement::{Pair, SLICE, measure};
+use super::link_measurement::{LINKS_PER_CHECK, Pair, measure};
 use super::linked_scene::LinkedScene;
 use super::sky_links::{measure_sky, sky_link_errors, sky_parts};
 use crate::progress::Progress;
@@ -14,9 +14,9 @@ const SHORT_SLICE: usize = 64;
 /// Approximate number of links that are added when a link is replaced: four parts instead of one whole.
 const ADDED_LINKS: usize = 3;
 
-/// Outcome of a refinement step.
+/// Result of a refinement step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Replaced {
+pub struct StepResult {
     /// Links that were replaced.
     pub links: usize,
     /// Whether the limit of links was reached.
@@ -56,17 +56,17 @@ pub fn refine(
     once: bool,
     stop: &dyn Fn(usize) -> bool,
     progress: &dyn Progress,
-) -> Replaced {
+) -> StepResult {
     let open = |(error, split): (f32, Split)| error > threshold && split != Split::Neither;
     let mut wave = VecDeque::new();
     // Links to the sky come first: outdoors the sky is the source of all other light.
     for (link, &error) in std::mem::take(&mut linked.sky_links).into_iter().zip(&errors[1]) {
-        if open(error) { wave.push_back(Open::Sky(link, error.1)) } else { linked.sky_links.push(link) }
+        if open(error) { wave.push_back(ToSplit::Sky(link, error.1)) } else { linked.sky_links.push(link) }
     }
     for (link, &error) in std::mem::take(&mut linked.links).into_iter().zip(&errors[0]) {
-        if open(error) { wave.push_back(Open::Between(link, error.1)) } else { linked.links.push(link) }
+        if open(error) { wave.push_back(ToSplit::Between(link, error.1)) } else { linked.links.push(link) }
     }
-    let mut replaced = Replaced::default();
+    let mut replaced = StepResult::default();
     // Links of the present generation that are not replaced yet.
     let mut generation = 0;
     while !wave.is_empty() {
@@ -80,14 +80,14 @@ pub fn refine(
         if replaced.full || (replaced.links > 0 && stop(held + linked.elements.len())) {
             break;
         }
-        let slice = if once { SHORT_SLICE } else { SLICE };
+        let slice = if once { SHORT_SLICE } else { LINKS_PER_CHECK };
         let slice = slice.min(room).min(generation);
         generation -= slice;
         progress.advance(slice as u64);
         replaced.links += slice;
         for made in replace(linked, wave.drain(..slice), threshold) {
             match made {
-                Open::Sky(_, split) | Open::Between(_, split) if once || split == Split::Neither => {
+                ToSplit::Sky(_, split) | ToSplit::Between(_, split) if once || split == Split::Neither => {
                     made.keep(linked)
                 }
                 _ => wave.push_back(made),
@@ -98,29 +98,29 @@ pub fn refine(
     replaced
 }
 
-/// A link with the end to split, if its error is too large.
-enum Open {
+/// A link and the end to split; [`Split::Neither`] if its error is small enough.
+enum ToSplit {
     Between(Link, Split),
     Sky(SkyLink, Split),
 }
 
-impl Open {
+impl ToSplit {
     /// Puts the link among the others.
     fn keep(self, linked: &mut LinkedScene) {
         match self {
-            Open::Between(link, _) => linked.links.push(link),
-            Open::Sky(link, _) => linked.sky_links.push(link),
+            ToSplit::Between(link, _) => linked.links.push(link),
+            ToSplit::Sky(link, _) => linked.sky_links.push(link),
         }
     }
 }
 
 /// The links that replace a slice of others, with [`Split::Neither`] for those that need no refinement.
-fn replace(linked: &mut LinkedScene, slice: impl Iterator<Item = Open>, threshold: f32) -> Vec<Open> {
+fn replace(linked: &mut LinkedScene, slice: impl Iterator<Item = ToSplit>, threshold: f32) -> Vec<ToSplit> {
     let (mut between, mut sky) = (Vec::new(), Vec::new());
     for link in slice {
         match link {
-            Open::Between(link, split) => between.push((link, split)),
-            Open::Sky(link, split) => sky.push((link, split)),
+            ToSplit::Between(link, split) => between.push((link, split)),
+            ToSplit::Sky(link, split) => sky.push((link, split)),
         }
     }
     let seed = linked.settings.seed;
@@ -130,9 +130,9 @@ fn replace(linked: &mut LinkedScene, slice: impl Iterator<Item = Open>, threshol
     let sky = measure_sky(linked, &pairs, threshold, seed);
     let end = |(error, split): (f32, Split)| if error > threshold { split } else { Split::Neither };
     let sky_errors = sky_link_errors(linked, &sky);
-    let sky = sky.into_iter().zip(sky_errors).map(|(link, error)| Open::Sky(link, end(error)));
+    let sky = sky.into_iter().zip(sky_errors).map(|(link, error)| ToSplit::Sky(link, end(error)));
     let errors = errors_of(linked, &between);
-    let between = between.into_iter().zip(errors).map(|(link, error)| Open::Between(link, end(error)));
+    let between = between.into_iter().zip(errors).map(|(link, error)| ToSplit::Between(link, end(error)));
     sky.chain(between).collect()
 }
 

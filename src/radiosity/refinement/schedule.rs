@@ -3,19 +3,18 @@
 use super::importance::propagate_importance;
 use super::link_measurement::remeasure_links;
 use super::linked_scene::LinkedScene;
-use super::refine::{Replaced, link_errors, refine, threshold};
+use super::refine::{StepResult, link_errors, refine, threshold};
 use super::sky_links::{remeasure_sky_links, sky_link_errors};
 use crate::progress::Progress;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::Options;
-use crate::radiosity::surroundings::Arrived;
+use crate::radiosity::surroundings::SkyPower;
 use crate::radiosity::transport::{Convergence, cap_row_sums, link_row_sums};
 use serde::Serialize;
 use std::time::Instant;
 
-/// Error to which links are refined, as part of the requested error: the errors of the links of an element add up.
-/// Without a local pass 0.005, 0.01 and 0.02 leave errors of 1.15 %, 1.29 % and 1.32 % in 0.45 s, 0.26 s and 0.20 s
-/// (`constants.py solve`).
+/// Error to which links are refined, relative to the requested error: the errors of the links of an element add up. Without a local pass
+/// 0.005, 0.01 and 0.02 leave errors of 1.15 %, 1.29 % and 1.32 % in 0.45 s, 0.26 s and 0.20 s (`constants.py solve`).
 const LINK_ERROR_SHARE: f64 = 0.01;
 /// Factor by which the error of links may be larger before a local pass, for which links are only the first guess. 2 or
 /// 8 instead change irradiance by less than 0.01 % (`constants.py solve`).
@@ -28,7 +27,7 @@ const MIN_STEPS: i32 = 4;
 /// Smallest threshold of the first step, relative to the mean irradiance. 0.025 or 0.1 instead change irradiance by
 /// less than 0.01 % (`constants.py solve`).
 const FIRST_THRESHOLD: f64 = 0.05;
-/// Smallest part of a step of limited time in which links are refined: above 0, so that every step makes progress. This and the
+/// Smallest fraction of a step of limited time in which links are refined: above 0, so that every step makes progress. This and the
 /// next three change results with a time limit only.
 const MIN_REFINING_SHARE: f64 = 0.05;
 /// Expected growth of the time of sweeps from step to step; an estimate between 1 and the largest [`STEP_GROWTH`], as
@@ -74,7 +73,7 @@ pub struct Iteration {
 /// Why refinement ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Ended {
+pub enum StopReason {
     /// No link that could be refined exceeds the requested error.
     Error,
     /// The estimated error was no larger than the target.
@@ -90,7 +89,7 @@ pub enum Ended {
 }
 
 /// A scene before refinement: its only link joins the root with itself.
-pub struct Coarse(pub LinkedScene);
+pub struct Unrefined(pub LinkedScene);
 
 /// A scene with refined links and consistent light.
 pub struct Refined {
@@ -98,8 +97,8 @@ pub struct Refined {
     pub linked: LinkedScene,
     /// The steps.
     pub iterations: Vec<Iteration>,
-    /// Why there were no more steps.
-    pub ended: Ended,
+    /// Reason why refinement ended.
+    pub ended: StopReason,
     /// The last sweeps.
     pub convergence: Convergence,
     /// Tolerated error of links relative to the mean irradiance.
@@ -122,14 +121,14 @@ pub struct LinkClosing {
     pub bytes: usize,
     /// The last sweeps.
     pub convergence: Convergence,
-    /// What arrives from beyond the scene.
-    pub arrived: Arrived,
+    /// Power of sky and suns that arrives at elements.
+    pub arrived: SkyPower,
 }
 
-impl Coarse {
+impl Unrefined {
     /// Whether a local pass follows refinement: in scenes that have light.
     pub fn needs_local_pass(&self, options: &Options) -> bool {
-        let Coarse(linked) = self;
+        let Unrefined(linked) = self;
         options.local_rays() > 0 && !options.direct_only && linked.mean_irradiance > 0.0
     }
 
@@ -140,7 +139,7 @@ impl Coarse {
         Refined {
             linked: self.0,
             iterations: Vec::new(),
-            ended: Ended::Nothing,
+            ended: StopReason::Nothing,
             convergence: Convergence::default(),
             link_error,
             is_coarse,
@@ -148,7 +147,7 @@ impl Coarse {
         }
     }
 
-    /// Refines in steps until the error asked for is reached or the deadline comes. `estimate` gives the error estimate that is
+    /// Refines in steps until the requested error or the deadline is reached. `estimate` gives the error estimate that is
     /// compared with [`Options::target_error`].
     pub fn refine(
         self,
@@ -182,15 +181,15 @@ impl Coarse {
             };
             let reached = || options.target_error.is_some_and(|t| estimate(&refined.linked) <= t);
             refined.ended = if deadline.interrupted() {
-                Ended::Interrupted
+                StopReason::Interrupted
             } else if deadline.left() <= refined.closing_cost * size as f64 {
-                Ended::Time
+                StopReason::Time
             } else if replaced.full {
-                Ended::Links
+                StopReason::Links
             } else if reached() {
-                Ended::Target
+                StopReason::Target
             } else if is_done {
-                Ended::Error
+                StopReason::Error
             } else {
                 continue;
             };
@@ -251,7 +250,7 @@ impl Steps {
 
 impl Refined {
     /// One step: refines links, sweeps, and updates importance and statistics. Returns its threshold.
-    fn step(&mut self, steps: &mut Steps, progress: &dyn Progress, deadline: &Deadline) -> (Replaced, f32) {
+    fn step(&mut self, steps: &mut Steps, progress: &dyn Progress, deadline: &Deadline) -> (StepResult, f32) {
         let start = Instant::now();
         let linked = &mut self.linked;
         let errors = [link_errors(linked), sky_link_errors(linked, &linked.sky_links)];

@@ -1,6 +1,6 @@
 //! Links to the sky and the suns: the first ones, their measurement, and the light that arrives along them.
 
-use super::link_measurement::{SLICE, measured};
+use super::link_measurement::{LINKS_PER_CHECK, measured};
 use super::linked_scene::LinkedScene;
 use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
@@ -10,7 +10,7 @@ use crate::radiosity::links::{
     sky_link_error,
 };
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::radiosity::surroundings::Arrived;
+use crate::radiosity::surroundings::SkyPower;
 use crate::radiosity::transport::DirectionalIrradiance;
 use crate::ray::LANES;
 use crate::sky::Environment;
@@ -20,7 +20,7 @@ use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Smallest projected area of a cluster, as part of its area, by which directional light is divided: smaller values are rounding errors.
+/// Smallest projected area of a cluster, as a fraction of its area, by which directional light is divided: smaller values are rounding errors.
 const MIN_PROJECTED: f64 = 1e-9;
 
 /// Number of segments up to which a last measurement is extended if the means of sides need as many: about .05 s. Where links alone take as many, the
@@ -83,8 +83,8 @@ impl LinkedScene {
     }
 
     /// Power that arrives along links from beyond the scene.
-    pub fn arrived(&self) -> Arrived {
-        let mut arrived = Arrived::default();
+    pub fn arrived(&self) -> SkyPower {
+        let mut arrived = SkyPower::default();
         for link in &self.sky_links {
             let sum: &mut Rgb = match link.source {
                 SkySource::Patch(_) => &mut arrived.sky,
@@ -157,7 +157,7 @@ pub fn remeasure_sky_links(linked: &mut LinkedScene, threshold: f32, closing: f6
     uncertain
         .par_sort_by_key(|link| (matches!(link.source, SkySource::Patch(_)), link.source, link.receiver));
     let pairs = last_pairs(linked, &uncertain, threshold);
-    for (slice, pairs) in uncertain.chunks(SLICE).zip(pairs.chunks(SLICE)) {
+    for (slice, pairs) in uncertain.chunks(LINKS_PER_CHECK).zip(pairs.chunks(LINKS_PER_CHECK)) {
         if deadline.left() <= closing {
             linked.sky_links.extend(slice);
             continue;

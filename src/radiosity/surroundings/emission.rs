@@ -14,7 +14,7 @@ use sobol_burley::sample_4d;
 /// of the power, and less as they are evenly spread.
 const PACKETS: usize = 1 << 13;
 /// Directions, over all packets, at which profiles are read: 2²² readings of 0.1 µs take 0.4 s on one thread.
-const READINGS: usize = 1 << 22;
+const PROFILE_EVALUATIONS: usize = 1 << 22;
 /// Largest number of directions along a side of a grid: a beam of 1° is 1/3,300 of the cosine distribution and holds about 20 of 256² directions.
 const MAX_GRID: usize = 256;
 
@@ -48,7 +48,7 @@ pub fn emitted_share(elements: &Elements, exact: &Exact, length: f32, seed: u64)
             groups.push((side, count));
         }
     }
-    let grid = ((READINGS / groups.len()).isqrt()).min(MAX_GRID);
+    let grid = ((PROFILE_EVALUATIONS / groups.len()).isqrt()).min(MAX_GRID);
     let tracer = SideRays { elements, exact, length };
     let found: Vec<[usize; 2]> = (groups.par_iter().enumerate())
         .map(|(i, (side, count))| rays(&tracer, side, count * LANES, grid, mix(!seed ^ mix(i as u64))))

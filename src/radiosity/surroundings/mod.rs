@@ -15,17 +15,17 @@ pub use unlit::{Unlit, unlit_sides};
 
 /// Power that elements receive from beyond the scene, W/m² times scene units squared.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Arrived {
+pub struct SkyPower {
     /// From the sky and the ground around the scene.
     pub sky: Rgb,
     /// From the suns.
     pub sun: Rgb,
 }
 
-impl Arrived {
+impl SkyPower {
     /// The sums over elements with these areas and irradiances of the sky and the suns.
-    pub fn of(elements: impl Iterator<Item = (f64, Vec3, Vec3)>) -> Arrived {
-        let mut sums = Arrived::default();
+    pub fn of(elements: impl Iterator<Item = (f64, Vec3, Vec3)>) -> SkyPower {
+        let mut sums = SkyPower::default();
         for (area, sky, sun) in elements {
             add(&mut sums.sky, area, sky.to_array().map(f64::from));
             add(&mut sums.sun, area, sun.to_array().map(f64::from));
@@ -33,14 +33,14 @@ impl Arrived {
         sums
     }
 
-    /// Adds what arrives elsewhere.
-    pub fn add(&mut self, other: Arrived) {
+    /// Adds the power that arrives at other elements.
+    pub fn add(&mut self, other: SkyPower) {
         add(&mut self.sky, 1.0, other.sky);
         add(&mut self.sun, 1.0, other.sun);
     }
 
-    /// A multiple of both.
-    pub fn times(self, factor: f64) -> Arrived {
-        Arrived { sky: self.sky.map(|v| factor * v), sun: self.sun.map(|v| factor * v) }
+    /// Both powers times `factor`.
+    pub fn times(self, factor: f64) -> SkyPower {
+        SkyPower { sky: self.sky.map(|v| factor * v), sun: self.sun.map(|v| factor * v) }
     }
 }

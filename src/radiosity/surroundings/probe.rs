@@ -3,7 +3,7 @@
 use super::side_rays::{ESCAPED, SideHit, SideRays};
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::{Element, Elements, Entered, Shape, Side};
+use crate::radiosity::elements::{DarkSideHit, Element, Elements, Shape, Side};
 use crate::radiosity::rgb::mean;
 use crate::ray::Packet;
 use crate::visibility::Exact;
@@ -11,18 +11,18 @@ use rayon::prelude::*;
 
 /// Results of the rays.
 pub struct Surroundings {
-    /// By cluster: part of the light of its sides that meets its own sides, in `[0, 1]`.
+    /// By cluster: fraction of the light of its sides that meets its own sides, in `[0, 1]`.
     pub enclosed: Vec<f32>,
     /// By cluster: the same part of the light that its sides emit; 0 without emitters.
     pub enclosed_emission: Vec<f32>,
     /// By side: whether none of its rays left the scene.
     pub closed: Vec<bool>,
-    /// By side: part of its rays that left the scene, in `[0, 1]`.
+    /// By side: fraction of its rays that left the scene, in `[0, 1]`.
     pub escaped: Vec<f32>,
     /// Length of rays, more than the scene's diagonal; scene units.
     pub length: f32,
     /// Rays that met faces on a side without an element, in the order of the sides that they started from.
-    pub entered: Vec<Entered>,
+    pub entered: Vec<DarkSideHit>,
 }
 
 /// Smallest number of rays of a side. Without a local pass 1 or 8 instead change irradiance by 0.02 % or 0.19 %
@@ -35,7 +35,7 @@ const MAX_RAYS: f64 = 256.0;
 const SHARED_RAYS: f64 = 1e5;
 /// Rays that emitting sides share by power besides: a tenth of [`SHARED_RAYS`].
 const EMITTED_RAYS: f64 = 1e4;
-/// A side is closed only if so many rays stayed in the scene, its own or those of all sides of its cluster: if a tenth
+/// Smallest number of rays, of a side or of all sides of its cluster, that must stay in the scene for a closed side: if a tenth
 /// of a side's rays leave the scene, none of 24 rays does so with a probability of 0.9²⁴ = 8 %.
 const MIN_CLOSED_RAYS: u32 = 24;
 /// Sides that are traced after the deadline, evenly spread, and part of the area of all sides from which a side is always traced:
@@ -45,7 +45,7 @@ const LATE_SIDES: usize = 1 << 16;
 const SHORT_ROW_RAYS: usize = 64;
 
 /// Sides between two reports of progress.
-const STEPS_AT_ONCE: usize = 1 << 10;
+const SIDES_PER_REPORT: usize = 1 << 10;
 
 /// Traces the rays of all sides; after the deadline, only those of a part of the sides. `length` exceeds the diagonal of the scene.
 pub fn probe(
@@ -61,12 +61,12 @@ pub fn probe(
     let power = elements.sides.iter().map(|side| power_of(elements, side)).sum::<f64>();
     deadline.stage("surroundings of surfaces", sides);
     let tracer = SideRays { elements, exact, length };
-    let found: Vec<(Vec<ProbeRay>, Vec<Entered>)> = (0..sides)
+    let found: Vec<(Vec<ProbeRay>, Vec<DarkSideHit>)> = (0..sides)
         .into_par_iter()
         .with_min_len(64)
         .map_init(Vec::new, |packets: &mut Vec<Packet>, s| {
-            if s % STEPS_AT_ONCE == 0 {
-                deadline.advance(STEPS_AT_ONCE.min(sides - s));
+            if s % SIDES_PER_REPORT == 0 {
+                deadline.advance(SIDES_PER_REPORT.min(sides - s));
             }
             let small = elements.elements[elements.sides[s].element as usize].area < large;
             match s % step > 0 && small && deadline.late() {
@@ -176,7 +176,7 @@ fn rays_of_side(
     power: f64,
     s: usize,
     packets: &mut Vec<Packet>,
-) -> (Vec<ProbeRay>, Vec<Entered>) {
+) -> (Vec<ProbeRay>, Vec<DarkSideHit>) {
     let elements = tracer.elements;
     let side = &elements.sides[s];
     let element = &elements.elements[side.element as usize];
@@ -190,20 +190,20 @@ fn rays_of_side(
     rays(tracer, element, count, seed, packets, |SideHit { side, triangle, from, .. }| {
         found.push(ProbeRay { area: element.area / count as f64, met: side });
         if side == Elements::NONE {
-            entered.push(Entered { triangle, from, emits });
+            entered.push(DarkSideHit { triangle, from, emits });
         }
     });
     (found, entered)
 }
 
-/// Traces `count` cosine-weighted rays from a surface, and calls `tell` with the hit of each ray.
+/// Traces `count` cosine-weighted rays from a surface, and calls `each` with the hit of each ray.
 fn rays(
     tracer: &SideRays,
     element: &Element,
     count: usize,
     seed: u64,
     packets: &mut Vec<Packet>,
-    tell: impl FnMut(SideHit),
+    each: impl FnMut(SideHit),
 ) {
     let Shape::Surface { side, corners } = &element.shape else { return };
     let Side { normal, end, .. } = tracer.elements.sides[*side as usize];
@@ -212,5 +212,5 @@ fn rays(
         let at = point_on(corners, u, (i as f32 + v) / count as f32);
         ((at, normal, end), cosine_direction(normal, p, q))
     });
-    tracer.trace(rays, packets, tell);
+    tracer.trace(rays, packets, each);
 }

@@ -16,7 +16,7 @@ pub const ESCAPED: u32 = u32::MAX - 1;
 pub struct SideHit {
     /// The side, [`ESCAPED`], or [`Elements::NONE`] for a side without an element.
     pub side: u32,
-    /// The face, or [`Hits::NOTHING`].
+    /// The face, or [`Hits::NO_HIT`].
     pub triangle: u32,
     /// Origin of the ray, in front of its surface.
     pub from: Vec3,
@@ -33,12 +33,12 @@ pub struct SideRays<'a> {
 }
 
 impl SideRays<'_> {
-    /// Traces rays from points in unit directions, and calls `tell` with the hit of each ray, in their order. `packets` is scratch space.
+    /// Traces rays from points in unit directions, and calls `each` with the hit of each ray, in their order. `packets` is scratch space.
     pub fn trace(
         &self,
         rays: impl Iterator<Item = (SurfacePoint, Vec3)>,
         packets: &mut Vec<Packet>,
-        mut tell: impl FnMut(SideHit),
+        mut each: impl FnMut(SideHit),
     ) {
         packets.clear();
         let mut count = 0;
@@ -57,10 +57,10 @@ impl SideRays<'_> {
             let (triangle, t) = (hits[i / LANES].triangle[lane], hits[i / LANES].t[lane]);
             let from = packet.point(lane, 0.0);
             let side = match triangle {
-                Hits::NOTHING => ESCAPED,
+                Hits::NO_HIT => ESCAPED,
                 triangle => self.elements.met(triangle, packet.point(lane, 1.0) - from),
             };
-            tell(SideHit { side, triangle, from, at: packet.point(lane, t) });
+            each(SideHit { side, triangle, from, at: packet.point(lane, t) });
         }
     }
 }

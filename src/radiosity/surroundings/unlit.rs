@@ -19,16 +19,15 @@ use serde::Serialize;
 const PATH_PACKETS: usize = 1 << 9;
 /// Bounces of each path: up to eight surfaces on the way from an emitter to a room behind several doors.
 const BOUNCES: usize = 8;
-/// A side is unlit if no ray hits it where uniform light predicts at least so many hits: a side that receives a tenth
+/// Smallest number of hits in uniform light for which a side without any hit counts as unlit: a side that receives a tenth
 /// of uniform light is missed by all paths with a probability of exp(−3.2) = 4 %.
 const MIN_EXPECTED_HITS: f64 = 32.0;
-/// Sides with less than this part of the hits that uniform light predicts are dim: they lie in a room that little light
-/// enters, and some sides of that room may be missed by chance. A side of 32 expected hits has fewer than 4 with a
-/// probability of 1e-10 in uniform light.
-const DIM: f64 = 0.1;
+/// Sides with less than this fraction of the hits in uniform light are dim: they lie in a room that little light enters, and some sides of
+/// that room may be missed by chance. A side of 32 expected hits has fewer than 4 with a probability of 1e-10 in uniform light.
+const MAX_DIM_HITS: f64 = 0.1;
 /// Packets of sixteen rays from each side that may be unlit, which search for dim sides: one that covers a twentieth of
 /// the hemisphere is found with a probability of 1 − 0.95⁶⁴ = 0.96.
-const LOOK_PACKETS: usize = 4;
+const PACKETS_PER_SIDE: usize = 4;
 
 /// Sides of surfaces without light, which have no elements. Scenes with clusters have none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -102,12 +101,12 @@ impl Paths<'_> {
         let Side { normal, end, .. } = elements.sides[side];
         let corners = elements.corners(&elements.sides[side]);
         let mut seen = Vec::new();
-        for k in 0..LOOK_PACKETS {
+        for k in 0..PACKETS_PER_SIDE {
             let points = std::array::from_fn(|lane| {
                 let [u, v, ..] = numbers(mix(!seed ^ side as u64), (k * LANES + lane) as u64);
                 Some((point_on(corners, u, v), normal, end))
             });
-            let next = self.step(&points, mix(seed ^ mix((side * LOOK_PACKETS + k) as u64)));
+            let next = self.step(&points, mix(seed ^ mix((side * PACKETS_PER_SIDE + k) as u64)));
             seen.extend(next.into_iter().flatten().map(|(side, _)| side as usize));
         }
         seen
@@ -138,7 +137,7 @@ pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, seed: u64)
         (0..counts.len()).map(|s| counts[s] == 0 && expected(s) >= MIN_EXPECTED_HITS && !emits(s)).collect();
     let candidates: Vec<usize> = (0..counts.len()).filter(|&s| dark[s]).collect();
     let seen: Vec<Vec<usize>> = candidates.par_iter().map(|&s| paths.around(s, seed)).collect();
-    let dim = |s: usize| f64::from(counts[s]) < DIM * expected(s);
+    let dim = |s: usize| f64::from(counts[s]) < MAX_DIM_HITS * expected(s);
     loop {
         let lit: Vec<usize> = (candidates.iter().zip(&seen))
             .filter(|(s, seen)| dark[**s] && seen.iter().any(|&t| !dark[t] && dim(t)))

@@ -102,7 +102,7 @@ fn elements_are_smaller_at_edges_of_shadows() {
     assert!(mean(&at_edge) < 0.5 * mean(&elsewhere), "{} {}", mean(&at_edge), mean(&elsewhere));
 }
 
-/// A closed hall that thin walls divide into so many square rooms along each side, with a lamp in every other room.
+/// A closed hall that thin walls divide into `count` square rooms along each side, with a lamp in every other room.
 fn rooms(count: usize) -> Scene {
     const SIDE: f64 = 4.3;
     let (mut pieces, end) = (Pieces::empty(), SIDE * count as f64);

@@ -220,7 +220,7 @@ fn check_points(seed: u64) {
     }
 }
 
-/// Part of the emitted power that appears or vanishes, with few rays. Links neither lose nor create any.
+/// Fraction of the emitted power that appears or vanishes, with few rays. Links neither lose nor create any.
 fn imbalance(seed: u64) -> f64 {
     let options = Options { error: 0.1, ..coarse() };
     let scene = scene_of(&generated(seed));

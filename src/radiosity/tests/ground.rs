@@ -5,7 +5,7 @@ use super::*;
 use crate::sky::SkyOptions;
 use std::collections::HashMap;
 
-/// Mountains of 65 x 65 samples under a sky and a sun, of at most so many triangles.
+/// Mountains of 65 x 65 samples under a sky and a sun, of at most `triangles` triangles.
 fn mountains(triangles: usize) -> (crate::terrain::Grid, Scene) {
     let grid = crate::terrain::mountains(65, 3).expect("a grid");
     let mut soup = Soup::new("ground");

@@ -5,7 +5,7 @@ use crate::progress::testing::stop_when;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::final_gather::FinalGather;
 use crate::radiosity::mesh::RadiosityMesh;
-use crate::radiosity::refinement::Ended;
+use crate::radiosity::refinement::StopReason;
 use crate::scene::generate::{Spec, build};
 use crate::scene::testing::{Pieces, facing_down};
 use std::collections::HashMap;
@@ -58,7 +58,7 @@ fn interrupted_clutter_is_lit_as_paths_say() {
         let stop = stop_when(|c| c.stages >= stages);
         let outcome = run(&model_for(&scene, &coarse()), &points, &coarse(), &stop).expect("a solution");
         let Record { interrupted, ended, local_convergence, mean_irradiance, ledger, .. } = &outcome.record;
-        assert!(*interrupted && *ended == Ended::Interrupted, "{stages}: {ended:?}");
+        assert!(*interrupted && *ended == StopReason::Interrupted, "{stages}: {ended:?}");
         let (rms, bias) = off(&outcome.irradiance, &want);
         assert!(rms < 0.25 && bias.abs() < 0.05, "{stages}: {rms} {bias}");
         assert!(local_convergence.is_some() && ledger.created.abs() < 1e-2 * ledger.emitted, "{ledger:?}");
@@ -83,7 +83,7 @@ fn time_limits_bound_the_time() {
         };
         // Without a limit it would take hours.
         let Record { ended, warnings, ledger, .. } = solved(&scene, &points, &options).record;
-        assert_eq!(ended, Ended::Time);
+        assert_eq!(ended, StopReason::Time);
         assert!(warnings.iter().any(|w| w.contains("⟨max_seconds⟩ 0.5 ended refinement")), "{warnings:?}");
         // What has fewer rays is told once.
         assert!(warnings.iter().filter(|w| w.contains("noisier")).count() == 1, "{warnings:?}");
@@ -111,19 +111,19 @@ fn a_missed_target_is_recorded() {
     };
     let target = |target_error, max_links| target_at(&[], target_error, max_links);
     let missed = target(1e-6, 10_000_000);
-    assert!(missed.target_met == Some(false) && missed.ended == Ended::Error);
+    assert!(missed.target_met == Some(false) && missed.ended == StopReason::Error);
     assert!(missed.warnings.iter().any(|w| w.contains("target_error")), "{:?}", missed.warnings);
     let met = target(0.5, 10_000_000);
     assert!(
         met.target_met == Some(true)
-            && met.ended == Ended::Target
+            && met.ended == StopReason::Target
             && met.error_estimate.is_some_and(|e| e <= 0.5)
     );
     // Below the floor, where no light arrives.
     let below = Point { position: DVec3::new(1.0, 1.0, -1.0), normal: DVec3::NEG_Z };
     assert_eq!(target_at(&[below], 0.5, 10_000_000).target_met, Some(false));
     let full = target(1e-6, 500);
-    assert!(full.ended == Ended::Links && full.links <= 500, "{:?} {}", full.ended, full.links);
+    assert!(full.ended == StopReason::Links && full.links <= 500, "{:?} {}", full.ended, full.links);
     assert!(full.warnings.iter().any(|w| w.contains("⟨max_links⟩ 500")), "{:?}", full.warnings);
     let audited = Options { audit: 20, error: 0.3, ..coarse() };
     assert_eq!(solved(&room(true), &[], &audited).record.target_met, None);
@@ -159,9 +159,9 @@ fn light_does_not_grow_inside_clusters() {
                 Options { inside, row_sums, error: 0.3, audit: 0, local_rays: Some(0), ..Options::default() };
             solved(&scene, &[], &options).record
         };
-        let right = mean(solve(Inside::Visible, RowSums::Balanced).mean_irradiance);
+        let right = mean(solve(Inside::Visible, RowNormalisation::Balanced).mean_irradiance);
         for inside in [Inside::Isotropic, Inside::Oriented, Inside::Visible] {
-            let record = solve(inside, RowSums::Sampled);
+            let record = solve(inside, RowNormalisation::Sampled);
             let ratio = mean(record.mean_irradiance) / right;
             assert!(record.convergence.converged, "{} {inside:?}: {:?}", kind.name, record.convergence);
             assert!(ratio > 0.3 && ratio < 5.0, "{} {inside:?}: {ratio}", kind.name);
@@ -304,7 +304,7 @@ fn an_interrupted_pass_of_many_elements_keeps_its_light() {
     for steps in [0, leaves / 2] {
         let stop = stop_when(|told| told.stage == "local pass, rays" && told.stage_steps >= steps as u64);
         let Outcome { mesh, record, .. } = solve(&stop);
-        assert!(record.interrupted && record.ended != Ended::Interrupted, "{:?}", record.ended);
+        assert!(record.interrupted && record.ended != StopReason::Interrupted, "{:?}", record.ended);
         let notes = record.warnings.join("\n");
         assert!(notes.contains("elements have no rays") && notes.contains("an interruption"), "{notes}");
         assert!(record.exact_rays < all.record.exact_rays / 2, "{steps}: {} rays", record.exact_rays);

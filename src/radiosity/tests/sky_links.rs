@@ -3,7 +3,7 @@
 use super::*;
 use crate::math::sampling::{numbers, point_on};
 use crate::radiosity::mesh::RadiosityMesh;
-use crate::radiosity::refinement::Ended;
+use crate::radiosity::refinement::StopReason;
 use crate::scene::testing::forest;
 use crate::sky::{Environment, Frame, Level, Shape, Sky, SkyOptions, Sun};
 use glam::Vec3;
@@ -89,7 +89,12 @@ fn planes_have_the_light_of_closed_forms() {
             assert!((found - want).abs() < 3e-3 * want + 1e-6, "{tilt}: {found} instead of {want}");
         }
         // Nothing is in the way: there is nothing to refine.
-        assert!(record.ended == Ended::Error && record.links < 100, "{:?} {}", record.ended, record.links);
+        assert!(
+            record.ended == StopReason::Error && record.links < 100,
+            "{:?} {}",
+            record.ended,
+            record.links
+        );
         let found = solved(&lit(scene, sun(DVec3::Z)), &[], &links(0.02)).mesh;
         for element in &found.elements {
             let want = 8.0 * normal_of(&found, element).dot(DVec3::Z).max(0.0);
@@ -219,7 +224,10 @@ fn a_yard_has_the_light_of_paths() {
             assert!((absorbed + escaped - emitted).abs() < 2e-3 * emitted, "{absorbed} {escaped} {emitted}");
             assert!(created.abs() < 2e-3 * emitted, "{created}");
             let links = outcome.record.links;
-            assert!(outcome.record.ended == Ended::Error && links > last.0 && rms < last.1, "{links} {rms}");
+            assert!(
+                outcome.record.ended == StopReason::Error && links > last.0 && rms < last.1,
+                "{links} {rms}"
+            );
             // Compared at one place of each element.
             assert!(bias.abs() < 0.01 && rms < 0.12, "{reflectance} {error}: {bias} {rms}");
             last = (links, rms);
@@ -302,7 +310,7 @@ fn refinement_ends_at_limits_and_does_not_depend_on_threads() {
     let scene = lit(yard(0.5), sunny(40.0));
     let few = Options { max_links: 2000, ..links(0.005) };
     let record = solved(&scene, &[], &few).record;
-    assert!(record.ended == Ended::Links && record.links <= 2000, "{:?} {}", record.ended, record.links);
+    assert!(record.ended == StopReason::Links && record.links <= 2000, "{:?} {}", record.ended, record.links);
     let hurried = Options { step_seconds: Some(0.01), max_seconds: Some(0.5), ..links(0.002) };
     let [bias, rms] = against_paths(&scene, &solved(&scene, &[], &hurried));
     assert!(bias.abs() < 0.05 && rms < 0.5, "{bias} {rms}");

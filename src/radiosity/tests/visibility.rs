@@ -230,7 +230,7 @@ fn less_tolerance_is_not_worse_with_all_rays() {
     check_tolerances(None);
 }
 
-/// Errors of points with growing demands, and so many rays of the local pass.
+/// Checks errors of points at decreasing tolerances, with `local_rays` rays of the local pass.
 fn check_tolerances(local_rays: Option<usize>) {
     let scene = room(true);
     let points = floor(60);

@@ -10,7 +10,7 @@ use crate::radiosity::links::Link;
 use crate::radiosity::rgb::Rgb;
 use rayon::prelude::*;
 
-/// What happens to light at an active node.
+/// Treatment of light at an active node.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum NodeKind {
     /// The node has active children, which receive its light.
@@ -30,7 +30,7 @@ pub struct ActiveNodes {
     pub nodes: Vec<u32>,
     /// The parent node of each node.
     pub parents: Vec<u32>,
-    /// What happens to light at each node.
+    /// Treatment of light at each node.
     pub kinds: Vec<NodeKind>,
     /// Aggregated clusters.
     pub reflections: Vec<ClusterReflection>,
@@ -44,7 +44,7 @@ pub struct ActiveNodes {
 }
 
 impl ActiveNodes {
-    /// Stands for no node.
+    /// Index that means "no node".
     pub const NONE: u32 = u32::MAX;
 
     /// No light at any node.

@@ -1,4 +1,4 @@
-//! Directional light at clusters: irradiance that arrives at the nodes of the element tree, and what aggregated clusters reflect.
+//! Directional light at clusters: irradiance that arrives at the nodes of the element tree, and reflection of aggregated clusters.
 
 use crate::radiosity::elements::{DIRECTIONS, Elements, RowFactors, facing};
 use crate::radiosity::rgb::{Rgb, add};

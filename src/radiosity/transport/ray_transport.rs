@@ -24,9 +24,9 @@ pub struct RayTransport {
 
 /// A path that brings light from one row to another.
 pub struct Path {
-    /// Where it begins.
+    /// Row at its start.
     pub row: u32,
-    /// Where it ends.
+    /// Row at its end.
     pub met: u32,
     /// Irradiance that it brings relative to that of the row where it ends, by channel.
     pub share: [f32; 3],

@@ -16,7 +16,7 @@ use super::directional::NodeIrradiance;
 use super::gather_push_pull::{NodeRadiosity, gather};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, RowFactors, Shape};
-use crate::radiosity::options::RowSums;
+use crate::radiosity::options::RowNormalisation;
 use crate::radiosity::rgb::Rgb;
 
 /// Largest number of rounds of Sinkhorn scaling, and rounds that are made even after the deadline.
@@ -29,7 +29,7 @@ const EXPONENT: f64 = 0.5;
 /// Rows at a limit do not count.
 const TOLERANCE: f64 = 3e-5;
 /// Smallest and largest factor: one above 2 would amplify a row of which half is missing.
-const FACTORS: [f32; 2] = [1e-4, 2.0];
+const FACTOR_LIMITS: [f32; 2] = [1e-4, 2.0];
 
 /// A closed leaf whose row sum is at most this is not normalised, because a factor above 10 would mostly amplify noise.
 /// 0.05 or 0.2 instead change irradiance without a local pass by less than 0.02 % (`constants.py solve`).
@@ -42,7 +42,7 @@ const MAX_OPEN_ROW_SUM: f64 = 1.25;
 /// 1; the rest is for sampling errors. 0.6 or 0.9 instead change irradiance without a local pass by less than 0.1 %
 /// (`constants.py solve`).
 const SHORT_ROW_SUM: f64 = 0.8;
-/// Largest part of its light that a row with a sum above 1 may return after one reflection: the light of such rows
+/// Largest fraction of its light that a row with a sum above 1 may return after one reflection: the light of such rows
 /// grows to at most 1 / (1 − 0.98) = 50 times its source.
 const MAX_RETURNED: f64 = 0.98;
 
@@ -109,7 +109,7 @@ impl LinkRows<'_> {
     /// Brings row sums to their targets by factors of both directions, as far as that converges (Sinkhorn and Knopp 1967), starting from
     /// `sums`. The remainder is corrected where light is gathered. Returns the sums with the factors found.
     fn balance(&mut self, mut sums: Vec<f64>, deadline: &Deadline) -> Vec<f64> {
-        let [min, max] = FACTORS;
+        let [min, max] = FACTOR_LIMITS;
         for round in 1..=MAX_ROUNDS {
             let (mut error, mut all) = (0.0, 0.0);
             for (e, &sum) in sums.iter().enumerate() {
@@ -149,12 +149,12 @@ pub fn normalise_link_rows(
     elements: &mut Elements,
     nodes: &mut ActiveNodes,
     closed: &[bool],
-    row_sums: RowSums,
+    row_sums: RowNormalisation,
     sampled: &[f64],
     deadline: &Deadline,
 ) -> usize {
     let mut sums = sampled.to_vec();
-    if row_sums == RowSums::Balanced {
+    if row_sums == RowNormalisation::Balanced {
         sums = LinkRows { elements, nodes, closed }.balance(sums, deadline);
     }
     bound_growing_rows(elements, &sums)

@@ -52,7 +52,7 @@ pub struct MatrixRow {
     pub end: usize,
     /// Whether other rays have shown that no light from the row leaves the scene.
     pub closed: bool,
-    /// Part of the light from the row's side that meets no other row: taken from the side, so that the weight of the row's rays does not depend on them alone.
+    /// Fraction of the light from the row's side that meets no other row: taken from the side, so that the weight of the row's rays does not depend on them alone.
     pub escapes: f64,
     /// Of its rays, those that met elements which take no part in the exchange.
     pub apart: usize,

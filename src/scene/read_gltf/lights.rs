@@ -13,8 +13,8 @@ use rayon::prelude::*;
 
 /// Largest side of the plate of a point or spot light relative to the scene's diagonal.
 const PLATE: f64 = 2e-3;
-/// Side of the plate relative to the distance of the nearest surface: light at ten sides' distance is that of a point within (1/10)² / 2 = 0.5 %.
-const NEAR_PLATE: f64 = 0.1;
+/// Largest side of the plate relative to the distance of the nearest surface: at ten sides its light is that of a point within (1/10)² / 2 = 0.5 %.
+const MAX_PLATE_RATIO: f64 = 0.1;
 /// Smallest side of the plate relative to the scene's diagonal: a dozen times the rounding of single-precision coordinates, 4e-7 of them.
 const SMALLEST_PLATE: f64 = 5e-6;
 /// Tabulated angles between the inner and the outer cone of a spot: interpolation loses less than (1/64)² / 4 of its
@@ -106,7 +106,7 @@ impl Reader<'_> {
             let c0 = if light.aim.x.abs() > 0.9 { DVec3::Y } else { DVec3::X };
             let axes = axes(light.aim, c0).ok_or_else(|| self.wrong("a light without a direction"))?;
             if let Some(distribution) = light.distribution.clone() {
-                let side = (NEAR_PLATE * distance).clamp(SMALLEST_PLATE * diagonal, PLATE * diagonal);
+                let side = (MAX_PLATE_RATIO * distance).clamp(SMALLEST_PLATE * diagonal, PLATE * diagonal);
                 let mut lamp = Lamp {
                     name: light.name.clone(),
                     at: light.at,
@@ -135,7 +135,7 @@ impl Reader<'_> {
         if !self.lights.is_empty() {
             let count = counted(self.lights.len(), "light");
             soup.repairs.messages.push(format!(
-                "{count} of KHR_lights_punctual made into emitters: point and spot lights squares of {NEAR_PLATE} of the \
+                "{count} of KHR_lights_punctual made into emitters: point and spot lights squares of {MAX_PLATE_RATIO} of the \
                  distance of the nearest surface (at most {PLATE} of the scene's diagonal), directional lights suns, unless the options state a sun or none; the property `range`, beyond which a light has no effect, is not used"
             ));
         }

@@ -15,7 +15,7 @@ pub struct Lines {
     rows: Rows,
 }
 
-/// Which row a line is in: line `k` is between rows `k + first + whole` and the next one of a column, nearer to the next one by
+/// Position of a line between rows: line `k` is between rows `k + first + whole` and the next one of a column, nearer to the next one by
 /// `rest`.
 ///
 /// Each column has a line above its first sample and one below each sample. Of lines whose numbers differ by that number at most

@@ -20,17 +20,17 @@ pub(in crate::visibility) struct HalfBall {
 
 /// Kernel that tests whether boxes of triangles leave a half ball empty. Boxes are larger than their contents, so that doubtful cases
 /// count as not empty.
-pub(super) struct IsEmpty<'a> {
+pub(super) struct EmptyHalfBall<'a> {
     pub cut: &'a DistanceCut,
     pub ball: HalfBall,
 }
 
-impl Kernel for IsEmpty<'_> {
+impl Kernel for EmptyHalfBall<'_> {
     type Output = bool;
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> bool {
-        let IsEmpty { cut, ball } = self;
+        let EmptyHalfBall { cut, ball } = self;
         let radius = simd.splat(ball.radius);
         let mut stack: SmallVec<[u32; 64]> = smallvec![0];
         while let Some(address) = stack.pop() {

@@ -52,7 +52,7 @@ impl<'a> Part<'a> {
 
 /// Properties of a child besides its place.
 #[derive(Clone, Copy, Default)]
-pub(super) struct ChildFacts {
+pub(super) struct ChildProperties {
     /// Largest size of the pieces; length.
     pub piece: f32,
     /// Diagonal of the box; length.
@@ -63,14 +63,14 @@ pub(super) struct ChildFacts {
 }
 
 /// Properties of the children of a node.
-pub(super) type Facts = [ChildFacts; LANES];
+pub(super) type NodeProperties = [ChildProperties; LANES];
 
 /// A tree without extinctions, and the properties of children from which these are measured.
 pub(super) struct Draft {
     pub nodes: Vec<CutNode>,
     pub extinctions: Vec<Extinctions>,
     pub blocks: Vec<CutBlock>,
-    pub facts: Vec<Facts>,
+    pub facts: Vec<NodeProperties>,
 }
 
 /// Builds the tree over all triangles of a scene; node 0 is the root. Its content does not depend on the number of threads.
@@ -109,7 +109,7 @@ impl Context<'_> {
         parts.extend(divide(others, room, depth >= MAX_UNEVEN));
         let around = parts.iter().fold(Aabb::EMPTY, |all, part| all.union(part.bounds));
         let mut node = CutNode::within(around);
-        let mut facts = [ChildFacts::default(); LANES];
+        let mut facts = [ChildProperties::default(); LANES];
         let places: Vec<(Aabb, bool)> = parts.iter().map(|part| (part.bounds, part.surface)).collect();
         let count: usize = parts.iter().map(|part| part.items.len()).sum();
         let below: Vec<(Draft, f32)> = match count > PARALLEL {
@@ -125,7 +125,7 @@ impl Context<'_> {
             let (first_node, first_block) = (draft.nodes.len() as u32, draft.blocks.len() as u32);
             let address = if child.nodes.is_empty() { first_block | LEAF } else { first_node };
             node.place(lane, address, bounds);
-            facts[lane] = ChildFacts {
+            facts[lane] = ChildProperties {
                 piece,
                 diameter: bounds.diagonal(),
                 surface,

@@ -1,8 +1,8 @@
 //! Extinction of the children of the cut, measured by rays through each (docs/method.md, Distance cut).
 
 use super::DistanceCut;
-use super::build::{ChildFacts, Facts};
-use super::layout::NEVER;
+use super::build::{ChildProperties, NodeProperties};
+use super::layout::NO_THRESHOLD;
 use super::traverse::{AveragingRule, EMPTY_STACK, trace};
 use crate::math::Aabb;
 use crate::optics::{AXES, AXIS_COUNT, SOLID_DEPTH};
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 const RAYS: [usize; 4] = [32, 64, 256, 1024];
 
 /// Sets the extinctions of all children.
-pub(super) fn measure(cut: &mut DistanceCut, facts: &[Facts]) {
+pub(super) fn measure(cut: &mut DistanceCut, facts: &[NodeProperties]) {
     let tree = &*cut;
     let made: Vec<_> = (0..tree.nodes.len())
         .into_par_iter()
@@ -29,10 +29,10 @@ pub(super) fn measure(cut: &mut DistanceCut, facts: &[Facts]) {
 }
 
 /// Stop sizes, with which thresholds are compared: the size of the pieces, limited to between half the diameter of the child and its diameter.
-pub(super) fn stops(facts: &[Facts]) -> impl Iterator<Item = [u16; LANES]> + '_ {
-    let stop = |child: &ChildFacts| match child.surface {
-        true => NEVER,
-        false => half_up(child.piece.min(child.diameter).max(0.5 * child.diameter)).min(NEVER),
+pub(super) fn stops(facts: &[NodeProperties]) -> impl Iterator<Item = [u16; LANES]> + '_ {
+    let stop = |child: &ChildProperties| match child.surface {
+        true => NO_THRESHOLD,
+        false => half_up(child.piece.min(child.diameter).max(0.5 * child.diameter)).min(NO_THRESHOLD),
     };
     facts.iter().map(move |children| children.each_ref().map(stop))
 }
@@ -41,7 +41,7 @@ pub(super) fn stops(facts: &[Facts]) -> impl Iterator<Item = [u16; LANES]> + '_ 
 struct NodeRays<'a> {
     cut: &'a DistanceCut,
     at: usize,
-    facts: &'a Facts,
+    facts: &'a NodeProperties,
 }
 
 impl Kernel for NodeRays<'_> {
@@ -76,12 +76,12 @@ impl Kernel for NodeRays<'_> {
                         node.child[lane],
                         0,
                         &packet,
-                        &AveragingRule::NOTHING,
+                        &AveragingRule::EXACT,
                         &mut stack,
                     );
                     clear += trace.open.count_ones() as usize;
                 }
-                extinctions[lane] = half_nearest(fitted(&lengths, clear)).min(NEVER);
+                extinctions[lane] = half_nearest(fitted(&lengths, clear)).min(NO_THRESHOLD);
             }
         }
         extinctions
@@ -92,12 +92,12 @@ impl Kernel for NodeRays<'_> {
 /// hash of `seed`.
 fn sample(k: usize, seed: u32) -> [f32; 3] {
     // Powers of the real root of x⁴ = x + 1.
-    const STEP: [f64; 3] = [0.819_172_513_396_164, 0.671_043_606_703_789, 0.549_700_477_901_970];
+    const R3_STEPS: [f64; 3] = [0.819_172_513_396_164, 0.671_043_606_703_789, 0.549_700_477_901_970];
     let hash = u64::from(seed).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d;
     let hash = (hash ^ hash >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     std::array::from_fn(|axis| {
         let shift = (hash >> (20 * axis) & 0xf_ffff) as f64 / f64::from(1 << 20);
-        ((k as f64 * STEP[axis] + shift).fract()) as f32
+        ((k as f64 * R3_STEPS[axis] + shift).fract()) as f32
     })
 }
 

@@ -7,7 +7,7 @@ use crate::simd::LANES;
 /// Bit of a child address that marks a block of triangles.
 pub(super) const LEAF: u32 = 1 << 31;
 /// Largest number of steps of a box across its node.
-const STEPS: f32 = 65_535.0;
+const MAX_STEPS: f32 = 65_535.0;
 
 /// Up to sixteen children. Unused lanes are not in `used`.
 #[derive(Clone)]
@@ -17,7 +17,7 @@ pub(super) struct CutNode {
     pub bounds: [[[u16; LANES]; 3]; 2],
     pub child: [u32; LANES],
     /// Stop sizes, bfloat16, rounded up: a child is aggregated where the threshold of the umbra criterion exceeds this length.
-    /// [`NEVER`] for children that are always opened.
+    /// [`NO_THRESHOLD`] for children that are always opened.
     pub stop: [u16; LANES],
     pub origin: [f32; 3],
     pub step: [f32; 3],
@@ -39,13 +39,13 @@ pub(super) struct CutBlock {
 }
 
 /// The largest finite bfloat16: no threshold exceeds it.
-pub(super) const NEVER: u16 = 0x7f7f;
+pub(super) const NO_THRESHOLD: u16 = 0x7f7f;
 
 impl CutNode {
     /// A node without children whose boxes lie in `around`.
     pub fn within(around: Aabb) -> CutNode {
         // Two steps are for rounding: one beyond either side of the box.
-        let step = (around.extent() / (STEPS - 4.0)).max(glam::Vec3::splat(f32::MIN_POSITIVE * 1e6));
+        let step = (around.extent() / (MAX_STEPS - 4.0)).max(glam::Vec3::splat(f32::MIN_POSITIVE * 1e6));
         // Rounding of coordinates is coarser than the steps of nodes that are small and far from zero.
         let rounding = f32::EPSILON * around.min.abs().max(around.max.abs());
         let step = step.max(rounding);
@@ -53,7 +53,7 @@ impl CutNode {
         CutNode {
             bounds: [[[u16::MAX; LANES]; 3], [[0; LANES]; 3]],
             child: [LEAF; LANES],
-            stop: [NEVER; LANES],
+            stop: [NO_THRESHOLD; LANES],
             origin: origin.to_array(),
             step: step.to_array(),
             used: 0,
@@ -64,8 +64,8 @@ impl CutNode {
     pub fn place(&mut self, lane: usize, address: u32, bounds: Aabb) {
         for axis in 0..3 {
             let steps = |v: f32| (v - self.origin[axis]) / self.step[axis];
-            self.bounds[0][axis][lane] = (steps(bounds.min[axis]).floor() - 1.0).clamp(0.0, STEPS) as u16;
-            self.bounds[1][axis][lane] = (steps(bounds.max[axis]).ceil() + 1.0).clamp(0.0, STEPS) as u16;
+            self.bounds[0][axis][lane] = (steps(bounds.min[axis]).floor() - 1.0).clamp(0.0, MAX_STEPS) as u16;
+            self.bounds[1][axis][lane] = (steps(bounds.max[axis]).ceil() + 1.0).clamp(0.0, MAX_STEPS) as u16;
         }
         self.child[lane] = address;
         self.used |= 1 << lane;

@@ -27,7 +27,7 @@ pub use modes::{Mode, rays_for};
 pub use pilot::Candidate;
 use shells::Shell;
 #[cfg(any(test, feature = "reports"))]
-pub use shells::{SURFACE_PART, surface_widths};
+pub use shells::{MIN_LARGE_SURFACE, surface_widths};
 pub use sums::BundleSums;
 use sums::{Bundles, PacketResult, Tracing};
 use traverse::OPAQUE_DEPTH;
@@ -69,7 +69,7 @@ impl DistanceCut {
     }
 
     /// The tree without extinctions, and the properties of children from which these are measured.
-    fn draft(scene: &Scene) -> (DistanceCut, Vec<build::Facts>) {
+    fn draft(scene: &Scene) -> (DistanceCut, Vec<build::NodeProperties>) {
         let pieces = shells::Pieces::of(scene);
         let (shells, of_triangle) = shells::find(scene, &pieces);
         let draft = build::build(scene, &pieces, shells.len() as u32, &of_triangle);
@@ -109,7 +109,7 @@ impl DistanceCut {
 
     /// Whether no triangle touches a half ball.
     pub(super) fn is_empty(&self, ball: HalfBall) -> bool {
-        dispatch(self.isa, ball::IsEmpty { cut: self, ball })
+        dispatch(self.isa, ball::EmptyHalfBall { cut: self, ball })
     }
 
     /// The answers to bundles in a mode with their sums, passed to `each` in order; no answers to bundles of several packets for which the
@@ -168,11 +168,11 @@ fn stated(mean: f32, square: f32, n: f32, averaged: f32, usual: f32, model: f32)
         return wilson(mean, n);
     }
     let own = ((square - mean * mean) * n / (n - 1.0).max(1.0) / binary).clamp(0.0, 1.0);
-    let single = (n * own + PRIOR * usual.min(1.0)) / (n + PRIOR);
+    let single = (n * own + PRIOR_SEGMENTS * usual.min(1.0)) / (n + PRIOR_SEGMENTS);
     let variance = (single * averaged).min(1.0);
     interval(mean, binary, 1.0 / variance.max(f32::MIN_POSITIVE), (model * binary).sqrt())
 }
 
 /// Weight, in segments, of the usual variance of the class in the estimate of an answer's own variance: that of an answer of
 /// sixteen segments.
-const PRIOR: f32 = 16.0;
+const PRIOR_SEGMENTS: f32 = 16.0;

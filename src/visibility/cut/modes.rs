@@ -7,10 +7,10 @@ use crate::ray::LANES;
 pub(super) const CLASSES: usize = 6;
 /// The mean square error of n stratified segments falls as n to this power: 1.2 to 1.3 outdoors, 1 if they were independent
 /// (`mrvis bench`, RMS of 16, 64 and 256 segments).
-pub(super) const STRATIFIED: f32 = 1.25;
+pub(super) const STRATIFIED_EXPONENT: f32 = 1.25;
 /// The same for segments that are tested against no small triangle, so that their visibility has fewer edges: 1.4 to 1.5 on the ground
 /// of a garden, where nine tenths of the receivers are of that class (`mrvis bench`, RMS of 16, 64 and 256 segments).
-pub(super) const SMOOTH: f32 = 1.45;
+pub(super) const SMOOTH_EXPONENT: f32 = 1.45;
 
 /// Class of a packet of `segments` by how often one of sixteen was tested against triangles of small pieces: never, once, and steps of
 /// four up to 256 and more.
@@ -47,7 +47,7 @@ impl Fit {
     /// Time of Embree over that of the cut for sixteen segments at the same error.
     pub fn gain(&self) -> f32 {
         let error = (self.spread + self.model).max(f32::MIN_POSITIVE);
-        self.work[0] / self.work[1] * (self.exact / error).powf(1.0 / STRATIFIED)
+        self.work[0] / self.work[1] * (self.exact / error).powf(1.0 / STRATIFIED_EXPONENT)
     }
 
     /// The same for n segments, for which the error of the model weighs more.
@@ -92,5 +92,5 @@ impl Mode {
 
 /// Relative time of exact rays if the mean square error shall be smaller by a factor of `ratio`: the relative number of rays.
 pub fn rays_for(ratio: f64) -> f64 {
-    ratio.powf(1.0 / f64::from(STRATIFIED))
+    ratio.powf(1.0 / f64::from(STRATIFIED_EXPONENT))
 }

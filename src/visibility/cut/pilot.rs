@@ -4,7 +4,7 @@
 //! transmittances has a biased mean. A factor of all extinctions, one for each class and width, corrects the mean.
 
 use super::DistanceCut;
-use super::modes::{CLASSES, Fit, Mode, SMOOTH, STRATIFIED};
+use super::modes::{CLASSES, Fit, Mode, SMOOTH_EXPONENT, STRATIFIED_EXPONENT};
 use super::sums::{BundleSums, PacketResult, Tracing};
 use super::traverse::OPAQUE_DEPTH;
 use crate::ray::{LANES, Occluder, Packet};
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 /// Widths that are tried, relative to the emitter's: the umbra criterion allows no more than 1. Steps of about a quarter: the times to an
 /// error of neighbouring widths differ by less than the choice of routes can resolve (`benches/distance_cut.rs` of commit 2d559b4).
-const WIDTHS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
+const CANDIDATE_WIDTHS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 /// Receivers of the first round, after which scenes where no class gains are rejected.
 const MIN_PILOT_RECEIVERS: u32 = 1 << 12;
 /// Receivers by which scenes are rejected before extinctions are measured, and the smallest part of their segments that must meet
@@ -24,22 +24,22 @@ const SMALLEST_AVERAGED: f64 = 0.02;
 /// Largest number of receivers: limits the time of the pilot to that of about a hundred million tests.
 const MAX_PILOT_RECEIVERS: u32 = 1 << 15;
 /// Smallest fraction of the packets for which a class uses its own measurements: smaller classes use those of all packets.
-const SMALLEST_PART: f32 = 0.01;
+const MIN_CLASS_FRACTION: f32 = 0.01;
 /// Fewest packets for which a class uses its own measurements: factors are fitted to their mean, which is uncertain for a few packets.
-const FEWEST_PACKETS: f64 = 200.0;
+const MIN_CLASS_PACKETS: f64 = 200.0;
 /// Largest error of the mean transmittance of a class, twice its standard error.
 const MAX_BIAS: f64 = 0.003;
 /// Smallest gain over Embree for which a width is kept: gains are measured to a tenth.
 const MIN_GAIN: f32 = 1.25;
 /// Largest number of steps of the fit of the factor, of which about six are needed, and the excess of light, relative to what is visible,
 /// at which it ends: far below [`MAX_BIAS`].
-const STEPS: usize = 20;
+const MAX_FIT_STEPS: usize = 20;
 const MAX_EXCESS: f64 = 1e-5;
 /// Range of the factor: 0.5 to 1.8 was measured in garden, park, orchard, forest and valley (`benches/distance_cut.rs` of commit
 /// 2d559b4). A width that needs one outside is not used: its extinctions do not describe the scene.
 const FACTORS: [f32; 2] = [0.25, 2.0];
 /// Bundles per task: 256 segments.
-const TASK: usize = 16;
+const BUNDLES_PER_TASK: usize = 16;
 
 /// A receiver of the pilot: two sets of sixteen segments from a point of a surface to the front of an emitter, each stratified as those of
 /// queries are, and independent of each other.
@@ -65,7 +65,7 @@ struct PilotSet {
     visible: u32,
     /// Work of Embree.
     work: f64,
-    traces: [SetTrace; WIDTHS.len()],
+    traces: [SetTrace; CANDIDATE_WIDTHS.len()],
 }
 
 /// Results of the cut for a set with one width.
@@ -85,7 +85,7 @@ impl DistanceCut {
         &self,
         candidate: &(impl Fn(u32) -> Option<Candidate<'a>> + Sync),
     ) -> bool {
-        let mode = Mode::unmeasured(WIDTHS[0], FACTORS[0]);
+        let mode = Mode::unmeasured(CANDIDATE_WIDTHS[0], FACTORS[0]);
         let counted = |k: u32| {
             let bundles = candidate(k)?;
             let sums = self.sum(&bundles.bundles()[0], Tracing::Mode(&mode));
@@ -106,11 +106,12 @@ impl DistanceCut {
         let mut next = [0, MIN_PILOT_RECEIVERS];
         loop {
             let found: Vec<Candidate> = (next[0]..next[1]).into_par_iter().filter_map(&candidate).collect();
-            pairs.par_extend(found.par_chunks(TASK).flat_map_iter(|part| self.sets(part, exact)));
-            let modes: Vec<(Mode, bool)> = (0..WIDTHS.len()).filter_map(|k| mode(&pairs, k)).collect();
+            pairs.par_extend(found.par_chunks(BUNDLES_PER_TASK).flat_map_iter(|part| self.sets(part, exact)));
+            let modes: Vec<(Mode, bool)> =
+                (0..CANDIDATE_WIDTHS.len()).filter_map(|k| mode(&pairs, k)).collect();
             // The first round measures the gains of rare classes to about a fifth.
             let hopeful = |mode: &Mode, smallest: f32| {
-                mode.fits.iter().any(|fit| fit.part >= SMALLEST_PART && fit.gain() >= smallest)
+                mode.fits.iter().any(|fit| fit.part >= MIN_CLASS_FRACTION && fit.gain() >= smallest)
             };
             let known = modes.iter().all(|(mode, known)| *known || !hopeful(mode, MIN_GAIN));
             if known
@@ -133,7 +134,7 @@ impl DistanceCut {
         let mut work = Vec::with_capacity(bundles.len());
         let exactly = Tracing::Exact { shells: true };
         self.each_sum(&bundles, exactly, |_, sums| work.push(sums.embree_work()));
-        let mut traces = WIDTHS.map(|width| {
+        let mut traces = CANDIDATE_WIDTHS.map(|width| {
             // Depths are needed up to those that the smallest factor makes opaque.
             let mode = Mode::unmeasured(width, FACTORS[0]);
             let mut all = Vec::with_capacity(bundles.len());
@@ -257,7 +258,7 @@ impl Totals {
             single: relative(self.single),
             model: relative(model.max(0.0) + model_error),
             work: self.work.map(|work| (work / (LANES as f64 * self.packets)) as f32),
-            power: STRATIFIED,
+            power: STRATIFIED_EXPONENT,
             part: (self.packets / all) as f32,
         })
     }
@@ -287,7 +288,8 @@ fn mode(pairs: &[[PilotSet; 2]], width: usize) -> Option<(Mode, bool)> {
     let fit = |class: usize| {
         let rare = Fit { part: (totals[class].packets / joined.packets) as f32, ..all };
         let own = totals[class].fit(factors[class], joined.packets);
-        let own = own.map(|fit| Fit { power: if class == 0 { SMOOTH } else { STRATIFIED }, ..fit });
+        let own = own
+            .map(|fit| Fit { power: if class == 0 { SMOOTH_EXPONENT } else { STRATIFIED_EXPONENT }, ..fit });
         own.filter(|_| decides(totals[class].packets, joined.packets)).unwrap_or(rare)
     };
     let fits = std::array::from_fn(fit);
@@ -296,12 +298,12 @@ fn mode(pairs: &[[PilotSet; 2]], width: usize) -> Option<(Mode, bool)> {
         return None;
     }
     let known = deciding().all(|class| 2.0 * class.error() <= MAX_BIAS);
-    Some((Mode { width: WIDTHS[width], fits }, known))
+    Some((Mode { width: CANDIDATE_WIDTHS[width], fits }, known))
 }
 
 /// Whether a class with this number of all packets uses its own measurements.
 fn decides(packets: f64, all: f64) -> bool {
-    packets >= FEWEST_PACKETS && packets >= f64::from(SMALLEST_PART) * all
+    packets >= MIN_CLASS_PACKETS && packets >= f64::from(MIN_CLASS_FRACTION) * all
 }
 
 /// The factor with which the cut transmits as much as was visible, by the Illinois algorithm (M. Dowell, P. Jarratt 1971); none if it lies
@@ -317,7 +319,7 @@ fn factor(all: &[(&PilotSet, &SetTrace)]) -> Option<f32> {
         return None;
     }
     let enough = MAX_EXCESS * visible;
-    for _ in 0..STEPS {
+    for _ in 0..MAX_FIT_STEPS {
         let middle =
             if low.1 > high.1 { (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1) } else { low.0 };
         let found = excess(middle);

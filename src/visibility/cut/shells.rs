@@ -18,7 +18,7 @@ const MAX_PLANES: usize = 1024;
 /// Number of the largest surfaces that may be shells: limits comparisons of their planes to 256².
 const MAX_REGIONS: usize = 256;
 /// Points by which planes are tested first.
-const FEW_POINTS: usize = 64;
+const FIRST_TEST_POINTS: usize = 64;
 /// Distance from a plane within which a point is on neither side, relative to the largest coordinate: the bound on rounding of
 /// [`crate::ray::EndRule`] and a half of it. Ends of segments are lifted by five times that bound.
 const ROUNDING: f32 = 6e-7;
@@ -206,7 +206,7 @@ fn shell(scene: &Scene, triangles: &[u32], centre: Vec3, margin: f32) -> Option<
     // A few points refute most planes.
     let inside = |plane: &Plane| {
         let is_inside = |p: &Vec3| plane.height(*p) >= -margin;
-        let few = scene.positions.iter().step_by(scene.positions.len() / FEW_POINTS + 1);
+        let few = scene.positions.iter().step_by(scene.positions.len() / FIRST_TEST_POINTS + 1);
         few.clone().all(is_inside) && scene.positions.iter().all(is_inside)
     };
     let outermost = planes.par_iter().all(inside);
@@ -246,7 +246,7 @@ fn shell(scene: &Scene, triangles: &[u32], centre: Vec3, margin: f32) -> Option<
 const SMOOTH_COSINE: f32 = 0.9;
 /// Smallest width (root of the area) of a large surface, relative to the diagonal of the scene: blockers of 1/64 of a scene cast shadows
 /// that its images show. The value changes time and error, which the pilot measures, but not correctness.
-pub const SURFACE_PART: f32 = 1.0 / 64.0;
+pub const MIN_LARGE_SURFACE: f32 = 1.0 / 64.0;
 
 /// Properties of each triangle that the tree needs.
 pub(super) struct Pieces {
@@ -263,7 +263,7 @@ pub(super) struct Pieces {
 impl Pieces {
     pub fn of(scene: &Scene) -> Pieces {
         let areas = areas(scene);
-        let smallest = SURFACE_PART * scene.near_bounds().diagonal();
+        let smallest = MIN_LARGE_SURFACE * scene.near_bounds().diagonal();
         let region = smooth_surfaces(scene);
         let width = widths(&region, &areas);
         let emits = scene.triangle_emitter.iter().map(|&emitter| emitter != u32::MAX);

@@ -2,7 +2,7 @@
 
 use super::traverse::STACK;
 use super::*;
-use crate::ray::{Brute, EndRule, LANES, Packet, Verdict};
+use crate::ray::{Brute, EndRule, HitResult, LANES, Packet};
 use crate::scene::testing::{Pieces, cloud, direction, in_cube, unit};
 use glam::{DVec3, Vec3};
 use rand_pcg::Pcg64Mcg;
@@ -89,9 +89,9 @@ fn nothing_is_averaged_without_a_size_and_answers_are_those_of_brute_force() {
         for (lane, &value) in values.iter().enumerate() {
             let (from, to) = (packet.point(lane, 0.0), packet.point(lane, 1.0));
             match brute.verdict(from, to - from, packet.near[lane], packet.far[lane], 1e-5) {
-                Verdict::Blocked => assert_eq!(value, 0.0, "missed {from} {to}"),
-                Verdict::Clear => assert_eq!(value, 1.0, "blocked by nothing {from} {to}"),
-                Verdict::Marginal => continue,
+                HitResult::Blocked => assert_eq!(value, 0.0, "missed {from} {to}"),
+                HitResult::Clear => assert_eq!(value, 1.0, "blocked by nothing {from} {to}"),
+                HitResult::Marginal => continue,
             }
             (blocked, clear) = (blocked + usize::from(value == 0.0), clear + 1);
         }
@@ -135,7 +135,7 @@ fn the_cut_averages_nothing_that_casts_an_umbra() {
             let (near, far) = (packet.near[lane] + 1e-5, packet.far[lane] - 1e-5);
             for t in (0..scene.triangles.len()).filter(|&t| is_near(&scene.corners(t as u32), from, to)) {
                 let one = Brute::new(&scene.corners(t as u32), &[[0, 1, 2]]);
-                let blocks = |far: f32| one.verdict(from, to - from, near, far, 1e-5) == Verdict::Blocked;
+                let blocks = |far: f32| one.verdict(from, to - from, near, far, 1e-5) == HitResult::Blocked;
                 // The widest umbra that is not forbidden, with a margin for rounding.
                 let nearest = (1.0 - 1e-3) * blocker(t) / (width * e);
                 if blocks(far.min(nearest)) {
@@ -160,12 +160,12 @@ fn threads_and_instruction_sets_change_no_bit() {
         let bits = |packet: &Packet| lanes(&cut, packet, 9.0, 0.25).0.map(f32::to_bits);
         packets(9, 40, Vec3::ZERO, Vec3::new(6.0, 6.0, 2.0)).iter().map(bits).collect()
     };
-    let truth = answers(&all[0], Isa::Portable);
-    assert!(truth.iter().flatten().any(|&bits| bits != 0 && bits != 1f32.to_bits()));
+    let reference = answers(&all[0], Isa::Portable);
+    assert!(reference.iter().flatten().any(|&bits| bits != 0 && bits != 1f32.to_bits()));
     for cut in &all {
         assert_eq!(cut.bytes(), all[0].bytes());
         for isa in [Isa::Portable, Isa::Avx2, Isa::Avx512].into_iter().filter(|isa| isa.available()) {
-            assert_eq!(answers(cut, isa), truth, "{}", isa.name());
+            assert_eq!(answers(cut, isa), reference, "{}", isa.name());
         }
     }
 }
@@ -215,7 +215,7 @@ fn facets_of_lamps_are_never_averaged() {
         for (lane, &value) in values.iter().enumerate() {
             let (from, to) = (packet.point(lane, 0.0), packet.point(lane, 1.0));
             let verdict = brute.verdict(from, to - from, packet.near[lane], packet.far[lane], 1e-5);
-            assert!(verdict == Verdict::Marginal || (value == 0.0) == (verdict == Verdict::Blocked));
+            assert!(verdict == HitResult::Marginal || (value == 0.0) == (verdict == HitResult::Blocked));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Traversal of the cut for the segments of a packet: a node that several of them meet is decoded once.
 
 use super::DistanceCut;
-use super::layout::{CutBlock, CutNode, Extinctions, LEAF, NEVER};
+use super::layout::{CutBlock, CutNode, Extinctions, LEAF, NO_THRESHOLD};
 use crate::optics::axes_around;
 use crate::ray::{Lanes, Packet};
 use crate::simd::{LANES, Simd, vector};
@@ -11,7 +11,7 @@ pub(super) const OPAQUE_DEPTH: f32 = 5.545_177;
 /// Entries of the stack: fifteen for each level of nodes, of which `build` makes at most 28.
 pub(super) const STACK: usize = 512;
 /// Rounding of parameters where a box begins and ends: three operations.
-const SLACK: f32 = 4.0 * f32::EPSILON;
+const BOX_ROUNDING: f32 = 4.0 * f32::EPSILON;
 
 /// A node or block to be tested, and the segments that meet its box.
 #[derive(Clone, Copy)]
@@ -39,7 +39,7 @@ pub(super) struct AveragingRule {
 
 impl AveragingRule {
     /// Averages nothing.
-    pub const NOTHING: AveragingRule = AveragingRule { width: 0.0, opaque: OPAQUE_DEPTH };
+    pub const EXACT: AveragingRule = AveragingRule { width: 0.0, opaque: OPAQUE_DEPTH };
 }
 
 /// Results of the traversal for the segments of a packet.
@@ -184,7 +184,7 @@ impl Decoded {
             enter = simd.max(a, enter);
             leave = simd.min(b, leave);
         }
-        (enter, simd.mul(leave, simd.splat(1.0 + SLACK)))
+        (enter, simd.mul(leave, simd.splat(1.0 + BOX_ROUNDING)))
     }
 }
 
@@ -218,7 +218,7 @@ pub(super) fn trace<S: Simd>(
         let node = &cut.nodes[at];
         let opened = walk.node(simd, node, &cut.extinctions[at], lanes, node.used & kept, rule);
         kept = u32::MAX;
-        let never = simd.splat(f32::from_bits(u32::from(NEVER) << 16));
+        let never = simd.splat(f32::from_bits(u32::from(NO_THRESHOLD) << 16));
         let small = simd.bits(simd.lt(simd.load_half(&node.stop), never));
         for (lane, &lanes) in opened.iter().enumerate().filter(|(_, lanes)| **lanes != 0) {
             let child = node.child[lane];

@@ -1,6 +1,6 @@
 //! Tests of boxes and triangles against a shaft, sixteen at a time.
 
-use super::{Ends, Shaft};
+use super::{BoxEnds, Shaft};
 use crate::simd::Simd;
 use crate::simd::vector::{self, Vector};
 use crate::visibility::wide::WideNode;
@@ -145,7 +145,7 @@ impl Shaft {
     pub fn on_one_side<S: Simd>(&self, simd: S, corner: &Vector<S>, normal: &Vector<S>) -> S::M {
         let size = vector::sum_abs(simd, normal);
         let (mut above, mut below) = (simd.mask(0xffff), simd.mask(0xffff));
-        for (Ends { centre, half }, slack) in self.ends.into_iter().zip(self.slack) {
+        for (BoxEnds { centre, half }, slack) in self.ends.into_iter().zip(self.slack) {
             let to = vector::sub(simd, &vector::splat(simd, centre), corner);
             let height = vector::dot(simd, normal, &to);
             let mut reach = simd.mul(size, simd.splat(slack));

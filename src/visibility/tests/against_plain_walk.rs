@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::optics::AxisMix;
-use crate::ray::{Brute, Verdict};
+use crate::ray::{Brute, HitResult};
 use crate::scene::testing::{cloud, direction, in_cube};
 use crate::visibility::plain_walk::{SegmentRule, walk};
 use glam::DVec3;
@@ -55,27 +55,27 @@ fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
             let mut clearly = false;
             let walked = walk(&stage.hierarchy, &stage.optics, segment(packet, lane), &rule, |t| {
                 let one = |tolerance| single[t as usize].verdict(origin, direction, near, far, tolerance);
-                clearly |= one(1e-5) == Verdict::Blocked;
-                one(0.0) != Verdict::Clear
+                clearly |= one(1e-5) == HitResult::Blocked;
+                one(0.0) != HitResult::Clear
             });
             let t = fast[lane];
             let place =
                 format!("s {s}, e {e}: {t} against {walked:?}, {verdict:?}, {:?}", segment(packet, lane));
             assert!((0.0..=1.0).contains(&t), "{place}");
             assert!(!clearly || t == 0.0, "a triangle that the reference tests was not tested: {place}");
-            assert!(t > 0.0 || verdict != Verdict::Clear, "blocked by nothing: {place}");
+            assert!(t > 0.0 || verdict != HitResult::Clear, "blocked by nothing: {place}");
             if walked.aggregated == 0 {
                 assert!(t == 0.0 || t == 1.0, "aggregated more than the reference: {place}");
-                assert!(verdict != Verdict::Blocked || t == 0.0, "missed: {place}");
+                assert!(verdict != HitResult::Blocked || t == 0.0, "missed: {place}");
             }
             aggregated += u64::from(walked.aggregated > 0 && !walked.blocked);
-            if verdict != Verdict::Marginal {
+            if verdict != HitResult::Marginal {
                 differences.segments += 1;
                 differences.large += usize::from((f64::from(t) - walked.transmittance()).abs() > 0.01);
                 differences.sum += f64::from(t) - walked.transmittance();
-                let truth = if verdict == Verdict::Clear { 1.0 } else { 0.0 };
-                differences.squares[0] += (f64::from(t) - truth).powi(2);
-                differences.squares[1] += (walked.transmittance() - truth).powi(2);
+                let reference = if verdict == HitResult::Clear { 1.0 } else { 0.0 };
+                differences.squares[0] += (f64::from(t) - reference).powi(2);
+                differences.squares[1] += (walked.transmittance() - reference).powi(2);
             }
         }
         assert!(cost.aggregated <= aggregated, "s {s}: {cost:?}, the reference aggregates for {aggregated}");

@@ -22,8 +22,8 @@ fn intervals_hold_their_answers() {
                         emitter: &[],
                     };
                     let answer = engine.answer(bundle, s, &mut workspace);
-                    let truth = exact.answer(bundle, &mut blocked);
-                    for Answer { transmittance, lo, hi, cost, .. } in [answer, truth] {
+                    let reference = exact.answer(bundle, &mut blocked);
+                    for Answer { transmittance, lo, hi, cost, .. } in [answer, reference] {
                         assert!(
                             0.0 <= lo && lo <= transmittance && transmittance <= hi && hi <= 1.0,
                             "{answer:?}"
@@ -59,7 +59,7 @@ fn intervals_hold_their_answers() {
                         }
                         Method::Mixed => assert!(answer.cost.exact_rays > 0 && answer.cost.aggregated > 0),
                     }
-                    assert_eq!(truth.method, Method::Exact);
+                    assert_eq!(reference.method, Method::Exact);
                 }
             }
         }
@@ -81,10 +81,10 @@ fn certified_answers_are_exact() {
             packets.chunks(1).map(|packets| Bundle { packets, emitter_size: e, emitter: &[] }).collect();
         let (mut k, mut without_rays, mut apart) = (0, 0, 0);
         engine.certified(&bundles, &mut workspace, |answer| {
-            let truth = exact.answer(bundles[k], &mut blocked);
+            let reference = exact.answer(bundles[k], &mut blocked);
             assert_eq!(answer.cost.aggregated, 0);
             without_rays += usize::from(answer.cost.exact_rays == 0);
-            apart += usize::from((answer.transmittance - truth.transmittance).abs() > 1e-6);
+            apart += usize::from((answer.transmittance - reference.transmittance).abs() > 1e-6);
             k += 1;
         });
         assert_eq!(k, bundles.len());
@@ -109,24 +109,24 @@ fn claimed_errors_are_those_that_are_there() {
     for s in [0.1f32, 0.4] {
         let (mut inside, mut count, mut claimed, mut there, mut aggregated) = (0, 0, 0.0f64, 0.0f64, 0);
         for pair in 0..workload.pairs.len() {
-            let (mut packets, mut truth) = (Vec::new(), Vec::new());
+            let (mut packets, mut reference) = (Vec::new(), Vec::new());
             workload.add_bundle(&stage.scene, pair, 256, 0, &mut packets);
-            workload.add_bundle(&stage.scene, pair, 4096, 1, &mut truth);
+            workload.add_bundle(&stage.scene, pair, 4096, 1, &mut reference);
             let e = workload.pairs[pair].emitter_size;
             let answer =
                 engine.answer(Bundle { packets: &packets, emitter_size: e, emitter: &[] }, s, &mut workspace);
             if answer.cost.aggregated == 0 {
                 continue;
             }
-            let truth = exact
-                .answer(Bundle { packets: &truth, emitter_size: e, emitter: &[] }, &mut blocked)
+            let reference = exact
+                .answer(Bundle { packets: &reference, emitter_size: e, emitter: &[] }, &mut blocked)
                 .transmittance;
             let Answer { transmittance, lo, hi, .. } = answer;
             count += 1;
             aggregated += usize::from(answer.method == Method::Aggregated);
-            inside += u32::from(lo - 0.01 <= truth && truth <= hi + 0.01);
+            inside += u32::from(lo - 0.01 <= reference && reference <= hi + 0.01);
             claimed += f64::from((hi - lo) / 3.92).powi(2);
-            there += f64::from(transmittance - truth).powi(2);
+            there += f64::from(transmittance - reference).powi(2);
         }
         let (claimed, there) = ((claimed / f64::from(count)).sqrt(), (there / f64::from(count)).sqrt());
         assert!(count > 200 && aggregated > 20, "{count} answers, {aggregated} of them without a triangle");

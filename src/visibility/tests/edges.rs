@@ -1,7 +1,7 @@
 //! Edge-on, distant and single triangles, and unused lanes.
 
 use super::*;
-use crate::ray::{Brute, Verdict};
+use crate::ray::{Brute, HitResult};
 use crate::scene::testing::{Pieces, in_cube};
 use glam::DVec3;
 
@@ -91,7 +91,7 @@ fn extreme_scenes_are_answered_as_embree_does() {
                     let agree = (fast == 0.0) == (exact >> lane & 1 == 1);
                     let verdict = brute.verdict(origin, direction, near, far, 1e-5);
                     assert!(
-                        agree || verdict == Verdict::Marginal,
+                        agree || verdict == HitResult::Marginal,
                         "{origin} {direction}: {} {verdict:?}",
                         fast
                     );

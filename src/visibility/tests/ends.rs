@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::bench::workload::{ReceiverPoint, Workload};
-use crate::ray::{Brute, Verdict};
+use crate::ray::{Brute, HitResult};
 use crate::scene::testing::{Pieces, in_cube, rotation};
 use glam::{DMat3, DVec3};
 
@@ -35,7 +35,7 @@ fn agreed(stage: &Stage, packet: &Packet) -> [bool; LANES] {
         let Segment { origin, direction, near, far } = segment(packet, lane);
         assert_eq!(clear, fast[lane] > 0.0, "{origin} {direction}");
         let verdict = brute.verdict(origin, direction, near, far, 0.0);
-        assert_eq!(clear, verdict == Verdict::Clear, "{origin} {direction}: {verdict:?}");
+        assert_eq!(clear, verdict == HitResult::Clear, "{origin} {direction}: {verdict:?}");
         clear
     })
 }

@@ -219,12 +219,12 @@ fn penumbrae_of_strong_contrast_stay() {
         let end = DVec3::new(rim * turn.cos(), rim * turn.sin(), 7.0);
         packets[k / LANES].set(k % LANES, at(DVec3::ZERO), at(end), end_rule(&stage.scene));
     }
-    let truth = 1.0 - hit as f32 / (64 * LANES) as f32;
-    assert!((1.0 - peak_occlusion(1.0, 0.5, 3.0, 4.0) as f32 - truth).abs() < 0.05, "{truth}");
+    let reference = 1.0 - hit as f32 / (64 * LANES) as f32;
+    assert!((1.0 - peak_occlusion(1.0, 0.5, 3.0, 4.0) as f32 - reference).abs() < 0.05, "{reference}");
     let bundle = Bundle { packets: &packets, emitter_size: 1.0, emitter: &[] };
     for s in [0.05, 0.2, 0.4] {
         let found = stage.engine(LeafMode::Exact).answer(bundle, s, &mut workspace).transmittance;
         // An octagon covers nine tenths of its disc.
-        assert!((found - truth).abs() < 0.12, "s {s}: {found} passes, {truth} should");
+        assert!((found - reference).abs() < 0.12, "s {s}: {found} passes, {reference} should");
     }
 }

@@ -55,8 +55,8 @@ fn walks_are_taken_unless_they_err() {
     let taken_if_seen_by = |route: Route| {
         let seen = answers(&engine.with_route(route), &runs, s);
         let seen: Vec<f32> = seen.iter().map(|answer| answer.transmittance).collect();
-        let truth = [seen.clone(), seen];
-        let sample = RouteSample { runs: runs.clone(), truth: &truth };
+        let reference = [seen.clone(), seen];
+        let sample = RouteSample { runs: runs.clone(), reference: &reference };
         engine.route(&sample, &runs, s, &mut Workspace::default())
     };
     let walks = engine.fitted_walks(&runs, s, &mut Workspace::default());

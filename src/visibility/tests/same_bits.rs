@@ -67,7 +67,7 @@ fn instruction_sets_threads_and_history_change_no_bit() {
                     (engine.transmittances(packet, e, s, workspace).map(f32::to_bits), bits, answer.cost)
                 };
                 let plain = stage.engine(leaf).with_isa(Isa::Portable);
-                let truth: Vec<_> =
+                let reference: Vec<_> =
                     packets.iter().map(|p| ask(&plain, p, &mut Workspace::default())).collect();
                 for isa in ISAS.into_iter().filter(|isa| isa.available()) {
                     let engine = stage.engine(leaf).with_isa(isa);
@@ -77,14 +77,14 @@ fn instruction_sets_threads_and_history_change_no_bit() {
                     let mut again: Vec<_> =
                         packets.iter().rev().map(|p| ask(&engine, p, &mut kept)).collect();
                     again.reverse();
-                    assert!(again == truth, "{name}, {leaf:?}, s {s}: {} differs", isa.name());
+                    assert!(again == reference, "{name}, {leaf:?}, s {s}: {} differs", isa.name());
                 }
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
                 let engine = stage.engine(leaf);
                 let shared: Vec<_> = pool.install(|| {
                     packets.par_iter().map_init(Workspace::default, |w, p| ask(&engine, p, w)).collect()
                 });
-                assert!(shared == truth, "{name}, {leaf:?}, s {s}: two threads differ");
+                assert!(shared == reference, "{name}, {leaf:?}, s {s}: two threads differ");
             }
         }
     }

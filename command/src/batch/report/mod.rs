@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 const SCRIPT: &str = include_str!("report.js");
 
-/// What charts show: estimates are in the table alone.
+/// Quantity that charts show: estimates are in the table alone.
 const DIFFERENCE: &str = "RMS difference from the reference";
 /// Errors of the table: measured by comparison with a reference, estimated, of form factors, of path tracing.
 const ERRORS: [(&str, &str); 5] = [
@@ -34,7 +34,7 @@ const MAX_FAULTS: usize = 10;
 /// Grids of points that are listed: a few screens.
 const MAX_GRIDS: usize = 200;
 
-/// What the page shows.
+/// Contents of the page.
 #[derive(Default)]
 pub struct Report<'a> {
     /// Name of the output folder.
@@ -43,7 +43,7 @@ pub struct Report<'a> {
     pub rows: &'a [Row],
     /// Number of jobs of the job file.
     pub jobs_in_all: usize,
-    /// Why jobs have no row.
+    /// Reasons why jobs have no row.
     pub faults: &'a [String],
     /// Light on grids of points.
     pub grids: &'a [JobGrid],
@@ -68,7 +68,7 @@ pub struct JobPicture {
 }
 
 impl JobPicture {
-    /// What it shows: a feature mask, a difference and a grid are told by the name of their file.
+    /// Description of its content: a feature mask, a difference and a grid are recognised by the name of their file.
     fn what(&self) -> String {
         let stem = self.file.rsplit_once('.').map_or(self.file.as_str(), |(stem, _)| stem);
         let size = stem.rsplit_once("mask-").and_then(|(_, size)| size.parse().ok());
@@ -324,7 +324,7 @@ const MAX_CHARTS: usize = 40;
 
 /// A chart of the page.
 pub struct Chart {
-    /// What it shows.
+    /// Title of the chart.
     pub title: String,
     /// The chart with its caption.
     pub markup: Markup,
@@ -367,7 +367,7 @@ pub fn charts(rows: &[Row]) -> Result<(Vec<Chart>, usize)> {
     Ok((charts, in_all))
 }
 
-/// Says how much of the differences from references is the noise of these.
+/// A sentence about the fraction of the differences that is noise of the references.
 fn noise(rows: &[&Row]) -> String {
     let values = || rows.iter().filter_map(|row| value(row, COMPARED_NOISE));
     let (least, most) = (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max));

@@ -3,7 +3,7 @@
 //! All files and the line are on disk before the folder is renamed. After a crash between the two, the next run finds the folder complete
 //! in the work folder and renames it. What goes wrong with the outputs of one job makes that job fail; others are kept.
 
-use super::job_run::{Ended, is_full};
+use super::job_run::{JobResult, is_full};
 use super::plan::Plan;
 use crate::batch::{
     Entry, HashedFile, Hashes, Journal, Status, publish, remove, seal, sync_up, withdraw, work,
@@ -24,32 +24,32 @@ pub struct Finished {
     /// Seconds.
     pub seconds: f64,
     /// How it ended.
-    pub ended: Ended,
+    pub ended: JobResult,
     /// Fingerprints of the jobs that it needs.
     pub needs: Vec<String>,
 }
 
 /// A job that gets its line in the journal.
-pub enum Closing {
+pub enum JobEnd {
     /// Its command has ended.
     Ran(Finished),
     /// It will not run, for this reason.
     Skipped(usize, String),
 }
 
-/// What happened.
+/// An event that the runner of a batch handles.
 pub enum Event {
     /// The command of a job has ended.
     Ran(Finished),
     /// The outputs of jobs are permanent, or they failed.
-    Kept(Vec<(usize, Entry)>),
-    /// No more jobs may start. So many jobs have ended without a line in the journal.
+    JournalLines(Vec<(usize, Entry)>),
+    /// No more jobs may start; the number of jobs that ended without a line in the journal.
     Broken(Error, usize),
     /// All finished jobs are permanent.
     Closed,
 }
 
-/// Largest number of jobs that are made permanent together: what waits for a slow disk is spread over so many threads.
+/// Largest number of jobs that are made permanent together, each by a thread of its own, so that waits for a slow disk overlap.
 const MAX_GROUP: usize = 16;
 
 /// Makes jobs permanent until the sender of `closing` is dropped. Those that wait at the same time share one write of the journal.
@@ -57,14 +57,14 @@ pub fn commit(
     plan: &Plan,
     hashes: &Hashes,
     mut journal: Journal,
-    closing: &Receiver<Closing>,
+    closing: &Receiver<JobEnd>,
     events: &Sender<Event>,
 ) {
     while let Ok(first) = closing.recv() {
-        let group: Vec<Closing> =
+        let group: Vec<JobEnd> =
             std::iter::once(first).chain(closing.try_iter().take(MAX_GROUP - 1)).collect();
         // File systems write at once what several threads force to disk at the same time.
-        let lines: Vec<Line> = std::thread::scope(|scope| {
+        let lines: Vec<JournalLine> = std::thread::scope(|scope| {
             let sealing: Vec<_> = group.iter().map(|c| scope.spawn(|| line(plan, hashes, c))).collect();
             sealing.into_iter().map(|line| line.join().expect("sealing does not panic")).collect()
         });
@@ -72,7 +72,7 @@ pub fn commit(
         let (kept, full) = match keep(plan, &mut journal, lines) {
             Ok((kept, full)) => {
                 let what = full.first().map(|what| Event::Broken(make_room(what), full.len()));
-                (Event::Kept(kept), what)
+                (Event::JournalLines(kept), what)
             }
             Err(error) if is_full(&error) => (Event::Broken(make_room(&one_line(&error)), count), None),
             Err(error) => (Event::Broken(error, count), None),
@@ -93,14 +93,14 @@ pub fn make_room(what: &str) -> Error {
 }
 
 /// The line of a job for the journal.
-struct Line {
+struct JournalLine {
     job: usize,
     entry: Entry,
     /// The error, if there was no space for its outputs: the job counts as not run.
     full: Option<String>,
 }
 
-impl Line {
+impl JournalLine {
     /// The job has failed with this error.
     fn fail(&mut self, error: &Error) {
         let what = one_line(error);
@@ -111,14 +111,14 @@ impl Line {
 }
 
 /// The line of a job, whose outputs are on disk.
-fn line(plan: &Plan, hashes: &Hashes, closing: &Closing) -> Line {
+fn line(plan: &Plan, hashes: &Hashes, closing: &JobEnd) -> JournalLine {
     let entry = |k: usize, status| Entry::new(k, &plan.jobs[k], &plan.keys[k], status, plan.shown[k].clone());
     match closing {
-        Closing::Skipped(job, why) => {
+        JobEnd::Skipped(job, why) => {
             let entry = Entry { error: Some(why.clone()), attempt: 0, ..entry(*job, Status::Skipped) };
-            Line { job: *job, entry, full: None }
+            JournalLine { job: *job, entry, full: None }
         }
-        Closing::Ran(finished) => {
+        JobEnd::Ran(finished) => {
             let Finished { job, ended, .. } = finished;
             let status = match (&ended.error, ended.missed) {
                 (Some(_), _) => Status::Failed,
@@ -134,7 +134,7 @@ fn line(plan: &Plan, hashes: &Hashes, closing: &Closing) -> Line {
                 needs: finished.needs.clone(),
                 ..entry(*job, status)
             };
-            let mut line = Line { job: *job, entry, full: None };
+            let mut line = JournalLine { job: *job, entry, full: None };
             if line.entry.has_outputs() {
                 match files(plan, hashes, finished) {
                     Ok(files) => (line.entry.inputs, line.entry.outputs) = files,
@@ -165,19 +165,19 @@ fn files(plan: &Plan, hashes: &Hashes, finished: &Finished) -> Result<(Vec<Hashe
 }
 
 /// Lines that count, and the errors of jobs without space for their outputs.
-type Kept = (Vec<(usize, Entry)>, Vec<String>);
+type JournalLines = (Vec<(usize, Entry)>, Vec<String>);
 
 /// Writes the lines of jobs and gives their folders their places. Takes those of former runs away if a job has none now, but not if a file
 /// system without space is the reason: what an earlier run has made stays until the job has run.
 ///
 /// # Errors
 /// The journal cannot be written.
-fn keep(plan: &Plan, journal: &mut Journal, mut lines: Vec<Line>) -> Result<Kept> {
+fn keep(plan: &Plan, journal: &mut Journal, mut lines: Vec<JournalLine>) -> Result<JournalLines> {
     let out = &plan.out;
     lines.iter_mut().filter(|line| !line.entry.has_outputs()).for_each(|line| clear(out, line));
-    let of_ran = |line: &&Line| line.full.is_none();
+    let of_ran = |line: &&JournalLine| line.full.is_none();
     journal.append(&lines.iter().filter(of_ran).map(|line| &line.entry).collect::<Vec<_>>())?;
-    let each_with_outputs = |lines: &mut [Line], act: &dyn Fn(&str) -> Result<()>| -> Vec<usize> {
+    let each_with_outputs = |lines: &mut [JournalLine], act: &dyn Fn(&str) -> Result<()>| -> Vec<usize> {
         let mut failed = Vec::new();
         for (k, line) in lines.iter_mut().enumerate().filter(|(_, line)| line.entry.has_outputs()) {
             if let Err(error) = act(&line.entry.job) {
@@ -196,14 +196,15 @@ fn keep(plan: &Plan, journal: &mut Journal, mut lines: Vec<Line>) -> Result<Kept
         failed.iter().for_each(|&k| clear(out, &mut lines[k]));
         journal.append(&failed.iter().map(|&k| &lines[k].entry).collect::<Vec<_>>())?;
     }
-    let (full, ran): (Vec<Line>, Vec<Line>) = lines.into_iter().partition(|line| line.full.is_some());
+    let (full, ran): (Vec<JournalLine>, Vec<JournalLine>) =
+        lines.into_iter().partition(|line| line.full.is_some());
     let kept = ran.into_iter().map(|line| (line.job, line.entry)).collect();
     Ok((kept, full.into_iter().filter_map(|line| line.full).collect()))
 }
 
 /// Removes what a job without outputs has written, and what an earlier run has made with other options or inputs: it must not pass for a
 /// result of this run. Outputs of an earlier run stay if there was no space.
-fn clear(out: &Path, line: &mut Line) {
+fn clear(out: &Path, line: &mut JournalLine) {
     // What cannot be removed takes space, nothing else.
     let _ = remove(&work(out, &line.entry.job));
     if line.full.is_none() {

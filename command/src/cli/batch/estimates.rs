@@ -1,4 +1,4 @@
-//! What jobs will probably take, before they run.
+//! Estimates of the memory and time of jobs before they run.
 
 use super::command_line::{Line, scene_of};
 use crate::batch::{Entries, Job, Status};
@@ -28,7 +28,7 @@ const ERROR_EXPONENT: f64 = 1.3;
 const SECONDS_PER_PATH: f64 = 1e-5;
 const BYTES_PER_POINT: f64 = 35.0;
 
-/// What is known of a job before it runs.
+/// Estimated resources of a job before it runs.
 pub struct Estimate {
     /// Memory, bytes; `None` if the batch makes its scene.
     pub memory: Option<u64>,
@@ -39,7 +39,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// By the sizes of files that are there.
+    /// Estimates from the sizes of the existing input files.
     pub fn of(job: &Job, line: &Line, command: &Command) -> Estimate {
         let size = |path: &Path| Some(std::fs::metadata(path).ok()?.len());
         let scene_bytes = scene_of(job, line).and_then(size);
@@ -93,7 +93,7 @@ impl Corrections {
         Corrections(found.into_iter().map(|(name, ratios)| (name, median(ratios))).collect())
     }
 
-    /// Estimated seconds of a job on so many threads, unless it asks for a number of its own.
+    /// Estimated seconds of a job on this number of threads, or on the number that the job states.
     pub fn seconds(&self, job: &Job, estimate: &Estimate, threads: usize) -> Option<f64> {
         let factor = self.0.iter().find(|(name, _)| *name == job.command.name).map_or(1.0, |c| c.1);
         let threads = estimate.threads.unwrap_or(threads).clamp(1, threads.max(1));

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 /// How the command of a job ended.
 #[derive(Debug, Default, Deserialize, Serialize)]
-pub struct Ended {
+pub struct JobResult {
     /// Its error.
     pub error: Option<String>,
     /// Whether the error is that of a full disk.
@@ -30,22 +30,22 @@ pub struct Ended {
     pub peak_bytes: Option<u64>,
 }
 
-impl Ended {
-    fn failed(error: impl Into<String>) -> Ended {
-        Ended { error: Some(error.into()), ..Ended::default() }
+impl JobResult {
+    fn failed(error: impl Into<String>) -> JobResult {
+        JobResult { error: Some(error.into()), ..JobResult::default() }
     }
 
     /// The end of a job whose files cannot be written or read.
-    pub fn with_error(error: &Error) -> Ended {
-        Ended { is_full: is_full(error), ..Ended::failed(one_line(error)) }
+    pub fn with_error(error: &Error) -> JobResult {
+        JobResult { is_full: is_full(error), ..JobResult::failed(one_line(error)) }
     }
 }
 
 /// Runs a job in this process. A panic ends the job only.
-pub fn in_process(line: &Line, shown: &str, threads: usize, scenes: &Arc<SharedScenes>) -> Ended {
+pub fn in_process(line: &Line, shown: &str, threads: usize, scenes: &Arc<SharedScenes>) -> JobResult {
     let command = match line.parse() {
         Ok(command) => command,
-        Err(error) => return Ended::failed(crate::cli::usage(&error)),
+        Err(error) => return JobResult::failed(crate::cli::usage(&error)),
     };
     let work = || job_context::within(shown, scenes, || crate::cli::run(&command));
     let ran = catch_unwind(AssertUnwindSafe(|| Threads::new(threads)?.run(work)));
@@ -54,16 +54,16 @@ pub fn in_process(line: &Line, shown: &str, threads: usize, scenes: &Arc<SharedS
             let what = panic.downcast_ref::<String>().map(String::as_str);
             let what = what.or(panic.downcast_ref::<&str>().copied()).unwrap_or("unknown");
             let what: Vec<&str> = what.split_whitespace().collect();
-            return Ended::failed(format!("internal error, please report it: {}", what.join(" ")));
+            return JobResult::failed(format!("internal error, please report it: {}", what.join(" ")));
         }
-        Ok(Err(error)) => return Ended::failed(one_line(&error)),
+        Ok(Err(error)) => return JobResult::failed(one_line(&error)),
         Ok(Ok(ran)) => ran,
     };
     match result {
         // Outputs of a command that was interrupted may be those of half of the work.
-        Ok(_) if interruption::stopped() => Ended::failed("the process of the job was interrupted"),
-        Ok(code) => Ended { missed: code != ExitCode::SUCCESS, read, ..Ended::default() },
-        Err(error) => Ended::with_error(&error),
+        Ok(_) if interruption::stopped() => JobResult::failed("the process of the job was interrupted"),
+        Ok(code) => JobResult { missed: code != ExitCode::SUCCESS, read, ..JobResult::default() },
+        Err(error) => JobResult::with_error(&error),
     }
 }
 
@@ -73,7 +73,7 @@ pub fn is_full(error: &Error) -> bool {
     matches!(error, Error::Io { source, .. } if kinds.contains(&source.kind()))
 }
 
-/// What a process of its own is told.
+/// Description of a job for a separate process, sent to its standard input.
 #[derive(Deserialize, Serialize)]
 struct Request {
     words: Vec<OsString>,
@@ -84,7 +84,7 @@ struct Request {
 }
 
 /// Runs a job as a process of its own within limits.
-pub fn as_process(line: &Line, shown: &str, threads: usize, limits: Limits) -> Ended {
+pub fn as_process(line: &Line, shown: &str, threads: usize, limits: Limits) -> JobResult {
     let start = Instant::now();
     let request = Request {
         words: line.words.clone(),
@@ -96,13 +96,13 @@ pub fn as_process(line: &Line, shown: &str, threads: usize, limits: Limits) -> E
     let child = started(&request);
     let mut child = match child {
         Ok(child) => child,
-        Err(e) => return Ended::failed(format!("the process of the job cannot be started ({e})")),
+        Err(e) => return JobResult::failed(format!("the process of the job cannot be started ({e})")),
     };
     // Read while the process runs: it waits for room in a pipe that is full.
     let (answer, text) = (read_on_thread(child.stdout.take()), read_on_thread(child.stderr.take()));
     let late = || limits.seconds.is_some_and(|s| start.elapsed().as_secs_f64() > s);
     let mut stopped = false;
-    // Short jobs are not held up, long ones cost little: the pause grows from 1 to 50 ms.
+    // The polling interval grows from 1 to 50 ms: short jobs are not delayed, and long ones are polled rarely.
     let mut pause = Duration::from_millis(1);
     let status = loop {
         match child.try_wait() {
@@ -113,7 +113,7 @@ pub fn as_process(line: &Line, shown: &str, threads: usize, limits: Limits) -> E
                 let _ = child.kill();
             }
             Ok(None) => std::thread::sleep(pause),
-            Err(e) => return Ended::failed(format!("the process of the job was lost ({e})")),
+            Err(e) => return JobResult::failed(format!("the process of the job was lost ({e})")),
         }
         pause = (pause * 2).min(Duration::from_millis(50));
     };
@@ -124,9 +124,9 @@ pub fn as_process(line: &Line, shown: &str, threads: usize, limits: Limits) -> E
     }
     if stopped {
         let seconds = limits.seconds.unwrap_or_default();
-        return Ended::failed(format!("the time limit of {seconds} s was over; raise `limits.seconds`"));
+        return JobResult::failed(format!("the time limit of {seconds} s was over; raise `limits.seconds`"));
     }
-    Ended::failed(cause(&status.to_string(), limits, &text))
+    JobResult::failed(cause(&status.to_string(), limits, &text))
 }
 
 /// Why a process ended, from what it wrote to standard error.

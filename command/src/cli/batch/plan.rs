@@ -1,4 +1,4 @@
-//! What a batch will do: jobs with their command lines, checked before anything starts.
+//! Plan of a batch: jobs with their command lines, checked before any job starts.
 
 use super::command_line::{Grammar, Line};
 use super::estimates::{Corrections, Estimate};
@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 pub struct Plan {
     /// Output folder.
     pub out: PathBuf,
-    /// What paths in journals are relative to.
+    /// Folders to which paths in journals are relative.
     pub places: Places,
     /// All jobs of the file.
     pub jobs: Vec<Job>,
@@ -33,19 +33,19 @@ pub struct Plan {
     pub listed: Listed,
     /// Files that the command lines name.
     pub inputs: Vec<Vec<HashedFile>>,
-    /// What the jobs will probably take.
+    /// Estimated memory and time of the jobs.
     pub estimates: Vec<Estimate>,
     /// Indices of the jobs to be run, in an order that dependencies allow.
     pub chosen: Vec<usize>,
 }
 
-/// What earlier runs have done.
+/// Results of earlier runs.
 pub struct Earlier {
     /// The last line of each job.
     pub entries: Entries,
     /// By job, whether it is done.
     pub done: Vec<bool>,
-    /// Jobs that would be done if their outputs were as they were made, and what is wrong with these.
+    /// Jobs whose outputs have changed since they were written, and how.
     pub spoilt: Vec<(usize, String)>,
 }
 
@@ -107,8 +107,8 @@ impl Plan {
         ran.map(|entry| entry.seconds)
     }
 
-    /// Expected seconds of all jobs, for the order in which they start and the time left: of an earlier run, else estimated for so many
-    /// threads, or 0 if nothing is known.
+    /// Expected seconds of all jobs, which determine the order of their starts and the time left: those of an earlier run, else an estimate
+    /// for this number of threads, or 0 without one.
     pub fn work(&self, entries: &Entries, threads: usize) -> Vec<f64> {
         let corrections = Corrections::of(&self.jobs, &self.estimates, entries);
         let estimated = |k: usize| corrections.seconds(&self.jobs[k], &self.estimates[k], threads);
@@ -187,7 +187,7 @@ impl Plan {
         Err(Error::format(self.out.join(first), None, what))
     }
 
-    /// The chosen jobs as text, with estimates for so many threads.
+    /// The chosen jobs as text, with estimates for this number of threads.
     pub fn listed(&self, earlier: &Earlier, threads: usize) -> String {
         let Earlier { entries, done, spoilt } = earlier;
         let mut text = String::new();
@@ -214,8 +214,8 @@ impl Plan {
     }
 }
 
-/// What the key of a job knows of the programs: version and hash of this one, and the version of Embree, which is loaded from a file of
-/// its own.
+/// Part of a job's key that identifies the programs: version and hash of this one, and the version of Embree, which is a separate
+/// library file.
 fn programs() -> Result<String> {
     let path = std::env::current_exe().map_err(|e| Error::io("this program", e))?;
     let hash = hash_file(&path).map_err(|e| Error::Unsupported(one_line(&e)))?;

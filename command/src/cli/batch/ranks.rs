@@ -5,7 +5,7 @@
 
 use super::command_line::Line;
 use super::commit::{Event, Finished};
-use super::job_run::{Ended, as_process, in_process};
+use super::job_run::{JobResult, as_process, in_process};
 use super::plan::Plan;
 use crate::batch::{Capacity, Limits, begin};
 use crate::cli::interruption;
@@ -19,8 +19,8 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-/// Time between two looks for messages: a job takes so much longer at most.
-const PAUSE: Duration = Duration::from_millis(1);
+/// Time between two checks for messages: the largest delay that it adds to a job.
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
 /// A job for another rank.
 pub struct Assignment {
@@ -38,7 +38,7 @@ pub struct Assignment {
     pub spare: u64,
 }
 
-/// What a rank is told of a job.
+/// Request to a rank to run a job.
 #[derive(Deserialize, Serialize)]
 struct Request {
     job: usize,
@@ -50,12 +50,12 @@ struct Request {
     spare: u64,
 }
 
-/// What a rank says of a job.
+/// Reply of a rank about a job.
 #[derive(Deserialize, Serialize)]
 struct Reply {
     job: usize,
     seconds: f64,
-    ended: Ended,
+    ended: JobResult,
 }
 
 fn encoded(value: &impl Serialize) -> Vec<u8> {
@@ -66,7 +66,7 @@ fn decoded<T: for<'a> Deserialize<'a>>(bytes: &[u8]) -> T {
     serde_json::from_slice(bytes).expect("all ranks run the same program")
 }
 
-/// What all ranks can run at once, from what this one can; asked once on each rank.
+/// Capacities of all ranks; each rank passes its own. Called once on each rank.
 pub fn capacities(world: World, own: Capacity) -> Vec<Capacity> {
     let all = world.all_gather(&encoded(&(own.threads, own.jobs, own.memory)));
     let capacity = |bytes: Vec<u8>| {
@@ -80,23 +80,23 @@ pub fn capacities(world: World, own: Capacity) -> Vec<Capacity> {
 pub fn hand_out(world: World, plan: &Plan, assignments: &Receiver<Assignment>, events: &Sender<Event>) {
     let mut mailbox = Mailbox::new(world);
     let mut open: HashMap<usize, Assignment> = HashMap::new();
-    let finished = |a: &Assignment, seconds: f64, ended: Ended| {
+    let finished = |a: &Assignment, seconds: f64, ended: JobResult| {
         let (job, attempt, threads) = (a.job, a.attempt, a.threads);
         // Without a receiver the batch has ended.
         let _ =
             events.send(Event::Ran(Finished { job, attempt, threads, seconds, ended, needs: Vec::new() }));
     };
     loop {
-        match assignments.recv_timeout(PAUSE) {
+        match assignments.recv_timeout(POLL_INTERVAL) {
             Ok(assignment) => match begin(&plan.out, &plan.jobs[assignment.job].name) {
-                Err(error) => finished(&assignment, 0.0, Ended::with_error(&error)),
+                Err(error) => finished(&assignment, 0.0, JobResult::with_error(&error)),
                 Ok(()) => {
                     mailbox.send(assignment.rank, &encoded(&request(plan, &assignment)));
                     open.insert(assignment.job, assignment);
                 }
             },
             Err(RecvTimeoutError::Disconnected) if open.is_empty() => break,
-            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(PAUSE),
+            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(POLL_INTERVAL),
             Err(RecvTimeoutError::Timeout) => {}
         }
         while let Some((_, message)) = mailbox.receive() {
@@ -121,7 +121,7 @@ fn request(plan: &Plan, assignment: &Assignment) -> Request {
     Request { job, words, shown, threads, seconds: limits.seconds, memory: limits.memory, spare }
 }
 
-/// Runs what the first rank hands out within this capacity, until it says that there is no more.
+/// Runs the jobs that the first rank sends within this capacity, until the first rank sends the end.
 pub fn serve(world: World, capacity: Capacity) {
     interruption::watch(None);
     capacities(world, capacity);
@@ -145,7 +145,7 @@ pub fn serve(world: World, capacity: Capacity) {
                     let _ = replies.send(run(&request, &scenes));
                 });
             }
-            if let Ok(reply) = ended.recv_timeout(PAUSE) {
+            if let Ok(reply) = ended.recv_timeout(POLL_INTERVAL) {
                 mailbox.send(0, &encoded(&reply));
             }
         }

@@ -1,4 +1,4 @@
-//! What a batch says while it runs: lines on a terminal that change, plain lines elsewhere, and a log of JSON Lines.
+//! Progress reports of a running batch: progress bars on a terminal, plain lines elsewhere, and a log of JSON Lines.
 
 use crate::batch::{Entry, Status};
 use crate::cli::progress::time_left;
@@ -92,7 +92,7 @@ impl Reporter {
         self.state().lines.insert(job, line);
     }
 
-    /// Time passes.
+    /// Updates the displayed time left.
     pub fn tick(&self) {
         let Some((_, bar)) = &self.bars else { return };
         let state = self.state();
@@ -144,7 +144,7 @@ impl Reporter {
             None if entry.status == Status::Missed => {
                 self.say(&format!("{left} done {name}, {:.2} s, but it missed its tolerance", entry.seconds));
             }
-            // On a terminal the lines of running jobs tell enough.
+            // On a terminal the lines of running jobs show it.
             None if self.bars.is_some() => {}
             None => self.say(&format!("{left} done {name}, {:.2} s", entry.seconds)),
         }
@@ -158,7 +158,7 @@ impl Reporter {
         self.say(&format!("skipped {name}: {why}"));
     }
 
-    /// The user has interrupted the batch; so many jobs are done and left.
+    /// The user has interrupted the batch; numbers of finished and of remaining jobs.
     pub fn interrupted(&self, done: usize, left: usize) {
         self.note("interrupted", json!({ "left": left }));
         self.finish();

@@ -1,8 +1,8 @@
 //! Runs the jobs of a plan: starts them as threads and memory allow, and follows them to their end.
 
-use super::commit::{Closing, Event, Finished, commit, make_room};
+use super::commit::{Event, Finished, JobEnd, commit, make_room};
 use super::estimates::MIN_MEMORY;
-use super::job_run::{Ended, as_process, in_process};
+use super::job_run::{JobResult, as_process, in_process};
 use super::plan::Plan;
 #[cfg(feature = "mpi")]
 use super::ranks;
@@ -30,7 +30,7 @@ const MAX_SHARED_PART: u64 = 4;
 /// Address space that a thread takes without using it, bytes: an arena of glibc (64 MiB) and a stack (8 MiB).
 const RESERVED_BY_THREAD: u64 = 72 << 20;
 
-/// Time between two looks at the flag of interruption: not noticed by a user.
+/// Time between two checks for an interruption: below what a user notices.
 const INTERVAL: Duration = Duration::from_millis(50);
 
 /// How a batch runs.
@@ -72,10 +72,10 @@ struct Runner<'a> {
     broken: Option<Error>,
     /// Jobs that run or are being made permanent.
     open: usize,
-    /// To where jobs are made permanent, until no more follow.
-    closing: Option<Sender<Closing>>,
+    /// Sender to the thread that makes jobs permanent; `None` after the last job.
+    closing: Option<Sender<JobEnd>>,
     scenes: Arc<SharedScenes>,
-    /// By process, what it can run at once; the first is this one.
+    /// Capacity of each process; the first is this one.
     capacities: Vec<Capacity>,
     /// Takes jobs for other processes.
     #[cfg(feature = "mpi")]
@@ -149,7 +149,7 @@ pub fn run(
     runner.broken.map_or(Ok(runner.summary), Err)
 }
 
-/// What all processes can run at once.
+/// Capacities of all processes.
 fn capacities(settings: &Settings) -> Vec<Capacity> {
     #[cfg(feature = "mpi")]
     if let Some(world) = settings.world {
@@ -243,7 +243,7 @@ impl<'a> Runner<'a> {
             let start = Instant::now();
             let (line, shown) = (&plan.lines[job], &plan.shown[job]);
             let ended = match begin(&plan.out, &plan.jobs[job].name) {
-                Err(error) => Ended::with_error(&error),
+                Err(error) => JobResult::with_error(&error),
                 Ok(()) if limits == Limits::default() => in_process(line, shown, threads, &scenes),
                 Ok(()) => as_process(line, shown, threads, limits),
             };
@@ -253,7 +253,7 @@ impl<'a> Runner<'a> {
             let _ = events.send(Event::Ran(Finished { job, attempt, threads, seconds, ended, needs }));
         };
         if let Err(e) = std::thread::Builder::new().spawn_scoped(scope, work) {
-            let ended = Ended::with_error(&Error::io("thread of a job", e));
+            let ended = JobResult::with_error(&Error::io("thread of a job", e));
             let ran = Finished { job, attempt, threads, seconds: 0.0, ended, needs: Vec::new() };
             // The receiver is this thread.
             let _ = refused.send(Event::Ran(ran));
@@ -301,11 +301,11 @@ impl<'a> Runner<'a> {
             return;
         }
         ran.needs = self.plan.fingerprints(ran.job, entries);
-        self.close(Closing::Ran(ran));
+        self.close(JobEnd::Ran(ran));
     }
 
     /// Sends a job to the thread that writes the journal, unless the batch takes no more jobs. The next run then runs or skips the job.
-    fn close(&self, job: Closing) {
+    fn close(&self, job: JobEnd) {
         if let Some(closing) = &self.closing {
             // The other end lives as long as this sender.
             let _ = closing.send(job);
@@ -314,7 +314,7 @@ impl<'a> Runner<'a> {
 
     fn handle_kept(&mut self, event: Event, entries: &mut Entries) {
         match event {
-            Event::Kept(kept) => kept.into_iter().for_each(|(k, entry)| self.kept(k, entry, entries)),
+            Event::JournalLines(kept) => kept.into_iter().for_each(|(k, entry)| self.kept(k, entry, entries)),
             Event::Broken(error, lost) => {
                 self.broken.get_or_insert(error);
                 self.open -= lost;
@@ -354,7 +354,7 @@ impl<'a> Runner<'a> {
         self.reporter.skipped(&jobs[job].name, &jobs[need].name, &why);
         if self.closing.is_some() {
             self.open += 1;
-            self.close(Closing::Skipped(job, why));
+            self.close(JobEnd::Skipped(job, why));
         }
     }
 }

@@ -22,7 +22,7 @@ struct Session {
     sharing: Sharing,
 }
 
-/// What the ranks have exchanged since the beginning.
+/// Statistics of the communication between ranks since the start.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Sharing {
     /// Number of ranks.
@@ -83,10 +83,10 @@ fn session() -> MutexGuard<'static, Option<Session>> {
 
 /// Largest number of bytes that ranks gather in one call of MPI, which counts bytes in 31 bits.
 const MAX_GATHERED: usize = 1 << 30;
-/// Time between two looks at whether all ranks have ended: MPI itself would use up a core by waiting.
-const PAUSE: Duration = Duration::from_millis(1);
+/// Time between two checks whether all ranks have ended: waiting in MPI itself would occupy a core.
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
-/// All ranks, as one of them sees them.
+/// Handle of one rank to all ranks.
 #[derive(Clone, Copy)]
 pub struct World {
     count: usize,
@@ -146,7 +146,7 @@ impl World {
         self.own == 0
     }
 
-    /// What the ranks have exchanged.
+    /// Statistics of the communication between ranks.
     pub fn sharing(self) -> Sharing {
         session().as_ref().map(|session| session.sharing.clone()).unwrap_or_default()
     }
@@ -156,7 +156,7 @@ impl World {
         let mut all_here = communicator().immediate_barrier();
         while let Err(request) = all_here.test() {
             all_here = request;
-            std::thread::sleep(PAUSE);
+            std::thread::sleep(POLL_INTERVAL);
         }
         drop(session().take());
     }

@@ -3,7 +3,7 @@
 use super::super::args::grouped;
 use super::super::values::{ENGINES, name_of};
 use super::{Luminous, Reported, grids};
-use mrvis::internals::bench::side_by_side::{ComparedRecord, Versus};
+use mrvis::internals::bench::side_by_side::{ComparedRecord, SideBySide};
 use mrvis::internals::plot::number;
 use mrvis::internals::radiosity::Record;
 use std::fmt::Write as _;
@@ -96,7 +96,7 @@ fn energy(text: &mut String, r: &Record, photometric: &Option<Luminous>) {
 }
 
 /// Times and results of both engines.
-fn side_by_side(r: &Record, v: &Versus) -> String {
+fn side_by_side(r: &Record, v: &SideBySide) -> String {
     let name = |engine| name_of(ENGINES, engine);
     let mut text = format!(
         "{:<9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>12}\n",

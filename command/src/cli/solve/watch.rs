@@ -38,7 +38,7 @@ impl<'a> Watch<'a> {
         Watch { bar, stopped: interruption::stopped }
     }
 
-    /// Progress of the files of a solution of so many elements, and of its pictures of so many pixels. It stops if they are large.
+    /// Progress while files of a solution with this number of elements and pictures with this number of pixels are written. Stops large ones.
     pub fn for_files(&self, pixels: usize, elements: usize) -> impl Progress + use<'a> {
         let large = pixels > SMALL_PICTURE || elements > SMALL_SOLUTION;
         Watch { bar: self.bar, stopped: move || large && interruption::stopped() }
@@ -50,7 +50,7 @@ pub fn prepare(scene: Arc<Scene>, options: &Options, watch: &Watch) -> Result<Mo
     // What exact visibility needs is always prepared.
     let limit = options.max_seconds.filter(|_| options.engine != Engine::Exact);
     let left = limit.map_or(f64::INFINITY, |limit| limit - options.seconds_spent);
-    // Measuring clusters is worth it only if there is time for more.
+    // Clusters are measured only if time remains for the solve.
     let start = Instant::now();
     let until =
         Watch { bar: watch.bar, stopped: || watch.stopped() || start.elapsed().as_secs_f64() >= left };
