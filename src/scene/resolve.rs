@@ -17,7 +17,7 @@ use super::{
     luminaires, moves, names, overlap,
     power::{self, Surfaces},
     size::{areas, ends},
-    stack::{Order, stack},
+    stack::{Order, PartShape, stack},
 };
 use crate::{
     Error, Result,
@@ -98,8 +98,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let (objects, triangle_object) = used_objects(soup.objects, faces.object);
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let part = |t: usize| parts.part[faces.polygon[t] as usize];
-    let rooms = rooms(&parts, &faces.polygon, &positions, &triangles);
-    let is_room = |t: usize| rooms[part(t) as usize];
+    let shapes = shapes_of_parts(&parts, &faces.polygon, &positions, &triangles);
     let sides = |t: usize| options.sides.unwrap_or(if parts.closed[part(t) as usize] { 1 } else { 2 });
     let looks = |t: usize| (faces.reflectance[t], materials[faces.material[t] as usize].emission);
     let planes = overlap::Faces {
@@ -108,18 +107,12 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         object: &triangle_object,
         two_sided: &|t| sides(t) == 2,
         part: &part,
-        is_room: &is_room,
+        is_room: &|t| shapes[part(t) as usize].is_room,
         appear_alike: &|s, t| looks(s) == looks(t),
     };
     let found = overlap::find(&planes, &objects, &options.unit, &mut repairs);
-    let part_area = &area_of_parts(&parts, &faces.polygon, &area);
-    let order = Order {
-        part: &part,
-        is_room: &is_room,
-        part_area,
-        emitter: &triangle_emitter,
-        two_sided: &|t| sides(t) == 2,
-    };
+    let order =
+        Order { part: &part, shapes: &shapes, emitter: &triangle_emitter, two_sided: &|t| sides(t) == 2 };
     stack(&found, order, &mut positions, &mut triangles);
     Ok(Scene {
         path: soup.path,
@@ -179,29 +172,28 @@ fn faces_and_parts(
     Ok((faces, edges, parts))
 }
 
-/// For each triangle, the area of its part, scene units squared.
-fn area_of_parts(parts: &Parts, polygon: &[u32], area: &[f64]) -> Vec<f64> {
-    let mut areas = vec![0.0; parts.closed.len()];
-    let part = |t: usize| parts.part[polygon[t] as usize] as usize;
-    (0..area.len()).for_each(|t| areas[part(t)] += area[t]);
-    (0..area.len()).map(|t| areas[part(t)]).collect()
-}
-
 /// Smallest volume of a room relative to the sum of the areas of its triangles times their distances from one of its corners: a corridor a thousand times
 /// as long as wide has more, the rounding of flat sheets leaves 1e-6.
 const MIN_VOLUME: f64 = 1e-3;
 
-/// Whether the normals of each part point into it: its signed volume is negative.
-fn rooms(parts: &Parts, polygon: &[u32], positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<bool> {
-    let mut volumes = vec![(None, 0.0, 0.0); parts.closed.len()];
+/// Area of each part, and whether its normals point into it: its signed volume is negative.
+fn shapes_of_parts(
+    parts: &Parts,
+    polygon: &[u32],
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+) -> Vec<PartShape> {
+    let mut sums = vec![(None, 0.0, 0.0, 0.0); parts.closed.len()];
     for (t, corners) in triangles.iter().enumerate() {
         let [a, b, c] = corners.map(|v| positions[v as usize].as_dvec3());
-        let (corner, volume, limit) = &mut volumes[parts.part[polygon[t] as usize] as usize];
+        let (corner, area, volume, limit) = &mut sums[parts.part[polygon[t] as usize] as usize];
         let (from, normal) = (a - *corner.get_or_insert(a), (b - a).cross(c - a));
+        *area += 0.5 * normal.length();
         *volume += from.dot(normal);
         *limit += from.length() * normal.length();
     }
-    volumes.into_iter().map(|(_, volume, limit)| volume < -MIN_VOLUME * limit).collect()
+    let shape = |(_, area, volume, limit)| PartShape { area, is_room: volume < -MIN_VOLUME * limit };
+    sums.into_iter().map(shape).collect()
 }
 
 fn check_sides(options: &LoadOptions) -> Result<()> {

@@ -31,14 +31,19 @@ const MIN_SHEET_COVER: f64 = 0.99;
 pub(super) struct Order<'a> {
     /// Part (connected faces) of a triangle.
     pub part: &'a dyn Fn(usize) -> u32,
-    /// Whether the normals of the part of a triangle point into it, as those of a room.
-    pub is_room: &'a dyn Fn(usize) -> bool,
-    /// Area of the part of each triangle.
-    pub part_area: &'a [f64],
+    pub shapes: &'a [PartShape],
     /// Emitter of each triangle, or `u32::MAX`.
     pub emitter: &'a [u32],
     /// Whether a triangle is visible from both sides.
     pub two_sided: &'a dyn Fn(usize) -> bool,
+}
+
+/// Shape of a part.
+pub(super) struct PartShape {
+    /// Scene units squared.
+    pub area: f64,
+    /// Whether its normals point into it, as those of a room.
+    pub is_room: bool,
 }
 
 /// Moves the lower one of each two overlapping triangles behind the upper one: that of the smaller part, of equal parts the later
@@ -50,16 +55,17 @@ pub(super) struct Order<'a> {
 /// ceiling, follow it ([`keep_contact`]).
 pub(super) fn stack(
     found: &[Overlap],
-    Order { part, is_room, part_area, emitter, two_sided }: Order,
+    Order { part, shapes, emitter, two_sided }: Order,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
 ) {
-    let compared = |s: u32, t: u32| part_area[s as usize].total_cmp(&part_area[t as usize]).then(t.cmp(&s));
+    let shape = |t: u32| &shapes[part(t as usize) as usize];
+    let compared = |s: u32, t: u32| shape(s).area.total_cmp(&shape(t).area).then(t.cmp(&s));
     let normal = |t: u32| {
         let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
         triangle_normal(a, b, c)
     };
-    let sheets = sheets(found, part, is_room, part_area, &normal);
+    let sheets = sheets(found, part, shapes, &normal);
     let is_stacked = |&[upper, lower]: &[u32; 2]| {
         let hides = two_sided(upper as usize) && emitter[upper as usize] == u32::MAX;
         hides
@@ -243,8 +249,7 @@ fn step(stacked: impl Iterator<Item = u32> + Clone, positions: &[Vec3], triangle
 fn sheets(
     found: &[Overlap],
     part: &dyn Fn(usize) -> u32,
-    is_room: &dyn Fn(usize) -> bool,
-    part_area: &[f64],
+    shapes: &[PartShape],
     normal: &dyn Fn(u32) -> Vec3,
 ) -> HashSet<[u32; 2]> {
     let away = |&&(s, t, _): &&Overlap| normal(s).dot(normal(t)) < 0.0;
@@ -252,10 +257,11 @@ fn sheets(
     for &(s, t, area) in found.iter().filter(away) {
         [s, t].into_iter().for_each(|t| *covered.entry(part(t as usize)).or_default() += area);
     }
-    let is_covered = |t: u32| covered[&part(t as usize)] >= MIN_SHEET_COVER * part_area[t as usize];
+    let shape = |part: u32| &shapes[part as usize];
+    let is_covered = |part: u32| covered[&part] >= MIN_SHEET_COVER * shape(part).area;
     let is_sheet = |s: u32, t: u32| {
-        let are_rooms = is_room(s as usize) && is_room(t as usize);
-        part(s as usize) == part(t as usize) || are_rooms || is_covered(s) && is_covered(t)
+        let [a, b] = [s, t].map(|t| part(t as usize));
+        a == b || shape(a).is_room && shape(b).is_room || is_covered(a) && is_covered(b)
     };
     found.iter().filter(away).filter(|&&(s, t, _)| is_sheet(s, t)).map(|&(s, t, _)| [s, t]).collect()
 }

@@ -127,8 +127,8 @@ impl ElementLight {
             let seen: Vec3 = rays.iter().map(|ray| ray.seen).sum();
             (all, seen / all.max(Vec3::splat(f32::MIN_POSITIVE)))
         };
-        let (all, joint) = ratio(rays);
-        let joint = Vec3::select(all.cmpgt(Vec3::ZERO), joint, Vec3::ONE);
+        // Without any sample above the horizon nothing is known of blockers: the element counts as dark, so that no light passes a wall.
+        let (_, joint) = ratio(rays);
         for (h, rays) in rays.chunks(half).enumerate() {
             // A half without a sample above the horizon has the ratio of both halves.
             let (all, own) = ratio(rays);

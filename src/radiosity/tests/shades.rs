@@ -51,6 +51,24 @@ fn no_light_comes_through_the_sheets_of_a_shade() {
     assert!(found.iter().all(|e| e[0] < 1e-9), "{found:?}");
 }
 
+/// A lamp closes a small box between its top and its open bottom: no light reaches the inside above it, although elements of the sides reach across the lamp.
+#[test]
+fn no_light_passes_the_edges_of_a_lamp_that_closes_a_small_box() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("room", 0.5).room(DVec3::ZERO, DVec3::new(10.0, 8.0, 5.0));
+    let (low, size) = (DVec3::new(3.1, 2.7, 1.5), 0.3);
+    pieces.grey("box", 0.5).room_without(Wall::Floor, low, low + size);
+    pieces.glowing("lamp", 10.0).polygon(&facing_down([3.1, 3.4], [2.7, 3.0], 1.631));
+    let at = |place, normal| Point { position: low + size * place, normal };
+    let points = [
+        at(DVec3::new(0.0, 0.5, 0.8), DVec3::X),
+        at(DVec3::new(0.4, 0.4, 1.0), -DVec3::Z),
+        at(DVec3::new(0.0, 0.5, 0.3), DVec3::X),
+    ];
+    let found = solved(&pieces.scene(), &points, &quick()).irradiance;
+    assert!(found[0][0] == 0.0 && found[1][0] == 0.0 && found[2][0] > 10.0, "{found:?}");
+}
+
 /// A lamp two centimetres below the ceiling, facing it: most rays of elements miss the bright spot, which sends nearly all light of the room. Without shadow
 /// rays to it the elements of the middle of the floor deviate by half of their mean and more.
 #[test]
