@@ -270,8 +270,8 @@ pub fn coarse_links(options: &Options) -> Option<String> {
 pub fn walls_across_elements(count: usize) -> Option<String> {
     (count > 0).then(|| {
         format!(
-            "elements across which walls stand: {count}; their light is a mean over both sides of the wall: without a local pass \
-             (⟨local_rays⟩ 0) some of it reaches rooms that should be dark"
+            "elements across which walls stand: {count}; their light is a mean over both sides of the wall and goes to both: \
+             without a local pass (⟨local_rays⟩ 0) dark rooms are too bright, small ones by up to the light of the lit side"
         )
     })
 }
