@@ -17,7 +17,7 @@ use super::{
     luminaires, moves, names, overlap,
     power::{self, Surfaces},
     size::{areas, ends},
-    stack::{Order, PartShape, stack},
+    stack::{Order, PartKind, PartShape, stack},
 };
 use crate::{
     Error, Result,
@@ -107,7 +107,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         object: &triangle_object,
         two_sided: &|t| sides(t) == 2,
         part: &part,
-        is_room: &|t| shapes[part(t) as usize].is_room,
+        is_room: &|t| shapes[part(t) as usize].kind == PartKind::Room,
         appear_alike: &|s, t| looks(s) == looks(t),
     };
     let found = overlap::find(&planes, &objects, &options.unit, &mut repairs);
@@ -172,11 +172,11 @@ fn faces_and_parts(
     Ok((faces, edges, parts))
 }
 
-/// Smallest volume of a room relative to the sum of the areas of its triangles times their distances from one of its corners: a corridor a thousand times
+/// Smallest volume of a room or a solid relative to the sum of the areas of its triangles times their distances from one of its corners: a corridor a thousand times
 /// as long as wide has more, the rounding of flat sheets leaves 1e-6.
 const MIN_VOLUME: f64 = 1e-3;
 
-/// Area of each part, and whether its normals point into it: its signed volume is negative.
+/// Area and kind of each part, by the sign of its volume.
 fn shapes_of_parts(
     parts: &Parts,
     polygon: &[u32],
@@ -192,7 +192,14 @@ fn shapes_of_parts(
         *volume += from.dot(normal);
         *limit += from.length() * normal.length();
     }
-    let shape = |(_, area, volume, limit)| PartShape { area, is_room: volume < -MIN_VOLUME * limit };
+    let shape = |(_, area, volume, limit): (_, f64, f64, f64)| {
+        let kind = match volume.abs() > MIN_VOLUME * limit {
+            true if volume < 0.0 => PartKind::Room,
+            true => PartKind::Solid,
+            false => PartKind::Sheet,
+        };
+        PartShape { area, kind }
+    };
     sums.into_iter().map(shape).collect()
 }
 

@@ -5,7 +5,7 @@ use super::magnitudes::face_magnitudes;
 use super::overlap::{Overlap, largest_distance};
 use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
-use std::collections::{HashMap, HashSet};
+use std::collections::{HashMap, HashSet, hash_map::Entry};
 
 /// Distance between stacked faces beyond that of the faces themselves, relative to their largest coordinate: more than what segments
 /// leave out at their ends (16 × 4e-7, see the end rule of rays), so that rays of the lower face meet the upper one. Of a shared mesh
@@ -13,7 +13,7 @@ use std::collections::{HashMap, HashSet};
 const GAP: f32 = 8e-6;
 /// Largest number of levels below the uppermost face: faces move by at most 8 × 9e-6 of the largest coordinate, .7 mm in a room of
 /// 10 m. In longer chains, as of shingles, the next face takes a level that is free beside those that it overlaps.
-const MAX_LEVELS: u32 = 8;
+const MAX_LEVELS: i32 = 8;
 /// Smallest cosine between the normals of faces in one plane that share moved vertices: 2.6 degrees; a sheet that is
 /// bent by more has an edge there.
 const MIN_COSINE: f32 = 0.999;
@@ -42,15 +42,24 @@ pub(super) struct Order<'a> {
 pub(super) struct PartShape {
     /// Scene units squared.
     pub area: f64,
-    /// Whether its normals point into it, as those of a room.
-    pub is_room: bool,
+    pub kind: PartKind,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum PartKind {
+    /// Its normals point into it.
+    Room,
+    /// Its normals point out of it.
+    Solid,
+    /// A sheet without volume.
+    Sheet,
 }
 
 /// Moves the lower one of each two overlapping triangles behind the upper one: that of the smaller part, of equal parts the later
 /// one. Front is the front of an emitting face, so that lamps in the plane of a ceiling stay in front of it, or else the front of the
 /// lowest face. A closed solid on a larger sheet that it faces stays: the sheet hides its face.
-/// Faces that are turned away from each other are the two sides of one sheet if they cover each other or belong to adjacent rooms: each stays on its own
-/// side.
+/// Faces that are turned away from each other and cover each other are the two sides of one sheet: each stays on its own side. So do all faces on walls that
+/// two rooms share ([`shared_walls`]).
 /// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face. Faces that touch a moved face, such as the walls below a
 /// ceiling, follow it ([`keep_contact`]).
 pub(super) fn stack(
@@ -60,16 +69,26 @@ pub(super) fn stack(
     triangles: &mut [[u32; 3]],
 ) {
     let shape = |t: u32| &shapes[part(t as usize) as usize];
-    let compared = |s: u32, t: u32| shape(s).area.total_cmp(&shape(t).area).then(t.cmp(&s));
     let normal = |t: u32| {
         let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
         triangle_normal(a, b, c)
     };
-    let sheets = sheets(found, part, shapes, &normal);
+    let walls = shared_walls(found, part, shapes, &normal);
+    // The side of a shared wall on which a part lies, or from which a sheet is visible.
+    let is_beyond = |t: u32| {
+        let sign = if shape(t).kind == PartKind::Solid { -1.0 } else { 1.0 };
+        walls.get(&t).is_some_and(|wall| sign * normal(t).dot(wall.axis) < 0.0)
+    };
+    // Beyond a shared wall the smallest face is the lowest.
+    let compared = |s: u32, t: u32| {
+        let by_area = shape(s).area.total_cmp(&shape(t).area).then(t.cmp(&s));
+        let own = if is_beyond(s) { by_area.reverse() } else { by_area };
+        is_beyond(s).cmp(&is_beyond(t)).then(own)
+    };
     let is_stacked = |&[upper, lower]: &[u32; 2]| {
         let hides = two_sided(upper as usize) && emitter[upper as usize] == u32::MAX;
         hides
-            || sheets.contains(&[upper.min(lower), upper.max(lower)])
+            || walls.contains_key(&upper)
             || two_sided(lower as usize) == two_sided(upper as usize)
             || normal(upper).dot(normal(lower)) > 0.0
     };
@@ -81,21 +100,23 @@ pub(super) fn stack(
     // From the top: the level of the upper face is known when the lower one is reached.
     pairs.sort_by(|a, b| compared(a[1], b[1]));
     let mut levels = levels(&pairs);
+    centre(&mut levels, &walls);
     let normals: HashMap<u32, Vec3> = levels.keys().map(|&t| (t, normal(t))).collect();
-    let mut fronts = fronts(&pairs, &normals, emitter, &sheets);
+    let sheets = sheets(found, part, shapes, &normal);
+    let mut fronts = fronts(&pairs, &normals, emitter, &sheets, walls);
     let step = step(levels.keys().copied(), positions, triangles);
     widen(&mut levels, &mut fronts, part, positions, triangles);
     let before = positions.len();
-    let mut moved: Vec<(u32, u32)> =
-        levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 > 0).collect();
+    let mut moved: Vec<(u32, i32)> =
+        levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 != 0).collect();
     moved.sort_unstable();
-    let shifted = |&(t, level): &(u32, u32)| Shifted {
+    let shifted = |&(t, level): &(u32, i32)| Shifted {
         corners: triangles[t as usize],
         by: -(level as f32) * step * fronts[&t],
     };
     let shifts: Vec<Shifted> = moved.iter().map(shifted).collect();
     // Neighbours in one plane share their moved vertices.
-    let mut vertices = HashMap::<(u32, u32), Vec<(Vec3, u32)>>::new();
+    let mut vertices = HashMap::<(u32, i32), Vec<(Vec3, u32)>>::new();
     for (t, level) in moved {
         let front = fronts[&t];
         triangles[t as usize] = triangles[t as usize].map(|v| {
@@ -114,16 +135,31 @@ pub(super) fn stack(
     }
 }
 
+/// Lowers the levels of the faces on each shared wall by half of the largest one, so that faces on both sides are near to the common plane: points there find
+/// them.
+fn centre(levels: &mut HashMap<u32, i32>, walls: &HashMap<u32, SharedWall>) {
+    let mut deepest = HashMap::<u32, i32>::new();
+    for (t, &level) in &*levels {
+        if let Some(wall) = walls.get(t) {
+            let of_wall = deepest.entry(wall.seed).or_default();
+            *of_wall = level.max(*of_wall);
+        }
+    }
+    for (t, level) in levels {
+        *level -= walls.get(t).map_or(0, |wall| deepest[&wall.seed] / 2);
+    }
+}
+
 /// Adds the triangles that continue lower faces in their plane, with the level and the front of these: a ceiling stays flat.
 fn widen(
-    levels: &mut HashMap<u32, u32>,
+    levels: &mut HashMap<u32, i32>,
     fronts: &mut HashMap<u32, Vec3>,
     part: &dyn Fn(usize) -> u32,
     positions: &[Vec3],
     triangles: &[[u32; 3]],
 ) {
-    let mut lower: Vec<(u32, u32)> =
-        levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 > 0).collect();
+    let mut lower: Vec<(u32, i32)> =
+        levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 != 0).collect();
     lower.sort_unstable();
     let parts: HashSet<u32> = lower.iter().map(|of| part(of.0 as usize)).collect();
     let mut at_vertex = HashMap::<u32, Vec<u32>>::new();
@@ -158,7 +194,7 @@ struct Shifted {
 /// partitions below it. Faces connected with the uppermost face of a stack stay with it.
 fn keep_contact(
     shifts: &[Shifted],
-    levels: &HashMap<u32, u32>,
+    levels: &HashMap<u32, i32>,
     part: &dyn Fn(usize) -> u32,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
@@ -244,8 +280,51 @@ fn step(stacked: impl Iterator<Item = u32> + Clone, positions: &[Vec3], triangle
     largest_distance(&Aabb::of(corners)) as f32 + GAP * magnitude
 }
 
+/// A wall that two rooms share.
+struct SharedWall {
+    /// A triangle of it.
+    seed: u32,
+    /// One of the normals of its plane.
+    axis: Vec3,
+}
+
+/// The triangles in the walls that two rooms share and those that overlap with them, with their walls.
+fn shared_walls(
+    found: &[Overlap],
+    part: &dyn Fn(usize) -> u32,
+    shapes: &[PartShape],
+    normal: &dyn Fn(u32) -> Vec3,
+) -> HashMap<u32, SharedWall> {
+    let is_room = |t: u32| shapes[part(t as usize) as usize].kind == PartKind::Room;
+    let is_shared = |&&(s, t, _): &&Overlap| {
+        is_room(s) && is_room(t) && part(s as usize) != part(t as usize) && normal(s).dot(normal(t)) < 0.0
+    };
+    let seeds: Vec<u32> = found.iter().filter(is_shared).map(|&(s, ..)| s).collect();
+    let mut walls = HashMap::new();
+    if seeds.is_empty() {
+        return walls;
+    }
+    let mut neighbours = HashMap::<u32, Vec<u32>>::new();
+    for &(s, t, _) in found {
+        neighbours.entry(s).or_default().push(t);
+        neighbours.entry(t).or_default().push(s);
+    }
+    for seed in seeds {
+        let mut open = vec![seed];
+        while let Some(t) = open.pop() {
+            if let Entry::Vacant(place) = walls.entry(t) {
+                // No plane of a building is parallel to this direction.
+                let (axis, sign) = (normal(t), normal(t).dot(Vec3::new(0.86, 0.41, 0.31)).signum());
+                place.insert(SharedWall { seed, axis: sign * axis });
+                open.extend(&neighbours[&t]);
+            }
+        }
+    }
+    walls
+}
+
 /// The pairs of overlapping triangles, the smaller index first, that are two sides of one sheet: they are turned away from each other, and
-/// belong to one part, to two that such triangles cover, or to two rooms.
+/// belong to one part or to two that such triangles cover.
 fn sheets(
     found: &[Overlap],
     part: &dyn Fn(usize) -> u32,
@@ -261,7 +340,7 @@ fn sheets(
     let is_covered = |part: u32| covered[&part] >= MIN_SHEET_COVER * shape(part).area;
     let is_sheet = |s: u32, t: u32| {
         let [a, b] = [s, t].map(|t| part(t as usize));
-        a == b || shape(a).is_room && shape(b).is_room || is_covered(a) && is_covered(b)
+        a == b || is_covered(a) && is_covered(b)
     };
     found.iter().filter(away).filter(|&&(s, t, _)| is_sheet(s, t)).map(|&(s, t, _)| [s, t]).collect()
 }
@@ -272,9 +351,11 @@ fn fronts(
     normals: &HashMap<u32, Vec3>,
     emitter: &[u32],
     sheets: &HashSet<[u32; 2]>,
+    walls: HashMap<u32, SharedWall>,
 ) -> HashMap<u32, Vec3> {
     let turned = |t: u32, front: Vec3| if normals[&t].dot(front) < 0.0 { -normals[&t] } else { normals[&t] };
-    let mut fronts = HashMap::<u32, Vec3>::new();
+    let stacked = walls.into_iter().filter(|(t, _)| normals.contains_key(t));
+    let mut fronts: HashMap<u32, Vec3> = stacked.map(|(t, wall)| (t, turned(t, wall.axis))).collect();
     // Seen from the front of the upper side of a sheet, the lower one lies behind it and faces away.
     for &[upper, lower] in pairs.iter().filter(|[s, t]| sheets.contains(&[*s.min(t), *s.max(t)])) {
         [upper, lower].into_iter().for_each(|t| {
@@ -300,10 +381,10 @@ fn fronts(
 
 /// Number of steps by which each face lies below the top of its stack, from pairs of an upper and a lower face, sorted by the lower one
 /// from top to bottom.
-fn levels(pairs: &[[u32; 2]]) -> HashMap<u32, u32> {
-    let mut levels = HashMap::<u32, u32>::new();
+fn levels(pairs: &[[u32; 2]]) -> HashMap<u32, i32> {
+    let mut levels = HashMap::<u32, i32>::new();
     for group in pairs.chunk_by(|a, b| a[1] == b[1]) {
-        let taken: HashSet<u32> = group.iter().map(|[upper, _]| *levels.entry(*upper).or_default()).collect();
+        let taken: HashSet<i32> = group.iter().map(|[upper, _]| *levels.entry(*upper).or_default()).collect();
         let below = 1 + taken.iter().max().copied().unwrap_or(0);
         let free = || (0..MAX_LEVELS).rev().find(|level| !taken.contains(level));
         let level = if below < MAX_LEVELS { below } else { free().unwrap_or(MAX_LEVELS) };

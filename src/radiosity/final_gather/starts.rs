@@ -12,8 +12,8 @@ use glam::Vec3;
 /// Largest number of surfaces that are tested around a point: bounds the time where many sheets lie on each other.
 const MAX_SURFACES: usize = 64;
 /// Distance up to which overlapping faces of one plane are moved apart, in rounding errors of a face's coordinates
-/// ([`EndRule::slack`]): 1.28e-5 of the largest coordinate, where the readers move them by 9e-6.
-const MAX_STACK_DISTANCE: f32 = 32.0;
+/// ([`EndRule::slack`]): 2.6e-5 of the largest coordinate, where the readers move them by 9e-6 of that of all moved faces.
+const MAX_STACK_DISTANCE: f32 = 64.0;
 /// Height above a surface up to which a point lies on it, in roundings of its coordinates: the height at which rays start.
 const MAX_SURFACE_HEIGHT: f32 = 5.0;
 /// Smallest cosine between the normals of a point and of its surface, that of 60°: files hold smoothed normals.
@@ -59,7 +59,7 @@ impl FinalGather<'_> {
         let mut packet = Packet::EMPTY;
         packet.set_between(0, from, to, [0.0, 1.0]);
         let mut found = None;
-        let (mut nearest, mut lit) = (f32::INFINITY, false);
+        let (mut nearest, mut lit, mut front) = (f32::INFINITY, false, false);
         for _ in 0..MAX_SURFACES {
             let mut hits = [Hits::NONE];
             self.traced.first_hits(self.traversal, std::slice::from_ref(&packet), &mut hits);
@@ -71,15 +71,20 @@ impl FinalGather<'_> {
             let corners @ [a, b, c] = self.scene.corners(triangle);
             let is_fine = self.scene.fine_ground.as_ref().is_some_and(|ground| ground.replaces(triangle));
             let end = if is_fine { EndRule::new(magnitude(corners)) } else { self.end_of(triangle) };
-            let parallel = triangle_normal(a, b, c).dot(normal).abs() >= MIN_COSINE;
+            let cosine = triangle_normal(a, b, c).dot(normal);
+            let (parallel, is_front) = (cosine.abs() >= MIN_COSINE, cosine > 0.0);
             // Of coplanar faces that were moved apart, the first one found is that of this side of the plane, unless no light reaches its
-            // side.
+            // side, or it is the back of the other side of a wall between two rooms.
             let moved = MAX_STACK_DISTANCE * end.slack() / (2.0 * self.slack);
             let nearer = (t - 0.5).abs() + moved < nearest;
             let is_lit = self.linked.elements.met(triangle, -normal) != Elements::NONE;
             let depth = 2.0 * (t - 0.5) * self.slack;
             let is_on = depth <= MAX_SURFACE_HEIGHT * end.slack().max(EndRule::new(magnitude([at])).slack());
-            let better = if is_lit == lit { nearer } else { is_lit };
+            let better = match (is_lit == lit, is_front == front) {
+                (false, _) => is_lit,
+                (true, false) => is_front,
+                (true, true) => nearer,
+            };
             if parallel && is_on && (found.is_none() || better) {
                 let mut at = packet.point(0, t);
                 // The coarse face that fine ground replaces has neither the height nor the edges of the fine ground.
@@ -87,7 +92,7 @@ impl FinalGather<'_> {
                     at = off_edges(corners, on_plane(corners, at), edge_distance(magnitude(corners)));
                 }
                 found = Some((at, end, self.feature_size_at(triangle, at, normal)));
-                (nearest, lit) = ((t - 0.5).abs(), is_lit);
+                (nearest, lit, front) = ((t - 0.5).abs(), is_lit, is_front);
             }
             // Surfaces nearer to each other than rounding count as one.
             packet.near[0] = (t + end.slack() / (2.0 * self.slack)).max(t.next_up());
