@@ -69,8 +69,8 @@ impl KeptPolygons {
         all
     }
 
-    /// Drops every polygon with the corners of an earlier one, unless it faces the other way and belongs to another
-    /// object: these are two solids in contact.
+    /// Drops every polygon with the corners of an earlier one, unless it faces the other way and belongs to another object or has another
+    /// material: these are two solids in contact, or the two sides of a wall.
     fn drop_duplicates(&mut self, soup: &Soup, positions: &[Vec3], repairs: &mut Repairs) {
         let slices: Vec<&[u32]> = (0..self.polygon.len()).map(|i| &self.corners[self.span(i)]).collect();
         let normal = |i: u32| {
@@ -78,14 +78,17 @@ impl KeptPolygons {
                 slices[i as usize].iter().map(|&v| positions[v as usize].as_dvec3()).collect();
             newell(&p)
         };
-        let object = |i: u32| soup.polygon_object[self.polygon[i as usize] as usize];
+        let origin = |i: u32| {
+            let polygon = self.polygon[i as usize] as usize;
+            (soup.polygon_object[polygon], soup.polygon_material[polygon])
+        };
         let mut drop = vec![false; slices.len()];
         for group in same_corners(&slices) {
             // Groups keep few polygons, and the cap bounds the search among them.
             let mut survivors: Vec<(u32, DVec3)> = Vec::new();
             for &i in &group {
                 let n = normal(i);
-                let twice = survivors.iter().any(|&(j, m)| object(i) == object(j) || n.dot(m) >= 0.0);
+                let twice = survivors.iter().any(|&(j, m)| origin(i) == origin(j) || n.dot(m) >= 0.0);
                 if twice {
                     drop[i as usize] = true;
                     repairs.duplicate_faces += 1;

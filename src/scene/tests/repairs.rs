@@ -69,6 +69,9 @@ fn what_has_no_area_or_no_answer_is_dropped_and_counted() {
     check("f 2 4 3\n", |r| r.zero_area_faces, 1);
     check("f 3 2 1\n", |r| r.duplicate_faces, 1);
     check("f 2 3 1\n", |r| r.duplicate_faces, 1);
+    // The two sides of a wall have materials of their own.
+    let wall = load(&format!("{triangle}usemtl other\nf 3 2 1\n")).expect("a wall");
+    assert_eq!((wall.triangles.len(), wall.repairs.duplicate_faces), (2, 0));
     // Shapes like bow ties, with and without net area.
     check("f 1 2 3 5\n", |r| r.broken_polygons, 1);
     check("v 0 3 0\nv 3 3 0\nf 1 2 6 7\n", |r| r.broken_polygons, 1);
