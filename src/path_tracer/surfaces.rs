@@ -92,8 +92,6 @@ impl<'a> Surfaces<'a> {
     fn nearest(&self, given: Vec3, normal: Vec3) -> Option<(f32, SurfaceHit<'_>)> {
         /// Largest number of surfaces that are tried.
         const MAX_SURFACES: usize = 64;
-        /// Distance to which faces of one plane are moved off each other, in skins of the larger one.
-        const STACK_DISTANCE: f32 = 14.0;
         let mut ray = Packet::EMPTY;
         ray.set_ray(0, given + self.slack * normal, -normal);
         (ray.near[0], ray.far[0]) = (0.0, 2.0 * self.slack);
@@ -103,20 +101,24 @@ impl<'a> Surfaces<'a> {
             self.intersect(std::slice::from_ref(&ray), std::slice::from_mut(&mut hits));
             let Some(hit) = self.place(&ray, &hits, 0, -normal) else { break };
             let depth = hits.t[0] - self.slack;
+            let stack_distance = self.stack_distance(hits.instance[0]);
             // Of faces that were moved off each other the first is that of this side of the common plane.
-            // The back of the other side of a wall between two rooms is nearer than this side by rounding.
-            let better = |(other, above): &(f32, SurfaceHit)| match hit.cosine > 0.0 {
-                is_front if is_front != (above.cosine > 0.0) => is_front,
-                _ => depth.abs() + STACK_DISTANCE * hit.skin.max(above.skin) < other.abs(),
-            };
+            let is_nearer =
+                |(other, _): &(f32, SurfaceHit)| depth.abs() + 2.0 * stack_distance + hit.skin < other.abs();
             // A point that lies higher than rays start has the light of its place.
-            let is_on = depth <= hit.skin.max(skin([given]));
-            if hit.cosine.abs() >= 0.5 && is_on && found.as_ref().is_none_or(better) {
+            let is_on = depth <= hit.skin.max(skin([given])) + stack_distance;
+            if hit.cosine.abs() >= 0.5 && is_on && found.as_ref().is_none_or(is_nearer) {
                 found = Some((depth, hit));
             }
             ray.near[0] = hits.t[0].next_up();
         }
         found
+    }
+
+    /// Largest distance by which faces in one plane of an instance's mesh were moved off each other, scene units.
+    fn stack_distance(&self, instance: u32) -> f32 {
+        let scale = self.model.instances()[instance as usize].affine().matrix3.determinant().abs().cbrt();
+        scale as f32 * self.model.mesh_of(instance).stack_distance
     }
 
     /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`.

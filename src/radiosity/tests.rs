@@ -11,6 +11,7 @@ mod many_faces;
 mod plates;
 mod ratios;
 mod shades;
+mod shared_walls;
 mod sheets;
 mod sizes;
 mod sky;

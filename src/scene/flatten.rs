@@ -189,6 +189,8 @@ impl Flat {
             drop_unused(&mut s.positions, &mut s.triangles[start..], first);
         }
         s.bounds = s.bounds.union(Aabb::of(s.positions[first..].iter().copied()));
+        let scale = p.transform.matrix3.determinant().abs().cbrt() as f32;
+        s.stack_distance = s.stack_distance.max(scale * mesh.stack_distance);
         self.polygons += mesh.triangle_polygon.last().map_or(0, |&p| p + 1);
         Ok(())
     }

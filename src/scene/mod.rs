@@ -28,6 +28,7 @@ mod moves;
 mod mtl;
 mod names;
 mod overlap;
+mod part_shapes;
 mod photometry;
 mod placement;
 mod planar;
@@ -53,6 +54,7 @@ mod tests;
 mod texture;
 mod triangulate;
 mod up;
+mod wall_sides;
 mod write_gltf;
 mod write_obj;
 
@@ -254,6 +256,8 @@ pub struct Scene {
     pub(crate) cameras: Vec<StoredCamera>,
     /// Bounding box of all vertices of faces.
     pub(crate) bounds: Aabb,
+    /// Largest distance by which faces in one plane were moved off each other, scene units; 0 if none were.
+    pub(crate) stack_distance: f32,
     /// Repairs made while reading.
     pub(crate) repairs: Repairs,
     /// Files that were read: the scene, its material libraries, textures and buffers, placed luminaires; empty for generated scenes.

@@ -3,8 +3,9 @@
 //! The rule: the face whose part (connected faces) has the smaller area lies on top, of equal parts the one later in the file. The
 //! other is moved behind it by a few rounding errors and gets no light there (`stack.rs`).
 //!
-//! Examples are a rug at the height of the floor and a poster in the plane of its wall. Two closed solids in contact (a box on a
-//! block) are excluded, because nothing between them is visible; walls of two rooms in one place are not, as each room sees its own. A sheet is visible from both sides, also if it faces what it is in
+//! Examples are a rug at the height of the floor and a poster in the plane of its wall. A closed solid in contact with the
+//! wall of its room is excluded, because nothing between them is visible; walls of two rooms in one place are not, as each room sees its own. Two solids in contact
+//! may be rooms whose normals point out. A sheet is visible from both sides, also if it faces what it is in
 //! contact with; then there is no message, because bottoms of furniture that is not quite closed would give one for each piece.
 //! Faces of one part that lie in one place and face away from each other are the two sides of one sheet.
 //!
@@ -30,8 +31,8 @@ pub(super) struct Faces<'a> {
     pub two_sided: &'a (dyn Fn(usize) -> bool + Sync),
     /// Part (connected faces) of a triangle.
     pub part: &'a (dyn Fn(usize) -> u32 + Sync),
-    /// Whether the normals of the part of a triangle point into it, as those of a room.
-    pub is_room: &'a (dyn Fn(usize) -> bool + Sync),
+    /// Whether two triangles turned away from each other may be the sides of a wall that two parts share.
+    pub may_share_wall: &'a (dyn Fn(usize, usize) -> bool + Sync),
     /// Whether two triangles reflect and emit alike.
     pub appear_alike: &'a (dyn Fn(usize, usize) -> bool + Sync),
 }
@@ -42,17 +43,22 @@ pub(super) type Overlap = (u32, u32, f64);
 /// Pairs of objects that the message names: it stays below three lines of a terminal.
 const MAX_NAMED_PAIRS: usize = 4;
 
-/// Finds the overlaps, counts those of faces that face the same way and names the largest in a message.
-pub(super) fn find(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) -> Vec<Overlap> {
-    let found = overlaps(faces);
+/// Counts the overlaps of faces that face the same way and names the largest in a message.
+pub(super) fn report(
+    faces: &Faces,
+    found: impl Iterator<Item = Overlap>,
+    objects: &[Object],
+    unit: &str,
+    repairs: &mut Repairs,
+) {
     let mut by_objects = BTreeMap::<[u32; 2], f64>::new();
-    for &(a, b, area) in found.iter().filter(|(a, b, _)| faces_alike(faces, [*a, *b])) {
+    for (a, b, area) in found.filter(|(a, b, _)| faces_alike(faces, [*a, *b])) {
         let [a, b] = [a, b].map(|t| faces.object[t as usize]);
         *by_objects.entry([a.min(b), a.max(b)]).or_default() += area;
     }
     repairs.overlapping_objects += by_objects.len();
     if by_objects.is_empty() {
-        return found;
+        return;
     }
     let mut largest: Vec<_> = by_objects.into_iter().collect();
     largest.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
@@ -71,7 +77,6 @@ pub(super) fn find(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut 
          reach anything else; if that is not intended, move one of them or delete it",
         list.join(", ")
     ));
-    found
 }
 
 /// Whether two coplanar triangles face the same way.
@@ -92,7 +97,7 @@ fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
 }
 
 /// Pairs of overlapping triangles, ascending.
-fn overlaps(faces: &Faces) -> Vec<Overlap> {
+pub(super) fn find(faces: &Faces) -> Vec<Overlap> {
     let tolerance = Tolerance::of(&Aabb::of(faces.positions.iter().copied()));
     let mut keys: Vec<(u64, u32)> = (0..faces.triangles.len())
         .into_par_iter()
@@ -247,8 +252,7 @@ fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
     }
     let [p, q] = [corners(faces, s), corners(faces, t)];
     let [n, m] = [&p, &q].map(normal);
-    let are_rooms = (faces.is_room)(s) && (faces.is_room)(t);
-    let is_sheet = (faces.part)(s) == (faces.part)(t) || are_rooms;
+    let is_sheet = (faces.part)(s) == (faces.part)(t) || (faces.may_share_wall)(s, t);
     let from_one_side = n.dot(m) > 0.0 || is_sheet || (faces.two_sided)(s) || (faces.two_sided)(t);
     if !from_one_side || beside(&p, &q, m) || beside(&q, &p, n) {
         return 0.0;

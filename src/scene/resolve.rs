@@ -15,9 +15,11 @@ use super::{
     faces::{Triangles, triangulate},
     keep::KeptPolygons,
     luminaires, moves, names, overlap,
+    part_shapes::shapes_of_parts,
     power::{self, Surfaces},
     size::{areas, ends},
-    stack::{Order, PartKind, PartShape, stack},
+    stack::{Order, stack},
+    wall_sides::{self, wall_sides},
 };
 use crate::{
     Error, Result,
@@ -107,13 +109,22 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         object: &triangle_object,
         two_sided: &|t| sides(t) == 2,
         part: &part,
-        is_room: &|t| shapes[part(t) as usize].kind == PartKind::Room,
+        may_share_wall: &|s, t| shapes[part(s) as usize].may_share_wall(&shapes[part(t) as usize]),
         appear_alike: &|s, t| looks(s) == looks(t),
     };
-    let found = overlap::find(&planes, &objects, &options.unit, &mut repairs);
-    let order =
-        Order { part: &part, shapes: &shapes, emitter: &triangle_emitter, two_sided: &|t| sides(t) == 2 };
-    stack(&found, order, &mut positions, &mut triangles);
+    let found = overlap::find(&planes);
+    let walls = wall_sides(&found, &part, &shapes, &positions, &triangles);
+    let covers = |&(s, t, _): &overlap::Overlap| !wall_sides::are_opposite(&walls, s, t);
+    overlap::report(&planes, found.iter().copied().filter(covers), &objects, &options.unit, &mut repairs);
+    let two_sided = |t| sides(t) == 2;
+    let order = Order {
+        part: &part,
+        shapes: &shapes,
+        emitter: &triangle_emitter,
+        two_sided: &two_sided,
+        walls: &walls,
+    };
+    let stack_distance = stack(&found, order, &mut positions, &mut triangles);
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,
@@ -138,6 +149,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         materials,
         emitters,
         environment: None,
+        stack_distance,
         curved: None,
         fine_ground: None,
         suns: soup.suns,
@@ -170,37 +182,6 @@ fn faces_and_parts(
         divide(&mut faces, &parts, positions, soup, repairs);
     }
     Ok((faces, edges, parts))
-}
-
-/// Smallest volume of a room or a solid relative to the sum of the areas of its triangles times their distances from one of its corners: a corridor a thousand times
-/// as long as wide has more, the rounding of flat sheets leaves 1e-6.
-const MIN_VOLUME: f64 = 1e-3;
-
-/// Area and kind of each part, by the sign of its volume.
-fn shapes_of_parts(
-    parts: &Parts,
-    polygon: &[u32],
-    positions: &[Vec3],
-    triangles: &[[u32; 3]],
-) -> Vec<PartShape> {
-    let mut sums = vec![(None, 0.0, 0.0, 0.0); parts.closed.len()];
-    for (t, corners) in triangles.iter().enumerate() {
-        let [a, b, c] = corners.map(|v| positions[v as usize].as_dvec3());
-        let (corner, area, volume, limit) = &mut sums[parts.part[polygon[t] as usize] as usize];
-        let (from, normal) = (a - *corner.get_or_insert(a), (b - a).cross(c - a));
-        *area += 0.5 * normal.length();
-        *volume += from.dot(normal);
-        *limit += from.length() * normal.length();
-    }
-    let shape = |(_, area, volume, limit): (_, f64, f64, f64)| {
-        let kind = match volume.abs() > MIN_VOLUME * limit {
-            true if volume < 0.0 => PartKind::Room,
-            true => PartKind::Solid,
-            false => PartKind::Sheet,
-        };
-        PartShape { area, kind }
-    };
-    sums.into_iter().map(shape).collect()
 }
 
 fn check_sides(options: &LoadOptions) -> Result<()> {

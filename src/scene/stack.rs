@@ -3,9 +3,11 @@
 use super::compact::drop_unused;
 use super::magnitudes::face_magnitudes;
 use super::overlap::{Overlap, largest_distance};
+use super::part_shapes::PartShape;
+use super::wall_sides::WallSides;
 use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
-use std::collections::{HashMap, HashSet, hash_map::Entry};
+use std::collections::{HashMap, HashSet};
 
 /// Distance between stacked faces beyond that of the faces themselves, relative to their largest coordinate: more than what segments
 /// leave out at their ends (16 × 4e-7, see the end rule of rays), so that rays of the lower face meet the upper one. Of a shared mesh
@@ -36,54 +38,34 @@ pub(super) struct Order<'a> {
     pub emitter: &'a [u32],
     /// Whether a triangle is visible from both sides.
     pub two_sided: &'a dyn Fn(usize) -> bool,
-}
-
-/// Shape of a part.
-pub(super) struct PartShape {
-    /// Scene units squared.
-    pub area: f64,
-    pub kind: PartKind,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum PartKind {
-    /// Its normals point into it.
-    Room,
-    /// Its normals point out of it.
-    Solid,
-    /// A sheet without volume.
-    Sheet,
+    /// The triangles on walls that two parts share.
+    pub walls: &'a WallSides,
 }
 
 /// Moves the lower one of each two overlapping triangles behind the upper one: that of the smaller part, of equal parts the later
 /// one. Front is the front of an emitting face, so that lamps in the plane of a ceiling stay in front of it, or else the front of the
 /// lowest face. A closed solid on a larger sheet that it faces stays: the sheet hides its face.
 /// Faces that are turned away from each other and cover each other are the two sides of one sheet: each stays on its own side. So do all faces on walls that
-/// two rooms share ([`shared_walls`]).
+/// two rooms share ([`WallSide`]). Returns the largest distance by which a face was moved, scene units.
 /// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face. Faces that touch a moved face, such as the walls below a
 /// ceiling, follow it ([`keep_contact`]).
 pub(super) fn stack(
     found: &[Overlap],
-    Order { part, shapes, emitter, two_sided }: Order,
+    Order { part, shapes, emitter, two_sided, walls }: Order,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
-) {
+) -> f32 {
     let shape = |t: u32| &shapes[part(t as usize) as usize];
     let normal = |t: u32| {
         let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
         triangle_normal(a, b, c)
     };
-    let walls = shared_walls(found, part, shapes, &normal);
-    // The side of a shared wall on which a part lies, or from which a sheet is visible.
-    let is_beyond = |t: u32| {
-        let sign = if shape(t).kind == PartKind::Solid { -1.0 } else { 1.0 };
-        walls.get(&t).is_some_and(|wall| sign * normal(t).dot(wall.axis) < 0.0)
-    };
     // Beyond a shared wall the smallest face is the lowest.
     let compared = |s: u32, t: u32| {
-        let by_area = shape(s).area.total_cmp(&shape(t).area).then(t.cmp(&s));
-        let own = if is_beyond(s) { by_area.reverse() } else { by_area };
-        is_beyond(s).cmp(&is_beyond(t)).then(own)
+        let [side_of_s, side_of_t] = [s, t].map(|t| walls.get(&t).is_some_and(|side| side.is_beyond));
+        let area = |t: u32| walls.get(&t).map_or(shape(t).area, |side| side.area);
+        let by_area = area(s).total_cmp(&area(t)).then(t.cmp(&s));
+        side_of_s.cmp(&side_of_t).then(if side_of_s { by_area.reverse() } else { by_area })
     };
     let is_stacked = |&[upper, lower]: &[u32; 2]| {
         let hides = two_sided(upper as usize) && emitter[upper as usize] == u32::MAX;
@@ -95,12 +77,12 @@ pub(super) fn stack(
     let pairs = found.iter().map(|&(s, t, _)| if compared(s, t).is_lt() { [s, t] } else { [t, s] });
     let mut pairs: Vec<[u32; 2]> = pairs.filter(is_stacked).collect();
     if pairs.is_empty() {
-        return;
+        return 0.0;
     }
     // From the top: the level of the upper face is known when the lower one is reached.
     pairs.sort_by(|a, b| compared(a[1], b[1]));
     let mut levels = levels(&pairs);
-    centre(&mut levels, &walls);
+    centre(&mut levels, walls);
     let normals: HashMap<u32, Vec3> = levels.keys().map(|&t| (t, normal(t))).collect();
     let sheets = sheets(found, part, shapes, &normal);
     let mut fronts = fronts(&pairs, &normals, emitter, &sheets, walls);
@@ -110,6 +92,7 @@ pub(super) fn stack(
     let mut moved: Vec<(u32, i32)> =
         levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 != 0).collect();
     moved.sort_unstable();
+    let deepest = moved.iter().map(|(_, level)| level.unsigned_abs()).max().unwrap_or(0);
     let shifted = |&(t, level): &(u32, i32)| Shifted {
         corners: triangles[t as usize],
         by: -(level as f32) * step * fronts[&t],
@@ -133,20 +116,21 @@ pub(super) fn stack(
     if positions.len() > before {
         drop_unused(positions, triangles, 0);
     }
+    deepest as f32 * step
 }
 
 /// Lowers the levels of the faces on each shared wall by half of the largest one, so that faces on both sides are near to the common plane: points there find
 /// them.
-fn centre(levels: &mut HashMap<u32, i32>, walls: &HashMap<u32, SharedWall>) {
+fn centre(levels: &mut HashMap<u32, i32>, walls: &WallSides) {
     let mut deepest = HashMap::<u32, i32>::new();
     for (t, &level) in &*levels {
-        if let Some(wall) = walls.get(t) {
-            let of_wall = deepest.entry(wall.seed).or_default();
+        if let Some(side) = walls.get(t) {
+            let of_wall = deepest.entry(side.wall).or_default();
             *of_wall = level.max(*of_wall);
         }
     }
     for (t, level) in levels {
-        *level -= walls.get(t).map_or(0, |wall| deepest[&wall.seed] / 2);
+        *level -= walls.get(t).map_or(0, |side| deepest[&side.wall] / 2);
     }
 }
 
@@ -280,49 +264,6 @@ fn step(stacked: impl Iterator<Item = u32> + Clone, positions: &[Vec3], triangle
     largest_distance(&Aabb::of(corners)) as f32 + GAP * magnitude
 }
 
-/// A wall that two rooms share.
-struct SharedWall {
-    /// A triangle of it.
-    seed: u32,
-    /// One of the normals of its plane.
-    axis: Vec3,
-}
-
-/// The triangles in the walls that two rooms share and those that overlap with them, with their walls.
-fn shared_walls(
-    found: &[Overlap],
-    part: &dyn Fn(usize) -> u32,
-    shapes: &[PartShape],
-    normal: &dyn Fn(u32) -> Vec3,
-) -> HashMap<u32, SharedWall> {
-    let is_room = |t: u32| shapes[part(t as usize) as usize].kind == PartKind::Room;
-    let is_shared = |&&(s, t, _): &&Overlap| {
-        is_room(s) && is_room(t) && part(s as usize) != part(t as usize) && normal(s).dot(normal(t)) < 0.0
-    };
-    let seeds: Vec<u32> = found.iter().filter(is_shared).map(|&(s, ..)| s).collect();
-    let mut walls = HashMap::new();
-    if seeds.is_empty() {
-        return walls;
-    }
-    let mut neighbours = HashMap::<u32, Vec<u32>>::new();
-    for &(s, t, _) in found {
-        neighbours.entry(s).or_default().push(t);
-        neighbours.entry(t).or_default().push(s);
-    }
-    for seed in seeds {
-        let mut open = vec![seed];
-        while let Some(t) = open.pop() {
-            if let Entry::Vacant(place) = walls.entry(t) {
-                // No plane of a building is parallel to this direction.
-                let (axis, sign) = (normal(t), normal(t).dot(Vec3::new(0.86, 0.41, 0.31)).signum());
-                place.insert(SharedWall { seed, axis: sign * axis });
-                open.extend(&neighbours[&t]);
-            }
-        }
-    }
-    walls
-}
-
 /// The pairs of overlapping triangles, the smaller index first, that are two sides of one sheet: they are turned away from each other, and
 /// belong to one part or to two that such triangles cover.
 fn sheets(
@@ -351,11 +292,11 @@ fn fronts(
     normals: &HashMap<u32, Vec3>,
     emitter: &[u32],
     sheets: &HashSet<[u32; 2]>,
-    walls: HashMap<u32, SharedWall>,
+    walls: &WallSides,
 ) -> HashMap<u32, Vec3> {
     let turned = |t: u32, front: Vec3| if normals[&t].dot(front) < 0.0 { -normals[&t] } else { normals[&t] };
-    let stacked = walls.into_iter().filter(|(t, _)| normals.contains_key(t));
-    let mut fronts: HashMap<u32, Vec3> = stacked.map(|(t, wall)| (t, turned(t, wall.axis))).collect();
+    let stacked = walls.iter().filter(|(t, _)| normals.contains_key(t));
+    let mut fronts: HashMap<u32, Vec3> = stacked.map(|(&t, side)| (t, turned(t, side.axis))).collect();
     // Seen from the front of the upper side of a sheet, the lower one lies behind it and faces away.
     for &[upper, lower] in pairs.iter().filter(|[s, t]| sheets.contains(&[*s.min(t), *s.max(t)])) {
         [upper, lower].into_iter().for_each(|t| {

@@ -179,6 +179,12 @@ impl Pieces {
         self
     }
 
+    /// Turns all positions.
+    pub fn turned(mut self, turn: DMat3) -> Pieces {
+        self.soup.positions.iter_mut().for_each(|p| *p = turn * *p);
+        self
+    }
+
     /// Resolves the scene.
     pub fn scene(self) -> Scene {
         self.scene_with(&LoadOptions::default())

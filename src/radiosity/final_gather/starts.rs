@@ -11,9 +11,6 @@ use glam::Vec3;
 
 /// Largest number of surfaces that are tested around a point: bounds the time where many sheets lie on each other.
 const MAX_SURFACES: usize = 64;
-/// Distance up to which overlapping faces of one plane are moved apart, in rounding errors of a face's coordinates
-/// ([`EndRule::slack`]): 2.6e-5 of the largest coordinate, where the readers move them by 9e-6 of that of all moved faces.
-const MAX_STACK_DISTANCE: f32 = 64.0;
 /// Height above a surface up to which a point lies on it, in roundings of its coordinates: the height at which rays start.
 const MAX_SURFACE_HEIGHT: f32 = 5.0;
 /// Smallest cosine between the normals of a point and of its surface, that of 60°: files hold smoothed normals.
@@ -59,7 +56,7 @@ impl FinalGather<'_> {
         let mut packet = Packet::EMPTY;
         packet.set_between(0, from, to, [0.0, 1.0]);
         let mut found = None;
-        let (mut nearest, mut lit, mut front) = (f32::INFINITY, false, false);
+        let mut nearest = f32::INFINITY;
         for _ in 0..MAX_SURFACES {
             let mut hits = [Hits::NONE];
             self.traced.first_hits(self.traversal, std::slice::from_ref(&packet), &mut hits);
@@ -72,27 +69,21 @@ impl FinalGather<'_> {
             let is_fine = self.scene.fine_ground.as_ref().is_some_and(|ground| ground.replaces(triangle));
             let end = if is_fine { EndRule::new(magnitude(corners)) } else { self.end_of(triangle) };
             let cosine = triangle_normal(a, b, c).dot(normal);
-            let (parallel, is_front) = (cosine.abs() >= MIN_COSINE, cosine > 0.0);
-            // Of coplanar faces that were moved apart, the first one found is that of this side of the plane, unless no light reaches its
-            // side, or it is the back of the other side of a wall between two rooms.
-            let moved = MAX_STACK_DISTANCE * end.slack() / (2.0 * self.slack);
-            let nearer = (t - 0.5).abs() + moved < nearest;
-            let is_lit = self.linked.elements.met(triangle, -normal) != Elements::NONE;
+            let parallel = cosine.abs() >= MIN_COSINE;
+            // Of coplanar faces that were moved apart, the first one found is that of this side of the plane.
+            let moved = (2.0 * self.scene.stack_distance + end.slack()) / (2.0 * self.slack);
+            let is_nearer = (t - 0.5).abs() + moved < nearest;
             let depth = 2.0 * (t - 0.5) * self.slack;
-            let is_on = depth <= MAX_SURFACE_HEIGHT * end.slack().max(EndRule::new(magnitude([at])).slack());
-            let better = match (is_lit == lit, is_front == front) {
-                (false, _) => is_lit,
-                (true, false) => is_front,
-                (true, true) => nearer,
-            };
-            if parallel && is_on && (found.is_none() || better) {
+            let rounding = end.slack().max(EndRule::new(magnitude([at])).slack());
+            let is_on = depth <= MAX_SURFACE_HEIGHT * rounding + self.scene.stack_distance;
+            if parallel && is_on && is_nearer {
                 let mut at = packet.point(0, t);
                 // The coarse face that fine ground replaces has neither the height nor the edges of the fine ground.
                 if !is_fine {
                     at = off_edges(corners, on_plane(corners, at), edge_distance(magnitude(corners)));
                 }
                 found = Some((at, end, self.feature_size_at(triangle, at, normal)));
-                (nearest, lit, front) = ((t - 0.5).abs(), is_lit, is_front);
+                nearest = (t - 0.5).abs();
             }
             // Surfaces nearer to each other than rounding count as one.
             packet.near[0] = (t + end.slack() / (2.0 * self.slack)).max(t.next_up());

@@ -44,7 +44,7 @@ fn lamps_in_their_ceiling_light_no_room_beside() {
     }
 }
 
-fn at(x: f64, y: f64, z: f64) -> Point {
+pub(super) fn at(x: f64, y: f64, z: f64) -> Point {
     Point { position: DVec3::new(x, y, z), normal: DVec3::Z }
 }
 
@@ -167,50 +167,6 @@ fn faces_back_to_back_are_two_sides_of_a_wall() {
     for white_first in [false, true] {
         for (found, wanted) in light(0.0, white_first).iter().flatten().zip(wanted.iter().flatten()) {
             assert!((found[0] / wanted[0] - 1.0).abs() < 0.05, "{found:?} {wanted:?}");
-        }
-    }
-}
-
-/// Two closed rooms, white and black, each with a lamp; their walls at x = 2.2 m have a gap, and there is a panel on that of the white one. The black room
-/// ends at x = `end`.
-fn rooms_side_by_side(gap: f64, end: f64, white_first: bool) -> Scene {
-    let mut pieces = Pieces::empty();
-    let mut rooms = [("white", 0.9, 0.0, 2.2 - 0.5 * gap, 0.5), ("black", 0.1, 2.2 + 0.5 * gap, end, 2.7)];
-    if !white_first {
-        rooms.reverse();
-    }
-    for (name, reflectance, from, to, lamp) in rooms {
-        pieces.grey(name, reflectance).room(from * DVec3::X, DVec3::new(to, 3.0, 2.5));
-        pieces.glowing("lamp", 10.0).polygon(&facing_down([lamp, lamp + 1.0], [1.0, 2.0], 2.4));
-    }
-    let panel = DVec3::new(2.2 - 1.5 * gap, 1.0, 0.8);
-    pieces.glowing("panel", 5.0).rectangle(panel, DVec3::Z, DVec3::Y);
-    pieces.scene()
-}
-
-/// Walls of closed rooms in one place are those of rooms with a gap of a millimetre, whichever room is larger or comes first.
-#[test]
-fn walls_of_closed_rooms_in_one_place_keep_their_sides() {
-    for end in [3.8, 6.0] {
-        let light = |gap: f64, white_first: bool| {
-            let on_wall = |x, y, normal| Point { position: DVec3::new(x, y, 1.2), normal };
-            let [white, black] = [2.2 - 0.5 * gap, 2.2 + 0.5 * gap];
-            let points = [
-                at(1.0, 1.5, 0.0),
-                at(1.9, 1.2, 0.0),
-                at(2.5, 1.2, 0.0),
-                at(3.2, 1.5, 0.0),
-                on_wall(white, 2.6, -DVec3::X),
-                on_wall(black, 1.5, DVec3::X),
-            ];
-            let scene = rooms_side_by_side(gap, end, white_first);
-            [solved(&scene, &points, &quick()).irradiance, traced(&scene, &points, 2048, 1)]
-        };
-        let wanted = light(1e-3, true);
-        for white_first in [false, true] {
-            for (found, wanted) in light(0.0, white_first).iter().flatten().zip(wanted.iter().flatten()) {
-                assert!((found[0] / wanted[0] - 1.0).abs() < 0.05, "{end}: {found:?} {wanted:?}");
-            }
         }
     }
 }
