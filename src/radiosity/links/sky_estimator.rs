@@ -1,6 +1,7 @@
 //! Measures links to the sky: the light without blockers first, then visibility for all links together.
 
 use super::accuracy::FEW_SEGMENTS_ERROR;
+use super::blocker_certificate::MAX_TESTS;
 use super::cluster_pair::{CLUSTER_DEVIATION, shorten_to_box};
 use super::end_samples::{EndSamples, stratified_points};
 use super::estimator::is_behind;
@@ -15,11 +16,11 @@ use crate::sky::Environment;
 use glam::Vec3;
 use sobol_burley::sample_4d;
 
-/// Largest number of clusters and surfaces that are tested for one link, as between two surfaces; if more may block the link, it is traced.
-const MAX_TESTS: usize = 96;
-/// Largest half angle, radians, for which the width of a patch at the far end of segments is computed: widths of larger patches are meaningless.
+/// Largest half angle, radians, for which the width of a patch at the far end of segments is computed: 57°, where the tangent is 1.6.
+/// The tangents of larger angles, which grow without bound, are no widths.
 const MAX_HALF_ANGLE: f32 = 1.0;
-/// Largest number of draws of a direction until it lies above the surface's horizon.
+/// Largest number of draws of a direction until it lies above the surface's horizon: of a patch half of which is above, 1 in 2⁴ = 16
+/// segments remains without a direction and is left out.
 const MAX_DRAWS: u64 = 4;
 /// Binary logarithm of the number of points of a sequence, limited by the crate; another sequence begins after these points.
 const SEQUENCE_BITS: u32 = 16;

@@ -11,7 +11,7 @@ use crate::radiosity::links::{
 };
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::SkyPower;
-use crate::radiosity::transport::DirectionalIrradiance;
+use crate::radiosity::transport::{DirectionalIrradiance, MIN_PROJECTED};
 use crate::ray::LANES;
 use crate::sky::Environment;
 use crate::visibility::sample_runs;
@@ -19,9 +19,6 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// Smallest projected area of a cluster, as a fraction of its area, by which directional light is divided: smaller values are rounding errors.
-const MIN_PROJECTED: f64 = 1e-9;
 
 /// Number of segments up to which a last measurement is extended if the means of sides need as many: about .05 s. Where links alone take as many, the
 /// errors of their many elements cancel.

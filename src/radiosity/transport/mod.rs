@@ -15,7 +15,7 @@ mod transport_matrix;
 
 pub use active_nodes::ActiveNodes;
 pub use directional::{DirectionalIrradiance, NodeIrradiance, emission_moments};
-pub use gather_push_pull::{NodeRadiosity, gather, pushed};
+pub use gather_push_pull::{MIN_PROJECTED, NodeRadiosity, gather, pushed};
 pub use krylov::solve;
 pub use link_transport::{LinkTransport, sweeps};
 pub use ray_transport::{Path, RayTransport};
