@@ -14,9 +14,9 @@ use rayon::prelude::*;
 
 /// Largest number of pixels: limits memory to about 1 GB during rendering.
 pub const MAX_PIXELS: usize = 1 << 25;
-/// Largest numbers of columns and of rows.
+/// Largest numbers of columns and of rows: what common graphics hardware shows as one texture.
 pub const MAX_SIDE: usize = 16_384;
-/// Columns and rows of pictures by default.
+/// Columns and rows of pictures by default: half the width of a usual screen.
 pub const SIZE: [usize; 2] = [800, 600];
 /// Rays per pixel along either side: 4 rays give edges 5 levels. Pictures only.
 const SAMPLES_PER_SIDE: usize = 2;
@@ -110,8 +110,9 @@ pub fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
 /// Brightness of the screen, of 1, above which a face is bright: tone mapping leaves little of what the samples of a pixel on its edge
 /// differ by.
 const MIN_BRIGHT_FACE: f32 = 0.5;
-/// Ratio of luminances from which on neighbouring pixels have an edge between them.
-const EDGE: f32 = 2.0;
+/// Ratio of the luminances of neighbouring pixels from which on there is an edge between them. With a smaller ratio, averages of light
+/// and of colours differ little, and more pixels would take further rays.
+const MIN_EDGE_RATIO: f32 = 2.0;
 
 /// The tone-mapped picture of a camera. On the edges of bright faces the colours of samples are averaged, not their light: a lamp
 /// that is a hundred times brighter than white would fill all pixels that it touches.
@@ -131,7 +132,7 @@ fn smoothly_developed(stage: &Stage, camera: &Camera, size: [usize; 2], frame: &
                 if luminance(l) > luminance(high) { l } else { high },
             )
         });
-        luminance(brightest) > EDGE * luminance(darkest)
+        luminance(brightest) > MIN_EDGE_RATIO * luminance(darkest)
             && luminance(tone.linear(brightest)) > MIN_BRIGHT_FACE
     };
     picture.pixels.par_iter_mut().enumerate().filter(|(k, _)| is_edge(*k)).for_each(|(k, colour)| {

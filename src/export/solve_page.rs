@@ -316,7 +316,7 @@ fn error_bars(record: &Record) -> Result<Markup> {
     })
 }
 
-/// Number of surfaces that are listed, the largest.
+/// Number of surfaces that are listed, the largest: two screens.
 const MAX_SURFACES: usize = 50;
 
 /// Light of the elements on one side of the faces of an object.

@@ -24,16 +24,19 @@ const PREVIEW_PIXELS: [usize; 2] = [64, 48];
 /// Fraction of the directions from an eye that meet a surface where the scene is enclosed. From the middle of a cube with
 /// one open side 5/6 do.
 const ENCLOSED_PART: f32 = 0.9;
-/// Angles of view from top to bottom, radians: of a 35 mm wide-angle lens of 20 mm from inside, of 28 mm from outside.
+/// Angle of view from top to bottom from inside, radians: of a 35 mm camera with a wide-angle lens of 20 mm.
 const INSIDE_ANGLE: f32 = 1.1;
+/// Angle of view from top to bottom from outside, radians: of a 35 mm camera with a lens of 28 mm.
 const OUTSIDE_ANGLE: f32 = 0.8;
-/// Largest angle by which an eye looks up or down: the horizon stays in the picture.
+/// Largest angle by which an eye looks up or down, radians: less than half of [`INSIDE_ANGLE`], so that the horizon stays in the
+/// picture.
 const MAX_PITCH: f32 = 0.4;
-/// Part of neighbouring pixels with an outline between them at which a picture has half of the possible detail: that of
-/// the furnished rooms of `make scenes`.
+/// Fraction of neighbouring pixels with an outline between them at which a picture has half of the possible detail: that of the
+/// furnished rooms of `make scenes`.
 const HALF_DETAIL_FRACTION: f32 = 0.15;
 
-/// Median distance in a picture, relative to half of the scene's diagonal, from which on it is an overview.
+/// Median distance in a picture, relative to half of the scene's diagonal, from which on it is an overview: nearer views show one
+/// object or wall. Selects pictures only.
 const MIN_OVERVIEW_DISTANCE: f32 = 0.25;
 /// Score factor of a view without objects; 1 for a view of all, relative to one of all: a close view of a few may still be the best.
 const NO_OBJECTS_FACTOR: f32 = 0.2;
@@ -182,19 +185,24 @@ fn is_outline(a: &Option<First>, b: &Option<First>, solution: &RadiosityMesh) ->
 const EYE_HEIGHT_METRES: f64 = 1.6;
 /// Smallest eye height relative to the width of the scene: in a valley of kilometres a person sees the next slope only.
 const MIN_HEIGHT_PART: f32 = 0.015;
-/// Largest eye height relative to the free height above the ground.
+/// Largest eye height relative to the free height above the ground: a view from just below a ceiling or a table shows little else.
 const MAX_HEADROOM_PART: f32 = 0.6;
-/// Smallest height of an eye at which a person can stand, relative to the eye height.
+/// Smallest height of an eye at which a person can stand, relative to the eye height: the eyes of a person who stoops. Selects pictures
+/// only.
 const MIN_STANDING_PART: f32 = 0.6;
-/// Number of places on the ground, and of directions from each.
+/// Number of places on the ground where eyes may stand: limits the time of a view, together with [`PREVIEW_PIXELS`].
 const SPOTS: usize = 24;
+/// Number of directions from a place in which surfaces are looked for: [`ENCLOSED_PART`] is then known to √(0.9 · 0.1 / 48) = 4 %.
 const DIRECTIONS: usize = 48;
 /// Smallest cosine between up and the normal of ground: 37 degrees.
 const MIN_GROUND_COSINE: f32 = 0.8;
-/// Surfaces below a place that are passed on the way to the ground.
+/// Largest number of surfaces below a place that are passed on the way to the ground: storeys, tables and carpets; limits the time of a
+/// place.
 const MAX_FLOORS: usize = 8;
-/// Cells along the longest side of the scene in which faces are counted, and number of places with most of them.
+/// Cells along the longest side of the scene in which faces are counted: in a room of 5 m a cell is 30 cm wide, so that the densest
+/// hold furniture.
 const CELLS: f32 = 16.0;
+/// Number of places with most faces at which eyes look: each is combined with every eye, so that time grows with it.
 const PLACES: usize = 4;
 
 /// A place for a camera.

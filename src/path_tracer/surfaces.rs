@@ -90,9 +90,10 @@ impl<'a> Surfaces<'a> {
 
     /// The nearest of the surfaces along the normal of a point that are about parallel to it, and its distance against the normal.
     fn nearest(&self, given: Vec3, normal: Vec3) -> Option<(f32, SurfaceHit<'_>)> {
-        /// Largest number of surfaces that are tried.
+        /// Largest number of surfaces that are tried: bounds the time where many sheets lie on each other.
         const MAX_SURFACES: usize = 64;
-        /// Distance to which faces of one plane are moved off each other, in skins of the larger one.
+        /// Distance to which faces of one plane are moved off each other, in skins of the larger one: 2.8e-5 of the largest coordinate,
+        /// well above the 9e-6 by which the readers move them.
         const STACK_DISTANCE: f32 = 14.0;
         let mut ray = Packet::EMPTY;
         ray.set_ray(0, given + self.slack * normal, -normal);

@@ -24,11 +24,13 @@ const RAY_START_HEIGHT: f32 = 2e-6;
 const MAX_COARSE: f32 = 0.01;
 /// The same limit for the halves of a divided face: their neighbours, which count for rounding as well, are up to four times as large.
 const MAX_FINE: f32 = 0.25 * MAX_COARSE;
-/// Smallest ratio of the largest coordinate of a face to that of a thing for which division helps: parts beside the thing still have its coordinates.
+/// Smallest ratio of the largest coordinate of a face to that of a thing for which the face is divided. Parts of the face beside the
+/// thing have the coordinates of the thing, so that rays start lower by this ratio at most.
 const MIN_GAIN: f32 = 2.0;
 /// Largest number of pairs of a face and a thing that are compared: some 0.2 s. Of more, all that emit are compared, and others evenly spread.
 const MAX_PAIRS: usize = 100_000_000;
-/// Largest number of triangles that are divided before another one: edges that grow slightly from triangle to triangle make a long chain.
+/// Largest number of triangles that are divided before another one: limits the time of one division. Edges that grow slightly from
+/// triangle to triangle make a long chain.
 const MAX_CHAIN: usize = 256;
 /// Largest number of triangles that are added to a scene. A lamp on a floor of 1,000 km needs 300.
 const MAX_ADDED: usize = 1 << 16;

@@ -85,7 +85,7 @@ impl Gradation {
     }
 }
 
-/// Steps of the tables below.
+/// Steps of the tables below: see [`GradationTable`] for the error that they leave.
 const TABLE_STEPS: usize = 2000;
 
 /// φ and f of a [`Gradation`] tabulated, for many evaluations: by the square root of cos Z, because φ changes most at the horizon, and by the

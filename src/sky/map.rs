@@ -11,7 +11,8 @@ use std::{io::Cursor, path::Path};
 
 /// Largest number of columns and of rows: twice the largest side that graphics cards take (16,384).
 const MAX_SIDE: u32 = 32_768;
-/// Fraction of the texels that may be repaired. A map with more is not one of radiance.
+/// Largest fraction of the texels that may be repaired: cameras and programs leave single bad texels. A map with more of them holds
+/// something else than radiance.
 const MAX_BAD_PART: f64 = 0.01;
 
 /// An equirectangular map: columns are azimuths, its centre column faces north and east is to the right of it; rows are equal steps of the angle to

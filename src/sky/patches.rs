@@ -11,7 +11,8 @@ use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
-/// Levels below a hemisphere with detail: 4^7 patches of 1.1° on a side.
+/// Levels below a hemisphere with detail: 4⁷ patches of 1.1° on a side. A further level would take four times the memory and the time;
+/// smaller details count by the samples of a patch, see [`MAX_SAMPLES`].
 const LEVELS: u32 = 7;
 /// Levels below a hemisphere of uniform radiance: 256 patches of 9° on a side, which only receivers and blockers require.
 const UNIFORM_LEVELS: u32 = 4;

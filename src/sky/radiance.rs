@@ -15,7 +15,7 @@ const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 /// Columns of the quadrature of skies without a map, and four times its rows. The error of the horizontal irradiance is below 3e-5 for all CIE
 /// types and Perez bins (test `levels_are_integrals`).
 const COLUMNS: usize = 1024;
-/// Most columns of a quadrature: larger maps are not sampled at every texel.
+/// Largest number of columns of a quadrature: limits it to 8,192² / 4 = 17 million values. Larger maps are not sampled at every texel.
 const MAX_COLUMNS: usize = 8192;
 
 /// Value that determines the level of a sky, W/m² and W/(m² sr), or lx and cd/m².

@@ -17,8 +17,8 @@ pub(super) const CHUNK: usize = 64;
 /// Visible fraction of an emitter below which a point with little other light traces more rays: the part if four of [`MIN_SHADOW_RAYS`] rays pass. If a hole
 /// shows a hundredth of a lamp, none of 32 rays passes in three cases of four; without more rays a sixth of the lamp's light would be lost.
 const MAX_HIDDEN_VISIBILITY: f64 = 4.0 / MIN_SHADOW_RAYS as f64;
-/// Mean number of emitters without a passing ray to which a point traces all rays in each set. Points of 64 closed cells with 32 lamps
-/// take 7 times as long with all lamps.
+/// Mean number of emitters without a passing ray to which a point traces all rays in each set, chosen at random in proportion to their
+/// light. Without a limit, a point of one of many closed cells would trace rays to the lamps of all cells.
 const RETRACED_EMITTERS: f64 = 4.0;
 
 impl FinalGather<'_> {

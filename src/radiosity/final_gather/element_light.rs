@@ -25,7 +25,8 @@ use smallvec::SmallVec;
 const MIN_HALF: u32 = 4;
 /// Largest number of rays of each half, so that no element can use up all rays: noise of 1 % where one ray deviates by half of the mean.
 const MAX_HALF: u32 = 1024;
-/// Deviation of one ray from the mean light of its element, relative to that light, where it is not known.
+/// Deviation of one ray from the mean light of its element, relative to that light, where it is not known: that of a usual element, as
+/// for [`RAYS_TIMES_ERROR_SQUARED`](super::ray_counts).
 const DEFAULT_DEVIATION: f64 = 0.5;
 
 /// Rays of an element to each sun for each of its other rays, where parts of the surface are in the shade. Rays to one sun are coherent: four take about
@@ -39,7 +40,7 @@ const LEAVES_OF_SEQUENCE: usize = 64;
 /// Distance beyond the middle of an edge at which the element there is looked up, as a fraction of the distance from the centre: far above rounding, and within
 /// elements of an eighth of the size.
 const BEYOND_EDGE: f32 = 1.0 / 16.0;
-/// Elements of one parallel task that traces a ray along the normal of each.
+/// Elements of one parallel task that traces a ray along the normal of each: sixteen packets.
 const CHUNK: usize = 256;
 
 /// Largest factor by which reflected light is scaled to conserve its power, and the inverse of the smallest: with eight rays each, the faces of a

@@ -3,7 +3,7 @@
 use super::element_samples::{DIRECT, ElementLight, REFLECTED};
 use super::gatherer::FinalGather;
 use super::local_noise::LocalResult;
-use super::ray_counts::{NEEDED_SHARE, NEIGHBOURS};
+use super::ray_counts::{AVERAGED_ELEMENTS, NEEDED_SHARE};
 use super::ray_rows::{RayRow, RayRows};
 use crate::radiosity::elements::Elements;
 use crate::radiosity::rgb::mean;
@@ -53,7 +53,7 @@ impl FinalGather<'_> {
             area += own;
             light += own * mean(result.irradiance);
         }
-        noise / (NEIGHBOURS * area) <= (NEEDED_SHARE * self.error * light / area).powi(2)
+        noise / (AVERAGED_ELEMENTS * area) <= (NEEDED_SHARE * self.error * light / area).powi(2)
     }
 }
 

@@ -7,12 +7,13 @@ use crate::radiosity::rgb::{Rgb, mean};
 use crate::radiosity::transport::RayTransport;
 use rayon::prelude::*;
 
-/// Rows of one parallel task.
+/// Smallest number of rows of one parallel task, so that the work of a task outweighs its start. Does not change results.
 const CHUNK: usize = 64;
 /// Weight, in rays, of the spread around an element when it is mixed with its own: the relative error of a
 /// variance from 8 rays alone is √(2/8) = 50 %. Affects error bars and the number of rays.
 const NEIGHBOUR_RAYS: f64 = 8.0;
-/// Light of a side relative to the mean below which errors are relative to the side's own light, not to the mean: sides of furniture in a lit room are above.
+/// Light of a side relative to the mean below which errors are relative to the side's own light, not to the mean: sides of furniture in
+/// a lit room have more.
 const DIM_SIDE: f64 = 0.25;
 /// Largest weight of an error: that of a room with a sixty-fourth of the mean light. Otherwise sides that receive hardly any light would take all rays.
 const MAX_WEIGHT: f64 = 16.0;

@@ -29,7 +29,8 @@ use rayon::prelude::*;
 use std::array::from_fn;
 use std::collections::HashMap;
 
-/// Expected relative error of the direct light that all elements receive together, by their own rays.
+/// Expected relative error of the direct light that all elements receive together, by their own rays: half of the error that is asked
+/// for by default. It only weighs this light against other estimates of it.
 const DIRECT_ERROR: f64 = 0.01;
 /// Fraction of the rays by which elements exchange light. Each of the other rays gathers that light for one element. In an office and
 /// a living room a seventh and two sevenths leave errors of the elements that differ by less than a tenth (`scenes/room.py`).

@@ -18,22 +18,25 @@ const MIN_ROW_RAYS: f64 = 4.0;
 const FEWEST_ROW_RAYS: f64 = 2.0;
 /// Largest number of rays of an element: 1/√4,096 = 1.6 % of the spread of one ray remain as noise.
 const MAX_ROW_RAYS: f64 = 4096.0;
-/// Of the rays of the exchange beyond the smallest number of each element, the part that is distributed by reflected light; the others are distributed by
-/// area alone, because light along links may be incomplete. The inside of a lamp shade reflects a hundred times as much light as the walls around it.
+/// Of the rays of the exchange beyond the smallest number of each element, the fraction that is distributed by reflected light. The
+/// others are distributed by area alone, because light along links may be incomplete: with a half, an element that links leave dark has
+/// at least half of the rays that it would get by area. The inside of a lamp shade reflects a hundred times as much light as the walls
+/// around it.
 const SHARE_BY_LIGHT: f64 = 0.5;
-/// Number of rays of all elements together after the deadline. With too few rays, two elements may exchange light only with
-/// each other, and their light would never decay.
+/// Number of rays of all elements together after the deadline, which take less than 0.1 s (see [`MAX_LATE_LEAVES`]). With too few rays,
+/// two elements may exchange light only with each other, and their light would never decay.
 pub const LATE_RAYS: f64 = 1e5;
 /// Largest number of leaves that are traced after the deadline: with [`MIN_ROW_RAYS`] and [`LATE_RAYS`] half a million rays, some 0.4 s on
 /// two cores. If there are more leaves, those above their share of the area and an even selection of the others are traced.
 const MAX_LATE_LEAVES: usize = 100_000;
 /// Fraction of the light that is reflected in scenes for which [`RAYS_TIMES_ERROR_SQUARED`] holds: half.
 const USUAL_REFLECTED: f64 = 0.5;
-/// Number of neighbours that share their rays.
-pub(super) const NEIGHBOURS: f64 = 16.0;
-/// Rays of an element times the square of the error: one ray deviates by about half of the mean, neighbours share their rays, and direct and
-/// reflected light each have that variance.
-const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / NEIGHBOURS;
+/// Number of elements over whose rays sharing is expected to average: between its windows of 9 and 25 elements. It only plans numbers
+/// of rays: with fewer, elements get more rays and take longer; with more, their noise is above the error asked for.
+pub(super) const AVERAGED_ELEMENTS: f64 = 16.0;
+/// Rays of an element times the square of the error: one ray deviates by about half of the mean, the mean over [`AVERAGED_ELEMENTS`]
+/// counts, and direct and reflected light each have that variance.
+const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / AVERAGED_ELEMENTS;
 /// Fraction of the error of elements that may be noise of their rays, where these deviate little: a fifth of the squared error. Most of the rest is the
 /// variation of light over an element.
 pub(super) const NEEDED_SHARE: f64 = 0.45;
@@ -95,7 +98,7 @@ impl FinalGather<'_> {
             light += own * mean(result.irradiance);
         }
         let noise = NEEDED_SHARE * self.error * light / area;
-        let rays = deviations * deviations / (NEIGHBOURS * area * noise * noise);
+        let rays = deviations * deviations / (AVERAGED_ELEMENTS * area * noise * noise);
         if rays.is_finite() { rays.max(LATE_RAYS) } else { f64::INFINITY }
     }
 

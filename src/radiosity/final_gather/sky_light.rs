@@ -13,18 +13,20 @@ use crate::sky::Sun;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
-/// Rays of an element are compared with the open sky only if more than this part of them leaves the scene: with more blocked rays, the
-/// comparison would add noise.
-const MIN_OPEN_PART: f32 = 0.5;
+/// Rays of an element are compared with the open sky only if more than this fraction of them leaves the scene: with more blocked rays,
+/// the comparison would add noise.
+const MIN_OPEN_FRACTION: f32 = 0.5;
 
 /// Smallest number of rays from a point to a sun, evenly spread over the disc, even if all agree: all of them miss a gap that shows a twentieth of the disc
 /// in one of seven hundred cases. A gap between leaves that shows a fiftieth of the disc lights a room as much as the sky does through a window.
 const AGREED_RAYS: usize = 8 * LANES;
-/// Largest ratio of the rays from a point to a sun to [`Options::light_rays`](crate::radiosity::Options::light_rays), and the visible fraction of the disc
-/// from which on the error is relative to this part: behind blinds and leaves a tenth of the sun is most of the light. The unoccluded sun has ten times
-/// the light of a clear sky.
-const MORE_FOR_SUNS: usize = 4;
-const MIN_PART: f64 = 0.1;
+/// Largest ratio of the rays from a point to a sun to [`Options::light_rays`](crate::radiosity::Options::light_rays): four times as
+/// many rays halve the noise. The unoccluded sun has ten times the light of a clear sky, so that its shadows have most of the noise;
+/// points whose rays agree trace [`AGREED_RAYS`] alone.
+const MAX_SUN_RAYS_RATIO: usize = 4;
+/// Visible fraction of the disc of a sun from which on the error is relative to this fraction: behind blinds and leaves a tenth of the
+/// sun is most of the light. Relative to all of the sun, the error there would be ten times as large.
+const MIN_VISIBLE_SUN: f64 = 0.1;
 
 /// Smallest error of the light of the sky in a cell, relative to this light: samples in the cell that agree by chance have an error as well. The limit
 /// matters only where all samples agree.
@@ -79,14 +81,14 @@ impl FinalGather<'_> {
         }
     }
 
-    /// The part of some rays of a leaf that leave the scene; 0 where comparison with the open sky adds noise: where it is below [`MIN_OPEN_PART`], or a
+    /// The part of some rays of a leaf that leave the scene; 0 where comparison with the open sky adds noise: where it is below [`MIN_OPEN_FRACTION`], or a
     /// sun is hidden, and with it the brightest sky.
     fn open_part(&self, results: &[RayResult], normal: DVec3) -> f32 {
         let count = results.len().max(1) as f32;
         let escaped = results.iter().filter(|of| of.escaped).count() as f32 / count;
         let seen = results.iter().map(|of| of.sun.element_sum()).sum::<f32>() / count;
         let free: f64 = self.suns().iter().flat_map(|sun| sun.irradiance_on(normal)).sum();
-        if escaped <= MIN_OPEN_PART || f64::from(seen) < 0.5 * free { 0.0 } else { escaped }
+        if escaped <= MIN_OPEN_FRACTION || f64::from(seen) < 0.5 * free { 0.0 } else { escaped }
     }
 
     /// A sampled direction towards a sun, and the irradiance by a ray in this direction on a surface with this normal, W/m²; `None` if this point
@@ -176,7 +178,7 @@ impl FinalGather<'_> {
         let reach = self.reach_from(at);
         // Sums over rays of the unoccluded light, of the light that passes, and of the unoccluded light times the squared transmittance.
         let (mut all, mut seen, mut squares, mut count) = (0.0, 0.0, 0.0, 0.0);
-        let rays = (MORE_FOR_SUNS * self.light_rays).max(AGREED_RAYS);
+        let rays = (MAX_SUN_RAYS_RATIO * self.light_rays).max(AGREED_RAYS);
         for first in (0..rays).step_by(LANES) {
             let (mut packet, mut weights) = (Packet::EMPTY, [0.0; LANES]);
             for (lane, [u, v]) in self.table.iter().cycle().skip(first).take(LANES).enumerate() {
@@ -203,7 +205,7 @@ impl FinalGather<'_> {
                 let (more, all) = (more * all / count, all + 2.0 * more * all / count);
                 (squares + more) / all - ((seen + more) / all).powi(2)
             };
-            let tolerance = PART_OF_ERROR * self.error * (seen / all).max(MIN_PART);
+            let tolerance = PART_OF_ERROR * self.error * (seen / all).max(MIN_VISIBLE_SUN);
             let is_known = variance(0.0) < 1e-9 || variance(2.0) <= count * tolerance * tolerance;
             if first + LANES >= AGREED_RAYS && is_known {
                 break;

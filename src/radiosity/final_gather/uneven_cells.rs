@@ -10,17 +10,19 @@ const ERROR_OF_EDGE: f64 = 0.29;
 /// two samples that mirror each other, which leave a quarter of this deviation where the gradient is not uniform. Smaller cells may contain the horizon or
 /// the edge of a bright part of the sky.
 const ERROR_OF_GRADIENT: f64 = ERROR_OF_EDGE / 4.0;
-/// The error asked for by default, relative to the mean irradiance.
+/// The error asked for by default, relative to the mean irradiance: that of [`Options::error`](crate::radiosity::Options::error).
 pub(super) const DEFAULT_ERROR: f64 = 0.02;
-/// Tolerated error of the light of the sky at a point, relative to all light of the point, as a fraction of the error asked for.
+/// Tolerated error of the light of the sky at a point, relative to all light of the point, as a fraction of the error asked for. It
+/// adds √(1 + 0.1²) − 1 = 0.5 % to the error that the other light may have.
 pub(super) const TOLERANCE: f64 = 0.1;
 /// Weight of squared errors of the light of surfaces, whose error may be about the error asked for instead of a tenth of it.
 const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;
 
-/// Cells are divided further where it is cheap, down to this part of the tolerated squared error of the sky's light: where the next level has at most
-/// [`CHEAP_RAYS`] times the rays so far. Edges along lines, as of roofs and windows, need about as many rays again to reduce the error to a third. Edges
-/// in all cells, as of foliage, need three times as many to halve it.
+/// Fraction of the tolerated squared error of the sky's light down to which cells are divided further where it is cheap: half of the
+/// error.
 const CHEAP_TOLERANCE: f64 = 0.25;
+/// Division is cheap where the next level has at most this many times the rays so far. Edges along lines, as of roofs and windows, need
+/// about as many rays again to reduce the error to a third. Edges in all cells, as of foliage, need three times as many to halve it.
 const CHEAP_RAYS: usize = 2;
 
 /// A cell that may be divided, by its index in its level.

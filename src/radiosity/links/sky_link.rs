@@ -187,7 +187,8 @@ pub fn sky_link_error(elements: &Elements, environment: &Environment, link: &Sky
 
 // A link to the sky before its visibility is measured, and the sums over the answers to its segments.
 
-/// Fraction of a link's segments, if all had the same answer, that counts for the links that replace it: some segments lie in other parts of its ends.
+/// Fraction of a link's segments, if all had the same answer, that counts for the links that replace it: half, because some segments
+/// lie in other parts of its ends.
 const INHERITED: f32 = 0.5;
 
 /// A link that is to be measured, and how accurately.

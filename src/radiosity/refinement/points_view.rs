@@ -22,7 +22,7 @@ const MAX_IMPORTANCE: f64 = 16.0;
 /// Fraction of importance that is the same everywhere: surfaces that points see get light from elsewhere, and the energy balance needs a correct
 /// exchange in rooms that no point sees. The mean by area is at most 1, so that rays of such rooms are at most halved.
 const UNIFORM_IMPORTANCE: f64 = 0.5;
-/// Points of one parallel task.
+/// Points of one parallel task: one packet.
 const CHUNK: usize = 16;
 
 /// The end of a path, and the fraction of the light sent from there that reaches the start of the path.

@@ -10,9 +10,11 @@ use rayon::prelude::*;
 const TOLERANCE: f64 = 1e-4;
 /// Largest number of iterations: limits the time to 200 products with the matrix if the iteration does not converge.
 const MAX_ITERATIONS: usize = 100;
-/// Iterations of one solution, and passes along paths, that are made even after the deadline: at least three, and as many as read 50 million terms
-/// together, which limits the delay of either to a fraction of a second. Change results with a time limit only.
+/// Smallest number of iterations of one solution, and of passes along paths, that are made even after the deadline. Changes results
+/// with a time limit only.
 const MIN_ITERATIONS: usize = 3;
+/// Terms that iterations and passes may read after the deadline if this allows more of them: limits the delay of either to a fraction
+/// of a second. Changes results with a time limit only.
 const LATE_TERMS: usize = 50_000_000;
 /// Terms of the matrix that take as much memory traffic as the vectors of one unknown in one iteration: some 16 reads and writes of
 /// 24 bytes against 20 bytes that an entry reads in each of two products.
@@ -20,7 +22,8 @@ const TERMS_OF_VECTORS: usize = 10;
 /// Terms of one partial sum: partial sums do not depend on the number of threads.
 const BLOCK: usize = 4096;
 
-/// The passes end when a pass along paths adds at most this part of the light of the scene. More is missing where passes converge slowly.
+/// Fraction of the light of the scene that a pass along paths may add for the passes to end: a twentieth of the error that is asked for
+/// by default. More is missing where passes converge slowly.
 const MAX_MISSING: f64 = 1e-3;
 /// Largest number of passes along paths: if each returns 0.9 of the light of the one before, 0.9^64 = 0.1 % of it is missing.
 const MAX_PASSES: usize = 64;

@@ -29,7 +29,7 @@ use std::{
     sync::Arc,
 };
 
-/// Largest number of corners: a file of a few kilobytes can refer to one mesh very often.
+/// Largest number of corners, whose indices alone take 2 GiB: a file of a few kilobytes can refer to one mesh very often.
 const MAX_CORNERS: usize = 1 << 29;
 /// Extension whose nodes place a mesh many times.
 const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
