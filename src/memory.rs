@@ -1,4 +1,4 @@
-//! Available memory of the machine, and the part of it that may be used.
+//! Available memory of the machine, and the fraction of it that may be used.
 
 use crate::{Error, Result};
 use std::fs::read_to_string;

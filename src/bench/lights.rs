@@ -24,7 +24,7 @@ const PATCHES_PER_POINT: usize = 4;
 /// L in diagonals of the scene: an umbra is at most a third larger than that of a source at infinity, at the far end of the scene. With more
 /// rounding errors of parameters along a segment grow.
 const SOURCE_DISTANCE: f32 = 4.0;
-/// Samples along each side of a patch that find whether a receiver sees any of it: parts below 1/16 of a patch lie within 2° of the
+/// Samples along each side of a patch that find whether a receiver sees any of it: pieces below 1/16 of a patch lie within 2° of the
 /// horizon, with a cosine of at most 0.04.
 const SAMPLES_PER_SIDE: usize = 4;
 

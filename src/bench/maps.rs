@@ -182,7 +182,7 @@ impl Bench<'_> {
         rows
     }
 
-    /// Light of all texels, the part of the segments that met averaged clusters, and the times of queries and interpolation, seconds.
+    /// Light of all texels, the fraction of the segments that met averaged clusters, and the times of queries and interpolation, seconds.
     fn texels_of(&self, map: &Map, row: &PlannedMap, engine: &MultiResolution) -> (Vec<f32>, f64, Vec<f64>) {
         let interpolated = |lattice: usize, ask: &dyn Fn(Queries) -> MrRun| {
             let (_, lattice, workload) = &map.lattices[lattice];

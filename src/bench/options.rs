@@ -157,7 +157,7 @@ mod tests {
         assert!(BenchOptions { map: Some(16_385), ..BenchOptions::default() }.check().is_err());
     }
 
-    /// With many rays the samples of the decisions are the larger part of the memory.
+    /// With many rays the samples of the decisions take most of the memory.
     #[test]
     fn memory_is_checked_with_all_that_is_held() {
         let fits = |rays: usize, points: usize, gigabytes: f64| {

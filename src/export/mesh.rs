@@ -210,7 +210,7 @@ fn lacking(solution: &RadiosityMesh, weights: &[Vec<f64>], at_outlines: &[Vec<[f
     solution.elements.iter().zip(weights).zip(at_outlines).map(of).collect()
 }
 
-/// The part of each vertex of an outline in the mean of linear interpolation over the element's triangles: the area of the triangles at
+/// The weight of each vertex of an outline in the mean of linear interpolation over the element's triangles: the area of the triangles at
 /// the vertex.
 fn weights(solution: &RadiosityMesh, element: &Element, outline: &[u32]) -> Vec<f64> {
     let place = |k: usize| solution.vertices[outline[k % outline.len()] as usize].as_dvec3();

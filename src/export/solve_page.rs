@@ -260,7 +260,7 @@ fn solution_properties(record: &Record) -> Markup {
     )
 }
 
-/// Part of normally distributed errors within 1/4, 2/4, … 12/4 standard deviations: erf(k/4 / √2).
+/// Fraction of normally distributed errors within 1/4, 2/4, … 12/4 standard deviations: erf(k/4 / √2).
 const NORMAL: [f64; 12] =
     [0.1974, 0.3829, 0.5467, 0.6827, 0.7887, 0.8664, 0.9199, 0.9545, 0.9756, 0.9876, 0.9940, 0.9973];
 

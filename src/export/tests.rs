@@ -145,7 +145,7 @@ fn a_lightmap_stops_when_the_caller_asks_for_it() {
     }
 }
 
-/// A square and more small triangles than the image has texels: the square keeps its part of the image, and no triangle is black.
+/// A square and more small triangles than the image has texels: the square keeps its share of the image, and no triangle is black.
 #[test]
 fn lightmaps_of_crumbs_leave_room_for_walls() {
     let mut pieces = Pieces::new();

@@ -23,7 +23,7 @@ use std::collections::{HashMap, HashSet};
 const PREVIEW_PIXELS: [usize; 2] = [64, 48];
 /// Fraction of the directions from an eye that meet a surface where the scene is enclosed. From the middle of a cube with
 /// one open side 5/6 do.
-const ENCLOSED_PART: f32 = 0.9;
+const ENCLOSED_FRACTION: f32 = 0.9;
 /// Angle of view from top to bottom from inside, radians: of a 35 mm camera with a wide-angle lens of 20 mm.
 const INSIDE_ANGLE: f32 = 1.1;
 /// Angle of view from top to bottom from outside, radians: of a 35 mm camera with a lens of 28 mm.
@@ -44,10 +44,10 @@ const NO_OBJECTS_FACTOR: f32 = 0.2;
 /// The best view of the scene; `unit` is the name of the unit of length, for the eye height.
 pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) -> Camera {
     let mut eyes = eyes(stage, bounds(stage, solution), up, unit);
-    let enclosed = eyes.iter().filter(|eye| eye.closed >= ENCLOSED_PART).count();
+    let enclosed = eyes.iter().filter(|eye| eye.closed >= ENCLOSED_FRACTION).count();
     let inside = enclosed > 0 && 2 * enclosed >= eyes.len();
     if inside {
-        eyes.retain(|eye| eye.closed >= ENCLOSED_PART);
+        eyes.retain(|eye| eye.closed >= ENCLOSED_FRACTION);
     }
     let mut cameras = if inside { Vec::new() } else { from_outside(stage, solution, up) };
     let judge = ViewScore::new(stage, solution);
@@ -184,15 +184,15 @@ fn is_outline(a: &Option<First>, b: &Option<First>, solution: &RadiosityMesh) ->
 /// Eye height of a standing person, metres (ISO 7250: median of adults).
 const EYE_HEIGHT_METRES: f64 = 1.6;
 /// Smallest eye height relative to the width of the scene: in a valley of kilometres a person sees the next slope only.
-const MIN_HEIGHT_PART: f32 = 0.015;
+const MIN_HEIGHT_FRACTION: f32 = 0.015;
 /// Largest eye height relative to the free height above the ground: a view from just below a ceiling or a table shows little else.
-const MAX_HEADROOM_PART: f32 = 0.6;
+const MAX_HEADROOM_FRACTION: f32 = 0.6;
 /// Smallest height of an eye at which a person can stand, relative to the eye height: the eyes of a person who stoops. Selects pictures
 /// only.
-const MIN_STANDING_PART: f32 = 0.6;
+const MIN_STANDING_FRACTION: f32 = 0.6;
 /// Number of places on the ground where eyes may stand: limits the time of a view, together with [`PREVIEW_PIXELS`].
 const SPOTS: usize = 24;
-/// Number of directions from a place in which surfaces are looked for: [`ENCLOSED_PART`] is then known to √(0.9 · 0.1 / 48) = 4 %.
+/// Number of directions from a place in which surfaces are looked for: [`ENCLOSED_FRACTION`] is then known to √(0.9 · 0.1 / 48) = 4 %.
 const DIRECTIONS: usize = 48;
 /// Smallest cosine between up and the normal of ground: 37 degrees.
 const MIN_GROUND_COSINE: f32 = 0.8;
@@ -218,7 +218,7 @@ pub(super) struct Viewpoint {
 /// Eyes, in scenes with this box and unit of length, above surfaces that face upwards, spread evenly by area, and above the ground below those.
 fn eyes(stage: &Stage, bounds: Aabb, up: Vec3, unit: &str) -> Vec<Viewpoint> {
     let (size, level) = (bounds.extent(), bounds.extent() * (Vec3::ONE - up.abs()));
-    let min_height = MIN_HEIGHT_PART * level.max_element();
+    let min_height = MIN_HEIGHT_FRACTION * level.max_element();
     let person = unit_in_metres(unit).map_or(0.0, |metres| (EYE_HEIGHT_METRES / metres) as f32);
     let (tall, tiny) = (person.max(min_height), 1e-4 * size.max_element());
     let mut eyes = Vec::new();
@@ -226,15 +226,15 @@ fn eyes(stage: &Stage, bounds: Aabb, up: Vec3, unit: &str) -> Vec<Viewpoint> {
         let ground = lowest(stage, spot, up, tiny);
         for foot in [Some(spot), ground.filter(|g| g.distance(spot) > 10.0 * tiny)].into_iter().flatten() {
             let headroom = distance(stage, foot + tiny * up, up).unwrap_or(f32::INFINITY);
-            let height = tall.min(MAX_HEADROOM_PART * headroom);
+            let height = tall.min(MAX_HEADROOM_FRACTION * headroom);
             let position = foot + height * up;
             let met = (0..DIRECTIONS).filter(|&k| distance(stage, position, sphere(k)).is_some()).count();
             eyes.push(Viewpoint { position, height, closed: met as f32 / DIRECTIONS as f32 });
         }
     }
     // Under tables only if there is no room to stand.
-    if eyes.iter().any(|eye| eye.height >= MIN_STANDING_PART * tall) {
-        eyes.retain(|eye| eye.height >= MIN_STANDING_PART * tall);
+    if eyes.iter().any(|eye| eye.height >= MIN_STANDING_FRACTION * tall) {
+        eyes.retain(|eye| eye.height >= MIN_STANDING_FRACTION * tall);
     }
     eyes
 }

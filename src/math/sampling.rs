@@ -42,8 +42,8 @@ pub fn shifted([u, v]: [f32; 2], m: u32) -> [f32; 2] {
 }
 
 /// The entry of a table of running sums that a number `u` in `[0, 1)` selects, each with a probability proportional to its
-/// own part, with the share of `u` that is left inside the entry, in `[0, 1]`, and the entry's own part. The table is not
-/// empty; entries with part 0 are not selected unless all are 0.
+/// own fraction of the total, with the share of `u` that is left inside the entry, in `[0, 1]`, and the entry's own fraction. The table is not
+/// empty; entries with a fraction of 0 are not selected unless all are 0.
 pub fn pick(running_sums: &[f32], u: f32) -> (usize, f32, f32) {
     let last = running_sums.len() - 1;
     let target = u * running_sums[last];

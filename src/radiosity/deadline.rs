@@ -67,7 +67,7 @@ impl<'a> Deadline<'a> {
         Deadline { progress, clock, begun, spent, seconds }
     }
 
-    /// A deadline after this part of the time that is left now.
+    /// A deadline after this fraction of the time that is left now.
     pub fn part(self, part: f64) -> Deadline<'a> {
         let kept = if self.limited() { (1.0 - part) * self.unused().max(0.0) } else { 0.0 };
         Deadline { seconds: self.seconds - kept, ..self }

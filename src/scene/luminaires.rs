@@ -46,9 +46,9 @@ struct Entry {
     c0: Option<[f64; 3]>,
     /// Luminous flux that replaces that of the file, lm.
     flux: Option<Spanned<f64>>,
-    /// Part of the flux to which the luminaire is dimmed.
+    /// Fraction of the flux to which the luminaire is dimmed.
     dimming: Option<Spanned<f64>>,
-    /// Maintenance factor: part of the flux that is left before the next service.
+    /// Maintenance factor: fraction of the flux that is left before the next service.
     maintenance: Option<Spanned<f64>>,
 }
 

@@ -117,7 +117,7 @@ impl GradationTable {
     }
 }
 
-/// The value of a table at a part of its range, in `[0, 1]` but for rounding.
+/// The value of a table at a fraction of its range, in `[0, 1]` but for rounding.
 fn interpolated(table: &[f32], part: f64) -> f64 {
     let at = part * TABLE_STEPS as f64;
     let k = (at as usize).min(TABLE_STEPS - 1);

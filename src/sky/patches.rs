@@ -258,7 +258,7 @@ impl Patches {
     }
 
     /// Irradiance of a plane with a unit normal in scene coordinates, W/m², by the mean radiance of the finest patches. Patches on the plane's horizon are
-    /// not clipped if all their light gives a plane at most a part `detail` of the irradiance of a
+    /// not clipped if all their light gives a plane at most a fraction `detail` of the irradiance of a
     /// horizontal one when they are half the side of a square above its horizon. Each then errs by less than half of that, most by a tenth.
     pub fn irradiance_to(&self, detail: f64, normal: DVec3) -> [f64; 3] {
         let of = |c: usize| self.roots().map(|k| self.patch(k).flow[c].dot(self.frame.up).abs()).sum::<f64>();

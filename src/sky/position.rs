@@ -181,7 +181,7 @@ pub(super) fn clear_irradiances(turbidity: f64, zenith_angle: f64, altitude: f64
     let (g1, g2) = (5.09e-5 * altitude + 0.868, 3.92e-5 * altitude + 0.0387);
     let global = g1 * outside * cosine * (-g2 * mass * (f1 + f2 * (turbidity - 1.0))).exp();
     let beam = outside * (0.664 + 0.163 / f1) * (-0.09 * mass * (turbidity - 1.0)).exp();
-    // Upper limit of the beam from the smallest part that is diffuse.
+    // Upper limit of the beam from the smallest fraction that is diffuse.
     let part = 1.0 - (0.1 - 0.2 * (-turbidity).exp()) / (0.1 + 0.882 / f1);
     let direct = beam.min(global * part.max(0.0) / cosine);
     [direct, (global - direct * cosine).max(0.0)]

@@ -26,7 +26,7 @@ pub(super) fn with_holes(mut values: Vec<f32>, grid: &Grid) -> Vec<f32> {
     values
 }
 
-/// Sky view factor of each sample: the irradiance from a sky of uniform radiance on the sample's sloping surface as part of that
+/// Sky view factor of each sample: the irradiance from a sky of uniform radiance on the sample's sloping surface as a fraction of that
 /// on a horizontal surface without horizon, ∫ max(0, n·ω) dω / π over the directions ω above the horizontal and above the
 /// horizon. An unobstructed slope of inclination b has (1 + cos b)/2.
 ///
@@ -131,7 +131,7 @@ impl Sun {
     }
 }
 
-/// Part of the sun's disc that each sample sees, 0..1: 0 in shadow. Includes the shadow of a slope that faces away from the sun.
+/// Fraction of the sun's disc that each sample sees, 0..1: 0 in shadow. Includes the shadow of a slope that faces away from the sun.
 /// Returns `columns * rows` values; NaN in holes.
 ///
 /// # Errors

@@ -129,7 +129,7 @@ impl<'a> Files<'a> {
     }
 }
 
-/// Irradiance at points within a part of the remaining time; `None` if the time does not suffice.
+/// Irradiance at points within a fraction of the remaining time; `None` if the time does not suffice.
 pub type Gather<'a> = &'a dyn Fn(&[Point], f64) -> Option<Vec<[f64; 3]>>;
 
 impl Outputs {

@@ -2,7 +2,7 @@
 //!
 //! BSIZE as the paper measures it [SD95 sec 3.3]: erosions of one orthographic projection of a cluster, until all objects have
 //! disappeared, and of the free space between them. [`mrvis::internals::optics`] measures the same by direction, and free regions only where
-//! they are the smaller part.
+//! they are the smaller share.
 
 use super::blocks::Blocks;
 use super::item::{Item, Panel, Table, VISIBLE, count, number};

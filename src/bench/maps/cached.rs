@@ -130,7 +130,7 @@ impl Bench<'_> {
         Values { visible, cost }
     }
 
-    /// Light of all texels, the part of the segments that met averaged clusters, and the time, seconds.
+    /// Light of all texels, the fraction of the segments that met averaged clusters, and the time, seconds.
     pub(super) fn cached_texels(&self, map: &Map, row: &CachedRow) -> (Vec<f32>, f64, Vec<f64>) {
         let (grid, workload) = (map.grid, &map.lattices[0].2);
         let Cache { field, tree, probes } = &row.cache;

@@ -76,7 +76,7 @@ impl Solved {
         Solved { linked, closing: FinalLight::Rays(local) }
     }
 
-    /// The light of elements by a part of their rays; none where there is no time for rays.
+    /// The light of elements by a fraction of their rays; none where there is no time for rays.
     pub fn sample_elements(
         &mut self,
         model: &Model,

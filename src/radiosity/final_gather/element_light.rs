@@ -77,7 +77,7 @@ pub struct ElementSamples {
 impl ElementSamples {
     /// The leaves over which direct light varies most, at most `max`: as many as needed to bring the area-weighted mean variance over all
     /// other leaves to at most `variance`, relative to the square of the mean light. None if the mean hardly exceeds this limit.
-    pub fn uneven(&self, elements: &Elements, variance: f64, max: usize) -> Vec<u32> {
+    pub fn most_varying(&self, elements: &Elements, variance: f64, max: usize) -> Vec<u32> {
         let area = |leaf: u32| elements.elements[leaf as usize].area;
         let (mut all, mut sum) = (0.0, 0.0);
         let mut found: Vec<(f64, u32)> = Vec::new();
@@ -85,8 +85,8 @@ impl ElementSamples {
             let area = area(leaf);
             all += area;
             sum += area * (light.mean(DIRECT) + light.mean(REFLECTED));
-            if light.uneven > 0.0 && !elements.states[leaf as usize].crossed {
-                found.push((area * f64::from(light.uneven), leaf));
+            if light.variance_over_quarters > 0.0 && !elements.states[leaf as usize].crossed {
+                found.push((area * f64::from(light.variance_over_quarters), leaf));
             }
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -260,7 +260,7 @@ impl FinalGather<'_> {
 
     /// The factors f, by channel, that make the reflected light that leaves receive equal to the light that leaves reflect towards others: Σ A f·r = Σ A
     /// k·ρ·(d + f·r), both summed over the same leaves. Here `d` is the light of a leaf from emitters, suns and sky, `r` its reflected light, ρ its
-    /// reflectance and `k` the part of its light that other elements receive. Rays of leaves miss a small bright spot, as on a wall beside a lamp, or hit
+    /// reflectance and `k` the fraction of its light that other elements receive. Rays of leaves miss a small bright spot, as on a wall beside a lamp, or hit
     /// it too often; the light that the spot reflects is known from its own direct light.
     fn balance_of_reflected_light(
         &self,

@@ -39,7 +39,7 @@ pub struct LeafRays {
 pub(super) struct Unblocked {
     /// W/m².
     light: Vec3,
-    /// Whether a face is so near that a few points on it would carry most of its light: rays into the scene then find a part of it.
+    /// Whether a face is so near that a few points on it would carry most of its light: rays into the scene then find only some of it.
     near: bool,
 }
 
@@ -125,7 +125,7 @@ impl FinalGather<'_> {
                         let all = ray.free.element_sum();
                         (quarter, all, level * ray.seen.element_sum() / all.max(f32::MIN_POSITIVE))
                     };
-                    light.uneven = variance_of_quarters(quarters.zip(rays).map(of));
+                    light.variance_over_quarters = variance_of_quarters(quarters.zip(rays).map(of));
                     light.direct_of_fraction(free, half, rays);
                 }
                 None => {
@@ -133,7 +133,7 @@ impl FinalGather<'_> {
                     let of = |(&quarter, result): (&u8, &RayResult)| {
                         (quarter, 1.0, result.direct.element_sum() / 3.0)
                     };
-                    light.uneven = variance_of_quarters(quarters.zip(results).map(of));
+                    light.variance_over_quarters = variance_of_quarters(quarters.zip(results).map(of));
                     light.direct_of_rays(half, results);
                 }
             }

@@ -25,7 +25,7 @@ const MAX_WORK_RATIO: f64 = 0.8;
 struct Trial {
     /// Number of segments.
     segments: f64,
-    /// Visible parts, in the order of the points.
+    /// Visible fractions, in the order of the points.
     visible: Vec<f64>,
 }
 

@@ -16,7 +16,7 @@ impl FinalGather<'_> {
     /// split. The first half of the rays selects these leaves, and the second half, divided again, gives the light of suns: with the same rays for both, the leaves below
     /// small gaps that are not left out would have too little light.
     ///
-    /// Scenes in which more light is reflected than the error asked for are left out as well: the light of an element and the part of it that leaves the
+    /// Scenes in which more light is reflected than the error asked for are left out as well: the light of an element and the fraction of it that leaves the
     /// scene would be known by the same rays, and their product has a bias. Where surfaces of a town reflect 0.9, absorbed and escaped power
     /// would exceed the emitted power by 1 %.
     pub(super) fn exchange_samples(

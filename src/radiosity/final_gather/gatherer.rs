@@ -150,7 +150,7 @@ pub struct Buffers {
     pub vertices: Vec<PathVertex>,
     pub(super) next_vertices: Vec<PathVertex>,
     pub(super) results: Vec<RayResult>,
-    /// For each followed path that ends at an element whose light is not known yet: number of the path, leaf, and part of the light reflected there
+    /// For each followed path that ends at an element whose light is not known yet: number of the path, leaf, and fraction of the light reflected there
     /// that arrives at the start of the path.
     pub(super) path_ends: Vec<(u32, u32, Vec3)>,
     /// By element of a batch, the groups of emitting faces from which its emitter rays are drawn.

@@ -9,7 +9,7 @@ use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
-/// Sums of the irradiance that some paths bring to an element, W/m². One shadow ray from the start of each path, to a point of an emitter, finds which part
+/// Sums of the irradiance that some paths bring to an element, W/m². One shadow ray from the start of each path, to a point of an emitter, finds which fraction
 /// of the direct light is visible; the direct light of diffuse faces without obstacles has a closed form. Faces with a profile do without it, so that the quadrature of the
 /// solution is checked too.
 #[derive(Clone, Copy, Default)]

@@ -31,7 +31,7 @@ pub struct LocalResult {
     pub row_sum: f32,
     /// Fraction of the rays that did not leave the scene.
     pub kept: f32,
-    /// Whether rays of the leaf and of those with the same parent find a part of the suns' light, neither none nor all.
+    /// Whether rays of the leaf and of those with the same parent find some of the suns' light, neither none nor all.
     pub sun_varies: bool,
     /// Whether most of its rays met emitters that are about equally bright ([`Emitters::is_even`](crate::radiosity::elements::emitters::Emitters::is_even))
     /// and too many for a closed form: then cosine-weighted rays alone find their light with the least noise.

@@ -48,7 +48,7 @@ pub struct LocalPass {
     pub traced_part: f64,
     /// The rays that the error asked for needs in both passes.
     pub wanted: f64,
-    /// Part of the emitted power that meets elements, by rays from the emitters.
+    /// Fraction of the emitted power that meets elements, by rays from the emitters.
     pub sampled: SampledShare,
     /// The same by these rays and the rays of the elements together, by channel.
     pub received: Rgb,
@@ -64,7 +64,7 @@ pub struct LocalPass {
     pub tally: Tally,
 }
 
-/// The parts of the light along links that leaves without rays keep, by leaf.
+/// The fractions of the light along links that leaves without rays keep, by leaf.
 fn link_parts(around: Option<&Surrounding>, traced: &[u32], untraced: &[u32]) -> HashMap<u32, Vec3> {
     let Some(around) = around.filter(|_| !untraced.is_empty()) else { return HashMap::new() };
     untraced.iter().copied().zip(around.cap_links(traced, untraced)).collect()
@@ -252,7 +252,7 @@ impl FinalGather<'_> {
     }
 
     /// Scales the light of `untraced` ones of the leaves towards the power that the emitters, sky and suns send to all leaves, less what the other leaves keep.
-    /// `sampled` is the part of the emitted power that meets elements. Of the power that arrives from beyond the scene, the second value is extrapolated from
+    /// `sampled` is the fraction of the emitted power that meets elements. Of the power that arrives from beyond the scene, the second value is extrapolated from
     /// leaves around: it counts as uncertain by itself. The other leaves have the error of their direct light.
     /// Engines that average clusters keep their own sum, as in [`FinalGather::balance_of_direct_light`]; so do beams without a sampled ray.
     fn balance_untraced(
@@ -291,14 +291,14 @@ impl FinalGather<'_> {
         power
     }
 
-    /// The part of the emitted power that meets elements.
+    /// The fraction of the emitted power that meets elements.
     fn emitted_share(&self) -> SampledShare {
         let LinkedScene { elements, engine, surroundings, settings, .. } = self.linked;
         emitted_share(elements, &engine.exact(), surroundings.length, settings.seed)
     }
 
     /// Returns the factor that scales the direct light that elements receive, W/m² times scene units squared, to the light that the
-    /// emitters send them, and this part of the emitted power by channel. Both sums have errors: that of the elements is expected to be
+    /// emitters send them, and this fraction of the emitted power by channel. Both sums have errors: that of the elements is expected to be
     /// [`DIRECT_ERROR`], and the factor is nearer to 1 where the share sampled by rays is less certain, as of a lamp whose light mostly
     /// leaves the scene. Engines that average clusters keep their own sum, so that the ledger shows its difference from the rays.
     pub(super) fn balance_of_direct_light(&self, received: f64, sampled: &SampledShare) -> (f64, Rgb) {
@@ -372,7 +372,7 @@ impl FinalGather<'_> {
         })
     }
 
-    /// By side, the part of the light of its rows that meets no other row, with half a ray added to either count (Jeffreys prior): a count of 0
+    /// By side, the fraction of the light of its rows that meets no other row, with half a ray added to either count (Jeffreys prior): a count of 0
     /// among few rays does not mean the probability 0.
     fn escapes_of_sides(&self, rows: &RayRows) -> Vec<f64> {
         let mut sides = vec![(0.5, 1.0); self.linked.elements.sides.len()];
@@ -402,7 +402,7 @@ fn of_half(row: &RayRow, sum: Vec3) -> Rgb {
     sum.to_array().map(|of| 2.0 * f64::from(of) / f64::from(row.rays))
 }
 
-/// Assigns the number of rays, the part of them that stayed in the scene and the row sum to all leaves with rows. Returns the mean row sums of the form
+/// Assigns the number of rays, the fraction of them that stayed in the scene and the row sum to all leaves with rows. Returns the mean row sums of the form
 /// factors by both halves of the rays.
 fn assign_row_sums(rows: &RayRows, [first, second]: &[Vec<f64>; 2], results: &mut [LocalResult]) -> Vec<f64> {
     let sums: Vec<f64> = first.iter().zip(second).map(|(a, b)| 0.5 * (a + b)).collect();

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 /// Rays from the surfaces of rooms. An opening that is a thousandth of the surface of all rooms is found by about a hundred of them.
 const RAYS: usize = 1 << 17;
-/// A side does not count as one of a room if more than this part of its rays leaves the scene: rays of its own points reach the sky.
+/// A side does not count as one of a room if more than this fraction of its rays leaves the scene: rays of its own points reach the sky.
 const MAX_OPEN: f32 = 0.125;
 /// Largest number of rays to the sky on which the opening is located, each by [`HALVINGS`] times [`DIRECTIONS`] rays: together twice [`RAYS`].
 const MAX_FOLLOWED: usize = 512;
@@ -22,9 +22,9 @@ const MAX_PLACES: usize = 256;
 /// Fraction of all directions, also downwards, in which rays leave the scene at a place in an opening: half in the opening of a thin roof, a quarter in the plane
 /// of a window above the ground, less in a shaft. The limit must be above the value in the room and below the value outside.
 const OPENING_SKY_FRACTION: f32 = 0.25;
-/// Number of directions that estimate this part.
+/// Number of directions that estimate this fraction.
 const DIRECTIONS: usize = 2 * LANES;
-/// Bisections of a ray to locate an opening, as if the open part of all directions grew along the ray: to a sixteenth of a metre in a scene of 4 km.
+/// Bisections of a ray to locate an opening, as if the open fraction of all directions grew along the ray: to a sixteenth of a metre in a scene of 4 km.
 const HALVINGS: usize = 16;
 
 impl FinalGather<'_> {
@@ -108,7 +108,7 @@ impl FinalGather<'_> {
         Some(from + outside * direction)
     }
 
-    /// The part of all directions from a place in which rays leave the scene.
+    /// The fraction of all directions from a place in which rays leave the scene.
     fn sky_part(&self, at: Vec3) -> f32 {
         let reach = self.reach_from(at);
         let mut packets = [Packet::EMPTY; DIRECTIONS / LANES];

@@ -35,7 +35,7 @@ pub(super) enum EndOfPaths {
 pub(super) struct PathMean {
     /// Irradiance at their start, without the light of their ends, W/m².
     pub light: Vec3,
-    /// The leaves where the paths end, and the parts of the radiosity reflected there that arrive.
+    /// The leaves where the paths end, and the fractions of the radiosity reflected there that arrive.
     pub ends: SmallVec<[(u32, Vec3); PATHS_ONWARDS]>,
 }
 

@@ -24,7 +24,7 @@ const MIN_POINT_RAYS: usize = 64;
 /// of 10 m, above the rounding of files with four digits.
 const FAR_OFF: f32 = 1e-3;
 
-/// Options with this part of the rays of a point, but at least a minimum of each kind.
+/// Options with this fraction of the rays of a point, but at least a minimum of each kind.
 pub fn with_fewer_rays(options: &Options, part: f64) -> Options {
     let fewer = |rays: usize| Some(((rays as f64 * part) as usize).clamp(MIN_POINT_RAYS.min(rays), rays));
     Options {

@@ -53,33 +53,33 @@ impl FinalGather<'_> {
     /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean irradiance. If the
     /// elements are not asked for, only the light that they reflect to points counts.
     pub fn useful_rays(&self, rays: f64) -> f64 {
-        let part = if self.elements { 1.0 } else { self.reflected_part() };
+        let part = if self.elements { 1.0 } else { self.weight_of_reflected() };
         rays.min(self.rays_for(part).max(self.rays_for_openings(part)))
     }
 
-    /// The number of rays with which the light of the sky through openings, on the surfaces that points see, has half of the error asked for, if `part` of
-    /// the error counts. A part p of the rays of these surfaces leaves the scene, so that each ray has the relative variance (1 - p) / p. Half of all rays
+    /// The number of rays with which the light of the sky through openings, on the surfaces that points see, has half of the error asked for, if the fraction `part` of
+    /// the error counts. A fraction p of the rays of these surfaces leaves the scene, so that each ray has the relative variance (1 - p) / p. Half of all rays
     /// start on these surfaces.
     fn rays_for_openings(&self, part: f64) -> f64 {
         let Some(view) = self.linked.points_view.filter(|view| view.open > 0.0) else { return 0.0 };
-        let part = part * self.linked.part_from_beyond(view.open);
+        let part = part * self.linked.fraction_from_beyond(view.open);
         2.0 * (1.0 - view.open) / view.open * (2.0 * part / self.error).powi(2) / EXCHANGE_SHARE
     }
 
-    /// The number of rays that brings the error of the elements below the error asked for if `part` of it counts.
+    /// The number of rays that brings the error of the elements below the error asked for if the fraction `part` of it counts.
     fn rays_for(&self, part: f64) -> f64 {
         let each = RAYS_TIMES_ERROR_SQUARED * (part / self.error).powi(2);
         (each * self.linked.leaves().len() as f64).max(LATE_RAYS)
     }
 
-    /// Weight of errors of reflected light at points: where reflected light is a part r of their light, r / [`USUAL_REFLECTED`].
-    fn reflected_part(&self) -> f64 {
+    /// Weight of errors of reflected light at points: where reflected light is a fraction r of their light, r / [`USUAL_REFLECTED`].
+    fn weight_of_reflected(&self) -> f64 {
         let at_points = self.linked.points_view.map(|view| view.reflected);
         let reflected = at_points.unwrap_or_else(|| self.reflected_everywhere());
         (reflected / USUAL_REFLECTED).min(1.0)
     }
 
-    /// The part of all light that surfaces reflect. The ground under an open sky receives a hundredth of its light from itself.
+    /// The fraction of all light that surfaces reflect. The ground under an open sky receives a hundredth of its light from itself.
     pub(super) fn reflected_everywhere(&self) -> f64 {
         let LinkedScene { elements, surroundings, .. } = self.linked;
         f64::from(elements.clusters[0].reflectance * surroundings.enclosed[0])

@@ -52,7 +52,7 @@ struct Comparison {
 }
 
 /// The irradiance of all elements from the rays of their neighbourhood; after the deadline from their own rays. `areas` are those of the elements.
-/// Elements keep their own light if its noise is less than the part `needed` of their light and of the mean light, and so is that of direct light around. All elements together receive
+/// Elements keep their own light if its noise is less than the fraction `needed` of their light and of the mean light, and so is that of direct light around. All elements together receive
 /// as much as by their own rays.
 pub fn share(
     places: &[Place],

@@ -1,6 +1,6 @@
 //! Light of the sky and the suns: rays that leave the scene receive the light of the sky, and points trace shadow rays to the suns.
 
-use super::bright_leaves::PART_OF_ERROR;
+use super::bright_leaves::FRACTION_OF_ERROR;
 use super::cells_around::RayCell;
 use super::element_rays::LeafRays;
 use super::gather_point::GatherPoint;
@@ -52,7 +52,7 @@ impl FinalGather<'_> {
 
     /// Replaces the light of the sky along the rays of a batch of leaves, `halves` times the number of each, by values with the same mean and less noise
     /// where most rays leave the scene. The unoccluded sky is a control variate: with the light of the sky F in the direction of a ray, blocked or not, its
-    /// known mean E over the hemisphere, and the part v of the rays that leave the scene, v (E − F) is added. Each half of the rays of a leaf has v from
+    /// known mean E over the hemisphere, and the fraction v of the rays that leave the scene, v (E − F) is added. Each half of the rays of a leaf has v from
     /// the other half, so that v is independent of its own rays.
     pub(super) fn compare_with_open_sky(&self, batch: &[LeafRays], halves: usize, buffers: &mut Buffers) {
         let Buffers { packets, vertices, results, .. } = buffers;
@@ -81,7 +81,7 @@ impl FinalGather<'_> {
         }
     }
 
-    /// The part of some rays of a leaf that leave the scene; 0 where comparison with the open sky adds noise: where it is below [`MIN_OPEN_FRACTION`], or a
+    /// The fraction of some rays of a leaf that leave the scene; 0 where comparison with the open sky adds noise: where it is below [`MIN_OPEN_FRACTION`], or a
     /// sun is hidden, and with it the brightest sky.
     fn open_part(&self, results: &[RayResult], normal: DVec3) -> f32 {
         let count = results.len().max(1) as f32;
@@ -205,7 +205,7 @@ impl FinalGather<'_> {
                 let (more, all) = (more * all / count, all + 2.0 * more * all / count);
                 (squares + more) / all - ((seen + more) / all).powi(2)
             };
-            let tolerance = PART_OF_ERROR * self.error * (seen / all).max(MIN_VISIBLE_SUN);
+            let tolerance = FRACTION_OF_ERROR * self.error * (seen / all).max(MIN_VISIBLE_SUN);
             let is_known = variance(0.0) < 1e-9 || variance(2.0) <= count * tolerance * tolerance;
             if first + LANES >= AGREED_RAYS && is_known {
                 break;
@@ -226,7 +226,7 @@ pub(super) struct SkyLight {
 }
 
 impl SkyLight {
-    /// Adds cells, each of which is the part `area` of the hemisphere, or subtracts them if `sign` is negative.
+    /// Adds cells, each of which is the fraction `area` of the hemisphere, or subtracts them if `sign` is negative.
     pub fn add<'a>(&mut self, cells: impl Iterator<Item = &'a RayCell>, area: f64, sign: f64) {
         for cell in cells {
             let (sky, error) = (f64::from(cell.sky), f64::from(cell.error));
@@ -239,7 +239,7 @@ impl SkyLight {
         }
     }
 
-    /// Correction of the light of the cells by the known light of the open sky, W/m²: the error of all cells, times the part of its variance that is due to
+    /// Correction of the light of the cells by the known light of the open sky, W/m²: the error of all cells, times the fraction of its variance that is due to
     /// cells whose rays reach the sky.
     pub fn compared_with(&self, open: DVec3) -> DVec3 {
         let part = (self.errors[0] / self.errors[1]).clamp(0.0, 1.0);

@@ -22,7 +22,7 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Whether rays to suns, from all leaves with the same parent, find a part of the light, neither none nor all; by parent, empty without suns. `found`
+    /// Whether rays to suns, from all leaves with the same parent, find some of the light, neither none nor all; by parent, empty without suns. `found`
     /// returns the sum of the irradiance of suns by some rays of a leaf, W/m², and the number of these rays.
     pub(super) fn partly_sunlit(
         &self,

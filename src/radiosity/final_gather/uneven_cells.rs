@@ -3,7 +3,7 @@
 use super::cells_around::{NeighbourRanges, RayCell, Surroundings};
 use glam::Vec3;
 
-/// Standard deviation of the open part of a cell that only its ray determines: two rays locate an edge at a random place in their two cells to
+/// Standard deviation of the open fraction of a cell that only its ray determines: two rays locate an edge at a random place in their two cells to
 /// √(1/12) = .29 of a cell.
 const ERROR_OF_EDGE: f64 = 0.29;
 /// The same for a gradient of radiance: a random sample in a cell deviates by √(1/12) of the difference over the cell. Cells of the undivided grid have
@@ -94,7 +94,7 @@ impl Surroundings<'_> {
 
     /// Variance of the visibility of a cell at the rim of the hemisphere, 0 inside. Objects a little above the plane of a point, and the sky at the foot of a
     /// wall, are strips along the rim thinner than a cell: the other cells of the rim give the probability that one crosses this cell. Where little of the
-    /// rim is open, as in rooms, the edges of openings matter more: the variance is multiplied by the open part.
+    /// rim is open, as in rooms, the edges of openings matter more: the variance is multiplied by the open fraction.
     fn variance_at_rim(&self, cell: &RayCell, rim: [f64; 2]) -> f64 {
         if !self.is_at_rim(cell.place) {
             return 0.0;

@@ -160,7 +160,7 @@ impl<'a> Surrounding<'a> {
     }
 
     /// Caps the light along links of untraced leaves, by element: single links of unfinished refinement may bring ten thousand times the light of all leaves
-    /// around. No leaf is brighter than the brightest traced leaf along links around it. Returns the part, by channel, that each of `untraced` keeps.
+    /// around. No leaf is brighter than the brightest traced leaf along links around it. Returns the fraction, by channel, that each of `untraced` keeps.
     pub fn cap_links(&self, traced: &[u32], untraced: &[u32]) -> Vec<Vec3> {
         let links = |leaf: u32| self.elements.states[leaf as usize].irradiance;
         let brightest = self.sums(traced.iter().map(|&leaf| (leaf, links(leaf))), larger);
@@ -174,7 +174,7 @@ impl<'a> Surrounding<'a> {
         untraced.par_iter().map(part).collect()
     }
 
-    /// Estimates the light of leaves without rows from that of the traced ones in `results`. `part`: of the light along links that a leaf keeps.
+    /// Estimates the light of leaves without rows from that of the traced ones in `results`. `part`: the fraction of the light along links that a leaf keeps.
     pub fn estimate(
         &self,
         traced: &[u32],
@@ -220,7 +220,7 @@ impl<'a> Surrounding<'a> {
     }
 
     /// Scales the light of `untraced` leaves towards what balances the scene: all `leaves` together receive what emitters, sky and suns send them, `received`,
-    /// and what leaves reflect to each other, Σ A E (1 - s ρ) = `received` for areas A, irradiances E, reflectances ρ and the part s of its light that a
+    /// and what leaves reflect to each other, Σ A E (1 - s ρ) = `received` for areas A, irradiances E, reflectances ρ and the fraction s of its light that a
     /// leaf sends to others. Links within clutter lose light; without the factor a kitchen lacks 4 % of the emitted power. Both sides are uncertain: the light
     /// of untraced leaves by their noise u, which they share, and the rest by `error`. The factor is the mean of 1 and of the one that balances,
     /// weighted by 1 / u² and 1 / error². Powers are in W/m² times scene units squared.

@@ -151,7 +151,7 @@ pub struct SkyLink {
     pub variation: f32,
     /// Standard error of the irradiance from sampling, W/m²; mean of the channels.
     pub noise: f32,
-    /// Number of segments of this link, and the counted part of those of the links that it replaces, if all had the same answer; else 0.
+    /// Number of segments of this link, and the counted fraction of those of the links that it replaces, if all had the same answer; else 0.
     pub agreed: f32,
     /// Whether geometry proves that nothing blocks the link or any part of it.
     pub is_clear: bool,
@@ -231,7 +231,7 @@ pub struct SkyDraft {
     /// The irradiance that deviations are relative to, W/m²: a model without the noise of samples, mean of the channels.
     pub(super) scale: f32,
     /// Standard deviation of the irradiance without blockers over the receiver, relative to `scale`.
-    pub(super) uneven: f32,
+    pub(super) variation: f32,
     /// Standard deviation of the radiance over the source relative to its mean.
     pub(super) contrast: f32,
     /// Weight of each segment of the first packet.
@@ -326,7 +326,7 @@ impl SkyDraft {
         }
     }
 
-    /// The link for these deviations of visibility, over the receiver and from sampling. The more uneven the source, the larger the sampling error.
+    /// The link for these deviations of visibility, over the receiver and from sampling. The sampling error grows with the contrast of the source.
     fn with(&self, transmittance: f32, [over, noise]: [f32; 2], agreed: f32) -> SkyLink {
         let SkyPair { receiver, source, is_clear, .. } = self.pair;
         SkyLink {
@@ -334,7 +334,7 @@ impl SkyDraft {
             source,
             irradiance: self.free.map(|e| e as f32 * transmittance),
             transmittance,
-            variation: self.scale * (self.uneven * transmittance).hypot(over),
+            variation: self.scale * (self.variation * transmittance).hypot(over),
             noise: self.scale * noise * self.contrast.hypot(1.0),
             agreed,
             is_clear,

@@ -118,8 +118,8 @@ impl Stages<'_> {
             let variance = MAX_VARIANCE_WITHIN * options.error * options.error;
             let mut room = (MAX_ADDED * solved.linked.leaves().len() as f64) as usize;
             while !deadline.late() {
-                let uneven = samples.uneven(&solved.linked.elements, variance, room / 4);
-                let parts = solved.split(&uneven);
+                let varying = samples.most_varying(&solved.linked.elements, variance, room / 4);
+                let parts = solved.split(&varying);
                 if parts.is_empty() {
                     break;
                 }

@@ -161,7 +161,7 @@ impl Notes {
     }
 }
 
-/// A note if the local pass had time for less than [`MIN_RAY_FRACTION`] of the useful rays; a `part` of `None` means the smallest number of rays.
+/// A note if the local pass had time for less than [`MIN_RAY_FRACTION`] of the useful rays; `part` is that fraction, and `None` means the smallest number of rays.
 pub fn fewer_local_rays(part: Option<f64>, all: f64, deadline: &Deadline) -> Option<FewerRays> {
     let rays = match part {
         Some(part) if part >= MIN_RAY_FRACTION => return None,

@@ -107,7 +107,7 @@ fn divided(elements: &Elements, leaves: &[u32]) -> Vec<u32> {
     leaves.iter().filter(|e| elements.elements[**e as usize].level > 0).copied().collect()
 }
 
-/// Sets lanes from `first` on to segments above the edges of an element, within it by this part of its diameter and as far above it: faces that
+/// Sets lanes from `first` on to segments above the edges of an element, within it by this fraction of its diameter and as far above it: faces that
 /// rise from its edges by up to 135° do not meet them.
 fn set_edges(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side, inset: f32) {
     let (count, middle, above) = frame(corners, side, inset);
@@ -128,7 +128,7 @@ fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Sid
     }
 }
 
-/// The number of corners of an element, their mean, and the offset of segments from its plane for this part of its diameter.
+/// The number of corners of an element, their mean, and the offset of segments from its plane for this fraction of its diameter.
 fn frame(corners: &[Vec3; 4], side: &Side, part: f32) -> (usize, Vec3, Vec3) {
     let count = if corners[2] == corners[3] { 3 } else { 4 };
     let middle = corners[..count].iter().sum::<Vec3>() / count as f32;
@@ -142,7 +142,7 @@ fn frame(corners: &[Vec3; 4], side: &Side, part: f32) -> (usize, Vec3, Vec3) {
 // reach deeper into the gap in proportion to the element's size: three times too much in a hollow panel of 3 cm with elements of 12 cm.
 // These elements do not exchange light, and paths that hit them continue from the hit point.
 
-/// Width of a gap that counts as narrow, as a fraction of the radius of the element. Over an endless gap of width w, the part (w / r)² of diffuse
+/// Width of a gap that counts as narrow, as a fraction of the radius of the element. Over an endless gap of width w, the fraction (w / r)² of diffuse
 /// light travels farther than r: half of it.
 const MAX_NARROW_GAP: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// The bits of all quarters.

@@ -35,8 +35,8 @@ const SPLIT_SLICE: usize = 1 << 12;
 /// closed room is below a millionth, and a side of so little light adds less than a thousandth to any mean.
 const MIN_LIT: f64 = 1e-3;
 
-/// Results of paths from points, weighted by the fraction of the light that gets to a point: the part of the points' light that surfaces reflect, if they
-/// have as much light as the points, and the part of the rays from these surfaces that leave the scene.
+/// Results of paths from points, weighted by the fraction of the light that gets to a point: the fraction of the points' light that surfaces reflect, if they
+/// have as much light as the points, and the fraction of the rays from these surfaces that leave the scene.
 #[derive(Clone, Copy)]
 pub struct PointsView {
     pub reflected: f64,
@@ -357,7 +357,7 @@ impl LinkedScene {
         (sampled, bounded)
     }
 
-    /// The targets of the row sums: 1, and for short rows the part of their rays that meets lit sides.
+    /// The targets of the row sums: 1, and for short rows the fraction of their rays that meets lit sides.
     fn assign_row_targets(&mut self, sums: &[f64]) {
         let Surroundings { closed, length, .. } = &self.surroundings;
         let short = short_rows(&self.elements, closed, sums);

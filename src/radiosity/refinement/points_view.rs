@@ -16,7 +16,7 @@ const PATHS: usize = 1 << 14;
 const BOUNCES: usize = 3;
 /// Smallest number of path ends from which the importance of a cluster or side is known; others share the remaining importance of their parent.
 const MIN_ENDS: u32 = 16;
-/// Largest importance by points relative to the mean. With the part that is the same everywhere it is 8.5 at most: elements are at most √8.5 = 2.9 times
+/// Largest importance by points relative to the mean. With the fraction that is the same everywhere it is 8.5 at most: elements are at most √8.5 = 2.9 times
 /// smaller than without it.
 const MAX_IMPORTANCE: f64 = 16.0;
 /// Fraction of importance that is the same everywhere: surfaces that points see get light from elsewhere, and the energy balance needs a correct

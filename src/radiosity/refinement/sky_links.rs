@@ -47,7 +47,7 @@ impl LinkedScene {
 
     /// Fraction of the light of surfaces that comes from beyond the scene, if a fraction `open` of their rays leaves the scene and their light from the
     /// emitters is the average over all surfaces.
-    pub fn part_from_beyond(&self, open: f64) -> f64 {
+    pub fn fraction_from_beyond(&self, open: f64) -> f64 {
         let (beyond, own) = (open * self.beyond, self.emitted_over_area());
         if beyond > 0.0 { beyond / (beyond + own) } else { 0.0 }
     }

@@ -1,4 +1,4 @@
-//! The part of the emitted light that meets surfaces: rays from the emitters, drawn by the cosine or by their profiles of directions.
+//! The fraction of the emitted light that meets surfaces: rays from the emitters, drawn by the cosine or by their profiles of directions.
 
 use super::side_rays::{ESCAPED, SideRays};
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
@@ -29,7 +29,7 @@ pub struct SampledShare {
     pub error: f64,
 }
 
-/// The part of the emitted power that meets sides with elements; 0 without emitters. `length` exceeds the diagonal of the scene.
+/// The fraction of the emitted power that meets sides with elements; 0 without emitters. `length` exceeds the diagonal of the scene.
 pub fn emitted_share(elements: &Elements, exact: &Exact, length: f32, seed: u64) -> SampledShare {
     let emitting = elements.sides.iter().filter(|side| side.exitance.iter().any(|&m| m > 0.0));
     let power = |side: &Side| elements.elements[side.element as usize].area * mean(side.exitance);

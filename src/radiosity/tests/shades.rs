@@ -136,7 +136,7 @@ fn points_below_many_lamp_shades_have_little_noise() {
     assert!((level / truth - 1.0).abs() < 0.06, "{level} instead of {truth}");
 }
 
-/// Direct light through a louvre, which lets a part of the lamp through to all points, is as certain relative to the light of the points as that of an open
+/// Direct light through a louvre, which lets a fraction of the light through to all points, is as certain relative to the light of the points as that of an open
 /// lamp: with a standard error of 3 % of the light without the louvre it scattered by 10 %. Its mean is that of paths within 1 %.
 #[test]
 fn light_through_a_louvre_has_little_noise() {

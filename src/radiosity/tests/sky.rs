@@ -273,7 +273,7 @@ fn open_corners_and_yards_have_the_daylight_of_paths() {
     }
 }
 
-/// Slats 2 cm apart at a height of 10 m, with gaps of this part between them.
+/// Slats 2 cm apart at a height of 10 m, with gaps of this fraction between them.
 fn slats(gap: f64) -> impl Iterator<Item = Vec<DVec3>> {
     let low = |k: i32| 0.02 * f64::from(k);
     (-50..50).map(move |k| rectangle([low(k), -1.0], [low(k) + (1.0 - gap) * 0.02, 1.0], |_, _| 10.0))

@@ -43,7 +43,7 @@ impl RayTransport {
         self.paths.iter().any(|paths| !paths.is_empty())
     }
 
-    /// Replaces the light that paths bring by the part of this light, given by half, at their ends: each half from the rows of the other.
+    /// Replaces the light that paths bring by the fraction of this light, given by half, at their ends: each half from the rows of the other.
     pub fn bring(&mut self, light: &[Field; 2]) {
         self.direct = self.own.clone();
         for (half, direct) in self.direct.iter_mut().enumerate() {
@@ -149,7 +149,7 @@ mod tests {
         }
     }
 
-    /// A row whose light comes by a path alone has that part of the light at its end, and sends it on along another.
+    /// A row whose light comes by a path alone has that fraction of the light at its end, and sends it on along another.
     #[test]
     fn paths_bring_the_light_of_their_ends() {
         let row = |k: usize| MatrixRow {

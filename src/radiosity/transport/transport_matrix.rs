@@ -36,7 +36,7 @@ pub struct TransportMatrix {
     pub(super) area: Vec<f64>,
     /// `d`, the factor of both directions.
     factors: Vec<f32>,
-    /// `k`, the part that a row exchanges with itself.
+    /// `k`, the share that a row exchanges with itself.
     kept: Vec<f32>,
     /// The processes that share products with the matrix.
     ranks: Ranks,
@@ -54,7 +54,7 @@ pub struct MatrixRow {
     pub closed: bool,
     /// Fraction of the light from the row's side that meets no other row: taken from the side, so that the weight of the row's rays does not depend on them alone.
     pub escapes: f64,
-    /// Of its rays, those that met elements which take no part in the exchange.
+    /// Of its rays, those that met elements which are not in the exchange.
     pub apart: usize,
 }
 
@@ -99,8 +99,8 @@ impl TransportMatrix {
         self.sums().into_iter().zip(&self.kept).map(|(sum, kept)| (sum + f64::from(*kept)).max(0.0)).collect()
     }
 
-    /// The expected row sum of i, from two estimates: the part of its own rays that stayed in the scene, and the sum of its weights. Each is weighted
-    /// by the variance of the other, relative to the row sum: `(1 - p)/n` of n rays with the part p, and the usual weight `1/(2 n)`. Variances
+    /// The expected row sum of i, from two estimates: the fraction of its own rays that stayed in the scene, and the sum of its weights. Each is weighted
+    /// by the variance of the other, relative to the row sum: `(1 - p)/n` of n rays with the fraction p, and the usual weight `1/(2 n)`. Variances
     /// estimated from the rays or weights themselves would favour one of the two: row sums of few rays were up to 5 % too large.
     fn expected_row_sum(&self, i: usize, row: &MatrixRow, rays: &[u32]) -> f64 {
         let (rays, met) = (rays.len(), rays.iter().filter(|&&j| j != u32::MAX).count());

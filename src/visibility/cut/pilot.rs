@@ -17,7 +17,7 @@ use rayon::prelude::*;
 const CANDIDATE_WIDTHS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 /// Receivers of the first round, after which scenes where no class gains are rejected.
 const MIN_PILOT_RECEIVERS: u32 = 1 << 12;
-/// Receivers by which scenes are rejected before extinctions are measured, and the smallest part of their segments that must meet
+/// Receivers by which scenes are rejected before extinctions are measured, and the smallest fraction of their segments that must meet
 /// averaged children: that of a class of 2 % of the receivers, all of whose segments do.
 const SCREENING_RECEIVERS: u32 = 1 << 10;
 const SMALLEST_AVERAGED: f64 = 0.02;
