@@ -38,7 +38,7 @@ struct Trial {
     square: f64,
     /// Standard error of `square` for averages, which is added to it; 0 for other routes.
     standard_error: f64,
-    /// Fraction of `square` that is due to the mean error.
+    /// What the mean error contributes to `square`.
     mean: f64,
     /// Detection limit of `square`: noise of the reference.
     detection_limit: f64,

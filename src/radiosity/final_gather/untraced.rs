@@ -15,8 +15,8 @@ use std::array::from_fn;
 
 /// Smallest number of traced leaves that determine the factor: their deviation is known to 1/√(2 · 7) = 27 %.
 const MIN_TRACED: u32 = 8;
-/// Smallest number of traced leaves of which the brightest bounds the light of untraced ones: the 65th of as many leaves is brighter than all others once in
-/// 65 times.
+/// Smallest number of traced leaves of which the brightest bounds the light of untraced ones: one more leaf of the same kind is brighter than all of
+/// them with a probability of 1/65.
 const MIN_BOUNDING: u32 = 64;
 /// Largest factor of [`Surrounding::balance`], and the inverse of the smallest: the whole of the untraced leaves is known to a factor of 2 by the traced ones
 /// around them, so that a larger factor is an error of the balance.
@@ -198,7 +198,7 @@ impl<'a> Surrounding<'a> {
         found.into_iter().for_each(|(leaf, result)| results[leaf as usize] = result);
     }
 
-    /// The power that arrives at untraced leaves from beyond the scene: as much on each area as at the traced leaves around, of which the irradiance by the sky
+    /// The power that arrives at untraced leaves from beyond the scene: as much per area as at the traced leaves around them, whose irradiance by the sky
     /// and by suns is given.
     pub fn arrived(&self, traced: impl Iterator<Item = (u32, [Vec3; 2])>, untraced: &[u32]) -> SkyPower {
         let area = |leaf: u32| self.elements.elements[leaf as usize].area;

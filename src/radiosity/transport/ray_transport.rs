@@ -43,7 +43,7 @@ impl RayTransport {
         self.paths.iter().any(|paths| !paths.is_empty())
     }
 
-    /// Replaces the light that paths bring by the fraction of this light, given by half, at their ends: each half from the rows of the other.
+    /// Replaces the light that paths bring by a share of `light`, given by half, at the ends of the paths: each half gets that of the other half.
     pub fn bring(&mut self, light: &[Field; 2]) {
         self.direct = self.own.clone();
         for (half, direct) in self.direct.iter_mut().enumerate() {
