@@ -82,8 +82,8 @@ pub struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// The numbers of the rows that this rank computes, ascending. A thread takes at most a block at once: rayon divides them into four runs for two threads,
-    /// and one thread alone would compute the last run, a quarter of all.
+    /// The numbers of the rows that this rank computes, ascending. A thread takes at most a block at once: rayon divides them into four
+    /// runs for two threads, and one thread alone would compute the last run, a quarter of all.
     pub fn numbers(&self) -> impl IndexedParallelIterator<Item = usize> + use<> {
         let deal = self.deal;
         let all = (0..deal.len(self.count, deal.own)).into_par_iter().with_max_len(deal.block);

@@ -26,7 +26,8 @@ options! {
         pub points: usize = 20_000, in 1..=100_000_000;
         /// Segments from a point to an emitter; 4 and 16 times as many are measured as well.
         pub rays: usize = 16, in 1..=65_536;
-        /// Feature sizes, scene units, above 0; default none: four sizes from two texels of the shadow images to a fifth of the largest receiver.
+        /// Feature sizes, scene units, above 0; default none: four sizes from two texels of the shadow images to a fifth of the largest
+        /// receiver.
         pub feature_sizes: Vec<f64> = Vec::new();
         /// Objects, groups or materials for shadow images; default none: the largest flat surfaces, and terrain.
         pub receivers: Vec<String> = Vec::new();

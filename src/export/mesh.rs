@@ -256,8 +256,9 @@ fn is_beyond_wall(solution: &RadiosityMesh, [a, b]: [u32; 2], vertex: u32, norma
     })
 }
 
-/// Mean at a vertex of an element of the values of the elements around the vertex that face along its normal, weighted by the distance of their centres.
-/// Elements that other surfaces stand across, and sides that no light reaches, count only beside no others, and those beyond a wall not at all.
+/// Mean at a vertex of an element of the values of the elements around the vertex that face along its normal, weighted by the distance of
+/// their centres. Elements that other surfaces stand across, and sides that no light reaches, count only beside no others, and those
+/// beyond a wall not at all.
 fn mean(
     solution: &RadiosityMesh,
     values: &[[f64; 3]],

@@ -178,13 +178,13 @@ pub struct Tone {
 /// 0.36 and 0.72 for bright scenes. Pictures only.
 const KEY: f32 = 0.25;
 
-/// Fraction of the values that must not be black to decide on the exposure: ten of 480,000 pixels. By rounding, a few rays of a picture may pass at the
-/// foot of a wall without thickness; their pixels alone would otherwise be shown as bright.
+/// Fraction of the values that must not be black to decide on the exposure: ten of 480,000 pixels. By rounding, a few rays of a picture
+/// may pass at the foot of a wall without thickness; their pixels alone would otherwise be shown as bright.
 const MIN_LIT: f64 = 2e-5;
 
 impl Tone {
-    /// The curve for light like `values` (linear RGB, any unit); black values are ignored. If all but [`MIN_LIT`] of them are black, light of 1 is
-    /// shown as 0.5.
+    /// The curve for light like `values` (linear RGB, any unit); black values are ignored. If all but [`MIN_LIT`] of them are black,
+    /// light of 1 is shown as 0.5.
     pub fn of(values: impl IntoIterator<Item = [f32; 3]>) -> Tone {
         let mut count = 0;
         let counted = values.into_iter().inspect(|_| count += 1);

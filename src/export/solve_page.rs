@@ -73,7 +73,8 @@ pub enum PixelContent {
     Surface([f32; 3]),
 }
 
-/// The page as HTML, in lux with `photometry`. `grids` is the section on grids of points; `command` is the command line that repeats the run, if there is one.
+/// The page as HTML, in lux with `photometry`. `grids` is the section on grids of points; `command` is the command line that repeats the
+/// run, if there is one.
 ///
 /// # Errors
 /// A picture has no pixels.

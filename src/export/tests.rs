@@ -416,8 +416,8 @@ fn meshes_keep_the_mean_light_of_elements() {
     }
 }
 
-/// A wall stands between elements of the square that are lit and others that are not: no vertex has the light of both sides, also that in the middle of
-/// an edge.
+/// A wall stands between elements of the square that are lit and others that are not: no vertex has the light of both sides, also that in
+/// the middle of an edge.
 #[test]
 fn vertices_are_not_shared_across_a_wall() {
     let wall = 0.5;

@@ -215,7 +215,8 @@ pub(super) struct Viewpoint {
     pub(super) closed: f32,
 }
 
-/// Eyes, in scenes with this box and unit of length, above surfaces that face upwards, spread evenly by area, and above the ground below those.
+/// Eyes, in scenes with this box and unit of length, above surfaces that face upwards, spread evenly by area, and above the ground below
+/// those.
 fn eyes(stage: &Stage, bounds: Aabb, up: Vec3, unit: &str) -> Vec<Viewpoint> {
     let (size, level) = (bounds.extent(), bounds.extent() * (Vec3::ONE - up.abs()));
     let min_height = MIN_HEIGHT_FRACTION * level.max_element();

@@ -66,8 +66,8 @@ impl Model {
         ))
     }
 
-    /// The surface nearest to an emitter, and its distance in scene units, if the surfaces that its light meets see nothing on that side but other
-    /// surfaces on their other side. Under a sky surfaces have light on either side.
+    /// The surface nearest to an emitter, and its distance in scene units, if the surfaces that its light meets see nothing on that side
+    /// but other surfaces on their other side. Under a sky surfaces have light on either side.
     fn outside_of_space(&self, emitter: &Emitter) -> Option<(u32, f32)> {
         if self.scene().environment.is_some() || self.meets_others(emitter, -1.0) {
             return None;

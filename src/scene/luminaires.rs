@@ -22,8 +22,8 @@ const DARK_HALF: f64 = 1e-6;
 const MAX_LUMENS: f64 = 1e15;
 /// Smallest distance of the luminaire's two plates relative to the longer side: real flat panels are about as thick.
 const MIN_THICKNESS: f64 = 1e-2;
-/// The same relative to the extent of the scene: five times the height up to which faces count as coplanar, 8 × 2⁻²³ = 1e-6 of coordinates that are
-/// half of the extent, so that neither plate hides the other.
+/// The same relative to the extent of the scene: five times the height up to which faces count as coplanar, 8 × 2⁻²³ = 1e-6 of
+/// coordinates that are half of the extent, so that neither plate hides the other.
 const MIN_SEPARATION: f64 = 2.5e-6;
 
 /// Illuminance of a clear night with a quarter moon, lx.

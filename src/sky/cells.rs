@@ -5,8 +5,8 @@ use super::frame::{azimuth, spherical};
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// Rows of cells of a hemisphere, of equal height and so of equal solid angle. With 512 columns a cell is as large as a square of 0.6°: next to
-/// the sun of the clearest Perez sky the radiance changes by 8 % over that.
+/// Rows of cells of a hemisphere, of equal height and so of equal solid angle. With 512 columns a cell is as large as a square of 0.6°:
+/// next to the sun of the clearest Perez sky the radiance changes by 8 % over that.
 const ROWS: usize = 128;
 /// Columns of cells: four for each row, so that cells halfway up the sky are about as wide as high.
 const COLUMNS: usize = 512;
@@ -21,8 +21,8 @@ const SHARE_OF_LARGEST: f64 = 0.1;
 /// Smallest number of samples along the side of a cell. Skies without a map change by at most 8 % over a cell, and the weights of cells
 /// affect noise, not the mean.
 const MIN_SAMPLES: usize = 2;
-/// Most samples along the side of a cell. A cell at the zenith, 7° high, has every second texel of a map of 1,600 columns, another one that of one of
-/// 20,000.
+/// Most samples along the side of a cell. A cell at the zenith, 7° high, has every second texel of a map of 1,600 columns, another one
+/// that of one of 20,000.
 const MAX_SAMPLES: usize = 64;
 
 /// Radiance below the horizon.

@@ -15,8 +15,8 @@ const MAX_SIDE: u32 = 32_768;
 /// something else than radiance.
 const MAX_BAD_FRACTION: f64 = 0.01;
 
-/// An equirectangular map: columns are azimuths, its centre column faces north and east is to the right of it; rows are equal steps of the angle to
-/// the zenith, from the zenith to the nadir, or to the horizon if the map is four times as wide as high.
+/// An equirectangular map: columns are azimuths, its centre column faces north and east is to the right of it; rows are equal steps of
+/// the angle to the zenith, from the zenith to the nadir, or to the horizon if the map is four times as wide as high.
 #[derive(Clone, Debug)]
 pub struct SkyMap {
     width: usize,
@@ -30,8 +30,8 @@ pub struct SkyMap {
     pub repaired: usize,
 }
 
-/// A texel of a Radiance HDR file as Radiance reads it: mantissas of eight bits are cut off when they are written, so that half a step is added to each
-/// (Ward 1991, *Real Pixels*). The largest of the three has its highest bit set.
+/// A texel of a Radiance HDR file as Radiance reads it: mantissas of eight bits are cut off when they are written, so that half a step is
+/// added to each (Ward 1991, *Real Pixels*). The largest of the three has its highest bit set.
 fn with_half_steps(texel: [f32; 3]) -> [f32; 3] {
     let largest = texel.into_iter().fold(0.0, f32::max);
     let power_of_two = f32::from_bits(largest.to_bits() & f32::INFINITY.to_bits());

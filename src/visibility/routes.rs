@@ -15,8 +15,8 @@ const MAX_COST_RATIO: f64 = 0.8;
 /// with similar errors; five runs give a mean square to about a factor of two. With fewer, exact rays are taken.
 const MIN_AVERAGED_RUNS: usize = 5;
 
-/// Time of a unit of work of walks, and additionally of each segment, in units of work of the cut's tree: 5.8 ns to 2.3 ns. Times of rows of
-/// park, orchard and leaf forest with 16, 64 and 256 segments are those of this formula to a fifth (`mrvis bench`).
+/// Time of a unit of work of walks, and additionally of each segment, in units of work of the cut's tree: 5.8 ns to 2.3 ns. Times of rows
+/// of park, orchard and leaf forest with 16, 64 and 256 segments are those of this formula to a fifth (`mrvis bench`).
 const WALK_WORK: f64 = 2.5;
 
 /// Visible fractions of the bundles of a sample by two independent halves of many rays.
@@ -289,8 +289,8 @@ const FIRST_FACTOR_STEP: f32 = 0.9;
 const FACTOR_STEPS: usize = 2;
 
 impl MultiResolution {
-    /// Walks at feature size `s` with the factor for which the mean transmittance of runs of neighbouring bundles is that of exact rays along
-    /// the same segments; with the unchanged extinctions if these means already agree to the standard error of their difference.
+    /// Walks at feature size `s` with the factor for which the mean transmittance of runs of neighbouring bundles is that of exact rays
+    /// along the same segments; with the unchanged extinctions if these means already agree to the standard error of their difference.
     pub(super) fn fitted_walks(&self, runs: &[Vec<Bundle>], s: f32, workspace: &mut Workspace) -> Route {
         let seen = self.with_route(Route::Exact).sums(runs, s, workspace);
         let mut errors = |factor: f32| -> Vec<f64> {

@@ -141,8 +141,8 @@ impl Outputs {
         if wanted { columns * rows * bytes_per_pixel(self.gather) as u64 } else { 0 }
     }
 
-    /// Writes the requested files into a folder, except the page, which needs the final record. `irradiance` computes the light of pixels for
-    /// `--gather`; where it returns `None`, light is interpolated.
+    /// Writes the requested files into a folder, except the page, which needs the final record. `irradiance` computes the light of pixels
+    /// for `--gather`; where it returns `None`, light is interpolated.
     ///
     /// # Errors
     /// A file cannot be written, or the scene does not fit into a lightmap.

@@ -25,8 +25,9 @@ pub struct Ledger {
     pub escaped: f64,
     /// Received minus sent.
     pub created: f64,
-    /// Mean difference of the factors by which a leaf gathers and sends, relative to them, by area. A link has one exchange area for both directions,
-    /// so that `A_a F(a→b)` and `A_b F(b→a)` differ only by these factors. 0 after a local pass: a ray counts equally in both directions.
+    /// Mean difference of the factors by which a leaf gathers and sends, relative to them, by area. A link has one exchange area for both
+    /// directions, so that `A_a F(a→b)` and `A_b F(b→a)` differ only by these factors. 0 after a local pass: a ray counts equally in both
+    /// directions.
     pub reciprocity_residual: f64,
     /// Smallest and largest sum of the form factors of an element from which no light leaves the scene, with the fraction that meets
     /// unlit insides.

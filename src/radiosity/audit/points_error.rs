@@ -44,8 +44,8 @@ impl Progress for DeadlineProgress<'_> {
 }
 
 impl PointsError {
-    /// The error of `irradiance` (W/m²) at `points`, by [`Options::audit`] of them; `None` without light, for a single point, or if the time
-    /// does not suffice.
+    /// The error of `irradiance` (W/m²) at `points`, by [`Options::audit`] of them; `None` without light, for a single point, or if the
+    /// time does not suffice.
     pub fn of(
         model: &Model,
         points: &[Point],

@@ -100,7 +100,8 @@ impl Emitters {
         Emitters { width, tree, lit, powers, places, is_even, emitters }
     }
 
-    /// Whether all faces are diffuse and none is brighter than [`MAX_EXITANCE_RATIO`] times the mean by area: few cosine-weighted rays would miss a small bright face.
+    /// Whether all faces are diffuse and none is brighter than [`MAX_EXITANCE_RATIO`] times the mean by area: few cosine-weighted rays
+    /// would miss a small bright face.
     pub fn is_even(&self) -> bool {
         self.is_even
     }
@@ -115,8 +116,9 @@ impl Emitters {
         self.tree.faces(cut).map(|places| places.map(|place| self.face(place)))
     }
 
-    /// Those of [`Emitters::faces`] that a ray would meet if nothing blocked it, with the point and the density of [`Emitters::sample`] there over the face's
-    /// exitance. The face with the number `met` is one of them also where rounding errors at its edges say otherwise.
+    /// Those of [`Emitters::faces`] that a ray would meet if nothing blocked it, with the point and the density of [`Emitters::sample`]
+    /// there over the face's exitance. The face with the number `met` is one of them also where rounding errors at its edges say
+    /// otherwise.
     pub fn faces_along<'c>(
         &'c self,
         cut: &'c EmitterCut,
@@ -142,8 +144,8 @@ impl Emitters {
         self.tree.variation(receiver, area, limit)
     }
 
-    /// A point on an emitter for two numbers in `[0, 1)`, the emitter and its face, and the density of the point on the face over the face's
-    /// exitance (mean over the channels). None if no emitter can light the receiver.
+    /// A point on an emitter for two numbers in `[0, 1)`, the emitter and its face, and the density of the point on the face over the
+    /// face's exitance (mean over the channels). None if no emitter can light the receiver.
     pub fn sample(&self, cut: &EmitterCut, u: f32, v: f32) -> Option<(Vec3, [usize; 2], f32)> {
         let ([first, end], u, density) = self.tree.draw(cut, u)?;
         let (first, end) = (first as usize, end as usize);

@@ -39,8 +39,8 @@ pub struct ElementLight {
 
 /// Parts of an element whose light is compared.
 const QUARTERS: usize = 4;
-/// Smallest ratio of the variance between quarters to the variance expected from the noise of their rays. With 2 and with 4, the exported mesh of an
-/// office errs by 9.5 % and 10.8 % at points, that of a valley by 3.4 and 3.5 % (`scenes/room.py SCENE --elements 2000`).
+/// Smallest ratio of the variance between quarters to the variance expected from the noise of their rays. With 2 and with 4, the exported
+/// mesh of an office errs by 9.5 % and 10.8 % at points, that of a valley by 3.4 and 3.5 % (`scenes/room.py SCENE --elements 2000`).
 const MIN_RATIO: f32 = 2.0;
 
 /// A ray in the comparison of quarters: the number of its quarter, its weight, and the light that it has found, W/m².

@@ -71,10 +71,10 @@ fn link_parts(around: Option<&Surrounding>, traced: &[u32], untraced: &[u32]) ->
 }
 
 impl FinalGather<'_> {
-    /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. The deviations of the rays determine how many of
-    /// `max` rays the light of the elements needs: on foliage and rocks more than estimated before, because elements share little light. If `rays` is
-    /// `None`, or after the deadline, elements trace only a few rays: enough for the light of the whole scene, not for that of each element. Of many
-    /// elements, some are then not traced.
+    /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. The deviations of the rays
+    /// determine how many of `max` rays the light of the elements needs: on foliage and rocks more than estimated before, because
+    /// elements share little light. If `rays` is `None`, or after the deadline, elements trace only a few rays: enough for the light of
+    /// the whole scene, not for that of each element. Of many elements, some are then not traced.
     pub fn local_pass(&self, rays: Option<f64>, useful: f64, max: f64, deadline: &Deadline) -> LocalPass {
         let all = self.linked.leaves();
         let states = &self.linked.elements.states;
@@ -154,9 +154,10 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Assigns the mean irradiance of both halves to all leaves with rows. Light is not negative: negative values are rounding in the dark, or noise, as rows
-    /// with too large a sum send negative light to themselves, and rays that something blocks are compared with the open sky. They become 0, and leaves that
-    /// face the same way lose what is added by this: below terrain over bright ground 1.3 % of all light.
+    /// Assigns the mean irradiance of both halves to all leaves with rows. Light is not negative: negative values are rounding in the
+    /// dark, or noise, as rows with too large a sum send negative light to themselves, and rays that something blocks are compared with
+    /// the open sky. They become 0, and leaves that face the same way lose what is added by this: below terrain over bright ground 1.3 %
+    /// of all light.
     fn assign_irradiance(&self, rows: &RayRows, light: &[Field; 2], results: &mut [LocalResult]) {
         let Elements { elements, sides, .. } = &self.linked.elements;
         let facing = |row: &RayRow| axis(sides[self.side_of(row.leaf) as usize].normal);
@@ -181,8 +182,8 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Sets the light of leaves outside the exchange to the light that their rays have found, that of emitters times a factor. The light of all other leaves
-    /// must be known.
+    /// Sets the light of leaves outside the exchange to the light that their rays have found, that of emitters times a factor. The light
+    /// of all other leaves must be known.
     fn light_of_excluded(&self, apart: &mut RayRows, factor: f64, results: &mut [LocalResult]) {
         apart.add_light_of_ends(|leaf| Some(self.reflected_by(leaf, results)));
         let Elements { elements, sides, .. } = &self.linked.elements;
@@ -251,10 +252,11 @@ impl FinalGather<'_> {
         [all, extrapolated]
     }
 
-    /// Scales the light of `untraced` ones of the leaves towards the power that the emitters, sky and suns send to all leaves, less what the other leaves keep.
-    /// `sampled` is the fraction of the emitted power that meets elements. Of the power that arrives from beyond the scene, the second value is extrapolated from
-    /// leaves around: it counts as uncertain by itself. The other leaves have the error of their direct light.
-    /// Engines that average clusters keep their own sum, as in [`FinalGather::balance_of_direct_light`]; so do beams without a sampled ray.
+    /// Scales the light of `untraced` ones of the leaves towards the power that the emitters, sky and suns send to all leaves, less what
+    /// the other leaves keep. `sampled` is the fraction of the emitted power that meets elements. Of the power that arrives from beyond
+    /// the scene, the second value is extrapolated from leaves around: it counts as uncertain by itself. The other leaves have the error
+    /// of their direct light. Engines that average clusters keep their own sum, as in [`FinalGather::balance_of_direct_light`]; so do
+    /// beams without a sampled ray.
     fn balance_untraced(
         &self,
         around: Option<&Surrounding>,
@@ -372,8 +374,8 @@ impl FinalGather<'_> {
         })
     }
 
-    /// By side, the fraction of the light of its rows that meets no other row, with half a ray added to either count (Jeffreys prior): a count of 0
-    /// among few rays does not mean the probability 0.
+    /// By side, the fraction of the light of its rows that meets no other row, with half a ray added to either count (Jeffreys prior): a
+    /// count of 0 among few rays does not mean the probability 0.
     fn escapes_of_sides(&self, rows: &RayRows) -> Vec<f64> {
         let mut sides = vec![(0.5, 1.0); self.linked.elements.sides.len()];
         let mut first = 0;
@@ -402,8 +404,8 @@ fn of_half(row: &RayRow, sum: Vec3) -> Rgb {
     sum.to_array().map(|of| 2.0 * f64::from(of) / f64::from(row.rays))
 }
 
-/// Assigns the number of rays, the fraction of them that stayed in the scene and the row sum to all leaves with rows. Returns the mean row sums of the form
-/// factors by both halves of the rays.
+/// Assigns the number of rays, the fraction of them that stayed in the scene and the row sum to all leaves with rows. Returns the mean
+/// row sums of the form factors by both halves of the rays.
 fn assign_row_sums(rows: &RayRows, [first, second]: &[Vec<f64>; 2], results: &mut [LocalResult]) -> Vec<f64> {
     let sums: Vec<f64> = first.iter().zip(second).map(|(a, b)| 0.5 * (a + b)).collect();
     for (row, sum) in rows.rows.iter().zip(&sums) {
@@ -416,8 +418,8 @@ fn assign_row_sums(rows: &RayRows, [first, second]: &[Vec<f64>; 2], results: &mu
     sums
 }
 
-/// Sets row sums such that the ledger, which multiplies them by the mean light of both halves, obtains the power that rows send: the light of each half
-/// times the row sums of the other half.
+/// Sets row sums such that the ledger, which multiplies them by the mean light of both halves, obtains the power that rows send: the
+/// light of each half times the row sums of the other half.
 fn count_sent(rows: &RayRows, sums: &[Vec<f64>; 2], light: &[Field; 2], results: &mut [LocalResult]) {
     let [first, second] = light;
     for (i, row) in rows.rows.iter().enumerate() {

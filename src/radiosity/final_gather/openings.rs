@@ -1,5 +1,5 @@
-//! Openings through which the sky lights closed rooms. Rays from all surfaces find the openings, and each point then traces rays to those that its
-//! own rays may miss: a skylight of half a metre in a hall of 30 m is smaller than a cell of the grid of most points.
+//! Openings through which the sky lights closed rooms. Rays from all surfaces find the openings, and each point then traces rays to those
+//! that its own rays may miss: a skylight of half a metre in a hall of 30 m is smaller than a cell of the grid of most points.
 
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather};
@@ -15,21 +15,25 @@ use std::sync::Arc;
 const RAYS: usize = 1 << 17;
 /// A side does not count as one of a room if more than this fraction of its rays leaves the scene: rays of its own points reach the sky.
 const MAX_OPEN: f32 = 0.125;
-/// Largest number of rays to the sky on which the opening is located, each by [`HALVINGS`] times [`DIRECTIONS`] rays: together twice [`RAYS`].
+/// Largest number of rays to the sky on which the opening is located, each by [`HALVINGS`] times [`DIRECTIONS`] rays: together twice
+/// [`RAYS`].
 const MAX_FOLLOWED: usize = 512;
-/// Largest number of places in openings of all rooms, to each of which points with little sky trace a ray: half the rays of their default grid.
+/// Largest number of places in openings of all rooms, to each of which points with little sky trace a ray: half the rays of their default
+/// grid.
 const MAX_PLACES: usize = 256;
-/// Fraction of all directions, also downwards, in which rays leave the scene at a place in an opening: half in the opening of a thin roof, a quarter in the plane
-/// of a window above the ground, less in a shaft. The limit must be above the value in the room and below the value outside.
+/// Fraction of all directions, also downwards, in which rays leave the scene at a place in an opening: half in the opening of a thin
+/// roof, a quarter in the plane of a window above the ground, less in a shaft. The limit must be above the value in the room and below
+/// the value outside.
 const OPENING_SKY_FRACTION: f32 = 0.25;
 /// Number of directions that estimate this fraction.
 const DIRECTIONS: usize = 2 * LANES;
-/// Bisections of a ray to locate an opening, as if the open fraction of all directions grew along the ray: to a sixteenth of a metre in a scene of 4 km.
+/// Bisections of a ray to locate an opening, as if the open fraction of all directions grew along the ray: to a sixteenth of a metre in a
+/// scene of 4 km.
 const HALVINGS: usize = 16;
 
 impl FinalGather<'_> {
-    /// Places in the openings of rooms, computed at the first call. No lock is held during the computation: if a caller needs them in several tasks, a thread
-    /// that waits in one of the tasks may be given another.
+    /// Places in the openings of rooms, computed at the first call. No lock is held during the computation: if a caller needs them in
+    /// several tasks, a thread that waits in one of the tasks may be given another.
     pub(super) fn openings(&self) -> Arc<Vec<Vec3>> {
         let known = &self.linked.openings;
         known.get().cloned().unwrap_or_else(|| {

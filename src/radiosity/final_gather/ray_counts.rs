@@ -37,8 +37,8 @@ pub(super) const AVERAGED_ELEMENTS: f64 = 16.0;
 /// Rays of an element times the square of the error: one ray deviates by about half of the mean, the mean over [`AVERAGED_ELEMENTS`]
 /// counts, and direct and reflected light each have that variance.
 const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / AVERAGED_ELEMENTS;
-/// Fraction of the error of elements that may be noise of their rays, where these deviate little: a fifth of the squared error. Most of the rest is the
-/// variation of light over an element.
+/// Fraction of the error of elements that may be noise of their rays, where these deviate little: a fifth of the squared error. Most of
+/// the rest is the variation of light over an element.
 pub(super) const NEEDED_SHARE: f64 = 0.45;
 /// Approximate number of leaves whose rays are timed for an estimate: limits it to 32,000 rays, 1 % of the rays at the
 /// default error. Used with a time limit only.
@@ -50,16 +50,16 @@ const TIMED_RAYS: u32 = 16;
 const SHARED_AFTER_SPLIT: f64 = 0.8;
 
 impl FinalGather<'_> {
-    /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean irradiance. If the
-    /// elements are not asked for, only the light that they reflect to points counts.
+    /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean
+    /// irradiance. If the elements are not asked for, only the light that they reflect to points counts.
     pub fn useful_rays(&self, rays: f64) -> f64 {
         let part = if self.elements { 1.0 } else { self.weight_of_reflected() };
         rays.min(self.rays_for(part).max(self.rays_for_openings(part)))
     }
 
-    /// The number of rays with which the light of the sky through openings, on the surfaces that points see, has half of the error asked for, if the fraction `part` of
-    /// the error counts. A fraction p of the rays of these surfaces leaves the scene, so that each ray has the relative variance (1 - p) / p. Half of all rays
-    /// start on these surfaces.
+    /// The number of rays with which the light of the sky through openings, on the surfaces that points see, has half of the error asked
+    /// for, if the fraction `part` of the error counts. A fraction p of the rays of these surfaces leaves the scene, so that each ray has
+    /// the relative variance (1 - p) / p. Half of all rays start on these surfaces.
     fn rays_for_openings(&self, part: f64) -> f64 {
         let Some(view) = self.linked.points_view.filter(|view| view.open > 0.0) else { return 0.0 };
         let part = part * self.linked.fraction_from_beyond(view.open);
@@ -85,9 +85,9 @@ impl FinalGather<'_> {
         f64::from(elements.clusters[0].reflectance * surroundings.enclosed[0])
     }
 
-    /// The number of rays of elements that brings their noise to [`NEEDED_SHARE`] of the error asked for, by the deviations that the exchange has
-    /// found. If N rays are distributed as in [`FinalGather::sample_elements`], in proportion to √area times the deviation σ of one ray, the
-    /// error of all elements together is Σ √A σ / √(N · Σ A).
+    /// The number of rays of elements that brings their noise to [`NEEDED_SHARE`] of the error asked for, by the deviations that the
+    /// exchange has found. If N rays are distributed as in [`FinalGather::sample_elements`], in proportion to √area times the deviation σ
+    /// of one ray, the error of all elements together is Σ √A σ / √(N · Σ A).
     pub(super) fn needed_rays(&self, leaves: &[u32], results: &[LocalResult]) -> f64 {
         let elements = &self.linked.elements.elements;
         let (mut deviations, mut area, mut light) = (0.0, 0.0, 0.0);
@@ -126,8 +126,8 @@ impl FinalGather<'_> {
         LeafRays { leaf, count, to_emitters: true, suns: 1, sequences: self.sequences_of(leaf, EXCHANGE_SET) }
     }
 
-    /// Traces the rays of all leaves, those in the exchange and those outside of it; the share of each leaf depends on its area and importance.
-    /// After the deadline, each leaf traces at most its share of [`LATE_RAYS`], and of many leaves only some are traced.
+    /// Traces the rays of all leaves, those in the exchange and those outside of it; the share of each leaf depends on its area and
+    /// importance. After the deadline, each leaf traces at most its share of [`LATE_RAYS`], and of many leaves only some are traced.
     pub(super) fn trace_rows(&self, leaves: &[u32], rays: Option<f64>, deadline: &Deadline) -> [RayRows; 2] {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let area = |e: u32| elements.elements[e as usize].area;

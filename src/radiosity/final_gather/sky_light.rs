@@ -17,8 +17,9 @@ use std::f64::consts::PI;
 /// the comparison would add noise.
 const MIN_OPEN_FRACTION: f32 = 0.5;
 
-/// Smallest number of rays from a point to a sun, evenly spread over the disc, even if all agree: all of them miss a gap that shows a twentieth of the disc
-/// in one of seven hundred cases. A gap between leaves that shows a fiftieth of the disc lights a room as much as the sky does through a window.
+/// Smallest number of rays from a point to a sun, evenly spread over the disc, even if all agree: all of them miss a gap that shows a
+/// twentieth of the disc in one of seven hundred cases. A gap between leaves that shows a fiftieth of the disc lights a room as much as
+/// the sky does through a window.
 const AGREED_RAYS: usize = 8 * LANES;
 /// Largest ratio of the rays from a point to a sun to [`Options::light_rays`](crate::radiosity::Options::light_rays): four times as
 /// many rays halve the noise. The unoccluded sun has ten times the light of a clear sky, so that its shadows have most of the noise;
@@ -28,8 +29,8 @@ const MAX_SUN_RAYS_RATIO: usize = 4;
 /// sun is most of the light. Relative to all of the sun, the error there would be ten times as large.
 const MIN_VISIBLE_SUN: f64 = 0.1;
 
-/// Smallest error of the light of the sky in a cell, relative to this light: samples in the cell that agree by chance have an error as well. The limit
-/// matters only where all samples agree.
+/// Smallest error of the light of the sky in a cell, relative to this light: samples in the cell that agree by chance have an error as
+/// well. The limit matters only where all samples agree.
 const MIN_CELL_ERROR: f64 = 0.01;
 
 impl FinalGather<'_> {
@@ -50,10 +51,10 @@ impl FinalGather<'_> {
         Vec3::from(environment.radiance(direction).map(|l| (PI * l) as f32))
     }
 
-    /// Replaces the light of the sky along the rays of a batch of leaves, `halves` times the number of each, by values with the same mean and less noise
-    /// where most rays leave the scene. The unoccluded sky is a control variate: with the light of the sky F in the direction of a ray, blocked or not, its
-    /// known mean E over the hemisphere, and the fraction v of the rays that leave the scene, v (E − F) is added. Each half of the rays of a leaf has v from
-    /// the other half, so that v is independent of its own rays.
+    /// Replaces the light of the sky along the rays of a batch of leaves, `halves` times the number of each, by values with the same mean
+    /// and less noise where most rays leave the scene. The unoccluded sky is a control variate: with the light of the sky F in the
+    /// direction of a ray, blocked or not, its known mean E over the hemisphere, and the fraction v of the rays that leave the scene, v
+    /// (E − F) is added. Each half of the rays of a leaf has v from the other half, so that v is independent of its own rays.
     pub(super) fn compare_with_open_sky(&self, batch: &[LeafRays], halves: usize, buffers: &mut Buffers) {
         let Buffers { packets, vertices, results, .. } = buffers;
         let Some(environment) = self.environment else { return };
@@ -81,8 +82,8 @@ impl FinalGather<'_> {
         }
     }
 
-    /// The fraction of some rays of a leaf that leave the scene; 0 where comparison with the open sky adds noise: where it is below [`MIN_OPEN_FRACTION`], or a
-    /// sun is hidden, and with it the brightest sky.
+    /// The fraction of some rays of a leaf that leave the scene; 0 where comparison with the open sky adds noise: where it is below
+    /// [`MIN_OPEN_FRACTION`], or a sun is hidden, and with it the brightest sky.
     fn open_part(&self, results: &[RayResult], normal: DVec3) -> f32 {
         let count = results.len().max(1) as f32;
         let escaped = results.iter().filter(|of| of.escaped).count() as f32 / count;
@@ -91,8 +92,8 @@ impl FinalGather<'_> {
         if escaped <= MIN_OPEN_FRACTION || f64::from(seen) < 0.5 * free { 0.0 } else { escaped }
     }
 
-    /// A sampled direction towards a sun, and the irradiance by a ray in this direction on a surface with this normal, W/m²; `None` if this point
-    /// of the disc is below the horizon of the surface.
+    /// A sampled direction towards a sun, and the irradiance by a ray in this direction on a surface with this normal, W/m²; `None` if
+    /// this point of the disc is below the horizon of the surface.
     fn sun_ray(sun: &Sun, normal: Vec3, [u, v]: [f32; 2]) -> Option<(Vec3, Vec3)> {
         let direction = sun.sample([u.into(), v.into()]);
         let cosine = direction.dot(normal.as_dvec3());
@@ -105,8 +106,8 @@ impl FinalGather<'_> {
         2.0 * length * (0.5 * sun.diameter).tan() as f32
     }
 
-    /// Adds the light of the suns at `buffers.vertices` to the results: the mean of `count` rays to each, the first from the vertex and the others from
-    /// `buffers.sun_places`. `random` gives the numbers of which the last two choose the place on the disc.
+    /// Adds the light of the suns at `buffers.vertices` to the results: the mean of `count` rays to each, the first from the vertex and
+    /// the others from `buffers.sun_places`. `random` gives the numbers of which the last two choose the place on the disc.
     pub(super) fn add_suns(
         &self,
         random: &impl Fn(usize) -> [f32; 4],
@@ -239,8 +240,8 @@ impl SkyLight {
         }
     }
 
-    /// Correction of the light of the cells by the known light of the open sky, W/m²: the error of all cells, times the fraction of its variance that is due to
-    /// cells whose rays reach the sky.
+    /// Correction of the light of the cells by the known light of the open sky, W/m²: the error of all cells, times the fraction of its
+    /// variance that is due to cells whose rays reach the sky.
     pub fn compared_with(&self, open: DVec3) -> DVec3 {
         let part = (self.errors[0] / self.errors[1]).clamp(0.0, 1.0);
         if part.is_finite() { part * (open - self.all) } else { DVec3::ZERO }

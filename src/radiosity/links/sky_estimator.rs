@@ -287,8 +287,8 @@ impl SkyEstimator<'_> {
         pair.worth * light * agreement(pair.agreed) < FEW_SEGMENTS_ERROR
     }
 
-    /// The direction of a segment. The source is divided into four parts, one for each row of four lanes, and each part into four, one for each
-    /// point; the point of a part changes from row to row. A repeated draw takes any direction of the source.
+    /// The direction of a segment. The source is divided into four parts, one for each row of four lanes, and each part into four, one
+    /// for each point; the point of a part changes from row to row. A repeated draw takes any direction of the source.
     fn direction(&self, source: SkySource, lane: usize, draw: u64, seed: u64) -> Vec3 {
         let (i, j) = (lane & 3, lane >> 2);
         let inner = i ^ (seed >> (2 * j)) as usize & 3;
@@ -299,8 +299,8 @@ impl SkyEstimator<'_> {
         source.sample(self.environment, [place(j, inner, u), place(j >> 1, inner >> 1, v)])
     }
 
-    /// Whether geometry proves that nothing is between a surface and a source: no cluster and no surface is both in front of the receiver and in the
-    /// cone of its view of the source.
+    /// Whether geometry proves that nothing is between a surface and a source: no cluster and no surface is both in front of the receiver
+    /// and in the cone of its view of the source.
     fn is_clear(&self, receiver: &Element, corners: &[Vec3; 4], source: SkySource) -> bool {
         let up = self.environment.frame().up.as_vec3();
         let (axis, half) = (source.axis(self.environment), source.half_angle(self.environment));

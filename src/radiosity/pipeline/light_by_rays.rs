@@ -21,8 +21,8 @@ const TARGET_MARGIN: f64 = 0.75;
 /// about a quarter.
 const MIN_ERROR_STEP: f64 = 0.25;
 
-/// Fraction of the rays of elements that are traced before any element is split. The error at points of an office is 10.3 % with 0.8 and 10.5 %
-/// with 0.6 (`scenes/room.py`).
+/// Fraction of the rays of elements that are traced before any element is split. The error at points of an office is 10.3 % with 0.8 and
+/// 10.5 % with 0.6 (`scenes/room.py`).
 const SHARE_BEFORE_SPLIT: f64 = 0.8;
 /// Largest number of elements that are added where direct light varies, as a fraction of all elements: the error of an office is as small
 /// with 0.15 as with 1, which takes a tenth more time.

@@ -126,7 +126,8 @@ fn inside_link(linked: &LinkedScene, cluster: u32) -> Link {
     let area = linked.elements.elements[cluster as usize].area as f32;
     let Surroundings { enclosed, enclosed_emission, .. } = &linked.surroundings;
     let exchange_area = enclosed[cluster as usize] * area;
-    // Of emitted light a larger fraction is enclosed, as of a small lamp above a large floor: the lamp's light meets the floor, but the floor's light no lamp.
+    // Of emitted light a larger fraction is enclosed, as of a small lamp above a large floor: the lamp's light meets the floor, but the
+    // floor's light no lamp.
     let of_emission = enclosed_emission[cluster as usize] * area;
     Link {
         a: cluster,

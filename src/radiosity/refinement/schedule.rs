@@ -218,8 +218,8 @@ struct Steps {
 }
 
 impl Steps {
-    /// Steps down to the threshold `last`. With `few` there are two steps: the first computes the light from which the second refines links; or
-    /// only one step if `last` is the first threshold.
+    /// Steps down to the threshold `last`. With `few` there are two steps: the first computes the light from which the second refines
+    /// links; or only one step if `last` is the first threshold.
     fn new(last: f32, few: bool, seconds: Option<f64>) -> Steps {
         let all = FIRST_THRESHOLD / f64::from(last);
         let ratio = if few { all.max(THRESHOLD_RATIO) } else { THRESHOLD_RATIO };

@@ -15,7 +15,8 @@ use sobol_burley::sample_4d;
 const PACKETS: usize = 1 << 13;
 /// Directions, over all packets, at which profiles are read: 2²² readings of 0.1 µs take 0.4 s on one thread.
 const PROFILE_EVALUATIONS: usize = 1 << 22;
-/// Largest number of directions along a side of a grid: a beam of 1° is 1/3,300 of the cosine distribution and holds about 20 of 256² directions.
+/// Largest number of directions along a side of a grid: a beam of 1° is 1/3,300 of the cosine distribution and holds about 20 of 256²
+/// directions.
 const MAX_GRID: usize = 256;
 
 /// A share that rays have sampled.
@@ -88,8 +89,8 @@ fn spread(seed: u64, ray: usize) -> [f32; 4] {
     sample_4d((ray & 0xffff) as u32, 0, mix(seed ^ (ray >> 16) as u64) as u32)
 }
 
-/// Directions in proportion to a side's light; for a side with a profile they are evenly spaced in the running sum of the light over a grid of
-/// cosine-weighted directions. None if none of these is lit.
+/// Directions in proportion to a side's light; for a side with a profile they are evenly spaced in the running sum of the light over a
+/// grid of cosine-weighted directions. None if none of these is lit.
 fn directions(side: &Side, count: usize, grid: usize, seed: u64) -> Vec<Vec3> {
     if side.profile.is_none() {
         let direction = |k: usize| {

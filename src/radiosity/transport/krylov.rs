@@ -28,9 +28,10 @@ const MAX_MISSING: f64 = 1e-3;
 /// Largest number of passes along paths: if each returns 0.9 of the light of the one before, 0.9^64 = 0.1 % of it is missing.
 const MAX_PASSES: usize = 64;
 
-/// The light along rays and paths: solves the exchange along rays, adds the light along paths as direct light, and repeats both until a pass adds little.
-/// One system with the paths as further terms would be exact, but the noise of few rays can join groups of elements to few others, which then trap their
-/// light: single points of an office were several times too bright. A limited number of passes does not build up such light.
+/// The light along rays and paths: solves the exchange along rays, adds the light along paths as direct light, and repeats both until a
+/// pass adds little. One system with the paths as further terms would be exact, but the noise of few rays can join groups of elements to
+/// few others, which then trap their light: single points of an office were several times too bright. A limited number of passes does not
+/// build up such light.
 ///
 /// After the deadline, passes continue as far as [`LATE_TERMS`] allow, at least [`MIN_ITERATIONS`] of them.
 pub fn solve(
@@ -67,7 +68,8 @@ pub fn solve(
     (first, Convergence { residual: added, converged: false, ..convergence })
 }
 
-/// The irradiance `E = direct + K E` along rays, from a first guess, and how the iteration converged. Without a guess it begins with direct light.
+/// The irradiance `E = direct + K E` along rays, from a first guess, and how the iteration converged. Without a guess it begins with
+/// direct light.
 ///
 /// The stabilised bi-conjugate gradients of van der Vorst (1992), each channel by itself; the product of two halves of
 /// rays is not symmetric. Sweeps need hundreds of applications where light is trapped between white surfaces; a Krylov space contains

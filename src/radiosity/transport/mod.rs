@@ -1,8 +1,8 @@
 //! Light transport: one bounce of light along links or along rays, row normalisation, and a solver for each.
 //!
 //! The light along links changes with every refinement step: a few sweeps from the last solution are enough. The light on the rays of the
-//! local pass is solved once and accurately; the Krylov method needs two applications of the operator an iteration, but few iterations however
-//! white the surfaces are.
+//! local pass is solved once and accurately; the Krylov method needs two applications of the operator an iteration, but few iterations
+//! however white the surfaces are.
 
 mod active_nodes;
 mod directional;

@@ -26,8 +26,8 @@ const MIN_ROUNDS: usize = 2;
 /// Exponent of the corrections of the factors: both ends of a link change, so each takes the square root. Coarse links overlap, and larger
 /// exponents oscillate.
 const EXPONENT: f64 = 0.5;
-/// Mean error of the row sums at which the rounds end, weighted by area, relative to their mean: a thirtieth of the error of 1e-3 that rays leave.
-/// Rows at a limit do not count.
+/// Mean error of the row sums at which the rounds end, weighted by area, relative to their mean: a thirtieth of the error of 1e-3 that
+/// rays leave. Rows at a limit do not count.
 const TOLERANCE: f64 = 3e-5;
 /// Smallest and largest factor: one above 2 would amplify a row of which half is missing; the smallest keeps factors positive and is
 /// far below that of any row sum that occurs.

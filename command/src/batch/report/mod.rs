@@ -330,8 +330,8 @@ pub struct Chart {
     pub markup: Markup,
 }
 
-/// Differences from references against times for any two swept options: the first by colour, the second by labels. At most [`MAX_CHARTS`], and how many there
-/// would be without that limit.
+/// Differences from references against times for any two swept options: the first by colour, the second by labels. At most
+/// [`MAX_CHARTS`], and how many there would be without that limit.
 ///
 /// # Errors
 /// A chart cannot be drawn.
