@@ -28,9 +28,10 @@ const SOURCE_DISTANCE: f32 = 4.0;
 /// horizon, with a cosine of at most 0.04.
 const SAMPLES_PER_SIDE: usize = 4;
 
-/// Steps along each edge of a source for the box around it, and how far the edge may lie outside between two of them, in units of the
-/// sine of the half angle: of a disc 1 − cos(π / 64) = 0.0012, of patches less.
+/// Steps along each edge of a source for the box around it.
 const STEPS_PER_EDGE: usize = 64;
+/// Distance by which the edge may lie outside between two of these steps, in units of the sine of the half angle: of a disc 1 − cos(π /
+/// 64) = 0.0012, of patches less.
 const SAGITTA: f64 = 0.002;
 
 /// Patches of the sky to which a workload traces segments.

@@ -13,9 +13,9 @@ use glam::Vec3;
 use sobol_burley::sample_4d;
 use std::sync::{Arc, PoisonError};
 
-/// First number and count of the points that select the engine of single queries: numbers beyond those of the pilot, as many as for
-/// batches.
+/// First number of the points that select the engine of single queries: beyond those of the pilot.
 const FIRST_POINT: u32 = 1 << 17;
+/// Count of these points: as many as for batches.
 const SAMPLE_POINTS: u32 = 256;
 /// Largest number of segments of a bundle that the cut answers: the error of its model does not fall with more, and is known from
 /// samples of as many.

@@ -13,9 +13,10 @@ use super::walk::WalkResult;
 use crate::simd::LANES;
 use std::ops::Range;
 
-/// Runs of neighbouring bundles that represent all bundles when the engine is chosen, and bundles of each run: 256 bundles in all
-/// limit the time of the choice, and the bundles of a run share their traversal as all bundles do.
+/// Runs of neighbouring bundles that represent all bundles when the engine is chosen: with [`SAMPLE_RUN`], 256 bundles in all limit the
+/// time of the choice.
 const SAMPLE_RUNS: usize = 16;
+/// Bundles of each run: they share their traversal as all bundles do.
 const SAMPLE_RUN: usize = 16;
 /// Smallest number of bundles for each of the sample beyond its first run: at most an eighth of them are sampled, so that the choice takes
 /// little of the time.

@@ -282,7 +282,7 @@ impl MultiResolution {
 
 // The factor of the extinctions of walks that makes their mean transmittance right, fitted on a sample.
 
-/// Smallest and largest factor: half and twice the optical depth of the clusters. The first trial differs from 1 by a tenth.
+/// Smallest and largest factor: half and twice the optical depth of the clusters.
 const FACTOR_RANGE: [f32; 2] = [0.5, 2.0];
 const FIRST_FACTOR_STEP: f32 = 0.9;
 /// Steps of the secant rule after the first: an error of the mean of 0.01 falls below 0.0001.

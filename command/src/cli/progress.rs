@@ -71,7 +71,7 @@ impl Progress for Bar {
     }
 }
 
-/// Fraction of a stage from which its remaining time is estimated: before it the first few steps decide.
+/// Fraction of a stage from which its remaining time is estimated: before it, the first few steps decide.
 const MIN_KNOWN_FRACTION: f64 = 0.02;
 
 /// The time that the rest of a stage takes at its mean speed so far; none before the speed is known.

@@ -139,7 +139,8 @@ struct Segment {
     length: f32,
 }
 
-/// Fraction of a segment at its ends on which triangles do not block.
+/// Fraction of a segment at its ends on which triangles do not block: surfaces that the ends lie on, in spite of rounding in single
+/// precision.
 const END_FRACTION: f32 = 1e-5;
 
 impl Segment {

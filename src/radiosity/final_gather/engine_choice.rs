@@ -13,10 +13,11 @@ use crate::visibility::{DistanceCut, LeafMode, rays_for, sample_runs};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// Smallest number of points for which the cut is built, and number of triangles for one more point: with exact rays, these points take
-/// about twice the time of building it, 1 s on each of two processors for the garden of `make scenes` and 6 s for its park of 1.9 million
+/// Smallest number of points for which the cut is built: with exact rays, these points and those of [`TRIANGLES_PER_POINT`] take about
+/// twice the time of building it, 1 s on each of two processors for the garden of `make scenes` and 6 s for its park of 1.9 million
 /// triangles.
 const MIN_CUT_POINTS: usize = 1 << 14;
+/// Number of triangles for which this number of points is larger by one.
 const TRIANGLES_PER_POINT: usize = 16;
 /// The cut is chosen up to this ratio of its work to the work of exact rays for the same error: work is an estimate, and mean squares
 /// of 256 points are known to about a tenth.

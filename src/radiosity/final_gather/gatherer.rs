@@ -35,9 +35,9 @@ const HIT_ROUNDING: f32 = 8.0 * f32::EPSILON;
 /// rounding error.
 const MAX_STEEPNESS: f32 = 16.0;
 
-/// Largest ratio of a point's shadow rays to an emitter to [`Options::light_rays`]. The unoccluded light of an emitter behind a louvre
-/// may be many times the light of the point.
-const MORE_WHERE_BRIGHT: usize = 16;
+/// Largest ratio of a point's shadow rays to an emitter to [`Options::light_rays`]: they leave a quarter of the noise. The unoccluded
+/// light of an emitter behind a louvre may be many times the light of the point.
+const MAX_LIGHT_RAYS_RATIO: usize = 16;
 /// Largest number of shadow rays of a point, the upper limit of [`Options::light_rays`]; the low-discrepancy numbers repeat after it.
 const MAX_SHADOW_RAYS: usize = 1 << 16;
 
@@ -175,7 +175,7 @@ impl<'a> FinalGather<'a> {
         let sets = if options.direct_only && environment.is_none() { 0 } else { DIRECTION_SETS };
         let hemispheres =
             (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ mix(k as u64)))).collect();
-        let shadow_rays = (MORE_WHERE_BRIGHT * options.light_rays()).min(MAX_SHADOW_RAYS) as u32;
+        let shadow_rays = (MAX_LIGHT_RAYS_RATIO * options.light_rays()).min(MAX_SHADOW_RAYS) as u32;
         let table = (0..shadow_rays).map(|i| [sample(i, 0, 7), sample(i, 1, 7)]).collect();
         let reflected = elements.elements.par_iter().zip(&elements.states).map(|(e, state)| {
             let light = match e.shape {

@@ -26,13 +26,13 @@ const MAX_RAYS: f64 = 8192.0;
 const MAX_RAYS_OF_ALL: f64 = 131_072.0;
 /// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices
 /// for the rim of a sunlit patch. Where all cells differ, as in a room full of objects, four times as many rays halve the error.
-const MORE_FOR_SURFACES: usize = 4;
+const MAX_SURFACE_RAYS_RATIO: usize = 4;
 /// Smallest number of cells whose rays reach the sky: a grid with fewer is refined as a whole, because it may miss a window smaller than
 /// a cell.
-const MIN_OPEN: usize = 64;
+const MIN_OPEN_CELLS: usize = 64;
 /// Number of cells from which on a grid is not refined as a whole. An opening that shows a thousandth of the light of an open sky then
 /// has four cells, and the cells at its edges are divided.
-const MAX_WHOLE: usize = 1 << 12;
+const MAX_WHOLE_CELLS: usize = 1 << 12;
 
 /// The ray of a cell.
 #[derive(Clone, Copy)]
@@ -75,7 +75,7 @@ impl FinalGather<'_> {
         let is_dark = rays_of_cells.iter().all(|ray| matches!(ray.seen, CellHit::Dark))
             || levels[0].iter().all(|cell| cell.sky == 0.0);
         // A cell with an opening is divided even if neither its ray nor a neighbouring ray passes through the opening.
-        let is_searched = !is_dark && levels[0].iter().filter(|cell| cell.is_open).count() < MIN_OPEN;
+        let is_searched = !is_dark && levels[0].iter().filter(|cell| cell.is_open).count() < MIN_OPEN_CELLS;
         let openings = if is_searched { openings } else { &[] };
         let openings = self.seen_openings(openings, point, hemisphere.frame, buffers);
         let (share, mut sum) = (1.0 / whole.len() as f64, light_of(&levels[0]) / whole.len() as f64);
@@ -87,8 +87,8 @@ impl FinalGather<'_> {
             let area = share * 0.25f64.powi(level as i32);
             let cells = &levels[level as usize];
             let open = cells.iter().filter(|cell| cell.is_open && cell.sky > 0.0).count();
-            let is_undivided = cells.len() == whole.len() << (2 * level) && cells.len() < MAX_WHOLE;
-            let is_whole = is_undivided && open < MIN_OPEN && !is_dark;
+            let is_undivided = cells.len() == whole.len() << (2 * level) && cells.len() < MAX_WHOLE_CELLS;
+            let is_whole = is_undivided && open < MIN_OPEN_CELLS && !is_dark;
             let tolerance = self.tolerance_at(known + mean(sum.to_array()));
             let surroundings = Surroundings::new(&levels, hemisphere.size, self.rings());
             let (mut uneven, inner) = surroundings.uneven(area, &openings);
@@ -100,7 +100,7 @@ impl FinalGather<'_> {
             let mut chosen = match is_whole {
                 true => all_cells(cells, &surroundings, &uneven, least),
                 false => {
-                    let most = MORE_FOR_SURFACES * whole.len();
+                    let most = MAX_SURFACE_RAYS_RATIO * whole.len();
                     largest_errors(&surroundings, &uneven, least, &mut for_surfaces, most)
                 }
             };

@@ -75,7 +75,7 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// Writes those neighbours of an element to `kept` that are visible from it, of `found` with their squared distances: none behind a
+    /// Writes those of the neighbours `found`, with their squared distances, to `kept` that are visible from an element: none behind a
     /// wall at any of them, and none on another side that another surface hides. The inside of a board is close to its outside.
     pub fn visible(&self, places: &[Place], of: u32, found: &[(f32, u32)], kept: &mut Vec<(f32, u32)>) {
         let own = &places[of as usize];

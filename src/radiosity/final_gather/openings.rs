@@ -14,8 +14,8 @@ use std::sync::Arc;
 /// Rays from the surfaces of rooms. An opening that is a thousandth of the surface of all rooms is found by about a hundred of them.
 const RAYS: usize = 1 << 17;
 /// A side does not count as one of a room if more than this fraction of its rays leaves the scene: rays of its own points reach the sky.
-const MAX_OPEN: f32 = 0.125;
-/// Largest number of rays to the sky on which the opening is located, each by [`HALVINGS`] times [`DIRECTIONS`] rays: together twice
+const MAX_OPEN_FRACTION: f32 = 0.125;
+/// Largest number of rays to the sky along which an opening is located, each by [`HALVINGS`] times [`DIRECTIONS`] rays: together twice
 /// [`RAYS`].
 const MAX_FOLLOWED: usize = 512;
 /// Largest number of places in openings of all rooms, to each of which points with little sky trace a ray: half the rays of their default
@@ -47,7 +47,7 @@ impl FinalGather<'_> {
     fn find_openings(&self) -> Vec<Vec3> {
         let (elements, escaped) = (&self.linked.elements, &self.linked.surroundings.escaped);
         let area = |side: u32| elements.elements[elements.sides[side as usize].element as usize].area as f32;
-        let of_rooms = |side: &u32| escaped[*side as usize] <= MAX_OPEN && area(*side) > 0.0;
+        let of_rooms = |side: &u32| escaped[*side as usize] <= MAX_OPEN_FRACTION && area(*side) > 0.0;
         let sides: Vec<u32> = (0..elements.sides.len() as u32).filter(of_rooms).collect();
         if !self.has_environment() || sides.is_empty() {
             return Vec::new();

@@ -34,9 +34,9 @@ const MAX_DEVIATION: f64 = 4.0;
 const NORMAL_SCALE: f32 = 4.0;
 /// Ridge term of the slopes, relative to the weight of the neighbours. 0.01 instead changes the same error by a hundredth of it.
 const RIDGE: f64 = 1e-3;
-/// Smallest numbers of neighbours for a plane, twice its three unknowns, and for all unknowns: the smallest window has that many.
+/// Smallest number of neighbours for a plane: twice its three unknowns.
 const MIN_FOR_PLANE: usize = 6;
-/// See [`MIN_FOR_PLANE`].
+/// Smallest number of neighbours for all unknowns: the smallest window has that many.
 const MIN_FOR_NORMALS: usize = WINDOWS[1];
 
 /// Irradiance of one element by the fits: by kind, window and half, W/m².

@@ -151,8 +151,8 @@ pub struct SkyLink {
     pub variation: f32,
     /// Standard error of the irradiance from sampling, W/m²; mean of the channels.
     pub noise: f32,
-    /// Number of segments of this link, and the counted fraction of those of the links that it replaces, if all had the same answer; else
-    /// 0.
+    /// If all segments had the same answer, their number, with a fraction ([`INHERITED`]) of those of the links that this one replaces;
+    /// else 0.
     pub agreed: f32,
     /// Whether geometry proves that nothing blocks the link or any part of it.
     pub is_clear: bool,

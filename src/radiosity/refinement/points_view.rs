@@ -111,7 +111,7 @@ impl LinkedScene {
     }
 }
 
-/// Density of a quantity in each element: its part over its area if it has [`MIN_ENDS`] ends, otherwise the density of what remains of
+/// Density of a quantity in each element: its amount over its area if it has [`MIN_ENDS`] ends, otherwise the density of what remains of
 /// its parent after the siblings with enough ends. `parents` come before their children and the first is its own; `parts` have the
 /// quantity, the area and the number of ends. No quantity is counted twice: the sum over the leaves of density times area is at most that
 /// of the root.
