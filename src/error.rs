@@ -244,7 +244,7 @@ pub fn shown(path: &Path) -> String {
     }
 }
 
-/// Largest number of characters of a file's content, or of a name in it, that a message repeats.
+/// Largest number of characters of a file's content, or of a name in it, that a message repeats: a line of a terminal.
 pub(crate) const MAX_QUOTED: usize = 80;
 
 /// Text of a file for a message: without control characters, at most `MAX_QUOTED` characters.

@@ -45,7 +45,7 @@ const MAX_REFERENCE_RAYS: usize = 256;
 const MAX_REFERENCE_SEGMENTS: usize = 100_000_000;
 /// Fewest rays from a texel in the reference: noise of at most √(¼ / 16) = 13 %, which is subtracted from the errors.
 const MIN_REFERENCE_RAYS: usize = 16;
-/// A further round of the rows of a map starts only if it is expected to end within this time.
+/// A further round of the rows of a map starts only if it is expected to end within this time: limits the duration of a benchmark.
 const MAX_TIME: Duration = Duration::from_secs(3);
 
 impl BenchOptions {

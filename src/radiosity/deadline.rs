@@ -18,7 +18,8 @@ const GRACE_SHARE: f64 = 0.05;
 const LIGHT_SHARE: f64 = 0.9;
 /// The same if points follow: a quarter is kept for the final gather.
 const LIGHT_SHARE_BEFORE_POINTS: f64 = 0.75;
-/// Fraction of the time for light in which links are refined, before a local pass, which has the rest.
+/// Fraction of the time for light in which links are refined before a local pass: less than half, because the local pass finds the
+/// light and links are only its first guess.
 const REFINEMENT_SHARE_BEFORE_LOCAL_PASS: f64 = 0.4;
 /// The same without a local pass: the rest is for the second measurement of all links and the last sweeps.
 const REFINEMENT_SHARE: f64 = 0.6;

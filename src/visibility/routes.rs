@@ -284,6 +284,7 @@ impl MultiResolution {
 
 /// Smallest and largest factor: half and twice the optical depth of the clusters.
 const FACTOR_RANGE: [f32; 2] = [0.5, 2.0];
+/// Ratio between 1 and the first trial, down or up by the sign of the error: a tenth, so that the secant rule has two points.
 const FIRST_FACTOR_STEP: f32 = 0.9;
 /// Steps of the secant rule after the first: an error of the mean of 0.01 falls below 0.0001.
 const FACTOR_STEPS: usize = 2;

@@ -151,7 +151,7 @@ pub struct SkyLink {
     pub variation: f32,
     /// Standard error of the irradiance from sampling, W/m²; mean of the channels.
     pub noise: f32,
-    /// If all segments had the same answer, their number, with a fraction ([`INHERITED`]) of those of the links that this one replaces;
+    /// If all segments had the same answer, their number, with a fraction (`INHERITED`) of those of the links that this one replaces;
     /// else 0.
     pub agreed: f32,
     /// Whether geometry proves that nothing blocks the link or any part of it.

@@ -12,7 +12,7 @@ use crate::visibility::sample_runs;
 use rayon::prelude::*;
 use serde::{Serialize, de::DeserializeOwned};
 
-/// Pairs per parallel task.
+/// Pairs per parallel task: up to 64 packets. Does not change results.
 const CHUNK: usize = 64;
 /// Links measured between two checks of the deadline: at most 32,768 segments. Changes results with a time limit only.
 pub const LINKS_PER_CHECK: usize = 2048;

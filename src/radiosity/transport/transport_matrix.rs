@@ -5,7 +5,7 @@ use crate::radiosity::rgb::add;
 use crate::ranks::Ranks;
 use rayon::prelude::*;
 
-/// Rows of one parallel task.
+/// Rows of one parallel task: few enough to balance the load of the threads. Does not change results.
 const CHUNK: usize = 256;
 /// A row sum may exceed its expected value e by this, or by (1/ρ − e)/2 if that is more, where ρ is the reflectance; beyond, the exchange
 /// of the row is scaled down. With (1/ρ − e)/2 the parts of the row add up to at most 1/ρ, whatever their signs, and no light grows. A

@@ -29,7 +29,7 @@ const MAX_PILOT_RECEIVERS: u32 = 1 << 15;
 const MIN_CLASS_FRACTION: f32 = 0.01;
 /// Fewest packets for which a class uses its own measurements: factors are fitted to their mean, which is uncertain for a few packets.
 const MIN_CLASS_PACKETS: f64 = 200.0;
-/// Largest error of the mean transmittance of a class, twice its standard error.
+/// Largest error of the mean transmittance of a class, twice its standard error: less than a step of 8-bit grey, 1/255.
 const MAX_BIAS: f64 = 0.003;
 /// Smallest gain over Embree for which a width is kept: gains are measured to a tenth.
 const MIN_GAIN: f32 = 1.25;
