@@ -225,8 +225,8 @@ pub fn parts_of(name: &str) -> (&str, &str) {
     name.split_at(name.find('[').unwrap_or(name.len()))
 }
 
-/// Whether a terminal or a browser obeys a character instead of showing it: control characters, and the marks that turn the direction of the
-/// text after them (Unicode Standard Annex 9), with which a name can look like another.
+/// Whether a terminal or a browser obeys a character instead of showing it: control characters, and the marks that turn the direction of
+/// the text after them (Unicode Standard Annex 9), with which a name can look like another.
 pub fn is_obeyed(c: char) -> bool {
     let turns =
         matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
@@ -244,7 +244,7 @@ pub fn shown(path: &Path) -> String {
     }
 }
 
-/// Largest number of characters of a file's content, or of a name in it, that a message repeats.
+/// Largest number of characters of a file's content, or of a name in it, that a message repeats: a line of a terminal.
 pub(crate) const MAX_QUOTED: usize = 80;
 
 /// Text of a file for a message: without control characters, at most `MAX_QUOTED` characters.

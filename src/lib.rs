@@ -5,9 +5,9 @@
 //! that cast only shadows smaller than a stated feature size transmit according to their extinction. Hierarchical radiosity and form
 //! factors use these engines.
 //!
-//! A [`Scene`] is read from a file (OBJ, glTF, PLY), built from arrays ([`SceneBuilder`]) or generated. A [`Model`] is a scene prepared for queries: owned, immutable, shared
-//! between threads by cheap clones. Queries are [`Model::visibility`], [`Model::solve`] and [`Model::form_factors`]; [`Model::update`]
-//! moves instances of meshes.
+//! A [`Scene`] is read from a file (OBJ, glTF, PLY), built from arrays ([`SceneBuilder`]) or generated. A [`Model`] is a scene prepared
+//! for queries: owned, immutable, shared between threads by cheap clones. Queries are [`Model::visibility`], [`Model::solve`] and
+//! [`Model::form_factors`]; [`Model::update`] moves instances of meshes.
 //!
 //! # Visibility
 //!

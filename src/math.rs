@@ -120,8 +120,8 @@ pub fn edge_distance(magnitude: f32) -> f32 {
     4e-6 * magnitude
 }
 
-/// A point on a triangle or its edge; one nearer to an edge than `distance` is moved by that distance towards the centre of the triangle, at most
-/// half of the way: the light at an edge or in a corner is the limit from inside the face.
+/// A point on a triangle or its edge; one nearer to an edge than `distance` is moved by that distance towards the centre of the triangle,
+/// at most half of the way: the light at an edge or in a corner is the limit from inside the face.
 pub fn off_edges([a, b, c]: [Vec3; 3], point: Vec3, distance: f32) -> Vec3 {
     let is_near = |p: Vec3, q: Vec3| {
         let edge = q - p;
@@ -134,8 +134,8 @@ pub fn off_edges([a, b, c]: [Vec3; 3], point: Vec3, distance: f32) -> Vec3 {
     point + inward * (distance / inward.length()).min(0.5)
 }
 
-/// Places at which the face of a point is searched for: the point, and, for points on an edge that rays miss, places around it in the plane of
-/// `normal`.
+/// Places at which the face of a point is searched for: the point, and, for points on an edge that rays miss, places around it in the
+/// plane of `normal`.
 pub fn places_around(point: Vec3, normal: Vec3, distance: f32) -> [Vec3; 9] {
     let (x, y) = normal.any_orthonormal_pair();
     let around = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];

@@ -1,4 +1,4 @@
-//! Available memory of the machine, and the part of it that may be used.
+//! Available memory of the machine, and the fraction of it that may be used.
 
 use crate::{Error, Result};
 use std::fs::read_to_string;
@@ -16,8 +16,8 @@ pub fn usable() -> Option<u64> {
 /// (`python3 -m timeit "open('/proc/meminfo').read()"`: 56 µs), about as long as a core takes to fill this memory.
 const UNCHECKED_BYTES: u64 = 1 << 20;
 
-/// Refuses work that needs more than [`usable`] bytes at once, or more than the limit of the process's address space leaves: an error instead of
-/// a killed process, also where the system overcommits memory. No memory is allocated.
+/// Refuses work that needs more than [`usable`] bytes at once, or more than the limit of the process's address space leaves: an error
+/// instead of a killed process, also where the system overcommits memory. No memory is allocated.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`] that names `what`.

@@ -28,7 +28,8 @@ pub struct Ranks(Option<Arc<dyn Exchange>>);
 /// Smallest number of blocks of rows per rank, if there are enough rows: the time of a rank is a sum over these blocks, whose times may
 /// differ by as much as their mean, so that ranks differ by about 1/√256 = 6 % at most.
 const BLOCKS: usize = 256;
-/// Largest number of rows of a block: neighbouring rows read the same memory.
+/// Largest number of rows of a block. Neighbouring rows read the same memory, which long blocks read once; beyond this number the rows
+/// of a block far outnumber those at its ends, and longer blocks would only spread the rows less evenly over the ranks.
 const MAX_BLOCK: usize = 1024;
 
 impl Ranks {
@@ -81,8 +82,8 @@ pub struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// The numbers of the rows that this rank computes, ascending. A thread takes at most a block at once: rayon divides them into four runs for two threads,
-    /// and one thread alone would compute the last run, a quarter of all.
+    /// The numbers of the rows that this rank computes, ascending. A thread takes at most a block at once: rayon divides them into four
+    /// runs for two threads, and one thread alone would compute the last run, a quarter of all.
     pub fn numbers(&self) -> impl IndexedParallelIterator<Item = usize> + use<> {
         let deal = self.deal;
         let all = (0..deal.len(self.count, deal.own)).into_par_iter().with_max_len(deal.block);

@@ -15,8 +15,8 @@ thread_local! {
     static IN_CALLBACK: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs a callback that is called while a pool works for its caller. Calls of the callback into the library run on a separate thread: in the
-/// busy pool they would wait. For interfaces to other languages, whose callbacks run on the thread of the caller.
+/// Runs a callback that is called while a pool works for its caller. Calls of the callback into the library run on a separate thread: in
+/// the busy pool they would wait. For interfaces to other languages, whose callbacks run on the thread of the caller.
 pub fn in_callback<R>(is_callback: bool, run: impl FnOnce() -> R) -> R {
     struct Before(bool);
     impl Drop for Before {

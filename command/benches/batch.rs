@@ -2,9 +2,9 @@
 //! in turn: `cargo bench -p mrvis-command --bench batch`. Then short jobs, whose time is that of the batch
 //! itself, and a batch that is done already.
 //!
-//! Promised, and an error if it does not hold: at least 95 % of the throughput in one process, at most 5 ms for each job besides its work, and at most 1 s for a batch of
-//! 200 jobs that is done. Other load of the machine makes times differ: the ratio is the median of pairs, and that of processor times is
-//! printed beside it.
+//! Promised, and an error if it does not hold: at least 95 % of the throughput in one process, at most 5 ms for each job besides its
+//! work, and at most 1 s for a batch of 200 jobs that is done. Other load of the machine makes times differ: the ratio is the median of
+//! pairs, and that of processor times is printed beside it.
 
 use mrvis::{LoadOptions, Model, PrepareOptions, Scene, SolveOptions};
 use std::path::Path;

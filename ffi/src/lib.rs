@@ -1,7 +1,8 @@
 //! The C interface `ffi/include/mrvis.h`: translation onto the public interface of the crate, and nothing else.
 //!
-//! Every entry is one [`guard::guard`] around a body; those of usual arguments are defined by the macro `entry`. A body turns pointers into slices, records and handles with the functions of
-//! `arguments`, `record` and `handle`, calls the crate, and writes its outputs last.
+//! Every entry is one [`guard::guard`] around a body; those of usual arguments are defined by the macro `entry`. A body turns pointers
+//! into slices, records and handles with the functions of `arguments`, `record` and `handle`, calls the crate, and writes its outputs
+//! last.
 //!
 //! Decisions that other interfaces take differently:
 //!

@@ -14,8 +14,8 @@ pub fn keywords<'py>(
     all.into_iter().filter(|(_, value)| !value.is_none()).map(|(name, value)| (name.to_string(), value))
 }
 
-/// Sets the fields of `options` that keyword arguments of a function name. `as` states the type that a keyword is read as, by default that of
-/// the field ([`Argument`]); `=>` states the field to set, by default that of the same name.
+/// Sets the fields of `options` that keyword arguments of a function name. `as` states the type that a keyword is read as, by default
+/// that of the field ([`Argument`]); `=>` states the field to set, by default that of the same name.
 macro_rules! set_keywords {
     ($options:ident, $function:expr, $given:expr, $($name:ident $(as $read:path)? $(=> $place:expr)?),+ $(,)?) => {
         for (name, given) in $crate::arguments::keywords($given) {

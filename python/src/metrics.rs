@@ -62,7 +62,8 @@ fn measured<'py>(
 ///
 /// reference, approximation: (rows, columns), copied as float32, finite. texel: side of a texel, scene units, default 1. exponent: of the
 /// norm, at least 1, default 2. features: "both" (default) or "shadow". filter: "whole" (default) or "unmasked". morphology: "euclid"
-/// (default), "paper8" or "paper4". white: value of an unoccluded texel, default 1. threshold: darkening that counts as shadow, default 0.02.
+/// (default), "paper8" or "paper4". white: value of an unoccluded texel, default 1. threshold: darkening that counts as shadow, default
+/// 0.02.
 #[pyfunction]
 #[pyo3(signature = (reference, approximation, size=0.0, **options))]
 pub fn fbem<'py>(

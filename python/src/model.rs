@@ -32,11 +32,12 @@ arguments! {
 ///
 /// A scene prepared for queries. Immutable; several threads may ask at once.
 ///
-/// detail: "rays" for exact visibility and form factors, "clusters" also for `solve`, "optics" (default) also for multi-resolution and average
-/// visibility. threads: of the preparation and of all queries, 0 for one a core; no result depends on it. cache: a folder that keeps measured
-/// clusters for the next time. builder: how clusters are built: "grids" (default, a hierarchy of uniform grids), "kdtree", "goldsmith-salmon" or
-/// "sah"; exact visibility does not depend on it. progress: called as progress(stage, fraction) on the calling thread when a stage begins and every 50 ms; if it
-/// returns False, CancelledError is raised; what it raises is raised here, KeyboardInterrupt too.
+/// detail: "rays" for exact visibility and form factors, "clusters" also for `solve`, "optics" (default) also for multi-resolution and
+/// average visibility. threads: of the preparation and of all queries, 0 for one a core; no result depends on it. cache: a folder that
+/// keeps measured clusters for the next time. builder: how clusters are built: "grids" (default, a hierarchy of uniform grids), "kdtree",
+/// "goldsmith-salmon" or "sah"; exact visibility does not depend on it. progress: called as progress(stage, fraction) on the calling
+/// thread when a stage begins and every 50 ms; if it returns False, CancelledError is raised; what it raises is raised here,
+/// KeyboardInterrupt too.
 #[pyclass(frozen, module = "mrvis", name = "Model")]
 pub struct PyModel {
     pub model: Model,
@@ -146,9 +147,10 @@ impl PyModel {
         all.map(one).collect()
     }
 
-    /// A model in which instances were moved, as a dict from numbers of instances (1 or larger) to matrices (3, 4) or (4, 4) from the frame of
-    /// the mesh to that of the model, scene units relative to `Scene.origin`: rotation, reflection, uniform scale and translation. Clusters of
-    /// meshes are not measured again; this model stays as it is. InputError for instances that do not exist, and for instance 0.
+    /// A model in which instances were moved, as a dict from numbers of instances (1 or larger) to matrices (3, 4) or (4, 4) from the
+    /// frame of the mesh to that of the model, scene units relative to `Scene.origin`: rotation, reflection, uniform scale and
+    /// translation. Clusters of meshes are not measured again; this model stays as it is. InputError for instances that do not exist, and
+    /// for instance 0.
     fn moved(&self, py: Python<'_>, transforms: &Bound<'_, PyDict>) -> PyResult<PyModel> {
         let mut changes = Vec::new();
         for (instance, transform) in transforms {
@@ -158,8 +160,8 @@ impl PyModel {
         self.changed(py, changes)
     }
 
-    /// A model with one more instance, after all others, of a mesh that an instance has already (`Instance.mesh`, 1 or larger). transform: as
-    /// for `moved`. material: a number in `Scene.material_names` that replaces those of the mesh and does not emit.
+    /// A model with one more instance, after all others, of a mesh that an instance has already (`Instance.mesh`, 1 or larger).
+    /// transform: as for `moved`. material: a number in `Scene.material_names` that replaces those of the mesh and does not emit.
     #[pyo3(signature = (mesh, name, transform, *, material=None))]
     fn with_instance(
         &self,
@@ -201,13 +203,14 @@ impl PyModel {
 
     /// Transmittance of N segments in K bundles, as a `Visibility`.
     ///
-    /// origins, targets: (N, 3) scene units, from receivers to emitters; (3,) for one position that all share. float32 in C order, and rows of
-    /// a C-ordered float32 array (`all[:, 3:6]`, `all[::2]`), are borrowed; others are copied, float64 rounded to float32 relative to the
-    /// scene's origin. bundles: number of segments a bundle (default 1), or K + 1 ascending offsets, uint64 borrowed.
+    /// origins, targets: (N, 3) scene units, from receivers to emitters; (3,) for one position that all share. float32 in C order, and
+    /// rows of a C-ordered float32 array (`all[:, 3:6]`, `all[::2]`), are borrowed; others are copied, float64 rounded to float32
+    /// relative to the scene's origin. bundles: number of segments a bundle (default 1), or K + 1 ascending offsets, uint64 borrowed.
     /// feature_size: a number or (K,) float32, scene units, above 0: smaller shadow features may be averaged; default: exact.
-    /// emitter_size: a number or (K,) float32, the width of emitters seen from their receivers, scene units; default 0.
-    /// engine: "auto" (default), "exact", "mr" (multi-resolution) or "average". relative_to: the point that positions are relative to; default
-    /// zero. out: (K,) float32 that the transmittance is written into. intervals, methods, segments: whether to make these arrays of the answer.
+    /// emitter_size: a number or (K,) float32, the width of emitters seen from their receivers, scene units; default 0. engine: "auto"
+    /// (default), "exact", "mr" (multi-resolution) or "average". relative_to: the point that positions are relative to; default zero.
+    /// out: (K,) float32 that the transmittance is written into. intervals, methods, segments: whether to make these arrays of the
+    /// answer.
     ///
     /// progress: as for `Model`; after an interruption some of `out` is written.
     #[pyo3(signature = (origins, targets, *, bundles=None, out=None, progress=None, **options))]
@@ -243,9 +246,10 @@ impl PyModel {
 
     /// Form factors with occlusion, as `FormFactors`; needs detail "rays".
     ///
-    /// grouping: "polygon" (default), "object" or "material". rays: of every polygon, 1 to 1,048,576, default 2,048 or more. pair_rays: most
-    /// between two polygons, 4 to 4,194,304, default 256 or more. closure: whether rows that nothing escapes from are adjusted to the sum 1
-    /// (default True). max_bytes: OutOfMemoryError beyond it, default four fifths of what is available. seed: 0 to 2**64 - 1, default 1. progress: as for `Model`.
+    /// grouping: "polygon" (default), "object" or "material". rays: of every polygon, 1 to 1,048,576, default 2,048 or more. pair_rays:
+    /// most between two polygons, 4 to 4,194,304, default 256 or more. closure: whether rows that nothing escapes from are adjusted to
+    /// the sum 1 (default True). max_bytes: OutOfMemoryError beyond it, default four fifths of what is available. seed: 0 to 2**64 - 1,
+    /// default 1. progress: as for `Model`.
     #[pyo3(signature = (*, progress=None, **options))]
     fn form_factors(
         &self,
@@ -261,13 +265,14 @@ impl PyModel {
 
     /// Computes the light by hierarchical radiosity, as a `Solution`; needs detail "clusters".
     ///
-    /// error: RMS error that links are refined to, relative to the mean irradiance, default 0.02. engine: "exact" (default), "mr" or "average",
-    /// which need detail "optics", or "auto": "mr" with a feature size and that detail. feature_size: of all receivers, scene units; feature_sizes: of named objects, groups or materials, a dict.
-    /// importance: names whose light matters. min_area: smallest element as a fraction of the scene's area, default 2e-5. direct_only: no
-    /// reflected light at points (default False). max_seconds: time limit of this call. max_links: default ten
-    /// million. target_error: RMS error until which more rays are traced. audit: number of elements whose error bars independent paths check,
-    /// default 200. light_rays, gather_rays: rays from a point to a partly visible emitter, and for reflected light; default: from the error.
-    /// seed: 0 to 2**64 - 1, default 1. progress: as for `Model`, but if it returns False the result is what was reached: `Solution.interrupted` is True.
+    /// error: RMS error that links are refined to, relative to the mean irradiance, default 0.02. engine: "exact" (default), "mr" or
+    /// "average", which need detail "optics", or "auto": "mr" with a feature size and that detail. feature_size: of all receivers, scene
+    /// units; feature_sizes: of named objects, groups or materials, a dict. importance: names whose light matters. min_area: smallest
+    /// element as a fraction of the scene's area, default 2e-5. direct_only: no reflected light at points (default False). max_seconds:
+    /// time limit of this call. max_links: default ten million. target_error: RMS error until which more rays are traced. audit: number
+    /// of elements whose error bars independent paths check, default 200. light_rays, gather_rays: rays from a point to a partly visible
+    /// emitter, and for reflected light; default: from the error. seed: 0 to 2**64 - 1, default 1. progress: as for `Model`, but if it
+    /// returns False the result is what was reached: `Solution.interrupted` is True.
     #[pyo3(signature = (*, progress=None, **options))]
     fn solve(
         this: &Bound<'_, Self>,
@@ -283,9 +288,9 @@ impl PyModel {
 
     /// Irradiance by path tracing with all reflections, as a `Reference`: independent of clusters, elements and form factors; slow.
     ///
-    /// points: (N, 3) scene units; normals: (N, 3), or (3,) for all, of any length above 0; both are copied. A point means the nearest surface
-    /// along its normal that is about parallel, within 1e-5 of the scene's diagonal. samples: paths a point, 2 to 2**32 - 1, best 8 times a
-    /// power of two, default 1,024. seed: 0 to 2**64 - 1, default 1. progress: as for `Model`.
+    /// points: (N, 3) scene units; normals: (N, 3), or (3,) for all, of any length above 0; both are copied. A point means the nearest
+    /// surface along its normal that is about parallel, within 1e-5 of the scene's diagonal. samples: paths a point, 2 to 2**32 - 1, best
+    /// 8 times a power of two, default 1,024. seed: 0 to 2**64 - 1, default 1. progress: as for `Model`.
     #[pyo3(signature = (points, normals, *, samples=None, seed=None, progress=None))]
     fn reference<'py>(
         &self,
@@ -309,12 +314,12 @@ impl PyModel {
     /// detail "optics". Takes seconds to minutes; nothing else should run on the machine meanwhile.
     ///
     /// points: receivers, uniform over all surfaces that do not emit, 1 to 100 million, default 20,000. rays: segments from a point to an
-    /// emitter, 1 to 65,536, default 16; 4 and 16 times as many are measured as well. feature_size: a number or several, scene units, above 0,
-    /// default four from two texels of the shadow images to a fifth of the largest. receivers: names of objects, groups or materials for shadow images, default the largest flat surfaces.
-    /// reference_rays: from a point to an emitter in the reference, 1 to 65,536, default 1,024. threads: of the timed sections, 1 to 1,024,
-    /// default 1. audit: part of the bundles, 0 to 1, on which exact rays check the intervals, default 0.05. seed: 0 to
-    /// 2**64 - 1, default 1.
-    /// progress: as for `Model`; it stops the work between stages.
+    /// emitter, 1 to 65,536, default 16; 4 and 16 times as many are measured as well. feature_size: a number or several, scene units,
+    /// above 0, default four from two texels of the shadow images to a fifth of the largest. receivers: names of objects, groups or
+    /// materials for shadow images, default the largest flat surfaces. reference_rays: from a point to an emitter in the reference, 1 to
+    /// 65,536, default 1,024. threads: of the timed sections, 1 to 1,024, default 1. audit: part of the bundles, 0 to 1, on which exact
+    /// rays check the intervals, default 0.05. seed: 0 to 2**64 - 1, default 1. progress: as for `Model`; it stops the work between
+    /// stages.
     #[pyo3(signature = (*, progress=None, **options))]
     fn bench<'py>(
         &self,

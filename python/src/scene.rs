@@ -53,10 +53,10 @@ fn up(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<UpAxis>> {
 impl PyScene {
     /// Reads a file by its extension: OBJ, glTF, GLB, PLY, or a height field in ESRI ASCII, GeoTIFF, PNG or NPZ.
     ///
-    /// unit: name of the length unit, "m" (default), "cm", "mm", "km", "in" or "ft". emitters: power in W per channel of objects, groups or
-    /// materials that become emitters, as a dict of names. two_sided_emission: whether emissive faces emit from both sides (default False).
-    /// sides: 1 if all faces bound solids, 2 if all are sheets; default: by connectivity. up: "y" or "z", the upward axis for skies and cameras;
-    /// default: that of the format, else guessed. threads: 0 (default) for one a core.
+    /// unit: name of the length unit, "m" (default), "cm", "mm", "km", "in" or "ft". emitters: power in W per channel of objects, groups
+    /// or materials that become emitters, as a dict of names. two_sided_emission: whether emissive faces emit from both sides (default
+    /// False). sides: 1 if all faces bound solids, 2 if all are sheets; default: by connectivity. up: "y" or "z", the upward axis for
+    /// skies and cameras; default: that of the format, else guessed. threads: 0 (default) for one a core.
     ///
     /// Raises IoError, or InputError that names file and line.
     #[staticmethod]
@@ -68,8 +68,8 @@ impl PyScene {
         Ok(PyScene { scene: Arc::new(scene), source })
     }
 
-    /// Reads the bytes of a file, borrowed; `format` is "obj", "gltf", "glb" or "ply". Files that it names are looked for in `folder`; without
-    /// one it may name none. Options are those of `load`.
+    /// Reads the bytes of a file, borrowed; `format` is "obj", "gltf", "glb" or "ply". Files that it names are looked for in `folder`;
+    /// without one it may name none. Options are those of `load`.
     #[staticmethod]
     #[pyo3(signature = (data, format, folder=None, **options))]
     fn from_bytes(
@@ -109,10 +109,10 @@ impl PyScene {
 
     /// The same scene below a sky and a sun, instead of those that it has.
     ///
-    /// The texts are those of the command's options: sky "uniform:E", "overcast:E", "cie:N,E", "clear:TURBIDITY", "perez:DNI,DHI", or the name
-    /// of a map (.exr, .hdr) or of a description (.toml); sun "AZIMUTH,ELEVATION:E" or "X,Y,Z:E"; place "LATITUDE,LONGITUDE"; time as
-    /// 2026-06-21T12:00+02:00. Below a sky of a description with `photometric = true`, which is in lux, all other light of the scene must be in
-    /// lumens and lux. InputError if the texts are wrong or do not fit together.
+    /// The texts are those of the command's options: sky "uniform:E", "overcast:E", "cie:N,E", "clear:TURBIDITY", "perez:DNI,DHI", or the
+    /// name of a map (.exr, .hdr) or of a description (.toml); sun "AZIMUTH,ELEVATION:E" or "X,Y,Z:E"; place "LATITUDE,LONGITUDE"; time
+    /// as 2026-06-21T12:00+02:00. Below a sky of a description with `photometric = true`, which is in lux, all other light of the scene
+    /// must be in lumens and lux. InputError if the texts are wrong or do not fit together.
     #[pyo3(signature = (sky=None, *, sun=None, place=None, time=None))]
     fn with_sky(
         &self,
@@ -275,8 +275,8 @@ impl PySceneBuilder {
         PySceneBuilder::default()
     }
 
-    /// Adds a material with a unique name and returns its number: diffuse reflectance of both sides in [0, 1], and the radiance that the front
-    /// emits, W/(m² sr), default none; both linear RGB.
+    /// Adds a material with a unique name and returns its number: diffuse reflectance of both sides in [0, 1], and the radiance that the
+    /// front emits, W/(m² sr), default none; both linear RGB.
     #[pyo3(signature = (name, reflectance, emission=None))]
     fn add_material(
         &self,

@@ -96,8 +96,8 @@ struct GivenCamera {
 
 #[pymethods]
 impl PySolution {
-    /// Irradiance at N points of surfaces, shape (N, 3), float64, W/m², linear RGB: direct light by rays to the emitters, reflected light by
-    /// rays that gather the radiosity of surfaces.
+    /// Irradiance at N points of surfaces, shape (N, 3), float64, W/m², linear RGB: direct light by rays to the emitters, reflected light
+    /// by rays that gather the radiosity of surfaces.
     ///
     /// points: (N, 3) scene units; normals: (N, 3), or (3,) for all, of any length above 0; both are copied. progress: as for `Model`.
     #[pyo3(signature = (points, normals, *, progress=None))]
@@ -164,10 +164,10 @@ impl PySolution {
     /// The radiance that a camera sees, shape (rows, columns, 3), float32, W/(m² sr), linear RGB, from the top; black where it sees no lit
     /// side.
     ///
-    /// camera: a `Camera`; default: the automatic one. size: columns and rows, 1 to 16,384, default (800, 600). gather: whether the irradiance of each pixel is
-    /// gathered instead of interpolated, slower and sharper (default False). look_inside: whether surfaces are transparent from sides that no
-    /// light can reach, as the outside of a closed room (default False). out: a C-contiguous float32 array of that shape to write into.
-    /// progress: as for `Model`.
+    /// camera: a `Camera`; default: the automatic one. size: columns and rows, 1 to 16,384, default (800, 600). gather: whether the
+    /// irradiance of each pixel is gathered instead of interpolated, slower and sharper (default False). look_inside: whether surfaces
+    /// are transparent from sides that no light can reach, as the outside of a closed room (default False). out: a C-contiguous float32
+    /// array of that shape to write into. progress: as for `Model`.
     #[pyo3(signature = (camera=None, size=None, *, gather=false, look_inside=false, out=None, progress=None))]
     fn image<'py>(
         this: &Bound<'py, Self>,

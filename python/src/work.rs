@@ -15,7 +15,8 @@ use std::time::{Duration, Instant};
 /// Time between two checks for signals and reports of progress by the calling thread: an interruption feels immediate below 0.1 s.
 const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Time after an exception until work that has not stopped is abandoned: Ctrl-C then acts within a second, two [`CHECK_INTERVAL`]s included.
+/// Time after an exception until work that has not stopped is abandoned: Ctrl-C then acts within a second, two [`CHECK_INTERVAL`]s
+/// included.
 const ABANDON_DELAY: Duration = Duration::from_millis(500);
 
 /// Stack of the working thread, bytes: that of the threads of a model.
@@ -127,9 +128,10 @@ pub fn short<R: Send>(py: Python<'_>, work: impl FnOnce() -> mrvis::Result<R> + 
     }
 }
 
-/// Does work without the GIL on another thread. Meanwhile `progress(stage, fraction)` is called on this one: when a stage begins and every
-/// [`CHECK_INTERVAL`]. The work is told to stop if it returns `False` or raises, or a signal raises. That exception is raised when the work has
-/// stopped, whatever its result, and at the latest after [`ABANDON_DELAY`] or when a signal raises again: then the work is left behind.
+/// Does work without the GIL on another thread. Meanwhile `progress(stage, fraction)` is called on this one: when a stage begins and
+/// every [`CHECK_INTERVAL`]. The work is told to stop if it returns `False` or raises, or a signal raises. That exception is raised when
+/// the work has stopped, whatever its result, and at the latest after [`ABANDON_DELAY`] or when a signal raises again: then the work is
+/// left behind.
 ///
 /// What `progress` itself asks is done apart from the threads that are at work, for which it would wait.
 pub fn long<R: Send + 'static>(

@@ -14,7 +14,8 @@ use smallvec::SmallVec;
 use std::ops::Range;
 
 /// Largest numbers of bundles and of segments of a chunk: limits it to 1,024 packets and four groups of bundles that share their
-/// traversal. Larger bundles are answered in parts of this number of segments. It is the same for any number of threads, so that the answers are too.
+/// traversal. Larger bundles are answered in parts of this number of segments. It is the same for any number of threads, so that the
+/// answers are too.
 const CHUNK: (usize, usize) = (256, 1 << 14);
 /// Largest batch that is answered without deciding between engines: the decision walks 16 bundles, a quarter of the batch.
 const MAX_UNDECIDED_SEGMENTS: usize = 64;
@@ -25,10 +26,10 @@ impl Visibility {
     /// positions.
     ///
     /// # Errors
-    /// [`Error::Argument`], which names array and index, if lengths do not match, offsets do not ascend, a
-    /// position is not finite, a segment has no length, or a size is out of its range; if the engine needs feature sizes or optics that
-    /// are missing. `answers` are then as they were. [`Error::Cancelled`] if the progress of [`Model::with_progress`] stops it, which is told of
-    /// one stage with a step a bundle: some of the `answers` are then written.
+    /// [`Error::Argument`], which names array and index, if lengths do not match, offsets do not ascend, a position is not finite, a
+    /// segment has no length, or a size is out of its range; if the engine needs feature sizes or optics that are missing. `answers` are
+    /// then as they were. [`Error::Cancelled`] if the progress of [`Model::with_progress`] stops it, which is told of one stage with a
+    /// step a bundle: some of the `answers` are then written.
     pub fn answer_into(&self, segments: &Segments, answers: &mut Answers) -> Result<Cost> {
         match self.model.has_one_thread() {
             true => self.answer_batch(segments, answers, false),

@@ -53,8 +53,8 @@ impl Model {
     /// Needs [`Detail::Optics`]. Takes seconds to minutes; nothing else should run on the machine meanwhile.
     ///
     /// # Errors
-    /// [`Error::Argument`] if an option is out of its range or names nothing, or the model holds no optics; [`Error::Scene`] if nothing emits
-    /// or receives light; [`Error::Cancelled`] if the caller's progress stops it, which is asked between its stages.
+    /// [`Error::Argument`] if an option is out of its range or names nothing, or the model holds no optics; [`Error::Scene`] if nothing
+    /// emits or receives light; [`Error::Cancelled`] if the caller's progress stops it, which is asked between its stages.
     pub fn bench(&self, options: &BenchOptions) -> Result<BenchReport> {
         if self.detail() < Detail::Optics {
             return Err(Error::arguments(

@@ -21,7 +21,8 @@ options! {
         /// Whether rows that nothing escapes from are adjusted to the sum 1, each entry by as much as it is uncertain; default true. A F is
         /// symmetric either way.
         pub closure: bool = true;
-        /// Largest memory of the matrix, bytes: an error before the start if it could take more; default: four fifths of the available memory.
+        /// Largest memory of the matrix, bytes: an error before the start if it could take more; default: four fifths of the available
+        /// memory.
         pub max_bytes: Option<u64> = None;
         /// Seed of all random numbers; default 1.
         pub seed: u64 = 1;
@@ -48,8 +49,8 @@ impl Model {
     /// [`Detail::Rays`](crate::Detail::Rays).
     ///
     /// # Errors
-    /// [`Error::Argument`] if an option is out of its range, [`Error::OutOfMemory`] if the matrix could be too large,
-    /// [`Error::Scene`] with more than 2²⁶ polygons, [`Error::Cancelled`] if the caller's progress stops it, which takes less than a second or so.
+    /// [`Error::Argument`] if an option is out of its range, [`Error::OutOfMemory`] if the matrix could be too large, [`Error::Scene`]
+    /// with more than 2²⁶ polygons, [`Error::Cancelled`] if the caller's progress stops it, which takes less than a second or so.
     pub fn form_factors(&self, options: &FormFactorOptions) -> Result<FormFactors> {
         self.on_threads(|| {
             let (scene, progress) = (self.scene(), self.progress());

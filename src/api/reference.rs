@@ -16,14 +16,14 @@ pub struct Reference {
 }
 
 impl Model {
-    /// Irradiance at points of surfaces by path tracing with all reflections: `samples` paths for each point, at least 2, best 8 times a power of
-    /// two. Independent of clusters, elements and form factors. Needs [`Detail::Rays`](crate::Detail::Rays).
+    /// Irradiance at points of surfaces by path tracing with all reflections: `samples` paths for each point, at least 2, best 8 times a
+    /// power of two. Independent of clusters, elements and form factors. Needs [`Detail::Rays`](crate::Detail::Rays).
     ///
     /// A point means the nearest surface along its normal that is about parallel, within 1e-5 of the scene's diagonal.
     ///
     /// # Errors
-    /// [`Error::Argument`](crate::Error::Argument) if a position is not finite or beyond 1e12, a normal has no length or there are fewer than 2 samples;
-    /// [`Error::Cancelled`](crate::Error::Cancelled) if the caller's progress stops it.
+    /// [`Error::Argument`](crate::Error::Argument) if a position is not finite or beyond 1e12, a normal has no length or there are fewer
+    /// than 2 samples; [`Error::Cancelled`](crate::Error::Cancelled) if the caller's progress stops it.
     pub fn reference(&self, points: &[SurfacePoint], samples: u32, seed: u64) -> Result<Reference> {
         self.reference_of(points.len(), |i| points[i], samples, false, seed)
     }

@@ -109,8 +109,8 @@ impl SceneBuilder {
     /// the scene, as rows of a 3 by 4 matrix of which the last column is the translation. The name is unique among objects and instances.
     ///
     /// # Errors
-    /// [`Error::Argument`] if there is no such mesh, the name is empty or taken, or the transform is not finite, has the scale 0, leads beyond 1e12,
-    /// or has shear or unequal scale of more than 1 %.
+    /// [`Error::Argument`] if there is no such mesh, the name is empty or taken, or the transform is not finite, has the scale 0, leads
+    /// beyond 1e12, or has shear or unequal scale of more than 1 %.
     pub fn add_instance(&mut self, mesh: u32, name: &str, transform: [[f64; 4]; 3]) -> Result<()> {
         let transform = affine(&transform);
         let of = format!("of instance `{}`", quote(name));

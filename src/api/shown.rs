@@ -74,7 +74,8 @@ options! {
         pub size: [usize; 2] = SIZE;
         /// Whether the irradiance of every pixel is computed by final gathering instead of interpolated: slower and sharper. Default false.
         pub gather: bool = false;
-        /// Whether surfaces are transparent from sides that no light can reach, as the outside of a closed room, instead of black. Default false.
+        /// Whether surfaces are transparent from sides that no light can reach, as the outside of a closed room, instead of black.
+        /// Default false.
         pub look_inside: bool = false;
     }
 }
@@ -237,8 +238,8 @@ impl Solution {
         Ok(())
     }
 
-    /// The irradiance of all surfaces in an image of about `texels` texels, 1 to 2²⁶: in the texture coordinates of the file (fronts alone) if
-    /// they are suitable, else with a chart for each plane.
+    /// The irradiance of all surfaces in an image of about `texels` texels, 1 to 2²⁶: in the texture coordinates of the file (fronts
+    /// alone) if they are suitable, else with a chart for each plane.
     ///
     /// # Errors
     /// [`Error::Argument`] if `texels` is out of range, [`Error::Scene`] if the charts do not fit into an image of 16,384 texels a side,
@@ -256,12 +257,12 @@ impl Solution {
         })?
     }
 
-    /// Writes the solution to a file, completely or not at all; the extension says the format: `vtu` (elements with all fields, for ParaView),
-    /// `ply` or `glb` (smooth meshes with colours).
+    /// Writes the solution to a file, completely or not at all; the extension says the format: `vtu` (elements with all fields, for
+    /// ParaView), `ply` or `glb` (smooth meshes with colours).
     ///
     /// # Errors
-    /// [`Error::Argument`] for another extension, [`Error::Io`] if the file cannot be written, [`Error::Cancelled`] if the caller's progress stops it
-    /// before the file is complete: then there is none.
+    /// [`Error::Argument`] for another extension, [`Error::Io`] if the file cannot be written, [`Error::Cancelled`] if the caller's
+    /// progress stops it before the file is complete: then there is none.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let (path, (inner, progress)) = (path.as_ref(), self.watched());
         let (scene, mesh) = (inner.scene(), &inner.mesh);

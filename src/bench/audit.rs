@@ -1,4 +1,4 @@
-//! Audit: claimed against observed error, by independent exact rays on a random part of the bundles.
+//! Audit: claimed against observed error, by independent exact rays on a random sample of the bundles.
 
 use super::exact_reference::{ExactReference, RmsEstimate};
 use super::measure::{MrRun, Queries};
@@ -18,7 +18,7 @@ const MIN_BUNDLES: usize = 400;
 /// Largest number of bins of the calibration: 50 bundles per bin at [`MIN_BUNDLES`].
 const MAX_BINS: usize = 8;
 
-/// Exact rays on a random part of the queries. All rows are compared with the same rays.
+/// Exact rays on a random sample of the queries. All rows are compared with the same rays.
 pub(super) struct AuditRays {
     fraction: f64,
     /// Indices into the queries.

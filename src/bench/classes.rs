@@ -31,7 +31,7 @@ const MIN_POINTS: usize = 50;
 /// Most points of a class that are measured, evenly chosen along the curve: four classes take less than half of the time of the default
 /// 20,000 points.
 const MAX_POINTS: usize = 2_000;
-/// A further round of the rows of a class starts only if it is expected to end within this time.
+/// A further round of the rows of a class starts only if it is expected to end within this time: limits the duration of a benchmark.
 const MAX_TIME: Duration = Duration::from_secs(3);
 
 impl Bench<'_> {

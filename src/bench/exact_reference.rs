@@ -121,7 +121,7 @@ impl RmsEstimate {
     /// RMS of independent squared errors, at most 1 each.
     ///
     /// The interval is Student's for the mean square. A single square gives no interval: [0, 1]. If all squares are the same, the rule of
-    /// three bounds the part of deviating squares by 3 / N with 95 % (N squares, deviations of at most 1).
+    /// three bounds the fraction of deviating squares by 3 / N with 95 % (N squares, deviations of at most 1).
     pub fn of(squares: &[f64]) -> RmsEstimate {
         let n = squares.len().max(1) as f64;
         let mean = squares.iter().sum::<f64>() / n;

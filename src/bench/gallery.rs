@@ -19,8 +19,8 @@ use crate::{Error, Result, error::quote};
 
 /// Rays per texel of the exact image in the report: as many as the default number of segments of MR.
 const SHOWN_RAYS: usize = 16;
-/// Pairs of the parts of the images on which rows are timed, fewer in proportion where fewer rounds are asked for: about 70 million segments of all rows a round, some ten
-/// seconds on one core.
+/// Pairs of the parts of the images on which rows are timed, fewer in proportion where fewer rounds are asked for: about 70 million
+/// segments of all rows a round, some ten seconds on one core.
 const TIMED_PAIRS: usize = 40_000;
 /// Rays per pair of the shown reference that decide whether the emitter is partly visible there, and rays where it is.
 /// Where the first agree, they miss less than about 1/64 of the emitter. 256 stratified rays have an error of less than

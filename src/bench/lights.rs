@@ -21,16 +21,17 @@ use std::sync::Arc;
 const MAX_HALF_ANGLE: f64 = 16.0 * std::f64::consts::PI / 180.0;
 /// Patches that are asked from a receiver point: as many pairs as with four lamps, so that a run takes minutes, not an hour.
 const PATCHES_PER_POINT: usize = 4;
-/// L in diagonals of the scene: an umbra is at most a third larger than that of a source at infinity, at the far end of the scene. With more
-/// rounding errors of parameters along a segment grow.
+/// L in diagonals of the scene: an umbra is at most a third larger than that of a source at infinity, at the far end of the scene. With
+/// more rounding errors of parameters along a segment grow.
 const SOURCE_DISTANCE: f32 = 4.0;
-/// Samples along each side of a patch that find whether a receiver sees any of it: parts below 1/16 of a patch lie within 2° of the
+/// Samples along each side of a patch that find whether a receiver sees any of it: pieces below 1/16 of a patch lie within 2° of the
 /// horizon, with a cosine of at most 0.04.
 const SAMPLES_PER_SIDE: usize = 4;
 
-/// Steps along each edge of a source for the box around it, and how far the edge may lie outside between two of them, in units of the sine of
-/// the half angle: of a disc 1 − cos(π / 64) = 0.0012, of patches less.
+/// Steps along each edge of a source for the box around it.
 const STEPS_PER_EDGE: usize = 64;
+/// Distance by which the edge may lie outside between two of these steps, in units of the sine of the half angle: of a disc 1 − cos(π /
+/// 64) = 0.0012, of patches less.
 const SAGITTA: f64 = 0.002;
 
 /// Patches of the sky to which a workload traces segments.
@@ -389,8 +390,8 @@ pub struct DomePart {
     pub half_angle: f64,
 }
 
-/// The emitters that are domes, with their parts: emissive surfaces that are not plane, whose faces all look at the middle of the other surfaces, and that
-/// are wider from there than a patch may be. A part that is one face may be wider too.
+/// The emitters that are domes, with their parts: emissive surfaces that are not plane, whose faces all look at the middle of the other
+/// surfaces, and that are wider from there than a patch may be. A part that is one face may be wider too.
 pub fn domes(scene: &Scene) -> Vec<(usize, Vec<DomePart>)> {
     let count = scene.triangles.len() as u32;
     let others = (0..count).filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX);

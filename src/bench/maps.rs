@@ -39,12 +39,13 @@ const SEGMENT_FACTOR: usize = 4;
 const MAX_SEGMENTS: usize = 256;
 /// Largest mean number of exact rays a texel: rows beyond are extrapolated.
 const MAX_RAYS_PER_TEXEL: usize = 64;
-/// Largest number of rays from a texel in the reference, and of segments of the reference: limits its time to some seconds on two cores.
+/// Largest number of rays from a texel in the reference: noise of at most √(¼ / 256) = 3 %, which is subtracted from the errors.
 const MAX_REFERENCE_RAYS: usize = 256;
+/// Largest number of segments of the reference: limits its time to some seconds on two cores.
 const MAX_REFERENCE_SEGMENTS: usize = 100_000_000;
 /// Fewest rays from a texel in the reference: noise of at most √(¼ / 16) = 13 %, which is subtracted from the errors.
 const MIN_REFERENCE_RAYS: usize = 16;
-/// A further round of the rows of a map starts only if it is expected to end within this time.
+/// A further round of the rows of a map starts only if it is expected to end within this time: limits the duration of a benchmark.
 const MAX_TIME: Duration = Duration::from_secs(3);
 
 impl BenchOptions {
@@ -182,7 +183,7 @@ impl Bench<'_> {
         rows
     }
 
-    /// Light of all texels, the part of the segments that met averaged clusters, and the times of queries and interpolation, seconds.
+    /// Light of all texels, the fraction of the segments that met averaged clusters, and the times of queries and interpolation, seconds.
     fn texels_of(&self, map: &Map, row: &PlannedMap, engine: &MultiResolution) -> (Vec<f32>, f64, Vec<f64>) {
         let interpolated = |lattice: usize, ask: &dyn Fn(Queries) -> MrRun| {
             let (_, lattice, workload) = &map.lattices[lattice];

@@ -26,7 +26,8 @@ options! {
         pub points: usize = 20_000, in 1..=100_000_000;
         /// Segments from a point to an emitter; 4 and 16 times as many are measured as well.
         pub rays: usize = 16, in 1..=65_536;
-        /// Feature sizes, scene units, above 0; default none: four sizes from two texels of the shadow images to a fifth of the largest receiver.
+        /// Feature sizes, scene units, above 0; default none: four sizes from two texels of the shadow images to a fifth of the largest
+        /// receiver.
         pub feature_sizes: Vec<f64> = Vec::new();
         /// Objects, groups or materials for shadow images; default none: the largest flat surfaces, and terrain.
         pub receivers: Vec<String> = Vec::new();
@@ -157,7 +158,7 @@ mod tests {
         assert!(BenchOptions { map: Some(16_385), ..BenchOptions::default() }.check().is_err());
     }
 
-    /// With many rays the samples of the decisions are the larger part of the memory.
+    /// With many rays the samples of the decisions take most of the memory.
     #[test]
     fn memory_is_checked_with_all_that_is_held() {
         let fits = |rays: usize, points: usize, gigabytes: f64| {

@@ -44,7 +44,8 @@ pub(super) fn build_of(model: &Model) -> Build {
 
 /// Points of the workload on which the cut of a scene under a sky is fitted: more than the receivers of its pilot.
 const CUT_POINTS: usize = 1 << 14;
-/// Step between the pairs of receivers with successive numbers, a prime near to a golden section of their number, so that any of them are spread over the scene.
+/// Step between the pairs of receivers with successive numbers, a prime near to a golden section of their number, so that any of them are
+/// spread over the scene.
 const RECEIVER_STRIDE: usize = 40_487;
 /// Sample sets of these receivers: others use 0 to 11.
 const CUT_STREAMS: [u64; 2] = [12, 13];

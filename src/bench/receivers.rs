@@ -19,16 +19,16 @@ use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
 use crate::{Error, Result, error::quote};
 use glam::{DVec2, DVec3, Vec3};
-use patch::{MIN_FILLED_PART, Patch, patches, relief};
+use patch::{MIN_FILLED_FRACTION, Patch, patches, relief};
 use rayon::prelude::*;
 use relief::highest;
 use std::sync::Arc;
 
 /// Number of receivers without names: their images fit on one page of the report.
 const DEFAULT_COUNT: usize = 3;
-/// Smallest longer side of a default receiver, relative to the scene's diagonal: excludes small objects. The same part
+/// Smallest longer side of a default receiver, relative to the scene's diagonal: excludes small objects. The same fraction
 /// as the largest default feature size.
-const MIN_EXTENT_PART: f32 = 0.05;
+const MIN_EXTENT_FRACTION: f32 = 0.05;
 /// Number of largest patches whose light is tested: limits the time of the selection to 24 · 1,024 rays per emitter.
 const MAX_CANDIDATES: usize = 24;
 /// Test points along each side of a candidate: 64 points, each with [`PROBE_RAYS`], are 1,024 rays per emitter.
@@ -41,7 +41,7 @@ const SHADOW_THRESHOLD: f64 = 0.02;
 
 /// Default feature sizes: a shadow of two texels is the smallest that an image shows, and of the largest five lie side by side.
 const SMALLEST_FEATURE_TEXELS: f64 = 2.0;
-const LARGEST_FEATURE_PART: f64 = 0.2;
+const LARGEST_FEATURE_FRACTION: f64 = 0.2;
 
 /// A receiver and its grid of texels.
 #[derive(Clone, Debug)]
@@ -70,14 +70,14 @@ pub struct Crop {
 }
 
 impl ReceiverGrid {
-    /// The middle of the image with this part of its texels.
+    /// The middle of the image with this fraction of its texels.
     pub fn middle(&self, part: f64) -> Crop {
         let size = [self.width, self.height]
             .map(|n| ((n as f64 * part.min(1.0).sqrt()).round() as usize).clamp(1, n));
         Crop { first: [(self.width - size[0]) / 2, (self.height - size[1]) / 2], size }
     }
 
-    /// The receiver with a part of its texels.
+    /// The receiver with a fraction of its texels.
     pub fn only(&self, part: Crop) -> ReceiverGrid {
         let points = part.of(&self.points, self.width);
         ReceiverGrid { width: part.size[0], height: part.size[1], points, ..self.clone() }
@@ -136,7 +136,7 @@ impl Surfaces {
         let largest = |of: &dyn Fn([f64; 2]) -> f64| {
             self.chosen.iter().map(|(_, c)| of([c.rectangle.width, c.rectangle.height])).reduce(f64::max)
         };
-        let max = largest(&|[longer, _]| longer)? * LARGEST_FEATURE_PART;
+        let max = largest(&|[longer, _]| longer)? * LARGEST_FEATURE_FRACTION;
         let texel = largest(&|surface| TexelGrid::new(surface, [0.0, max], self.share).texel)?;
         Some([SMALLEST_FEATURE_TEXELS * texel, max])
     }
@@ -174,7 +174,7 @@ impl Surfaces {
 
 fn by_size(model: &Model, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     let scene = model.shared_scene();
-    let min_extent = MIN_EXTENT_PART * scene.size();
+    let min_extent = MIN_EXTENT_FRACTION * scene.size();
     let extent = scene.component_bounds();
     let large = |t: &u32| {
         scene.triangle_emitter[*t as usize] == u32::MAX
@@ -233,8 +233,8 @@ fn by_name(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
             return Err(Error::argument("receivers", format!("`{}`", quote(name)), problem));
         }
         // Nearly rectangular patches only, if there are enough; else those with a rectangle inside.
-        if patches.iter().filter(|p| p.filled() >= MIN_FILLED_PART).count() >= wanted {
-            patches.retain(|p| p.filled() >= MIN_FILLED_PART);
+        if patches.iter().filter(|p| p.filled() >= MIN_FILLED_FRACTION).count() >= wanted {
+            patches.retain(|p| p.filled() >= MIN_FILLED_FRACTION);
         } else {
             patches = patches.into_iter().map(|p| p.clone().rectangular(&scene).unwrap_or(p)).collect();
         }

@@ -470,12 +470,12 @@ impl RunSeconds {
     }
 }
 
-/// Comparison of the stated intervals of a row with independent exact rays on a random part of the bundles.
+/// Comparison of the stated intervals of a row with independent exact rays on a random sample of the bundles.
 ///
 /// A 95 % interval claims a standard error of its width / (2 · 1.96). The noise of the audit's rays is subtracted from the observed error.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct IntervalAudit {
-    /// Requested part of the bundles, in `(0, 1]`.
+    /// Requested fraction of the bundles, in `(0, 1]`.
     pub fraction: f64,
     /// Number of audited bundles.
     pub bundles: usize,

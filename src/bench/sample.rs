@@ -31,7 +31,8 @@ pub struct Extent {
 
 impl Extent {
     /// For points: 256 bundles, so that mean squares have an error of a tenth, and as many rays as the largest row has, so that a half
-    /// has no more noise. Bundles of a run share their traversal as those of rows do; there are many runs because errors within a run are similar.
+    /// has no more noise. Bundles of a run share their traversal as those of rows do; there are many runs because errors within a run are
+    /// similar.
     pub const POINTS: Extent = Extent { runs: 32, run: 8, reference_rays: 256 };
     /// For the mean of walks, which is compared with exact rays along the same segments: among leaves, runs of neighbours differ by 0.04
     /// to 0.08, so that the mean of 1,024 runs has an error of 0.001 to 0.0025.

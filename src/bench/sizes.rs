@@ -18,7 +18,7 @@ pub const COUNT: usize = 4;
 const MIN_RATIO: f64 = 1.65;
 /// Largest size relative to the scene's diagonal, 5 %: in a room with a diagonal of 6 m shadows of 30 cm. Default of an
 /// option, which users replace.
-const MAX_DIAGONAL_PART: f64 = 0.05;
+const MAX_DIAGONAL_FRACTION: f64 = 0.05;
 /// Triangles of a cluster that stands for one object, such as a plant or the crown of a tree: a factor of √10 around
 /// 1,000. Selects default sizes only.
 const OBJECT_TRIANGLES: std::ops::RangeInclusive<u32> = 300..=3000;
@@ -68,7 +68,7 @@ pub fn of_images([min, max]: [f64; 2]) -> Vec<f64> {
 /// Sizes from the smallest to the largest, within the limits of a scene with this diagonal.
 fn between(small: Option<f64>, large: Option<f64>, diagonal: f64) -> Vec<f64> {
     let spread = MIN_RATIO.powi(COUNT as i32 - 1);
-    let cap = MAX_DIAGONAL_PART * diagonal;
+    let cap = MAX_DIAGONAL_FRACTION * diagonal;
     let large = large.or(small.map(|s| s * spread)).unwrap_or(cap).min(cap);
     let small = small.unwrap_or(large / spread).min(cap / spread);
     let large = large.max(small * spread);

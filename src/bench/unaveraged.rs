@@ -67,7 +67,8 @@ fn keep_one_row(rows: &mut Vec<MrRow>, rays: usize) {
 }
 
 impl Record {
-    /// A speed-up as text and page show it. Where nothing is averaged none is shown, except the 1 of the row with which others are compared.
+    /// A speed-up as text and page show it. Where nothing is averaged none is shown, except the 1 of the row with which others are
+    /// compared.
     pub(super) fn gain(&self, speedup: Option<f64>) -> Option<f64> {
         speedup.filter(|speedup| self.nothing_averaged.is_none() || *speedup == 1.0)
     }

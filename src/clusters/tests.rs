@@ -211,8 +211,8 @@ fn work(scene: &Scene) -> f64 {
     micro.clusters.iter().chain(&large.clusters).map(|c| f64::from(c.triangles)).sum()
 }
 
-/// O(n log n), as counted by the triangles that the builder looks at: four times as many in all are less than five times as many to look at.
-/// In the largest thicket a step for each pair would take longer than a test may.
+/// O(n log n), as counted by the triangles that the builder looks at: four times as many in all are less than five times as many to look
+/// at. In the largest thicket a step for each pair would take longer than a test may.
 #[test]
 fn build_work_grows_as_n_log_n() {
     let forest = |trees| forest(trees, 200);

@@ -71,7 +71,8 @@ pub struct Stage<'a> {
 
 /// Embree's ray call for packets of neighbouring pixels: the widest needs the fewest calls. Does not change results.
 const TRAVERSAL: Traversal = Traversal { width: 16, coherent: false };
-/// Distance of segments within an element from its plane and its corners, as a fraction of its diameter.
+/// Distance of segments within an element from its plane and its corners, as a fraction of its diameter: far above rounding, and
+/// surfaces that are nearer hide less than this fraction of the element.
 const INSET: f32 = 1.0 / 128.0;
 /// Largest difference of the distances at which a ray meets the two sides of a sheet, relative to them: a hundred roundings of 32 bits.
 const SHEET: f32 = 1e-5;
@@ -237,7 +238,7 @@ pub(super) fn samples_of_pixel(
     size: [usize; 2],
     pixel: usize,
 ) -> [[f32; 3]; LANES] {
-    /// Places along a side of the pixel.
+    /// Places along a side of the pixel: the places of a pixel fill a packet.
     const SIDE: usize = 4;
     const { assert!(SIDE * SIDE == LANES) };
     let direction = camera.directions(size);

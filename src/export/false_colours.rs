@@ -6,14 +6,16 @@ use maud::{Markup, html};
 
 /// Largest number of limits between bands: more colours are hard to tell apart.
 const MAX_LIMITS: usize = 9;
-/// Ratio of the brightest to the darkest light above which the bands are logarithmic.
+/// Ratio of the brightest to the darkest light above which the bands are logarithmic: of ten equal bands, the lowest would span more
+/// than a factor of 2.
 const LOG_RATIO: f64 = 20.0;
-/// Largest fractions of the pixels that are darker than the first limit, and brighter than the last.
+/// Largest fractions of the pixels that are darker than the first limit, and brighter than the last: a few pixels in corners and next
+/// to lamps would otherwise stretch all bands.
 const CLIPPED_FRACTIONS: [f64; 2] = [0.03, 0.005];
 /// Colour of pixels without a surface.
 pub(super) const NO_SURFACE: [u8; 3] = [128; 3];
 
-/// Width of the strips of a hatching, pixels.
+/// Width of the strips of a hatching, pixels: wide enough to be seen in a picture that is shown at half its size.
 const STRIP: usize = 4;
 
 /// Colour of a pixel of a surface that emits, in column and row: black and white strips, unlike all bands.

@@ -44,7 +44,7 @@ impl GridLight {
             let near: [usize; 2] =
                 std::array::from_fn(|k| (from[k] as usize + step[k]).min(self.counts[k] - 1));
             let part = |k: usize| if step[k] == 0 { 1.0 - from[k].fract() } else { from[k].fract() };
-            // Cells without light count for nothing; the own cell has a part of at least a quarter.
+            // Cells without light count for nothing; the own cell has a weight of at least a quarter.
             if let Some(light) = value(near[0], near[1]) {
                 sum += part(0) * part(1) * f64::from(light);
                 weights += part(0) * part(1);
@@ -183,7 +183,7 @@ pub(super) fn pieces(corners: [f64; 4], level: f64) -> impl Iterator<Item = Piec
 /// Lines of one colour, with smooth edges.
 struct LineCoverage {
     size: [usize; 2],
-    /// Part of each pixel that is covered, of 255, row by row.
+    /// Covered fraction of each pixel, of 255, row by row.
     coverage: Vec<u8>,
 }
 

@@ -386,7 +386,8 @@ const NO_FACE: u32 = u32::MAX;
 /// unsuitable: they are missing, leave 0..1, have no area, or overlap.
 ///
 /// # Errors
-/// [`Error::Cancelled`](crate::Error::Cancelled) if `progress` stops it, [`Error::OutOfMemory`](crate::Error::OutOfMemory) if the image does not fit.
+/// [`Error::Cancelled`](crate::Error::Cancelled) if `progress` stops it, [`Error::OutOfMemory`](crate::Error::OutOfMemory) if the image
+/// does not fit.
 pub fn unwrapped_lightmap(
     stage: &Stage,
     scene: &Scene,

@@ -210,7 +210,7 @@ fn lacking(solution: &RadiosityMesh, weights: &[Vec<f64>], at_outlines: &[Vec<[f
     solution.elements.iter().zip(weights).zip(at_outlines).map(of).collect()
 }
 
-/// The part of each vertex of an outline in the mean of linear interpolation over the element's triangles: the area of the triangles at
+/// The weight of each vertex of an outline in the mean of linear interpolation over the element's triangles: the area of the triangles at
 /// the vertex.
 fn weights(solution: &RadiosityMesh, element: &Element, outline: &[u32]) -> Vec<f64> {
     let place = |k: usize| solution.vertices[outline[k % outline.len()] as usize].as_dvec3();
@@ -256,8 +256,9 @@ fn is_beyond_wall(solution: &RadiosityMesh, [a, b]: [u32; 2], vertex: u32, norma
     })
 }
 
-/// Mean at a vertex of an element of the values of the elements around the vertex that face along its normal, weighted by the distance of their centres.
-/// Elements that other surfaces stand across, and sides that no light reaches, count only beside no others, and those beyond a wall not at all.
+/// Mean at a vertex of an element of the values of the elements around the vertex that face along its normal, weighted by the distance of
+/// their centres. Elements that other surfaces stand across, and sides that no light reaches, count only beside no others, and those
+/// beyond a wall not at all.
 fn mean(
     solution: &RadiosityMesh,
     values: &[[f64; 3]],

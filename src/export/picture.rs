@@ -14,9 +14,9 @@ use rayon::prelude::*;
 
 /// Largest number of pixels: limits memory to about 1 GB during rendering.
 pub const MAX_PIXELS: usize = 1 << 25;
-/// Largest numbers of columns and of rows.
+/// Largest numbers of columns and of rows: what common graphics hardware shows as one texture.
 pub const MAX_SIDE: usize = 16_384;
-/// Columns and rows of pictures by default.
+/// Columns and rows of pictures by default: half the width of a usual screen.
 pub const SIZE: [usize; 2] = [800, 600];
 /// Rays per pixel along either side: 4 rays give edges 5 levels. Pictures only.
 const SAMPLES_PER_SIDE: usize = 2;
@@ -110,8 +110,9 @@ pub fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
 /// Brightness of the screen, of 1, above which a face is bright: tone mapping leaves little of what the samples of a pixel on its edge
 /// differ by.
 const MIN_BRIGHT_FACE: f32 = 0.5;
-/// Ratio of luminances from which on neighbouring pixels have an edge between them.
-const EDGE: f32 = 2.0;
+/// Ratio of the luminances of neighbouring pixels from which on there is an edge between them. With a smaller ratio, averages of light
+/// and of colours differ little, and more pixels would take further rays.
+const MIN_EDGE_RATIO: f32 = 2.0;
 
 /// The tone-mapped picture of a camera. On the edges of bright faces the colours of samples are averaged, not their light: a lamp
 /// that is a hundred times brighter than white would fill all pixels that it touches.
@@ -131,7 +132,7 @@ fn smoothly_developed(stage: &Stage, camera: &Camera, size: [usize; 2], frame: &
                 if luminance(l) > luminance(high) { l } else { high },
             )
         });
-        luminance(brightest) > EDGE * luminance(darkest)
+        luminance(brightest) > MIN_EDGE_RATIO * luminance(darkest)
             && luminance(tone.linear(brightest)) > MIN_BRIGHT_FACE
     };
     picture.pixels.par_iter_mut().enumerate().filter(|(k, _)| is_edge(*k)).for_each(|(k, colour)| {
@@ -177,13 +178,13 @@ pub struct Tone {
 /// 0.36 and 0.72 for bright scenes. Pictures only.
 const KEY: f32 = 0.25;
 
-/// Fraction of the values that must not be black to decide on the exposure: ten of 480,000 pixels. By rounding, a few rays of a picture may pass at the
-/// foot of a wall without thickness; their pixels alone would otherwise be shown as bright.
+/// Fraction of the values that must not be black to decide on the exposure: ten of 480,000 pixels. By rounding, a few rays of a picture
+/// may pass at the foot of a wall without thickness; their pixels alone would otherwise be shown as bright.
 const MIN_LIT: f64 = 2e-5;
 
 impl Tone {
-    /// The curve for light like `values` (linear RGB, any unit); black values are ignored. If all but [`MIN_LIT`] of them are black, light of 1 is
-    /// shown as 0.5.
+    /// The curve for light like `values` (linear RGB, any unit); black values are ignored. If all but [`MIN_LIT`] of them are black,
+    /// light of 1 is shown as 0.5.
     pub fn of(values: impl IntoIterator<Item = [f32; 3]>) -> Tone {
         let mut count = 0;
         let counted = values.into_iter().inspect(|_| count += 1);

@@ -73,7 +73,8 @@ pub enum PixelContent {
     Surface([f32; 3]),
 }
 
-/// The page as HTML, in lux with `photometry`. `grids` is the section on grids of points; `command` is the command line that repeats the run, if there is one.
+/// The page as HTML, in lux with `photometry`. `grids` is the section on grids of points; `command` is the command line that repeats the
+/// run, if there is one.
 ///
 /// # Errors
 /// A picture has no pixels.
@@ -260,7 +261,7 @@ fn solution_properties(record: &Record) -> Markup {
     )
 }
 
-/// Part of normally distributed errors within 1/4, 2/4, … 12/4 standard deviations: erf(k/4 / √2).
+/// Fraction of normally distributed errors within 1/4, 2/4, … 12/4 standard deviations: erf(k/4 / √2).
 const NORMAL: [f64; 12] =
     [0.1974, 0.3829, 0.5467, 0.6827, 0.7887, 0.8664, 0.9199, 0.9545, 0.9756, 0.9876, 0.9940, 0.9973];
 
@@ -316,7 +317,7 @@ fn error_bars(record: &Record) -> Result<Markup> {
     })
 }
 
-/// Number of surfaces that are listed, the largest.
+/// Number of surfaces that are listed, the largest: two screens.
 const MAX_SURFACES: usize = 50;
 
 /// Light of the elements on one side of the faces of an object.

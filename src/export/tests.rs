@@ -145,7 +145,7 @@ fn a_lightmap_stops_when_the_caller_asks_for_it() {
     }
 }
 
-/// A square and more small triangles than the image has texels: the square keeps its part of the image, and no triangle is black.
+/// A square and more small triangles than the image has texels: the square keeps its share of the image, and no triangle is black.
 #[test]
 fn lightmaps_of_crumbs_leave_room_for_walls() {
     let mut pieces = Pieces::new();
@@ -416,8 +416,8 @@ fn meshes_keep_the_mean_light_of_elements() {
     }
 }
 
-/// A wall stands between elements of the square that are lit and others that are not: no vertex has the light of both sides, also that in the middle of
-/// an edge.
+/// A wall stands between elements of the square that are lit and others that are not: no vertex has the light of both sides, also that in
+/// the middle of an edge.
 #[test]
 fn vertices_are_not_shared_across_a_wall() {
     let wall = 0.5;

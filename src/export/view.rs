@@ -23,17 +23,20 @@ use std::collections::{HashMap, HashSet};
 const PREVIEW_PIXELS: [usize; 2] = [64, 48];
 /// Fraction of the directions from an eye that meet a surface where the scene is enclosed. From the middle of a cube with
 /// one open side 5/6 do.
-const ENCLOSED_PART: f32 = 0.9;
-/// Angles of view from top to bottom, radians: of a 35 mm wide-angle lens of 20 mm from inside, of 28 mm from outside.
+const ENCLOSED_FRACTION: f32 = 0.9;
+/// Angle of view from top to bottom from inside, radians: of a 35 mm camera with a wide-angle lens of 20 mm.
 const INSIDE_ANGLE: f32 = 1.1;
+/// Angle of view from top to bottom from outside, radians: of a 35 mm camera with a lens of 28 mm.
 const OUTSIDE_ANGLE: f32 = 0.8;
-/// Largest angle by which an eye looks up or down: the horizon stays in the picture.
+/// Largest angle by which an eye looks up or down, radians: less than half of [`INSIDE_ANGLE`], so that the horizon stays in the
+/// picture.
 const MAX_PITCH: f32 = 0.4;
-/// Part of neighbouring pixels with an outline between them at which a picture has half of the possible detail: that of
-/// the furnished rooms of `make scenes`.
+/// Fraction of neighbouring pixels with an outline between them at which a picture has half of the possible detail: that of the
+/// furnished rooms of `make scenes`.
 const HALF_DETAIL_FRACTION: f32 = 0.15;
 
-/// Median distance in a picture, relative to half of the scene's diagonal, from which on it is an overview.
+/// Median distance in a picture, relative to half of the scene's diagonal, from which on it is an overview: nearer views show one
+/// object or wall. Selects pictures only.
 const MIN_OVERVIEW_DISTANCE: f32 = 0.25;
 /// Score factor of a view without objects; 1 for a view of all, relative to one of all: a close view of a few may still be the best.
 const NO_OBJECTS_FACTOR: f32 = 0.2;
@@ -41,10 +44,10 @@ const NO_OBJECTS_FACTOR: f32 = 0.2;
 /// The best view of the scene; `unit` is the name of the unit of length, for the eye height.
 pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) -> Camera {
     let mut eyes = eyes(stage, bounds(stage, solution), up, unit);
-    let enclosed = eyes.iter().filter(|eye| eye.closed >= ENCLOSED_PART).count();
+    let enclosed = eyes.iter().filter(|eye| eye.closed >= ENCLOSED_FRACTION).count();
     let inside = enclosed > 0 && 2 * enclosed >= eyes.len();
     if inside {
-        eyes.retain(|eye| eye.closed >= ENCLOSED_PART);
+        eyes.retain(|eye| eye.closed >= ENCLOSED_FRACTION);
     }
     let mut cameras = if inside { Vec::new() } else { from_outside(stage, solution, up) };
     let judge = ViewScore::new(stage, solution);
@@ -181,20 +184,25 @@ fn is_outline(a: &Option<First>, b: &Option<First>, solution: &RadiosityMesh) ->
 /// Eye height of a standing person, metres (ISO 7250: median of adults).
 const EYE_HEIGHT_METRES: f64 = 1.6;
 /// Smallest eye height relative to the width of the scene: in a valley of kilometres a person sees the next slope only.
-const MIN_HEIGHT_PART: f32 = 0.015;
-/// Largest eye height relative to the free height above the ground.
-const MAX_HEADROOM_PART: f32 = 0.6;
-/// Smallest height of an eye at which a person can stand, relative to the eye height.
-const MIN_STANDING_PART: f32 = 0.6;
-/// Number of places on the ground, and of directions from each.
+const MIN_HEIGHT_FRACTION: f32 = 0.015;
+/// Largest eye height relative to the free height above the ground: a view from just below a ceiling or a table shows little else.
+const MAX_HEADROOM_FRACTION: f32 = 0.6;
+/// Smallest height of an eye at which a person can stand, relative to the eye height: the eyes of a person who stoops. Selects pictures
+/// only.
+const MIN_STANDING_FRACTION: f32 = 0.6;
+/// Number of places on the ground where eyes may stand: limits the time of a view, together with [`PREVIEW_PIXELS`].
 const SPOTS: usize = 24;
+/// Number of directions from a place in which surfaces are looked for: [`ENCLOSED_FRACTION`] is then known to √(0.9 · 0.1 / 48) = 4 %.
 const DIRECTIONS: usize = 48;
 /// Smallest cosine between up and the normal of ground: 37 degrees.
 const MIN_GROUND_COSINE: f32 = 0.8;
-/// Surfaces below a place that are passed on the way to the ground.
+/// Largest number of surfaces below a place that are passed on the way to the ground: storeys, tables and carpets; limits the time of a
+/// place.
 const MAX_FLOORS: usize = 8;
-/// Cells along the longest side of the scene in which faces are counted, and number of places with most of them.
+/// Cells along the longest side of the scene in which faces are counted: in a room of 5 m a cell is 30 cm wide, so that the densest
+/// hold furniture.
 const CELLS: f32 = 16.0;
+/// Number of places with most faces at which eyes look: each is combined with every eye, so that time grows with it.
 const PLACES: usize = 4;
 
 /// A place for a camera.
@@ -207,10 +215,11 @@ pub(super) struct Viewpoint {
     pub(super) closed: f32,
 }
 
-/// Eyes, in scenes with this box and unit of length, above surfaces that face upwards, spread evenly by area, and above the ground below those.
+/// Eyes, in scenes with this box and unit of length, above surfaces that face upwards, spread evenly by area, and above the ground below
+/// those.
 fn eyes(stage: &Stage, bounds: Aabb, up: Vec3, unit: &str) -> Vec<Viewpoint> {
     let (size, level) = (bounds.extent(), bounds.extent() * (Vec3::ONE - up.abs()));
-    let min_height = MIN_HEIGHT_PART * level.max_element();
+    let min_height = MIN_HEIGHT_FRACTION * level.max_element();
     let person = unit_in_metres(unit).map_or(0.0, |metres| (EYE_HEIGHT_METRES / metres) as f32);
     let (tall, tiny) = (person.max(min_height), 1e-4 * size.max_element());
     let mut eyes = Vec::new();
@@ -218,15 +227,15 @@ fn eyes(stage: &Stage, bounds: Aabb, up: Vec3, unit: &str) -> Vec<Viewpoint> {
         let ground = lowest(stage, spot, up, tiny);
         for foot in [Some(spot), ground.filter(|g| g.distance(spot) > 10.0 * tiny)].into_iter().flatten() {
             let headroom = distance(stage, foot + tiny * up, up).unwrap_or(f32::INFINITY);
-            let height = tall.min(MAX_HEADROOM_PART * headroom);
+            let height = tall.min(MAX_HEADROOM_FRACTION * headroom);
             let position = foot + height * up;
             let met = (0..DIRECTIONS).filter(|&k| distance(stage, position, sphere(k)).is_some()).count();
             eyes.push(Viewpoint { position, height, closed: met as f32 / DIRECTIONS as f32 });
         }
     }
     // Under tables only if there is no room to stand.
-    if eyes.iter().any(|eye| eye.height >= MIN_STANDING_PART * tall) {
-        eyes.retain(|eye| eye.height >= MIN_STANDING_PART * tall);
+    if eyes.iter().any(|eye| eye.height >= MIN_STANDING_FRACTION * tall) {
+        eyes.retain(|eye| eye.height >= MIN_STANDING_FRACTION * tall);
     }
     eyes
 }

@@ -35,15 +35,16 @@ pub fn sobol(i: u32, set: u32, seed: u32) -> [f32; 4] {
     sample_4d(i & 0xffff, set, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9))
 }
 
-/// A place in the unit square, moved by the `m`-th term of the sequence R2 (Roberts 2018) modulo 1: the first terms are evenly spread around it.
+/// A place in the unit square, moved by the `m`-th term of the sequence R2 (Roberts 2018) modulo 1: the first terms are evenly spread
+/// around it.
 pub fn shifted([u, v]: [f32; 2], m: u32) -> [f32; 2] {
     const R2_STEPS: [f32; 2] = [0.754_877_7, 0.569_840_3];
     [(u + R2_STEPS[0] * m as f32).fract(), (v + R2_STEPS[1] * m as f32).fract()]
 }
 
-/// The entry of a table of running sums that a number `u` in `[0, 1)` selects, each with a probability proportional to its
-/// own part, with the share of `u` that is left inside the entry, in `[0, 1]`, and the entry's own part. The table is not
-/// empty; entries with part 0 are not selected unless all are 0.
+/// The entry of a table of running sums that a number `u` in `[0, 1)` selects, each with a probability proportional to its own fraction
+/// of the total, with the share of `u` that is left inside the entry, in `[0, 1]`, and the entry's own fraction. The table is not empty;
+/// entries with a fraction of 0 are not selected unless all are 0.
 pub fn pick(running_sums: &[f32], u: f32) -> (usize, f32, f32) {
     let last = running_sums.len() - 1;
     let target = u * running_sums[last];

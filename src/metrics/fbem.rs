@@ -54,8 +54,8 @@ pub(crate) fn fbem_at(reference: &Image, approximation: &Image, size: f64) -> Re
     Ok(fbem(reference, approximation, &[size], &FbemOptions::default())?[0])
 }
 
-/// ‖f̂ − f‖ₚˢ of [SD95 sec 2.2], divided by the area, for each feature size s of `sizes` (scene units, at least 0): texels of features larger
-/// than s in the reference are compared one by one, averages over boxes of side s elsewhere. Several sizes are the error spectrum.
+/// ‖f̂ − f‖ₚˢ of [SD95 sec 2.2], divided by the area, for each feature size s of `sizes` (scene units, at least 0): texels of features
+/// larger than s in the reference are compared one by one, averages over boxes of side s elsewhere. Several sizes are the error spectrum.
 ///
 /// For s = 0 the result equals the ordinary norm bit by bit; for equal images it is 0. The result usually decreases
 /// with s, but not always: the mask changes with s.

@@ -13,13 +13,15 @@ use glam::Vec3;
 use sobol_burley::sample_4d;
 use std::sync::{Arc, PoisonError};
 
-/// First number and count of the points that select the engine of single queries: numbers beyond those of the pilot, as many as for batches.
+/// First number of the points that select the engine of single queries: beyond those of the pilot.
 const FIRST_POINT: u32 = 1 << 17;
+/// Count of these points: as many as for batches.
 const SAMPLE_POINTS: u32 = 256;
 /// Largest number of segments of a bundle that the cut answers: the error of its model does not fall with more, and is known from
 /// samples of as many.
 const MAX_SEGMENTS: usize = 256;
-/// Segments of each half of the reference of a visible fraction: [`MAX_SEGMENTS`], so that the noise of a half is no larger than that of a bundle.
+/// Segments of each half of the reference of a visible fraction: [`MAX_SEGMENTS`], so that the noise of a half is no larger than that of
+/// a bundle.
 const REFERENCE_SEGMENTS: usize = 256;
 
 /// Segments of a point to an emitter.

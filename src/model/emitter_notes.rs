@@ -19,11 +19,11 @@ pub(super) const PACKETS: usize = 4;
 /// Largest number of faces, evenly spread, whose centres are compared with the plane of an emitter: limits the time to that of
 /// as many products of vectors.
 const MAX_COMPARED_FACES: usize = 4096;
-/// Names that a note lists.
+/// Largest number of names that a note lists: it stays a sentence.
 const MAX_NAMES: usize = 3;
-/// Fraction of an emitter's rays that must meet surfaces for a note that these are the outside of a space, and the part of those that must meet such a
-/// side: some rays pass beside a ceiling, and some rays from below it leave through windows.
+/// Fraction of an emitter's rays that must meet surfaces for a note that it lies outside of a space: some rays pass beside a ceiling.
 const MIN_MET_SHARE: f64 = 0.5;
+/// Fraction of the rays that meet surfaces that must meet the outside of one: some rays from below a ceiling leave through windows.
 const MIN_OUTSIDE_SHARE: f64 = 0.8;
 
 /// Advice if the light of luminaires, or of emissive faces, meets no surface.
@@ -66,8 +66,8 @@ impl Model {
         ))
     }
 
-    /// The surface nearest to an emitter, and its distance in scene units, if the surfaces that its light meets see nothing on that side but other
-    /// surfaces on their other side. Under a sky surfaces have light on either side.
+    /// The surface nearest to an emitter, and its distance in scene units, if the surfaces that its light meets see nothing on that side
+    /// but other surfaces on their other side. Under a sky surfaces have light on either side.
     fn outside_of_space(&self, emitter: &Emitter) -> Option<(u32, f32)> {
         if self.scene().environment.is_some() || self.meets_others(emitter, -1.0) {
             return None;
@@ -222,10 +222,12 @@ fn triangle_normal_towards([a, b, c]: [Vec3; 3], towards: Vec3) -> Vec3 {
 
 // Notes of emitters that an object encloses, and of those that enclose all else.
 
-/// Distance by which surfaces may lie outside the bounds of a dome, as ground at its foot, relative to their diagonal.
+/// Distance by which surfaces may lie outside the bounds of a dome, relative to their diagonal. Ground at the foot of a dome extends a
+/// little beyond it; an emitter that is smaller than the other surfaces by more does not enclose them.
 const DOME_MARGIN: f32 = 0.01;
 
-/// Distance up to which an object encloses an emitter as a bulb does, relative to the scene's diagonal: that of rooms is more.
+/// Distance up to which an object encloses an emitter as a bulb does, relative to the scene's diagonal: 20 cm in a building of 10 m.
+/// The walls of a room are farther from its lamps.
 const ENCLOSURE_DISTANCE: f32 = 0.02;
 
 impl Model {

@@ -127,7 +127,8 @@ pub enum InstanceChange {
     Move {
         /// Index into [`super::Model::instances`].
         instance: u32,
-        /// From the frame of the mesh to that of the model: rotation, reflection, uniform scale, translation. As in [`Instance::transform`].
+        /// From the frame of the mesh to that of the model: rotation, reflection, uniform scale, translation. As in
+        /// [`Instance::transform`].
         transform: [[f64; 4]; 3],
     },
     /// Adds an instance after all others.

@@ -11,10 +11,10 @@ use glam::Vec3;
 const OPPOSITE: [[usize; 2]; 4] = [[1, 2], [3, 4], [5, 7], [6, 8]];
 
 impl Model {
-    /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where a wall stands on
-    /// the surface at the point, the places from which most rays pass the wall come first, of equal ones those from which rays go farther: on the
-    /// line where a box touches a floor, light is that of the floor beside the box, not that of the floor in it. `size` is the largest coordinate of the
-    /// point or of the faces around it.
+    /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where a
+    /// wall stands on the surface at the point, the places from which most rays pass the wall come first, of equal ones those from which
+    /// rays go farther: on the line where a box touches a floor, light is that of the floor beside the box, not that of the floor in it.
+    /// `size` is the largest coordinate of the point or of the faces around it.
     pub(crate) fn places_of(&self, point: Vec3, normal: Vec3, size: f32) -> [Vec3; 9] {
         let mut places = places_around(point, normal, edge_distance(size));
         let lifted = places.map(|place| EndRule::new(size).lifted(place, normal));
@@ -36,8 +36,8 @@ impl Model {
         places
     }
 
-    /// The place on the ground above a point, along its normal, and its face, if the point may lie on a face that stands for fine ground: such faces are below the
-    /// ground in part. None if something else is below the point, as in a cellar.
+    /// The place on the ground above a point, along its normal, and its face, if the point may lie on a face that stands for fine ground:
+    /// such faces are below the ground in part. None if something else is below the point, as in a cellar.
     pub(crate) fn ground_above(&self, point: Vec3, normal: Vec3) -> Option<(Vec3, u32)> {
         let scene = self.scene();
         let ground = scene.fine_ground.as_ref()?;
@@ -63,8 +63,8 @@ impl Model {
         (triangle != Hits::NO_HIT).then(|| (instance, part()))
     }
 
-    /// Number of cosine-weighted rays from a point that do not meet a wall, plus the mean distance to which all go, as a fraction of the longest in the
-    /// scene.
+    /// Number of cosine-weighted rays from a point that do not meet a wall, plus the mean distance to which all go, as a fraction of the
+    /// longest in the scene.
     fn openness(&self, from: Vec3, normal: Vec3, wall: (u32, u32)) -> f32 {
         let length = 1.01 * self.bounds().diagonal();
         let mut packet = Packet::EMPTY;

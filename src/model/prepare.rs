@@ -51,8 +51,8 @@ pub struct PrepareOptions {
     /// Algorithm that builds the clusters; default [`Builder::Grids`]. It changes what is averaged and how fast, not what exact visibility
     /// answers.
     pub builder: Builder,
-    /// A folder for files of the measured clusters, so that the next preparation of the same scene reads them instead; default: no files. The
-    /// folder is made if it is missing.
+    /// A folder for files of the measured clusters, so that the next preparation of the same scene reads them instead; default: no files.
+    /// The folder is made if it is missing.
     pub cache: Option<PathBuf>,
     /// How clusters are built; the builder is that of `builder`.
     pub(crate) clusters: clusters::Options,

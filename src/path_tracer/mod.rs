@@ -6,8 +6,8 @@
 //! *Robust Monte Carlo Methods for Light Transport Simulation*, 1997, 9.2), which bounds the noise of large near
 //! emitters and of small distant ones. Russian roulette ends paths without bias.
 //!
-//! Rays that leave the scene meet the sky; from every vertex one ray goes to each sun, and one in a direction that is drawn in proportion to the
-//! radiance of the sky, combined with the others in the same way.
+//! Rays that leave the scene meet the sky; from every vertex one ray goes to each sun, and one in a direction that is drawn in proportion
+//! to the radiance of the sky, combined with the others in the same way.
 //!
 //! Emission is radiance on the front side of a face (on both sides if the scene says so); the reflectance applies to
 //! both sides.

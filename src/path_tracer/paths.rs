@@ -167,8 +167,8 @@ impl<'a> Paths<'a> {
         }
     }
 
-    /// Adds the light that arrives at the vertices of all active paths from a point of each sun, and from a direction of the sky that is drawn
-    /// in proportion to radiance.
+    /// Adds the light that arrives at the vertices of all active paths from a point of each sun, and from a direction of the sky that is
+    /// drawn in proportion to radiance.
     fn add_sky(&mut self, stream: u64, bounce: u32) {
         let Some(sky) = self.sky else { return };
         for (number, sun) in sky.suns().iter().enumerate() {

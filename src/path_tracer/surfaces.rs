@@ -66,11 +66,10 @@ impl<'a> Surfaces<'a> {
         (position - self.model.scene().origin).as_vec3()
     }
 
-    /// The start of the paths of a given point, above the surface that the point lies on: of the surfaces whose normals are
-    /// within 60° of that of the point, the nearest one along the normal of the point: above it within 1e-5 of the scene's diagonal, below it
-    /// within the skin of the surface.
-    /// Without one, the point is taken as it is, lifted. On an edge or in a corner the start is inside the surface. Also returns its distance
-    /// from the surface.
+    /// The start of the paths of a given point, above the surface that the point lies on: of the surfaces whose normals are within 60° of
+    /// that of the point, the nearest one along the normal of the point: above it within 1e-5 of the scene's diagonal, below it within
+    /// the skin of the surface. Without one, the point is taken as it is, lifted. On an edge or in a corner the start is inside the
+    /// surface. Also returns its distance from the surface.
     pub fn start(&self, given: Vec3, normal: Vec3) -> (Vec3, f32) {
         let distance =
             |points: &[Vec3]| edge_distance(points.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max));
@@ -90,7 +89,7 @@ impl<'a> Surfaces<'a> {
 
     /// The nearest of the surfaces along the normal of a point that are about parallel to it, and its distance against the normal.
     fn nearest(&self, given: Vec3, normal: Vec3) -> Option<(f32, SurfaceHit<'_>)> {
-        /// Largest number of surfaces that are tried.
+        /// Largest number of surfaces that are tried: bounds the time where many sheets lie on each other.
         const MAX_SURFACES: usize = 64;
         let mut ray = Packet::EMPTY;
         ray.set_ray(0, given + self.slack * normal, -normal);

@@ -10,16 +10,18 @@ use std::time::Instant;
 // office with 14 s is 8.5, 10.6 or 10.4 % instead of 9.2 %, that of a kitchen with 20 s 21.4, 13.3 or 13.3 % instead of 13.8 %
 // (`scenes/room.py SCENE --elements 1500 --options='--max-seconds 14 --threads 1'`, with 20 for the kitchen).
 
-/// Seconds, and part of the whole time, by which the last stages may exceed the limit: the options state the limit as approximate.
+/// Seconds by which the last stages may exceed the limit, however short it is: the options state the limit as approximate.
 const GRACE_SECONDS: f64 = 0.5;
+/// The same as a fraction of the whole time, if that is more.
 const GRACE_SHARE: f64 = 0.05;
-/// Fraction of the time after preparation for the light of elements, without and with points to follow: a quarter
-/// is kept for the final gather; without points a tenth is kept for the error of the estimated time.
+/// Fraction of the time after preparation for the light of elements: a tenth is kept for the error of the estimated time.
 const LIGHT_SHARE: f64 = 0.9;
+/// The same if points follow: a quarter is kept for the final gather.
 const LIGHT_SHARE_BEFORE_POINTS: f64 = 0.75;
-/// Fraction of the time for light in which links are refined, before a local pass and before all links are measured again:
-/// the rest is for the local pass, or for the second measurement and the last sweeps.
+/// Fraction of the time for light in which links are refined before a local pass: less than half, because the local pass finds the
+/// light and links are only its first guess.
 const REFINEMENT_SHARE_BEFORE_LOCAL_PASS: f64 = 0.4;
+/// The same without a local pass: the rest is for the second measurement of all links and the last sweeps.
 const REFINEMENT_SHARE: f64 = 0.6;
 /// Fraction of the time of the local pass that its rays may take; the solver of its matrix has the other half.
 pub const RAY_SHARE: f64 = 0.5;
@@ -66,7 +68,7 @@ impl<'a> Deadline<'a> {
         Deadline { progress, clock, begun, spent, seconds }
     }
 
-    /// A deadline after this part of the time that is left now.
+    /// A deadline after this fraction of the time that is left now.
     pub fn part(self, part: f64) -> Deadline<'a> {
         let kept = if self.limited() { (1.0 - part) * self.unused().max(0.0) } else { 0.0 };
         Deadline { seconds: self.seconds - kept, ..self }

@@ -12,8 +12,8 @@ pub enum RowNormalisation {
     /// No normalisation: the sums that sampling gave. The record always reports them; solving with them shows what
     /// normalisation changes.
     Sampled,
-    /// Along links each leaf has one factor for what it gathers and what it sends (Sinkhorn and Knopp 1967); by rays it exchanges what its sum
-    /// lacks with itself. Exchange stays reciprocal, and no energy is created.
+    /// Along links each leaf has one factor for what it gathers and what it sends (Sinkhorn and Knopp 1967); by rays it exchanges what
+    /// its sum lacks with itself. Exchange stays reciprocal, and no energy is created.
     #[default]
     Balanced,
 }
@@ -53,8 +53,9 @@ options! {
     #[derive(Clone, Debug, serde::Serialize)]
     #[non_exhaustive]
     pub struct SolveOptions {
-        /// RMS error of the irradiance that links are refined to, relative to its mean. A goal, not a bound: each link is refined to a share
-        /// of it, and the error that all links leave together is estimated in [`SolveReport::error_estimate`](crate::SolveReport::error_estimate).
+        /// RMS error of the irradiance that links are refined to, relative to its mean. A goal, not a bound: each link is refined to a
+        /// share of it, and the error that all links leave together is estimated in
+        /// [`SolveReport::error_estimate`](crate::SolveReport::error_estimate).
         pub error: f64 = 0.02, above 0.0;
         /// Smallest element as a fraction of the scene's area.
         // Numbers of elements have 32 bits, of which ranges of ids take a factor 4.
@@ -66,12 +67,13 @@ options! {
         /// Algorithm that builds the clusters.
         #[doc(hidden)]
         pub builder: Builder = Builder::default();
-        /// How visibility is answered; default [`Engine::Exact`]. Multi-resolution and average need a model with optics; multi-resolution was
-        /// measured to take longer than exact rays, as most rays of a solution are incoherent (`docs/light.md`).
+        /// How visibility is answered; default [`Engine::Exact`]. Multi-resolution and average need a model with optics; multi-resolution
+        /// was measured to take longer than exact rays, as most rays of a solution are incoherent (`docs/light.md`).
         #[serde(rename = "visibility")]
         pub engine: Engine = Engine::Exact;
-        /// Feature size of all receivers, scene units, for other engines than exact: shadow features of at least this size are resolved. `None`:
-        /// each receiver's diameter. With importance this is the size on important surfaces; elsewhere it grows with √(I_max / I), up to 7 times.
+        /// Feature size of all receivers, scene units, for other engines than exact: shadow features of at least this size are resolved.
+        /// `None`: each receiver's diameter. With importance this is the size on important surfaces; elsewhere it grows with √(I_max /
+        /// I), up to 7 times.
         pub feature_size: Option<f32> = None, above 0.0;
         /// Feature sizes of objects, groups or materials by name, scene units. They override `feature_size` and never grow.
         pub feature_sizes: Vec<(String, f32)> = Vec::new(), above 0.0;
@@ -87,12 +89,12 @@ options! {
         pub audit: usize = 200, in 0..=1_048_576;
         /// Whether reflected light is left out of the irradiance at points; default false.
         pub direct_only: bool = false;
-        /// Whether the light of elements is asked for: for meshes, pictures and lightmaps, and for its error. Otherwise the solution has no more
-        /// than irradiance at points needs.
+        /// Whether the light of elements is asked for: for meshes, pictures and lightmaps, and for its error. Otherwise the solution has
+        /// no more than irradiance at points needs.
         #[doc(hidden)]
         pub elements: bool = true;
-        /// Shadow rays from a point to an emitter that is partly visible, and up to sixteen times as many where it would light the point much
-        /// more if nothing blocked it. `None`: derived from the error.
+        /// Shadow rays from a point to an emitter that is partly visible, and up to sixteen times as many where it would light the point
+        /// much more if nothing blocked it. `None`: derived from the error.
         pub light_rays: Option<usize> = None, in 1..=65_536;
         /// Rays from a point that gather reflected light, rounded up to a grid of blocks of sixteen. `None`: derived from the error.
         pub gather_rays: Option<usize> = None, in 1..=1_048_576;
@@ -103,9 +105,9 @@ options! {
         /// Seconds of refinement a step (progressive multi-gridding); without a number each step ends at its error threshold.
         #[doc(hidden)]
         pub step_seconds: Option<f64> = None, above 0.0;
-        /// Seconds from the call of [`Model::solve`](crate::Model::solve) in which to be done, about. `None`: no limit. The preparation of the
-        /// model does not count. Fewer links are refined and fewer rays traced to meet it: of many elements for whose rays there is no time,
-        /// some are traced and determine the light of the others.
+        /// Seconds from the call of [`Model::solve`](crate::Model::solve) in which to be done, about. `None`: no limit. The preparation
+        /// of the model does not count. Fewer links are refined and fewer rays traced to meet it: of many elements for whose rays there
+        /// is no time, some are traced and determine the light of the others.
         pub max_seconds: Option<f64> = None, above 0.0;
         /// Seconds of that time that the caller has spent already: the command counts reading and preparation.
         #[doc(hidden)]
@@ -118,8 +120,8 @@ options! {
         #[doc(hidden)]
         #[serde(skip)]
         pub points_in_space: usize = 0;
-        /// Largest RMS error of the elements' irradiance relative to its mean, as independent paths find it: more rays are traced until then.
-        /// Refinement of links ends when their error estimate is no larger. `None`: no such target.
+        /// Largest RMS error of the elements' irradiance relative to its mean, as independent paths find it: more rays are traced until
+        /// then. Refinement of links ends when their error estimate is no larger. `None`: no such target.
         pub target_error: Option<f64> = None, above 0.0;
         /// Number of links at which refinement ends, which bounds the memory, 72 bytes each.
         pub max_links: usize = 10_000_000, in 1..=1_073_741_824;

@@ -72,8 +72,9 @@ impl Packet {
         self.widen(rules);
     }
 
-    /// As [`Packet::set_lifted`], but nothing is left out at the start `a`, so that a wall closer to it than r blocks the segment. `a` must lie on no
-    /// edge between surfaces, where the wall would block both sides: it is a point drawn on an element or the end of another ray. If the ray starts from `b`, r is left out at `a` all the same.
+    /// As [`Packet::set_lifted`], but nothing is left out at the start `a`, so that a wall closer to it than r blocks the segment. `a`
+    /// must lie on no edge between surfaces, where the wall would block both sides: it is a point drawn on an element or the end of
+    /// another ray. If the ray starts from `b`, r is left out at `a` all the same.
     #[inline]
     pub fn set_blocked_from_start(&mut self, lane: usize, a: Vec3, b: Vec3, rules: [EndRule; 2]) {
         self.set_lifted(lane, a, b, rules);

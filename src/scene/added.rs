@@ -52,7 +52,8 @@ pub fn read_added(paths: &[PathBuf], grid: &ReadOptions, max_memory: Option<u64>
     Ok(added)
 }
 
-/// Appends the polygons of the files of the options, and closes gaps between height fields. `placed`: the bounds of meshes that the scene places besides.
+/// Appends the polygons of the files of the options, and closes gaps between height fields. `placed`: the bounds of meshes that the scene
+/// places besides.
 ///
 /// # Errors
 /// [`Error::Argument`] for several height fields with the distances of samples of the option `cell`.
@@ -121,8 +122,8 @@ fn append(soup: &mut Soup, of: &Soup, placed: &[Aabb]) {
     messages.extend(new);
 }
 
-/// Notes that the surfaces of a file, whose positions begin with number `first`, are farther from all before them, `placed` ones included, than both are
-/// wide: their coordinates are likely of two systems.
+/// Notes that the surfaces of a file, whose positions begin with number `first`, are farther from all before them, `placed` ones
+/// included, than both are wide: their coordinates are likely of two systems.
 fn note_distance(soup: &mut Soup, of: &Soup, first: usize, placed: &[Aabb]) {
     let (before, own) = soup.positions.split_at(first);
     if before.is_empty() && placed.is_empty() || own.is_empty() {
@@ -141,8 +142,8 @@ fn note_distance(soup: &mut Soup, of: &Soup, first: usize, placed: &[Aabb]) {
     }
 }
 
-/// Positions of height fields in degrees follow from the metres of a degree of the first one, so that tiles lie beside each other. `first`: where the
-/// positions and objects of the added soup begin.
+/// Positions of height fields in degrees follow from the metres of a degree of the first one, so that tiles lie beside each other.
+/// `first`: where the positions and objects of the added soup begin.
 fn take_degrees(soup: &mut Soup, of: &Soup, first: [u32; 2]) {
     let has_others = soup.tiles.len() > of.tiles.len() && !of.tiles.is_empty();
     if has_others && soup.metres_of_degree.is_some() != of.metres_of_degree.is_some() {

@@ -1,8 +1,8 @@
 //! Division of faces whose coordinates are too coarse for small things near them.
 //!
-//! Positions have a rounding error in proportion to their largest coordinate, and rays start above a face by some of its errors: .1 m above a floor
-//! of 100 km. A lamp of 1 m that stands there would light it from below that height. Parts of the floor near the lamp have coordinates as
-//! small as those of the lamp. Division helps near the origin of the scene, therefore, where most of its polygons are.
+//! Positions have a rounding error in proportion to their largest coordinate, and rays start above a face by some of its errors: .1 m
+//! above a floor of 100 km. A lamp of 1 m that stands there would light it from below that height. Parts of the floor near the lamp have
+//! coordinates as small as those of the lamp. Division helps near the origin of the scene, therefore, where most of its polygons are.
 
 use super::{
     Repairs, Soup,
@@ -19,16 +19,19 @@ use std::collections::VecDeque;
 
 /// Height at which rays start above a face, relative to its largest coordinate (`ray::EndRule::height`).
 const RAY_START_HEIGHT: f32 = 2e-6;
-/// Largest start height of rays relative to the size of a small part near the face, or to its distance if that is more. Floors of 10 km below
-/// a lamp of 1 m have direct light within .1 % and paths within 1 %.
+/// Largest start height of rays relative to the size of a small part near the face, or to its distance if that is more. Floors of 10 km
+/// below a lamp of 1 m have direct light within .1 % and paths within 1 %.
 const MAX_COARSE: f32 = 0.01;
 /// The same limit for the halves of a divided face: their neighbours, which count for rounding as well, are up to four times as large.
 const MAX_FINE: f32 = 0.25 * MAX_COARSE;
-/// Smallest ratio of the largest coordinate of a face to that of a thing for which division helps: parts beside the thing still have its coordinates.
+/// Smallest ratio of the largest coordinate of a face to that of a thing for which the face is divided. Parts of the face beside the
+/// thing have the coordinates of the thing, so that rays start lower by this ratio at most.
 const MIN_GAIN: f32 = 2.0;
-/// Largest number of pairs of a face and a thing that are compared: some 0.2 s. Of more, all that emit are compared, and others evenly spread.
+/// Largest number of pairs of a face and a thing that are compared: some 0.2 s. Of more, all that emit are compared, and others evenly
+/// spread.
 const MAX_PAIRS: usize = 100_000_000;
-/// Largest number of triangles that are divided before another one: edges that grow slightly from triangle to triangle make a long chain.
+/// Largest number of triangles that are divided before another one: limits the time of one division. Edges that grow slightly from
+/// triangle to triangle make a long chain.
 const MAX_CHAIN: usize = 256;
 /// Largest number of triangles that are added to a scene. A lamp on a floor of 1,000 km needs 300.
 const MAX_ADDED: usize = 1 << 16;
@@ -99,7 +102,8 @@ struct Part {
 }
 
 impl Part {
-    /// Whether rays that start from a face with these bounds and this largest coordinate start too high for the thing, which division helps.
+    /// Whether rays that start from a face with these bounds and this largest coordinate start too high for the thing, which division
+    /// helps.
     fn is_too_small_for(&self, face: &Aabb, magnitude: f32, coarse: f32) -> bool {
         if magnitude <= MIN_GAIN * self.magnitude || RAY_START_HEIGHT * magnitude <= coarse * self.size {
             return false;
@@ -175,8 +179,9 @@ impl Division<'_> {
         }
     }
 
-    /// Divides a triangle at its longest edge, with the others at that edge. If one of these has a longer edge, it is divided there first, and so on
-    /// (Rivara 1984), so that triangles meet along whole edges. Triangles at the end of a long chain, and those without two parts of an area, stay.
+    /// Divides a triangle at its longest edge, with the others at that edge. If one of these has a longer edge, it is divided there
+    /// first, and so on (Rivara 1984), so that triangles meet along whole edges. Triangles at the end of a long chain, and those without
+    /// two parts of an area, stay.
     fn bisect(&mut self, t: u32) {
         let mut path = vec![t];
         while let Some(&t) = path.last() {

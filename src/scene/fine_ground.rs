@@ -50,11 +50,11 @@ pub struct Resolved {
 }
 
 impl FineGround {
-    /// A height field of more triangles becomes fine ground, of which about as many triangles exchange light. The solver takes 1.4 kB and 40 µs for each
-    /// (`mrvis solve` of fractal mountains of up to 1.3 million triangles on two cores): 0.7 GB and 20 s.
+    /// A height field of more triangles becomes fine ground, of which about as many triangles exchange light. The solver takes 1.4 kB and
+    /// 40 µs for each (`mrvis solve` of fractal mountains of up to 1.3 million triangles on two cores): 0.7 GB and 20 s.
     pub const MAX_TRIANGLES: usize = 1 << 19;
-    /// Largest cosine between a ray that meets the upper side of fine ground and the normal of the face that stands for it: the slopes of cells may differ
-    /// from that of the face by 30°. A ray from below within 30° of the plane of the face counts as one from above, too.
+    /// Largest cosine between a ray that meets the upper side of fine ground and the normal of the face that stands for it: the slopes of
+    /// cells may differ from that of the face by 30°. A ray from below within 30° of the plane of the face counts as one from above, too.
     pub const MAX_BACK: f32 = 0.5;
 
     /// Adds a height field of an object: positions of samples, their number in a row, and the number of the first polygon of its pieces.
@@ -127,7 +127,8 @@ impl FineGround {
         self.samples.iter_mut().for_each(|p| *p = place(*p));
     }
 
-    /// The ground of a scene with this origin, of whose faces `polygons` states the polygon in the soup and `components` the connected part.
+    /// The ground of a scene with this origin, of whose faces `polygons` states the polygon in the soup and `components` the connected
+    /// part.
     fn resolved(mut self, origin: DVec3, polygons: &[u32], components: &[u32]) -> Resolved {
         let mut face = vec![u32::MAX; polygons.iter().max().map_or(0, |&last| last as usize + 1)];
         (0u32..).zip(polygons).for_each(|(t, &polygon)| face[polygon as usize] = t);
@@ -136,7 +137,8 @@ impl FineGround {
         pieces.retain(|piece| {
             let triangles = &mut triangles[piece.range.start as usize..piece.range.end as usize];
             triangles.iter_mut().for_each(|t| *t = face.get(*t as usize).copied().unwrap_or(u32::MAX));
-            // Polygons that are left out for want of area have a neighbour in their place; of a terrain that is in the scene twice all are left out.
+            // Polygons that are left out for want of area have a neighbour in their place; of a terrain that is in the scene twice all
+            // are left out.
             let Some(any) = triangles.iter().copied().find(|t| *t != u32::MAX) else { return false };
             for t in triangles {
                 *t = if *t == u32::MAX { any } else { *t };

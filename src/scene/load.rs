@@ -42,8 +42,8 @@ impl Scene {
         Threads::new(options.threads)?.run(|| guarded(path, || read(path, options)))?
     }
 
-    /// Reads a scene from the bytes of a file. `format` is `obj`, `gltf`, `glb` or `ply`. Files that it names (material libraries, textures,
-    /// buffers) are looked for from `folder`, as for a file that lies there.
+    /// Reads a scene from the bytes of a file. `format` is `obj`, `gltf`, `glb` or `ply`. Files that it names (material libraries,
+    /// textures, buffers) are looked for from `folder`, as for a file that lies there.
     ///
     /// # Errors
     /// As for [`Scene::load_with`]; [`Error::Argument`] for another format, or if the scene names a file and there is no `folder`.

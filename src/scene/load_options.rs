@@ -21,15 +21,15 @@ options! {
     #[derive(Clone, Debug)]
     #[non_exhaustive]
     pub struct LoadOptions {
-        /// The length unit of the scene's coordinates: `m` (default), `dm`, `cm`, `mm`, `km`, `in` or `ft`; any other name counts as metres where
-        /// power is concerned.
+        /// The length unit of the scene's coordinates: `m` (default), `dm`, `cm`, `mm`, `km`, `in` or `ft`; any other name counts as
+        /// metres where power is concerned.
         pub unit: String = "m".into();
         /// Objects, groups or materials that become emitters, with what they send out, at least 0; 0 switches an emitter off.
         pub emitters: Vec<(String, Strength)> = Vec::new();
         /// Which channels hold light as the eye weighs it, for luminaires and luminous emitters; default [`Channels::Rgb`].
         pub channels: Channels = Channels::default();
-        /// Upward axis of the scene's coordinates, for automatic cameras and files that have one; default: y in glTF, elsewhere as the light and
-        /// the extents say.
+        /// Upward axis of the scene's coordinates, for automatic cameras and files that have one; default: y in glTF, elsewhere as the
+        /// light and the extents say.
         pub up: Option<UpAxis> = None;
         /// Whether emissive faces emit from both sides; default false: only from the front.
         pub two_sided_emission: bool = false;

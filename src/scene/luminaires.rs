@@ -18,12 +18,12 @@ use toml::Spanned;
 const MAX_BYTES: u64 = 1 << 20;
 /// Fraction of the flux below which the back of a luminaire is left out: the rounding of tables.
 const DARK_HALF: f64 = 1e-6;
-/// Largest flux, lm: as the largest intensity of photometric files.
+/// Largest flux, lm: that of the largest intensity of photometric files, 1e15 cd, in one steradian.
 const MAX_LUMENS: f64 = 1e15;
-/// Smallest distance of the luminaire's two plates relative to the longer side.
+/// Smallest distance of the luminaire's two plates relative to the longer side: real flat panels are about as thick.
 const MIN_THICKNESS: f64 = 1e-2;
-/// The same relative to the extent of the scene: five times the height up to which faces count as coplanar, 8 × 2⁻²³ = 1e-6 of coordinates that are
-/// half of the extent, so that neither plate hides the other.
+/// The same relative to the extent of the scene: five times the height up to which faces count as coplanar, 8 × 2⁻²³ = 1e-6 of
+/// coordinates that are half of the extent, so that neither plate hides the other.
 const MIN_SEPARATION: f64 = 2.5e-6;
 
 /// Illuminance of a clear night with a quarter moon, lx.
@@ -46,9 +46,9 @@ struct Entry {
     c0: Option<[f64; 3]>,
     /// Luminous flux that replaces that of the file, lm.
     flux: Option<Spanned<f64>>,
-    /// Part of the flux to which the luminaire is dimmed.
+    /// Fraction of the flux to which the luminaire is dimmed.
     dimming: Option<Spanned<f64>>,
-    /// Maintenance factor: part of the flux that is left before the next service.
+    /// Maintenance factor: fraction of the flux that is left before the next service.
     maintenance: Option<Spanned<f64>>,
 }
 

@@ -6,7 +6,7 @@ use crate::error::quote;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 
-/// Largest number of points of a grid: 2,000 in either direction.
+/// Largest number of points of a grid: 2,000 in either direction. Of a finer grid, the spacing is most likely stated in another unit.
 const MAX_POINTS: f64 = 4e6;
 /// Largest distance of corners from the plane of their surface, relative to its extent: 1 mm in 10 m.
 const MAX_PLANE_DISTANCE: f64 = 1e-4;
@@ -14,7 +14,7 @@ const MAX_PLANE_DISTANCE: f64 = 1e-4;
 const UPWARD: f64 = 0.99;
 /// Fraction of a spacing by which sides are taken as multiples of it: rounding of coordinates.
 const MULTIPLE_TOLERANCE: f64 = 1e-4;
-/// Relative difference by which a turned rectangle must be smaller than one along the axes.
+/// Relative difference by which a turned rectangle must be smaller than one along the axes: rounding of coordinates turns no grid.
 const MIN_AREA_GAIN: f64 = 1e-3;
 
 /// A grid of points half a spacing from the edges of the rectangle around a plane surface, as EN 12464 has it.

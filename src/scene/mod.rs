@@ -274,12 +274,13 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Lights the scene by a sky and suns, instead of those that it has. Suns of the scene's file stay where the description has none and does not say
-    /// `sun = "none"`. Below a sky with [`SkyOptions::photometric`], which is in lux, all other light of the scene must be in lumens and lux.
+    /// Lights the scene by a sky and suns, instead of those that it has. Suns of the scene's file stay where the description has none and
+    /// does not say `sun = "none"`. Below a sky with [`SkyOptions::photometric`], which is in lux, all other light of the scene must be
+    /// in lumens and lux.
     ///
     /// # Errors
-    /// [`Error::Argument`](crate::Error::Argument) if the values of the description do not fit together, such as a sky that needs a sun above
-    /// the horizon and has none; [`Error::Io`](crate::Error::Io) or [`Error::File`](crate::Error::File) of a map.
+    /// [`Error::Argument`](crate::Error::Argument) if the values of the description do not fit together, such as a sky that needs a sun
+    /// above the horizon and has none; [`Error::Io`](crate::Error::Io) or [`Error::File`](crate::Error::File) of a map.
     pub fn set_sky(&mut self, sky: &SkyOptions) -> Result<()> {
         let environment = sky.environment_with(self.up_vector(), &self.suns)?;
         self.environment = Some(Arc::new(environment));

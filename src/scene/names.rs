@@ -3,9 +3,9 @@
 use crate::{Error, error::quote};
 use std::collections::{HashMap, HashSet};
 
-/// Similarity of two names above which one is suggested for the other, as in clap's suggestions of options; and number of
-/// names that are compared: a microsecond each.
+/// Similarity of two names above which one is suggested for the other, as in clap's suggestions of options.
 const MIN_SIMILARITY: f64 = 0.7;
+/// Largest number of names that are compared: a microsecond each.
 const MAX_COMPARED: usize = 100_000;
 
 /// The error for an unknown name; it has no name of an option yet.

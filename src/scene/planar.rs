@@ -7,12 +7,13 @@ use rayon::prelude::*;
 /// Smallest cosine between the normals of a patch's faces: cos 1.15°, above the rounding of normals in files with
 /// four digits. No value from 0.999 to 0.99999 changes the errors of a forest (`constants.py bench`).
 const MIN_COPLANAR_COSINE: f32 = 0.9998;
-/// More faces than this at one edge form a fan: each is joined to its next neighbour alone, so that the pairs of faces do not grow with the square.
+/// More faces than this at one edge form a fan: each is joined to its next neighbour alone, so that the pairs of faces do not grow with
+/// the square.
 const MAX_FACES_AT_EDGE: usize = 8;
 
 impl Scene {
-    /// Planar edge-connected patches of some triangles, grown from the largest triangles; each of triangles with the same `group`. The normals of
-    /// all members agree with that of the first triangle, so that finely tessellated curves are not planes.
+    /// Planar edge-connected patches of some triangles, grown from the largest triangles; each of triangles with the same `group`. The
+    /// normals of all members agree with that of the first triangle, so that finely tessellated curves are not planes.
     pub(crate) fn planar_patches(&self, triangles: &[u32], group: impl Fn(u32) -> u32) -> Vec<Vec<u32>> {
         let normals: Vec<Vec3> = triangles.par_iter().map(|&t| self.face_normal(t)).collect();
         let areas: Vec<f64> = triangles.par_iter().map(|&t| self.face_area(t)).collect();

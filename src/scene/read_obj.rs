@@ -355,8 +355,8 @@ fn uncommented(rest: &str) -> impl Iterator<Item = &str> {
     rest.split_whitespace().take_while(|w| !w.starts_with('#'))
 }
 
-/// The files of a `mtllib` statement: one name, which may contain spaces, or several names, of which one exists or all end in `.mtl`. Then the files of the other reading that do
-/// not exist.
+/// The files of a `mtllib` statement: one name, which may contain spaces, or several names, of which one exists or all end in `.mtl`.
+/// Then the files of the other reading that do not exist.
 fn libraries(obj: &Path, rest: &str) -> (Vec<PathBuf>, Vec<PathBuf>) {
     let whole = beside(obj, rest);
     let mut several: Vec<PathBuf> = rest.split_whitespace().map(|name| beside(obj, name)).collect();

@@ -1,5 +1,5 @@
-//! Gaps between height fields that lie beside each other. Samples are in the middles of cells, so that the surfaces of grids whose cells touch end one cell
-//! apart.
+//! Gaps between height fields that lie beside each other. Samples are in the middles of cells, so that the surfaces of grids whose cells
+//! touch end one cell apart.
 
 use crate::terrain::Grid;
 use glam::{DAffine3, DVec3};

@@ -58,8 +58,8 @@ impl SkyOptions {
     /// The sky, sun and ground that this describes, in a scene with this upward axis.
     ///
     /// # Errors
-    /// [`Error::Argument`], or [`Error::File`] with the name of the description: a sky that needs the sun has none or one below the horizon; values
-    /// contradict each other or cannot be. [`Error::Io`] or [`Error::File`] of a map.
+    /// [`Error::Argument`], or [`Error::File`] with the name of the description: a sky that needs the sun has none or one below the
+    /// horizon; values contradict each other or cannot be. [`Error::Io`] or [`Error::File`] of a map.
     #[doc(hidden)]
     pub fn environment(&self, up: DVec3) -> Result<Environment> {
         self.environment_with(up, &[])

@@ -5,20 +5,24 @@ use super::frame::{azimuth, spherical};
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// Rows of cells of a hemisphere, of equal height and so of equal solid angle. With 512 columns a cell is as large as a square of 0.6°: next to
-/// the sun of the clearest Perez sky the radiance changes by 8 % over that.
+/// Rows of cells of a hemisphere, of equal height and so of equal solid angle. With 512 columns a cell is as large as a square of 0.6°:
+/// next to the sun of the clearest Perez sky the radiance changes by 8 % over that.
 const ROWS: usize = 128;
-/// Columns of cells.
+/// Columns of cells: four for each row, so that cells halfway up the sky are about as wide as high.
 const COLUMNS: usize = 512;
-/// Least density relative to that of uniform directions, so that radiance between the samples of a cell is not missed.
+/// Least density of directions relative to that of uniform directions. Radiance that falls between the samples of a dark cell then
+/// still gets rays. It takes a thousandth of all rays; with a smaller value, the few rays that meet such radiance would weigh more.
 const MIN_RELATIVE_DENSITY: f64 = 1e-3;
 
-/// Share of the largest sample in the weight of a cell, besides the mean: a texel at its edge raises the density of all of it.
-const MAX_SHARE: f64 = 0.1;
-/// Fewest samples along the side of a cell.
+/// Share of the largest sample in the weight of a cell, which is added to the mean. Radiance over density is then at most ten times the
+/// integral of these weights, also where one bright texel at the edge of a cell hardly changes its mean. A larger share would draw more
+/// rays to the dark part of such cells.
+const SHARE_OF_LARGEST: f64 = 0.1;
+/// Smallest number of samples along the side of a cell. Skies without a map change by at most 8 % over a cell, and the weights of cells
+/// affect noise, not the mean.
 const MIN_SAMPLES: usize = 2;
-/// Most samples along the side of a cell. A cell at the zenith, 7° high, has every second texel of a map of 1,600 columns, another one that of one of
-/// 20,000.
+/// Most samples along the side of a cell. A cell at the zenith, 7° high, has every second texel of a map of 1,600 columns, another one
+/// that of one of 20,000.
 const MAX_SAMPLES: usize = 64;
 
 /// Radiance below the horizon.
@@ -65,7 +69,7 @@ impl Cells {
                 sum += value;
                 max = max.max(value);
             }
-            weights.push((sum / (n * m) as f64 + MAX_SHARE * max) * extent.solid_angle());
+            weights.push((sum / (n * m) as f64 + SHARE_OF_LARGEST * max) * extent.solid_angle());
         }
         let full = TAU * if lower_rows == 0 { 1.0 } else { 2.0 };
         let total: f64 = weights.iter().sum();

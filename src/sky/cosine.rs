@@ -33,8 +33,8 @@ impl Extent {
         self.v[1] - self.v[0]
     }
 
-    /// Integral of the unit vector over the patch, sr, in local coordinates. Its product with a normal is the cosine-weighted solid angle if no
-    /// part is below the receiver's horizon.
+    /// Integral of the unit vector over the patch, sr, in local coordinates. Its product with a normal is the cosine-weighted solid angle
+    /// if no part is below the receiver's horizon.
     pub fn moment(&self) -> DVec3 {
         let [z0, z1] = self.z;
         let ([s0, c0], [s1, c1]) = (sin_cos(self.v[0]), sin_cos(self.v[1]));

@@ -39,8 +39,8 @@ pub struct SkySample {
 }
 
 impl Environment {
-    /// A sky and suns over a ground of a diffuse reflectance, which has the radiance reflectance × E / π of the horizontal irradiance E by sky and suns.
-    /// A sky with a lower half of its own has no ground.
+    /// A sky and suns over a ground of a diffuse reflectance, which has the radiance reflectance × E / π of the horizontal irradiance E
+    /// by sky and suns. A sky with a lower half of its own has no ground.
     pub fn new(frame: Frame, sky: Option<Sky>, suns: Vec<Sun>, reflectance: [f64; 3]) -> Environment {
         let mut irradiance = sky.as_ref().map_or([0.0; 3], |s| s.horizontal_irradiance());
         for sun in &suns {
@@ -147,7 +147,8 @@ impl Environment {
         self.patches.irradiance_to(0.0, normal)
     }
 
-    /// The same from a table, for many planes: it adds at most a thousandth of the irradiance of a horizontal plane if the sky has no sun in it.
+    /// The same from a table, for many planes: it adds at most a thousandth of the irradiance of a horizontal plane if the sky has no sun
+    /// in it.
     pub fn tabulated_sky_irradiance(&self, normal: DVec3) -> [f64; 3] {
         self.planes.irradiance(&self.patches, normal)
     }

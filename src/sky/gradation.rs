@@ -74,8 +74,8 @@ impl Gradation {
         if a == 0.0 { 1.0 } else { 1.0 + a * (b / cosine.max(self.min_cosine)).exp() }
     }
 
-    /// f at a distance of the unit vectors to the point and to the sun, 2 sin(χ / 2). It is accurate near the sun also for directions that were
-    /// rounded to f32, unlike the cosine of χ.
+    /// f at a distance of the unit vectors to the point and to the sun, 2 sin(χ / 2). It is accurate near the sun also for directions
+    /// that were rounded to f32, unlike the cosine of χ.
     fn indicatrix(&self, distance: f64) -> f64 {
         let [c, d, e] = self.indicatrix;
         let sin = (0.5 * distance).min(1.0);
@@ -85,12 +85,12 @@ impl Gradation {
     }
 }
 
-/// Steps of the tables below.
+/// Steps of the tables below: see [`GradationTable`] for the error that they leave.
 const TABLE_STEPS: usize = 2000;
 
-/// φ and f of a [`Gradation`] tabulated, for many evaluations: by the square root of cos Z, because φ changes most at the horizon, and by the
-/// distance to the sun on the unit sphere, in which f is smooth there. Values between entries are linear. The largest error of all CIE types and of
-/// Perez skies in all bins is 0.013 % (test `tables_agree_with_formulas`), in a quarter of the formula's time.
+/// φ and f of a [`Gradation`] tabulated, for many evaluations: by the square root of cos Z, because φ changes most at the horizon, and by
+/// the distance to the sun on the unit sphere, in which f is smooth there. Values between entries are linear. The largest error of all
+/// CIE types and of Perez skies in all bins is 0.013 % (test `tables_agree_with_formulas`), in a quarter of the formula's time.
 #[derive(Clone, Debug)]
 pub(super) struct GradationTable {
     gradation: Vec<f32>,
@@ -117,7 +117,7 @@ impl GradationTable {
     }
 }
 
-/// The value of a table at a part of its range, in `[0, 1]` but for rounding.
+/// The value of a table at a fraction of its range, in `[0, 1]` but for rounding.
 fn interpolated(table: &[f32], part: f64) -> f64 {
     let at = part * TABLE_STEPS as f64;
     let k = (at as usize).min(TABLE_STEPS - 1);

@@ -11,11 +11,12 @@ use std::{io::Cursor, path::Path};
 
 /// Largest number of columns and of rows: twice the largest side that graphics cards take (16,384).
 const MAX_SIDE: u32 = 32_768;
-/// Fraction of the texels that may be repaired. A map with more is not one of radiance.
-const MAX_BAD_PART: f64 = 0.01;
+/// Largest fraction of the texels that may be repaired: cameras and programs leave single bad texels. A map with more of them holds
+/// something else than radiance.
+const MAX_BAD_FRACTION: f64 = 0.01;
 
-/// An equirectangular map: columns are azimuths, its centre column faces north and east is to the right of it; rows are equal steps of the angle to
-/// the zenith, from the zenith to the nadir, or to the horizon if the map is four times as wide as high.
+/// An equirectangular map: columns are azimuths, its centre column faces north and east is to the right of it; rows are equal steps of
+/// the angle to the zenith, from the zenith to the nadir, or to the horizon if the map is four times as wide as high.
 #[derive(Clone, Debug)]
 pub struct SkyMap {
     width: usize,
@@ -29,8 +30,8 @@ pub struct SkyMap {
     pub repaired: usize,
 }
 
-/// A texel of a Radiance HDR file as Radiance reads it: mantissas of eight bits are cut off when they are written, so that half a step is added to each
-/// (Ward 1991, *Real Pixels*). The largest of the three has its highest bit set.
+/// A texel of a Radiance HDR file as Radiance reads it: mantissas of eight bits are cut off when they are written, so that half a step is
+/// added to each (Ward 1991, *Real Pixels*). The largest of the three has its highest bit set.
 fn with_half_steps(texel: [f32; 3]) -> [f32; 3] {
     let largest = texel.into_iter().fold(0.0, f32::max);
     let power_of_two = f32::from_bits(largest.to_bits() & f32::INFINITY.to_bits());
@@ -93,7 +94,7 @@ impl SkyMap {
     fn repair(&mut self) -> Result<(), String> {
         let good = |t: &[f32; 3]| t.iter().all(|v| v.is_finite() && *v >= 0.0);
         let bad: Vec<usize> = (0..self.texels.len()).filter(|k| !good(&self.texels[*k])).collect();
-        if bad.len() as f64 > MAX_BAD_PART * self.texels.len() as f64 {
+        if bad.len() as f64 > MAX_BAD_FRACTION * self.texels.len() as f64 {
             let (x, y) = (bad[0] % self.width, bad[0] / self.width);
             return Err(format!(
                 "{} of {} texels are negative or not finite, the first at {x},{y}: radiance is a number of at least 0; write the map again",

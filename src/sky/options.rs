@@ -58,9 +58,9 @@ options! {
         /// Normal irradiance of the sun, W/m² (lx if photometric).
         #[serde(deserialize_with = "amount")]
         pub direct_normal: Option<Amount> = None, in 0.0.., "an irradiance";
-        /// Horizontal irradiance of the sky without `sun`, with the bright spots of a map, W/m² (lx if photometric). Without any level the skies
-        /// `uniform`, `overcast` and `cie` have 1, so that irradiances are daylight factors, and a map alone has its own values. It replaces the
-        /// irradiance of `perez` and `clear`, as three numbers for their colour.
+        /// Horizontal irradiance of the sky without `sun`, with the bright spots of a map, W/m² (lx if photometric). Without any level
+        /// the skies `uniform`, `overcast` and `cie` have 1, so that irradiances are daylight factors, and a map alone has its own
+        /// values. It replaces the irradiance of `perez` and `clear`, as three numbers for their colour.
         #[serde(deserialize_with = "amount")]
         pub diffuse_horizontal: Option<Amount> = None, in 0.0.., "an irradiance";
         /// Radiance at the zenith, W/(m² sr) (cd/m² if photometric), instead of `diffuse_horizontal`.
@@ -77,8 +77,8 @@ options! {
         /// Temperature of the air, °C, for refraction.
         // The default of pvlib for annual means. 10 °C more lower a sun 10° above the horizon by 0.003°.
         pub temperature: f64 = 12.0, in -100.0..=70.0, "a temperature in °C";
-        /// Whether light is in lx and cd/m² instead of W/m² and W/(m² sr). Irradiances of `perez` and `clear` then become illuminances by the luminous
-        /// efficacies of Perez; all other values are in these units.
+        /// Whether light is in lx and cd/m² instead of W/m² and W/(m² sr). Irradiances of `perez` and `clear` then become illuminances by
+        /// the luminous efficacies of Perez; all other values are in these units.
         pub photometric: bool = false;
         /// The file that this was read from.
         #[serde(skip)]
@@ -101,8 +101,8 @@ impl SkyOptions {
         !self.photometric && matches!(self.sky.0, SkyModel::Perez { .. } | SkyModel::Clear { .. })
     }
 
-    /// A sky from a short text: `none`, `uniform[:E]`, `overcast[:E]`, `cie:N[,E]`, `clear:TURBIDITY`, `perez:DNI,DHI`, the name of a map `.exr` or
-    /// `.hdr`, or of a description `.toml`, which is read now. E is the diffuse horizontal irradiance.
+    /// A sky from a short text: `none`, `uniform[:E]`, `overcast[:E]`, `cie:N[,E]`, `clear:TURBIDITY`, `perez:DNI,DHI`, the name of a map
+    /// `.exr` or `.hdr`, or of a description `.toml`, which is read now. E is the diffuse horizontal irradiance.
     ///
     /// # Errors
     /// [`Error::Argument`] if the text is wrong; [`Error::Io`] or [`Error::File`] with file and line from a description.
@@ -135,10 +135,10 @@ impl SkyOptions {
 
     /// A sky, a sun, a place and a time by their short texts; those that are missing are as in [`SkyOptions::default`].
     ///
-    /// Skies: `none`, `uniform[:E]`, `overcast[:E]`, `cie:N[,E]`, `clear:TURBIDITY`, `perez:DNI,DHI`, the name of a map `.exr` or `.hdr`, or of a
-    /// description `.toml`, which is read now; E is the diffuse horizontal irradiance, W/m². Suns: `auto`, `none`, `AZIMUTH,ELEVATION` in degrees
-    /// or `X,Y,Z`, the last two with `:E` for a normal irradiance. Places: `LATITUDE,LONGITUDE[,ALTITUDE]`, degrees north and east, metres. Times as
-    /// `2026-06-21T12:00+02:00`.
+    /// Skies: `none`, `uniform[:E]`, `overcast[:E]`, `cie:N[,E]`, `clear:TURBIDITY`, `perez:DNI,DHI`, the name of a map `.exr` or `.hdr`,
+    /// or of a description `.toml`, which is read now; E is the diffuse horizontal irradiance, W/m². Suns: `auto`, `none`,
+    /// `AZIMUTH,ELEVATION` in degrees or `X,Y,Z`, the last two with `:E` for a normal irradiance. Places:
+    /// `LATITUDE,LONGITUDE[,ALTITUDE]`, degrees north and east, metres. Times as `2026-06-21T12:00+02:00`.
     ///
     /// # Errors
     /// [`Error::Argument`] if a text is wrong; [`Error::Io`] or [`Error::File`] with file and line from a description.
@@ -161,7 +161,8 @@ impl SkyOptions {
         Ok(options)
     }
 
-    /// The sun from a short text: `auto`, `none`, `AZIMUTH,ELEVATION` in degrees or `X,Y,Z`, the last two with `:E` for a normal irradiance.
+    /// The sun from a short text: `auto`, `none`, `AZIMUTH,ELEVATION` in degrees or `X,Y,Z`, the last two with `:E` for a normal
+    /// irradiance.
     pub(crate) fn with_sun(mut self, text: &str) -> Result<SkyOptions> {
         self.sun = parsed("sun", text)?;
         Ok(self)

@@ -1,8 +1,8 @@
 //! A hierarchy of patches over the sky and the ground below the horizon.
 //!
-//! The children of a patch have equal solid angles. Patches at the zenith and the nadir are triangles: their children are a triangle of the same
-//! azimuths with a quarter of the solid angle, and the rest in three parts side by side, so that triangles keep their shape. Other patches split into two by
-//! two, or into four along the longer side if it is more than twice the other.
+//! The children of a patch have equal solid angles. Patches at the zenith and the nadir are triangles: their children are a triangle of
+//! the same azimuths with a quarter of the solid angle, and the rest in three parts side by side, so that triangles keep their shape.
+//! Other patches split into two by two, or into four along the longer side if it is more than twice the other.
 
 use super::cells::GroundRadiance;
 use super::cosine::Extent;
@@ -11,7 +11,8 @@ use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
-/// Levels below a hemisphere with detail: 4^7 patches of 1.1° on a side.
+/// Levels below a hemisphere with detail: 4⁷ patches of 1.1° on a side. A further level would take four times the memory and the time;
+/// smaller details count by the samples of a patch, see [`MAX_SAMPLES`].
 const LEVELS: u32 = 7;
 /// Levels below a hemisphere of uniform radiance: 256 patches of 9° on a side, which only receivers and blockers require.
 const UNIFORM_LEVELS: u32 = 4;
@@ -256,9 +257,9 @@ impl Patches {
         }
     }
 
-    /// Irradiance of a plane with a unit normal in scene coordinates, W/m², by the mean radiance of the finest patches. Patches on the plane's horizon are
-    /// not clipped if all their light gives a plane at most a part `detail` of the irradiance of a
-    /// horizontal one when they are half the side of a square above its horizon. Each then errs by less than half of that, most by a tenth.
+    /// Irradiance of a plane with a unit normal in scene coordinates, W/m², by the mean radiance of the finest patches. Patches on the
+    /// plane's horizon are not clipped if all their light gives a plane at most a fraction `detail` of the irradiance of a horizontal one
+    /// when they are half the side of a square above its horizon. Each then errs by less than half of that, most by a tenth.
     pub fn irradiance_to(&self, detail: f64, normal: DVec3) -> [f64; 3] {
         let of = |c: usize| self.roots().map(|k| self.patch(k).flow[c].dot(self.frame.up).abs()).sum::<f64>();
         let tolerance = [0, 1, 2].map(|c| detail * of(c));
@@ -299,8 +300,8 @@ impl Patches {
     }
 }
 
-/// Mean of max(x, 0) for x in equal parts from `middle` − `spread` to `middle` + `spread`: irradiance by a patch with light in equal parts from these
-/// heights above the plane. It is right on average over the places of a square patch on the horizon.
+/// Mean of max(x, 0) for x in equal parts from `middle` − `spread` to `middle` + `spread`: irradiance by a patch with light in equal
+/// parts from these heights above the plane. It is right on average over the places of a square patch on the horizon.
 fn mean_above(middle: f64, spread: f64) -> f64 {
     if middle.abs() < spread { (middle + spread).powi(2) / (4.0 * spread) } else { middle.max(0.0) }
 }

@@ -123,8 +123,8 @@ pub(super) struct Atmosphere {
 }
 
 impl Atmosphere {
-    /// From direct normal and diffuse horizontal irradiance, and normal irradiance outside the atmosphere, W/m², with the sun at an angle to
-    /// the zenith, radians.
+    /// From direct normal and diffuse horizontal irradiance, and normal irradiance outside the atmosphere, W/m², with the sun at an angle
+    /// to the zenith, radians.
     pub fn new(direct: f64, diffuse: f64, outside: f64, zenith_angle: f64) -> Atmosphere {
         let cubed = 1.041 * zenith_angle.powi(3);
         let clearness = ((diffuse + direct) / diffuse + cubed) / (1.0 + cubed);

@@ -1,20 +1,23 @@
 //! Irradiance of unobstructed planes of many orientations, from a table.
 //!
-//! Irradiance E, continued to vectors of any length by E(λn) = λE(n), is the sum of the linear functions max(n·ω, 0) L(ω): it is linear except for
-//! sources that the plane's horizon cuts. The table has its values on the octahedron |x| + |y| + |z| = 1, and is quadratic on triangles there: all
-//! light from above the horizons of the six places of a triangle is exact. Linear interpolation would err by the second derivative, the light on the
-//! plane's horizon itself, four times as much under a sky that is bright around a low sun as under a uniform one.
+//! Irradiance E, continued to vectors of any length by E(λn) = λE(n), is the sum of the linear functions max(n·ω, 0) L(ω): it is linear
+//! except for sources that the plane's horizon cuts. The table has its values on the octahedron |x| + |y| + |z| = 1, and is quadratic on
+//! triangles there: all light from above the horizons of the six places of a triangle is exact. Linear interpolation would err by the
+//! second derivative, the light on the plane's horizon itself, four times as much under a sky that is bright around a low sun as under a
+//! uniform one.
 
 use super::patches::Patches;
 use glam::DVec3;
 use std::sync::OnceLock;
 
-/// Triangles along an edge of the octahedron. With those of [`MAX_ERROR`] the largest error found is 6.4e-4 of the irradiance of a horizontal plane: close to
-/// horizontal planes under a sky of CIE type 15 with the sun at 2°, as the second derivative jumps where the sky ends.
+/// Triangles along an edge of the octahedron. With those of [`MAX_ERROR`] the largest error found is 6.4e-4 of the irradiance of a
+/// horizontal plane: close to horizontal planes under a sky of CIE type 15 with the sun at 2°, as the second derivative jumps where the
+/// sky ends.
 const TRIANGLES: usize = 15;
 /// Places along an edge: corners of triangles and middles between them.
 const PLACES: usize = 2 * TRIANGLES + 1;
-/// Detail of values, see [`Patches::irradiance_to`]: they err by at most 2.5e-4 of the irradiance of a horizontal plane, and all of them take 13 ms.
+/// Detail of values, see [`Patches::irradiance_to`]: they err by at most 2.5e-4 of the irradiance of a horizontal plane, and all of them
+/// take 13 ms.
 const MAX_ERROR: f64 = 1.5e-4;
 
 /// Values on the faces of an octahedron, computed at their first use.

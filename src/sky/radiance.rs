@@ -12,10 +12,10 @@ use std::sync::Arc;
 /// Weights of linear Rec. 709 primaries in luminance.
 const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Columns of the quadrature of skies without a map, and four times its rows. The error of the horizontal irradiance is below 3e-5 for all CIE
-/// types and Perez bins (test `levels_are_integrals`).
+/// Columns of the quadrature of skies without a map, and four times its rows. The error of the horizontal irradiance is below 3e-5 for
+/// all CIE types and Perez bins (test `levels_are_integrals`).
 const COLUMNS: usize = 1024;
-/// Most columns of a quadrature: larger maps are not sampled at every texel.
+/// Largest number of columns of a quadrature: limits it to 8,192² / 4 = 17 million values. Larger maps are not sampled at every texel.
 const MAX_COLUMNS: usize = 8192;
 
 /// Value that determines the level of a sky, W/m² and W/(m² sr), or lx and cd/m².
@@ -46,12 +46,12 @@ pub struct Sky {
 }
 
 impl Sky {
-    /// A sky of a shape, of a map (`shape` uniform), or the product of both. With `has_lower_half` a map of the whole sphere is taken below the
-    /// horizon, too.
+    /// A sky of a shape, of a map (`shape` uniform), or the product of both. With `has_lower_half` a map of the whole sphere is taken
+    /// below the horizon, too.
     ///
     /// # Errors
-    /// [`Error::Argument`] if a level is negative or not finite, or is asked of a channel that is black, or if the irradiance of the ground is above
-    /// [`MAX_RADIANCE`].
+    /// [`Error::Argument`] if a level is negative or not finite, or is asked of a channel that is black, or if the irradiance of the
+    /// ground is above [`MAX_RADIANCE`].
     pub fn new(shape: Shape, map: Option<Arc<SkyMap>>, has_lower_half: bool, level: Level) -> Result<Sky> {
         let has_lower_half = has_lower_half && map.as_ref().is_some_and(|m| m.is_sphere());
         let table = match &shape {

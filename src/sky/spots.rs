@@ -11,17 +11,18 @@ use std::f64::consts::PI;
 
 /// Directions in which a point looks up a map with default options: sixteen in each of 192 cells.
 const LOOKUPS_PER_POINT: f64 = 3072.0;
-/// Cosine-weighted directions that meet the widest spot on average. A wider one, of 10° and more, is found by every point, which then traces finer rays
-/// around it.
+/// Cosine-weighted directions that meet the widest spot on average. A wider one, of 10° and more, is found by every point, which then
+/// traces finer rays around it.
 const MAX_HITS: f64 = 24.0;
-/// Standard error that a spot causes at a point that sees all of the map, relative to the irradiance there, above which it becomes a disc: half of
-/// the error that users ask for by default.
+/// Standard error that a spot causes at a point that sees all of the map, relative to the irradiance there, above which it becomes a
+/// disc: half of the error that users ask for by default.
 const MAX_ERROR: f64 = 0.01;
 /// Radiance at the edge of a spot over its largest. What is darker around it may be a wider spot of its own.
 const EDGE: f64 = 1.0 / 16.0;
 /// Largest number of discs. Each takes a ray at all places where elements receive light, and 16 or more at each point.
 const MAX_DISCS: usize = 8;
-/// Smallest fraction of its bounding circle that a spot must fill to become one disc; others are halved. A row of five texels fills a quarter.
+/// Smallest fraction of its bounding circle that a spot must fill to become one disc; others are halved. A row of five texels fills a
+/// quarter.
 const MIN_COMPACT: f64 = 0.25;
 
 /// Texels of a sky's map and their light.
@@ -149,7 +150,8 @@ impl Texels<'_> {
 }
 
 impl Sky {
-    /// Takes small bright spots out of the sky's map: discs with their direction, solid angle and light. The background around spots replaces them.
+    /// Takes small bright spots out of the sky's map: discs with their direction, solid angle and light. The background around spots
+    /// replaces them.
     pub(super) fn take_spots(&mut self, frame: &Frame) -> Vec<Sun> {
         let Some(map) = self.map() else { return Vec::new() };
         let texels = Texels { sky: self, map };

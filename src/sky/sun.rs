@@ -60,8 +60,8 @@ impl Sun {
     }
 }
 
-/// Cosine-weighted solid angle of the part of a disc above a plane: sine and cosine of the disc's angular radius, and cosine of the angle of its
-/// centre to the plane's normal. Half the integral of n·(r × dr) along the boundary: a part of the circle and a part of the
+/// Cosine-weighted solid angle of the part of a disc above a plane: sine and cosine of the disc's angular radius, and cosine of the angle
+/// of its centre to the plane's normal. Half the integral of n·(r × dr) along the boundary: a part of the circle and a part of the
 /// horizon.
 fn capped_cosine(sin: f64, cos: f64, cosine: f64) -> f64 {
     let sine = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt();

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 
-/// Triangles for each node that is divided, with those that the restriction adds: a divided node has three leaves more, and a leaf has two to three triangles.
+/// Triangles for each node that is divided, with those that the restriction adds: a divided node has three leaves more, and a leaf has
+/// two to three triangles.
 const TRIANGLES_PER_SPLIT: usize = 8;
 
 /// Rounding errors of interpolated heights, over that of the largest height.
@@ -40,8 +41,8 @@ pub struct Piece {
     pub error: f32,
 }
 
-/// The triangles and pieces of a grid with about this number of triangles, placed to be nearest to the samples. Cells that are in no piece have two
-/// triangles of their own.
+/// The triangles and pieces of a grid with about this number of triangles, placed to be nearest to the samples. Cells that are in no
+/// piece have two triangles of their own.
 pub fn coarse(grid: &Grid, triangles: usize) -> (Mesh, Vec<Piece>) {
     let levels = errors(grid);
     let (mut finite, with_holes): (Vec<f32>, Vec<f32>) =
@@ -109,7 +110,8 @@ impl Mesh {
     }
 }
 
-/// Index of the triangle that contains a place, or of the triangle that the place is least outside of, and the barycentric coordinates there.
+/// Index of the triangle that contains a place, or of the triangle that the place is least outside of, and the barycentric coordinates
+/// there.
 pub fn triangle_at(triangles: &[[[f32; 2]; 3]], place: [f32; 2]) -> (usize, [f32; 3]) {
     let cross =
         |a: [f32; 2], b: [f32; 2], c: [f32; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
@@ -131,8 +133,8 @@ struct Level {
     errors: Vec<f32>,
 }
 
-/// For the nodes of two, four, ... cells on a side, the largest vertical distance of a sample on it from its two triangles, or of a node below it from
-/// its own; infinite if some samples are holes, 0 if all are.
+/// For the nodes of two, four, ... cells on a side, the largest vertical distance of a sample on it from its two triangles, or of a node
+/// below it from its own; infinite if some samples are holes, 0 if all are.
 fn errors(grid: &Grid) -> Vec<Level> {
     let cells = [grid.columns() - 1, grid.rows() - 1];
     let mut levels: Vec<Level> = Vec::new();

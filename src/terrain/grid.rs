@@ -110,8 +110,8 @@ impl Grid {
         (is_geographic && !self.is_cell_given).then(|| self.metres_of_unit())
     }
 
-    /// Position of a sample on the map, m: that of the georeference in metres; z is NaN in a hole. With other distances than those of the file the first
-    /// sample of the last row stays where it is.
+    /// Position of a sample on the map, m: that of the georeference in metres; z is NaN in a hole. With other distances than those of the
+    /// file the first sample of the last row stays where it is.
     pub fn map_position(&self, column: usize, row: usize) -> DVec3 {
         let height = self.height(column, row).into();
         if self.is_cell_given {

@@ -26,12 +26,12 @@ pub(super) fn with_holes(mut values: Vec<f32>, grid: &Grid) -> Vec<f32> {
     values
 }
 
-/// Sky view factor of each sample: the irradiance from a sky of uniform radiance on the sample's sloping surface as part of that
+/// Sky view factor of each sample: the irradiance from a sky of uniform radiance on the sample's sloping surface as a fraction of that
 /// on a horizontal surface without horizon, ∫ max(0, n·ω) dω / π over the directions ω above the horizontal and above the
 /// horizon. An unobstructed slope of inclination b has (1 + cos b)/2.
 ///
-/// `azimuths`: number of directions in which the horizon is found; half a step from north is the first. Returns `columns * rows` values in 0..1; NaN in
-/// holes.
+/// `azimuths`: number of directions in which the horizon is found; half a step from north is the first. Returns `columns * rows` values
+/// in 0..1; NaN in holes.
 ///
 /// # Errors
 /// [`Error::Argument`] if `azimuths` is not in 4..1024, [`Error::OutOfMemory`].
@@ -131,7 +131,7 @@ impl Sun {
     }
 }
 
-/// Part of the sun's disc that each sample sees, 0..1: 0 in shadow. Includes the shadow of a slope that faces away from the sun.
+/// Fraction of the sun's disc that each sample sees, 0..1: 0 in shadow. Includes the shadow of a slope that faces away from the sun.
 /// Returns `columns * rows` values; NaN in holes.
 ///
 /// # Errors
@@ -141,8 +141,8 @@ pub fn sunlit(grid: &Grid, sun: &Sun, options: &SweepOptions) -> Result<Vec<f32>
     Ok(with_holes(visible_parts(grid, sun, options)?, grid))
 }
 
-/// The values of [`sunlit`] without its checks. Horizons are found half a radius to either side of the sun's middle: the two places of the Gaussian
-/// quadrature over a disc's vertical chords, with equal weights.
+/// The values of [`sunlit`] without its checks. Horizons are found half a radius to either side of the sun's middle: the two places of
+/// the Gaussian quadrature over a disc's vertical chords, with equal weights.
 pub(super) fn visible_parts(grid: &Grid, sun: &Sun, options: &SweepOptions) -> Result<Vec<f32>> {
     let horizon = |azimuth: f64| {
         fold(grid, Azimuths { count: 1, first: azimuth }, options, |row, out| {
@@ -193,8 +193,8 @@ impl<'a> Slopes<'a> {
         Slopes { above, here: line(row), below, scale: grid.cell().map(|d| 1.0 / d as f32) }
     }
 
-    /// Slopes along increasing columns and rows at a column, from the central differences of its neighbours; at borders and beside holes from the
-    /// differences on one side, 0 if there are none.
+    /// Slopes along increasing columns and rows at a column, from the central differences of its neighbours; at borders and beside holes
+    /// from the differences on one side, 0 if there are none.
     #[inline]
     pub fn at(&self, c: usize) -> [f32; 2] {
         let get = |line: &[f32], c: usize| line.get(c).copied().unwrap_or(f32::NAN);

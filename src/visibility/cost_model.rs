@@ -13,12 +13,14 @@ use super::walk::WalkResult;
 use crate::simd::LANES;
 use std::ops::Range;
 
-/// Runs of neighbouring bundles that represent all bundles when the engine is chosen, and bundles of each run: 256 bundles in all
-/// limit the time of the choice, and the bundles of a run share their traversal as all bundles do.
+/// Runs of neighbouring bundles that represent all bundles when the engine is chosen: with [`SAMPLE_RUN`], 256 bundles in all limit the
+/// time of the choice.
 const SAMPLE_RUNS: usize = 16;
+/// Bundles of each run: they share their traversal as all bundles do.
 const SAMPLE_RUN: usize = 16;
-/// Largest part of the bundles in the sample, except for its first run: an eighth, so that the choice takes little of the time.
-const MAX_SAMPLE_PART: usize = 8;
+/// Smallest number of bundles for each of the sample beyond its first run: at most an eighth of them are sampled, so that the choice takes
+/// little of the time.
+const MIN_BUNDLES_PER_SAMPLED: usize = 8;
 
 /// Work of exact rays per packet until [`CostModel::calibrated`] replaces it: [`EMBREE_WORK_FACTOR`] · √1,100, for a
 /// shaft with some 90 blocks of triangles ([`super::wide::BLOCK_WORK`]).
@@ -42,7 +44,7 @@ pub const CALIBRATION_BUNDLES: usize = 256;
 /// Evenly spread runs of the indices of `bundles` bundles; the engine for all of them is chosen by these.
 pub fn sample_runs(bundles: usize) -> impl Iterator<Item = Range<usize>> {
     let length = SAMPLE_RUN.min(bundles);
-    let runs = SAMPLE_RUNS.min(bundles / (MAX_SAMPLE_PART * SAMPLE_RUN)).max(1);
+    let runs = SAMPLE_RUNS.min(bundles / (MIN_BUNDLES_PER_SAMPLED * SAMPLE_RUN)).max(1);
     (0..runs).map(move |k| {
         // A single run is taken from the middle.
         let first = if runs == 1 { (bundles - length) / 2 } else { (bundles - length) * k / (runs - 1) };

@@ -15,8 +15,8 @@ const MAX_COST_RATIO: f64 = 0.8;
 /// with similar errors; five runs give a mean square to about a factor of two. With fewer, exact rays are taken.
 const MIN_AVERAGED_RUNS: usize = 5;
 
-/// Time of a unit of work of walks, and additionally of each segment, in units of work of the cut's tree: 5.8 ns to 2.3 ns. Times of rows of
-/// park, orchard and leaf forest with 16, 64 and 256 segments are those of this formula to a fifth (`mrvis bench`).
+/// Time of a unit of work of walks, and additionally of each segment, in units of work of the cut's tree: 5.8 ns to 2.3 ns. Times of rows
+/// of park, orchard and leaf forest with 16, 64 and 256 segments are those of this formula to a fifth (`mrvis bench`).
 const WALK_WORK: f64 = 2.5;
 
 /// Visible fractions of the bundles of a sample by two independent halves of many rays.
@@ -38,7 +38,7 @@ struct Trial {
     square: f64,
     /// Standard error of `square` for averages, which is added to it; 0 for other routes.
     standard_error: f64,
-    /// Part of `square` that is due to the mean error.
+    /// What the mean error contributes to `square`.
     mean: f64,
     /// Detection limit of `square`: noise of the reference.
     detection_limit: f64,
@@ -282,15 +282,16 @@ impl MultiResolution {
 
 // The factor of the extinctions of walks that makes their mean transmittance right, fitted on a sample.
 
-/// Smallest and largest factor: half and twice the optical depth of the clusters. The first trial differs from 1 by a tenth.
+/// Smallest and largest factor: half and twice the optical depth of the clusters.
 const FACTOR_RANGE: [f32; 2] = [0.5, 2.0];
+/// Ratio between 1 and the first trial, down or up by the sign of the error: a tenth, so that the secant rule has two points.
 const FIRST_FACTOR_STEP: f32 = 0.9;
 /// Steps of the secant rule after the first: an error of the mean of 0.01 falls below 0.0001.
 const FACTOR_STEPS: usize = 2;
 
 impl MultiResolution {
-    /// Walks at feature size `s` with the factor for which the mean transmittance of runs of neighbouring bundles is that of exact rays along
-    /// the same segments; with the unchanged extinctions if these means already agree to the standard error of their difference.
+    /// Walks at feature size `s` with the factor for which the mean transmittance of runs of neighbouring bundles is that of exact rays
+    /// along the same segments; with the unchanged extinctions if these means already agree to the standard error of their difference.
     pub(super) fn fitted_walks(&self, runs: &[Vec<Bundle>], s: f32, workspace: &mut Workspace) -> Route {
         let seen = self.with_route(Route::Exact).sums(runs, s, workspace);
         let mut errors = |factor: f32| -> Vec<f64> {

@@ -184,8 +184,8 @@ fn a_solution_is_shown() {
     scratch.mrvis("solve box.obj --out s --camera 0,0,0,0,0,0,40").exits(2).warns("camera");
 }
 
-/// A closed room with a lamp in one half and an opaque wall whose foot is not on a line of subdivision: from the other half nothing is seen, and
-/// from the lit half no edge of the wall is dark.
+/// A closed room with a lamp in one half and an opaque wall whose foot is not on a line of subdivision: from the other half nothing is
+/// seen, and from the lit half no edge of the wall is dark.
 #[test]
 fn walls_are_black_from_their_dark_side() {
     let scratch = Scratch::new();

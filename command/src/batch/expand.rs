@@ -1,5 +1,5 @@
-//! Expands the tables of a job file to jobs: patterns of scenes, and templates, in which `{key}` stands for a value of the job and `{out:NAME}` for
-//! the output folder of another job.
+//! Expands the tables of a job file to jobs: patterns of scenes, and templates, in which `{key}` stands for a value of the job and
+//! `{out:NAME}` for the output folder of another job.
 
 use super::job::{Axis, Job, JobEntry, JobFile, Opt, Span, TomlSource, Value};
 use super::names::{plain, suggestion};
@@ -114,7 +114,8 @@ fn default_name(entry: &JobEntry, point: &Point) -> String {
     format!("{{command}}{scene}{swept}")
 }
 
-/// The scenes of a pattern relative to the job file, in alphabetic order. A path that exists, or without signs of a pattern, is that file; one that names outputs of a job is left as it is.
+/// The scenes of a pattern relative to the job file, in alphabetic order. A path that exists, or without signs of a pattern, is that
+/// file; one that names outputs of a job is left as it is.
 ///
 /// # Errors
 /// No file matches, or the pattern is invalid.

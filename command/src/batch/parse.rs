@@ -10,7 +10,8 @@ use mrvis::{Error, Result};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Largest number of values of a range, and of runs after a failure.
+/// Largest number of values of a range, and of runs after a failure: more are most likely a mistake, and two ranges already exceed the
+/// largest number of jobs.
 const MAX_STEPS: u64 = 10_000;
 
 /// A value of the file with its place.

@@ -8,7 +8,8 @@ pub const INTERRUPTED: u8 = 130;
 
 static STOPPED: AtomicBool = AtomicBool::new(false);
 
-/// Installs a handler: the first interruption prints this message and sets the flag, the second ends the program. Later calls have no effect.
+/// Installs a handler: the first interruption prints this message and sets the flag, the second ends the program. Later calls have no
+/// effect.
 pub fn watch(message: Option<&'static str>) {
     static WATCHED: OnceLock<()> = OnceLock::new();
     WATCHED.get_or_init(|| {

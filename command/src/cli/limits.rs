@@ -25,7 +25,7 @@ pub fn parse(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|g: &f64| g.is_finite() && *g >= MIN_LIMIT).ok_or_else(wanted)
 }
 
-/// The limit in bytes, of `--max-memory` or a part of what is available; `None` where that is unknown.
+/// The limit in bytes, of `--max-memory` or a fraction of what is available; `None` where that is unknown.
 pub fn bytes(given: Option<f64>) -> Option<u64> {
     given.map(|g| (g * GIB) as u64).or_else(memory::usable)
 }

@@ -129,7 +129,7 @@ impl<'a> Files<'a> {
     }
 }
 
-/// Irradiance at points within a part of the remaining time; `None` if the time does not suffice.
+/// Irradiance at points within a fraction of the remaining time; `None` if the time does not suffice.
 pub type Gather<'a> = &'a dyn Fn(&[Point], f64) -> Option<Vec<[f64; 3]>>;
 
 impl Outputs {
@@ -141,8 +141,8 @@ impl Outputs {
         if wanted { columns * rows * bytes_per_pixel(self.gather) as u64 } else { 0 }
     }
 
-    /// Writes the requested files into a folder, except the page, which needs the final record. `irradiance` computes the light of pixels for
-    /// `--gather`; where it returns `None`, light is interpolated.
+    /// Writes the requested files into a folder, except the page, which needs the final record. `irradiance` computes the light of pixels
+    /// for `--gather`; where it returns `None`, light is interpolated.
     ///
     /// # Errors
     /// A file cannot be written, or the scene does not fit into a lightmap.

@@ -71,12 +71,12 @@ impl Progress for Bar {
     }
 }
 
-/// Fraction of a stage from which its remaining time is estimated: before it the first few steps decide.
-const MIN_KNOWN_PART: f64 = 0.02;
+/// Fraction of a stage from which its remaining time is estimated: before it, the first few steps decide.
+const MIN_KNOWN_FRACTION: f64 = 0.02;
 
 /// The time that the rest of a stage takes at its mean speed so far; none before the speed is known.
 pub fn time_left(elapsed: Duration, part: f64) -> Option<Duration> {
-    (part >= MIN_KNOWN_PART).then(|| elapsed.mul_f64((1.0 - part).max(0.0) / part))
+    (part >= MIN_KNOWN_FRACTION).then(|| elapsed.mul_f64((1.0 - part).max(0.0) / part))
 }
 
 #[cfg(test)]

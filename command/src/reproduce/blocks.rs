@@ -84,8 +84,8 @@ pub fn apart_along_y(count: usize, edge: f64, centre: DVec3, side: f64) -> Vec<D
     places(count, edge, side, |d| d.x.max(d.z)).into_iter().map(|at| centre + at).collect()
 }
 
-/// Centres of at most `count` cubes of one size in a cubic box of this side around the origin, low-discrepancy points whose differences have
-/// a `distance` above [`MIN_DISTANCE`].
+/// Centres of at most `count` cubes of one size in a cubic box of this side around the origin, low-discrepancy points whose differences
+/// have a `distance` above [`MIN_DISTANCE`].
 fn places(count: usize, edge: f64, side: f64, distance: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
     let mut places: Vec<DVec3> = Vec::new();
     for k in 0..CANDIDATE_PLACES {

@@ -24,19 +24,19 @@ const SIZE: [usize; 2] = [360, 270];
 const VIEW: [DVec3; 2] = [DVec3::new(0.45, -0.55, 0.55), DVec3::new(-0.02, 0.0, 0.13)];
 /// Its vertical angle of view.
 const ANGLE: f64 = 0.75;
-/// Largest error that links are refined to, relative to the mean irradiance.
+/// Largest error that links are refined to, relative to the mean irradiance: no link is refined with it.
 const MAX_LINK_ERROR: f64 = 64.0;
-/// Factor between successive errors, until links are refined.
+/// Factor between successive errors, until links are refined: the error found is known to this factor.
 const ERROR_FACTOR: f64 = 0.5;
-/// Largest number of these steps.
+/// Largest number of these steps, at whose end the error is 64 / 2¹¹ = 0.03 of the mean irradiance.
 const MAX_STEPS: i32 = 11;
-/// Number of solves by links at a time, and in tests; their mean picture is shown.
+/// Number of solves by links between two checks of the standard error, and in tests; their mean picture is shown.
 const BATCH: [usize; 2] = [32, 8];
-/// Largest number of solves by links.
+/// Largest number of solves by links, and that in tests: limits the time if the standard error stays above [`TARGET_STANDARD_ERROR`].
 const SOLVES: [usize; 2] = [1024, 8];
-/// Standard error of the mean power at which solves end, as a fraction of the power by rays.
+/// Standard error of the mean power at which solves end, as a fraction of the power by rays: well below [`EQUALITY_MARGIN`].
 const TARGET_STANDARD_ERROR: f64 = 0.01;
-/// Solves by rays.
+/// Number of solves by rays, and that in tests.
 const RAY_SOLVES: [usize; 2] = [8, 2];
 
 /// Books that stand side by side and lean on nothing, lit from above.

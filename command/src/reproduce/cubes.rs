@@ -28,7 +28,7 @@ const SIDE: f64 = 2.0;
 /// Height of the light and of the centres of the groups, metres.
 const HEIGHT: f64 = 2.0;
 
-/// The scene with groups that hide this part of their images from the centre of the light.
+/// The scene with groups that hide this fraction of their images from the centre of the light.
 pub fn covering_scene(coverage: f64) -> Result<Scene> {
     let mut blocks = Blocks::new("four groups of cubes");
     blocks.rectangle(DVec3::new(0.0, 0.0, HEIGHT), 12.0 * DVec3::Z, 14.0 * DVec3::X, false);
@@ -50,7 +50,7 @@ pub fn coverage_tolerance(edge: f64) -> f64 {
     0.5 * (shadow / (COLUMNS as f64 * TEXEL)).powi(2)
 }
 
-/// Centres of the cubes of a group, added one by one until the part of the image that they hide is nearest to `coverage`.
+/// Centres of the cubes of a group, added one by one until the fraction of the image that they hide is nearest to `coverage`.
 fn cubes(group: usize, coverage: f64) -> Vec<DVec3> {
     let (edge, centre) = (EDGES[group], DVec3::new((group as f64 - 1.5) * PITCH, GROUP_DISTANCE, HEIGHT));
     let all = (SIDE / edge).powi(2) as usize;

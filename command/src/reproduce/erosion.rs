@@ -172,7 +172,7 @@ pub fn figure_4(context: &Context) -> Result<Item> {
     Ok(item)
 }
 
-/// By mask, the parts of the shadows of the groups that it keeps.
+/// By mask, the fractions of the shadows of the groups that it keeps.
 fn judge_masks(item: &mut Item, kept: &[[f64; 4]; 3]) {
     let percentages = |row: &[f64; 4]| list(&row.map(|part| 100.0 * part), 0);
     item.check(

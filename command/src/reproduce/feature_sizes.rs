@@ -185,7 +185,7 @@ pub fn figure_9(context: &Context) -> Result<Item> {
     Ok(item)
 }
 
-/// Work at the smallest feature size relative to that at the largest, with groups that cover this part of the wall.
+/// Work at the smallest feature size relative to that at the largest, with groups that cover this fraction of the wall.
 fn work_factor(context: &Context, coverage: f64) -> Result<f64> {
     let model = context.model(covering_scene(coverage)?, Detail::Clusters)?;
     let tree = &model.base().hierarchy().micro;

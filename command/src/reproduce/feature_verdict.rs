@@ -25,7 +25,7 @@ pub struct Measured {
     pub noise: f64,
     /// Mean light without averaging, and at the largest size, per cent.
     pub light: [f64; 2],
-    /// Part of the shadows of each group that belongs to features above the size, per cent.
+    /// Fraction of the shadows of each group that belongs to features above the size, per cent.
     pub wide: Vec<[f64; 4]>,
 }
 
@@ -251,7 +251,7 @@ fn judge_fbem(item: &mut Item, measured: &Measured) {
     );
 }
 
-/// Whether work falls as much with groups that cover other parts of the wall: coverages and factors.
+/// Whether work falls as much with groups that cover other fractions of the wall: coverages and factors.
 pub fn judge_coverage(item: &mut Item, factors: &[(f64, f64)]) {
     let paper = paper_factor();
     let shown =

@@ -84,7 +84,7 @@ pub fn figure_1(context: &Context) -> Result<Item> {
     Ok(item)
 }
 
-/// Covered parts of the images, L2 errors in per cent, and median feature sizes in texels, by group.
+/// Covered fractions of the images, L2 errors in per cent, and median feature sizes in texels, by group.
 fn judge_figure_1(item: &mut Item, covered: &[f64], errors: &[f64], sizes: &[f64]) {
     let tolerance = coverage_tolerance(EDGES[3]);
     item.check(

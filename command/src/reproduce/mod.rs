@@ -288,7 +288,7 @@ impl Entry {
     }
 }
 
-/// Smallest ratio of a significant difference to its standard error.
+/// Smallest ratio of a significant difference to its standard error: noise alone exceeds it in 0.3 % of cases.
 const MIN_STANDARD_ERRORS: f64 = 3.0;
 
 /// Pairs of repeated measurements of one quantity.

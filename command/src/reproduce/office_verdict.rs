@@ -9,7 +9,7 @@ const MAX_MISSING_CONTRAST: f64 = 0.02;
 /// Speed-up of average over surface visibility in the paper [SD95 sec 4.2].
 const PAPER_GAIN: f64 = 4.0;
 
-/// Contrasts of the shadows under the desks, as parts of the light beside them.
+/// Contrasts of the shadows under the desks, as fractions of the light beside them.
 pub struct Contrasts {
     /// Contrast of direct light on the floor, by rays.
     pub exact: f64,

@@ -1,10 +1,10 @@
 //! The paper's visibility in its plainest form: each segment descends the clusters by itself.
 //!
-//! The engines of [`mrvis::internals::visibility`] answer bundles of segments sixteen at a time and hand costly ones to Embree. Both hide how the time
-//! depends on clusters, leaves and feature sizes, which the paper makes statements about.
+//! The engines of [`mrvis::internals::visibility`] answer bundles of segments sixteen at a time and hand costly ones to Embree. Both hide
+//! how the time depends on clusters, leaves and feature sizes, which the paper makes statements about.
 //!
-//! Clusters of the k-d tree of Sillion 94 fill their cells here. The builder of [`mrvis::internals::clusters`] fits boxes to their contents, which
-//! mends much of what the paper found missing: in a cell most of a desk's extinction is spread over air.
+//! Clusters of the k-d tree of Sillion 94 fill their cells here. The builder of [`mrvis::internals::clusters`] fits boxes to their
+//! contents, which mends much of what the paper found missing: in a cell most of a desk's extinction is spread over air.
 
 use glam::Vec3;
 use mrvis::Scene;
@@ -139,7 +139,8 @@ struct Segment {
     length: f32,
 }
 
-/// Fraction of a segment at its ends on which triangles do not block.
+/// Fraction of a segment at its ends on which triangles do not block: surfaces that the ends lie on, in spite of rounding in single
+/// precision.
 const END_FRACTION: f32 = 1e-5;
 
 impl Segment {
@@ -180,9 +181,9 @@ struct KdCell {
     is_cut: bool,
 }
 
-/// The tree over some triangles of a scene, as we read [Sillion 94]: cells are halved in the middle of their longest edge until they hold at most
-/// [`FAN_OUT`] triangles; what the plane cuts becomes a cell that is not divided, so that leaves may hold more triangles
-/// than that.
+/// The tree over some triangles of a scene, as we read [Sillion 94]: cells are halved in the middle of their longest edge until they hold
+/// at most [`FAN_OUT`] triangles; what the plane cuts becomes a cell that is not divided, so that leaves may hold more triangles than
+/// that.
 pub fn cell_tree(scene: &Scene, faces: &[u32]) -> Tree {
     let bounds = |faces: &[u32]| Aabb::of(faces.iter().flat_map(|&t| scene.corners(t)));
     let first =

@@ -19,12 +19,12 @@ const TABLE_1: [[f64; 4]; 5] = [
 ];
 /// The row of the size, 30 texels, for which the paper says that the images of three groups are satisfactory.
 const ROW_OF_30_TEXELS: usize = 3;
-/// The paper's estimate of the part of its numbers that the mesh causes (section 2.3).
+/// The paper's estimate of the share of its numbers that the mesh causes (section 2.3).
 const RESIDUAL: f64 = 3.0;
 /// An image is satisfactory up to this fraction of the error at the smallest size: chosen between the fractions of [`paper_parts`].
 pub const SATISFACTORY: f64 = 0.5;
 
-/// The largest part of the error at the smallest size that is left in an image that the paper calls satisfactory, and that in the
+/// The largest fraction of the error at the smallest size that is left in an image that the paper calls satisfactory, and that in the
 /// image that needs more work.
 pub fn paper_parts() -> [f64; 2] {
     let left = |k: usize| TABLE_1[ROW_OF_30_TEXELS][k] / TABLE_1[0][k];

@@ -1,8 +1,8 @@
 //! Umbra against the position of the blocker: Figures 5 and 6 of the paper.
 //!
 //! BSIZE as the paper measures it [SD95 sec 3.3]: erosions of one orthographic projection of a cluster, until all objects have
-//! disappeared, and of the free space between them. [`mrvis::internals::optics`] measures the same by direction, and free regions only where
-//! they are the smaller part.
+//! disappeared, and of the free space between them. [`mrvis::internals::optics`] measures the same by direction, and free regions only
+//! where they are the smaller share.
 
 use super::blocks::Blocks;
 use super::item::{Item, Panel, Table, VISIBLE, count, number};
@@ -120,8 +120,8 @@ struct Umbra {
     expected: f64,
 }
 
-/// Judges the largest differences between measured and predicted widths of umbrae and of outlines of penumbrae (`worst`, texels), and the umbrae of a
-/// blocker smaller than the emitter. `texel` is the side of a texel, metres.
+/// Judges the largest differences between measured and predicted widths of umbrae and of outlines of penumbrae (`worst`, texels), and the
+/// umbrae of a blocker smaller than the emitter. `texel` is the side of a texel, metres.
 fn judge_figure_5(item: &mut Item, worst: [f64; 2], umbrae: &[Umbra], texel: f64) {
     for (what, worst) in ["umbra", "outline of the penumbra"].into_iter().zip(worst) {
         item.check(

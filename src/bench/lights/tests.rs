@@ -210,7 +210,8 @@ fn a_closed_room_under_a_sky_has_a_note() {
     assert_eq!(notes.len(), 1, "{:?}", record.warnings);
 }
 
-/// A dome of one connected surface is asked in parts of bounded angle, which together send the light of the whole; a ceiling is asked as a whole.
+/// A dome of one connected surface is asked in parts of bounded angle, which together send the light of the whole; a ceiling is asked as
+/// a whole.
 #[test]
 fn domes_are_divided_like_a_sky() {
     let dome = |rings: i32| {

@@ -17,7 +17,7 @@ const MAX_SPACING: usize = 32;
 /// as what it saves.
 const MIN_SPACING: usize = 4;
 const MIN_TEXELS_PER_PROBE: usize = 8;
-/// Probes per parallel task.
+/// Probes per parallel task: few enough to balance the load of the threads. Does not change results.
 const PROBES_PER_TASK: usize = 64;
 
 /// A row by the cache.
@@ -130,7 +130,7 @@ impl Bench<'_> {
         Values { visible, cost }
     }
 
-    /// Light of all texels, the part of the segments that met averaged clusters, and the time, seconds.
+    /// Light of all texels, the fraction of the segments that met averaged clusters, and the time, seconds.
     pub(super) fn cached_texels(&self, map: &Map, row: &CachedRow) -> (Vec<f32>, f64, Vec<f64>) {
         let (grid, workload) = (map.grid, &map.lattices[0].2);
         let Cache { field, tree, probes } = &row.cache;

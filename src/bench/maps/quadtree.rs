@@ -214,7 +214,7 @@ impl Lattice {
     }
 }
 
-/// Of each of `n` texels: the node before it, and the part of the way to the next node.
+/// Of each of `n` texels: the node before it, and the fraction of the way to the next node.
 fn places(nodes: &[usize], n: usize) -> Vec<(usize, f32)> {
     let place = |at: usize| {
         let before = nodes.partition_point(|&node| node <= at) - 1;

@@ -34,7 +34,8 @@ fn rows_of_a_map_are_consistent() {
     assert!(every.windows(2).all(|pair| pair[1].rms < 0.7 * pair[0].rms), "{every:?}");
     // The noise of the reference is subtracted: 64 independent rays err by more than it states.
     assert!(map.reference_rms < every[3].rms && map.reference_rms > 0.0, "{every:?}");
-    // Interpolation between every second texel averages noise: fewer rays in all, and a smaller error than a quarter of them at every texel.
+    // Interpolation between every second texel averages noise: fewer rays in all, and a smaller error than a quarter of them at every
+    // texel.
     let halved = map.exact.iter().find(|row| row.spacing == 2 && row.rays == 16).expect("a row");
     assert!(halved.rms < every[1].rms, "{halved:?}");
     // Two sizes, four spacings and three of them with more segments, and the rows by the cache.

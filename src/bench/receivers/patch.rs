@@ -8,15 +8,15 @@ use glam::DVec3;
 
 /// Fraction of its rectangle that a nearly rectangular patch covers at least; the image of any other lies in a rectangle
 /// inside it. A disc covers π/4 = 0.785 of its square.
-pub(super) const MIN_FILLED_PART: f64 = 0.8;
+pub(super) const MIN_FILLED_FRACTION: f64 = 0.8;
 /// Smallest length of the mean normal of a relief: for slopes of one angle in all directions its cosine, here 37
 /// degrees. Terrain exceeds it; foliage, which points everywhere, does not.
 const MIN_MEAN_NORMAL: f64 = 0.8;
 /// Smallest rectangle inside a patch, relative to the patch: a disc has one of 2/π, a triangle one of 1/2.
-const MIN_INSCRIBED_PART: f64 = 0.3;
-/// An object without a patch of at least this part of its area may be a relief. The sides of a cube (1/6) pass as well;
+const MIN_INSCRIBED_FRACTION: f64 = 0.3;
+/// An object without a patch of at least this fraction of its area may be a relief. The sides of a cube (1/6) pass as well;
 /// their normals cancel, which [`relief`] tests. Selects receivers only.
-const MIN_PATCH_PART: f64 = 0.25;
+const MIN_PATCH_FRACTION: f64 = 0.25;
 
 /// Connected triangles in one plane, or a relief.
 #[derive(Clone)]
@@ -33,14 +33,14 @@ impl Patch {
         self.area / (self.rectangle.width * self.rectangle.height)
     }
 
-    /// The patch, or a rectangle inside it if it is not nearly rectangular; `None` if the largest such rectangle is a small part of it.
+    /// The patch, or a rectangle inside it if it is not nearly rectangular; `None` if the largest such rectangle is small against it.
     pub(super) fn rectangular(self, scene: &Scene) -> Option<Patch> {
-        if self.filled() >= MIN_FILLED_PART {
+        if self.filled() >= MIN_FILLED_FRACTION {
             return Some(self);
         }
         let rectangle = inscribed(scene, &self.triangles, &self.rectangle)?;
         let area = rectangle.width * rectangle.height;
-        (area >= MIN_INSCRIBED_PART * self.area).then_some(Patch { area, rectangle, ..self })
+        (area >= MIN_INSCRIBED_FRACTION * self.area).then_some(Patch { area, rectangle, ..self })
     }
 
     /// Centres of texels in a rectangle of the patch's plane, row by row from the top left.
@@ -104,8 +104,8 @@ pub(super) fn relief<'a>(
         sum += own * scene.face_normal(t).as_dvec3();
         area += own;
     }
-    let largest = patches.filter(|p| p.filled() >= MIN_FILLED_PART).map(|p| p.area).fold(0.0, f64::max);
-    if largest >= MIN_PATCH_PART * area || sum.length() < MIN_MEAN_NORMAL * area {
+    let largest = patches.filter(|p| p.filled() >= MIN_FILLED_FRACTION).map(|p| p.area).fold(0.0, f64::max);
+    if largest >= MIN_PATCH_FRACTION * area || sum.length() < MIN_MEAN_NORMAL * area {
         return None;
     }
     let rectangle = fit(scene, triangles, sum.normalize())?;

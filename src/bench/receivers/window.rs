@@ -12,7 +12,7 @@ const SIDE_TEXELS: [usize; 2] = [96, 512];
 const MAX_PAIRS: usize = 400_000;
 /// Smallest side of a window, in largest feature sizes, so that the image shows features of that size.
 const LARGEST_FEATURES: f64 = 6.0;
-/// Test points along the longer side of a surface of which a window is imaged: a window of the smallest part, 1/20 of
+/// Test points along the longer side of a surface of which a window is imaged: a window of the smallest size, 1/20 of
 /// the side, contains several.
 const PROBES: usize = 48;
 /// Factor by which a window off the centre must have more borders of shadows than the one nearest to the centre.

@@ -75,7 +75,8 @@ pub struct MapMrRow {
     pub speedup_with_setup: Option<f64>,
     /// As `speedup_with_setup`, over exact rays at every texel: what a program gains that does not interpolate its exact light.
     pub speedup_over_texels: Option<f64>,
-    /// As `extrapolated`, of `speedup_over_texels`: interpolation averages noise, so that maps may have smaller errors than any row of texels.
+    /// As `extrapolated`, of `speedup_over_texels`: interpolation averages noise, so that maps may have smaller errors than any row of
+    /// texels.
     pub texels_extrapolated: bool,
     /// The same with the preparation of the scene as well: Embree's tree in both times; clusters and optics, which the cache saves in
     /// later runs, in that of MR.

@@ -9,7 +9,8 @@ use crate::scene::Scene;
 use maud::{Markup, PreEscaped, html};
 use std::fmt::Write as _;
 
-/// Materials with a stream of their own; the others share one.
+/// Number of materials with a stream of their own, those that absorb most: with more, labels would overlap. The others share one
+/// stream.
 const MAX_MATERIALS: usize = 4;
 /// Colours of streams: classes of the style sheet.
 const COLOURS: [&str; 7] =

@@ -72,7 +72,7 @@ fn photometric_pages_are_in_lux_and_without_an_audit_say_nothing_about_it() {
     assert!(page.contains(&Bands::of(lux.into_iter()).legend("Illuminance in lx:", false).into_string()));
 }
 
-/// What emits is hatched, and its irradiance has no part in the choice of colours.
+/// What emits is hatched, and its irradiance does not count in the choice of colours.
 #[test]
 fn emitters_are_not_painted_by_what_they_receive() {
     let view = |seen| PageView {

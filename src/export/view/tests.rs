@@ -4,8 +4,8 @@ use super::*;
 use crate::scene::testing::{Pieces, generated};
 use glam::{DMat3, DVec3, dvec3};
 
-/// The automatic view of a scene: its eye in coordinates of the scene, the camera, and the part of the picture that
-/// shows each object, the last entry being the part without a surface.
+/// The automatic view of a scene: its eye in coordinates of the scene, the camera, and the fraction of the picture that
+/// shows each object, the last entry being the fraction without a surface.
 fn view(scene: &Scene) -> (DVec3, Camera, Vec<f32>) {
     let solution = evenly_lit(scene);
     let mesh = Mesh::new(&solution);

@@ -16,7 +16,8 @@ const MODEL_ERROR: f64 = 1e-3;
 const TOLERANCE: f64 = 1e-8;
 /// Largest number of rounds: limits the time if the limits of entries make the wanted sums unreachable.
 const MAX_ROUNDS: usize = 6;
-/// Largest number of conjugate-gradient steps per round.
+/// Largest number of conjugate-gradient steps per round: limits the time of a round to 200 products with the matrix. Steps that are not
+/// made are left to the next round.
 const MAX_STEPS: usize = 200;
 /// Smallest factor by which a round may reduce an entry: above 0, so that entries stay positive; six rounds can reduce
 /// an entry to 1e-6.

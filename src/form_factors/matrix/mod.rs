@@ -124,13 +124,13 @@ pub struct Report {
 }
 
 impl Report {
-    /// Largest length of [`Report::bad`].
+    /// Largest length of [`Report::bad`]: a terminal of 24 lines shows it.
     pub const MAX_BAD: usize = 20;
     /// Largest sum of escaped and lost shares of a closed row: one ray in 500 through cracks at corners. Larger shares
     /// of open rows would be scaled away by the closure.
     pub const MAX_CLOSED_LOSS: f32 = 2e-3;
-    /// A facet is suspicious if its lost share exceeds this, or if row sum, escaped and lost shares differ from 1 by
-    /// more than this and by more than six standard errors. Affects warnings only.
+    /// A facet is suspicious if its lost share exceeds this, or if row sum, escaped and lost shares differ from 1 by more than this and
+    /// by more than six standard errors: far above what cracks let through ([`Report::MAX_CLOSED_LOSS`]). Affects warnings only.
     pub const MAX_LOSS: f64 = 0.05;
 }
 

@@ -298,7 +298,8 @@ fn files_hold_the_matrix() {
     }
 }
 
-/// The matrix in files of all formats: lines of CSV, MatrixMarket, and names and contents of the members of an archive, whose sums are right.
+/// The matrix in files of all formats: lines of CSV, MatrixMarket, and names and contents of the members of an archive, whose sums are
+/// right.
 fn files(m: &FormFactors, labels: Option<&Labels>) -> (Vec<String>, String, BTreeMap<String, Vec<u8>>) {
     let folder = tempfile::tempdir().expect("scratch folder");
     let written = |name: &str, format| {

@@ -15,9 +15,9 @@ pub struct Ledger {
     pub unit: String,
     /// Emitted by surfaces, and received from sky and suns.
     pub emitted: f64,
-    /// Received from the sky and the ground around the scene; part of what is emitted.
+    /// Received from the sky and the ground around the scene; included in what is emitted.
     pub sky: f64,
-    /// Received from the suns; part of what is emitted.
+    /// Received from the suns; included in what is emitted.
     pub sun: f64,
     /// Absorbed.
     pub absorbed: f64,
@@ -25,10 +25,11 @@ pub struct Ledger {
     pub escaped: f64,
     /// Received minus sent.
     pub created: f64,
-    /// Mean difference of the factors by which a leaf gathers and sends, relative to them, by area. A link has one exchange area for both directions,
-    /// so that `A_a F(a→b)` and `A_b F(b→a)` differ only by these factors. 0 after a local pass: a ray counts equally in both directions.
+    /// Mean difference of the factors by which a leaf gathers and sends, relative to them, by area. A link has one exchange area for both
+    /// directions, so that `A_a F(a→b)` and `A_b F(b→a)` differ only by these factors. 0 after a local pass: a ray counts equally in both
+    /// directions.
     pub reciprocity_residual: f64,
-    /// Smallest and largest sum of the form factors of an element from which no light leaves the scene, with the part that meets
+    /// Smallest and largest sum of the form factors of an element from which no light leaves the scene, with the fraction that meets
     /// unlit insides.
     pub row_sums: Option<[f64; 2]>,
     /// Root mean square difference of the row sums from 1, by area, before normalisation.
@@ -138,7 +139,7 @@ impl Solved {
         ledger.with_powers(powers, unit)
     }
 
-    /// The row sums of a leaf. After a local pass both are the part of its rays that stayed in the scene; the light that meets
+    /// The row sums of a leaf. After a local pass both are the fraction of its rays that stayed in the scene; the light that meets
     /// sides without elements is not sent to any element.
     pub(super) fn row_sums(&self, e: usize) -> RowSums {
         match &self.closing {

@@ -1,5 +1,5 @@
-//! The audit of error bars: independent paths from a few elements, followed to the end by exact rays. They share with the solution which sides count as
-//! unlit, and the closed form of the light of diffuse emitters without obstacles.
+//! The audit of error bars: independent paths from a few elements, followed to the end by exact rays. They share with the solution which
+//! sides count as unlit, and the closed form of the light of diffuse emitters without obstacles.
 
 use crate::math::sampling::{mix, point_on};
 use crate::radiosity::deadline::Deadline;
@@ -167,8 +167,8 @@ impl FinalGather<'_> {
         if area > 0.0 { light / area } else { 0.0 }
     }
 
-    /// Checks elements, drawn by area, light and error bars in strata; one drawn twice is checked by other paths; `position` in `[0, 1)` lies in each stratum. No checks without light
-    /// or after an early stop.
+    /// Checks elements, drawn by area, light and error bars in strata; one drawn twice is checked by other paths; `position` in `[0, 1)`
+    /// lies in each stratum. No checks without light or after an early stop.
     fn checks(
         &self,
         bars: &[f64],
@@ -218,9 +218,9 @@ impl FinalGather<'_> {
         (checks, tally)
     }
 
-    /// The elements that receive light, each with its probability to be drawn relative to that by area alone: a third of the draws is by area, a
-    /// third by light, and a third by error bars (half by area and half by light without bars). If a lamp lights a thousandth of a floor, all error
-    /// is there; in a room full of objects most of it lies in few elements with large bars.
+    /// The elements that receive light, each with its probability to be drawn relative to that by area alone: a third of the draws is by
+    /// area, a third by light, and a third by error bars (half by area and half by light without bars). If a lamp lights a thousandth of
+    /// a floor, all error is there; in a room full of objects most of it lies in few elements with large bars.
     fn draw_weights(&self, bars: &[f64]) -> Vec<(u32, f64)> {
         let Elements { elements, states, .. } = &self.linked().elements;
         let leaves = self.linked().lit_leaves();

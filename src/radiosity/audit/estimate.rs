@@ -37,7 +37,8 @@ impl ErrorEstimate {
         ErrorEstimate { rms: error.rms, upper: Some(error.rms_upper), source: ErrorSource::Points }
     }
 
-    /// From the audit if it has enough elements, else from the RMS of the error bars, `bars`; `None` if it is not finite, or far above the bars.
+    /// From the audit if it has enough elements, else from the RMS of the error bars, `bars`; `None` if it is not finite, or far above
+    /// the bars.
     pub fn of(audit: &ErrorBarAudit, bars: f64) -> Option<ErrorEstimate> {
         if audit.elements >= MIN_AUDITED {
             let ErrorBarAudit { expected_rms: rms, rms_upper, .. } = *audit;

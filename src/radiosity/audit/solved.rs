@@ -8,7 +8,8 @@ use crate::radiosity::options::Options;
 use crate::radiosity::refinement::{LinkClosing, LinkedScene, Refined};
 use crate::radiosity::rgb::{Rgb, add};
 
-/// Largest factor by which light along links is scaled to conserve its power, and the inverse of the smallest.
+/// Largest factor by which light along links is scaled to conserve its power, and the inverse of the smallest: light that is off by
+/// more is wrong in its distribution as well, which no factor repairs; the ledger then shows the difference.
 const MAX_POWER_FACTOR: f64 = 2.0;
 
 /// Method of the final light, with its results.
@@ -75,7 +76,7 @@ impl Solved {
         Solved { linked, closing: FinalLight::Rays(local) }
     }
 
-    /// The light of elements by a part of their rays; none where there is no time for rays.
+    /// The light of elements by a fraction of their rays; none where there is no time for rays.
     pub fn sample_elements(
         &mut self,
         model: &Model,

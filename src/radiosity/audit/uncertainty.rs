@@ -11,7 +11,7 @@ use crate::scene::Scene;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Lower bound of the part of the light that is lost at every bounce, without row normalisation: errors add up over at most
+/// Lower bound of the fraction of the light that is lost at every bounce, without row normalisation: errors add up over at most
 /// 1 / 0.05 = 20 bounces. Affects error bars only, which the audit rescales.
 const MIN_LOSS: f64 = 0.05;
 /// The same with row normalisation: correct row sums create and lose no light, and errors from all around cancel, so

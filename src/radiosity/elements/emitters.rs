@@ -47,14 +47,16 @@ pub struct Emitters {
     is_even: bool,
 }
 
-/// Largest exitance of a face, relative to the mean by area, up to which emitters count as evenly bright.
-const MAX_UNEVEN: f32 = 2.0;
+/// Largest exitance of a face, relative to the mean by area, up to which emitters count as evenly bright: a ray that is drawn by the
+/// cosine then meets each face at least half as often as its light asks for.
+const MAX_EXITANCE_RATIO: f32 = 2.0;
 
-/// Smallest distance of points from the rim of a face in bounds of the rounding errors of its coordinates: twice the length that segments leave out at ends on
-/// unknown surfaces.
+/// Smallest distance of points from the rim of a face, in bounds of the rounding errors of its coordinates: twice the length that
+/// segments leave out at ends on unknown surfaces.
 const MIN_RIM_DISTANCE: f32 = 32.0;
-/// Largest fraction of the way to the middle, for faces that are small against the rounding errors of their place.
-const MAX_RIM_PART: f32 = 0.1;
+/// Largest fraction of the way to the middle by which points keep away from the rim, for faces that are small against the rounding
+/// errors of their place: points are then in 0.9² = 81 % of the face.
+const MAX_RIM_FRACTION: f32 = 0.1;
 
 impl Emitters {
     /// The emitters of a scene, with the lit sides of their faces, which have the numbers of the sides.
@@ -89,8 +91,8 @@ impl Emitters {
         let faces = || lit.iter().map(|&f| face(f));
         let area: f32 = faces().map(|face| face.area).sum();
         let sent: f32 = faces().map(|face| face.area * mean(face.exitance) as f32).sum();
-        let is_even =
-            faces().all(|f| f.profile.is_none() && mean(f.exitance) as f32 * area <= MAX_UNEVEN * sent);
+        let is_even = faces()
+            .all(|f| f.profile.is_none() && mean(f.exitance) as f32 * area <= MAX_EXITANCE_RATIO * sent);
         let mut places = vec![Elements::NONE; count];
         let place: FxHashMap<(u32, u32), u32> = lit.iter().copied().zip(0..).collect();
         numbered.iter().for_each(|f| places[f.number as usize] = place[&(f.emitter, f.face)]);
@@ -98,7 +100,8 @@ impl Emitters {
         Emitters { width, tree, lit, powers, places, is_even, emitters }
     }
 
-    /// Whether all faces are diffuse and none is brighter than [`MAX_UNEVEN`] times the mean by area: few cosine-weighted rays would miss a small bright face.
+    /// Whether all faces are diffuse and none is brighter than [`MAX_EXITANCE_RATIO`] times the mean by area: few cosine-weighted rays
+    /// would miss a small bright face.
     pub fn is_even(&self) -> bool {
         self.is_even
     }
@@ -113,8 +116,9 @@ impl Emitters {
         self.tree.faces(cut).map(|places| places.map(|place| self.face(place)))
     }
 
-    /// Those of [`Emitters::faces`] that a ray would meet if nothing blocked it, with the point and the density of [`Emitters::sample`] there over the face's
-    /// exitance. The face with the number `met` is one of them also where rounding errors at its edges say otherwise.
+    /// Those of [`Emitters::faces`] that a ray would meet if nothing blocked it, with the point and the density of [`Emitters::sample`]
+    /// there over the face's exitance. The face with the number `met` is one of them also where rounding errors at its edges say
+    /// otherwise.
     pub fn faces_along<'c>(
         &'c self,
         cut: &'c EmitterCut,
@@ -140,8 +144,8 @@ impl Emitters {
         self.tree.variation(receiver, area, limit)
     }
 
-    /// A point on an emitter for two numbers in `[0, 1)`, the emitter and its face, and the density of the point on the face over the face's
-    /// exitance (mean over the channels). None if no emitter can light the receiver.
+    /// A point on an emitter for two numbers in `[0, 1)`, the emitter and its face, and the density of the point on the face over the
+    /// face's exitance (mean over the channels). None if no emitter can light the receiver.
     pub fn sample(&self, cut: &EmitterCut, u: f32, v: f32) -> Option<(Vec3, [usize; 2], f32)> {
         let ([first, end], u, density) = self.tree.draw(cut, u)?;
         let (first, end) = (first as usize, end as usize);
@@ -221,7 +225,7 @@ impl EmitterFace {
         let next = corners.iter().cycle().skip(1);
         let longest = corners.iter().zip(next).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
         // The middle of a parallelogram is at least area / longest / 2 from the rim, that of a triangle 2/3 of area / longest.
-        let to_middle = (2.0 * MIN_RIM_DISTANCE * side.end.slack() * longest / area).min(MAX_RIM_PART);
+        let to_middle = (2.0 * MIN_RIM_DISTANCE * side.end.slack() * longest / area).min(MAX_RIM_FRACTION);
         EmitterFace {
             corners,
             polygon: corners.map(|p| p.as_dvec3()),

@@ -146,10 +146,11 @@ fn winding(scene: &Scene, faces: &[u32], from: Vec3) -> f64 {
 /// Largest distance between the edges of ground and scene, as a fraction of the scene's extent: rounding of coordinates in files.
 const GROUND_EDGE: f32 = 1e-3;
 
-/// The component that is the ground, and whether the fronts of its faces are above. None if light may come from below: from a sky with a lower half or
-/// a ground of its own, or from surfaces that lie deeper than the ground.
+/// The component that is the ground, and whether the fronts of its faces are above. None if light may come from below: from a sky with a
+/// lower half or a ground of its own, or from surfaces that lie deeper than the ground.
 ///
-/// Light reaches the lower side of such a surface only past its edge. If this side had elements, it would take half of the rays of a terrain.
+/// Light reaches the lower side of such a surface only past its edge. If this side had elements, it would take half of the rays of a
+/// terrain.
 pub(super) fn ground(scene: &Scene) -> Option<(u32, bool)> {
     let environment = scene.environment.as_ref().filter(|environment| environment.is_dark_below())?;
     let up = environment.frame().up.as_vec3();

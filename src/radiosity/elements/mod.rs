@@ -128,9 +128,10 @@ pub struct Cluster {
 /// All elements of a scene.
 #[derive(Clone, Debug)]
 pub struct Elements {
-    /// The arena: geometry of the elements. The root comes first, parents before children. Only [`Elements::split`] adds any, to both lists at once, so that
-    /// an index means the same element in each. There are two lists because most loops need either geometry or light: with one list the solution of a living
-    /// room of 377,000 faces by links took 3 % more CPU time (`mrvis solve livingroom.obj --local-rays 0`).
+    /// The arena: geometry of the elements. The root comes first, parents before children. Only [`Elements::split`] adds any, to both
+    /// lists at once, so that an index means the same element in each. There are two lists because most loops need either geometry or
+    /// light: with one list the solution of a living room of 377,000 faces by links took 3 % more CPU time
+    /// (`mrvis solve livingroom.obj --local-rays 0`).
     pub elements: Vec<Element>,
     /// The arena: light, importance, feature size and row factors of each element.
     pub states: Vec<ElementState>,
@@ -233,7 +234,8 @@ pub struct ElementState {
     /// Whether another surface crosses the element, so that its mean light is wrong on both sides of that surface. Such an element does not
     /// exchange light, and paths that hit it continue from the hit point.
     pub crossed: bool,
-    /// Whether the element lies in a gap narrower than itself, along which light decays within its size. Such an element exchanges no light either.
+    /// Whether the element lies in a gap narrower than itself, along which light decays within its size. Such an element exchanges no
+    /// light either.
     pub narrow: bool,
 }
 

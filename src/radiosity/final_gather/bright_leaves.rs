@@ -1,5 +1,6 @@
-//! Small bright surfaces as light sources: the inside of a lamp shade, the ceiling above an uplight. The rays of a point or an element rarely hit them,
-//! and a ray that does stands for all that miss, which causes noise. Shadow rays to these surfaces find their light without this noise.
+//! Small bright surfaces as light sources: the inside of a lamp shade, the ceiling above an uplight. The rays of a point or an element
+//! rarely hit them, and a ray that does stands for all that miss, which causes noise. Shadow rays to these surfaces find their light
+//! without this noise.
 
 use super::reflected::Reflected;
 use crate::radiosity::elements::emitters::{Emitter, EmitterFace, Emitters, NumberedFace};
@@ -11,14 +12,18 @@ use crate::ray::LANES;
 /// Smallest number of shadow rays of a point and an emitter: two packets, whose difference shows whether more rays are
 /// needed. 16 or 64 rays instead change irradiance by less than 0.08 % (`constants.py solve`).
 pub(super) const MIN_SHADOW_RAYS: usize = 2 * LANES;
-/// Allowed standard error of the light of one emitter, as a fraction of the error asked for: with four equal emitters the errors add up to all of it.
-pub(super) const PART_OF_ERROR: f64 = 0.5;
-/// Time of the closed form of a face, relative to the time of a ray from a point: 0.1 µs over 0.4 µs in a Cornell box.
+/// Allowed standard error of the light of one emitter, as a fraction of the error asked for: with four equal emitters the errors add up
+/// to all of it.
+pub(super) const FRACTION_OF_ERROR: f64 = 0.5;
+/// Time of the closed form of a face, relative to the time of a ray from a point: both are computed for every point. It only decides
+/// how many faces are chosen, which changes noise and time, not the mean.
 const COST_OF_FACE: f64 = 0.25;
-/// Largest number of faces that are chosen: limits the time of a point.
+/// Largest number of faces that are chosen: limits the time of their closed forms at a point to that of [`COST_OF_FACE`] · 16,384 =
+/// 4,096 rays.
 const MAX_FACES: usize = 1 << 14;
-/// Largest ratio between the radiosities of leaves that are sampled as one face, their parent. A shadow ray carries the light of the leaf where it ends.
-/// The differences between leaves add a variance of at most 1/8 of the square of the light, half of the variance by visibility.
+/// Largest ratio between the radiosities of leaves that are sampled as one face, their parent. A shadow ray carries the light of the leaf
+/// where it ends. The differences between leaves add a variance of at most 1/8 of the square of the light, half of the variance by
+/// visibility.
 const MAX_RANGE: f64 = 2.0;
 
 /// Leaves whose reflected light is received by shadow rays.
@@ -76,9 +81,10 @@ impl BrightLeaves {
     }
 }
 
-/// For a square that covers k cells of a grid of rays: the variance of the part of the rays that hit the square, over the variance with as many random rays,
-/// times √k. The edges of the square cross 4 √k cells; a part p of each is covered, and p (1 - p) has the mean 1/6. The factor .3 is measured: cells at edges
-/// are divided, which removes the rest. At the points of a Cornell box (`scenes/cornell.py`) the factors 1 and .1 leave 1.2 and 1.5 times the error.
+/// For a square that covers k cells of a grid of rays: the variance of the fraction of the rays that hit the square, over the variance
+/// with as many random rays, times √k. The edges of the square cross 4 √k cells; a fraction p of each is covered, and p (1 - p) has the
+/// mean 1/6. The factor .3 is measured: cells at edges are divided, which removes the rest. At the points of a Cornell box
+/// (`scenes/cornell.py`) the factors 1 and .1 leave 1.2 and 1.5 times the error.
 const UNEVEN_CELLS: f64 = 0.3 * 4.0 / 6.0;
 
 /// Elements that should be sampled by shadow rays.
@@ -100,15 +106,16 @@ struct SubtreeLight {
 }
 
 impl Brightest {
-    /// Chooses the elements that minimise the variance of the light at a point times its computing time. `leaves` are all leaves with their radiosities,
-    /// W/m². It chooses none if the rays of a point alone leave less noise than the irradiance by `tolerated_power`, W, spread over all leaves. A candidate
-    /// is the largest element of about even radiosity; a leaf is no candidate if a wall across it separates different light.
+    /// Chooses the elements that minimise the variance of the light at a point times its computing time. `leaves` are all leaves with
+    /// their radiosities, W/m². It chooses none if the rays of a point alone leave less noise than the irradiance by `tolerated_power`,
+    /// W, spread over all leaves. A candidate is the largest element of about even radiosity; a leaf is no candidate if a wall across it
+    /// separates different light.
     ///
-    /// One of the `rays` of a point hits a surface of area A with the mean probability A / S, where S is the area of all surfaces. With the radiosity B
-    /// of the surface and the mean B̄ of all, the surface adds (B - B̄)² A / S to the variance of a ray, less if it covers whole cells of the grid of
-    /// rays ([`UNEVEN_CELLS`]). Each shadow ray leaves the variance p (1 - p) L² ≤ L² / 4, where p is the visible fraction of the light L of the chosen
-    /// surfaces. A point traces as many shadow rays, at most `shadow_rays`, as leave [`PART_OF_ERROR`] of the error asked for. The time is that of both
-    /// kinds of rays and of the closed forms of the faces.
+    /// One of the `rays` of a point hits a surface of area A with the mean probability A / S, where S is the area of all surfaces. With
+    /// the radiosity B of the surface and the mean B̄ of all, the surface adds (B - B̄)² A / S to the variance of a ray, less if it
+    /// covers whole cells of the grid of rays ([`UNEVEN_CELLS`]). Each shadow ray leaves the variance p (1 - p) L² ≤ L² / 4, where p is
+    /// the visible fraction of the light L of the chosen surfaces. A point traces as many shadow rays, at most `shadow_rays`, as leave
+    /// [`FRACTION_OF_ERROR`] of the error asked for. The time is that of both kinds of rays and of the closed forms of the faces.
     pub fn of(
         Elements { elements, states, .. }: &Elements,
         leaves: &[(u32, f64)],
@@ -146,7 +153,7 @@ impl Brightest {
         let mean_radiosity = below[0].power / all;
         let light = |e: u32| below[e as usize].power / below[e as usize].area;
         let (of_rays, most) = (rays as f64, shadow_rays as f64);
-        let allowed = (PART_OF_ERROR * tolerated_power / all).powi(2);
+        let allowed = (FRACTION_OF_ERROR * tolerated_power / all).powi(2);
         let variance_by = |e: u32| {
             let part = below[e as usize].area / all;
             (light(e) - mean_radiosity).powi(2) * part * (UNEVEN_CELLS / (of_rays * part).sqrt()).min(1.0)

@@ -3,8 +3,9 @@
 use glam::Vec3;
 use std::ops::Range;
 
-/// Rings of neighbours that are compared below a sky in a grid whose cells are all of one size; of smaller cells those that are as near, at least one. Ends of strips of
-/// sky and what rises a little above the horizon are thinner than a cell: at points in a street two rings leave .5 %, three .2 %.
+/// Rings of neighbours around a cell that are compared below a sky, in a grid whose cells all have one size; around smaller cells as
+/// many rings as reach equally far, at least one. The ends of strips of sky, and what rises a little above the horizon, are thinner
+/// than a cell: at points in a street two rings leave errors of .5 %, three of .2 %.
 pub(super) const RINGS: usize = 3;
 
 /// A cell of the grid or of one of its divisions.
@@ -14,8 +15,9 @@ pub(super) struct RayCell {
     pub place: [u32; 2],
     /// Whether its ray leaves the scene.
     pub is_open: bool,
-    /// Irradiance by the cell over its area, if its ray represents all of it, W/m². The sky is taken in the direction of the ray, because the sky that an
-    /// edge hides may be brighter than the rest: the mean sky times the visible fraction errs by 1 % in courtyards under an overcast sky.
+    /// Irradiance by the cell over its area, if its ray represents all of it, W/m². The sky is taken in the direction of the ray, because
+    /// the sky that an edge hides may be brighter than the rest: the mean sky times the visible fraction errs by 1 % in courtyards under
+    /// an overcast sky.
     pub light: Vec3,
     /// `light` with the mean light of the element that its ray has hit, or of the surfaces around it where only one of four quarters was
     /// evaluated, W/m²; it has no noise of paths.
@@ -33,7 +35,8 @@ pub(super) struct RayCell {
 }
 
 impl RayCell {
-    /// Correction of the light of a cell whose neighbours are all open, W/m²: if its own ray is open, its light becomes the mean of the sky.
+    /// Correction of the light of a cell whose neighbours are all open, W/m²: if its own ray is open, its light becomes the mean of the
+    /// sky.
     pub fn smoothing(&self) -> Vec3 {
         self.unblocked - self.at_ray
     }
@@ -83,7 +86,8 @@ impl NeighbourRanges {
     }
 }
 
-/// The largest of the values around each place of a grid without the value at the place, row after row; negative infinity without neighbours.
+/// The largest of the values around each place of a grid without the value at the place, row after row; negative infinity without
+/// neighbours.
 fn largest_around(values: &[f32], columns: usize, reach: usize) -> Vec<f32> {
     let mut around = vec![f32::NEG_INFINITY; values.len()];
     for (values, around) in values.chunks(columns).zip(around.chunks_mut(columns)) {

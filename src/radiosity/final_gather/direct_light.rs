@@ -1,6 +1,6 @@
 //! Direct light at points: the unoccluded irradiance by Lambert's formula times the visible fraction, estimated by bundles of shadow rays.
 
-use super::bright_leaves::{BrightLeaves, MIN_SHADOW_RAYS, PART_OF_ERROR};
+use super::bright_leaves::{BrightLeaves, FRACTION_OF_ERROR, MIN_SHADOW_RAYS};
 use super::face_parts::{Part, part_of};
 use super::gather_point::GatherPoint;
 use super::gatherer::FinalGather;
@@ -14,11 +14,12 @@ use glam::{DVec3, Vec3};
 
 /// Points per parallel task: limits the buffers of the task. 64 points fill four packets.
 pub(super) const CHUNK: usize = 64;
-/// Visible fraction of an emitter below which a point with little other light traces more rays: the part if four of [`MIN_SHADOW_RAYS`] rays pass. If a hole
-/// shows a hundredth of a lamp, none of 32 rays passes in three cases of four; without more rays a sixth of the lamp's light would be lost.
+/// Visible fraction of an emitter below which a point with little other light traces more rays: the fraction if four of
+/// [`MIN_SHADOW_RAYS`] rays pass. If a hole shows a hundredth of a lamp, none of 32 rays passes in three cases of four; without more rays
+/// a sixth of the lamp's light would be lost.
 const MAX_HIDDEN_VISIBILITY: f64 = 4.0 / MIN_SHADOW_RAYS as f64;
-/// Mean number of emitters without a passing ray to which a point traces all rays in each set. Points of 64 closed cells with 32 lamps
-/// take 7 times as long with all lamps.
+/// Mean number of emitters without a passing ray to which a point traces all rays in each set, chosen at random in proportion to their
+/// light. Without a limit, a point of one of many closed cells would trace rays to the lamps of all cells.
 const RETRACED_EMITTERS: f64 = 4.0;
 
 impl FinalGather<'_> {
@@ -51,9 +52,10 @@ impl FinalGather<'_> {
         values
     }
 
-    /// Traces more rays to emitters that are mostly hidden from points with little other light, because the small visible part may be all the light of the
-    /// point. `engines` are in the order of the emitters; the last one serves all further emitters. Of many emitters without a passing ray, only some are drawn at random, in proportion to their
-    /// unoccluded light. Their results are divided by the probability of the choice, so that the mean is that of all.
+    /// Traces more rays to emitters that are mostly hidden from points with little other light, because the small visible fraction may be
+    /// all the light of the point. `engines` are in the order of the emitters; the last one serves all further emitters. Of many emitters
+    /// without a passing ray, only some are drawn at random, in proportion to their unoccluded light. Their results are divided by the
+    /// probability of the choice, so that the mean is that of all.
     fn trace_hidden(
         &self,
         mut hidden: Vec<(usize, EmitterView)>,
@@ -157,8 +159,8 @@ impl FinalGather<'_> {
         views
     }
 
-    /// Estimates the visible fraction of an emitter's irradiance by few rays, or by as many new rays as `rays` computes from the results of these. Averaged
-    /// visibility varies less and needs fewer rays.
+    /// Estimates the visible fraction of an emitter's irradiance by few rays, or by as many new rays as `rays` computes from the results
+    /// of these. Averaged visibility varies less and needs fewer rays.
     pub(super) fn measure_visibility(
         &self,
         views: &mut [EmitterView],
@@ -184,9 +186,9 @@ impl FinalGather<'_> {
         view.traced <= self.first_rays() && view.visible() < MAX_HIDDEN_VISIBILITY
     }
 
-    /// Replaces the results by those of `rays` new rays, if that number is not 0. The number depends on the results of the first rays, so that the mean over
-    /// both sets would be too small: where the first rays happen to find little light, no more rays would follow. The new rays have a random shift of their
-    /// own, because the points of one sequence avoid its earlier points.
+    /// Replaces the results by those of `rays` new rays, if that number is not 0. The number depends on the results of the first rays, so
+    /// that the mean over both sets would be too small: where the first rays happen to find little light, no more rays would follow. The
+    /// new rays have a random shift of their own, because the points of one sequence avoid its earlier points.
     fn trace_anew(
         &self,
         views: &mut [EmitterView],
@@ -238,12 +240,13 @@ impl FinalGather<'_> {
         0.5 / (self.light_rays as f64).sqrt()
     }
 
-    /// The standard error of an emitter's visible fraction at which the standard error of its light is [`PART_OF_ERROR`] of the error asked for, relative to
-    /// the mean irradiance. At brighter points it is relative to the light of the point: `known`, W/m², plus the light that has arrived from this emitter.
+    /// The standard error of an emitter's visible fraction at which the standard error of its light is [`FRACTION_OF_ERROR`] of the error
+    /// asked for, relative to the mean irradiance. At brighter points it is relative to the light of the point: `known`, W/m², plus the
+    /// light that has arrived from this emitter.
     fn tolerance(&self, view: &EmitterView, known: f64) -> f64 {
         let free = mean(view.free);
         let light = known + view.visible() * free;
-        PART_OF_ERROR * self.error * light.max(self.linked.mean_irradiance) / free
+        FRACTION_OF_ERROR * self.error * light.max(self.linked.mean_irradiance) / free
     }
 
     /// Sixteen shadow rays of a point, beginning with number `first`.
@@ -287,7 +290,8 @@ impl FinalGather<'_> {
     }
 }
 
-/// Unoccluded light of a shadow ray over its density, up to a factor: by the mean exitance of the face, and by the exitance where the ray ends.
+/// Unoccluded light of a shadow ray over its density, up to a factor: by the mean exitance of the face, and by the exitance where the ray
+/// ends.
 #[derive(Clone, Copy, Default)]
 pub(super) struct ShadowRay {
     of_face: Vec3,
@@ -343,7 +347,7 @@ struct ShadowRaySums {
     /// Sums of the unoccluded light by the mean exitance of each face (`free`), and of the light that arrives (`seen`).
     free: DVec3,
     seen: DVec3,
-    /// Sum over rays of the unoccluded light times the square of the part that arrives, means over the channels.
+    /// Sum over rays of the unoccluded light times the square of the fraction that arrives, means over the channels.
     squares: f64,
     /// The same over packets.
     squares_of_packets: f64,
@@ -375,8 +379,9 @@ impl ShadowRaySums {
         if free > 0.0 { self.seen.element_sum() / free } else { 1.0 }
     }
 
-    /// Variance of the visible fraction; 0 without rays. The points of a packet are spread evenly over the emitter, so that packets differ less than random
-    /// rays. Few packets determine their variance poorly: it is the variance of these packets and one more that varies like sixteen random rays.
+    /// Variance of the visible fraction; 0 without rays. The points of a packet are spread evenly over the emitter, so that packets
+    /// differ less than random rays. Few packets determine their variance poorly: it is the variance of these packets and one more that
+    /// varies like sixteen random rays.
     fn variance(&self) -> f64 {
         let free = self.free.element_sum() / 3.0;
         if free <= 0.0 {

@@ -25,25 +25,26 @@ use smallvec::SmallVec;
 const MIN_HALF: u32 = 4;
 /// Largest number of rays of each half, so that no element can use up all rays: noise of 1 % where one ray deviates by half of the mean.
 const MAX_HALF: u32 = 1024;
-/// Deviation of one ray from the mean light of its element, relative to that light, where it is not known.
+/// Deviation of one ray from the mean light of its element, relative to that light, where it is not known: that of a usual element, as
+/// for [`RAYS_TIMES_ERROR_SQUARED`](super::ray_counts).
 const DEFAULT_DEVIATION: f64 = 0.5;
 
-/// Rays of an element to each sun for each of its other rays, where parts of the surface are in the shade. Rays to one sun are coherent: four take about
-/// as long as a ray into the scene. Below trees most of the noise comes from shadows.
+/// Rays of an element to each sun for each of its other rays, where parts of the surface are in the shade. Rays to one sun are coherent:
+/// four take about as long as a ray into the scene. Below trees most of the noise comes from shadows.
 const RAYS_TO_SUN: u32 = 4;
 /// Elements are split if the variance of direct light over elements exceeds the allowed variance by this factor. The parts keep some of the
 /// variance: without a margin an office has seven more rounds of a few hundred elements each, 6 % of the time.
 const MIN_EXCESS: f64 = 1.1;
 /// Number of neighbouring leaves that use one sequence of random numbers: more than the 49 that share their light.
 const LEAVES_OF_SEQUENCE: usize = 64;
-/// Distance beyond the middle of an edge at which the element there is looked up, as a fraction of the distance from the centre: far above rounding, and within
-/// elements of an eighth of the size.
+/// Distance beyond the middle of an edge at which the element there is looked up, as a fraction of the distance from the centre: far
+/// above rounding, and within elements of an eighth of the size.
 const BEYOND_EDGE: f32 = 1.0 / 16.0;
-/// Elements of one parallel task that traces a ray along the normal of each.
+/// Elements of one parallel task that traces a ray along the normal of each: sixteen packets.
 const CHUNK: usize = 256;
 
-/// Largest factor by which reflected light is scaled to conserve its power, and the inverse of the smallest: with eight rays each, the faces of a
-/// lamp that stands on a floor find up to three times the light that the floor sends there.
+/// Largest factor by which reflected light is scaled to conserve its power, and the inverse of the smallest: with eight rays each, the
+/// faces of a lamp that stands on a floor find up to three times the light that the floor sends there.
 const MAX_REFLECTED_FACTOR: f64 = 4.0;
 
 /// The light that elements have gathered.
@@ -76,7 +77,7 @@ pub struct ElementSamples {
 impl ElementSamples {
     /// The leaves over which direct light varies most, at most `max`: as many as needed to bring the area-weighted mean variance over all
     /// other leaves to at most `variance`, relative to the square of the mean light. None if the mean hardly exceeds this limit.
-    pub fn uneven(&self, elements: &Elements, variance: f64, max: usize) -> Vec<u32> {
+    pub fn most_varying(&self, elements: &Elements, variance: f64, max: usize) -> Vec<u32> {
         let area = |leaf: u32| elements.elements[leaf as usize].area;
         let (mut all, mut sum) = (0.0, 0.0);
         let mut found: Vec<(f64, u32)> = Vec::new();
@@ -84,8 +85,8 @@ impl ElementSamples {
             let area = area(leaf);
             all += area;
             sum += area * (light.mean(DIRECT) + light.mean(REFLECTED));
-            if light.uneven > 0.0 && !elements.states[leaf as usize].crossed {
-                found.push((area * f64::from(light.uneven), leaf));
+            if light.variance_over_quarters > 0.0 && !elements.states[leaf as usize].crossed {
+                found.push((area * f64::from(light.variance_over_quarters), leaf));
             }
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -109,14 +110,15 @@ impl ElementSamples {
 impl FinalGather<'_> {
     /// The rays that a leaf should have, up to a factor.
     ///
-    /// The sum of squared errors, by area and weight, is smallest with rays in proportion to √area times the weighted deviation of one ray (Neyman 1934).
-    /// The rays of the local pass estimate the deviation: an estimate from the same rays as the light would correlate with it, and
-    /// elements that happen to look dark would stay dark.
+    /// The sum of squared errors, by area and weight, is smallest with rays in proportion to √area times the weighted deviation of one
+    /// ray (Neyman 1934). The rays of the local pass estimate the deviation: an estimate from the same rays as the light would correlate
+    /// with it, and elements that happen to look dark would stay dark.
     fn wanted_rays(&self, local: &LocalPass, e: u32) -> f64 {
         let Elements { elements, states, .. } = &self.linked.elements;
         let result = &local.results[e as usize];
         let weight = elements[e as usize].area * f64::from(states[e as usize].importance);
-        // Without rays of the first pass the deviation is unknown: leaves that were not traced for lack of time get the smallest number of rays.
+        // Without rays of the first pass the deviation is unknown: leaves that were not traced for lack of time get the smallest number
+        // of rays.
         let deviation = match result.rays {
             0 if states[e as usize].is_excluded() => DEFAULT_DEVIATION * mean(result.irradiance),
             0 => 0.0,
@@ -125,9 +127,8 @@ impl FinalGather<'_> {
         weight.sqrt() * deviation
     }
 
-    /// The light of all leaves after a local pass: that of some leaves is `known`, each other leaf traces the rays that it would have if all leaves had about
-    /// `rays` rays together. Leaves
-    /// without rays because of the deadline are missing.
+    /// The light of all leaves after a local pass: that of some leaves is `known`, each other leaf traces the rays that it would have if
+    /// all leaves had about `rays` rays together. Leaves without rays because of the deadline are missing.
     pub fn sample_elements(
         &self,
         local: &LocalPass,
@@ -203,9 +204,9 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Gives neighbouring leaves parts of one sequence. Ids are numbers in the tree of clusters and parts of surfaces: most leaves with near ids are
-    /// neighbours. Both halves of a leaf have parts of the same sequence, but not below a sky, where light is a product of means over both halves: their
-    /// errors must be independent there.
+    /// Gives neighbouring leaves parts of one sequence. Ids are numbers in the tree of clusters and parts of surfaces: most leaves with
+    /// near ids are neighbours. Both halves of a leaf have parts of the same sequence, but not below a sky, where light is a product of
+    /// means over both halves: their errors must be independent there.
     fn join_sequences(&self, rays: &mut [LeafRays]) {
         let mut ordered: Vec<&mut LeafRays> = rays.iter_mut().collect();
         ordered.sort_unstable_by_key(|of| self.linked.elements.elements[of.leaf as usize].ids[0]);
@@ -257,10 +258,11 @@ impl FinalGather<'_> {
         Gathered { light, received: received_share, arrived, skipped, tally }
     }
 
-    /// The factors f, by channel, that make the reflected light that leaves receive equal to the light that leaves reflect towards others: Σ A f·r = Σ A
-    /// k·ρ·(d + f·r), both summed over the same leaves. Here `d` is the light of a leaf from emitters, suns and sky, `r` its reflected light, ρ its
-    /// reflectance and `k` the part of its light that other elements receive. Rays of leaves miss a small bright spot, as on a wall beside a lamp, or hit
-    /// it too often; the light that the spot reflects is known from its own direct light.
+    /// The factors f, by channel, that make the reflected light that leaves receive equal to the light that leaves reflect towards
+    /// others: Σ A f·r = Σ A k·ρ·(d + f·r), both summed over the same leaves. Here `d` is the light of a leaf from emitters, suns and
+    /// sky, `r` its reflected light, ρ its reflectance and `k` the fraction of its light that other elements receive. Rays of leaves miss
+    /// a small bright spot, as on a wall beside a lamp, or hit it too often; the light that the spot reflects is known from its own
+    /// direct light.
     fn balance_of_reflected_light(
         &self,
         leaves: &[u32],
@@ -299,7 +301,8 @@ impl FinalGather<'_> {
         }
     }
 
-    /// The edges of leaves along which other surfaces stand, and those of elements beside them that other surfaces cross, by index in `leaves`.
+    /// The edges of leaves along which other surfaces stand, and those of elements beside them that other surfaces cross, by index in
+    /// `leaves`.
     fn walls_at(&self, leaves: &[u32]) -> Walls {
         let Elements { elements, states, .. } = &self.linked.elements;
         let edges_of = |leaf: u32| -> (u32, SmallVec<[[Vec3; 2]; 4]>) {

@@ -39,7 +39,7 @@ pub struct LeafRays {
 pub(super) struct Unblocked {
     /// W/m².
     light: Vec3,
-    /// Whether a face is so near that a few points on it would carry most of its light: rays into the scene then find a part of it.
+    /// Whether a face is so near that a few points on it would carry most of its light: rays into the scene then find only some of it.
     near: bool,
 }
 
@@ -62,8 +62,9 @@ impl Sequence {
 /// Longest sequence of `sobol_burley`.
 const MAX_SEQUENCE: u32 = 1 << 16;
 
-/// Gives neighbouring leaves parts of one sequence that follow each other: the rays of all leaves that share their light then cover the hemisphere
-/// evenly together (Ahmed and Wonka 2020). Both halves of a leaf follow each other if `joins_halves`; otherwise each half has its own sequence.
+/// Gives neighbouring leaves parts of one sequence that follow each other: the rays of all leaves that share their light then cover the
+/// hemisphere evenly together (Ahmed and Wonka 2020). Both halves of a leaf follow each other if `joins_halves`; otherwise each half has
+/// its own sequence.
 pub fn join_sequences(leaves: &mut [&mut LeafRays], joins_halves: bool) {
     let Some(mut next) = leaves.first().map(|of| of.sequences) else { return };
     for of in leaves {
@@ -125,7 +126,7 @@ impl FinalGather<'_> {
                         let all = ray.free.element_sum();
                         (quarter, all, level * ray.seen.element_sum() / all.max(f32::MIN_POSITIVE))
                     };
-                    light.uneven = variance_of_quarters(quarters.zip(rays).map(of));
+                    light.variance_over_quarters = variance_of_quarters(quarters.zip(rays).map(of));
                     light.direct_of_fraction(free, half, rays);
                 }
                 None => {
@@ -133,7 +134,7 @@ impl FinalGather<'_> {
                     let of = |(&quarter, result): (&u8, &RayResult)| {
                         (quarter, 1.0, result.direct.element_sum() / 3.0)
                     };
-                    light.uneven = variance_of_quarters(quarters.zip(results).map(of));
+                    light.variance_over_quarters = variance_of_quarters(quarters.zip(results).map(of));
                     light.direct_of_rays(half, results);
                 }
             }
@@ -146,8 +147,8 @@ impl FinalGather<'_> {
         light
     }
 
-    /// For each of `buffers.vertices`: the light of bright leaves by a separate shadow ray to one of them, and the weight (balance heuristic) of the light
-    /// of a bright leaf that the ray from the vertex has hit. `None` if there are no bright leaves.
+    /// For each of `buffers.vertices`: the light of bright leaves by a separate shadow ray to one of them, and the weight (balance
+    /// heuristic) of the light of a bright leaf that the ray from the vertex has hit. `None` if there are no bright leaves.
     fn light_of_bright_leaves(
         &self,
         batch: &[LeafRays],
@@ -188,7 +189,8 @@ impl FinalGather<'_> {
         Some(parts)
     }
 
-    /// The groups of emitting faces for each leaf of a batch, none for leaves without rays to emitters, in a list that the caller must return to `buffers.cuts`.
+    /// The groups of emitting faces for each leaf of a batch, none for leaves without rays to emitters, in a list that the caller must
+    /// return to `buffers.cuts`.
     pub(super) fn cuts_of(&self, batch: &[LeafRays], buffers: &mut Buffers) -> Vec<EmitterCut> {
         let mut cuts = std::mem::take(&mut buffers.cuts);
         cuts.resize_with(batch.len().max(cuts.len()), EmitterCut::default);
@@ -201,8 +203,9 @@ impl FinalGather<'_> {
         cuts
     }
 
-    /// Traces the rays of a batch of leaves from `buffers.vertices` and writes `buffers.results`, in the order of leaves, halves and numbers. Returns the
-    /// light of emitters from each of these points. Where the unoccluded light of the leaf, `free`, is not known, this light is added to the results.
+    /// Traces the rays of a batch of leaves from `buffers.vertices` and writes `buffers.results`, in the order of leaves, halves and
+    /// numbers. Returns the light of emitters from each of these points. Where the unoccluded light of the leaf, `free`, is not known,
+    /// this light is added to the results.
     pub(super) fn trace_leaves(
         &self,
         batch: &[LeafRays],
@@ -240,8 +243,8 @@ impl FinalGather<'_> {
         rays
     }
 
-    /// Light of the emitting faces that a cosine-weighted ray from a vertex would meet if nothing blocked it, with the weight of the balance heuristic, W/m².
-    /// `met` is the side that it has met.
+    /// Light of the emitting faces that a cosine-weighted ray from a vertex would meet if nothing blocked it, with the weight of the
+    /// balance heuristic, W/m². `met` is the side that it has met.
     fn unblocked_along(&self, vertex: &PathVertex, cut: &EmitterCut, ray: [Vec3; 2], met: u32) -> Vec3 {
         let Side { normal, end, .. } = self.linked.elements.sides[vertex.side as usize];
         let light = |(face, at, density): (&EmitterFace, Vec3, f32)| {
@@ -304,8 +307,8 @@ impl FinalGather<'_> {
         random
     }
 
-    /// Irradiance of an element from all emitters if nothing blocked them, W/m², by closed form or quadrature. None if too many faces light the
-    /// element.
+    /// Irradiance of an element from all emitters if nothing blocked them, W/m², by closed form or quadrature. None if too many faces
+    /// light the element.
     fn unblocked(&self, leaf: u32, cut: &EmitterCut) -> Option<Unblocked> {
         let elements = &self.linked.elements;
         let element = &elements.elements[leaf as usize];
@@ -442,7 +445,8 @@ impl FinalGather<'_> {
     }
 }
 
-/// Mean of `of` over an element of which only the part before a face is lit. Points in the plane of the face within `rounding` count as before it.
+/// Mean of `of` over an element of which only the part before a face is lit. Points in the plane of the face within `rounding` count as
+/// before it.
 fn mean_before(of: &dyn Fn(Vec3) -> f64, corners: [Vec3; 4], face: &EmitterFace, rounding: f32) -> f64 {
     if !corners.iter().any(|c| face.normal.dot(face.corners[0] - *c) > rounding) {
         return mean_over(of, corners);
@@ -466,8 +470,8 @@ mod tests {
     use super::*;
     use std::collections::HashMap;
 
-    /// Parts of a sequence follow each other without gaps, and a sequence that is used up is followed by the leaf's own one. Halves that must be independent
-    /// have no sequence in common.
+    /// Parts of a sequence follow each other without gaps, and a sequence that is used up is followed by the leaf's own one. Halves that
+    /// must be independent have no sequence in common.
     #[test]
     fn leaves_take_parts_of_sequences_that_follow_each_other() {
         let of = |leaf: u32| LeafRays {

@@ -30,17 +30,17 @@ pub struct ElementLight {
     pub halves: [[Vec3; 2]; KINDS],
     /// By kind, sum over all rays of the squared difference from the mean, mean over the channels, (W/m²)².
     pub squares: [f32; KINDS],
-    /// Irradiance of suns (a part of the direct light) and of the sky (a part of the reflected light), mean over the halves, W/m².
+    /// Irradiance of suns (included in the direct light) and of the sky (included in the reflected light), mean over the halves, W/m².
     pub sun: Vec3,
     pub sky: Vec3,
     /// Variance of direct light over the element, estimated from its quarters; mean over the channels, (W/m²)².
-    pub uneven: f32,
+    pub variance_over_quarters: f32,
 }
 
 /// Parts of an element whose light is compared.
 const QUARTERS: usize = 4;
-/// Smallest ratio of the variance between quarters to the variance expected from the noise of their rays. With 2 and with 4, the exported mesh of an
-/// office errs by 9.5 % and 10.8 % at points, that of a valley by 3.4 and 3.5 % (`scenes/room.py SCENE --elements 2000`).
+/// Smallest ratio of the variance between quarters to the variance expected from the noise of their rays. With 2 and with 4, the exported
+/// mesh of an office errs by 9.5 % and 10.8 % at points, that of a valley by 3.4 and 3.5 % (`scenes/room.py SCENE --elements 2000`).
 const MIN_RATIO: f32 = 2.0;
 
 /// A ray in the comparison of quarters: the number of its quarter, its weight, and the light that it has found, W/m².
@@ -116,7 +116,7 @@ impl ElementLight {
         let mean = self.sun.element_sum() / 3.0;
         self.squares[DIRECT] += results.iter().map(|r| (level(r) - mean).powi(2)).sum::<f32>();
         let of = |(&quarter, result): (&u8, &RayResult)| (quarter, 1.0, level(result));
-        self.uneven += variance_of_quarters(quarters.iter().zip(results).map(of));
+        self.variance_over_quarters += variance_of_quarters(quarters.iter().zip(results).map(of));
     }
 
     /// Direct light as the light without blockers, `free`, times the visible fraction of it: a ratio of two sums over the rays, which has

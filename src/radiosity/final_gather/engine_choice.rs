@@ -13,9 +13,11 @@ use crate::visibility::{DistanceCut, LeafMode, rays_for, sample_runs};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// Smallest number of points for which the cut is built, and number of triangles for one more point: with exact rays, these points take about
-/// twice the time of building it, 1 s on each of two processors for the garden of `make scenes` and 6 s for its park of 1.9 million triangles.
+/// Smallest number of points for which the cut is built: with exact rays, these points and those of [`TRIANGLES_PER_POINT`] take about
+/// twice the time of building it, 1 s on each of two processors for the garden of `make scenes` and 6 s for its park of 1.9 million
+/// triangles.
 const MIN_CUT_POINTS: usize = 1 << 14;
+/// Number of triangles for which this number of points is larger by one.
 const TRIANGLES_PER_POINT: usize = 16;
 /// The cut is chosen up to this ratio of its work to the work of exact rays for the same error: work is an estimate, and mean squares
 /// of 256 points are known to about a tenth.
@@ -25,7 +27,7 @@ const MAX_WORK_RATIO: f64 = 0.8;
 struct Trial {
     /// Number of segments.
     segments: f64,
-    /// Visible parts, in the order of the points.
+    /// Visible fractions, in the order of the points.
     visible: Vec<f64>,
 }
 
@@ -86,8 +88,8 @@ impl FinalGather<'_> {
         engine.by_cut().map(|(by, work)| (VisibilityEngine::MultiResolution(Arc::new(by)), work)).collect()
     }
 
-    /// The engine that needs the least work for a given error of an emitter's visible fraction at points like those of a sample: `other`, or
-    /// one of the engines by the cut.
+    /// The engine that needs the least work for a given error of an emitter's visible fraction at points like those of a sample: `other`,
+    /// or one of the engines by the cut.
     fn fastest(
         &self,
         other: VisibilityEngine,

@@ -3,7 +3,7 @@
 use super::element_samples::{DIRECT, ElementLight, REFLECTED};
 use super::gatherer::FinalGather;
 use super::local_noise::LocalResult;
-use super::ray_counts::{NEEDED_SHARE, NEIGHBOURS};
+use super::ray_counts::{AVERAGED_ELEMENTS, NEEDED_SHARE};
 use super::ray_rows::{RayRow, RayRows};
 use crate::radiosity::elements::Elements;
 use crate::radiosity::rgb::mean;
@@ -11,14 +11,15 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 impl FinalGather<'_> {
-    /// The light of leaves of the exchange by its rays, after the light that elements reflect is known; empty if these rays leave more noise than the error
-    /// asked for allows. Left out are leaves in partial shadow of suns, which need rays of their own to find the edges of shadows, along which elements are
-    /// split. The first half of the rays selects these leaves, and the second half, divided again, gives the light of suns: with the same rays for both, the leaves below
-    /// small gaps that are not left out would have too little light.
+    /// The light of leaves of the exchange by its rays, after the light that elements reflect is known; empty if these rays leave more
+    /// noise than the error asked for allows. Left out are leaves in partial shadow of suns, which need rays of their own to find the
+    /// edges of shadows, along which elements are split. The first half of the rays selects these leaves, and the second half, divided
+    /// again, gives the light of suns: with the same rays for both, the leaves below small gaps that are not left out would have too
+    /// little light.
     ///
-    /// Scenes in which more light is reflected than the error asked for are left out as well: the light of an element and the part of it that leaves the
-    /// scene would be known by the same rays, and their product has a bias. Where surfaces of a town reflect 0.9, absorbed and escaped power
-    /// would exceed the emitted power by 1 %.
+    /// Scenes in which more light is reflected than the error asked for are left out as well: the light of an element and the fraction of
+    /// it that leaves the scene would be known by the same rays, and their product has a bias. Where surfaces of a town reflect 0.9,
+    /// absorbed and escaped power would exceed the emitted power by 1 %.
     pub(super) fn exchange_samples(
         &self,
         rows: &RayRows,
@@ -42,8 +43,8 @@ impl FinalGather<'_> {
         rows.rows.par_iter().enumerate().filter_map(of_row).collect()
     }
 
-    /// Whether the rays of the exchange bring the noise of elements, shared between neighbours, to [`NEEDED_SHARE`] of the error asked for: the error of all
-    /// elements together is √(Σ A σ² / n / Σ A) for areas A, deviations σ of one ray and numbers n of rays.
+    /// Whether the rays of the exchange bring the noise of elements, shared between neighbours, to [`NEEDED_SHARE`] of the error asked
+    /// for: the error of all elements together is √(Σ A σ² / n / Σ A) for areas A, deviations σ of one ray and numbers n of rays.
     fn exchange_suffices(&self, rows: &RayRows, results: &[LocalResult]) -> bool {
         let elements = &self.linked.elements.elements;
         let (mut noise, mut area, mut light) = (0.0, 0.0, 0.0);
@@ -53,7 +54,7 @@ impl FinalGather<'_> {
             area += own;
             light += own * mean(result.irradiance);
         }
-        noise / (NEIGHBOURS * area) <= (NEEDED_SHARE * self.error * light / area).powi(2)
+        noise / (AVERAGED_ELEMENTS * area) <= (NEEDED_SHARE * self.error * light / area).powi(2)
     }
 }
 

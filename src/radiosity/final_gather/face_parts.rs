@@ -5,9 +5,11 @@ use crate::math::sampling::pick;
 use crate::radiosity::elements::quarters;
 use glam::Vec3;
 
-/// Ratio of a part's radius to its distance from a point above which the part is divided into quarters: the light varies over a part by about twice the ratio.
-const MAX_PART: f32 = 0.5;
-/// Largest number of times that a face is quartered: a point at a thousandth of the face's size below the face is below a part of about that size.
+/// Ratio of a part's radius to its distance from a point above which the part is divided into quarters: the light varies over a part by
+/// about twice the ratio.
+const MAX_RADIUS_RATIO: f32 = 0.5;
+/// Largest number of times that a face is quartered: a point at a thousandth of the face's size below the face is below a part of about
+/// that size.
 const MAX_QUARTERED: usize = 12;
 
 /// A part of a face in which shadow rays end, the remainder of the random number that has chosen it, and the probability of the choice.
@@ -17,14 +19,14 @@ pub(super) struct Part {
     pub probability: f32,
 }
 
-/// Chooses, by the random number `u`, a part of a face that is small relative to its distance from a point, in proportion to its light at the point. Samples
-/// spread evenly over a luminous ceiling would rarely lie above the table that hides most of its light.
+/// Chooses, by the random number `u`, a part of a face that is small relative to its distance from a point, in proportion to its light at
+/// the point. Samples spread evenly over a luminous ceiling would rarely lie above the table that hides most of its light.
 pub(super) fn part_of(face: &[Vec3; 4], mut u: f32, at: Vec3, normal: Vec3) -> Part {
     let (mut corners, mut probability) = (*face, 1.0);
     for _ in 0..MAX_QUARTERED {
         let middle = 0.25 * corners.iter().sum::<Vec3>();
         let radius = corners.iter().map(|c| c.distance(middle)).fold(0.0, f32::max);
-        if radius <= MAX_PART * middle.distance(at) {
+        if radius <= MAX_RADIUS_RATIO * middle.distance(at) {
             break;
         }
         let quarters = quarters(corners);

@@ -20,8 +20,8 @@ pub(super) struct GatherPoint {
 }
 
 impl GatherPoint {
-    /// Whether a corner of a face is above the horizon of the point, and the point in front of the face, both by more than the rounding error. The other side
-    /// of a sheet lies in the plane of a point on the sheet.
+    /// Whether a corner of a face is above the horizon of the point, and the point in front of the face, both by more than the rounding
+    /// error. The other side of a sheet lies in the plane of a point on the sheet.
     pub fn faces(&self, face: &EmitterFace) -> bool {
         let rounding = self.end.rounding_of_heights(face.end);
         face.normal.dot(self.on_surface - face.corners[0]) > rounding

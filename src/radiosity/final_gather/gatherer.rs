@@ -26,16 +26,18 @@ use std::sync::{Arc, OnceLock};
 /// memory to 64 sets. 16, 64 and 256 sets leave errors of 0.86 %, 0.79 % and 0.77 % (`constants.py solve`).
 const DIRECTION_SETS: usize = 64;
 
-/// Rounding error of the height of a ray's end over the face that it meets, relative to the largest coordinate of its ends: about sixteen operations of half a unit in the last place each.
+/// Rounding error of the height of a ray's end over the face that it meets, relative to the largest coordinate of its ends: about sixteen
+/// operations of half a unit in the last place each.
 const HIT_ROUNDING: f32 = 8.0 * f32::EPSILON;
 
-/// Largest ratio of a ray's extent along the normal of the face that it meets to its extent within the plane of the face for which its end is moved
-/// within the plane by the full rounding error; for steeper rays by less. The ray is followed back by at most 16 times the rounding error.
+/// Largest ratio of a ray's extent along the normal of the face that it meets to its extent within the plane of the face for which its
+/// end is moved within the plane by the full rounding error; for steeper rays by less. The ray is followed back by at most 16 times the
+/// rounding error.
 const MAX_STEEPNESS: f32 = 16.0;
 
-/// Largest ratio of a point's shadow rays to an emitter to [`Options::light_rays`]. The unoccluded light of an emitter behind a louvre may be many times
-/// the light of the point.
-const MORE_WHERE_BRIGHT: usize = 16;
+/// Largest ratio of a point's shadow rays to an emitter to [`Options::light_rays`]: they leave a quarter of the noise. The unoccluded
+/// light of an emitter behind a louvre may be many times the light of the point.
+const MAX_LIGHT_RAYS_RATIO: usize = 16;
 /// Largest number of shadow rays of a point, the upper limit of [`Options::light_rays`]; the low-discrepancy numbers repeat after it.
 const MAX_SHADOW_RAYS: usize = 1 << 16;
 
@@ -72,8 +74,8 @@ pub struct FinalGather<'a> {
     pub(super) light_rays: usize,
     /// Rays of a point that gather reflected light.
     pub(super) gather_rays: usize,
-    /// Sets of directions about +z for light of the sky and reflected light, in blocks of 4 by 4 neighbours; none for direct light of emitters
-    /// alone.
+    /// Sets of directions about +z for light of the sky and reflected light, in blocks of 4 by 4 neighbours; none for direct light of
+    /// emitters alone.
     pub(super) hemispheres: Vec<Vec<Vec3>>,
     /// Largest distance of given points from their surface, scene units: files contain rounded coordinates.
     pub(super) slack: f32,
@@ -109,8 +111,8 @@ pub struct RayResult {
     pub direct: Vec3,
     /// Irradiance of the suns by a ray of its own to each, W/m².
     pub sun: Vec3,
-    /// Irradiance of the sky by the ray if it left the scene, W/m². For rays of elements in the open, the unoccluded sky is a control variate,
-    /// so that the value may be negative.
+    /// Irradiance of the sky by the ray if it left the scene, W/m². For rays of elements in the open, the unoccluded sky is a control
+    /// variate, so that the value may be negative.
     pub sky: Vec3,
     /// Where the ray ended.
     pub met: PathVertex,
@@ -150,8 +152,8 @@ pub struct Buffers {
     pub vertices: Vec<PathVertex>,
     pub(super) next_vertices: Vec<PathVertex>,
     pub(super) results: Vec<RayResult>,
-    /// For each followed path that ends at an element whose light is not known yet: number of the path, leaf, and part of the light reflected there
-    /// that arrives at the start of the path.
+    /// For each followed path that ends at an element whose light is not known yet: number of the path, leaf, and fraction of the light
+    /// reflected there that arrives at the start of the path.
     pub(super) path_ends: Vec<(u32, u32, Vec3)>,
     /// By element of a batch, the groups of emitting faces from which its emitter rays are drawn.
     pub(super) cuts: Vec<EmitterCut>,
@@ -173,7 +175,7 @@ impl<'a> FinalGather<'a> {
         let sets = if options.direct_only && environment.is_none() { 0 } else { DIRECTION_SETS };
         let hemispheres =
             (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ mix(k as u64)))).collect();
-        let shadow_rays = (MORE_WHERE_BRIGHT * options.light_rays()).min(MAX_SHADOW_RAYS) as u32;
+        let shadow_rays = (MAX_LIGHT_RAYS_RATIO * options.light_rays()).min(MAX_SHADOW_RAYS) as u32;
         let table = (0..shadow_rays).map(|i| [sample(i, 0, 7), sample(i, 1, 7)]).collect();
         let reflected = elements.elements.par_iter().zip(&elements.states).map(|(e, state)| {
             let light = match e.shape {

@@ -4,8 +4,8 @@ use crate::math::sampling::{cosine_direction, numbers};
 use crate::ray::LANES;
 use glam::Vec3;
 
-/// A grid on the hemisphere about the normal of a point: axes, and columns and rows of the undivided grid on the square that is mapped to the hemisphere
-/// (Shirley and Chiu 1997).
+/// A grid on the hemisphere about the normal of a point: axes, and columns and rows of the undivided grid on the square that is mapped to
+/// the hemisphere (Shirley and Chiu 1997).
 #[derive(Clone, Copy)]
 pub(super) struct Hemisphere {
     pub frame: [Vec3; 3],

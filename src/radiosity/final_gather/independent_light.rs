@@ -9,9 +9,9 @@ use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
-/// Sums of the irradiance that some paths bring to an element, W/m². One shadow ray from the start of each path, to a point of an emitter, finds which part
-/// of the direct light is visible; the direct light of diffuse faces without obstacles has a closed form. Faces with a profile do without it, so that the quadrature of the
-/// solution is checked too.
+/// Sums of the irradiance that some paths bring to an element, W/m². One shadow ray from the start of each path, to a point of an
+/// emitter, finds which fraction of the direct light is visible; the direct light of diffuse faces without obstacles has a closed form.
+/// Faces with a profile do without it, so that the quadrature of the solution is checked too.
 #[derive(Clone, Copy, Default)]
 pub struct IndependentLight {
     /// All light but the direct light of emitters.
@@ -25,8 +25,9 @@ pub struct IndependentLight {
 }
 
 impl IndependentLight {
-    /// The mean irradiance by each of some groups of `paths` paths, channels averaged. The expected direct light without obstacles serves as a
-    /// control variate, with the ratio of seen to unoccluded light over all groups as its coefficient: where all or nothing is visible, points on emitters cause no noise.
+    /// The mean irradiance by each of some groups of `paths` paths, channels averaged. The expected direct light without obstacles serves
+    /// as a control variate, with the ratio of seen to unoccluded light over all groups as its coefficient: where all or nothing is
+    /// visible, points on emitters cause no noise.
     pub fn means(groups: &[IndependentLight], paths: u32) -> Vec<f64> {
         let [mut seen, mut unoccluded] = [[0.0; 3]; 2];
         for group in groups {
@@ -44,7 +45,8 @@ impl IndependentLight {
 }
 
 impl FinalGather<'_> {
-    /// The light of paths from all of `buffers.vertices`, by exact rays. First rays and points on emitters are those of a low-discrepancy sequence.
+    /// The light of paths from all of `buffers.vertices`, by exact rays. First rays and points on emitters are those of a low-discrepancy
+    /// sequence.
     pub fn independent_light(&self, seed: u64, buffers: &mut Buffers) -> IndependentLight {
         let random = |i: usize| sobol(i as u32, 1, seed as u32);
         let cuts = self.cuts_of_vertices(buffers);

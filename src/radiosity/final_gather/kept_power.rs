@@ -5,10 +5,11 @@ use super::neighbours::Place;
 use crate::radiosity::rgb::{Rgb, mean};
 use bytemuck::{Pod, Zeroable};
 
-/// Smallest number of elements of a side whose own power is restored: those of the largest window of neighbours. Elements of smaller sides share
-/// light with other sides, and if the rays of an element agree by chance, their variance is no measure of the error.
+/// Smallest number of elements of a side whose own power is restored: those of the largest window of neighbours. Elements of smaller
+/// sides share light with other sides, and if the rays of an element agree by chance, their variance is no measure of the error.
 const MIN_ELEMENTS: usize = 49;
-/// Largest factor by which the light of a side is scaled to conserve its power, and the inverse of the smallest.
+/// Largest factor by which the light of a side is scaled to conserve its power, and the inverse of the smallest: a side that seems to
+/// lose more than half of its light by sharing most likely has too few rays to know.
 const MAX_SIDE_FACTOR: f64 = 2.0;
 
 /// Light of an element after sharing, by kind.

@@ -18,19 +18,21 @@ use glam::{DVec3, Vec3};
 
 /// Largest number of halvings of a cell: of 1,024 cells, edges are then known to a 64th of a cell.
 const MAX_LEVEL: u32 = 6;
-/// Largest number of rays in the divided cells of a point for [`DEFAULT_ERROR`]; for a smaller error in proportion to 1 / error². Grids that are refined as a
-/// whole are not limited. Foliage has edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and roofs need some hundreds of rays.
+/// Largest number of rays in the divided cells of a point for [`DEFAULT_ERROR`]; for a smaller error in proportion to 1 / error². Grids
+/// that are refined as a whole are not limited. Foliage has edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and
+/// roofs need some hundreds of rays.
 const MAX_RAYS: f64 = 8192.0;
 /// Largest number of these rays for any error: limits the time of a point to some 0.1 s.
 const MAX_RAYS_OF_ALL: f64 = 131_072.0;
-/// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices for the rim of
-/// a sunlit patch. Where all cells differ, as in a room full of objects, four times as many rays halve the error.
-const MORE_FOR_SURFACES: usize = 4;
-/// Smallest number of cells whose rays reach the sky: a grid with fewer is refined as a whole, because it may miss a window smaller than a cell.
-const MIN_OPEN: usize = 64;
-/// Number of cells from which on a grid is not refined as a whole. An opening that shows a thousandth of the light of an open sky then has four cells,
-/// and the cells at its edges are divided.
-const MAX_WHOLE: usize = 1 << 12;
+/// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices
+/// for the rim of a sunlit patch. Where all cells differ, as in a room full of objects, four times as many rays halve the error.
+const MAX_SURFACE_RAYS_RATIO: usize = 4;
+/// Smallest number of cells whose rays reach the sky: a grid with fewer is refined as a whole, because it may miss a window smaller than
+/// a cell.
+const MIN_OPEN_CELLS: usize = 64;
+/// Number of cells from which on a grid is not refined as a whole. An opening that shows a thousandth of the light of an open sky then
+/// has four cells, and the cells at its edges are divided.
+const MAX_WHOLE_CELLS: usize = 1 << 12;
 
 /// The ray of a cell.
 #[derive(Clone, Copy)]
@@ -52,8 +54,8 @@ enum CellHit {
 }
 
 impl FinalGather<'_> {
-    /// Irradiance at a point by surfaces and the sky, W/m². `known` is the light of emitters and suns, mean over the channels: in the sun, the
-    /// light of the sky needs less accuracy than in a shadow. `openings` are those of [`FinalGather::openings`].
+    /// Irradiance at a point by surfaces and the sky, W/m². `known` is the light of emitters and suns, mean over the channels: in the
+    /// sun, the light of the sky needs less accuracy than in a shadow. `openings` are those of [`FinalGather::openings`].
     pub(super) fn irradiance_of_rays(
         &self,
         point: &GatherPoint,
@@ -73,7 +75,7 @@ impl FinalGather<'_> {
         let is_dark = rays_of_cells.iter().all(|ray| matches!(ray.seen, CellHit::Dark))
             || levels[0].iter().all(|cell| cell.sky == 0.0);
         // A cell with an opening is divided even if neither its ray nor a neighbouring ray passes through the opening.
-        let is_searched = !is_dark && levels[0].iter().filter(|cell| cell.is_open).count() < MIN_OPEN;
+        let is_searched = !is_dark && levels[0].iter().filter(|cell| cell.is_open).count() < MIN_OPEN_CELLS;
         let openings = if is_searched { openings } else { &[] };
         let openings = self.seen_openings(openings, point, hemisphere.frame, buffers);
         let (share, mut sum) = (1.0 / whole.len() as f64, light_of(&levels[0]) / whole.len() as f64);
@@ -85,8 +87,8 @@ impl FinalGather<'_> {
             let area = share * 0.25f64.powi(level as i32);
             let cells = &levels[level as usize];
             let open = cells.iter().filter(|cell| cell.is_open && cell.sky > 0.0).count();
-            let is_undivided = cells.len() == whole.len() << (2 * level) && cells.len() < MAX_WHOLE;
-            let is_whole = is_undivided && open < MIN_OPEN && !is_dark;
+            let is_undivided = cells.len() == whole.len() << (2 * level) && cells.len() < MAX_WHOLE_CELLS;
+            let is_whole = is_undivided && open < MIN_OPEN_CELLS && !is_dark;
             let tolerance = self.tolerance_at(known + mean(sum.to_array()));
             let surroundings = Surroundings::new(&levels, hemisphere.size, self.rings());
             let (mut uneven, inner) = surroundings.uneven(area, &openings);
@@ -98,7 +100,7 @@ impl FinalGather<'_> {
             let mut chosen = match is_whole {
                 true => all_cells(cells, &surroundings, &uneven, least),
                 false => {
-                    let most = MORE_FOR_SURFACES * whole.len();
+                    let most = MAX_SURFACE_RAYS_RATIO * whole.len();
                     largest_errors(&surroundings, &uneven, least, &mut for_surfaces, most)
                 }
             };
@@ -135,8 +137,8 @@ impl FinalGather<'_> {
         sum.max(DVec3::ZERO).to_array()
     }
 
-    /// The mean light along the rays of the undivided grid, if no light comes from beyond the scene and no cell needs to be divided, as for most points of
-    /// rooms.
+    /// The mean light along the rays of the undivided grid, if no light comes from beyond the scene and no cell needs to be divided, as
+    /// for most points of rooms.
     fn even_light(&self, rays: &[CellRay], known: f64) -> Option<Rgb> {
         if self.has_environment() {
             return None;
@@ -163,8 +165,9 @@ impl FinalGather<'_> {
         (TOLERANCE * self.error * irradiance).powi(2)
     }
 
-    /// Rings of neighbours that are compared. Without a sky there are no thin strips of it. One ring instead of three leaves the errors at points of three
-    /// furnished rooms as they are and takes a sixth less time in a Cornell box, whose light changes gradually over several cells.
+    /// Rings of neighbours that are compared. Without a sky there are no thin strips of it. One ring instead of three leaves the errors
+    /// at points of three furnished rooms as they are and takes a sixth less time in a Cornell box, whose light changes gradually over
+    /// several cells.
     fn rings(&self) -> usize {
         if self.has_environment() { RINGS } else { 1 }
     }
@@ -208,8 +211,8 @@ impl FinalGather<'_> {
         self.seen(&vec![None; directions.len()], point.seed, buffers)
     }
 
-    /// The results of the first rays of `buffers.packets`, one for each of `surfaces`. Where the light of surfaces is known approximately, one ray in
-    /// four is evaluated, with four times the weight.
+    /// The results of the first rays of `buffers.packets`, one for each of `surfaces`. Where the light of surfaces is known
+    /// approximately, one ray in four is evaluated, with four times the weight.
     fn seen(&self, surfaces: &[Option<Vec3>], seed: u64, buffers: &mut Buffers) -> Vec<CellRay> {
         let Buffers { packets, hits, vertices, .. } = buffers;
         hits.clear();
@@ -285,8 +288,8 @@ impl FinalGather<'_> {
         self.cells(hemisphere, level, &parts, &surfaces, &rays, point)
     }
 
-    /// Cells at these places of a level, with the light of the sky at two places in each. If the sky has a map, it may have bright parts smaller than a
-    /// cell, and is looked up at sixteen places in each cell of the first levels.
+    /// Cells at these places of a level, with the light of the sky at two places in each. If the sky has a map, it may have bright parts
+    /// smaller than a cell, and is looked up at sixteen places in each cell of the first levels.
     fn cells(
         &self,
         hemisphere: &Hemisphere,

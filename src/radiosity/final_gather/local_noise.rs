@@ -7,14 +7,16 @@ use crate::radiosity::rgb::{Rgb, mean};
 use crate::radiosity::transport::RayTransport;
 use rayon::prelude::*;
 
-/// Rows of one parallel task.
+/// Smallest number of rows of one parallel task, so that the work of a task outweighs its start. Does not change results.
 const CHUNK: usize = 64;
 /// Weight, in rays, of the spread around an element when it is mixed with its own: the relative error of a
 /// variance from 8 rays alone is √(2/8) = 50 %. Affects error bars and the number of rays.
 const NEIGHBOUR_RAYS: f64 = 8.0;
-/// Light of a side relative to the mean below which errors are relative to the side's own light, not to the mean: sides of furniture in a lit room are above.
+/// Light of a side relative to the mean below which errors are relative to the side's own light, not to the mean: sides of furniture in
+/// a lit room have more.
 const DIM_SIDE: f64 = 0.25;
-/// Largest weight of an error: that of a room with a sixty-fourth of the mean light. Otherwise sides that receive hardly any light would take all rays.
+/// Largest weight of an error: that of a room with a sixty-fourth of the mean light. Otherwise sides that receive hardly any light would
+/// take all rays.
 const MAX_WEIGHT: f64 = 16.0;
 
 /// The result of the local pass for one element.
@@ -30,13 +32,14 @@ pub struct LocalResult {
     pub row_sum: f32,
     /// Fraction of the rays that did not leave the scene.
     pub kept: f32,
-    /// Whether rays of the leaf and of those with the same parent find a part of the suns' light, neither none nor all.
+    /// Whether rays of the leaf and of those with the same parent find some of the suns' light, neither none nor all.
     pub sun_varies: bool,
-    /// Whether most of its rays met emitters that are about equally bright ([`Emitters::is_even`](crate::radiosity::elements::emitters::Emitters::is_even))
-    /// and too many for a closed form: then cosine-weighted rays alone find their light with the least noise.
+    /// Whether most of its rays met emitters that are about equally bright
+    /// ([`Emitters::is_even`](crate::radiosity::elements::emitters::Emitters::is_even)) and too many for a closed form: then
+    /// cosine-weighted rays alone find their light with the least noise.
     pub meets_emitters: bool,
-    /// Standard deviation of the irradiance of one ray, W/m², by which the rays of the next pass are distributed among leaves. Sides that are
-    /// much darker than the scene on average have a larger weight.
+    /// Standard deviation of the irradiance of one ray, W/m², by which the rays of the next pass are distributed among leaves. Sides that
+    /// are much darker than the scene on average have a larger weight.
     pub deviation: f32,
 }
 
@@ -91,9 +94,10 @@ pub fn assign_noise(
     }
 }
 
-/// Adds the spreads of leaves to those of all elements above them. Returns the variance of one ray among the leaves below each element. Few rays may miss
-/// the light that comes between blockers: where all rays of an element find the same, the variance among the rays of the larger element around it counts,
-/// with the weight [`NEIGHBOUR_RAYS`]. Other surfaces do not count: in an office, shaded elements would take rays from those in penumbrae.
+/// Adds the spreads of leaves to those of all elements above them. Returns the variance of one ray among the leaves below each element.
+/// Few rays may miss the light that comes between blockers: where all rays of an element find the same, the variance among the rays of
+/// the larger element around it counts, with the weight [`NEIGHBOUR_RAYS`]. Other surfaces do not count: in an office, shaded elements
+/// would take rays from those in penumbrae.
 fn variances_below(elements: &Elements, below: &mut [[Spread; 2]]) -> Vec<[f64; 2]> {
     let parent = |e: usize| elements.elements[e].parent as usize;
     let is_cluster = |e: usize| matches!(elements.elements[e].shape, Shape::Cluster(_));
@@ -115,7 +119,8 @@ fn variances_below(elements: &Elements, below: &mut [[Spread; 2]]) -> Vec<[f64; 
 }
 
 /// Increases the weight of errors on sides that have less than [`DIM_SIDE`] of the mean light: an image of a room that the sky lights
-/// through a window shows the light of the room alone, a hundredth of that of the ground outside. All leaves of such a side have one deviation: few of their rays pass through the window.
+/// through a window shows the light of the room alone, a hundredth of that of the ground outside. All leaves of such a side have one
+/// deviation: few of their rays pass through the window.
 pub fn weigh_errors(elements: &Elements, leaves: &[u32], results: &mut [LocalResult]) {
     let side_of = |leaf: u32| match elements.elements[leaf as usize].shape {
         Shape::Surface { side, .. } => side as usize,

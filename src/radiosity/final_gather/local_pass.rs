@@ -29,7 +29,8 @@ use rayon::prelude::*;
 use std::array::from_fn;
 use std::collections::HashMap;
 
-/// Expected relative error of the direct light that all elements receive together, by their own rays.
+/// Expected relative error of the direct light that all elements receive together, by their own rays: half of the error that is asked
+/// for by default. It only weighs this light against other estimates of it.
 const DIRECT_ERROR: f64 = 0.01;
 /// Fraction of the rays by which elements exchange light. Each of the other rays gathers that light for one element. In an office and
 /// a living room a seventh and two sevenths leave errors of the elements that differ by less than a tenth (`scenes/room.py`).
@@ -47,7 +48,7 @@ pub struct LocalPass {
     pub traced_part: f64,
     /// The rays that the error asked for needs in both passes.
     pub wanted: f64,
-    /// Part of the emitted power that meets elements, by rays from the emitters.
+    /// Fraction of the emitted power that meets elements, by rays from the emitters.
     pub sampled: SampledShare,
     /// The same by these rays and the rays of the elements together, by channel.
     pub received: Rgb,
@@ -63,17 +64,17 @@ pub struct LocalPass {
     pub tally: Tally,
 }
 
-/// The parts of the light along links that leaves without rays keep, by leaf.
+/// The fractions of the light along links that leaves without rays keep, by leaf.
 fn link_parts(around: Option<&Surrounding>, traced: &[u32], untraced: &[u32]) -> HashMap<u32, Vec3> {
     let Some(around) = around.filter(|_| !untraced.is_empty()) else { return HashMap::new() };
     untraced.iter().copied().zip(around.cap_links(traced, untraced)).collect()
 }
 
 impl FinalGather<'_> {
-    /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. The deviations of the rays determine how many of
-    /// `max` rays the light of the elements needs: on foliage and rocks more than estimated before, because elements share little light. If `rays` is
-    /// `None`, or after the deadline, elements trace only a few rays: enough for the light of the whole scene, not for that of each element. Of many
-    /// elements, some are then not traced.
+    /// Traces the exchange's share of about `rays` rays, of `useful` ones, and solves the light on them. The deviations of the rays
+    /// determine how many of `max` rays the light of the elements needs: on foliage and rocks more than estimated before, because
+    /// elements share little light. If `rays` is `None`, or after the deadline, elements trace only a few rays: enough for the light of
+    /// the whole scene, not for that of each element. Of many elements, some are then not traced.
     pub fn local_pass(&self, rays: Option<f64>, useful: f64, max: f64, deadline: &Deadline) -> LocalPass {
         let all = self.linked.leaves();
         let states = &self.linked.elements.states;
@@ -153,9 +154,10 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Assigns the mean irradiance of both halves to all leaves with rows. Light is not negative: negative values are rounding in the dark, or noise, as rows
-    /// with too large a sum send negative light to themselves, and rays that something blocks are compared with the open sky. They become 0, and leaves that
-    /// face the same way lose what is added by this: below terrain over bright ground 1.3 % of all light.
+    /// Assigns the mean irradiance of both halves to all leaves with rows. Light is not negative: negative values are rounding in the
+    /// dark, or noise, as rows with too large a sum send negative light to themselves, and rays that something blocks are compared with
+    /// the open sky. They become 0, and leaves that face the same way lose what is added by this: below terrain over bright ground 1.3 %
+    /// of all light.
     fn assign_irradiance(&self, rows: &RayRows, light: &[Field; 2], results: &mut [LocalResult]) {
         let Elements { elements, sides, .. } = &self.linked.elements;
         let facing = |row: &RayRow| axis(sides[self.side_of(row.leaf) as usize].normal);
@@ -180,8 +182,8 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Sets the light of leaves outside the exchange to the light that their rays have found, that of emitters times a factor. The light of all other leaves
-    /// must be known.
+    /// Sets the light of leaves outside the exchange to the light that their rays have found, that of emitters times a factor. The light
+    /// of all other leaves must be known.
     fn light_of_excluded(&self, apart: &mut RayRows, factor: f64, results: &mut [LocalResult]) {
         apart.add_light_of_ends(|leaf| Some(self.reflected_by(leaf, results)));
         let Elements { elements, sides, .. } = &self.linked.elements;
@@ -250,10 +252,11 @@ impl FinalGather<'_> {
         [all, extrapolated]
     }
 
-    /// Scales the light of `untraced` ones of the leaves towards the power that the emitters, sky and suns send to all leaves, less what the other leaves keep.
-    /// `sampled` is the part of the emitted power that meets elements. Of the power that arrives from beyond the scene, the second value is extrapolated from
-    /// leaves around: it counts as uncertain by itself. The other leaves have the error of their direct light.
-    /// Engines that average clusters keep their own sum, as in [`FinalGather::balance_of_direct_light`]; so do beams without a sampled ray.
+    /// Scales the light of `untraced` ones of the leaves towards the power that the emitters, sky and suns send to all leaves, less what
+    /// the other leaves keep. `sampled` is the fraction of the emitted power that meets elements. Of the power that arrives from beyond
+    /// the scene, the second value is extrapolated from leaves around: it counts as uncertain by itself. The other leaves have the error
+    /// of their direct light. Engines that average clusters keep their own sum, as in [`FinalGather::balance_of_direct_light`]; so do
+    /// beams without a sampled ray.
     fn balance_untraced(
         &self,
         around: Option<&Surrounding>,
@@ -290,14 +293,14 @@ impl FinalGather<'_> {
         power
     }
 
-    /// The part of the emitted power that meets elements.
+    /// The fraction of the emitted power that meets elements.
     fn emitted_share(&self) -> SampledShare {
         let LinkedScene { elements, engine, surroundings, settings, .. } = self.linked;
         emitted_share(elements, &engine.exact(), surroundings.length, settings.seed)
     }
 
     /// Returns the factor that scales the direct light that elements receive, W/m² times scene units squared, to the light that the
-    /// emitters send them, and this part of the emitted power by channel. Both sums have errors: that of the elements is expected to be
+    /// emitters send them, and this fraction of the emitted power by channel. Both sums have errors: that of the elements is expected to be
     /// [`DIRECT_ERROR`], and the factor is nearer to 1 where the share sampled by rays is less certain, as of a lamp whose light mostly
     /// leaves the scene. Engines that average clusters keep their own sum, so that the ledger shows its difference from the rays.
     pub(super) fn balance_of_direct_light(&self, received: f64, sampled: &SampledShare) -> (f64, Rgb) {
@@ -371,8 +374,8 @@ impl FinalGather<'_> {
         })
     }
 
-    /// By side, the part of the light of its rows that meets no other row, with half a ray added to either count (Jeffreys prior): a count of 0
-    /// among few rays does not mean the probability 0.
+    /// By side, the fraction of the light of its rows that meets no other row, with half a ray added to either count (Jeffreys prior): a
+    /// count of 0 among few rays does not mean the probability 0.
     fn escapes_of_sides(&self, rows: &RayRows) -> Vec<f64> {
         let mut sides = vec![(0.5, 1.0); self.linked.elements.sides.len()];
         let mut first = 0;
@@ -401,8 +404,8 @@ fn of_half(row: &RayRow, sum: Vec3) -> Rgb {
     sum.to_array().map(|of| 2.0 * f64::from(of) / f64::from(row.rays))
 }
 
-/// Assigns the number of rays, the part of them that stayed in the scene and the row sum to all leaves with rows. Returns the mean row sums of the form
-/// factors by both halves of the rays.
+/// Assigns the number of rays, the fraction of them that stayed in the scene and the row sum to all leaves with rows. Returns the mean
+/// row sums of the form factors by both halves of the rays.
 fn assign_row_sums(rows: &RayRows, [first, second]: &[Vec<f64>; 2], results: &mut [LocalResult]) -> Vec<f64> {
     let sums: Vec<f64> = first.iter().zip(second).map(|(a, b)| 0.5 * (a + b)).collect();
     for (row, sum) in rows.rows.iter().zip(&sums) {
@@ -415,8 +418,8 @@ fn assign_row_sums(rows: &RayRows, [first, second]: &[Vec<f64>; 2], results: &mu
     sums
 }
 
-/// Sets row sums such that the ledger, which multiplies them by the mean light of both halves, obtains the power that rows send: the light of each half
-/// times the row sums of the other half.
+/// Sets row sums such that the ledger, which multiplies them by the mean light of both halves, obtains the power that rows send: the
+/// light of each half times the row sums of the other half.
 fn count_sent(rows: &RayRows, sums: &[Vec<f64>; 2], light: &[Field; 2], results: &mut [LocalResult]) {
     let [first, second] = light;
     for (i, row) in rows.rows.iter().enumerate() {

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
-/// Smallest cosine between the normals of neighbours, that of 45 degrees: a fit accounts for their normals. The error of the elements of a valley is
-/// 4.1 % with 0.95 and 3.6 % with 0.7, that of a living room 7.1 to 7.8 % with either (`scenes/room.py`).
+/// Smallest cosine between the normals of neighbours, that of 45 degrees: a fit accounts for their normals. The error of the elements of
+/// a valley is 4.1 % with 0.95 and 3.6 % with 0.7, that of a living room 7.1 to 7.8 % with either (`scenes/room.py`).
 const MIN_COSINE: f32 = 0.7;
 /// Largest height of a neighbour over the plane of an element: on an arc it is the distance times the sine of half the angle between
 /// the normals; facets of an arc can have twice that.
@@ -44,8 +44,9 @@ impl Place {
         cosine >= MIN_COSINE && height <= MAX_BEND * half_angle * offset.length() + MAX_STEP * self.radius
     }
 
-    /// A segment to another element that clears the surface between them, if this bends evenly or at one edge, and stays below surfaces above either: an edge
-    /// between two planes is at most d/2 tan(θ/2) above the line between points at the distance d with the angle θ between their normals.
+    /// A segment to another element that clears the surface between them, if this bends evenly or at one edge, and stays below surfaces
+    /// above either: an edge between two planes is at most d/2 tan(θ/2) above the line between points at the distance d with the angle θ
+    /// between their normals.
     fn segment_to(&self, other: &Place) -> [Vec3; 2] {
         let cosine = self.normal.dot(other.normal);
         let bend = 0.5 * ((1.0 - cosine) / (1.0 + cosine)).max(0.0).sqrt();
@@ -74,8 +75,8 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// Writes those neighbours of an element to `kept` that are visible from it, of `found` with their squared distances: none behind a wall at any of
-    /// them, and none on another side that another surface hides. The inside of a board is close to its outside.
+    /// Writes those of the neighbours `found`, with their squared distances, to `kept` that are visible from an element: none behind a
+    /// wall at any of them, and none on another side that another surface hides. The inside of a board is close to its outside.
     pub fn visible(&self, places: &[Place], of: u32, found: &[(f32, u32)], kept: &mut Vec<(f32, u32)>) {
         let own = &places[of as usize];
         let edges: SmallVec<[[Vec3; 2]; 8]> =
@@ -276,7 +277,8 @@ mod tests {
         assert!(!continues(on_cylinder(0.9)));
     }
 
-    /// Of elements beside a sheet that stands between two boards, those on the board behind it are hidden; those around a convex edge are not.
+    /// Of elements beside a sheet that stands between two boards, those on the board behind it are hidden; those around a convex edge are
+    /// not.
     #[test]
     fn neighbours_behind_a_sheet_are_hidden() {
         let mut pieces = Pieces::empty();

@@ -1,5 +1,5 @@
-//! Openings through which the sky lights closed rooms. Rays from all surfaces find the openings, and each point then traces rays to those that its
-//! own rays may miss: a skylight of half a metre in a hall of 30 m is smaller than a cell of the grid of most points.
+//! Openings through which the sky lights closed rooms. Rays from all surfaces find the openings, and each point then traces rays to those
+//! that its own rays may miss: a skylight of half a metre in a hall of 30 m is smaller than a cell of the grid of most points.
 
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather};
@@ -13,23 +13,27 @@ use std::sync::Arc;
 
 /// Rays from the surfaces of rooms. An opening that is a thousandth of the surface of all rooms is found by about a hundred of them.
 const RAYS: usize = 1 << 17;
-/// A side does not count as one of a room if more than this part of its rays leaves the scene: rays of its own points reach the sky.
-const MAX_OPEN: f32 = 0.125;
-/// Largest number of rays to the sky on which the opening is located, each by [`HALVINGS`] times [`DIRECTIONS`] rays: together twice [`RAYS`].
+/// A side does not count as one of a room if more than this fraction of its rays leaves the scene: rays of its own points reach the sky.
+const MAX_OPEN_FRACTION: f32 = 0.125;
+/// Largest number of rays to the sky along which an opening is located, each by [`HALVINGS`] times [`DIRECTIONS`] rays: together twice
+/// [`RAYS`].
 const MAX_FOLLOWED: usize = 512;
-/// Largest number of places in openings of all rooms, to each of which points with little sky trace a ray: half the rays of their default grid.
+/// Largest number of places in openings of all rooms, to each of which points with little sky trace a ray: half the rays of their default
+/// grid.
 const MAX_PLACES: usize = 256;
-/// Fraction of all directions, also downwards, in which rays leave the scene at a place in an opening: half in the opening of a thin roof, a quarter in the plane
-/// of a window above the ground, less in a shaft. The limit must be above the value in the room and below the value outside.
+/// Fraction of all directions, also downwards, in which rays leave the scene at a place in an opening: half in the opening of a thin
+/// roof, a quarter in the plane of a window above the ground, less in a shaft. The limit must be above the value in the room and below
+/// the value outside.
 const OPENING_SKY_FRACTION: f32 = 0.25;
-/// Number of directions that estimate this part.
+/// Number of directions that estimate this fraction.
 const DIRECTIONS: usize = 2 * LANES;
-/// Bisections of a ray to locate an opening, as if the open part of all directions grew along the ray: to a sixteenth of a metre in a scene of 4 km.
+/// Bisections of a ray to locate an opening, as if the open fraction of all directions grew along the ray: to a sixteenth of a metre in a
+/// scene of 4 km.
 const HALVINGS: usize = 16;
 
 impl FinalGather<'_> {
-    /// Places in the openings of rooms, computed at the first call. No lock is held during the computation: if a caller needs them in several tasks, a thread
-    /// that waits in one of the tasks may be given another.
+    /// Places in the openings of rooms, computed at the first call. No lock is held during the computation: if a caller needs them in
+    /// several tasks, a thread that waits in one of the tasks may be given another.
     pub(super) fn openings(&self) -> Arc<Vec<Vec3>> {
         let known = &self.linked.openings;
         known.get().cloned().unwrap_or_else(|| {
@@ -43,7 +47,7 @@ impl FinalGather<'_> {
     fn find_openings(&self) -> Vec<Vec3> {
         let (elements, escaped) = (&self.linked.elements, &self.linked.surroundings.escaped);
         let area = |side: u32| elements.elements[elements.sides[side as usize].element as usize].area as f32;
-        let of_rooms = |side: &u32| escaped[*side as usize] <= MAX_OPEN && area(*side) > 0.0;
+        let of_rooms = |side: &u32| escaped[*side as usize] <= MAX_OPEN_FRACTION && area(*side) > 0.0;
         let sides: Vec<u32> = (0..elements.sides.len() as u32).filter(of_rooms).collect();
         if !self.has_environment() || sides.is_empty() {
             return Vec::new();
@@ -108,7 +112,7 @@ impl FinalGather<'_> {
         Some(from + outside * direction)
     }
 
-    /// The part of all directions from a place in which rays leave the scene.
+    /// The fraction of all directions from a place in which rays leave the scene.
     fn sky_part(&self, at: Vec3) -> f32 {
         let reach = self.reach_from(at);
         let mut packets = [Packet::EMPTY; DIRECTIONS / LANES];

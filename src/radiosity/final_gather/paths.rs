@@ -35,13 +35,13 @@ pub(super) enum EndOfPaths {
 pub(super) struct PathMean {
     /// Irradiance at their start, without the light of their ends, W/m².
     pub light: Vec3,
-    /// The leaves where the paths end, and the parts of the radiosity reflected there that arrive.
+    /// The leaves where the paths end, and the fractions of the radiosity reflected there that arrive.
     pub ends: SmallVec<[(u32, Vec3); PATHS_ONWARDS]>,
 }
 
-/// Number of paths that continue where a ray of the exchange hits an element outside of the exchange. Two, because an element most of whose few rays hit
-/// such elements would depend on very few others. With four the exchange of an office takes 1.6 times as long as with one. The rays of both halves cannot be
-/// used for either half: the ledger of a hall of 25 rooms then lacks .6 % of the light.
+/// Number of paths that continue where a ray of the exchange hits an element outside of the exchange. Two, because an element most of
+/// whose few rays hit such elements would depend on very few others. With four the exchange of an office takes 1.6 times as long as with
+/// one. The rays of both halves cannot be used for either half: the ledger of a hall of 25 rooms then lacks .6 % of the light.
 const PATHS_ONWARDS: usize = 2;
 
 /// A shadow ray to a point on an emitter.
@@ -194,8 +194,8 @@ impl FinalGather<'_> {
         Some(EmitterRay { ends, rules, light, face: number })
     }
 
-    /// Adds the light that reaches the path starts through all of `buffers.vertices` to the sums of their paths: direct light at each vertex, and the light
-    /// of the element that its ray hits, or the light of a longer path where that element is too near.
+    /// Adds the light that reaches the path starts through all of `buffers.vertices` to the sums of their paths: direct light at each
+    /// vertex, and the light of the element that its ray hits, or the light of a longer path where that element is too near.
     pub(super) fn follow(&self, seed: u64, ends: EndOfPaths, sums: &mut [Rgb], buffers: &mut Buffers) {
         buffers.path_ends.clear();
         self.follow_from(1, seed, ends, sums, buffers);
@@ -310,8 +310,8 @@ impl FinalGather<'_> {
         paths.into_iter().map(|path| path.map(|path| std::mem::take(&mut found[path as usize]))).collect()
     }
 
-    /// The vertex from which a path goes on where a ray has ended. It lies in the plane of the triangle: the rounding error at the end of a long ray exceeds
-    /// the height to which the next ray is lifted.
+    /// The vertex from which a path goes on where a ray has ended. It lies in the plane of the triangle: the rounding error at the end of
+    /// a long ray exceeds the height to which the next ray is lifted.
     fn continued(&self, met: PathVertex, share: Vec3, path: u32) -> PathVertex {
         let reflectance = Vec3::from(self.linked.elements.sides[met.side as usize].reflectance);
         let at = on_plane(self.scene.corners(met.triangle), met.at);

@@ -18,24 +18,27 @@ const MIN_ROW_RAYS: f64 = 4.0;
 const FEWEST_ROW_RAYS: f64 = 2.0;
 /// Largest number of rays of an element: 1/√4,096 = 1.6 % of the spread of one ray remain as noise.
 const MAX_ROW_RAYS: f64 = 4096.0;
-/// Of the rays of the exchange beyond the smallest number of each element, the part that is distributed by reflected light; the others are distributed by
-/// area alone, because light along links may be incomplete. The inside of a lamp shade reflects a hundred times as much light as the walls around it.
+/// Of the rays of the exchange beyond the smallest number of each element, the fraction that is distributed by reflected light. The
+/// others are distributed by area alone, because light along links may be incomplete: with a half, an element that links leave dark has
+/// at least half of the rays that it would get by area. The inside of a lamp shade reflects a hundred times as much light as the walls
+/// around it.
 const SHARE_BY_LIGHT: f64 = 0.5;
-/// Number of rays of all elements together after the deadline. With too few rays, two elements may exchange light only with
-/// each other, and their light would never decay.
+/// Number of rays of all elements together after the deadline, which take less than 0.1 s (see [`MAX_LATE_LEAVES`]). With too few rays,
+/// two elements may exchange light only with each other, and their light would never decay.
 pub const LATE_RAYS: f64 = 1e5;
 /// Largest number of leaves that are traced after the deadline: with [`MIN_ROW_RAYS`] and [`LATE_RAYS`] half a million rays, some 0.4 s on
 /// two cores. If there are more leaves, those above their share of the area and an even selection of the others are traced.
 const MAX_LATE_LEAVES: usize = 100_000;
 /// Fraction of the light that is reflected in scenes for which [`RAYS_TIMES_ERROR_SQUARED`] holds: half.
 const USUAL_REFLECTED: f64 = 0.5;
-/// Number of neighbours that share their rays.
-pub(super) const NEIGHBOURS: f64 = 16.0;
-/// Rays of an element times the square of the error: one ray deviates by about half of the mean, neighbours share their rays, and direct and
-/// reflected light each have that variance.
-const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / NEIGHBOURS;
-/// Fraction of the error of elements that may be noise of their rays, where these deviate little: a fifth of the squared error. Most of the rest is the
-/// variation of light over an element.
+/// Number of elements over whose rays sharing is expected to average: between its windows of 9 and 25 elements. It only plans numbers
+/// of rays: with fewer, elements get more rays and take longer; with more, their noise is above the error asked for.
+pub(super) const AVERAGED_ELEMENTS: f64 = 16.0;
+/// Rays of an element times the square of the error: one ray deviates by about half of the mean, the mean over [`AVERAGED_ELEMENTS`]
+/// counts, and direct and reflected light each have that variance.
+const RAYS_TIMES_ERROR_SQUARED: f64 = 2.0 * 0.25 / AVERAGED_ELEMENTS;
+/// Fraction of the error of elements that may be noise of their rays, where these deviate little: a fifth of the squared error. Most of
+/// the rest is the variation of light over an element.
 pub(super) const NEEDED_SHARE: f64 = 0.45;
 /// Approximate number of leaves whose rays are timed for an estimate: limits it to 32,000 rays, 1 % of the rays at the
 /// default error. Used with a time limit only.
@@ -47,44 +50,44 @@ const TIMED_RAYS: u32 = 16;
 const SHARED_AFTER_SPLIT: f64 = 0.8;
 
 impl FinalGather<'_> {
-    /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean irradiance. If the
-    /// elements are not asked for, only the light that they reflect to points counts.
+    /// The number of rays, at most `rays`, that brings the error of the elements below the error asked for, relative to the mean
+    /// irradiance. If the elements are not asked for, only the light that they reflect to points counts.
     pub fn useful_rays(&self, rays: f64) -> f64 {
-        let part = if self.elements { 1.0 } else { self.reflected_part() };
+        let part = if self.elements { 1.0 } else { self.weight_of_reflected() };
         rays.min(self.rays_for(part).max(self.rays_for_openings(part)))
     }
 
-    /// The number of rays with which the light of the sky through openings, on the surfaces that points see, has half of the error asked for, if `part` of
-    /// the error counts. A part p of the rays of these surfaces leaves the scene, so that each ray has the relative variance (1 - p) / p. Half of all rays
-    /// start on these surfaces.
+    /// The number of rays with which the light of the sky through openings, on the surfaces that points see, has half of the error asked
+    /// for, if the fraction `part` of the error counts. A fraction p of the rays of these surfaces leaves the scene, so that each ray has
+    /// the relative variance (1 - p) / p. Half of all rays start on these surfaces.
     fn rays_for_openings(&self, part: f64) -> f64 {
         let Some(view) = self.linked.points_view.filter(|view| view.open > 0.0) else { return 0.0 };
-        let part = part * self.linked.part_from_beyond(view.open);
+        let part = part * self.linked.fraction_from_beyond(view.open);
         2.0 * (1.0 - view.open) / view.open * (2.0 * part / self.error).powi(2) / EXCHANGE_SHARE
     }
 
-    /// The number of rays that brings the error of the elements below the error asked for if `part` of it counts.
+    /// The number of rays that brings the error of the elements below the error asked for if the fraction `part` of it counts.
     fn rays_for(&self, part: f64) -> f64 {
         let each = RAYS_TIMES_ERROR_SQUARED * (part / self.error).powi(2);
         (each * self.linked.leaves().len() as f64).max(LATE_RAYS)
     }
 
-    /// Weight of errors of reflected light at points: where reflected light is a part r of their light, r / [`USUAL_REFLECTED`].
-    fn reflected_part(&self) -> f64 {
+    /// Weight of errors of reflected light at points: where reflected light is a fraction r of their light, r / [`USUAL_REFLECTED`].
+    fn weight_of_reflected(&self) -> f64 {
         let at_points = self.linked.points_view.map(|view| view.reflected);
         let reflected = at_points.unwrap_or_else(|| self.reflected_everywhere());
         (reflected / USUAL_REFLECTED).min(1.0)
     }
 
-    /// The part of all light that surfaces reflect. The ground under an open sky receives a hundredth of its light from itself.
+    /// The fraction of all light that surfaces reflect. The ground under an open sky receives a hundredth of its light from itself.
     pub(super) fn reflected_everywhere(&self) -> f64 {
         let LinkedScene { elements, surroundings, .. } = self.linked;
         f64::from(elements.clusters[0].reflectance * surroundings.enclosed[0])
     }
 
-    /// The number of rays of elements that brings their noise to [`NEEDED_SHARE`] of the error asked for, by the deviations that the exchange has
-    /// found. If N rays are distributed as in [`FinalGather::sample_elements`], in proportion to √area times the deviation σ of one ray, the
-    /// error of all elements together is Σ √A σ / √(N · Σ A).
+    /// The number of rays of elements that brings their noise to [`NEEDED_SHARE`] of the error asked for, by the deviations that the
+    /// exchange has found. If N rays are distributed as in [`FinalGather::sample_elements`], in proportion to √area times the deviation σ
+    /// of one ray, the error of all elements together is Σ √A σ / √(N · Σ A).
     pub(super) fn needed_rays(&self, leaves: &[u32], results: &[LocalResult]) -> f64 {
         let elements = &self.linked.elements.elements;
         let (mut deviations, mut area, mut light) = (0.0, 0.0, 0.0);
@@ -95,7 +98,7 @@ impl FinalGather<'_> {
             light += own * mean(result.irradiance);
         }
         let noise = NEEDED_SHARE * self.error * light / area;
-        let rays = deviations * deviations / (NEIGHBOURS * area * noise * noise);
+        let rays = deviations * deviations / (AVERAGED_ELEMENTS * area * noise * noise);
         if rays.is_finite() { rays.max(LATE_RAYS) } else { f64::INFINITY }
     }
 
@@ -123,8 +126,8 @@ impl FinalGather<'_> {
         LeafRays { leaf, count, to_emitters: true, suns: 1, sequences: self.sequences_of(leaf, EXCHANGE_SET) }
     }
 
-    /// Traces the rays of all leaves, those in the exchange and those outside of it; the share of each leaf depends on its area and importance.
-    /// After the deadline, each leaf traces at most its share of [`LATE_RAYS`], and of many leaves only some are traced.
+    /// Traces the rays of all leaves, those in the exchange and those outside of it; the share of each leaf depends on its area and
+    /// importance. After the deadline, each leaf traces at most its share of [`LATE_RAYS`], and of many leaves only some are traced.
     pub(super) fn trace_rows(&self, leaves: &[u32], rays: Option<f64>, deadline: &Deadline) -> [RayRows; 2] {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let area = |e: u32| elements.elements[e as usize].area;

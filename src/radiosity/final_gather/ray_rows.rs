@@ -41,8 +41,8 @@ pub struct RayRow {
 /// Half of the rays of a leaf.
 #[derive(Clone, Copy, Default, Deserialize, Serialize)]
 pub struct RowHalf {
-    /// Sum over the rays of the irradiance from emitters, suns and sky, and from paths through leaves outside the exchange without the light of the
-    /// ends of these paths, W/m².
+    /// Sum over the rays of the irradiance from emitters, suns and sky, and from paths through leaves outside the exchange without the
+    /// light of the ends of these paths, W/m².
     pub direct: Vec3,
     /// The part of `direct` by the emitters of the scene, W/m².
     pub emitted: Vec3,
@@ -113,8 +113,8 @@ impl RayRow {
         self.halves[0].continued + self.halves[1].continued
     }
 
-    /// The fraction of the light reflected by the leaf that stays in the scene, for a leaf that lies both inside and outside of a room: each ray
-    /// has the weight of the light at its start.
+    /// The fraction of the light reflected by the leaf that stays in the scene, for a leaf that lies both inside and outside of a room:
+    /// each ray has the weight of the light at its start.
     pub fn kept_of_lit(&self) -> f32 {
         let lit = (self.emitted() + self.sun()).element_sum() / 3.0;
         if lit > 0.0 {
@@ -130,9 +130,9 @@ impl RayRows {
         RayRows { rows: Vec::new(), met: Vec::new(), ends: Vec::new(), reduced: 0, tally: Tally::default() }
     }
 
-    /// Traces the planned rays of the leaves of each list and returns the rows of each list. `instead` is called before each batch of leaves: if it returns
-    /// rays, these replace the planned ones, and leaves that are not among them have no row. Any first part of the order of batches is spread over all
-    /// leaves. `done` is called with the number of further leaves finished.
+    /// Traces the planned rays of the leaves of each list and returns the rows of each list. `instead` is called before each batch of
+    /// leaves: if it returns rays, these replace the planned ones, and leaves that are not among them have no row. Any first part of the
+    /// order of batches is spread over all leaves. `done` is called with the number of further leaves finished.
     pub fn trace<const N: usize>(
         gather: &FinalGather,
         planned: [&[LeafRays]; N],

@@ -1,11 +1,12 @@
 //! Neighbouring elements share their samples where light is smooth.
 //!
-//! Around each element a linear function of place and normal is fitted to the irradiance of 8, 24 or 48 neighbours: under equal incident light, irradiance is
-//! the dot product of the normal with one vector. Wider windows have less noise and more bias. The window is chosen by cross validation with two halves
-//! of the rays: the fit to one half is compared with the element's estimate by the other half, averaged over the neighbours (Rousselle, Knaus and Zwicker 2012
-//! choose filters in this way). The same comparison gives the error of the result, noise and bias together. Without a sky both halves are parts of one
-//! low-discrepancy sequence: where one is too bright the other is rather too dark, so that their difference and the stated error are rather too large. Direct and reflected
-//! light have separate windows.
+//! Around each element a linear function of place and normal is fitted to the irradiance of 8, 24 or 48 neighbours: under equal incident
+//! light, irradiance is the dot product of the normal with one vector. Wider windows have less noise and more bias. The window is chosen
+//! by cross validation with two halves of the rays: the fit to one half is compared with the element's estimate by the other half,
+//! averaged over the neighbours (Rousselle, Knaus and Zwicker 2012 choose filters in this way). The same comparison gives the error of
+//! the result, noise and bias together. Without a sky both halves are parts of one low-discrepancy sequence: where one is too bright the
+//! other is rather too dark, so that their difference and the stated error are rather too large. Direct and reflected light have separate
+//! windows.
 
 use super::element_samples::{DIRECT, ElementLight, KINDS, REFLECTED, SharedLight};
 use super::kept_power::{SharedKinds, keep_power};
@@ -22,8 +23,8 @@ const WINDOWS: [usize; 4] = [1, 9, 25, 49];
 /// Neighbours over which the comparison of windows is averaged, the element included: two rings of a square grid. Their 26
 /// comparisons determine a variance to √(2/26) = 28 %.
 const COMPARED_NEIGHBOURS: usize = 13;
-/// Weight, in rays, of the spread of the neighbours when it is mixed with that of an element: twice the smallest number of rays of an element, 8. So few
-/// rays may all miss a window by chance, and then have no spread of their own.
+/// Weight, in rays, of the spread of the neighbours when it is mixed with that of an element: twice the smallest number of rays of an
+/// element, 8. So few rays may all miss a window by chance, and then have no spread of their own.
 const NEIGHBOUR_RAYS: f64 = 16.0;
 /// A window is rejected if it differs from the element's own rays by more standard deviations than this. The light of few rays is not
 /// normally distributed: at 2.5, where a normal distribution rejects 1.2 %, a quarter of a living room's furniture keeps its noise.
@@ -33,9 +34,9 @@ const MAX_DEVIATION: f64 = 4.0;
 const NORMAL_SCALE: f32 = 4.0;
 /// Ridge term of the slopes, relative to the weight of the neighbours. 0.01 instead changes the same error by a hundredth of it.
 const RIDGE: f64 = 1e-3;
-/// Smallest numbers of neighbours for a plane, twice its three unknowns, and for all unknowns: the smallest window has that many.
+/// Smallest number of neighbours for a plane: twice its three unknowns.
 const MIN_FOR_PLANE: usize = 6;
-/// See [`MIN_FOR_PLANE`].
+/// Smallest number of neighbours for all unknowns: the smallest window has that many.
 const MIN_FOR_NORMALS: usize = WINDOWS[1];
 
 /// Irradiance of one element by the fits: by kind, window and half, W/m².
@@ -51,9 +52,9 @@ struct Comparison {
     variance: [[f32; WINDOWS.len()]; KINDS],
 }
 
-/// The irradiance of all elements from the rays of their neighbourhood; after the deadline from their own rays. `areas` are those of the elements.
-/// Elements keep their own light if its noise is less than the part `needed` of their light and of the mean light, and so is that of direct light around. All elements together receive
-/// as much as by their own rays.
+/// The irradiance of all elements from the rays of their neighbourhood; after the deadline from their own rays. `areas` are those of the
+/// elements. Elements keep their own light if its noise is less than the fraction `needed` of their light and of the mean light, and so
+/// is that of direct light around. All elements together receive as much as by their own rays.
 pub fn share(
     places: &[Place],
     areas: &[f64],
@@ -371,7 +372,8 @@ mod tests {
         }
     }
 
-    /// A wall between the columns 19 and 20 of elements: the light behind it, a tenth less, stays apart from that before it, in noise of .3.
+    /// A wall between the columns 19 and 20 of elements: the light behind it, a tenth less, stays apart from that before it, in noise of
+    /// .3.
     #[test]
     fn nothing_is_shared_across_a_wall() {
         let (places, light, _) = floor(|x, _| if x < 20.0 { 1.0 } else { 0.9 }, 0.3);

@@ -1,6 +1,6 @@
 //! Light of the sky and the suns: rays that leave the scene receive the light of the sky, and points trace shadow rays to the suns.
 
-use super::bright_leaves::PART_OF_ERROR;
+use super::bright_leaves::FRACTION_OF_ERROR;
 use super::cells_around::RayCell;
 use super::element_rays::LeafRays;
 use super::gather_point::GatherPoint;
@@ -13,21 +13,24 @@ use crate::sky::Sun;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
-/// Rays of an element are compared with the open sky only if more than this part of them leaves the scene: with more blocked rays, the
-/// comparison would add noise.
-const MIN_OPEN_PART: f32 = 0.5;
+/// Rays of an element are compared with the open sky only if more than this fraction of them leaves the scene: with more blocked rays,
+/// the comparison would add noise.
+const MIN_OPEN_FRACTION: f32 = 0.5;
 
-/// Smallest number of rays from a point to a sun, evenly spread over the disc, even if all agree: all of them miss a gap that shows a twentieth of the disc
-/// in one of seven hundred cases. A gap between leaves that shows a fiftieth of the disc lights a room as much as the sky does through a window.
+/// Smallest number of rays from a point to a sun, evenly spread over the disc, even if all agree: all of them miss a gap that shows a
+/// twentieth of the disc in one of seven hundred cases. A gap between leaves that shows a fiftieth of the disc lights a room as much as
+/// the sky does through a window.
 const AGREED_RAYS: usize = 8 * LANES;
-/// Largest ratio of the rays from a point to a sun to [`Options::light_rays`](crate::radiosity::Options::light_rays), and the visible fraction of the disc
-/// from which on the error is relative to this part: behind blinds and leaves a tenth of the sun is most of the light. The unoccluded sun has ten times
-/// the light of a clear sky.
-const MORE_FOR_SUNS: usize = 4;
-const MIN_PART: f64 = 0.1;
+/// Largest ratio of the rays from a point to a sun to [`Options::light_rays`](crate::radiosity::Options::light_rays): four times as
+/// many rays halve the noise. The unoccluded sun has ten times the light of a clear sky, so that its shadows have most of the noise;
+/// points whose rays agree trace [`AGREED_RAYS`] alone.
+const MAX_SUN_RAYS_RATIO: usize = 4;
+/// Visible fraction of the disc of a sun from which on the error is relative to this fraction: behind blinds and leaves a tenth of the
+/// sun is most of the light. Relative to all of the sun, the error there would be ten times as large.
+const MIN_VISIBLE_SUN: f64 = 0.1;
 
-/// Smallest error of the light of the sky in a cell, relative to this light: samples in the cell that agree by chance have an error as well. The limit
-/// matters only where all samples agree.
+/// Smallest error of the light of the sky in a cell, relative to this light: samples in the cell that agree by chance have an error as
+/// well. The limit matters only where all samples agree.
 const MIN_CELL_ERROR: f64 = 0.01;
 
 impl FinalGather<'_> {
@@ -48,10 +51,10 @@ impl FinalGather<'_> {
         Vec3::from(environment.radiance(direction).map(|l| (PI * l) as f32))
     }
 
-    /// Replaces the light of the sky along the rays of a batch of leaves, `halves` times the number of each, by values with the same mean and less noise
-    /// where most rays leave the scene. The unoccluded sky is a control variate: with the light of the sky F in the direction of a ray, blocked or not, its
-    /// known mean E over the hemisphere, and the part v of the rays that leave the scene, v (E − F) is added. Each half of the rays of a leaf has v from
-    /// the other half, so that v is independent of its own rays.
+    /// Replaces the light of the sky along the rays of a batch of leaves, `halves` times the number of each, by values with the same mean
+    /// and less noise where most rays leave the scene. The unoccluded sky is a control variate: with the light of the sky F in the
+    /// direction of a ray, blocked or not, its known mean E over the hemisphere, and the fraction v of the rays that leave the scene, v
+    /// (E − F) is added. Each half of the rays of a leaf has v from the other half, so that v is independent of its own rays.
     pub(super) fn compare_with_open_sky(&self, batch: &[LeafRays], halves: usize, buffers: &mut Buffers) {
         let Buffers { packets, vertices, results, .. } = buffers;
         let Some(environment) = self.environment else { return };
@@ -79,18 +82,18 @@ impl FinalGather<'_> {
         }
     }
 
-    /// The part of some rays of a leaf that leave the scene; 0 where comparison with the open sky adds noise: where it is below [`MIN_OPEN_PART`], or a
-    /// sun is hidden, and with it the brightest sky.
+    /// The fraction of some rays of a leaf that leave the scene; 0 where comparison with the open sky adds noise: where it is below
+    /// [`MIN_OPEN_FRACTION`], or a sun is hidden, and with it the brightest sky.
     fn open_part(&self, results: &[RayResult], normal: DVec3) -> f32 {
         let count = results.len().max(1) as f32;
         let escaped = results.iter().filter(|of| of.escaped).count() as f32 / count;
         let seen = results.iter().map(|of| of.sun.element_sum()).sum::<f32>() / count;
         let free: f64 = self.suns().iter().flat_map(|sun| sun.irradiance_on(normal)).sum();
-        if escaped <= MIN_OPEN_PART || f64::from(seen) < 0.5 * free { 0.0 } else { escaped }
+        if escaped <= MIN_OPEN_FRACTION || f64::from(seen) < 0.5 * free { 0.0 } else { escaped }
     }
 
-    /// A sampled direction towards a sun, and the irradiance by a ray in this direction on a surface with this normal, W/m²; `None` if this point
-    /// of the disc is below the horizon of the surface.
+    /// A sampled direction towards a sun, and the irradiance by a ray in this direction on a surface with this normal, W/m²; `None` if
+    /// this point of the disc is below the horizon of the surface.
     fn sun_ray(sun: &Sun, normal: Vec3, [u, v]: [f32; 2]) -> Option<(Vec3, Vec3)> {
         let direction = sun.sample([u.into(), v.into()]);
         let cosine = direction.dot(normal.as_dvec3());
@@ -103,8 +106,8 @@ impl FinalGather<'_> {
         2.0 * length * (0.5 * sun.diameter).tan() as f32
     }
 
-    /// Adds the light of the suns at `buffers.vertices` to the results: the mean of `count` rays to each, the first from the vertex and the others from
-    /// `buffers.sun_places`. `random` gives the numbers of which the last two choose the place on the disc.
+    /// Adds the light of the suns at `buffers.vertices` to the results: the mean of `count` rays to each, the first from the vertex and
+    /// the others from `buffers.sun_places`. `random` gives the numbers of which the last two choose the place on the disc.
     pub(super) fn add_suns(
         &self,
         random: &impl Fn(usize) -> [f32; 4],
@@ -176,7 +179,7 @@ impl FinalGather<'_> {
         let reach = self.reach_from(at);
         // Sums over rays of the unoccluded light, of the light that passes, and of the unoccluded light times the squared transmittance.
         let (mut all, mut seen, mut squares, mut count) = (0.0, 0.0, 0.0, 0.0);
-        let rays = (MORE_FOR_SUNS * self.light_rays).max(AGREED_RAYS);
+        let rays = (MAX_SUN_RAYS_RATIO * self.light_rays).max(AGREED_RAYS);
         for first in (0..rays).step_by(LANES) {
             let (mut packet, mut weights) = (Packet::EMPTY, [0.0; LANES]);
             for (lane, [u, v]) in self.table.iter().cycle().skip(first).take(LANES).enumerate() {
@@ -203,7 +206,7 @@ impl FinalGather<'_> {
                 let (more, all) = (more * all / count, all + 2.0 * more * all / count);
                 (squares + more) / all - ((seen + more) / all).powi(2)
             };
-            let tolerance = PART_OF_ERROR * self.error * (seen / all).max(MIN_PART);
+            let tolerance = FRACTION_OF_ERROR * self.error * (seen / all).max(MIN_VISIBLE_SUN);
             let is_known = variance(0.0) < 1e-9 || variance(2.0) <= count * tolerance * tolerance;
             if first + LANES >= AGREED_RAYS && is_known {
                 break;
@@ -224,7 +227,7 @@ pub(super) struct SkyLight {
 }
 
 impl SkyLight {
-    /// Adds cells, each of which is the part `area` of the hemisphere, or subtracts them if `sign` is negative.
+    /// Adds cells, each of which is the fraction `area` of the hemisphere, or subtracts them if `sign` is negative.
     pub fn add<'a>(&mut self, cells: impl Iterator<Item = &'a RayCell>, area: f64, sign: f64) {
         for cell in cells {
             let (sky, error) = (f64::from(cell.sky), f64::from(cell.error));
@@ -237,8 +240,8 @@ impl SkyLight {
         }
     }
 
-    /// Correction of the light of the cells by the known light of the open sky, W/m²: the error of all cells, times the part of its variance that is due to
-    /// cells whose rays reach the sky.
+    /// Correction of the light of the cells by the known light of the open sky, W/m²: the error of all cells, times the fraction of its
+    /// variance that is due to cells whose rays reach the sky.
     pub fn compared_with(&self, open: DVec3) -> DVec3 {
         let part = (self.errors[0] / self.errors[1]).clamp(0.0, 1.0);
         if part.is_finite() { part * (open - self.all) } else { DVec3::ZERO }

@@ -12,12 +12,13 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Sets of shadow rays at a corner: the error of one corner is half that of a single point, the error of the mean of four corners a quarter.
+/// Sets of shadow rays at a corner: the error of one corner is half that of a single point, the error of the mean of four corners a
+/// quarter.
 const SETS: u64 = 4;
 /// Smallest number of points of a cell. A corner costs as many rays as [`SETS`] points, and a lattice has one corner per cell: the
 /// light of cells with this many points takes half as long as by rays from every point.
 const MIN_POINTS: usize = 2 * SETS as usize;
-/// Largest number of halvings of a plane.
+/// Largest number of halvings of a plane: to 1/65,536 of its width, where coordinates of corners still have 8 bits more.
 const MAX_LEVEL: u32 = 16;
 
 /// The corners of the cell of a point, and their weights.

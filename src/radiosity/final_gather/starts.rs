@@ -17,10 +17,10 @@ const MAX_SURFACE_HEIGHT: f32 = 5.0;
 const MIN_COSINE: f32 = 0.5;
 
 impl FinalGather<'_> {
-    /// A given point, with its seed, and the start of its rays above the surface on which it lies: the surface nearest to the point along its
-    /// normal, if both are about parallel. It is above the point within the slack, because files contain few digits, or below it within
-    /// rounding. A point that lies higher receives the light at its place in space. A point without a surface is not moved onto one, but is
-    /// lifted too: its surface may end beside it. On an edge or in a corner the light is the limit from inside the surface.
+    /// A given point, with its seed, and the start of its rays above the surface on which it lies: the surface nearest to the point along
+    /// its normal, if both are about parallel. It is above the point within the slack, because files contain few digits, or below it
+    /// within rounding. A point that lies higher receives the light at its place in space. A point without a surface is not moved onto
+    /// one, but is lifted too: its surface may end beside it. On an edge or in a corner the light is the limit from inside the surface.
     pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
         let near = |size| {
             let mut places = self.model.places_of(at, normal, size).into_iter();

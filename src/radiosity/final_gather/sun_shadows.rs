@@ -7,8 +7,8 @@ use crate::radiosity::elements::Elements;
 use crate::radiosity::rgb::mean;
 use glam::Vec3;
 
-/// Visible fraction of the suns' light up to which leaves with one parent count as shaded, and hidden fraction up to which they count as sunlit: half a ray of
-/// sixteen, so that one ray that disagrees with up to thirty others puts these leaves in partial shadow.
+/// Visible fraction of the suns' light up to which leaves with one parent count as shaded, and hidden fraction up to which they count as
+/// sunlit: half a ray of sixteen, so that one ray that disagrees with up to thirty others puts these leaves in partial shadow.
 const SHADED: f64 = 1.0 / 32.0;
 
 impl FinalGather<'_> {
@@ -22,8 +22,8 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Whether rays to suns, from all leaves with the same parent, find a part of the light, neither none nor all; by parent, empty without suns. `found`
-    /// returns the sum of the irradiance of suns by some rays of a leaf, W/m², and the number of these rays.
+    /// Whether rays to suns, from all leaves with the same parent, find some of the light, neither none nor all; by parent, empty without
+    /// suns. `found` returns the sum of the irradiance of suns by some rays of a leaf, W/m², and the number of these rays.
     pub(super) fn partly_sunlit(
         &self,
         rows: &[&RayRows],

@@ -3,24 +3,26 @@
 use super::cells_around::{NeighbourRanges, RayCell, Surroundings};
 use glam::Vec3;
 
-/// Standard deviation of the open part of a cell that only its ray determines: two rays locate an edge at a random place in their two cells to
-/// √(1/12) = .29 of a cell.
+/// Standard deviation of the open fraction of a cell that only its ray determines: two rays locate an edge at a random place in their two
+/// cells to √(1/12) = .29 of a cell.
 const ERROR_OF_EDGE: f64 = 0.29;
-/// The same for a gradient of radiance: a random sample in a cell deviates by √(1/12) of the difference over the cell. Cells of the undivided grid have
-/// two samples that mirror each other, which leave a quarter of this deviation where the gradient is not uniform. Smaller cells may contain the horizon or
-/// the edge of a bright part of the sky.
+/// The same for a gradient of radiance: a random sample in a cell deviates by √(1/12) of the difference over the cell. Cells of the
+/// undivided grid have two samples that mirror each other, which leave a quarter of this deviation where the gradient is not uniform.
+/// Smaller cells may contain the horizon or the edge of a bright part of the sky.
 const ERROR_OF_GRADIENT: f64 = ERROR_OF_EDGE / 4.0;
-/// The error asked for by default, relative to the mean irradiance.
+/// The error asked for by default, relative to the mean irradiance: that of [`Options::error`](crate::radiosity::Options::error).
 pub(super) const DEFAULT_ERROR: f64 = 0.02;
-/// Tolerated error of the light of the sky at a point, relative to all light of the point, as a fraction of the error asked for.
+/// Tolerated error of the light of the sky at a point, relative to all light of the point, as a fraction of the error asked for. It
+/// adds √(1 + 0.1²) − 1 = 0.5 % to the error that the other light may have.
 pub(super) const TOLERANCE: f64 = 0.1;
 /// Weight of squared errors of the light of surfaces, whose error may be about the error asked for instead of a tenth of it.
 const WEIGHT_OF_SURFACES: f64 = TOLERANCE * TOLERANCE;
 
-/// Cells are divided further where it is cheap, down to this part of the tolerated squared error of the sky's light: where the next level has at most
-/// [`CHEAP_RAYS`] times the rays so far. Edges along lines, as of roofs and windows, need about as many rays again to reduce the error to a third. Edges
-/// in all cells, as of foliage, need three times as many to halve it.
+/// Fraction of the tolerated squared error of the sky's light down to which cells are divided further where it is cheap: half of the
+/// error.
 const CHEAP_TOLERANCE: f64 = 0.25;
+/// Division is cheap where the next level has at most this many times the rays so far. Edges along lines, as of roofs and windows, need
+/// about as many rays again to reduce the error to a third. Edges in all cells, as of foliage, need three times as many to halve it.
 const CHEAP_RAYS: usize = 2;
 
 /// A cell that may be divided, by its index in its level.
@@ -37,10 +39,11 @@ impl UnevenCell {
 }
 
 impl Surroundings<'_> {
-    /// The cells of the finest level, each of `area`, whose neighbours differ from each other, and the cells whose neighbours are all open. The ray of a
-    /// cell itself does not decide whether it is divided: otherwise partly open cells whose ray happens to be blocked would stay undivided. A neighbour at a
-    /// coarser level counts as its larger cell. A cell at the rim of the hemisphere is also compared with all others of the finest level at the rim. At
-    /// `openings`, points of the grid's unit square, the sky is visible: cells there and beside them count as neighbours of an open cell.
+    /// The cells of the finest level, each of `area`, whose neighbours differ from each other, and the cells whose neighbours are all
+    /// open. The ray of a cell itself does not decide whether it is divided: otherwise partly open cells whose ray happens to be blocked
+    /// would stay undivided. A neighbour at a coarser level counts as its larger cell. A cell at the rim of the hemisphere is also
+    /// compared with all others of the finest level at the rim. At `openings`, points of the grid's unit square, the sky is visible:
+    /// cells there and beside them count as neighbours of an open cell.
     pub fn uneven(&self, area: f64, openings: &[[f32; 2]]) -> (Vec<UnevenCell>, Vec<u32>) {
         let finest = self.levels.len() - 1;
         let (beside_openings, whole) = (self.beside(openings), self.in_whole_grid());
@@ -90,9 +93,10 @@ impl Surroundings<'_> {
         counts
     }
 
-    /// Variance of the visibility of a cell at the rim of the hemisphere, 0 inside. Objects a little above the plane of a point, and the sky at the foot of a
-    /// wall, are strips along the rim thinner than a cell: the other cells of the rim give the probability that one crosses this cell. Where little of the
-    /// rim is open, as in rooms, the edges of openings matter more: the variance is multiplied by the open part.
+    /// Variance of the visibility of a cell at the rim of the hemisphere, 0 inside. Objects a little above the plane of a point, and the
+    /// sky at the foot of a wall, are strips along the rim thinner than a cell: the other cells of the rim give the probability that one
+    /// crosses this cell. Where little of the rim is open, as in rooms, the edges of openings matter more: the variance is multiplied by
+    /// the open fraction.
     fn variance_at_rim(&self, cell: &RayCell, rim: [f64; 2]) -> f64 {
         if !self.is_at_rim(cell.place) {
             return 0.0;
@@ -119,15 +123,16 @@ impl Surroundings<'_> {
     }
 }
 
-/// An upper bound of the sum of the squared errors of [`Surroundings::uneven`] for an undivided grid of `count` cells below a dark sky, (W/m²)². The range is
-/// that of the light of surfaces in blocked cells, W/m²; `rings` of neighbours are compared.
+/// An upper bound of the sum of the squared errors of [`Surroundings::uneven`] for an undivided grid of `count` cells below a dark sky,
+/// (W/m²)². The range is that of the light of surfaces in blocked cells, W/m²; `rings` of neighbours are compared.
 pub(super) fn bound_of_errors(count: usize, [low, high]: [f32; 2], rings: usize) -> f64 {
     let between = ERROR_OF_EDGE * f64::from((high - low).max(0.0));
     WEIGHT_OF_SURFACES * between * between / (count * (2 * rings + 1)) as f64
 }
 
-/// Abrupt change of the sky at a cell of the undivided grid, W/m²: the larger of the second differences along a row and along a column, which is the step
-/// itself for both cells at a step. At the rim of the grid, or beside blocked cells, it is the difference from the only neighbour.
+/// Abrupt change of the sky at a cell of the undivided grid, W/m²: the larger of the second differences along a row and along a column,
+/// which is the step itself for both cells at a step. At the rim of the grid, or beside blocked cells, it is the difference from the only
+/// neighbour.
 fn step_at(cells: &[RayCell], k: usize, columns: usize) -> f64 {
     let open = |k: usize| cells.get(k).filter(|cell| cell.is_open).map(|cell| f64::from(cell.sky));
     let own = f64::from(cells[k].sky);
@@ -142,16 +147,16 @@ fn step_at(cells: &[RayCell], k: usize, columns: usize) -> f64 {
     across.max(bend(k.checked_sub(columns), Some(k + columns)))
 }
 
-/// A cell to divide, with the light of the surfaces around it where errors of surface light matter little, as at the edges of leaves before the sky: then
-/// one quarter of four is evaluated for all.
+/// A cell to divide, with the light of the surfaces around it where errors of surface light matter little, as at the edges of leaves
+/// before the sky: then one quarter of four is evaluated for all.
 pub(super) type CellToDivide = (u32, Option<Vec3>);
 
 fn to_divide(of: &UnevenCell, surroundings: &Surroundings, min_error: f64) -> CellToDivide {
     (of.cell, (of.errors[1] <= min_error).then(|| surroundings.surfaces_around(of.cell)))
 }
 
-/// The tolerated sum of squared errors for the next division, after `rays` rays; `left` is that of the cells that stay undivided. `None` if no cell is to be
-/// divided. If the errors are within `tolerance`, only cells whose error is mainly that of the sky are kept.
+/// The tolerated sum of squared errors for the next division, after `rays` rays; `left` is that of the cells that stay undivided. `None`
+/// if no cell is to be divided. If the errors are within `tolerance`, only cells whose error is mainly that of the sky are kept.
 pub(super) fn next_tolerance(
     uneven: &mut Vec<UnevenCell>,
     left: f64,

@@ -15,15 +15,16 @@ use std::array::from_fn;
 
 /// Smallest number of traced leaves that determine the factor: their deviation is known to 1/√(2 · 7) = 27 %.
 const MIN_TRACED: u32 = 8;
-/// Smallest number of traced leaves of which the brightest bounds the light of untraced ones: the 65th of as many leaves is brighter than all others once in
-/// 65 times.
+/// Smallest number of traced leaves of which the brightest bounds the light of untraced ones: one more leaf of the same kind is brighter
+/// than all of them with a probability of 1/65.
 const MIN_BOUNDING: u32 = 64;
-/// Largest factor of [`Surrounding::balance`], and the inverse of the smallest: the whole of the untraced leaves is known to a factor of 2 by the traced ones
-/// around them, so that a larger factor is an error of the balance.
+/// Largest factor of [`Surrounding::balance`], and the inverse of the smallest: the whole of the untraced leaves is known to a factor of
+/// 2 by the traced ones around them, so that a larger factor is an error of the balance.
 const MAX_FACTOR: f64 = 2.0;
 
 /// Area-weighted sums over traced leaves: of the light by rays and along links, and of their squares and product (means over the
-/// channels); the largest light of a leaf by rays. Sums of the exchange values of [`LocalResult`], weighted by the power that the leaves send out.
+/// channels); the largest light of a leaf by rays. Sums of the exchange values of [`LocalResult`], weighted by the power that the leaves
+/// send out.
 #[derive(Clone, Copy, Default)]
 struct TracedSums {
     count: u32,
@@ -81,7 +82,8 @@ impl TracedSums {
                 ..LocalResult::default()
             };
         }
-        // Where links bring no light at all, the mean light by rays is used instead. Where they bring most of it to small leaves, the factor is large.
+        // Where links bring no light at all, the mean light by rays is used instead. Where they bring most of it to small leaves, the
+        // factor is large.
         let of = |k: usize| match self.links[k] > 0.0 {
             true => (links[k] * self.rays[k] / self.links[k]).min(brightest[k]),
             false => self.rays[k] / self.area,
@@ -159,8 +161,9 @@ impl<'a> Surrounding<'a> {
         around
     }
 
-    /// Caps the light along links of untraced leaves, by element: single links of unfinished refinement may bring ten thousand times the light of all leaves
-    /// around. No leaf is brighter than the brightest traced leaf along links around it. Returns the part, by channel, that each of `untraced` keeps.
+    /// Caps the light along links of untraced leaves, by element: single links of unfinished refinement may bring ten thousand times the
+    /// light of all leaves around. No leaf is brighter than the brightest traced leaf along links around it. Returns the fraction, by
+    /// channel, that each of `untraced` keeps.
     pub fn cap_links(&self, traced: &[u32], untraced: &[u32]) -> Vec<Vec3> {
         let links = |leaf: u32| self.elements.states[leaf as usize].irradiance;
         let brightest = self.sums(traced.iter().map(|&leaf| (leaf, links(leaf))), larger);
@@ -174,7 +177,8 @@ impl<'a> Surrounding<'a> {
         untraced.par_iter().map(part).collect()
     }
 
-    /// Estimates the light of leaves without rows from that of the traced ones in `results`. `part`: of the light along links that a leaf keeps.
+    /// Estimates the light of leaves without rows from that of the traced ones in `results`. `part`: the fraction of the light along
+    /// links that a leaf keeps.
     pub fn estimate(
         &self,
         traced: &[u32],
@@ -198,8 +202,8 @@ impl<'a> Surrounding<'a> {
         found.into_iter().for_each(|(leaf, result)| results[leaf as usize] = result);
     }
 
-    /// The power that arrives at untraced leaves from beyond the scene: as much on each area as at the traced leaves around, of which the irradiance by the sky
-    /// and by suns is given.
+    /// The power that arrives at untraced leaves from beyond the scene: as much per area as at the traced leaves around them, whose
+    /// irradiance by the sky and by suns is given.
     pub fn arrived(&self, traced: impl Iterator<Item = (u32, [Vec3; 2])>, untraced: &[u32]) -> SkyPower {
         let area = |leaf: u32| self.elements.elements[leaf as usize].area;
         let of = |(leaf, [sky, sun]): (u32, [Vec3; 2])| {
@@ -219,11 +223,12 @@ impl<'a> Surrounding<'a> {
         all
     }
 
-    /// Scales the light of `untraced` leaves towards what balances the scene: all `leaves` together receive what emitters, sky and suns send them, `received`,
-    /// and what leaves reflect to each other, Σ A E (1 - s ρ) = `received` for areas A, irradiances E, reflectances ρ and the part s of its light that a
-    /// leaf sends to others. Links within clutter lose light; without the factor a kitchen lacks 4 % of the emitted power. Both sides are uncertain: the light
-    /// of untraced leaves by their noise u, which they share, and the rest by `error`. The factor is the mean of 1 and of the one that balances,
-    /// weighted by 1 / u² and 1 / error². Powers are in W/m² times scene units squared.
+    /// Scales the light of `untraced` leaves towards what balances the scene: all `leaves` together receive what emitters, sky and suns
+    /// send them, `received`, and what leaves reflect to each other, Σ A E (1 - s ρ) = `received` for areas A, irradiances E,
+    /// reflectances ρ and the fraction s of its light that a leaf sends to others. Links within clutter lose light; without the factor a
+    /// kitchen lacks 4 % of the emitted power. Both sides are uncertain: the light of untraced leaves by their noise u, which they share,
+    /// and the rest by `error`. The factor is the mean of 1 and of the one that balances, weighted by 1 / u² and 1 / error². Powers are
+    /// in W/m² times scene units squared.
     pub fn balance(
         &self,
         leaves: &[u32],
@@ -301,8 +306,9 @@ mod tests {
         assert!(unknown.irradiance == [2.0; 3] && unknown.noise == 2.0, "{unknown:?}");
     }
 
-    /// A room of which every second leaf is traced. Light along links that is far too bright at an untraced leaf is capped; untraced leaves receive what is missing
-    /// of the power, as far as it is known better than their light, and what arrives on an area as large of the sky; traced leaves keep their light.
+    /// A room of which every second leaf is traced. Light along links that is far too bright at an untraced leaf is capped; untraced
+    /// leaves receive what is missing of the power, as far as it is known better than their light, and what arrives on an area as large
+    /// of the sky; traced leaves keep their light.
     #[test]
     fn untraced_leaves_receive_what_is_missing() {
         let mut pieces = Pieces::empty();

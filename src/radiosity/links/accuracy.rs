@@ -23,7 +23,8 @@ pub struct Accuracy {
     pub deviation: f32,
     /// Certificate of the link between the elements that contain the ends.
     pub certificate: BlockerCertificate,
-    /// Whether all segments between those elements were blocked: the certificate search then continues for a single blocker of all segments.
+    /// Whether all segments between those elements were blocked: the certificate search then continues for a single blocker of all
+    /// segments.
     pub blocked: bool,
     /// Whether the first end is the receiver, at which an error has more weight. The feature size applies to shadows on the receiver.
     pub first_receives: bool,

@@ -12,9 +12,9 @@ use crate::ray::EndRule;
 use crate::scene::magnitude;
 use glam::{DVec3, Vec3};
 
-/// Clusters and surfaces tested for one pair; beyond that the pair has no certificate. Limits the time of a pair to 96
-/// tests, and the stack to 97 entries.
-const MAX_TESTS: usize = 96;
+/// Largest number of clusters and surfaces that are tested for one pair, or for one link to the sky; beyond that the pair has no
+/// certificate and the link is traced. Limits the time of a pair to 96 tests, and the stack to 97 entries.
+pub(super) const MAX_TESTS: usize = 96;
 /// Distance of a blocked segment's crossing point from the edges of the blocker, relative to its size: 1,700 roundings
 /// of f32 (2⁻²⁴). Pairs nearer to an edge are traced.
 const MIN_EDGE_DISTANCE: f64 = 1e-4;

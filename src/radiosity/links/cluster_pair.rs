@@ -1,5 +1,5 @@
-//! The unoccluded exchange of two elements of which at least one is a cluster: the mean over sixteen points of each end, drawn with a preference for
-//! sides that face the other end, and no more than the smaller area allows.
+//! The unoccluded exchange of two elements of which at least one is a cluster: the mean over sixteen points of each end, drawn with a
+//! preference for sides that face the other end, and no more than the smaller area allows.
 
 use super::accuracy::{Accuracy, FEW_SEGMENTS_ERROR, LinkDraft};
 use super::end_samples::{EndSamples, kernel};
@@ -97,8 +97,9 @@ impl ClusterPair<'_> {
         Some((draft, accuracy.query(packet, [ea.radius, eb.radius])))
     }
 
-    /// Unoccluded exchange area by each pair of points: by its kernel in `weights`, or by Lambert's formula from one point to all of the surface on
-    /// which the other lies, if that surface is large compared with the distance. Few points of a floor would miss the place below a small lamp.
+    /// Unoccluded exchange area by each pair of points: by its kernel in `weights`, or by Lambert's formula from one point to all of the
+    /// surface on which the other lies, if that surface is large compared with the distance. Few points of a floor would miss the place
+    /// below a small lamp.
     fn exchanges(
         &self,
         elements: &Elements,

@@ -33,7 +33,8 @@ impl EndSamples {
         EndSamples::at(elements, element, towards, place)
     }
 
-    /// Points for four numbers in `[0, 1)` per lane: on a surface two numbers select the point, on a cluster two select the side and two the point on it.
+    /// Points for four numbers in `[0, 1)` per lane: on a surface two numbers select the point, on a cluster two select the side and two
+    /// the point on it.
     pub fn at(
         elements: &Elements,
         element: u32,

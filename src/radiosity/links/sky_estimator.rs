@@ -1,6 +1,7 @@
 //! Measures links to the sky: the light without blockers first, then visibility for all links together.
 
 use super::accuracy::FEW_SEGMENTS_ERROR;
+use super::blocker_certificate::MAX_TESTS;
 use super::cluster_pair::{CLUSTER_DEVIATION, shorten_to_box};
 use super::end_samples::{EndSamples, stratified_points};
 use super::estimator::is_behind;
@@ -15,11 +16,11 @@ use crate::sky::Environment;
 use glam::Vec3;
 use sobol_burley::sample_4d;
 
-/// Largest number of clusters and surfaces that are tested for one link, as between two surfaces; if more may block the link, it is traced.
-const MAX_TESTS: usize = 96;
-/// Largest half angle, radians, for which the width of a patch at the far end of segments is computed: widths of larger patches are meaningless.
+/// Largest half angle, radians, for which the width of a patch at the far end of segments is computed: 57°, where the tangent is 1.6.
+/// The tangents of larger angles, which grow without bound, are no widths.
 const MAX_HALF_ANGLE: f32 = 1.0;
-/// Largest number of draws of a direction until it lies above the surface's horizon.
+/// Largest number of draws of a direction until it lies above the surface's horizon: of a patch half of which is above, 1 in 2⁴ = 16
+/// segments remains without a direction and is left out.
 const MAX_DRAWS: u64 = 4;
 /// Binary logarithm of the number of points of a sequence, limited by the crate; another sequence begins after these points.
 const SEQUENCE_BITS: u32 = 16;
@@ -116,7 +117,7 @@ impl SkyEstimator<'_> {
             pair,
             free,
             scale: mean(free) as f32,
-            uneven: 0.0,
+            variation: 0.0,
             contrast: source.deviation(environment),
             weights: [0.0; LANES],
             mean_weight: source.mean_over_directions(environment, mean(free)) as f32,
@@ -231,7 +232,7 @@ impl SkyEstimator<'_> {
             pair,
             free,
             scale,
-            uneven: CLUSTER_DEVIATION,
+            variation: CLUSTER_DEVIATION,
             contrast: pair.source.deviation(self.environment),
             weights,
             mean_weight: 0.0,
@@ -286,8 +287,8 @@ impl SkyEstimator<'_> {
         pair.worth * light * agreement(pair.agreed) < FEW_SEGMENTS_ERROR
     }
 
-    /// The direction of a segment. The source is divided into four parts, one for each row of four lanes, and each part into four, one for each
-    /// point; the point of a part changes from row to row. A repeated draw takes any direction of the source.
+    /// The direction of a segment. The source is divided into four parts, one for each row of four lanes, and each part into four, one
+    /// for each point; the point of a part changes from row to row. A repeated draw takes any direction of the source.
     fn direction(&self, source: SkySource, lane: usize, draw: u64, seed: u64) -> Vec3 {
         let (i, j) = (lane & 3, lane >> 2);
         let inner = i ^ (seed >> (2 * j)) as usize & 3;
@@ -298,8 +299,8 @@ impl SkyEstimator<'_> {
         source.sample(self.environment, [place(j, inner, u), place(j >> 1, inner >> 1, v)])
     }
 
-    /// Whether geometry proves that nothing is between a surface and a source: no cluster and no surface is both in front of the receiver and in the
-    /// cone of its view of the source.
+    /// Whether geometry proves that nothing is between a surface and a source: no cluster and no surface is both in front of the receiver
+    /// and in the cone of its view of the source.
     fn is_clear(&self, receiver: &Element, corners: &[Vec3; 4], source: SkySource) -> bool {
         let up = self.environment.frame().up.as_vec3();
         let (axis, half) = (source.axis(self.environment), source.half_angle(self.environment));

@@ -39,8 +39,8 @@ impl SkySource {
         }
     }
 
-    /// Upper bound of the standard deviation of the radiance over a patch relative to its mean, mean of the channels; 0 for a sun. Values in
-    /// `[a, b]` deviate by at most √((b − m)(m − a)) from their mean m (Bhatia and Davis 2000).
+    /// Upper bound of the standard deviation of the radiance over a patch relative to its mean, mean of the channels; 0 for a sun. Values
+    /// in `[a, b]` deviate by at most √((b − m)(m − a)) from their mean m (Bhatia and Davis 2000).
     pub(super) fn deviation(self, environment: &Environment) -> f32 {
         let SkySource::Patch(k) = self else { return 0.0 };
         let patch = environment.patches().patch(k);
@@ -151,14 +151,15 @@ pub struct SkyLink {
     pub variation: f32,
     /// Standard error of the irradiance from sampling, W/m²; mean of the channels.
     pub noise: f32,
-    /// Number of segments of this link, and the counted part of those of the links that it replaces, if all had the same answer; else 0.
+    /// If all segments had the same answer, their number, with a fraction (`INHERITED`) of those of the links that this one replaces;
+    /// else 0.
     pub agreed: f32,
     /// Whether geometry proves that nothing blocks the link or any part of it.
     pub is_clear: bool,
 }
 
-/// The error of a link to the sky and the end to split: [`Split::A`] is the receiver. Errors are as those of [`link_error`](super::link_error).
-/// If only one end can be split, only the error that this split can reduce counts.
+/// The error of a link to the sky and the end to split: [`Split::A`] is the receiver. Errors are as those of
+/// [`link_error`](super::link_error). If only one end can be split, only the error that this split can reduce counts.
 pub fn sky_link_error(elements: &Elements, environment: &Environment, link: &SkyLink) -> (f32, Split) {
     let element = &elements.elements[link.receiver as usize];
     let (of_receiver, of_source) = (link.variation, link.noise);
@@ -187,7 +188,8 @@ pub fn sky_link_error(elements: &Elements, environment: &Environment, link: &Sky
 
 // A link to the sky before its visibility is measured, and the sums over the answers to its segments.
 
-/// Fraction of a link's segments, if all had the same answer, that counts for the links that replace it: some segments lie in other parts of its ends.
+/// Fraction of a link's segments, if all had the same answer, that counts for the links that replace it: half, because some segments
+/// lie in other parts of its ends.
 const INHERITED: f32 = 0.5;
 
 /// A link that is to be measured, and how accurately.
@@ -207,15 +209,16 @@ pub struct SkyPair {
     pub last: Option<LastMeasurement>,
 }
 
-/// A last measurement, with consecutive points of a sequence that all links share: the points of neighbouring receivers' links to one source then
-/// interleave, and the errors of these links cancel.
+/// A last measurement, with consecutive points of a sequence that all links share: the points of neighbouring receivers' links to one
+/// source then interleave, and the errors of these links cancel.
 #[derive(Clone, Copy, Default)]
 pub struct LastMeasurement {
     /// Number of the first point.
     pub first: u32,
     /// Number of segments.
     pub count: u32,
-    /// [`SkyLink::variation`] and [`SkyLink::noise`] of the link so far, which cannot be estimated from the consecutive points of the sequence.
+    /// [`SkyLink::variation`] and [`SkyLink::noise`] of the link so far, which cannot be estimated from the consecutive points of the
+    /// sequence.
     pub variation: f32,
     pub noise: f32,
     /// [`SkyLink::transmittance`] so far.
@@ -230,7 +233,7 @@ pub struct SkyDraft {
     /// The irradiance that deviations are relative to, W/m²: a model without the noise of samples, mean of the channels.
     pub(super) scale: f32,
     /// Standard deviation of the irradiance without blockers over the receiver, relative to `scale`.
-    pub(super) uneven: f32,
+    pub(super) variation: f32,
     /// Standard deviation of the radiance over the source relative to its mean.
     pub(super) contrast: f32,
     /// Weight of each segment of the first packet.
@@ -285,8 +288,8 @@ impl SkyDraft {
     /// The link, given the answers of its segments. Without segments the link counts as clear.
     pub(super) fn link(&self) -> SkyLink {
         let Answers { count, sum, visible, squares, range, table } = self.answers;
-        // A link that is not certainly clear but has no segments sees only a sliver of the source above its horizon. A last measurement keeps the
-        // earlier values.
+        // A link that is not certainly clear but has no segments sees only a sliver of the source above its horizon. A last measurement
+        // keeps the earlier values.
         let without_segments = |noise: f32| match self.pair.last {
             Some(LastMeasurement { variation, noise, transmittance, .. }) => {
                 SkyLink { variation, noise, ..self.with(transmittance, [0.0; 2], 0.0) }
@@ -325,7 +328,8 @@ impl SkyDraft {
         }
     }
 
-    /// The link for these deviations of visibility, over the receiver and from sampling. The more uneven the source, the larger the sampling error.
+    /// The link for these deviations of visibility, over the receiver and from sampling. The sampling error grows with the contrast of
+    /// the source.
     fn with(&self, transmittance: f32, [over, noise]: [f32; 2], agreed: f32) -> SkyLink {
         let SkyPair { receiver, source, is_clear, .. } = self.pair;
         SkyLink {
@@ -333,7 +337,7 @@ impl SkyDraft {
             source,
             irradiance: self.free.map(|e| e as f32 * transmittance),
             transmittance,
-            variation: self.scale * (self.uneven * transmittance).hypot(over),
+            variation: self.scale * (self.variation * transmittance).hypot(over),
             noise: self.scale * noise * self.contrast.hypot(1.0),
             agreed,
             is_clear,

@@ -14,20 +14,22 @@ const MAX_ATTEMPTS: usize = 5;
 /// Largest accepted error of an attempt, as a fraction of the target: the error of 200 elements is known to 1/√(2 · 200) = 5 %, and the
 /// final audit draws other elements.
 const ATTEMPT_MARGIN: f64 = 0.9;
-/// Error that the next attempt is planned for, as a fraction of the target.
+/// Error that the next attempt is planned for, as a fraction of the target: it may come out larger by a fifth without exceeding
+/// [`ATTEMPT_MARGIN`].
 const TARGET_MARGIN: f64 = 0.75;
 /// Smallest factor between the errors of two attempts: at most sixteen times the rays, as the first attempt's error is known only to
 /// about a quarter.
 const MIN_ERROR_STEP: f64 = 0.25;
 
-/// Fraction of the rays of elements that are traced before any element is split. The error at points of an office is 10.3 % with 0.8 and 10.5 %
-/// with 0.6 (`scenes/room.py`).
+/// Fraction of the rays of elements that are traced before any element is split. The error at points of an office is 10.3 % with 0.8 and
+/// 10.5 % with 0.6 (`scenes/room.py`).
 const SHARE_BEFORE_SPLIT: f64 = 0.8;
 /// Largest number of elements that are added where direct light varies, as a fraction of all elements: the error of an office is as small
 /// with 0.15 as with 1, which takes a tenth more time.
 const MAX_ADDED: f64 = 0.15;
-/// Area-weighted mean variance of direct light over elements, relative to the square of the error, up to which no element is split.
-const MAX_UNEVEN: f64 = 0.5;
+/// Area-weighted mean variance of direct light over elements, relative to the square of the error, up to which no element is split: the
+/// other half of the square is for the noise of rays and for reflected light.
+const MAX_VARIANCE_WITHIN: f64 = 0.5;
 
 impl Stages<'_> {
     /// Repeats the local pass and the light of elements with more rays until independent paths find no larger error than the target.
@@ -113,11 +115,11 @@ impl Stages<'_> {
         let model = self.model;
         let skipped = timed(&mut self.seconds.local, || {
             let mut samples = solved.sample_elements(model, options, SHARE_BEFORE_SPLIT, deadline)?;
-            let variance = MAX_UNEVEN * options.error * options.error;
+            let variance = MAX_VARIANCE_WITHIN * options.error * options.error;
             let mut room = (MAX_ADDED * solved.linked.leaves().len() as f64) as usize;
             while !deadline.late() {
-                let uneven = samples.uneven(&solved.linked.elements, variance, room / 4);
-                let parts = solved.split(&uneven);
+                let varying = samples.most_varying(&solved.linked.elements, variance, room / 4);
+                let parts = solved.split(&varying);
                 if parts.is_empty() {
                     break;
                 }

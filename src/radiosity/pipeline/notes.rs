@@ -9,13 +9,14 @@ use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::Unlit;
 use crate::radiosity::transport::Convergence;
 
-/// Fraction of the emitted power that may appear or vanish without a note, however small the estimated error: the noise of sampling.
+/// Fraction of the emitted power that may appear or vanish without a note, however small the estimated error: a quarter of the error
+/// that is asked for by default, as sampling has noise.
 const MAX_IMBALANCE: f64 = 0.005;
-/// Largest error of links that finds the light of a small lamp on a large surface. Floors of 3 m to 1,000 km below lamps of 2 cm to 1 m lose none with 0.5;
-/// with 0.7, black floors from 30 km on lose all of it (`mrvis solve --local-rays 0 --error 0.7`). A lamp of 5 m loses the 3 % of its light that a black
-/// floor of 1 m below it would get with 0.5.
+/// Largest error of links that finds the light of a small lamp on a large surface. Floors of 3 m to 1,000 km below lamps of 2 cm to 1 m
+/// lose none with 0.5; with 0.7, black floors from 30 km on lose all of it (`mrvis solve --local-rays 0 --error 0.7`). A lamp of 5 m
+/// loses the 3 % of its light that a black floor of 1 m below it would get with 0.5.
 const MAX_SAFE_LINK_ERROR: f64 = 0.5;
-/// A note reports fewer rays below this part of the useful rays: above it, noise grows by less than 5 %.
+/// A note reports fewer rays below this fraction of the useful rays: above it, noise grows by 1/√0.9 − 1 = 5 % at most.
 const MIN_RAY_FRACTION: f64 = 0.9;
 /// Fraction of the surfaces that may be unlit without a note: the insides of closed boxes are about half of a scene.
 const USUAL_UNLIT_AREA: f64 = 0.5;
@@ -160,7 +161,8 @@ impl Notes {
     }
 }
 
-/// A note if the local pass had time for less than [`MIN_RAY_FRACTION`] of the useful rays; a `part` of `None` means the smallest number of rays.
+/// A note if the local pass had time for less than [`MIN_RAY_FRACTION`] of the useful rays; `part` is that fraction, and `None` means the
+/// smallest number of rays.
 pub fn fewer_local_rays(part: Option<f64>, all: f64, deadline: &Deadline) -> Option<FewerRays> {
     let rays = match part {
         Some(part) if part >= MIN_RAY_FRACTION => return None,
@@ -288,7 +290,8 @@ pub const NOT_FINITE: &str = "the light in this scene is beyond all numbers: giv
 mod tests {
     use super::*;
 
-    /// The power that may appear or vanish is the smallest of what is stated and what was asked for, but no less than the noise of sampling.
+    /// The power that may appear or vanish is the smallest of what is stated and what was asked for, but no less than the noise of
+    /// sampling.
     #[test]
     fn power_that_appears_or_vanishes_is_noted() {
         let noted = |created: f64, estimate: Option<f64>, error: f64, target_error: Option<f64>| {

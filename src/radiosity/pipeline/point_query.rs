@@ -45,7 +45,7 @@ impl Solution {
         self.gathered(points, "light at points", Deadline::start(progress, None)).irradiance
     }
 
-    /// Irradiance at points (file coordinates) within a part, in `(0, 1]`, of the time that is left of [`Options::max_seconds`]: by
+    /// Irradiance at points (file coordinates) within a fraction, in `(0, 1]`, of the time that is left of [`Options::max_seconds`]: by
     /// fewer rays if there is no time for all of them.
     pub fn irradiance_within(&self, points: &[Point], part: f64, progress: &dyn Progress) -> PointLight {
         self.gathered_at(points, self.deadline.for_caller(progress).part(part))

@@ -94,7 +94,8 @@ pub struct Record {
     pub bundles: Tally,
     /// The energy ledger.
     pub ledger: Ledger,
-    /// RMS error of the elements' irradiance relative to its mean, that of points where their light was not asked for; `None` if it is unknown.
+    /// RMS error of the elements' irradiance relative to its mean, that of points where their light was not asked for; `None` if it is
+    /// unknown.
     pub error_estimate: Option<f64>,
     /// Upper end of the 95 % interval of the estimate; `None` for an estimate from error bars.
     pub error_estimate_upper: Option<f64>,

@@ -211,7 +211,8 @@ impl Stages<'_> {
         }
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
-            // The given points set the importance only if elements and further points are not asked for, and the caller has named nothing important.
+            // The given points set the importance only if elements and further points are not asked for, and the caller has named nothing
+            // important.
             let linked = &mut refined.linked;
             let alike = self.options.elements || self.options.more_points;
             if !alike && linked.feature_sizes.important.is_empty() && !self.deadline.late() {

@@ -16,16 +16,19 @@ use rayon::prelude::*;
 /// Distance of the test segments from the edges and the plane of their element, as a fraction of its diameter: a surface nearer to an edge
 /// leaves less than this fraction of the element on its other side.
 const INSET: f32 = 1.0 / 128.0;
-/// The same fraction for segments that find surfaces ending above the element, such as a sheet a few millimetres above the floor: the two sides of the
-/// element have different light if the gap is narrower. With 1/8, light 2 cm behind a lit sheet with a gap of 3 mm is 24 % too bright.
+/// The same fraction for segments that find surfaces ending above the element, such as a sheet a few millimetres above the floor: the two
+/// sides of the element have different light if the gap is narrower. With 1/8, light 2 cm behind a lit sheet with a gap of 3 mm is 24 %
+/// too bright.
 const INSET_CLEAR: f32 = 1.0 / 4.0;
 /// Largest number of times that an element of the size of the local pass is split: its parts are then an eighth as wide. Four times
 /// adds twice as many elements, a tenth of those of the Cornell box.
 const MAX_SPLITS: i32 = 3;
-/// Largest number of elements added by these splits, relative to the number of all elements.
+/// Largest number of elements added by these splits, relative to the number of all elements: time and memory of the local pass at most
+/// double. If there are more crossed elements, the largest are split.
 const MAX_ADDED: f64 = 1.0;
-/// Number of elements that may be added to a scene of any size.
-const MIN_ROOM: usize = 1 << 13;
+/// Number of elements that may be added to a scene of any size: at 1.4 kB and 40 µs for each (see
+/// [`FineGround::MAX_TRIANGLES`](crate::scene::FineGround::MAX_TRIANGLES)) they take 11 MB and 0.3 s.
+const MIN_MAX_ADDED: usize = 1 << 13;
 
 impl LinkedScene {
     /// Splits the parts of surfaces that other surfaces cross, and marks the remaining ones
@@ -38,7 +41,7 @@ impl LinkedScene {
         let leaves = self.leaves();
         // Repeated passes do not split elements of the smallest size again.
         let smallest = self.elements.min_area / 4f64.powi(MAX_SPLITS - 1);
-        let mut room = ((MAX_ADDED * leaves.len() as f64) as usize).max(MIN_ROOM);
+        let mut room = ((MAX_ADDED * leaves.len() as f64) as usize).max(MIN_MAX_ADDED);
         let mut found = crossed(&self.elements, exact, &leaves);
         loop {
             let large = |e: &&u32| area(&self.elements, **e) > smallest;
@@ -64,7 +67,8 @@ impl LinkedScene {
         found.into_iter().for_each(|e| self.elements.states[e as usize].crossed = true);
     }
 
-    /// For each leaf, a bit mask of the edges along which other surfaces stand (segments across their middles are blocked); 0 for undivided surfaces.
+    /// For each leaf, a bit mask of the edges along which other surfaces stand (segments across their middles are blocked); 0 for
+    /// undivided surfaces.
     pub fn walls_along(&self, exact: &Exact, leaves: &[u32]) -> Vec<u8> {
         let parts = divided(&self.elements, leaves);
         let mut walls =
@@ -99,14 +103,14 @@ fn crossed(elements: &Elements, exact: &Exact, leaves: &[u32]) -> Vec<u32> {
     found.filter(|(_, (edges, quarters))| *edges != 0 || in_part(*quarters)).map(|(e, _)| e).collect()
 }
 
-/// The leaves among these that are parts of surfaces. Surfaces that are too small to be divided are left out: to test them takes a tenth to a third more time,
-/// and the light of a room changes by less than its error.
+/// The leaves among these that are parts of surfaces. Surfaces that are too small to be divided are left out: to test them takes a tenth
+/// to a third more time, and the light of a room changes by less than its error.
 fn divided(elements: &Elements, leaves: &[u32]) -> Vec<u32> {
     leaves.iter().filter(|e| elements.elements[**e as usize].level > 0).copied().collect()
 }
 
-/// Sets lanes from `first` on to segments above the edges of an element, within it by this part of its diameter and as far above it: faces that
-/// rise from its edges by up to 135° do not meet them.
+/// Sets lanes from `first` on to segments above the edges of an element, within it by this fraction of its diameter and as far above it:
+/// faces that rise from its edges by up to 135° do not meet them.
 fn set_edges(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side, inset: f32) {
     let (count, middle, above) = frame(corners, side, inset);
     let inner = |k: usize| middle + above + (1.0 - 2.0 * inset) * (corners[k % count] - middle);
@@ -115,8 +119,9 @@ fn set_edges(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side
     }
 }
 
-/// Sets lanes from `first` on to segments across the middles of the edges of an element, which begin and end twice as far from the edges as those of
-/// [`set_edges`]: a wall that crosses neither element lies between. The next face of a bowl counts as a wall from an angle of about 30° on.
+/// Sets lanes from `first` on to segments across the middles of the edges of an element, which begin and end twice as far from the edges
+/// as those of [`set_edges`]: a wall that crosses neither element lies between. The next face of a bowl counts as a wall from an angle of
+/// about 30° on.
 fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side) {
     let (count, middle, above) = frame(corners, side, INSET);
     for k in 0..count {
@@ -126,7 +131,7 @@ fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Sid
     }
 }
 
-/// The number of corners of an element, their mean, and the offset of segments from its plane for this part of its diameter.
+/// The number of corners of an element, their mean, and the offset of segments from its plane for this fraction of its diameter.
 fn frame(corners: &[Vec3; 4], side: &Side, part: f32) -> (usize, Vec3, Vec3) {
     let count = if corners[2] == corners[3] { 3 } else { 4 };
     let middle = corners[..count].iter().sum::<Vec3>() / count as f32;
@@ -140,8 +145,8 @@ fn frame(corners: &[Vec3; 4], side: &Side, part: f32) -> (usize, Vec3, Vec3) {
 // reach deeper into the gap in proportion to the element's size: three times too much in a hollow panel of 3 cm with elements of 12 cm.
 // These elements do not exchange light, and paths that hit them continue from the hit point.
 
-/// Width of a gap that counts as narrow, as a fraction of the radius of the element. Over an endless gap of width w, the part (w / r)² of diffuse
-/// light travels farther than r: half of it.
+/// Width of a gap that counts as narrow, as a fraction of the radius of the element. Over an endless gap of width w, the fraction (w /
+/// r)² of diffuse light travels farther than r: half of it.
 const MAX_NARROW_GAP: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// The bits of all quarters.
 pub const ALL: u32 = 0xf;

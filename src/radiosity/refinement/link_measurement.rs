@@ -12,7 +12,7 @@ use crate::visibility::sample_runs;
 use rayon::prelude::*;
 use serde::{Serialize, de::DeserializeOwned};
 
-/// Pairs per parallel task.
+/// Pairs per parallel task: up to 64 packets. Does not change results.
 const CHUNK: usize = 64;
 /// Links measured between two checks of the deadline: at most 32,768 segments. Changes results with a time limit only.
 pub const LINKS_PER_CHECK: usize = 2048;
@@ -126,7 +126,8 @@ fn inside_link(linked: &LinkedScene, cluster: u32) -> Link {
     let area = linked.elements.elements[cluster as usize].area as f32;
     let Surroundings { enclosed, enclosed_emission, .. } = &linked.surroundings;
     let exchange_area = enclosed[cluster as usize] * area;
-    // Of emitted light a larger part is enclosed, as of a small lamp above a large floor: the lamp's light meets the floor, but the floor's light no lamp.
+    // Of emitted light a larger fraction is enclosed, as of a small lamp above a large floor: the lamp's light meets the floor, but the
+    // floor's light no lamp.
     let of_emission = enclosed_emission[cluster as usize] * area;
     Link {
         a: cluster,

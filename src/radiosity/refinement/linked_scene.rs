@@ -35,8 +35,8 @@ const SPLIT_SLICE: usize = 1 << 12;
 /// closed room is below a millionth, and a side of so little light adds less than a thousandth to any mean.
 const MIN_LIT: f64 = 1e-3;
 
-/// Results of paths from points, weighted by the fraction of the light that gets to a point: the part of the points' light that surfaces reflect, if they
-/// have as much light as the points, and the part of the rays from these surfaces that leave the scene.
+/// Results of paths from points, weighted by the fraction of the light that gets to a point: the fraction of the points' light that
+/// surfaces reflect, if they have as much light as the points, and the fraction of the rays from these surfaces that leave the scene.
 #[derive(Clone, Copy)]
 pub struct PointsView {
     pub reflected: f64,
@@ -147,8 +147,8 @@ impl LinkedScene {
         emitted / elements[0].area
     }
 
-    /// By side, whether light arrives there: at least [`MIN_LIT`] of the mean over all sides. Means of light and relative errors are those of
-    /// these sides, so that they do not depend on whether the outsides of a closed room have elements.
+    /// By side, whether light arrives there: at least [`MIN_LIT`] of the mean over all sides. Means of light and relative errors are
+    /// those of these sides, so that they do not depend on whether the outsides of a closed room have elements.
     pub fn lit_sides(&self) -> Vec<bool> {
         let Elements { elements, states, sides, .. } = &self.elements;
         let (mut light, mut all) = (vec![0.0; sides.len()], 0.0);
@@ -194,8 +194,9 @@ impl LinkedScene {
         }
     }
 
-    /// Splits all surfaces down to an area (scene units squared, no smaller than the ranges of ids allow), for the local pass: an object that covers a part of
-    /// a surface, as furniture does with a floor, would darken the mean of a large element. Splitting ends on an interruption.
+    /// Splits all surfaces down to an area (scene units squared, no smaller than the ranges of ids allow), for the local pass: an object
+    /// that covers a part of a surface, as furniture does with a floor, would darken the mean of a large element. Splitting ends on an
+    /// interruption.
     pub fn split_all(&mut self, min_area: f64, deadline: &Deadline) {
         self.elements.min_area = min_area;
         // Named surfaces have importance for links: that of others is no less than it should be.
@@ -243,7 +244,8 @@ impl LinkedScene {
         self.last_field = None;
     }
 
-    /// Sets the irradiance of all elements, W/m², and derives radiosities. The statistics of the error oracle stay those of the last refinement.
+    /// Sets the irradiance of all elements, W/m², and derives radiosities. The statistics of the error oracle stay those of the last
+    /// refinement.
     pub fn set_irradiance(&mut self, irradiance: impl Iterator<Item = Rgb>) {
         self.elements.states.iter_mut().zip(irradiance).for_each(|(state, e)| state.irradiance = e);
         self.pull_radiosity();
@@ -303,11 +305,11 @@ impl LinkedScene {
         }
     }
 
-    /// Twice the effect of the errors of all other surfaces on the important ones, relative to their effect if they cancelled: 2 √((A - A_i) / A_i), at
-    /// least 1.
-    /// Patches of area A_p that see important surfaces of area A_i with form factors of importance I = A_i / A change the light of these by Σ
-    /// (A_p / A_i) I δ = δ if their errors δ are alike, and by δ √(A_p / A) if not. The factor 2 limits this effect to half of the error asked for, so that it
-    /// and the errors of the important surfaces' own links together are within that error.
+    /// Twice the effect of the errors of all other surfaces on the important ones, relative to their effect if they cancelled: 2 √((A -
+    /// A_i) / A_i), at least 1. Patches of area A_p that see important surfaces of area A_i with form factors of importance I = A_i / A
+    /// change the light of these by Σ (A_p / A_i) I δ = δ if their errors δ are alike, and by δ √(A_p / A) if not. The factor 2 limits
+    /// this effect to half of the error asked for, so that it and the errors of the important surfaces' own links together are within
+    /// that error.
     fn effect_of_errors_together(&self) -> f32 {
         let Elements { elements, sides, area, .. } = &self.elements;
         let is_important = sides.iter().zip(&self.feature_sizes.important).filter(|(_, of)| **of);
@@ -344,8 +346,8 @@ impl LinkedScene {
         convergence
     }
 
-    /// Normalises the row sums of leaves from which no light leaves the scene. Short rows get their target from rays first. Returns the row sums
-    /// before, and the number of leaves whose light would have grown without end and was bounded.
+    /// Normalises the row sums of leaves from which no light leaves the scene. Short rows get their target from rays first. Returns the
+    /// row sums before, and the number of leaves whose light would have grown without end and was bounded.
     pub fn normalise_rows(&mut self, deadline: &Deadline) -> (Vec<f64>, usize) {
         self.elements.states.iter_mut().for_each(|s| s.factors = RowFactors::ONE);
         let mut nodes = self.active_nodes();
@@ -357,7 +359,7 @@ impl LinkedScene {
         (sampled, bounded)
     }
 
-    /// The targets of the row sums: 1, and for short rows the part of their rays that meets lit sides.
+    /// The targets of the row sums: 1, and for short rows the fraction of their rays that meets lit sides.
     fn assign_row_targets(&mut self, sums: &[f64]) {
         let Surroundings { closed, length, .. } = &self.surroundings;
         let short = short_rows(&self.elements, closed, sums);

@@ -14,15 +14,16 @@ use rayon::prelude::*;
 const PATHS: usize = 1 << 14;
 /// Rays of a path: the weight of later ones is (reflectance)³ at most.
 const BOUNCES: usize = 3;
-/// Smallest number of path ends from which the importance of a cluster or side is known; others share the remaining importance of their parent.
+/// Smallest number of path ends from which the importance of a cluster or side is known; others share the remaining importance of their
+/// parent.
 const MIN_ENDS: u32 = 16;
-/// Largest importance by points relative to the mean. With the part that is the same everywhere it is 8.5 at most: elements are at most √8.5 = 2.9 times
-/// smaller than without it.
+/// Largest importance by points relative to the mean. With the fraction that is the same everywhere it is 8.5 at most: elements are at
+/// most √8.5 = 2.9 times smaller than without it.
 const MAX_IMPORTANCE: f64 = 16.0;
-/// Fraction of importance that is the same everywhere: surfaces that points see get light from elsewhere, and the energy balance needs a correct
-/// exchange in rooms that no point sees. The mean by area is at most 1, so that rays of such rooms are at most halved.
+/// Fraction of importance that is the same everywhere: surfaces that points see get light from elsewhere, and the energy balance needs a
+/// correct exchange in rooms that no point sees. The mean by area is at most 1, so that rays of such rooms are at most halved.
 const UNIFORM_IMPORTANCE: f64 = 0.5;
-/// Points of one parallel task.
+/// Points of one parallel task: one packet.
 const CHUNK: usize = 16;
 
 /// The end of a path, and the fraction of the light sent from there that reaches the start of the path.
@@ -34,8 +35,8 @@ struct PathEnd {
 }
 
 impl LinkedScene {
-    /// Sets importance from the surfaces that points (relative to the origin of the scene; position, unit normal) see directly and by reflection:
-    /// light reaches a point along the same paths that start from it.
+    /// Sets importance from the surfaces that points (relative to the origin of the scene; position, unit normal) see directly and by
+    /// reflection: light reaches a point along the same paths that start from it.
     pub fn look_from(&mut self, points: &[(Vec3, Vec3)], exact: &Exact) {
         let (paths, open, ends) = self.paths_from(points, exact);
         let Elements { elements, sides, .. } = &self.elements;
@@ -110,9 +111,10 @@ impl LinkedScene {
     }
 }
 
-/// Density of a quantity in each element: its part over its area if it has [`MIN_ENDS`] ends, otherwise the density of what remains of its parent after
-/// the siblings with enough ends. `parents` come before their children and the first is its own; `parts` have the quantity, the area and the number of
-/// ends. No quantity is counted twice: the sum over the leaves of density times area is at most that of the root.
+/// Density of a quantity in each element: its amount over its area if it has [`MIN_ENDS`] ends, otherwise the density of what remains of
+/// its parent after the siblings with enough ends. `parents` come before their children and the first is its own; `parts` have the
+/// quantity, the area and the number of ends. No quantity is counted twice: the sum over the leaves of density times area is at most that
+/// of the root.
 fn densities(parents: &[u32], parts: &[(f64, f64, u32)]) -> Vec<f64> {
     let is_known = |e: usize| e == 0 || (parts[e].2 >= MIN_ENDS && parts[e].1 > 0.0);
     let mut rest: Vec<(f64, f64)> = parts.iter().map(|&(part, area, _)| (part, area)).collect();
@@ -138,7 +140,8 @@ mod tests {
 
     #[test]
     fn importance_of_parts_adds_up_to_that_of_the_whole() {
-        // A root with three parts, of which two are known; the third and its halves have what is left. One known part has few ends in its own halves.
+        // A root with three parts, of which two are known; the third and its halves have what is left. One known part has few ends in its
+        // own halves.
         let parents = [0, 0, 0, 0, 1, 1, 3, 3];
         let part = |part: f64, area: f64, count: u32| (part, area, count);
         let parts = [

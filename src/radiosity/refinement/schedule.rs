@@ -44,7 +44,7 @@ const STEP_TOLERANCE: f64 = 3e-3;
 /// Largest number of sweeps between steps: the change is below [`STEP_TOLERANCE`] after 12 at reflectances up to 0.6
 /// (0.6¹² = 0.002).
 const MAX_STEP_SWEEPS: usize = 12;
-/// Sweeps that row normalisation and the last light are expected to need.
+/// Sweeps that row normalisation and the last light are expected to need: an estimate, which changes results with a time limit only.
 const CLOSING_SWEEPS: f64 = 16.0;
 /// Relative change of the light at which the last sweeps end: below the precision that the energy balance is printed
 /// with. 1e-5 instead changes irradiance by less than 0.001 % (`constants.py solve`).
@@ -218,8 +218,8 @@ struct Steps {
 }
 
 impl Steps {
-    /// Steps down to the threshold `last`. With `few` there are two steps: the first computes the light from which the second refines links; or
-    /// only one step if `last` is the first threshold.
+    /// Steps down to the threshold `last`. With `few` there are two steps: the first computes the light from which the second refines
+    /// links; or only one step if `last` is the first threshold.
     fn new(last: f32, few: bool, seconds: Option<f64>) -> Steps {
         let all = FIRST_THRESHOLD / f64::from(last);
         let ratio = if few { all.max(THRESHOLD_RATIO) } else { THRESHOLD_RATIO };

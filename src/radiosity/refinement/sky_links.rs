@@ -11,7 +11,7 @@ use crate::radiosity::links::{
 };
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::SkyPower;
-use crate::radiosity::transport::DirectionalIrradiance;
+use crate::radiosity::transport::{DirectionalIrradiance, MIN_PROJECTED};
 use crate::ray::LANES;
 use crate::sky::Environment;
 use crate::visibility::sample_runs;
@@ -20,16 +20,13 @@ use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Smallest projected area of a cluster, as a fraction of its area, by which directional light is divided: smaller values are rounding errors.
-const MIN_PROJECTED: f64 = 1e-9;
-
-/// Number of segments up to which a last measurement is extended if the means of sides need as many: about .05 s. Where links alone take as many, the
-/// errors of their many elements cancel.
+/// Number of segments up to which a last measurement is extended if the means of sides need as many: about .05 s. Where links alone take
+/// as many, the errors of their many elements cancel.
 const LAST_SEGMENTS: usize = 1 << 18;
 
 impl LinkedScene {
-    /// Lights the scene by a sky and suns: adds the links of the root to them, and adds their light to the mean irradiance: the irradiance of a
-    /// horizontal plane on the parts of sides from which rays leave the scene.
+    /// Lights the scene by a sky and suns: adds the links of the root to them, and adds their light to the mean irradiance: the
+    /// irradiance of a horizontal plane on the parts of sides from which rays leave the scene.
     pub fn add_environment(&mut self, environment: &Arc<Environment>) {
         self.beyond = mean(environment.irradiance(environment.frame().up));
         let Elements { elements, sides, .. } = &self.elements;
@@ -48,9 +45,9 @@ impl LinkedScene {
         }
     }
 
-    /// Fraction of the light of surfaces that comes from beyond the scene, if a fraction `open` of their rays leaves the scene and their light from the
-    /// emitters is the average over all surfaces.
-    pub fn part_from_beyond(&self, open: f64) -> f64 {
+    /// Fraction of the light of surfaces that comes from beyond the scene, if a fraction `open` of their rays leaves the scene and their
+    /// light from the emitters is the average over all surfaces.
+    pub fn fraction_from_beyond(&self, open: f64) -> f64 {
         let (beyond, own) = (open * self.beyond, self.emitted_over_area());
         if beyond > 0.0 { beyond / (beyond + own) } else { 0.0 }
     }
@@ -167,9 +164,9 @@ pub fn remeasure_sky_links(linked: &mut LinkedScene, threshold: f32, closing: f6
     }
 }
 
-/// The pairs of links that are measured for the last time, with enough segments that the sampling error of each side's mean irradiance and of
-/// each cluster's light is no larger than that of an element by one link. Noise of variance σ² / n on parts of area a of an area A adds up to Σ
-/// (a / A)² σ² / n, which is smallest for n in proportion to a σ. A dark side counts like any other.
+/// The pairs of links that are measured for the last time, with enough segments that the sampling error of each side's mean irradiance
+/// and of each cluster's light is no larger than that of an element by one link. Noise of variance σ² / n on parts of area a of an area A
+/// adds up to Σ (a / A)² σ² / n, which is smallest for n in proportion to a σ. A dark side counts like any other.
 fn last_pairs(linked: &LinkedScene, links: &[SkyLink], threshold: f32) -> Vec<SkyPair> {
     let Elements { elements, sides, area, .. } = &linked.elements;
     let mut pairs: Vec<SkyPair> = links.iter().map(|l| with_worth(linked, &again(l), threshold)).collect();

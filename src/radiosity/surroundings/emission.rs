@@ -1,4 +1,4 @@
-//! The part of the emitted light that meets surfaces: rays from the emitters, drawn by the cosine or by their profiles of directions.
+//! The fraction of the emitted light that meets surfaces: rays from the emitters, drawn by the cosine or by their profiles of directions.
 
 use super::side_rays::{ESCAPED, SideRays};
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
@@ -15,7 +15,8 @@ use sobol_burley::sample_4d;
 const PACKETS: usize = 1 << 13;
 /// Directions, over all packets, at which profiles are read: 2²² readings of 0.1 µs take 0.4 s on one thread.
 const PROFILE_EVALUATIONS: usize = 1 << 22;
-/// Largest number of directions along a side of a grid: a beam of 1° is 1/3,300 of the cosine distribution and holds about 20 of 256² directions.
+/// Largest number of directions along a side of a grid: a beam of 1° is 1/3,300 of the cosine distribution and holds about 20 of 256²
+/// directions.
 const MAX_GRID: usize = 256;
 
 /// A share that rays have sampled.
@@ -29,7 +30,7 @@ pub struct SampledShare {
     pub error: f64,
 }
 
-/// The part of the emitted power that meets sides with elements; 0 without emitters. `length` exceeds the diagonal of the scene.
+/// The fraction of the emitted power that meets sides with elements; 0 without emitters. `length` exceeds the diagonal of the scene.
 pub fn emitted_share(elements: &Elements, exact: &Exact, length: f32, seed: u64) -> SampledShare {
     let emitting = elements.sides.iter().filter(|side| side.exitance.iter().any(|&m| m > 0.0));
     let power = |side: &Side| elements.elements[side.element as usize].area * mean(side.exitance);
@@ -88,8 +89,8 @@ fn spread(seed: u64, ray: usize) -> [f32; 4] {
     sample_4d((ray & 0xffff) as u32, 0, mix(seed ^ (ray >> 16) as u64) as u32)
 }
 
-/// Directions in proportion to a side's light; for a side with a profile they are evenly spaced in the running sum of the light over a grid of
-/// cosine-weighted directions. None if none of these is lit.
+/// Directions in proportion to a side's light; for a side with a profile they are evenly spaced in the running sum of the light over a
+/// grid of cosine-weighted directions. None if none of these is lit.
 fn directions(side: &Side, count: usize, grid: usize, seed: u64) -> Vec<Vec3> {
     if side.profile.is_none() {
         let direction = |k: usize| {

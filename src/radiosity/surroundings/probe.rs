@@ -13,7 +13,7 @@ use rayon::prelude::*;
 pub struct Surroundings {
     /// By cluster: fraction of the light of its sides that meets its own sides, in `[0, 1]`.
     pub enclosed: Vec<f32>,
-    /// By cluster: the same part of the light that its sides emit; 0 without emitters.
+    /// By cluster: the same fraction of the light that its sides emit; 0 without emitters.
     pub enclosed_emission: Vec<f32>,
     /// By side: whether none of its rays left the scene.
     pub closed: Vec<bool>,
@@ -38,7 +38,7 @@ const EMITTED_RAYS: f64 = 1e4;
 /// Smallest number of rays, of a side or of all sides of its cluster, that must stay in the scene for a closed side: if a tenth
 /// of a side's rays leave the scene, none of 24 rays does so with a probability of 0.9²⁴ = 8 %.
 const MIN_CLOSED_RAYS: u32 = 24;
-/// Sides that are traced after the deadline, evenly spread, and part of the area of all sides from which a side is always traced:
+/// Sides that are traced after the deadline, evenly spread, and fraction of the area of all sides from which a side is always traced:
 /// at most 2¹⁷ of two rays each and the shared rays take some 0.1 s.
 const LATE_SIDES: usize = 1 << 16;
 /// Rays of a leaf whose row sum is short: a standard error of at most 1 / (2 √64) = 0.0625.
@@ -129,7 +129,7 @@ fn power_of(elements: &Elements, side: &Side) -> f64 {
     elements.elements[side.element as usize].area * mean(side.exitance)
 }
 
-/// For each of some surfaces the part of its light that meets sides with elements, by a few rays.
+/// For each of some surfaces the fraction of its light that meets sides with elements, by a few rays.
 pub fn received_shares(
     elements: &Elements,
     exact: &Exact,

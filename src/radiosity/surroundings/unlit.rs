@@ -36,7 +36,7 @@ pub struct Unlit {
     pub sides: usize,
     /// Number of all sides.
     pub of: usize,
-    /// Their part of the area of all sides, in `[0, 1]`.
+    /// Their fraction of the area of all sides, in `[0, 1]`.
     pub area: f64,
 }
 

@@ -7,8 +7,8 @@ use crate::math::sampling::{point_on, sobol};
 use crate::radiosity::elements::Shape;
 use crate::radiosity::final_gather::{Buffers, FinalGather};
 
-/// The light of elements of a floor below a lamp: in closed form and with next to no noise; and with a plate over half of the floor, as the path
-/// tracer finds it.
+/// The light of elements of a floor below a lamp: in closed form and with next to no noise; and with a plate over half of the floor, as
+/// the path tracer finds it.
 #[test]
 fn paths_of_the_audit_have_the_light_of_elements() {
     let lamp = facing_down([-0.5, 0.5], [-0.5, 0.5], 1.0);

@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// A closed hall of 6 by 4 by 3 with a lamp below its ceiling at one end, and a thin wall across it that leaves a door of this width. No line
-/// of subdivision lies below the wall.
+/// A closed hall of 6 by 4 by 3 with a lamp below its ceiling at one end, and a thin wall across it that leaves a door of this width. No
+/// line of subdivision lies below the wall.
 fn hall_with_wall(door: f64) -> Scene {
     const WALL: f64 = 3.037;
     let mut pieces = Pieces::empty();
@@ -54,8 +54,8 @@ fn the_floor_behind_a_wall_with_a_door_is_not_brightened() {
     }
 }
 
-/// The floor before a screen is bright up to the foot of the screen, and its light does not come from below it; nor that of a screen which ends
-/// 3 mm above the floor and beside the wall, but for what passes the gap.
+/// The floor before a screen is bright up to the foot of the screen, and its light does not come from below it; nor that of a screen
+/// which ends 3 mm above the floor and beside the wall, but for what passes the gap.
 #[test]
 fn the_bright_foot_of_a_screen_does_not_light_what_is_behind() {
     for (gap, allowed) in [(0.0, 0.1), (0.003, 0.2)] {
@@ -191,7 +191,8 @@ fn light_passes_a_small_hole(lamps: u32) {
     assert!((found / want - 1.0).abs() < 0.03, "{lamps} lamps: {found} instead of {want}");
 }
 
-/// A strip of light whose edge lies on an opaque partition, which crosses elements of floor and ceiling: the other half of the room is black.
+/// A strip of light whose edge lies on an opaque partition, which crosses elements of floor and ceiling: the other half of the room is
+/// black.
 #[test]
 fn no_light_comes_through_a_partition_with_a_lamp_on_it() {
     const AT: f64 = 0.3137;

@@ -117,8 +117,9 @@ fn some() -> Vec<Case> {
         .collect()
 }
 
-/// A hall of 30 by 30 m, 8 m high, with a skylight of half a metre that is smaller than a cell of the grid of most points: the direct light of a uniform sky at
-/// all points, by the solid angle of the skylight, which is small. Without a search for openings every second point is dark.
+/// A hall of 30 by 30 m, 8 m high, with a skylight of half a metre that is smaller than a cell of the grid of most points: the direct
+/// light of a uniform sky at all points, by the solid angle of the skylight, which is small. Without a search for openings every second
+/// point is dark.
 #[test]
 fn a_small_skylight_lights_all_points_of_a_hall() {
     let mut pieces = Pieces::empty();
@@ -142,8 +143,8 @@ fn a_small_skylight_lights_all_points_of_a_hall() {
     assert!(rms(&deviations) < 0.2 && found.iter().all(|e| e[0] > 0.0), "{deviations:.2?}");
 }
 
-/// A room with a window of one square metre on wide ground: what its surfaces receive through the window, and reflect to all points alike, is found by few
-/// rays. With as many as in the open, solutions of two seeds differ by 3 %.
+/// A room with a window of one square metre on wide ground: what its surfaces receive through the window, and reflect to all points
+/// alike, is found by few rays. With as many as in the open, solutions of two seeds differ by 3 %.
 #[test]
 fn rooms_with_small_windows_have_the_same_light_with_every_seed() {
     let [w, d, h] = ROOM;

@@ -1,5 +1,5 @@
-//! Random small scenes: rooms with partitions, plates, boxes and lamps of very different sizes, faces that touch, cross or coincide. Points are
-//! compared with an integration of its own, in double precision and without rays of the library.
+//! Random small scenes: rooms with partitions, plates, boxes and lamps of very different sizes, faces that touch, cross or coincide.
+//! Points are compared with an integration of its own, in double precision and without rays of the library.
 
 use super::*;
 use crate::math::sampling::{mix, numbers};
@@ -148,7 +148,8 @@ fn points_on(faces: &[Quad], count: usize, seed: u64) -> Vec<(usize, Point)> {
     points
 }
 
-/// Direct irradiance at a point of a face, and what it would be without other faces, W/m²: the sum over a grid on the lamp, with segments that are tested against every other face.
+/// Direct irradiance at a point of a face, and what it would be without other faces, W/m²: the sum over a grid on the lamp, with segments
+/// that are tested against every other face.
 fn integrated(faces: &[Quad], own: usize, point: &Point) -> [f64; 2] {
     let lamp = faces.iter().position(|face| face.lit).expect("a lamp");
     let [a, b, _, d] = faces[lamp].corners;

@@ -19,7 +19,8 @@ fn mountains(triangles: usize) -> (crate::terrain::Grid, Scene) {
     (grid, scene)
 }
 
-/// Where the rays of the exchange leave little noise, elements trace no rays of their own but those in partial shadow, and have the light of many rays.
+/// Where the rays of the exchange leave little noise, elements trace no rays of their own but those in partial shadow, and have the light
+/// of many rays.
 #[test]
 fn elements_keep_the_rays_of_the_exchange_where_these_suffice() {
     let scene = mountains(1 << 20).1;
@@ -50,8 +51,8 @@ fn elements_keep_the_rays_of_the_exchange_where_these_suffice() {
     assert!(error < 0.1, "{error}");
 }
 
-/// A height field with sixteen cells for each triangle that light is exchanged with: points and paths meet the cells, and have the light that they have where
-/// all of them exchange light.
+/// A height field with sixteen cells for each triangle that light is exchanged with: points and paths meet the cells, and have the light
+/// that they have where all of them exchange light.
 #[test]
 fn fine_ground_gives_points_the_light_of_all_its_cells() {
     let ((grid, whole), (_, coarse)) = (mountains(1 << 20), mountains(512));
@@ -105,7 +106,8 @@ fn fine_ground_gives_points_the_light_of_all_its_cells() {
     assert!(error.contains("262144 samples") && error.contains("4225"), "{error}");
 }
 
-/// Slopes over bright ground, seen from below by rays that meet other slopes: estimates of their light may be negative, and none is created by this.
+/// Slopes over bright ground, seen from below by rays that meet other slopes: estimates of their light may be negative, and none is
+/// created by this.
 #[test]
 fn ground_below_slopes_creates_no_light() {
     let at_corner = |i: i32, j: i32| {

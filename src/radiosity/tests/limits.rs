@@ -339,7 +339,8 @@ fn late_passes_trace_what_is_large() {
     assert!(!late.warnings.join(" ").contains("have no rays"), "{:?}", late.warnings);
 }
 
-/// Time that is up before the local pass of a white box of shelves, each nearer to the next than elements are wide: most light goes through gaps, several times.
+/// Time that is up before the local pass of a white box of shelves, each nearer to the next than elements are wide: most light goes
+/// through gaps, several times.
 #[test]
 fn late_passes_keep_the_light_in_gaps() {
     let mut pieces = Pieces::empty();

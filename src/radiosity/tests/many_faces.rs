@@ -32,8 +32,9 @@ fn light_of_an_even_dome_has_no_noise() {
     assert!((low / PI - 1.0).abs() < 0.01 && high / low < 1.003, "{low} {high}");
 }
 
-/// Few rays of an element meet a small lamp of a hundred times the brightness or more: rays to emitters find it, also where it has most of the power. One
-/// ray of some two hundred that met the lamp by chance would bring a third of the light, and with such rays alone a quarter of the elements would err as much.
+/// Few rays of an element meet a small lamp of a hundred times the brightness or more: rays to emitters find it, also where it has most
+/// of the power. One ray of some two hundred that met the lamp by chance would bring a third of the light, and with such rays alone a
+/// quarter of the elements would err as much.
 #[test]
 fn a_lamp_in_a_dome_keeps_its_light() {
     let lamp = facing_down([0.8, 1.0], [0.3, 0.5], 3.0);

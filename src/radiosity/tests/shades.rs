@@ -16,9 +16,9 @@ fn shade() -> Scene {
     pieces.scene()
 }
 
-/// A thousandth of the rays of a point meet the inside of the shade, and elements that only points need have few rays: at mirrored places the light is the
-/// same. By the rays of points alone one had none and another five times too much. The light at the points is that of 8 million paths, which
-/// end on them within 0.04 %; the lamp is hidden from them, and all of it has been reflected.
+/// A thousandth of the rays of a point meet the inside of the shade, and elements that only points need have few rays: at mirrored places
+/// the light is the same. By the rays of points alone one had none and another five times too much. The light at the points is that of 8
+/// million paths, which end on them within 0.04 %; the lamp is hidden from them, and all of it has been reflected.
 #[test]
 fn few_rays_leave_no_more_light_in_a_shade_than_there_is() {
     let scene = shade();
@@ -51,7 +51,8 @@ fn no_light_comes_through_the_sheets_of_a_shade() {
     assert!(found.iter().all(|e| e[0] < 1e-9), "{found:?}");
 }
 
-/// A lamp closes a small box between its top and its open bottom: no light reaches the inside above it, although elements of the sides reach across the lamp.
+/// A lamp closes a small box between its top and its open bottom: no light reaches the inside above it, although elements of the sides
+/// reach across the lamp.
 #[test]
 fn no_light_passes_the_edges_of_a_lamp_that_closes_a_small_box() {
     let mut pieces = Pieces::empty();
@@ -69,8 +70,8 @@ fn no_light_passes_the_edges_of_a_lamp_that_closes_a_small_box() {
     assert!(found[0][0] == 0.0 && found[1][0] == 0.0 && found[2][0] > 10.0, "{found:?}");
 }
 
-/// A lamp two centimetres below the ceiling, facing it: most rays of elements miss the bright spot, which sends nearly all light of the room. Without shadow
-/// rays to it the elements of the middle of the floor deviate by half of their mean and more.
+/// A lamp two centimetres below the ceiling, facing it: most rays of elements miss the bright spot, which sends nearly all light of the
+/// room. Without shadow rays to it the elements of the middle of the floor deviate by half of their mean and more.
 #[test]
 fn elements_have_the_light_of_a_bright_spot() {
     let mut pieces = Pieces::empty();
@@ -108,8 +109,8 @@ fn scatter(irradiance: &[Rgb]) -> f64 {
     (squares / irradiance.len() as f64).sqrt()
 }
 
-/// Thirty-six lamps in shades open above and below: the insides of the shades send some ten times the mean light. At mirrored places the light is the same, and
-/// that of paths, whose mean has a standard error of 1.2 %. By the rays of points alone it scatters by 10 %.
+/// Thirty-six lamps in shades open above and below: the insides of the shades send some ten times the mean light. At mirrored places the
+/// light is the same, and that of paths, whose mean has a standard error of 1.2 %. By the rays of points alone it scatters by 10 %.
 #[test]
 fn points_below_many_lamp_shades_have_little_noise() {
     let (side, depth) = (12.0, 0.3 * DVec3::Z);
@@ -136,8 +137,9 @@ fn points_below_many_lamp_shades_have_little_noise() {
     assert!((level / truth - 1.0).abs() < 0.06, "{level} instead of {truth}");
 }
 
-/// Direct light through a louvre, which lets a part of the lamp through to all points, is as certain relative to the light of the points as that of an open
-/// lamp: with a standard error of 3 % of the light without the louvre it scattered by 10 %. Its mean is that of paths within 1 %.
+/// Direct light through a louvre, which lets a fraction of the light through to all points, is as certain relative to the light of the
+/// points as that of an open lamp: with a standard error of 3 % of the light without the louvre it scattered by 10 %. Its mean is that of
+/// paths within 1 %.
 #[test]
 fn light_through_a_louvre_has_little_noise() {
     let mut pieces = Pieces::empty();
@@ -162,7 +164,8 @@ fn light_through_a_louvre_has_little_noise() {
     assert!((level / truth - 1.0).abs() < 0.01, "{level} instead of {truth}");
 }
 
-/// Two closed rooms, one red and one green, with bright places on their walls: no light of the other colour comes through the wall between them.
+/// Two closed rooms, one red and one green, with bright places on their walls: no light of the other colour comes through the wall
+/// between them.
 #[test]
 fn light_keeps_its_colour() {
     let mut pieces = Pieces::empty();

@@ -238,8 +238,8 @@ fn a_room_beside_open_ground_has_the_daylight_of_paths() {
     assert!(rms < 0.35 && bias.abs() < 0.1, "{rms} {bias}");
 }
 
-/// A corner and a yard of bright walls under the open sky: elements of few rays, many of which leave the scene, send all their light, and what they
-/// return is neither more nor less than they receive.
+/// A corner and a yard of bright walls under the open sky: elements of few rays, many of which leave the scene, send all their light, and
+/// what they return is neither more nor less than they receive.
 #[test]
 fn open_corners_and_yards_have_the_daylight_of_paths() {
     let (x, y, z) = (10.0 * DVec3::X, 10.0 * DVec3::Y, 10.0 * DVec3::Z);
@@ -273,14 +273,14 @@ fn open_corners_and_yards_have_the_daylight_of_paths() {
     }
 }
 
-/// Slats 2 cm apart at a height of 10 m, with gaps of this part between them.
+/// Slats 2 cm apart at a height of 10 m, with gaps of this fraction between them.
 fn slats(gap: f64) -> impl Iterator<Item = Vec<DVec3>> {
     let low = |k: i32| 0.02 * f64::from(k);
     (-50..50).map(move |k| rectangle([low(k), -1.0], [low(k) + (1.0 - gap) * 0.02, 1.0], |_, _| 10.0))
 }
 
-/// Points below slats with narrow gaps: a twenty-fifth of the sun's disc is seen, and the first sixteen rays of every other point all end on slats. On the mean
-/// the points have the light of the gaps, and below narrow slats with wide gaps all but that of the slats.
+/// Points below slats with narrow gaps: a twenty-fifth of the sun's disc is seen, and the first sixteen rays of every other point all end
+/// on slats. On the mean the points have the light of the gaps, and below narrow slats with wide gaps all but that of the slats.
 #[test]
 fn gaps_and_slats_before_the_sun_have_their_part_of_its_light() {
     for gap in [0.04, 0.96] {
@@ -297,7 +297,8 @@ fn gaps_and_slats_before_the_sun_have_their_part_of_its_light() {
     }
 }
 
-/// The same for elements that keep the rays of their exchange: other rays to the sun find its light than those that tell where it is partly visible.
+/// The same for elements that keep the rays of their exchange: other rays to the sun find its light than those that tell where it is
+/// partly visible.
 #[test]
 fn elements_below_gaps_and_slats_have_their_part_of_the_sun() {
     let pad = |k: u32| {
@@ -337,7 +338,8 @@ fn points_outside_the_scene_are_in_its_shadow() {
     near(light_at(&scene, &point)[0], 100.0 * (1.0 - hidden), 1e-3);
 }
 
-/// Maps with a bright part: one texel, which the rays of a point in all directions miss, and one of 12° near the horizon, as large as a few cells of its grid.
+/// Maps with a bright part: one texel, which the rays of a point in all directions miss, and one of 12° near the horizon, as large as a
+/// few cells of its grid.
 #[test]
 fn bright_parts_of_a_map_light_points() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -375,9 +377,10 @@ fn points_have_the_colour_of_the_open_sky() {
     }
 }
 
-/// Points of the floor of a street have half the sum of the sines of the angles from the zenith to the roofs, those of a wall (1 - sin e) / 2 with the elevation
-/// e of the opposite roof. At the rim of a valley they have (1 + cos (β + e)) / 2, on an open slope (1 + cos β) / 2. The sky of the first three ends in strips
-/// thinner than a cell of a point's rays, and the horizon crosses cells of the last two.
+/// Points of the floor of a street have half the sum of the sines of the angles from the zenith to the roofs, those of a wall
+/// (1 - sin e) / 2 with the elevation e of the opposite roof. At the rim of a valley they have (1 + cos (β + e)) / 2, on an open slope
+/// (1 + cos β) / 2. The sky of the first three ends in strips thinner than a cell of a point's rays, and the horizon crosses cells of the
+/// last two.
 #[test]
 fn points_of_streets_and_slopes_have_the_light_of_the_closed_form() {
     let (half, height, long, rise) = (5.0, 8.0, 3000.0, 0.7);

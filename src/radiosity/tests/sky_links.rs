@@ -147,8 +147,8 @@ fn a_street_sees_its_part_of_the_sky() {
     }
 }
 
-/// Sky view factors of whole sides: of the floor and a wall of a street, whose ends add .1 % to those of an infinite one, of a valley, and of the floor of
-/// a cylinder.
+/// Sky view factors of whole sides: of the floor and a wall of a street, whose ends add .1 % to those of an infinite one, of a valley,
+/// and of the floor of a cylinder.
 #[test]
 fn floors_and_walls_have_the_mean_light_of_closed_forms() {
     let (half, width, wall) = (DVec3::X * 3000.0, 10.0 * DVec3::Y, 8.0 * DVec3::Z);

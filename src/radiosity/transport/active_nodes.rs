@@ -55,7 +55,8 @@ impl ActiveNodes {
         }
     }
 
-    /// The active nodes for a set of links and the elements at which light from beyond the scene arrives, with the row factors of the elements.
+    /// The active nodes for a set of links and the elements at which light from beyond the scene arrives, with the row factors of the
+    /// elements.
     pub fn new(elements: &Elements, links: &[Link], lit: impl Iterator<Item = u32>) -> ActiveNodes {
         let n = elements.len();
         let mut below = vec![false; n];

@@ -7,8 +7,9 @@ use crate::radiosity::rgb::{Rgb, add};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Smallest projected area of a cluster, as a fraction of its area, by which directional light is divided: smaller ones are rounding errors.
-const MIN_PROJECTED: f64 = 1e-9;
+/// Smallest projected area of a cluster, as a fraction of its area, by which directional light is divided: smaller ones are rounding
+/// errors.
+pub const MIN_PROJECTED: f64 = 1e-9;
 
 /// Radiosity of the active nodes.
 #[derive(Clone, Default)]

@@ -10,9 +10,11 @@ use rayon::prelude::*;
 const TOLERANCE: f64 = 1e-4;
 /// Largest number of iterations: limits the time to 200 products with the matrix if the iteration does not converge.
 const MAX_ITERATIONS: usize = 100;
-/// Iterations of one solution, and passes along paths, that are made even after the deadline: at least three, and as many as read 50 million terms
-/// together, which limits the delay of either to a fraction of a second. Change results with a time limit only.
+/// Smallest number of iterations of one solution, and of passes along paths, that are made even after the deadline. Changes results
+/// with a time limit only.
 const MIN_ITERATIONS: usize = 3;
+/// Terms that iterations and passes may read after the deadline if this allows more of them: limits the delay of either to a fraction
+/// of a second. Changes results with a time limit only.
 const LATE_TERMS: usize = 50_000_000;
 /// Terms of the matrix that take as much memory traffic as the vectors of one unknown in one iteration: some 16 reads and writes of
 /// 24 bytes against 20 bytes that an entry reads in each of two products.
@@ -20,14 +22,16 @@ const TERMS_OF_VECTORS: usize = 10;
 /// Terms of one partial sum: partial sums do not depend on the number of threads.
 const BLOCK: usize = 4096;
 
-/// The passes end when a pass along paths adds at most this part of the light of the scene. More is missing where passes converge slowly.
+/// Fraction of the light of the scene that a pass along paths may add for the passes to end: a twentieth of the error that is asked for
+/// by default. More is missing where passes converge slowly.
 const MAX_MISSING: f64 = 1e-3;
 /// Largest number of passes along paths: if each returns 0.9 of the light of the one before, 0.9^64 = 0.1 % of it is missing.
 const MAX_PASSES: usize = 64;
 
-/// The light along rays and paths: solves the exchange along rays, adds the light along paths as direct light, and repeats both until a pass adds little.
-/// One system with the paths as further terms would be exact, but the noise of few rays can join groups of elements to few others, which then trap their
-/// light: single points of an office were several times too bright. A limited number of passes does not build up such light.
+/// The light along rays and paths: solves the exchange along rays, adds the light along paths as direct light, and repeats both until a
+/// pass adds little. One system with the paths as further terms would be exact, but the noise of few rays can join groups of elements to
+/// few others, which then trap their light: single points of an office were several times too bright. A limited number of passes does not
+/// build up such light.
 ///
 /// After the deadline, passes continue as far as [`LATE_TERMS`] allow, at least [`MIN_ITERATIONS`] of them.
 pub fn solve(
@@ -64,7 +68,8 @@ pub fn solve(
     (first, Convergence { residual: added, converged: false, ..convergence })
 }
 
-/// The irradiance `E = direct + K E` along rays, from a first guess, and how the iteration converged. Without a guess it begins with direct light.
+/// The irradiance `E = direct + K E` along rays, from a first guess, and how the iteration converged. Without a guess it begins with
+/// direct light.
 ///
 /// The stabilised bi-conjugate gradients of van der Vorst (1992), each channel by itself; the product of two halves of
 /// rays is not symmetric. Sweeps need hundreds of applications where light is trapped between white surfaces; a Krylov space contains

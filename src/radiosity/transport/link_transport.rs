@@ -103,8 +103,8 @@ const MAX_SCALE: f64 = 50.0;
 const LATE_CHANGE: f64 = 1e-3;
 const LATE_SWEEPS: usize = 16;
 
-/// The irradiance `E = direct + K E` along links, from a first guess; without one from direct light. Sweeps until it changes by
-/// less than `tolerance` of itself (mean by the weights of the unknowns), at most `max_sweeps` times, and after the deadline only a few times.
+/// The irradiance `E = direct + K E` along links, from a first guess; without one from direct light. Sweeps until it changes by less than
+/// `tolerance` of itself (mean by the weights of the unknowns), at most `max_sweeps` times, and after the deadline only a few times.
 ///
 /// Every sweep reads the last sweep's light (Jacobi), so that the result does not depend on threads. Relaxing one unknown at a
 /// time, in turn or by its residual (Southwell), needs more work and one thread. After each sweep all

@@ -1,8 +1,8 @@
 //! Light transport: one bounce of light along links or along rays, row normalisation, and a solver for each.
 //!
 //! The light along links changes with every refinement step: a few sweeps from the last solution are enough. The light on the rays of the
-//! local pass is solved once and accurately; the Krylov method needs two applications of the operator an iteration, but few iterations however
-//! white the surfaces are.
+//! local pass is solved once and accurately; the Krylov method needs two applications of the operator an iteration, but few iterations
+//! however white the surfaces are.
 
 mod active_nodes;
 mod directional;
@@ -15,7 +15,7 @@ mod transport_matrix;
 
 pub use active_nodes::ActiveNodes;
 pub use directional::{DirectionalIrradiance, NodeIrradiance, emission_moments};
-pub use gather_push_pull::{NodeRadiosity, gather, pushed};
+pub use gather_push_pull::{MIN_PROJECTED, NodeRadiosity, gather, pushed};
 pub use krylov::solve;
 pub use link_transport::{LinkTransport, sweeps};
 pub use ray_transport::{Path, RayTransport};

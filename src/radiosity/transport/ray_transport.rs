@@ -4,13 +4,15 @@ use super::Field;
 use super::transport_matrix::TransportMatrix;
 use crate::radiosity::rgb::add;
 
-/// Rays as rows of the transport operator, in two independent halves: light that a row receives along one half of the rays is sent along the other half.
+/// Rays as rows of the transport operator, in two independent halves: light that a row receives along one half of the rays is sent along
+/// the other half.
 ///
-/// With one set of rays, light would return along the ray by which it was sent: two elements joined by few rays would each receive too much light from the
-/// other, and too little from all others. In a lamp shade elements with four rays had 10 % too much light. Likewise, the light that rays bring and the part
-/// of it that a row sends would be correlated.
+/// With one set of rays, light would return along the ray by which it was sent: two elements joined by few rays would each receive too
+/// much light from the other, and too little from all others. In a lamp shade elements with four rays had 10 % too much light. Likewise,
+/// the light that rays bring and the part of it that a row sends would be correlated.
 ///
-/// Unknowns are the irradiances of all rows by the first half, `a = direct_a + K_a (direct_b + K_b a)`, where direct light includes what paths bring.
+/// Unknowns are the irradiances of all rows by the first half, `a = direct_a + K_a (direct_b + K_b a)`, where direct light includes what
+/// paths bring.
 pub struct RayTransport {
     /// Exchange between the rows, by half of the rays.
     halves: [TransportMatrix; 2],
@@ -43,7 +45,8 @@ impl RayTransport {
         self.paths.iter().any(|paths| !paths.is_empty())
     }
 
-    /// Replaces the light that paths bring by the part of this light, given by half, at their ends: each half from the rows of the other.
+    /// Replaces the light that paths bring by a share of `light`, given by half, at the ends of the paths: each half gets that of the
+    /// other half.
     pub fn bring(&mut self, light: &[Field; 2]) {
         self.direct = self.own.clone();
         for (half, direct) in self.direct.iter_mut().enumerate() {
@@ -108,8 +111,8 @@ mod tests {
     use crate::radiosity::deadline::Deadline;
     use crate::ranks::Ranks;
 
-    /// Rows of few rays of which some leave the scene and bring light: what they send is right on average, although rows with much light have few rays
-    /// that stay. The rays of a half are stratified, and rows have different densities.
+    /// Rows of few rays of which some leave the scene and bring light: what they send is right on average, although rows with much light
+    /// have few rays that stay. The rays of a half are stratified, and rows have different densities.
     #[test]
     fn light_of_rays_that_leave_is_sent_in_full() {
         let n = 8000u64;
@@ -149,7 +152,7 @@ mod tests {
         }
     }
 
-    /// A row whose light comes by a path alone has that part of the light at its end, and sends it on along another.
+    /// A row whose light comes by a path alone has that fraction of the light at its end, and sends it on along another.
     #[test]
     fn paths_bring_the_light_of_their_ends() {
         let row = |k: usize| MatrixRow {

@@ -19,16 +19,18 @@ use crate::radiosity::elements::{Elements, RowFactors, Shape};
 use crate::radiosity::options::RowNormalisation;
 use crate::radiosity::rgb::Rgb;
 
-/// Largest number of rounds of Sinkhorn scaling, and rounds that are made even after the deadline.
+/// Largest number of rounds of Sinkhorn scaling: limits the time to that of 20 sweeps over the links.
 const MAX_ROUNDS: usize = 20;
+/// Number of rounds that are made even after the deadline: limits the delay to two sweeps. Changes results with a time limit only.
 const MIN_ROUNDS: usize = 2;
 /// Exponent of the corrections of the factors: both ends of a link change, so each takes the square root. Coarse links overlap, and larger
 /// exponents oscillate.
 const EXPONENT: f64 = 0.5;
-/// Mean error of the row sums at which the rounds end, weighted by area, relative to their mean: a thirtieth of the error of 1e-3 that rays leave.
-/// Rows at a limit do not count.
+/// Mean error of the row sums at which the rounds end, weighted by area, relative to their mean: a thirtieth of the error of 1e-3 that
+/// rays leave. Rows at a limit do not count.
 const TOLERANCE: f64 = 3e-5;
-/// Smallest and largest factor: one above 2 would amplify a row of which half is missing.
+/// Smallest and largest factor: one above 2 would amplify a row of which half is missing; the smallest keeps factors positive and is
+/// far below that of any row sum that occurs.
 const FACTOR_LIMITS: [f32; 2] = [1e-4, 2.0];
 
 /// A closed leaf whose row sum is at most this is not normalised, because a factor above 10 would mostly amplify noise.

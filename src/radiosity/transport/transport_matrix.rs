@@ -5,22 +5,23 @@ use crate::radiosity::rgb::add;
 use crate::ranks::Ranks;
 use rayon::prelude::*;
 
-/// Rows of one parallel task.
+/// Rows of one parallel task: few enough to balance the load of the threads. Does not change results.
 const CHUNK: usize = 256;
-/// A row sum may exceed its expected value e by this, or by (1/ρ − e)/2 if that is more, where ρ is the reflectance; beyond, the exchange of the row is
-/// scaled down. With (1/ρ − e)/2 the parts of the row add up to at most 1/ρ, whatever their signs, and no light grows. A larger excess is safe for white rows: of
-/// products of both halves for closed boxes with 2 to 16 rays a row, none has an eigenvalue above 1 with 0.25, some have 1.16 with 0.5. In a deep shade of
-/// reflectance 0.8, with eight rays, elements receive 4.7 % too much light with 0, 0.6 % with 0.25.
+/// A row sum may exceed its expected value e by this, or by (1/ρ − e)/2 if that is more, where ρ is the reflectance; beyond, the exchange
+/// of the row is scaled down. With (1/ρ − e)/2 the parts of the row add up to at most 1/ρ, whatever their signs, and no light grows. A
+/// larger excess is safe for white rows: of products of both halves for closed boxes with 2 to 16 rays a row, none has an eigenvalue
+/// above 1 with 0.25, some have 1.16 with 0.5. In a deep shade of reflectance 0.8, with eight rays, elements receive 4.7 % too much light
+/// with 0, 0.6 % with 0.25.
 const MIN_EXCESS: f64 = 0.25;
 
 /// Exchange of light between rows, by one half of the rays that join them.
 ///
-/// Rays leave row i at random over its area and with the cosine density, `r_i` of them for each unit of area. A ray of i that ends on j and one of j that
-/// ends on i sample the same exchange `X_ij = A_i F_ij = A_j F_ji`, so both count at both ends, with the weight `1/(r_i + r_j)` (balance heuristic, Veach
-/// and Guibas 1995): `X` is symmetric whatever the samples. Its row sums are right only on average. A row exchanges the difference from the expected sum (1
-/// where no ray leaves the scene) with itself: `X` stays symmetric, so that no energy is created. The light of the row comes from the other half of the
-/// rays ([`super::RayTransport`]), which is independent of the difference, so that the mean is right. Factors that scale rows to their sums depend on the
-/// rays that they scale.
+/// Rays leave row i at random over its area and with the cosine density, `r_i` of them for each unit of area. A ray of i that ends on j
+/// and one of j that ends on i sample the same exchange `X_ij = A_i F_ij = A_j F_ji`, so both count at both ends, with the weight
+/// `1/(r_i + r_j)` (balance heuristic, Veach and Guibas 1995): `X` is symmetric whatever the samples. Its row sums are right only on
+/// average. A row exchanges the difference from the expected sum (1 where no ray leaves the scene) with itself: `X` stays symmetric, so
+/// that no energy is created. The light of the row comes from the other half of the rays ([`super::RayTransport`]), which is independent
+/// of the difference, so that the mean is right. Factors that scale rows to their sums depend on the rays that they scale.
 ///
 /// One bounce is `k_i ρ_i E_i + d_i / A_i Σ_j X_ij d_j ρ_j E_j`.
 pub struct TransportMatrix {
@@ -36,7 +37,7 @@ pub struct TransportMatrix {
     pub(super) area: Vec<f64>,
     /// `d`, the factor of both directions.
     factors: Vec<f32>,
-    /// `k`, the part that a row exchanges with itself.
+    /// `k`, the share that a row exchanges with itself.
     kept: Vec<f32>,
     /// The processes that share products with the matrix.
     ranks: Ranks,
@@ -52,9 +53,10 @@ pub struct MatrixRow {
     pub end: usize,
     /// Whether other rays have shown that no light from the row leaves the scene.
     pub closed: bool,
-    /// Fraction of the light from the row's side that meets no other row: taken from the side, so that the weight of the row's rays does not depend on them alone.
+    /// Fraction of the light from the row's side that meets no other row: taken from the side, so that the weight of the row's rays does
+    /// not depend on them alone.
     pub escapes: f64,
-    /// Of its rays, those that met elements which take no part in the exchange.
+    /// Of its rays, those that met elements which are not in the exchange.
     pub apart: usize,
 }
 
@@ -99,9 +101,10 @@ impl TransportMatrix {
         self.sums().into_iter().zip(&self.kept).map(|(sum, kept)| (sum + f64::from(*kept)).max(0.0)).collect()
     }
 
-    /// The expected row sum of i, from two estimates: the part of its own rays that stayed in the scene, and the sum of its weights. Each is weighted
-    /// by the variance of the other, relative to the row sum: `(1 - p)/n` of n rays with the part p, and the usual weight `1/(2 n)`. Variances
-    /// estimated from the rays or weights themselves would favour one of the two: row sums of few rays were up to 5 % too large.
+    /// The expected row sum of i, from two estimates: the fraction of its own rays that stayed in the scene, and the sum of its weights.
+    /// Each is weighted by the variance of the other, relative to the row sum: `(1 - p)/n` of n rays with the fraction p, and the usual
+    /// weight `1/(2 n)`. Variances estimated from the rays or weights themselves would favour one of the two: row sums of few rays were
+    /// up to 5 % too large.
     fn expected_row_sum(&self, i: usize, row: &MatrixRow, rays: &[u32]) -> f64 {
         let (rays, met) = (rays.len(), rays.iter().filter(|&&j| j != u32::MAX).count());
         if row.closed && met + row.apart == rays {

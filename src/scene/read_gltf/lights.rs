@@ -11,9 +11,11 @@ use glam::{DAffine3, DMat4, DVec3};
 use gltf::khr_lights_punctual::{Kind, Light};
 use rayon::prelude::*;
 
-/// Largest side of the plate of a point or spot light relative to the scene's diagonal.
+/// Largest side of the plate of a point or spot light relative to the scene's diagonal: 1 cm in a room of 5 m, so that pictures show a
+/// point. It limits plates far from all surfaces.
 const PLATE: f64 = 2e-3;
-/// Largest side of the plate relative to the distance of the nearest surface: at ten sides its light is that of a point within (1/10)² / 2 = 0.5 %.
+/// Largest side of the plate relative to the distance of the nearest surface: at ten sides its light is that of a point within (1/10)² /
+/// 2 = 0.5 %.
 const MAX_PLATE_RATIO: f64 = 0.1;
 /// Smallest side of the plate relative to the scene's diagonal: a dozen times the rounding of single-precision coordinates, 4e-7 of them.
 const SMALLEST_PLATE: f64 = 5e-6;

@@ -29,15 +29,15 @@ use std::{
     sync::Arc,
 };
 
-/// Largest number of corners: a file of a few kilobytes can refer to one mesh very often.
+/// Largest number of corners, whose indices alone take 2 GiB: a file of a few kilobytes can refer to one mesh very often.
 const MAX_CORNERS: usize = 1 << 29;
 /// Extension whose nodes place a mesh many times.
 const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// Extension of materials that light passes through.
 const TRANSMISSION: &str = "KHR_materials_transmission";
 
-/// Reads a glTF or GLB file, of which `path` is the name: one object per node, coordinates as in the file (y up), or turned to the upward axis z if height
-/// fields are added.
+/// Reads a glTF or GLB file, of which `path` is the name: one object per node, coordinates as in the file (y up), or turned to the upward
+/// axis z if height fields are added.
 pub(super) fn read(path: &Path, bytes: &[u8], sources: &mut Sources, options: &LoadOptions) -> Result<Scene> {
     let (document, buffers) = open(path, bytes, sources)?;
     let (repairs, materials, cameras, lights) = Default::default();

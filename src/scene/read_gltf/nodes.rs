@@ -16,8 +16,8 @@ pub(super) struct MeshNode {
 }
 
 impl Reader<'_> {
-    /// Visits the default scene, or the first, or all nodes if there is none, whose root has the transform `root`. Each node is visited once, so
-    /// that cycles end.
+    /// Visits the default scene, or the first, or all nodes if there is none, whose root has the transform `root`. Each node is visited
+    /// once, so that cycles end.
     pub fn nodes(&mut self, document: &gltf::Document, root: DMat4) -> Result<Vec<MeshNode>> {
         let (mut found, mut names, mut camera_names) =
             (Vec::new(), UniqueNames::default(), UniqueNames::default());

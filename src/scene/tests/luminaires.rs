@@ -306,7 +306,7 @@ fn ledgers_send_directed_light_where_it_goes() {
         );
         solved.record.ledger
     };
-    // Escaped, absorbed and created, as parts of the emitted power.
+    // Escaped, absorbed and created, as fractions of the emitted power.
     for (gammas, want) in [("0 26 27", [0.5, 0.5, 0.0]), ("70 75 80", [1.0, 0.0, 0.0])] {
         let ledger = beam(gammas);
         for (found, want) in [ledger.escaped, ledger.absorbed, ledger.created].into_iter().zip(want) {

@@ -5,15 +5,15 @@ use crate::sky::gradation::{CIE_CLEAR, TRADITIONAL_OVERCAST, cie_shape};
 use crate::sky::perez::{Atmosphere, SOLAR_CONSTANT};
 use crate::sky::position::clear_irradiances;
 
-/// Horizontal irradiance over radiance at the zenith with the sun at 60° of elevation, CIE types 1 to 16 (quadrature by another program, from
-/// the coefficients of ISO 15469).
+/// Horizontal irradiance over radiance at the zenith with the sun at 60° of elevation, CIE types 1 to 16 (quadrature by another program,
+/// from the coefficients of ISO 15469).
 const CIE_RATIOS: [f64; 16] = [
     2.449541, 2.086023, 2.769988, 2.315419, PI, 2.584160, 2.421225, 2.328380, 3.459323, 3.170260, 2.989061,
     3.190573, 3.025853, 3.216957, 3.015856, 2.443461,
 ];
 
-/// The rows of this name, as many, in the stored table of values of other programs, see `scenes/sky_reference.py`: numbers (NaN for empty and for
-/// texts), and the time where there is one.
+/// The rows of this name, as many, in the stored table of values of other programs, see `scenes/sky_reference.py`: numbers (NaN for empty
+/// and for texts), and the time where there is one.
 fn reference(name: &str, count: usize) -> Vec<([f64; 6], String)> {
     let mut reader =
         csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(include_str!("reference.csv").as_bytes());
@@ -216,7 +216,8 @@ fn tilted_planes_below_gradations_agree_with_quadrature() {
     }
 }
 
-/// The table is exact where the plane's horizon cuts nothing, and near to exact elsewhere; hardest where the sky is bright around a low sun.
+/// The table is exact where the plane's horizon cuts nothing, and near to exact elsewhere; hardest where the sky is bright around a low
+/// sun.
 #[test]
 fn tabulated_planes_are_those_of_the_patches() {
     for (text, sun, ground) in [

@@ -154,8 +154,8 @@ fn note_of_range(values: &[f32]) -> Option<String> {
     })
 }
 
-/// Whether a grid without a coordinate system is at a place on a globe in degrees, and higher than it is wide: the range of heights on land exceeds 1 m
-/// within a degree nearly everywhere.
+/// Whether a grid without a coordinate system is at a place on a globe in degrees, and higher than it is wide: the range of heights on
+/// land exceeds 1 m within a degree nearly everywhere.
 fn is_in_degrees(raw: &Raw) -> bool {
     let Some(georeference) = raw.georeference.as_ref().filter(|g| g.key(MODEL_TYPE).is_none()) else {
         return false;

@@ -134,9 +134,9 @@ fn walk(grid: &Grid, azimuths: Azimuths, options: &SweepOptions, mut visit: impl
     Ok(())
 }
 
-/// Distance up to which horizons come from single samples, over the distance of rows. A line is up to a row away from the sample: an error of slope of
-/// a row's difference in height over this distance. Sky view factor at the bottom of a V-shaped valley of 52° with 12 and 32: 0.65 % and 0.22 % too
-/// small; processor time on 3,000 × 3,000: 0.38 and 0.42 s for an azimuth.
+/// Distance up to which horizons come from single samples, over the distance of rows. A line is up to a row away from the sample: an
+/// error of slope of a row's difference in height over this distance. Sky view factor at the bottom of a V-shaped valley of 52° with 12
+/// and 32: 0.65 % and 0.22 % too small; processor time on 3,000 × 3,000: 0.38 and 0.42 s for an azimuth.
 const SINGLE_SAMPLE_DISTANCE: f64 = 32.0;
 
 /// A direction of lines over the grid or the transposed grid.

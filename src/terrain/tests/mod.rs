@@ -38,8 +38,8 @@ fn surface(grid: &Grid, [x, y]: [f64; 2]) -> Option<f64> {
     })
 }
 
-/// Tangent of the horizon of a sample in an azimuth: the largest at all places where a line crosses edges of triangles, which are columns, rows and
-/// diagonals of cells.
+/// Tangent of the horizon of a sample in an azimuth: the largest at all places where a line crosses edges of triangles, which are
+/// columns, rows and diagonals of cells.
 fn exact_tangent(grid: &Grid, [c, r]: [usize; 2], azimuth: f64) -> f64 {
     let [dx, dy] = grid.cell();
     let rates = [azimuth.sin() / dx, -azimuth.cos() / dy];

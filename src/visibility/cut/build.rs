@@ -15,7 +15,8 @@ const SORTED: usize = 1024;
 /// Level of nodes from which on ranges are halved, and the largest first, so that no scene makes a tree deeper than
 /// [`super::traverse::STACK`] has room for: each further level divides by sixteen, so that 2³² triangles take at most 28 levels.
 const MAX_UNEVEN: usize = 20;
-/// Ranges of more triangles are built in parallel.
+/// Ranges of more triangles are built in parallel: with fewer, starting a task takes a notable share of its time. Does not change
+/// results.
 const PARALLEL: usize = 1 << 14;
 
 /// A triangle to be placed.

@@ -11,9 +11,10 @@ use crate::simd::{Kernel, LANES, Simd, dispatch, half_nearest, half_up};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Rays through a child along each axis, by the levels of nodes below it. 32 rays give the transmittance of a block with a standard error of
-/// 1/(2 √32) = 0.09, without bias and independent of that of other blocks, so that errors average out along a path. Each level has fewer
-/// children than the level below by a factor of about twelve; they get more rays, so that each level takes less time than that below.
+/// Rays through a child along each axis, by the levels of nodes below it. 32 rays give the transmittance of a block with a standard error
+/// of 1/(2 √32) = 0.09, without bias and independent of that of other blocks, so that errors average out along a path. Each level has
+/// fewer children than the level below by a factor of about twelve; they get more rays, so that each level takes less time than that
+/// below.
 const RAYS: [usize; 4] = [32, 64, 256, 1024];
 
 /// Sets the extinctions of all children.
@@ -28,7 +29,8 @@ pub(super) fn measure(cut: &mut DistanceCut, facts: &[NodeProperties]) {
     }
 }
 
-/// Stop sizes, with which thresholds are compared: the size of the pieces, limited to between half the diameter of the child and its diameter.
+/// Stop sizes, with which thresholds are compared: the size of the pieces, limited to between half the diameter of the child and its
+/// diameter.
 pub(super) fn stops(facts: &[NodeProperties]) -> impl Iterator<Item = [u16; LANES]> + '_ {
     let stop = |child: &ChildProperties| match child.surface {
         true => NO_THRESHOLD,

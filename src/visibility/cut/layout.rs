@@ -6,7 +6,7 @@ use crate::simd::LANES;
 
 /// Bit of a child address that marks a block of triangles.
 pub(super) const LEAF: u32 = 1 << 31;
-/// Largest number of steps of a box across its node.
+/// Largest number of steps of a box across its node: what 16 bits hold.
 const MAX_STEPS: f32 = 65_535.0;
 
 /// Up to sixteen children. Unused lanes are not in `used`.

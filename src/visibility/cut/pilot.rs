@@ -17,23 +17,25 @@ use rayon::prelude::*;
 const CANDIDATE_WIDTHS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 /// Receivers of the first round, after which scenes where no class gains are rejected.
 const MIN_PILOT_RECEIVERS: u32 = 1 << 12;
-/// Receivers by which scenes are rejected before extinctions are measured, and the smallest part of their segments that must meet
-/// averaged children: that of a class of 2 % of the receivers, all of whose segments do.
+/// Receivers by which scenes are rejected before extinctions are measured: a quarter of [`MIN_PILOT_RECEIVERS`], because only a
+/// fraction is compared.
 const SCREENING_RECEIVERS: u32 = 1 << 10;
-const SMALLEST_AVERAGED: f64 = 0.02;
+/// Smallest fraction of the segments of these receivers that must meet averaged children: that of a class of 2 % of the receivers, all
+/// of whose segments do.
+const MIN_AVERAGED_FRACTION: f64 = 0.02;
 /// Largest number of receivers: limits the time of the pilot to that of about a hundred million tests.
 const MAX_PILOT_RECEIVERS: u32 = 1 << 15;
 /// Smallest fraction of the packets for which a class uses its own measurements: smaller classes use those of all packets.
 const MIN_CLASS_FRACTION: f32 = 0.01;
 /// Fewest packets for which a class uses its own measurements: factors are fitted to their mean, which is uncertain for a few packets.
 const MIN_CLASS_PACKETS: f64 = 200.0;
-/// Largest error of the mean transmittance of a class, twice its standard error.
+/// Largest error of the mean transmittance of a class, twice its standard error: less than a step of 8-bit grey, 1/255.
 const MAX_BIAS: f64 = 0.003;
 /// Smallest gain over Embree for which a width is kept: gains are measured to a tenth.
 const MIN_GAIN: f32 = 1.25;
-/// Largest number of steps of the fit of the factor, of which about six are needed, and the excess of light, relative to what is visible,
-/// at which it ends: far below [`MAX_BIAS`].
+/// Largest number of steps of the fit of the factor, of which about six are needed.
 const MAX_FIT_STEPS: usize = 20;
+/// Excess of light, relative to what is visible, at which the fit ends: far below [`MAX_BIAS`].
 const MAX_EXCESS: f64 = 1e-5;
 /// Range of the factor: 0.5 to 1.8 was measured in garden, park, orchard, forest and valley (`benches/distance_cut.rs` of commit
 /// 2d559b4). A width that needs one outside is not used: its extinctions do not describe the scene.
@@ -93,7 +95,7 @@ impl DistanceCut {
         };
         let counts: Vec<[u32; 2]> = (0..SCREENING_RECEIVERS).into_par_iter().filter_map(counted).collect();
         let [averaged, all] = counts.iter().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
-        f64::from(averaged) > SMALLEST_AVERAGED * f64::from(all)
+        f64::from(averaged) > MIN_AVERAGED_FRACTION * f64::from(all)
     }
 
     /// Measures gains and errors on a pilot. None if it pays for no receiver.

@@ -17,7 +17,8 @@ pub(super) const MAX_SHELLS: usize = 8;
 const MAX_PLANES: usize = 1024;
 /// Number of the largest surfaces that may be shells: limits comparisons of their planes to 256².
 const MAX_REGIONS: usize = 256;
-/// Points by which planes are tested first.
+/// Number of points by which planes are tested first: they refute most planes, so that few are compared with all vertices. Does not
+/// change results.
 const FIRST_TEST_POINTS: usize = 64;
 /// Distance from a plane within which a point is on neither side, relative to the largest coordinate: the bound on rounding of
 /// [`crate::ray::EndRule`] and a half of it. Ends of segments are lifted by five times that bound.

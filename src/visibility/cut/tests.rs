@@ -106,10 +106,10 @@ fn is_near([a, b, c]: &[Vec3; 3], from: Vec3, to: Vec3) -> bool {
     a.distance(from + part * along) <= a.distance(*b).max(a.distance(*c))
 }
 
-/// The umbra criterion by brute force over the triangles of the scene, without the tree: a triangle that blocks a segment at a distance d is
-/// part of a blocker at least as large as the smaller of its own longest side and the root of the area of its object. With the width w that
-/// the segment stands for, relative to its length, that blocker casts an umbra on the receiver if it is not smaller than w d; then the
-/// transmittance must be 0.
+/// The umbra criterion by brute force over the triangles of the scene, without the tree: a triangle that blocks a segment at a distance d
+/// is part of a blocker at least as large as the smaller of its own longest side and the root of the area of its object. With the width w
+/// that the segment stands for, relative to its length, that blocker casts an umbra on the receiver if it is not smaller than w d; then
+/// the transmittance must be 0.
 #[test]
 fn the_cut_averages_nothing_that_casts_an_umbra() {
     let scene = yard();

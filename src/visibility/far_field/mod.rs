@@ -79,8 +79,8 @@ impl<'a> FarField<'a> {
         found.unwrap_or_else(|| self.exact.answer(bundle, blocked))
     }
 
-    /// The mode of the cut with the largest gain for `segments` segments from receivers with nothing small close to them; none if exact rays
-    /// reach the same error in about as little time.
+    /// The mode of the cut with the largest gain for `segments` segments from receivers with nothing small close to them; none if exact
+    /// rays reach the same error in about as little time.
     fn mode(&self, segments: usize) -> Option<&Mode> {
         let gains = self.cut.modes().iter().map(|mode| (mode.fits[0].gain_of(segments as f32), mode));
         let best = gains.max_by(|a, b| a.0.total_cmp(&b.0));

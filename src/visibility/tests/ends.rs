@@ -198,7 +198,8 @@ fn grazing_segments_do_not_hit_their_own_surface() {
     }
 }
 
-/// A wall of 2 x 2 m stands on a floor at x = 0.3. Points of the floor up to a few roundings behind it, from 0.3 r to 10 r, see nothing before it.
+/// A wall of 2 x 2 m stands on a floor at x = 0.3. Points of the floor up to a few roundings behind it, from 0.3 r to 10 r, see nothing
+/// before it.
 #[test]
 fn walls_block_points_at_their_foot() {
     let mut pieces = Pieces::new();

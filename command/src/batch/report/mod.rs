@@ -25,10 +25,11 @@ const ERRORS: [(&str, &str); 5] = [
     ("report.row_sum_error", "error of row sums"),
     ("noise", "standard error"),
 ];
-/// Columns of the table besides the job: with more it becomes a list on a screen of a notebook.
+/// Columns of options in the table besides the job: with more it becomes a list on a screen of a notebook.
 const MAX_OPTIONS: usize = 5;
+/// Columns of errors, for the same reason.
 const MAX_ERRORS: usize = 2;
-/// Jobs without a row that are named.
+/// Jobs without a row that are named: the figures below stay on the first screen.
 const MAX_FAULTS: usize = 10;
 
 /// Grids of points that are listed: a few screens.
@@ -330,8 +331,8 @@ pub struct Chart {
     pub markup: Markup,
 }
 
-/// Differences from references against times for any two swept options: the first by colour, the second by labels. At most [`MAX_CHARTS`], and how many there
-/// would be without that limit.
+/// Differences from references against times for any two swept options: the first by colour, the second by labels. At most
+/// [`MAX_CHARTS`], and how many there would be without that limit.
 ///
 /// # Errors
 /// A chart cannot be drawn.

@@ -49,7 +49,8 @@ pub enum Event {
     Closed,
 }
 
-/// Largest number of jobs that are made permanent together, each by a thread of its own, so that waits for a slow disk overlap.
+/// Largest number of jobs that are made permanent together, each by a thread of its own, so that waits for a slow disk overlap: limits
+/// these threads.
 const MAX_GROUP: usize = 16;
 
 /// Makes jobs permanent until the sender of `closing` is dropped. Those that wait at the same time share one write of the journal.

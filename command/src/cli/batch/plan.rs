@@ -167,7 +167,7 @@ impl Plan {
     /// # Errors
     /// [`Error::File`] with the folders.
     pub fn check_folders(&self, entries: &Entries, done: &[bool]) -> Result<()> {
-        /// Names of folders in a message.
+        /// Largest number of folders that a message names: it fits a screen of 80 x 24.
         const MAX_NAMES: usize = 20;
         let made = |name: &str| entries.get(name).is_some_and(|entry| entry.made);
         let names = self.chosen.iter().filter(|&&k| !done[k]).map(|&k| self.jobs[k].name.as_str());

@@ -23,9 +23,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::Scope;
 use std::time::{Duration, Instant};
 
-/// A job whose expected memory is more than this part of the budget is a process of its own with the budget as its limit, so that a
-/// wrong estimate ends that job only. Four jobs of the size at the border fill the budget.
-const MAX_SHARED_PART: u64 = 4;
+/// Number of jobs that must fit into the memory budget together for such a job to share a process with others. A larger job is a
+/// process of its own with the budget as its limit, so that a wrong estimate ends that job only.
+const MIN_SHARED_JOBS: u64 = 4;
 
 /// Address space that a thread takes without using it, bytes: an arena of glibc (64 MiB) and a stack (8 MiB).
 const RESERVED_BY_THREAD: u64 = 72 << 20;
@@ -267,7 +267,7 @@ impl<'a> Runner<'a> {
         let expected = self.plan.memory(job, &Entries::new()).unwrap_or(0);
         // Memory that a limit of the address space refuses ends a whole process.
         let is_refusable = memory::left_of_address_space().is_some();
-        let is_large = expected.saturating_sub(MIN_MEMORY) > budget / MAX_SHARED_PART;
+        let is_large = expected.saturating_sub(MIN_MEMORY) > budget / MIN_SHARED_JOBS;
         if self.begun[job] || is_large {
             let reserved = RESERVED_BY_THREAD.saturating_mul(threads as u64 + 1);
             limits.memory = limits.memory.or(Some(budget.saturating_add(reserved)));

@@ -135,7 +135,7 @@ impl World {
         self.on_machine
     }
 
-    /// Threads of a rank by default: the cores that the launcher gave it, else an equal part of those of its machine.
+    /// Threads of a rank by default: the cores that the launcher gave it, else an equal share of those of its machine.
     pub fn threads(self) -> usize {
         let (usable, online) = (super::super::cores(), online_cores());
         if online.is_some_and(|online| usable < online) { usable } else { usable.div_ceil(self.on_machine) }

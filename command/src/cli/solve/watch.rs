@@ -38,7 +38,8 @@ impl<'a> Watch<'a> {
         Watch { bar, stopped: interruption::stopped }
     }
 
-    /// Progress while files of a solution with this number of elements and pictures with this number of pixels are written. Stops large ones.
+    /// Progress while files of a solution with this number of elements and pictures with this number of pixels are written. Stops large
+    /// ones.
     pub fn for_files(&self, pixels: usize, elements: usize) -> impl Progress + use<'a> {
         let large = pixels > SMALL_PICTURE || elements > SMALL_SOLUTION;
         Watch { bar: self.bar, stopped: move || large && interruption::stopped() }

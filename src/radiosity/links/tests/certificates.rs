@@ -5,7 +5,7 @@ use crate::ray::{LANES, Packet};
 use crate::scene::testing::{in_cube, rotation, unit};
 use rand_pcg::Pcg64Mcg;
 
-/// Parts of rays between the first two surfaces that get through: all, of many random ones that leave the fronts.
+/// Fractions of rays between the first two surfaces that get through: all, of many random ones that leave the fronts.
 fn seen(estimator: &LinkEstimator, ends: [u32; 2], random: &mut Pcg64Mcg) -> Vec<f32> {
     let [a, b] = ends.map(|e| match &estimator.elements.elements[e as usize].shape {
         crate::radiosity::elements::Shape::Surface { side, corners } => {
