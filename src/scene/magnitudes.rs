@@ -1,6 +1,7 @@
 //! Magnitudes of coordinates: the scales of rounding errors.
 
 use super::Scene;
+use crate::math::Aabb;
 use glam::Vec3;
 
 impl Scene {
@@ -33,4 +34,13 @@ pub(super) fn face_magnitudes(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec
         .iter()
         .map(|corners| corners.iter().map(|&v| of_vertex[v as usize]).fold(0.0, f32::max))
         .collect()
+}
+
+/// Largest distance of planes that count as one, in units of f32 spacing (2⁻²³) of the coordinates: 16 roundings of half a spacing each, as of two transforms
+/// by 3 × 4 matrices (6 each) and of a file between them.
+const MAX_ROUNDINGS: f64 = 8.0;
+
+/// Largest distance of the planes of overlapping faces inside a box, scene units.
+pub(super) fn largest_distance(bounds: &Aabb) -> f64 {
+    MAX_ROUNDINGS * f64::from(f32::EPSILON) * f64::from(bounds.magnitude().max(bounds.diagonal()))
 }

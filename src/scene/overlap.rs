@@ -14,7 +14,7 @@
 //! grid of cells of the size of each face. The number of tests per face is limited, so the time is O(n log n), and of
 //! many stacked faces only some are reported.
 
-use super::{Object, Repairs, box_grid::BoxGrid};
+use super::{Object, Repairs, box_grid::BoxGrid, magnitudes::largest_distance, part_shapes::PartShape};
 use crate::error::{figure, quote};
 use crate::math::Aabb;
 use glam::{DVec2, DVec3, Vec3};
@@ -25,16 +25,38 @@ use std::collections::BTreeMap;
 pub(super) struct Faces<'a> {
     pub positions: &'a [Vec3],
     pub triangles: &'a [[u32; 3]],
+    pub properties: &'a FaceProperties<'a>,
+}
+
+/// Properties of triangles that determine which of them may overlap, and their order.
+pub(super) struct FaceProperties<'a> {
     /// Object of each triangle.
     pub object: &'a [u32],
+    /// Emitter of each triangle, or `u32::MAX`.
+    pub emitter: &'a [u32],
     /// Whether a triangle is visible from both sides.
     pub two_sided: &'a (dyn Fn(usize) -> bool + Sync),
     /// Part (connected faces) of a triangle.
     pub part: &'a (dyn Fn(usize) -> u32 + Sync),
-    /// Whether two triangles turned away from each other may be the sides of a wall that two parts share.
-    pub may_share_wall: &'a (dyn Fn(usize, usize) -> bool + Sync),
+    pub shapes: &'a [PartShape],
     /// Whether two triangles reflect and emit alike.
     pub appear_alike: &'a (dyn Fn(usize, usize) -> bool + Sync),
+}
+
+impl FaceProperties<'_> {
+    /// Part of a triangle.
+    pub fn part(&self, t: u32) -> u32 {
+        (self.part)(t as usize)
+    }
+
+    /// Shape of the part of a triangle.
+    pub fn shape(&self, t: u32) -> &PartShape {
+        &self.shapes[self.part(t) as usize]
+    }
+
+    pub fn is_two_sided(&self, t: u32) -> bool {
+        (self.two_sided)(t as usize)
+    }
 }
 
 /// Two overlapping triangles, the smaller index first, and the area of their overlap, scene units squared.
@@ -53,7 +75,7 @@ pub(super) fn report(
 ) {
     let mut by_objects = BTreeMap::<[u32; 2], f64>::new();
     for (a, b, area) in found.filter(|(a, b, _)| faces_alike(faces, [*a, *b])) {
-        let [a, b] = [a, b].map(|t| faces.object[t as usize]);
+        let [a, b] = [a, b].map(|t| faces.properties.object[t as usize]);
         *by_objects.entry([a.min(b), a.max(b)]).or_default() += area;
     }
     repairs.overlapping_objects += by_objects.len();
@@ -86,9 +108,10 @@ fn faces_alike(faces: &Faces, pair: [u32; 2]) -> bool {
 }
 
 /// Whether it does not matter which of two coplanar triangles a ray hits: they belong to one part, face the same way and look alike.
-fn makes_no_difference(faces: &Faces, s: usize, t: usize) -> bool {
-    let same = (faces.part)(s) == (faces.part)(t) && (faces.appear_alike)(s, t);
-    same && faces_alike(faces, [s as u32, t as u32])
+fn makes_no_difference(faces: &Faces, s: u32, t: u32) -> bool {
+    let of = faces.properties;
+    let same = of.part(s) == of.part(t) && (of.appear_alike)(s as usize, t as usize);
+    same && faces_alike(faces, [s, t])
 }
 
 /// Normal of a triangle, of twice its area's length.
@@ -106,8 +129,8 @@ pub(super) fn find(faces: &Faces) -> Vec<Overlap> {
         .collect();
     keys.par_sort_unstable();
     let groups = keys.chunk_by(|a, b| a.0 == b.0).filter(|group| {
-        let first = group[0].1 as usize;
-        group.len() > 1 && group[1..].iter().any(|&(_, t)| !makes_no_difference(faces, first, t as usize))
+        let first = group[0].1;
+        group.len() > 1 && group[1..].iter().any(|&(_, t)| !makes_no_difference(faces, first, t))
     });
     let groups: Vec<&[(u64, u32)]> = groups.collect();
     // A face near the border of its cell is in several groups; each pair counts once.
@@ -118,11 +141,6 @@ pub(super) fn find(faces: &Faces) -> Vec<Overlap> {
     pairs
 }
 
-/// Largest distance of the planes of overlapping faces inside a box, scene units.
-pub(super) fn largest_distance(bounds: &Aabb) -> f64 {
-    Tolerance::of(bounds).height
-}
-
 /// Tolerances of coplanarity.
 #[derive(Clone, Copy)]
 struct Tolerance {
@@ -131,9 +149,6 @@ struct Tolerance {
     height: f64,
 }
 
-/// Largest difference of heights, in units of f32 spacing (2⁻²³) of the coordinates: 16 roundings of half a spacing each, as of two transforms
-/// by 3 × 4 matrices (6 each) and of a file between them.
-const MAX_ROUNDINGS: f64 = 8.0;
 /// Largest difference of slopes: 84 roundings of f32 (2⁻²³), and an angle of 0.0006 degrees, which nobody models.
 const MAX_SLOPE_DIFFERENCE: f64 = 1e-5;
 /// Size of the cells of slopes and intercepts relative to their tolerances: 2 tolerances of 32 are near a border, so
@@ -144,11 +159,7 @@ const MIN_OVERLAP_PART: f64 = 1e-3;
 
 impl Tolerance {
     fn of(bounds: &Aabb) -> Tolerance {
-        let largest = f64::from(bounds.magnitude());
-        Tolerance {
-            middle: bounds.center().as_dvec3(),
-            height: MAX_ROUNDINGS * f64::from(f32::EPSILON) * largest.max(f64::from(bounds.diagonal())),
-        }
+        Tolerance { middle: bounds.center().as_dvec3(), height: largest_distance(bounds) }
     }
 
     /// Hashes of the cells that contain a triangle's plane within the tolerance: slopes and intercept of `x_axis =
@@ -246,14 +257,14 @@ fn distance_of(p: &[DVec3; 3], q: &[DVec3; 3]) -> f64 {
 
 /// Area of the overlap of two nearly coplanar faces; 0 if it is below the limits.
 fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
-    let [s, t] = [s as usize, t as usize];
     if makes_no_difference(faces, s, t) {
         return 0.0;
     }
-    let [p, q] = [corners(faces, s), corners(faces, t)];
+    let of = faces.properties;
+    let [p, q] = [s, t].map(|t| corners(faces, t as usize));
     let [n, m] = [&p, &q].map(normal);
-    let is_sheet = (faces.part)(s) == (faces.part)(t) || (faces.may_share_wall)(s, t);
-    let from_one_side = n.dot(m) > 0.0 || is_sheet || (faces.two_sided)(s) || (faces.two_sided)(t);
+    let is_sheet = of.part(s) == of.part(t) || of.shape(s).may_share_wall(of.shape(t));
+    let from_one_side = n.dot(m) > 0.0 || is_sheet || of.is_two_sided(s) || of.is_two_sided(t);
     if !from_one_side || beside(&p, &q, m) || beside(&q, &p, n) {
         return 0.0;
     }

@@ -1,6 +1,6 @@
 //! Sizes and kinds of parts (connected faces): rooms, solids and sheets.
 
-use super::{connect::Parts, overlap::largest_distance};
+use super::{connect::Parts, magnitudes::largest_distance};
 use crate::math::Aabb;
 use glam::Vec3;
 

@@ -5,8 +5,8 @@
 //! and of millimetres both work.
 
 use super::{
-    Emitter, LoadOptions, MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT, Material, Repairs, Scene, Soup,
-    SoupMaterial,
+    Emitter, LoadOptions, MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT, Material, Object, Repairs, Scene,
+    Soup, SoupMaterial,
     added::{self, Curved},
     compact::{compact, used_objects, used_parts},
     connect::{self, Edges, Parts, Sets},
@@ -14,11 +14,12 @@ use super::{
     emitters::{self, Faces},
     faces::{Triangles, triangulate},
     keep::KeptPolygons,
-    luminaires, moves, names, overlap,
+    luminaires, moves, names,
+    overlap::{self, FaceProperties},
     part_shapes::shapes_of_parts,
     power::{self, Surfaces},
     size::{areas, ends},
-    stack::{Order, stack},
+    stack::stack,
     wall_sides::{self, wall_sides},
 };
 use crate::{
@@ -103,28 +104,16 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let shapes = shapes_of_parts(&parts, &faces.polygon, &positions, &triangles);
     let sides = |t: usize| options.sides.unwrap_or(if parts.closed[part(t) as usize] { 1 } else { 2 });
     let looks = |t: usize| (faces.reflectance[t], materials[faces.material[t] as usize].emission);
-    let planes = overlap::Faces {
-        positions: &positions,
-        triangles: &triangles,
+    let properties = FaceProperties {
         object: &triangle_object,
+        emitter: &triangle_emitter,
         two_sided: &|t| sides(t) == 2,
         part: &part,
-        may_share_wall: &|s, t| shapes[part(s) as usize].may_share_wall(&shapes[part(t) as usize]),
+        shapes: &shapes,
         appear_alike: &|s, t| looks(s) == looks(t),
     };
-    let found = overlap::find(&planes);
-    let walls = wall_sides(&found, &part, &shapes, &positions, &triangles);
-    let covers = |&(s, t, _): &overlap::Overlap| !wall_sides::are_opposite(&walls, s, t);
-    overlap::report(&planes, found.iter().copied().filter(covers), &objects, &options.unit, &mut repairs);
-    let two_sided = |t| sides(t) == 2;
-    let order = Order {
-        part: &part,
-        shapes: &shapes,
-        emitter: &triangle_emitter,
-        two_sided: &two_sided,
-        walls: &walls,
-    };
-    let stack_distance = stack(&found, order, &mut positions, &mut triangles);
+    let stack_distance =
+        stack_overlapping(&properties, &mut positions, &mut triangles, &objects, &options.unit, &mut repairs);
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,
@@ -160,6 +149,24 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         placements: Vec::new(),
         instances: Vec::new(),
     })
+}
+
+/// Moves overlapping faces off each other and reports those that cover others, by the names of objects and the unit of length. Returns the largest distance by
+/// which a face was moved, scene units.
+fn stack_overlapping(
+    properties: &FaceProperties,
+    positions: &mut Vec<Vec3>,
+    triangles: &mut [[u32; 3]],
+    objects: &[Object],
+    unit: &str,
+    repairs: &mut Repairs,
+) -> f32 {
+    let faces = overlap::Faces { positions, triangles, properties };
+    let found = overlap::find(&faces);
+    let walls = wall_sides(&found, &faces);
+    let covers = |&(s, t, _): &overlap::Overlap| !wall_sides::are_opposite(&walls, s, t);
+    overlap::report(&faces, found.iter().copied().filter(covers), objects, unit, repairs);
+    stack(&found, properties, &walls, positions, triangles)
 }
 
 /// The triangles of the kept polygons, divided where they are too coarse, the edges of the polygons and the parts that these connect.

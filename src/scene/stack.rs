@@ -1,9 +1,8 @@
 //! Overlapping faces of one plane are stacked: moved off each other, so that rays meet them in one order.
 
 use super::compact::drop_unused;
-use super::magnitudes::face_magnitudes;
-use super::overlap::{Overlap, largest_distance};
-use super::part_shapes::PartShape;
+use super::magnitudes::{face_magnitudes, largest_distance};
+use super::overlap::{FaceProperties, Overlap};
 use super::wall_sides::WallSides;
 use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
@@ -29,19 +28,6 @@ const MAX_TESTS: usize = 100_000_000;
 /// were rounded or drawn by hand leave less than a hundredth.
 const MIN_SHEET_COVER: f64 = 0.99;
 
-/// Properties of triangles that determine the order of overlapping ones.
-pub(super) struct Order<'a> {
-    /// Part (connected faces) of a triangle.
-    pub part: &'a dyn Fn(usize) -> u32,
-    pub shapes: &'a [PartShape],
-    /// Emitter of each triangle, or `u32::MAX`.
-    pub emitter: &'a [u32],
-    /// Whether a triangle is visible from both sides.
-    pub two_sided: &'a dyn Fn(usize) -> bool,
-    /// The triangles on walls that two parts share.
-    pub walls: &'a WallSides,
-}
-
 /// Moves the lower one of each two overlapping triangles behind the upper one: that of the smaller part, of equal parts the later
 /// one. Front is the front of an emitting face, so that lamps in the plane of a ceiling stay in front of it, or else the front of the
 /// lowest face. A closed solid on a larger sheet that it faces stays: the sheet hides its face.
@@ -51,11 +37,12 @@ pub(super) struct Order<'a> {
 /// ceiling, follow it ([`keep_contact`]).
 pub(super) fn stack(
     found: &[Overlap],
-    Order { part, shapes, emitter, two_sided, walls }: Order,
+    of: &FaceProperties,
+    walls: &WallSides,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
 ) -> f32 {
-    let shape = |t: u32| &shapes[part(t as usize) as usize];
+    let (part, emitter) = (|t: usize| of.part(t as u32), of.emitter);
     let normal = |t: u32| {
         let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
         triangle_normal(a, b, c)
@@ -63,15 +50,15 @@ pub(super) fn stack(
     // Beyond a shared wall the smallest face is the lowest.
     let compared = |s: u32, t: u32| {
         let [side_of_s, side_of_t] = [s, t].map(|t| walls.get(&t).is_some_and(|side| side.is_beyond));
-        let area = |t: u32| walls.get(&t).map_or(shape(t).area, |side| side.area);
+        let area = |t: u32| walls.get(&t).map_or(of.shape(t).area, |side| side.area);
         let by_area = area(s).total_cmp(&area(t)).then(t.cmp(&s));
         side_of_s.cmp(&side_of_t).then(if side_of_s { by_area.reverse() } else { by_area })
     };
     let is_stacked = |&[upper, lower]: &[u32; 2]| {
-        let hides = two_sided(upper as usize) && emitter[upper as usize] == u32::MAX;
+        let hides = of.is_two_sided(upper) && emitter[upper as usize] == u32::MAX;
         hides
             || walls.contains_key(&upper)
-            || two_sided(lower as usize) == two_sided(upper as usize)
+            || of.is_two_sided(lower) == of.is_two_sided(upper)
             || normal(upper).dot(normal(lower)) > 0.0
     };
     let pairs = found.iter().map(|&(s, t, _)| if compared(s, t).is_lt() { [s, t] } else { [t, s] });
@@ -84,10 +71,10 @@ pub(super) fn stack(
     let mut levels = levels(&pairs);
     centre(&mut levels, walls);
     let normals: HashMap<u32, Vec3> = levels.keys().map(|&t| (t, normal(t))).collect();
-    let sheets = sheets(found, part, shapes, &normal);
+    let sheets = sheets(found, of, &normal);
     let mut fronts = fronts(&pairs, &normals, emitter, &sheets, walls);
     let step = step(levels.keys().copied(), positions, triangles);
-    widen(&mut levels, &mut fronts, part, positions, triangles);
+    widen(&mut levels, &mut fronts, &part, positions, triangles);
     let before = positions.len();
     let mut moved: Vec<(u32, i32)> =
         levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 != 0).collect();
@@ -112,7 +99,7 @@ pub(super) fn stack(
             positions.len() as u32 - 1
         });
     }
-    keep_contact(&shifts, &levels, part, positions, triangles);
+    keep_contact(&shifts, &levels, &part, positions, triangles);
     if positions.len() > before {
         drop_unused(positions, triangles, 0);
     }
@@ -266,21 +253,15 @@ fn step(stacked: impl Iterator<Item = u32> + Clone, positions: &[Vec3], triangle
 
 /// The pairs of overlapping triangles, the smaller index first, that are two sides of one sheet: they are turned away from each other, and
 /// belong to one part or to two that such triangles cover.
-fn sheets(
-    found: &[Overlap],
-    part: &dyn Fn(usize) -> u32,
-    shapes: &[PartShape],
-    normal: &dyn Fn(u32) -> Vec3,
-) -> HashSet<[u32; 2]> {
+fn sheets(found: &[Overlap], of: &FaceProperties, normal: &dyn Fn(u32) -> Vec3) -> HashSet<[u32; 2]> {
     let away = |&&(s, t, _): &&Overlap| normal(s).dot(normal(t)) < 0.0;
     let mut covered = HashMap::<u32, f64>::new();
     for &(s, t, area) in found.iter().filter(away) {
-        [s, t].into_iter().for_each(|t| *covered.entry(part(t as usize)).or_default() += area);
+        [s, t].into_iter().for_each(|t| *covered.entry(of.part(t)).or_default() += area);
     }
-    let shape = |part: u32| &shapes[part as usize];
-    let is_covered = |part: u32| covered[&part] >= MIN_SHEET_COVER * shape(part).area;
+    let is_covered = |part: u32| covered[&part] >= MIN_SHEET_COVER * of.shapes[part as usize].area;
     let is_sheet = |s: u32, t: u32| {
-        let [a, b] = [s, t].map(|t| part(t as usize));
+        let [a, b] = [s, t].map(|t| of.part(t));
         a == b || is_covered(a) && is_covered(b)
     };
     found.iter().filter(away).filter(|&&(s, t, _)| is_sheet(s, t)).map(|&(s, t, _)| [s, t]).collect()

@@ -1,7 +1,7 @@
 //! Walls that two parts share: the faces on them lie in one plane, and each is visible from one of its sides.
 
-use super::overlap::Overlap;
-use super::part_shapes::{PartKind, PartShape};
+use super::overlap::{FaceProperties, Faces, Overlap};
+use super::part_shapes::PartKind;
 use crate::math::triangle_normal;
 use glam::Vec3;
 use std::collections::{HashMap, HashSet, hash_map::Entry};
@@ -31,28 +31,21 @@ pub(super) fn are_opposite(sides: &WallSides, s: u32, t: u32) -> bool {
 }
 
 /// The triangles in the walls that two parts share, and those that overlap with them.
-pub(super) fn wall_sides(
-    found: &[Overlap],
-    part: &dyn Fn(usize) -> u32,
-    shapes: &[PartShape],
-    positions: &[Vec3],
-    triangles: &[[u32; 3]],
-) -> WallSides {
-    let part = |t: u32| part(t as usize);
-    let shape = |t: u32| &shapes[part(t) as usize];
+pub(super) fn wall_sides(found: &[Overlap], faces: &Faces) -> WallSides {
+    let of = faces.properties;
     let normal = |t: u32| {
-        let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
+        let [a, b, c] = faces.triangles[t as usize].map(|v| faces.positions[v as usize]);
         triangle_normal(a, b, c)
     };
     let is_shared = |&&(s, t, _): &&Overlap| {
-        part(s) != part(t) && normal(s).dot(normal(t)) < 0.0 && shape(s).may_share_wall(shape(t))
+        of.part(s) != of.part(t) && normal(s).dot(normal(t)) < 0.0 && of.shape(s).may_share_wall(of.shape(t))
     };
     let shared: Vec<Overlap> = found.iter().filter(is_shared).copied().collect();
     let mut sides = WallSides::new();
     if shared.is_empty() {
         return sides;
     }
-    let facades = facades(&shared, &part, shapes);
+    let facades = facades(&shared, of);
     let mut neighbours = HashMap::<u32, Vec<u32>>::new();
     for &(s, t, _) in found {
         neighbours.entry(s).or_default().push(t);
@@ -64,13 +57,13 @@ pub(super) fn wall_sides(
             if let Entry::Vacant(place) = sides.entry(t) {
                 // No plane of a building is parallel to this direction.
                 let (normal, sign) = (normal(t), normal(t).dot(Vec3::new(0.86, 0.41, 0.31)).signum());
-                let is_facade = facades.contains(&part(t));
-                let lies_behind = shape(t).kind == PartKind::Solid && !is_facade;
+                let is_facade = facades.contains(&of.part(t));
+                let lies_behind = of.shape(t).kind == PartKind::Solid && !is_facade;
                 place.insert(WallSide {
                     wall,
                     axis: sign * normal,
                     is_beyond: (sign < 0.0) != lies_behind,
-                    area: if is_facade { f64::INFINITY } else { shape(t).area },
+                    area: if is_facade { f64::INFINITY } else { of.shape(t).area },
                 });
                 open.extend(&neighbours[&t]);
             }
@@ -80,16 +73,16 @@ pub(super) fn wall_sides(
 }
 
 /// The solids that are facades: most of their area lies on walls of rooms in them.
-fn facades(shared: &[Overlap], part: &dyn Fn(u32) -> u32, shapes: &[PartShape]) -> HashSet<u32> {
-    let kind = |part: u32| shapes[part as usize].kind;
+fn facades(shared: &[Overlap], of: &FaceProperties) -> HashSet<u32> {
+    let kind = |part: u32| of.shapes[part as usize].kind;
     let mut covered = HashMap::<u32, f64>::new();
     for &(s, t, area) in shared {
-        for [own, other] in [[part(s), part(t)], [part(t), part(s)]] {
+        for [own, other] in [[of.part(s), of.part(t)], [of.part(t), of.part(s)]] {
             if kind(own) == PartKind::Solid && kind(other) == PartKind::Room {
                 *covered.entry(own).or_default() += area;
             }
         }
     }
-    let is_facade = |&(part, area): &(u32, f64)| area >= MIN_FACADE_COVER * shapes[part as usize].area;
+    let is_facade = |&(part, area): &(u32, f64)| area >= MIN_FACADE_COVER * of.shapes[part as usize].area;
     covered.into_iter().filter(is_facade).map(|(part, _)| part).collect()
 }

@@ -25,10 +25,10 @@ const INSET_CLEAR: f32 = 1.0 / 4.0;
 const MAX_SPLITS: i32 = 3;
 /// Largest number of elements added by these splits, relative to the number of all elements: time and memory of the local pass at most
 /// double. If there are more crossed elements, the largest are split.
-const MAX_ADDED: f64 = 1.0;
+const MAX_ADDED_RATIO: f64 = 1.0;
 /// Number of elements that may be added to a scene of any size: at 1.4 kB and 40 µs for each (see
 /// [`FineGround::MAX_TRIANGLES`](crate::scene::FineGround::MAX_TRIANGLES)) they take 11 MB and 0.3 s.
-const MIN_MAX_ADDED: usize = 1 << 13;
+const ALWAYS_ADDED: usize = 1 << 13;
 
 impl LinkedScene {
     /// Splits the parts of surfaces that other surfaces cross, and marks the remaining ones
@@ -41,7 +41,7 @@ impl LinkedScene {
         let leaves = self.leaves();
         // Repeated passes do not split elements of the smallest size again.
         let smallest = self.elements.min_area / 4f64.powi(MAX_SPLITS - 1);
-        let mut room = ((MAX_ADDED * leaves.len() as f64) as usize).max(MIN_MAX_ADDED);
+        let mut remaining = ((MAX_ADDED_RATIO * leaves.len() as f64) as usize).max(ALWAYS_ADDED);
         let mut found = crossed(&self.elements, exact, &leaves);
         loop {
             let large = |e: &&u32| area(&self.elements, **e) > smallest;
@@ -50,11 +50,11 @@ impl LinkedScene {
             to_split.sort_by(|&a, &b| {
                 area(&self.elements, b).total_cmp(&area(&self.elements, a)).then(a.cmp(&b))
             });
-            to_split.truncate(room / 4);
+            to_split.truncate(remaining / 4);
             if to_split.is_empty() || deadline.late() {
                 break;
             }
-            room -= 4 * to_split.len();
+            remaining -= 4 * to_split.len();
             let first = self.elements.len() as u32;
             to_split.iter().for_each(|&e| self.split(e));
             if self.elements.len() as u32 == first {
