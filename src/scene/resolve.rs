@@ -101,7 +101,9 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let (objects, triangle_object) = used_objects(soup.objects, faces.object);
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let part = |t: usize| parts.part[faces.polygon[t] as usize];
-    let shapes = shapes_of_parts(&parts, &faces.polygon, &positions, &triangles);
+    let middle = |t: u32| triangles[t as usize].map(|v| positions[v as usize]).iter().sum::<Vec3>() / 3.0;
+    let lamps = emitters.iter().map(|emitter| middle(emitter.triangles[0])).collect();
+    let shapes = shapes_of_parts(&parts, &faces.polygon, &positions, &triangles, lamps);
     let sides = |t: usize| options.sides.unwrap_or(if parts.closed[part(t) as usize] { 1 } else { 2 });
     let looks = |t: usize| (faces.reflectance[t], materials[faces.material[t] as usize].emission);
     let properties = FaceProperties {
