@@ -304,6 +304,13 @@ impl Model {
         EndRule::new(placed.magnitude_of(&self.inner.meshes[placed.mesh as usize], triangle))
     }
 
+    /// See [`Scene::stack_distance`]; scene units.
+    pub(crate) fn stack_distance(&self, instance: u32, triangle: u32) -> f32 {
+        let placed = &self.inner.instances[instance as usize];
+        let scale = placed.affine().matrix3.determinant().abs().cbrt() as f32;
+        scale * self.inner.meshes[placed.mesh as usize].scene().stack_distance(triangle)
+    }
+
     /// The rule of an end at a given point of a surface that is not known: that of the faces which a line through the point meets so
     /// near to it that a segment would leave them out, and of the point's own coordinates. Where these are no less than a sixteenth of
     /// the scene's largest, the rule of the whole scene.

@@ -15,9 +15,6 @@ use rayon::prelude::*;
 const MAX_RELATIVE_HEIGHT: f32 = 0.01;
 /// The same relative to the height of an object on the surface: its shadow is too short by this fraction.
 const MAX_SHADOW_LOSS: f32 = 0.1;
-/// Distance by which the reader separates overlapping faces of one plane, as a multiple of the height at which rays start: 9e-6 of the
-/// largest coordinate against 2e-6, and their rounding.
-const OVERLAP_SHIFT: f32 = 6.0;
 /// Fraction of an emitter's rays that must meet such surfaces.
 const MIN_COARSE_SHARE: f64 = 0.05;
 
@@ -56,14 +53,14 @@ impl Model {
     /// units. None if few rays of the emitter meet coarse surfaces.
     fn coarsest_surface(&self, emitter: &Emitter) -> Option<(f32, f32)> {
         let (packets, hits) = self.rays_of_emitter(emitter, 1.0);
-        // Faces of one plane that the reader has moved off each other have a note of their own.
-        let moved = self.scene().repairs.overlapping_objects > 0;
         let mut coarse = Vec::new();
         for (packet, hits) in packets.iter().zip(&hits) {
             for lane in (0..LANES).filter(|&lane| hits.triangle[lane] != Hits::NO_HIT) {
                 let distance = (packet.point(lane, hits.t[lane]) - packet.point(lane, 0.0)).length();
                 let height = self.end_on(hits.instance[lane], hits.triangle[lane]).height();
-                let is_moved = moved && distance < OVERLAP_SHIFT * height;
+                // The reader has moved the face off the emitter, in whose plane it lies.
+                let is_moved =
+                    distance <= 2.0 * self.stack_distance(hits.instance[lane], hits.triangle[lane]);
                 coarse.extend(
                     (height > MAX_RELATIVE_HEIGHT * distance && !is_moved).then_some((height, distance)),
                 );

@@ -100,7 +100,7 @@ impl<'a> Surfaces<'a> {
             self.intersect(std::slice::from_ref(&ray), std::slice::from_mut(&mut hits));
             let Some(hit) = self.place(&ray, &hits, 0, -normal) else { break };
             let depth = hits.t[0] - self.slack;
-            let stack_distance = self.stack_distance(hits.instance[0]);
+            let stack_distance = self.model.stack_distance(hits.instance[0], hits.triangle[0]);
             // Of faces that were moved off each other the first is that of this side of the common plane.
             let is_nearer =
                 |(other, _): &(f32, SurfaceHit)| depth.abs() + 2.0 * stack_distance + hit.skin < other.abs();
@@ -112,12 +112,6 @@ impl<'a> Surfaces<'a> {
             ray.near[0] = hits.t[0].next_up();
         }
         found
-    }
-
-    /// Largest distance by which faces in one plane of an instance's mesh were moved off each other, scene units.
-    fn stack_distance(&self, instance: u32) -> f32 {
-        let scale = self.model.instances()[instance as usize].affine().matrix3.determinant().abs().cbrt();
-        scale as f32 * self.model.mesh_of(instance).stack_distance
     }
 
     /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`.

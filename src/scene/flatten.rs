@@ -148,7 +148,8 @@ impl Flat {
                 quote(&p.name)
             )));
         }
-        let mirrored = p.transform.matrix3.determinant() < 0.0;
+        let determinant = p.transform.matrix3.determinant();
+        let (mirrored, scale) = (determinant < 0.0, determinant.abs().cbrt() as f32);
         let turn = |[a, b, c]: [u32; 3]| if mirrored { [a, c, b] } else { [a, b, c] };
         let (object, part) = (s.objects.len() as u32, (s.closed_parts + s.sheet_parts) as u32);
         let textured = !mesh.triangle_texcoords.is_empty();
@@ -161,6 +162,9 @@ impl Flat {
             if !has_area(corners.map(|v| s.positions[v as usize])) {
                 dropped += 1;
                 continue;
+            }
+            if let Some(distance) = mesh.stack_distances.get(&(t as u32)) {
+                s.stack_distances.insert(s.triangles.len() as u32, scale * distance);
             }
             s.triangles.push(corners);
             s.triangle_object.push(object);
@@ -189,8 +193,6 @@ impl Flat {
             drop_unused(&mut s.positions, &mut s.triangles[start..], first);
         }
         s.bounds = s.bounds.union(Aabb::of(s.positions[first..].iter().copied()));
-        let scale = p.transform.matrix3.determinant().abs().cbrt() as f32;
-        s.stack_distance = s.stack_distance.max(scale * mesh.stack_distance);
         self.polygons += mesh.triangle_polygon.last().map_or(0, |&p| p + 1);
         Ok(())
     }

@@ -256,8 +256,8 @@ pub struct Scene {
     pub(crate) cameras: Vec<StoredCamera>,
     /// Bounding box of all vertices of faces.
     pub(crate) bounds: Aabb,
-    /// Largest distance by which faces in one plane were moved off each other, scene units; 0 if none were.
-    pub(crate) stack_distance: f32,
+    /// Distances by which triangles in one plane were moved off each other.
+    pub(crate) stack_distances: stack::StackDistances,
     /// Repairs made while reading.
     pub(crate) repairs: Repairs,
     /// Files that were read: the scene, its material libraries, textures and buffers, placed luminaires; empty for generated scenes.
@@ -286,6 +286,11 @@ impl Scene {
         self.environment = Some(Arc::new(environment));
         self.files.extend(sky.files());
         Ok(())
+    }
+
+    /// The largest distance by which faces of the stack of overlapping faces of a triangle were moved off each other, scene units.
+    pub(crate) fn stack_distance(&self, triangle: u32) -> f32 {
+        self.stack_distances.get(&triangle).copied().unwrap_or(0.0)
     }
 
     /// Lights the scene by the suns of its file, if there are any.

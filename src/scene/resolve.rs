@@ -19,7 +19,7 @@ use super::{
     part_shapes::shapes_of_parts,
     power::{self, Surfaces},
     size::{areas, ends},
-    stack::stack,
+    stack::{StackDistances, stack},
     wall_sides::{self, wall_sides},
 };
 use crate::{
@@ -114,7 +114,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         shapes: &shapes,
         appear_alike: &|s, t| looks(s) == looks(t),
     };
-    let stack_distance =
+    let stack_distances =
         stack_overlapping(&properties, &mut positions, &mut triangles, &objects, &options.unit, &mut repairs);
     Ok(Scene {
         path: soup.path,
@@ -140,7 +140,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         materials,
         emitters,
         environment: None,
-        stack_distance,
+        stack_distances,
         curved: None,
         fine_ground: None,
         suns: soup.suns,
@@ -153,8 +153,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     })
 }
 
-/// Moves overlapping faces off each other and reports those that cover others, by the names of objects and the unit of length. Returns the largest distance by
-/// which a face was moved, scene units.
+/// Moves overlapping faces off each other and reports those that cover others, by the names of objects and the unit of length. See [`stack`].
 fn stack_overlapping(
     properties: &FaceProperties,
     positions: &mut Vec<Vec3>,
@@ -162,7 +161,7 @@ fn stack_overlapping(
     objects: &[Object],
     unit: &str,
     repairs: &mut Repairs,
-) -> f32 {
+) -> StackDistances {
     let faces = overlap::Faces { positions, triangles, properties };
     let found = overlap::find(&faces);
     let walls = wall_sides(&found, &faces);

@@ -1,12 +1,13 @@
 //! Overlapping faces of one plane are stacked: moved off each other, so that rays meet them in one order.
 
 use super::compact::drop_unused;
+use super::connect::Sets;
 use super::magnitudes::{face_magnitudes, largest_distance};
 use super::overlap::{FaceProperties, Overlap};
 use super::wall_sides::WallSides;
 use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
-use std::collections::{HashMap, HashSet};
+use std::collections::{HashMap, HashSet, hash_map::Entry};
 
 /// Distance between stacked faces beyond that of the faces themselves, relative to their largest coordinate: more than what segments
 /// leave out at their ends (16 × 4e-7, see the end rule of rays), so that rays of the lower face meet the upper one. Of a shared mesh
@@ -28,20 +29,23 @@ const MAX_TESTS: usize = 100_000_000;
 /// were rounded or drawn by hand leave less than a hundredth.
 const MIN_SHEET_COVER: f64 = 0.99;
 
+/// By triangle, the largest distance by which faces of its stack were moved off each other, scene units. Triangles that do not overlap with others have none.
+pub(crate) type StackDistances = HashMap<u32, f32>;
+
 /// Moves the lower one of each two overlapping triangles behind the upper one: that of the smaller part, of equal parts the later
 /// one. Front is the front of an emitting face, so that lamps in the plane of a ceiling stay in front of it, or else the front of the
 /// lowest face. A closed solid on a larger sheet that it faces stays: the sheet hides its face.
 /// Faces that are turned away from each other and cover each other are the two sides of one sheet: each stays on its own side. So do all faces on walls that
-/// two rooms share ([`WallSide`]). Returns the largest distance by which a face was moved, scene units.
+/// two rooms share ([`WallSide`]).
 /// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face. Faces that touch a moved face, such as the walls below a
-/// ceiling, follow it ([`keep_contact`]).
+/// ceiling, follow it ([`keep_contact`]). Returns the largest distance by which faces of the stack of each triangle were moved, scene units.
 pub(super) fn stack(
     found: &[Overlap],
     of: &FaceProperties,
     walls: &WallSides,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
-) -> f32 {
+) -> StackDistances {
     let (part, emitter) = (|t: usize| of.part(t as u32), of.emitter);
     let normal = |t: u32| {
         let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
@@ -64,7 +68,7 @@ pub(super) fn stack(
     let pairs = found.iter().map(|&(s, t, _)| if compared(s, t).is_lt() { [s, t] } else { [t, s] });
     let mut pairs: Vec<[u32; 2]> = pairs.filter(is_stacked).collect();
     if pairs.is_empty() {
-        return 0.0;
+        return StackDistances::new();
     }
     // From the top: the level of the upper face is known when the lower one is reached.
     pairs.sort_by(|a, b| compared(a[1], b[1]));
@@ -73,28 +77,29 @@ pub(super) fn stack(
     let normals: HashMap<u32, Vec3> = levels.keys().map(|&t| (t, normal(t))).collect();
     let sheets = sheets(found, of, &normal);
     let mut fronts = fronts(&pairs, &normals, emitter, &sheets, walls);
-    let step = step(levels.keys().copied(), positions, triangles);
-    widen(&mut levels, &mut fronts, &part, positions, triangles);
+    let mut stacks = Sets::new(triangles.len());
+    pairs.iter().for_each(|&[s, t]| stacks.join(s, t));
+    let stacked: Vec<u32> = levels.keys().copied().collect();
+    widen(&mut levels, &mut fronts, &mut stacks, &part, positions, triangles);
+    let steps = steps(&stacked, &mut stacks, positions, triangles);
     let before = positions.len();
     let mut moved: Vec<(u32, i32)> =
         levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 != 0).collect();
     moved.sort_unstable();
-    let deepest = moved.iter().map(|(_, level)| level.unsigned_abs()).max().unwrap_or(0);
-    let shifted = |&(t, level): &(u32, i32)| Shifted {
-        corners: triangles[t as usize],
-        by: -(level as f32) * step * fronts[&t],
-    };
+    let mut shift_of = |t: u32, level: i32| -(level as f32) * steps[&stacks.root(t)] * fronts[&t];
+    let shifted =
+        |&(t, level): &(u32, i32)| Shifted { corners: triangles[t as usize], by: shift_of(t, level) };
     let shifts: Vec<Shifted> = moved.iter().map(shifted).collect();
     // Neighbours in one plane share their moved vertices.
-    let mut vertices = HashMap::<(u32, i32), Vec<(Vec3, u32)>>::new();
-    for (t, level) in moved {
-        let front = fronts[&t];
+    let mut vertices = HashMap::<(u32, u32, i32), Vec<(Vec3, u32)>>::new();
+    for (&(t, level), shift) in moved.iter().zip(&shifts) {
+        let (front, stack) = (fronts[&t], stacks.root(t));
         triangles[t as usize] = triangles[t as usize].map(|v| {
-            let made = vertices.entry((v, level)).or_default();
+            let made = vertices.entry((v, stack, level)).or_default();
             if let Some((_, same)) = made.iter().find(|(other, _)| other.dot(front) > MIN_COSINE) {
                 return *same;
             }
-            positions.push(positions[v as usize] - level as f32 * step * front);
+            positions.push(positions[v as usize] + shift.by);
             made.push((front, positions.len() as u32 - 1));
             positions.len() as u32 - 1
         });
@@ -103,7 +108,18 @@ pub(super) fn stack(
     if positions.len() > before {
         drop_unused(positions, triangles, 0);
     }
-    deepest as f32 * step
+    distances(&levels, &mut stacks, &steps)
+}
+
+/// The largest distance by which faces of the stack of each triangle were moved.
+fn distances(levels: &HashMap<u32, i32>, stacks: &mut Sets, steps: &HashMap<u32, f32>) -> StackDistances {
+    let mut deepest = HashMap::<u32, u32>::new();
+    for (&t, level) in levels {
+        let of_stack = deepest.entry(stacks.root(t)).or_default();
+        *of_stack = level.unsigned_abs().max(*of_stack);
+    }
+    let distance = |&t: &u32| (t, deepest[&stacks.root(t)] as f32 * steps[&stacks.root(t)]);
+    levels.keys().map(distance).collect()
 }
 
 /// Lowers the levels of the faces on each shared wall by half of the largest one, so that faces on both sides are near to the common plane: points there find
@@ -121,10 +137,12 @@ fn centre(levels: &mut HashMap<u32, i32>, walls: &WallSides) {
     }
 }
 
-/// Adds the triangles that continue lower faces in their plane, with the level and the front of these: a ceiling stays flat.
+/// Adds the triangles that continue lower faces in their plane, with the level and the front of these: a ceiling stays flat. Stacks on faces of one part in one
+/// plane become one.
 fn widen(
     levels: &mut HashMap<u32, i32>,
     fronts: &mut HashMap<u32, Vec3>,
+    stacks: &mut Sets,
     part: &dyn Fn(usize) -> u32,
     positions: &[Vec3],
     triangles: &[[u32; 3]],
@@ -145,8 +163,12 @@ fn widen(
         while let Some(t) = open.pop() {
             for &u in triangles[t as usize].iter().filter_map(|v| at_vertex.get(v)).flatten() {
                 let is_flat = corners(u).iter().all(|p| (*p - start).dot(front).abs() <= distance);
-                if part(u as usize) == part(seed as usize) && is_flat && !levels.contains_key(&u) {
-                    levels.insert(u, level);
+                if part(u as usize) != part(seed as usize) || !is_flat {
+                    continue;
+                }
+                stacks.join(seed, u);
+                if let Entry::Vacant(place) = levels.entry(u) {
+                    place.insert(level);
                     fronts.insert(u, front);
                     open.push(u);
                 }
@@ -243,12 +265,22 @@ fn is_on([a, b, c]: [Vec3; 3], point: Vec3, distance: f32) -> bool {
     (point - a).dot(normal).abs() <= distance && beyond(a, b).max(beyond(b, c)).max(beyond(c, a)) <= distance
 }
 
-/// Distance between stacked faces: by the coordinates of these faces and, as rays start above them by those, of their neighbours.
-fn step(stacked: impl Iterator<Item = u32> + Clone, positions: &[Vec3], triangles: &[[u32; 3]]) -> f32 {
-    let corners = stacked.clone().flat_map(|t| triangles[t as usize].map(|v| positions[v as usize]));
+/// Distance between the faces of each stack, by its first triangle: by the coordinates of these faces and, as rays start above them by those, of their neighbours.
+fn steps(
+    stacked: &[u32],
+    stacks: &mut Sets,
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+) -> HashMap<u32, f32> {
     let magnitudes = face_magnitudes(positions, triangles);
-    let magnitude = stacked.map(|t| magnitudes[t as usize]).fold(0.0, f32::max);
-    largest_distance(&Aabb::of(corners)) as f32 + GAP * magnitude
+    let mut sizes = HashMap::<u32, (Aabb, f32)>::new();
+    for &t in stacked {
+        let (bounds, magnitude) = sizes.entry(stacks.root(t)).or_insert((Aabb::EMPTY, 0.0));
+        *bounds = bounds.union(Aabb::of(triangles[t as usize].map(|v| positions[v as usize])));
+        *magnitude = magnitudes[t as usize].max(*magnitude);
+    }
+    let step = |(bounds, magnitude): (Aabb, f32)| largest_distance(&bounds) as f32 + GAP * magnitude;
+    sizes.into_iter().map(|(stack, size)| (stack, step(size))).collect()
 }
 
 /// The pairs of overlapping triangles, the smaller index first, that are two sides of one sheet: they are turned away from each other, and

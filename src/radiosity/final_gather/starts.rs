@@ -71,11 +71,12 @@ impl FinalGather<'_> {
             let cosine = triangle_normal(a, b, c).dot(normal);
             let parallel = cosine.abs() >= MIN_COSINE;
             // Of coplanar faces that were moved apart, the first one found is that of this side of the plane.
-            let moved = (2.0 * self.scene.stack_distance + end.slack()) / (2.0 * self.slack);
+            let stack_distance = self.scene.stack_distance(triangle);
+            let moved = (2.0 * stack_distance + end.slack()) / (2.0 * self.slack);
             let is_nearer = (t - 0.5).abs() + moved < nearest;
             let depth = 2.0 * (t - 0.5) * self.slack;
             let rounding = end.slack().max(EndRule::new(magnitude([at])).slack());
-            let is_on = depth <= MAX_SURFACE_HEIGHT * rounding + self.scene.stack_distance;
+            let is_on = depth <= MAX_SURFACE_HEIGHT * rounding + stack_distance;
             if parallel && is_on && is_nearer {
                 let mut at = packet.point(0, t);
                 // The coarse face that fine ground replaces has neither the height nor the edges of the fine ground.

@@ -106,6 +106,24 @@ fn points_lie_on_the_nearest_sheet() {
     }
 }
 
+/// A desk under a sheet of paper, on a ground of 4 km with a road in its plane: the road is moved off the ground by more than the gap between paper and
+/// desk, and the points on the desk stay there.
+#[test]
+fn stacks_elsewhere_do_not_move_points() {
+    let mut pieces = Pieces::empty();
+    let (half, road) = ([-2e3, 2e3], [-5.0, -2.0]);
+    pieces.grey("ground", 0.3).polygon(&facing_up(half, half, 0.0));
+    pieces.grey("road", 0.1).polygon(&facing_up(road, half, 0.0));
+    pieces.grey("desk", 0.3).cuboid(DVec3::ZERO, DVec3::new(1.0, 1.0, 0.7));
+    pieces.grey("paper", 0.9).polygon(&facing_up([0.2, 0.8], [0.2, 0.8], 0.701));
+    pieces.glowing("lamp", 10.0).polygon(&facing_down([0.0, 1.0], [0.0, 1.0], 2.0));
+    let scene = pieces.scene();
+    let points = [at(0.5, 0.5, 0.701), at(0.5, 0.5, 0.7), at(0.1, 0.5, 0.7)];
+    for light in [solved(&scene, &points, &quick()).irradiance, traced(&scene, &points, 256, 1)] {
+        assert!(light[0][0] > 3.0 && light[1][0] < 0.1 && light[2][0] > 3.0, "{light:?}");
+    }
+}
+
 /// A plate near the floor under a distant lamp: its shadow is black.
 #[test]
 fn a_distant_lamp_does_not_shine_through_plates() {
