@@ -142,6 +142,17 @@ pub fn places_around(point: Vec3, normal: Vec3, distance: f32) -> [Vec3; 9] {
     around.map(|(u, v)| point + distance * (u as f32 * x + v as f32 * y))
 }
 
+/// Winding number of triangles around a point: the sum of their signed solid angles over 4π (van Oosterom and Strackee 1983). In a closed surface 1 if its
+/// normals point out, -1 if they point in, and 0 outside.
+pub fn winding_number(triangles: impl Iterator<Item = [Vec3; 3]>, from: Vec3) -> f64 {
+    let from = from.as_dvec3();
+    let angle = |corners: [Vec3; 3]| {
+        let [a, b, c] = corners.map(|p| (p.as_dvec3() - from).normalize_or(DVec3::X));
+        2.0 * a.dot(b.cross(c)).atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a))
+    };
+    triangles.map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
+}
+
 /// A point that rounding moved off the plane of a triangle, moved back onto it along the triangle's normal.
 pub fn on_plane([a, b, c]: [Vec3; 3], point: Vec3) -> Vec3 {
     let normal = triangle_normal(a, b, c);

@@ -30,7 +30,19 @@ unsafe impl Send for Inner {}
 // SAFETY: as above; no method hands out interior references.
 unsafe impl Sync for Inner {}
 
+/// Largest number of triangles whose tree is built by one thread, in some 30 ms (`seconds.embree` of `mrvis solve scenes/real/valley.obj --threads 1`, 131,648
+/// triangles). Devices of one thread start no threads of Embree's task scheduler (oneTBB), which very rarely crashes where many models are made in a row.
+const MAX_SERIAL_TRIANGLES: usize = 100_000;
+
 impl Device {
+    /// Creates an Embree device for scenes of this number of triangles in all, which are built on the threads of the caller's pool.
+    ///
+    /// # Errors
+    /// As [`Device::new`].
+    pub fn for_triangles(count: usize) -> Result<Device> {
+        Device::new(if count > MAX_SERIAL_TRIANGLES { rayon::current_num_threads() } else { 1 })
+    }
+
     /// Creates an Embree device with at most `threads` build threads (0: all cores).
     ///
     /// # Errors

@@ -85,7 +85,7 @@ impl<'a> Stage<'a> {
     /// # Errors
     /// Embree fails.
     pub fn new(mesh: &'a Mesh, solution: &RadiosityMesh) -> Result<Stage<'a>> {
-        let device = Device::new(rayon::current_num_threads())?;
+        let device = Device::for_triangles(mesh.triangles.len())?;
         let side = |front: bool| -> Result<(CommittedScene, Vec<u32>)> {
             let of = |t: &u32| solution.elements[mesh.element[*t as usize] as usize].front == front;
             let chosen: Vec<u32> = (0..mesh.triangles.len() as u32).filter(of).collect();

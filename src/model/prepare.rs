@@ -219,11 +219,11 @@ fn prepare(
     progress: &dyn Progress,
 ) -> Result<Model> {
     let mut report = PrepareReport::default();
-    let device = Device::new(rayon::current_num_threads())?;
     progress.stage("building Embree's tree", 0);
     let stop = StopCheck::of(progress);
     let stopped = || stop.asked();
     let scenes: Vec<&Arc<Scene>> = std::iter::once(&scene).chain(&scene.shared).collect();
+    let device = Device::for_triangles(scenes.iter().map(|scene| scene.triangles.len()).sum())?;
     let traced = timed(&mut report.embree_s, || {
         scenes.iter().map(|scene| commit(&device, scene, &stopped)).collect::<Result<Vec<_>>>()
     })?;

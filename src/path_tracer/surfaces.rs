@@ -105,7 +105,7 @@ impl<'a> Surfaces<'a> {
             let is_nearer =
                 |(other, _): &(f32, SurfaceHit)| depth.abs() + 2.0 * stack_distance + hit.skin < other.abs();
             // A point that lies higher than rays start has the light of its place.
-            let is_on = depth <= hit.skin.max(skin([given])) + stack_distance;
+            let is_on = depth <= hit.skin.max(skin([given]));
             if hit.cosine.abs() >= 0.5 && is_on && found.as_ref().is_none_or(is_nearer) {
                 found = Some((depth, hit));
             }

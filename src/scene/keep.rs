@@ -7,6 +7,9 @@ use glam::{DVec3, Vec3};
 /// error in opacity is smallest with the limit at one half.
 pub(super) const MIN_OPACITY: f32 = 0.5;
 
+/// Largest number of polygons with the same corners that are kept: both sides of two materials. Bounds the search among them.
+const MAX_KEPT: usize = 4;
+
 /// Polygons that remain before triangulation.
 pub(super) struct KeptPolygons {
     /// Index of each polygon in the soup.
@@ -69,8 +72,8 @@ impl KeptPolygons {
         all
     }
 
-    /// Drops every polygon with the corners of an earlier one, unless it faces the other way and belongs to another object or has another
-    /// material: these are two solids in contact, or the two sides of a wall.
+    /// Drops every polygon with the corners of an earlier one, unless it has another material and belongs to another object, or faces the other way and has
+    /// another material or object: these are two solids in contact, or the two sides of a wall.
     fn drop_duplicates(&mut self, soup: &Soup, positions: &[Vec3], repairs: &mut Repairs) {
         let slices: Vec<&[u32]> = (0..self.polygon.len()).map(|i| &self.corners[self.span(i)]).collect();
         let normal = |i: u32| {
@@ -84,11 +87,17 @@ impl KeptPolygons {
         };
         let mut drop = vec![false; slices.len()];
         for group in same_corners(&slices) {
-            // Groups keep few polygons, and the cap bounds the search among them.
             let mut survivors: Vec<(u32, DVec3)> = Vec::new();
             for &i in &group {
                 let n = normal(i);
-                let twice = survivors.iter().any(|&(j, m)| origin(i) == origin(j) || n.dot(m) >= 0.0);
+                let differs = |&(j, m): &(u32, DVec3)| {
+                    let [own, other] = [i, j].map(origin);
+                    match n.dot(m) < 0.0 {
+                        true => own != other,
+                        false => own.0 != other.0 && own.1 != other.1,
+                    }
+                };
+                let twice = survivors.len() == MAX_KEPT || !survivors.iter().all(differs);
                 if twice {
                     drop[i as usize] = true;
                     repairs.duplicate_faces += 1;

@@ -44,3 +44,8 @@ const MAX_ROUNDINGS: f64 = 8.0;
 pub(super) fn largest_distance(bounds: &Aabb) -> f64 {
     MAX_ROUNDINGS * f64::from(f32::EPSILON) * f64::from(bounds.magnitude().max(bounds.diagonal()))
 }
+
+/// Distance between stacked faces beyond that of the faces themselves, relative to their largest coordinate: more than what segments
+/// leave out at their ends (16 × 4e-7, see the end rule of rays), so that rays of the lower face meet the upper one. Of a shared mesh
+/// the coordinates are its own: in a model that is much larger than the mesh, rays may start above both faces.
+pub(super) const GAP: f32 = 8e-6;

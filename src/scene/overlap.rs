@@ -263,7 +263,7 @@ fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
     let of = faces.properties;
     let [p, q] = [s, t].map(|t| corners(faces, t as usize));
     let [n, m] = [&p, &q].map(normal);
-    let is_sheet = of.part(s) == of.part(t) || of.shape(s).may_share_wall(of.shape(t));
+    let is_sheet = of.part(s) == of.part(t) || of.shape(s).share_wall(of.shape(t), n.dot(m) > 0.0);
     let from_one_side = n.dot(m) > 0.0 || is_sheet || of.is_two_sided(s) || of.is_two_sided(t);
     if !from_one_side || beside(&p, &q, m) || beside(&q, &p, n) {
         return 0.0;

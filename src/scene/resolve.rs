@@ -25,7 +25,7 @@ use super::{
 use crate::{
     Error, Result,
     error::quote,
-    math::{Aabb, MAX_RADIANCE, weld::weld},
+    math::{Aabb, MAX_RADIANCE, triangle_normal, weld::weld},
 };
 use glam::{DVec3, Vec3};
 
@@ -101,9 +101,8 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let (objects, triangle_object) = used_objects(soup.objects, faces.object);
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let part = |t: usize| parts.part[faces.polygon[t] as usize];
-    let middle = |t: u32| triangles[t as usize].map(|v| positions[v as usize]).iter().sum::<Vec3>() / 3.0;
-    let lamps = emitters.iter().map(|emitter| middle(emitter.triangles[0])).collect();
-    let shapes = shapes_of_parts(&parts, &faces.polygon, &positions, &triangles, lamps);
+    let lamps = places_before(&emitters, &positions, &triangles);
+    let shapes = shapes_of_parts(&parts, &faces.polygon, &positions, &triangles, &lamps);
     let sides = |t: usize| options.sides.unwrap_or(if parts.closed[part(t) as usize] { 1 } else { 2 });
     let looks = |t: usize| (faces.reflectance[t], materials[faces.material[t] as usize].emission);
     let properties = FaceProperties {
@@ -168,6 +167,19 @@ fn stack_overlapping(
     let covers = |&(s, t, _): &overlap::Overlap| !wall_sides::are_opposite(&walls, s, t);
     overlap::report(&faces, found.iter().copied().filter(covers), objects, unit, repairs);
     stack(&found, properties, &walls, positions, triangles)
+}
+
+/// Places in front of up to four faces of each emitter, a thousandth of an edge above them.
+fn places_before(emitters: &[Emitter], positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
+    let before = |t: &u32| {
+        let [a, b, c] = triangles[*t as usize].map(|v| positions[v as usize]);
+        (a + b + c) / 3.0 + 1e-3 * (b - a).length() * triangle_normal(a, b, c)
+    };
+    let spread = |emitter: &Emitter| emitter.triangles.len().div_ceil(4);
+    emitters
+        .iter()
+        .flat_map(|emitter| emitter.triangles.iter().step_by(spread(emitter)).map(before))
+        .collect()
 }
 
 /// The triangles of the kept polygons, divided where they are too coarse, the edges of the polygons and the parts that these connect.

@@ -2,17 +2,13 @@
 
 use super::compact::drop_unused;
 use super::connect::Sets;
-use super::magnitudes::{face_magnitudes, largest_distance};
+use super::magnitudes::{GAP, face_magnitudes, largest_distance};
 use super::overlap::{FaceProperties, Overlap};
 use super::wall_sides::WallSides;
 use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
 use std::collections::{HashMap, HashSet, hash_map::Entry};
 
-/// Distance between stacked faces beyond that of the faces themselves, relative to their largest coordinate: more than what segments
-/// leave out at their ends (16 × 4e-7, see the end rule of rays), so that rays of the lower face meet the upper one. Of a shared mesh
-/// the coordinates are its own: in a model that is much larger than the mesh, rays may start above both faces.
-const GAP: f32 = 8e-6;
 /// Largest number of levels below the uppermost face: faces move by at most 8 × 9e-6 of the largest coordinate, .7 mm in a room of
 /// 10 m. In longer chains, as of shingles, the next face takes a level that is free beside those that it overlaps.
 const MAX_LEVELS: i32 = 8;

@@ -4,7 +4,7 @@ use super::overlap::{FaceProperties, Faces, Overlap};
 use super::part_shapes::PartKind;
 use crate::math::triangle_normal;
 use glam::Vec3;
-use std::collections::{HashMap, HashSet, hash_map::Entry};
+use std::collections::{HashMap, HashSet};
 
 /// Smallest fraction of the area of a facade that lies on walls of the rooms in it: most of it, as a room whose normals point out also touches
 /// cupboards whose normals point in.
@@ -14,9 +14,9 @@ const MIN_FACADE_COVER: f64 = 0.5;
 pub(super) struct WallSide {
     /// A triangle of the wall.
     pub wall: u32,
-    /// One of the normals of its plane.
+    /// Normal of its plane on the side from which the smallest face on it is visible.
     pub axis: Vec3,
-    /// Whether it is visible from the side to which the axis does not point: that in which its part lies, or the outside of a facade.
+    /// Whether the triangle is visible from the other side. Faces are visible from the side on which their part lies, those of a facade from outside.
     pub is_beyond: bool,
     /// Area of its part, scene units squared; that of a facade, which lies behind all faces of rooms, is infinite.
     pub area: f64,
@@ -38,49 +38,54 @@ pub(super) fn wall_sides(found: &[Overlap], faces: &Faces) -> WallSides {
         triangle_normal(a, b, c)
     };
     let is_shared = |&&(s, t, _): &&Overlap| {
-        of.part(s) != of.part(t) && normal(s).dot(normal(t)) < 0.0 && of.shape(s).may_share_wall(of.shape(t))
+        of.part(s) != of.part(t) && of.shape(s).share_wall(of.shape(t), normal(s).dot(normal(t)) > 0.0)
     };
     let shared: Vec<Overlap> = found.iter().filter(is_shared).copied().collect();
     let mut sides = WallSides::new();
     if shared.is_empty() {
         return sides;
     }
-    let facades = facades(&shared, of);
+    let facades = facades(&shared, of, &normal);
+    let is_facade = |t: u32| facades.contains(&of.part(t));
+    // The normal of the side from which a face is visible.
+    let visible = |t: u32| match of.shape(t).kind == PartKind::Solid && !is_facade(t) {
+        true => -normal(t),
+        false => normal(t),
+    };
+    let area = |t: u32| if is_facade(t) { f64::INFINITY } else { of.shape(t).area };
     let mut neighbours = HashMap::<u32, Vec<u32>>::new();
     for &(s, t, _) in found {
         neighbours.entry(s).or_default().push(t);
         neighbours.entry(t).or_default().push(s);
     }
     for (wall, ..) in shared {
-        let mut open = vec![wall];
-        while let Some(t) = open.pop() {
-            if let Entry::Vacant(place) = sides.entry(t) {
-                // No plane of a building is parallel to this direction.
-                let (normal, sign) = (normal(t), normal(t).dot(Vec3::new(0.86, 0.41, 0.31)).signum());
-                let is_facade = facades.contains(&of.part(t));
-                let lies_behind = of.shape(t).kind == PartKind::Solid && !is_facade;
-                place.insert(WallSide {
-                    wall,
-                    axis: sign * normal,
-                    is_beyond: (sign < 0.0) != lies_behind,
-                    area: if is_facade { f64::INFINITY } else { of.shape(t).area },
-                });
-                open.extend(&neighbours[&t]);
-            }
+        if sides.contains_key(&wall) {
+            continue;
         }
+        let (mut members, mut known, mut next) = (vec![wall], HashSet::from([wall]), 0);
+        while let Some(t) = members.get(next) {
+            members.extend(neighbours[t].iter().filter(|t| known.insert(**t)));
+            next += 1;
+        }
+        // The smallest face stays in its place.
+        let smallest = members.iter().min_by(|s, t| area(**s).total_cmp(&area(**t)).then(s.cmp(t)));
+        let axis = visible(*smallest.unwrap_or(&wall));
+        let side = |t| WallSide { wall, axis, is_beyond: visible(t).dot(axis) < 0.0, area: area(t) };
+        sides.extend(members.into_iter().map(|t| (t, side(t))));
     }
     sides
 }
 
 /// The solids that are facades: most of their area lies on walls of rooms in them.
-fn facades(shared: &[Overlap], of: &FaceProperties) -> HashSet<u32> {
-    let kind = |part: u32| of.shapes[part as usize].kind;
+fn facades(shared: &[Overlap], of: &FaceProperties, normal: &dyn Fn(u32) -> Vec3) -> HashSet<u32> {
+    let is_facade_of = |solid: u32, room: u32| {
+        let [solid, room] = [solid, room].map(|t| of.shape(t));
+        solid.kind == PartKind::Solid && room.kind == PartKind::Room && solid.encloses(room)
+    };
     let mut covered = HashMap::<u32, f64>::new();
-    for &(s, t, area) in shared {
-        for [own, other] in [[of.part(s), of.part(t)], [of.part(t), of.part(s)]] {
-            if kind(own) == PartKind::Solid && kind(other) == PartKind::Room {
-                *covered.entry(own).or_default() += area;
-            }
+    for &(s, t, area) in shared.iter().filter(|&&(s, t, _)| normal(s).dot(normal(t)) < 0.0) {
+        for (solid, _) in [(s, t), (t, s)].into_iter().filter(|&(solid, room)| is_facade_of(solid, room)) {
+            *covered.entry(of.part(solid)).or_default() += area;
         }
     }
     let is_facade = |&(part, area): &(u32, f64)| area >= MIN_FACADE_COVER * of.shapes[part as usize].area;

@@ -1,9 +1,9 @@
 //! Which sides of the faces light can reach.
 
-use crate::math::{Aabb, triangle_normal};
+use crate::math::{Aabb, triangle_normal, winding_number};
 use crate::ray::EndRule;
 use crate::scene::{Scene, magnitude};
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// For each face whether front and back can be reached by light.
@@ -133,14 +133,8 @@ fn signed_volume(scene: &Scene, faces: &[u32], from: Vec3) -> f64 {
     faces.iter().map(six).sum()
 }
 
-/// Winding number: the sum of the signed solid angles of the faces over 4π (van Oosterom and Strackee 1983), ±1 inside, 0 outside.
 fn winding(scene: &Scene, faces: &[u32], from: Vec3) -> f64 {
-    let from = from.as_dvec3();
-    let angle = |t: &u32| {
-        let [a, b, c] = scene.corners(*t).map(|p| (p.as_dvec3() - from).normalize_or(DVec3::X));
-        2.0 * a.dot(b.cross(c)).atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a))
-    };
-    faces.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
+    winding_number(faces.iter().map(|&t| scene.corners(t)), from)
 }
 
 /// Largest distance between the edges of ground and scene, as a fraction of the scene's extent: rounding of coordinates in files.

@@ -76,7 +76,7 @@ impl FinalGather<'_> {
             let is_nearer = (t - 0.5).abs() + moved < nearest;
             let depth = 2.0 * (t - 0.5) * self.slack;
             let rounding = end.slack().max(EndRule::new(magnitude([at])).slack());
-            let is_on = depth <= MAX_SURFACE_HEIGHT * rounding + stack_distance;
+            let is_on = depth <= MAX_SURFACE_HEIGHT * rounding;
             if parallel && is_on && is_nearer {
                 let mut at = packet.point(0, t);
                 // The coarse face that fine ground replaces has neither the height nor the edges of the fine ground.

@@ -11,8 +11,8 @@ struct Rooms {
     /// The black room ends at this x.
     end: f64,
     white_first: bool,
-    /// The normals of the rooms point out.
-    outward: bool,
+    /// The normals of the white and of the black room point out.
+    outward: [bool; 2],
     /// A glowing panel on the shared wall of the white room, or else a poster there and a cupboard on that of the black room.
     has_panel: bool,
     turn: DMat3,
@@ -27,12 +27,14 @@ impl Rooms {
     fn scene(&self) -> Scene {
         let mut pieces = Pieces::empty();
         let [white, black] = self.walls();
-        let mut rooms = [("white", 0.9, 0.0, white, 0.5), ("black", 0.1, black, self.end, 2.7)];
+        let [white_out, black_out] = self.outward;
+        let mut rooms =
+            [("white", 0.9, 0.0, white, white_out, 0.5), ("black", 0.1, black, self.end, black_out, 2.7)];
         if !self.white_first {
             rooms.reverse();
         }
-        for (name, reflectance, from, to, lamp) in rooms {
-            let [low, high] = if self.outward { [to, from] } else { [from, to] };
+        for (name, reflectance, from, to, outward, lamp) in rooms {
+            let [low, high] = if outward { [to, from] } else { [from, to] };
             pieces.grey(name, reflectance).room(low * DVec3::X, DVec3::new(high, 3.0, 2.5));
             pieces.glowing("lamp", 10.0).polygon(&facing_down([lamp, lamp + 1.0], [1.0, 2.0], 2.4));
         }
@@ -79,20 +81,21 @@ impl Rooms {
 fn walls_of_closed_rooms_in_one_place_keep_their_sides() {
     let turn = DMat3::from_rotation_z(0.5) * DMat3::from_rotation_x(0.3);
     for (end, outward, has_panel, turn) in [
-        (3.8, false, true, DMat3::IDENTITY),
-        (6.0, false, true, DMat3::IDENTITY),
-        (6.0, false, false, turn),
-        (3.8, true, true, DMat3::IDENTITY),
+        (3.8, [false, false], true, DMat3::IDENTITY),
+        (6.0, [false, false], true, DMat3::IDENTITY),
+        (6.0, [false, false], false, turn),
+        (3.8, [true, true], true, DMat3::IDENTITY),
+        (6.0, [false, true], true, DMat3::IDENTITY),
     ] {
         let rooms = |gap, white_first| Rooms { gap, end, white_first, outward, has_panel, turn };
         // Faces in one place do not depend on the winding of the rooms beside them.
-        let wanted = Rooms { outward: false, ..rooms(1e-3, true) }.light();
+        let wanted = Rooms { outward: [false, false], ..rooms(1e-3, true) }.light();
         for white_first in [false, true] {
             let found = rooms(0.0, white_first).light();
             for (found, wanted) in found.iter().flatten().zip(wanted.iter().flatten()) {
                 assert!(
                     (found[0] / wanted[0] - 1.0).abs() < 0.05,
-                    "{end} {outward} {has_panel}: {found:?} {wanted:?}"
+                    "{end} {outward:?} {has_panel}: {found:?} {wanted:?}"
                 );
             }
         }
@@ -106,7 +109,7 @@ fn faces_on_both_sides_of_a_shared_wall_are_not_reported() {
         gap: 0.0,
         end: 3.8,
         white_first: true,
-        outward: false,
+        outward: [false, false],
         has_panel: false,
         turn: DMat3::IDENTITY,
     };
@@ -140,5 +143,23 @@ fn facades_and_the_walls_of_rooms_in_them_keep_their_sides() {
     let wanted = light(1e-3);
     for (found, wanted) in light(0.0).iter().flatten().zip(wanted.iter().flatten()) {
         assert!((found[0] - wanted[0]).abs() <= 0.05 * wanted[0], "{found:?} {wanted:?}");
+    }
+}
+
+/// A closed showcase with a lamp in it, whose normals point out, on the floor of a room.
+#[test]
+fn lit_boxes_in_rooms_keep_their_insides() {
+    let light = |gap: f64| {
+        let mut pieces = Pieces::empty();
+        pieces.grey("room", 0.1).room(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.5));
+        pieces.grey("showcase", 0.9).cuboid(DVec3::new(1.0, 1.0, gap), DVec3::new(2.0, 2.0, 1.2));
+        pieces.glowing("lamp", 10.0).polygon(&facing_down([1.3, 1.7], [1.3, 1.7], 1.0));
+        let points = [at(1.2, 1.2, gap), at(1.5, 1.6, gap)];
+        let scene = pieces.scene();
+        [solved(&scene, &points, &quick()).irradiance, traced(&scene, &points, 2048, 1)]
+    };
+    let wanted = light(1e-3);
+    for (found, wanted) in light(0.0).iter().flatten().zip(wanted.iter().flatten()) {
+        assert!((found[0] / wanted[0] - 1.0).abs() < 0.05, "{found:?} {wanted:?}");
     }
 }
