@@ -16,7 +16,7 @@ pub(super) struct WallSide {
     pub wall: u32,
     /// Normal of its plane on the side from which the smallest face on it is visible.
     pub axis: Vec3,
-    /// Whether the triangle is visible from the other side. Faces are visible from the side on which their part lies, those of a facade from outside.
+    /// Whether the triangle is visible from the other side. Faces are visible from the side on which their part lies, those of a facade from outside, and lamps from their front.
     pub is_beyond: bool,
     /// Area of its part, scene units squared; that of a facade, which lies behind all faces of rooms, is infinite.
     pub area: f64,
@@ -47,10 +47,13 @@ pub(super) fn wall_sides(found: &[Overlap], faces: &Faces) -> WallSides {
     }
     let facades = facades(&shared, of, &normal);
     let is_facade = |t: u32| facades.contains(&of.part(t));
-    // The normal of the side from which a face is visible.
-    let visible = |t: u32| match of.shape(t).kind == PartKind::Solid && !is_facade(t) {
-        true => -normal(t),
-        false => normal(t),
+    // The normal of the side from which a face is visible: the front of a lamp, that of a solid from its inside.
+    let visible = |t: u32| {
+        let is_lamp = of.emitter[t as usize] != u32::MAX;
+        match of.shape(t).kind == PartKind::Solid && !is_facade(t) && !is_lamp {
+            true => -normal(t),
+            false => normal(t),
+        }
     };
     let area = |t: u32| if is_facade(t) { f64::INFINITY } else { of.shape(t).area };
     let mut neighbours = HashMap::<u32, Vec<u32>>::new();

@@ -163,3 +163,21 @@ fn lit_boxes_in_rooms_keep_their_insides() {
         assert!((found[0] / wanted[0] - 1.0).abs() < 0.05, "{found:?} {wanted:?}");
     }
 }
+
+/// A glowing box on the floor of the upper one of two rooms, whose bottom is in the plane of the ceiling below, lights both.
+#[test]
+fn boxes_recessed_in_a_ceiling_light_the_room_below() {
+    let light = |gap: f64| {
+        let mut pieces = Pieces::empty();
+        pieces.grey("upper", 0.2).room(DVec3::new(0.0, 0.0, 2.0 + 2.0 * gap), DVec3::new(3.0, 3.0, 4.0));
+        pieces.grey("lower", 0.5).room(DVec3::ZERO, DVec3::new(3.0, 3.0, 2.0));
+        pieces.glowing("box", 10.0).cuboid(DVec3::new(1.0, 1.0, 2.0 - gap), DVec3::new(2.0, 2.0, 2.3));
+        let points = [at(0.5, 1.5, 0.0), at(1.5, 0.5, 2.0 + 2.0 * gap)];
+        let scene = pieces.scene();
+        [solved(&scene, &points, &quick()).irradiance, traced(&scene, &points, 2048, 1)]
+    };
+    let wanted = light(1e-3);
+    for (found, wanted) in light(0.0).iter().flatten().zip(wanted.iter().flatten()) {
+        assert!((found[0] / wanted[0] - 1.0).abs() < 0.05, "{found:?} {wanted:?}");
+    }
+}
