@@ -93,6 +93,7 @@ impl Stages<'_> {
                 fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(finest),
             };
             linked.split_all(smallest * total_area(scene), deadline);
+            linked.split_small_surfaces(deadline);
             linked.split_near_emitters(scene, deadline);
             linked.split_at_crossings(&self.model.exact(), deadline);
             linked.mark_gaps(&self.model.exact());

@@ -79,6 +79,10 @@ pub struct LinkedScene {
     pub openings: OnceLock<Arc<Vec<Vec3>>>,
 }
 
+/// Largest number of elements that surfaces smaller than the elements of others are split into, relative to the number of all elements: a furnished office takes 2 %
+/// longer.
+const MAX_SMALL_ADDED: f64 = 1.0 / 32.0;
+
 impl LinkedScene {
     /// Elements with the light that they emit and the link of the root with itself.
     pub fn new(
@@ -215,6 +219,31 @@ impl LinkedScene {
                 self.split(e as u32);
             }
             e += 1;
+        }
+        self.last_field = None;
+    }
+
+    /// Splits the largest surfaces that are smaller than the elements of the others into sixteen parts: a hut on a plain would be a few elements, parts of which
+    /// lie outdoors. Lamps stay whole: what they send does not depend on their elements.
+    pub fn split_small_surfaces(&mut self, deadline: &Deadline) {
+        let (elements, sides) = (&self.elements.elements, &self.elements.sides);
+        let is_whole = |e: &u32| {
+            let element = &elements[*e as usize];
+            let Shape::Surface { side, .. } = element.shape else { return false };
+            element.level == 0 && element.area > 0.0 && sides[side as usize].exitance == [0.0; 3]
+        };
+        let (mut whole, parts): (Vec<u32>, Vec<u32>) = self.leaves().into_iter().partition(is_whole);
+        whole.sort_by(|&a, &b| {
+            elements[b as usize].area.total_cmp(&elements[a as usize].area).then(a.cmp(&b))
+        });
+        whole.truncate((MAX_SMALL_ADDED * parts.len() as f64) as usize / 15);
+        for surface in whole {
+            if deadline.interrupted() {
+                break;
+            }
+            let first = self.elements.len() as u32;
+            self.split(surface);
+            (first..self.elements.len() as u32).for_each(|part| self.split(part));
         }
         self.last_field = None;
     }

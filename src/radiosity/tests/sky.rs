@@ -414,3 +414,27 @@ fn points_of_streets_and_slopes_have_the_light_of_the_closed_form() {
         assert!(rms < 2e-3 && bias.abs() < 7e-4, "{want}: {rms:.5} {bias:.5}");
     }
 }
+
+/// A closed hut with walls of boxes below a roof with eaves, on a plain of 2 km: its walls and roof are smaller than the elements of the plain.
+#[test]
+fn huts_on_a_plain_are_dark_inside() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("plain", 0.3).polygon(&facing_up([-1e3, 1e3], [-1e3, 1e3], 0.0));
+    for (name, from, to) in [
+        ("south", [0.0, 0.0, 0.0], [4.0, 0.2, 2.5]),
+        ("north", [-0.1, 3.0, 0.0], [4.1, 3.2, 2.5]),
+        ("west", [0.05, -0.1, 0.0], [0.25, 3.1, 2.5]),
+        ("east", [3.7, -0.1, 0.0], [3.9, 3.1, 2.5]),
+        ("roof", [-0.2, -0.2, 2.5], [4.2, 3.5, 2.7]),
+    ] {
+        pieces.grey(name, 0.5).cuboid(from.into(), to.into());
+    }
+    let scene = under(pieces, "uniform:30", "none");
+    let points = [
+        at(DVec3::new(2.0, 1.5, 0.0), DVec3::Z),
+        at(DVec3::new(0.25, 1.5, 1.0), DVec3::X),
+        at(DVec3::new(2.0, 1.5, 2.5), -DVec3::Z),
+    ];
+    let found = solved(&scene, &points, &Options { audit: 0, ..Options::default() }).irradiance;
+    assert!(found.iter().all(|light| mean(*light) < 1e-4), "{found:?}");
+}
