@@ -20,7 +20,7 @@ use super::workload::{ReceiverPoint, Workload};
 use crate::Result;
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers};
-use crate::model::{Instance, Model};
+use crate::model::Model;
 use crate::ray::{EndRule, LANES, Packet};
 use crate::visibility::{MIN_LARGE_SURFACE, MultiResolution, Workspace, surface_widths};
 use rayon::prelude::*;
@@ -240,13 +240,8 @@ impl<'a> Surroundings<'a> {
             return FirstHit::Emitter;
         }
         let width = self.widths[instance.mesh as usize][triangle as usize];
-        if width * scale(instance) >= self.large { FirstHit::Large } else { FirstHit::Small }
+        if width * instance.scale() >= self.large { FirstHit::Large } else { FirstHit::Small }
     }
-}
-
-/// Ratio of a length that an instance places to that in its mesh.
-fn scale(instance: &Instance) -> f32 {
-    instance.affine().matrix3.determinant().abs().cbrt() as f32
 }
 
 #[cfg(test)]

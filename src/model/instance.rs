@@ -67,8 +67,12 @@ impl Instance {
         }
         let placed =
             mesh.scene.corners(triangle).map(|p| self.affine().transform_point3(p.as_dvec3()).as_vec3());
-        let scale = self.affine().matrix3.determinant().abs().cbrt() as f32;
-        magnitude(placed).max(scale * own)
+        magnitude(placed).max(self.scale() * own)
+    }
+
+    /// Ratio of a length that the instance places to that in its mesh.
+    pub(crate) fn scale(&self) -> f32 {
+        self.affine().matrix3.determinant().abs().cbrt() as f32
     }
 
     /// # Errors

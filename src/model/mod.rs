@@ -307,8 +307,15 @@ impl Model {
     /// See [`Scene::stack_distance`]; scene units.
     pub(crate) fn stack_distance(&self, instance: u32, triangle: u32) -> f32 {
         let placed = &self.inner.instances[instance as usize];
-        let scale = placed.affine().matrix3.determinant().abs().cbrt() as f32;
-        scale * self.inner.meshes[placed.mesh as usize].scene().stack_distance(triangle)
+        placed.scale() * self.inner.meshes[placed.mesh as usize].scene().stack_distance(triangle)
+    }
+
+    /// The largest of these distances of all instances, scene units.
+    pub(crate) fn largest_stack_distance(&self) -> f32 {
+        let of_mesh: Vec<f32> =
+            self.inner.meshes.iter().map(|mesh| mesh.scene().largest_stack_distance()).collect();
+        let scaled = |placed: &Instance| placed.scale() * of_mesh[placed.mesh as usize];
+        self.inner.instances.iter().map(scaled).fold(0.0, f32::max)
     }
 
     /// The rule of an end at a given point of a surface that is not known: that of the faces which a line through the point meets so

@@ -18,6 +18,8 @@ pub struct Surfaces<'a> {
     normals: Vec<Vec<Vec3>>,
     /// Largest distance of a given point from its surface, scene units.
     slack: f32,
+    /// Largest distance from given points at which their surface is looked for: stacked faces may be farther than the slack; scene units.
+    reach: f32,
 }
 
 /// A hit of a path ray.
@@ -53,10 +55,12 @@ impl<'a> Surfaces<'a> {
             let scene = mesh.scene();
             (0..scene.triangles.len() as u32).map(|t| scene.face_normal(t)).collect()
         });
+        let slack = 1e-5 * model.bounds().diagonal() + 1e-6 * magnitude;
         Surfaces {
             traced: model.traced().clone(),
             normals: normals.collect(),
-            slack: 1e-5 * model.bounds().diagonal() + 1e-6 * magnitude,
+            slack,
+            reach: slack + 2.0 * model.largest_stack_distance(),
             model,
         }
     }
@@ -92,20 +96,21 @@ impl<'a> Surfaces<'a> {
         /// Largest number of surfaces that are tried: bounds the time where many sheets lie on each other.
         const MAX_SURFACES: usize = 64;
         let mut ray = Packet::EMPTY;
-        ray.set_ray(0, given + self.slack * normal, -normal);
-        (ray.near[0], ray.far[0]) = (0.0, 2.0 * self.slack);
+        ray.set_ray(0, given + self.reach * normal, -normal);
+        (ray.near[0], ray.far[0]) = (0.0, 2.0 * self.reach);
         let mut found: Option<(f32, SurfaceHit)> = None;
         for _ in 0..MAX_SURFACES {
             let mut hits = Hits::NONE;
             self.intersect(std::slice::from_ref(&ray), std::slice::from_mut(&mut hits));
             let Some(hit) = self.place(&ray, &hits, 0, -normal) else { break };
-            let depth = hits.t[0] - self.slack;
+            let depth = hits.t[0] - self.reach;
             let stack_distance = self.model.stack_distance(hits.instance[0], hits.triangle[0]);
             // Of faces that were moved off each other the first is that of this side of the common plane.
             let is_nearer =
                 |(other, _): &(f32, SurfaceHit)| depth.abs() + 2.0 * stack_distance + hit.skin < other.abs();
             // A point that lies higher than rays start has the light of its place.
-            let is_on = depth <= hit.skin.max(skin([given]));
+            let is_on =
+                depth <= hit.skin.max(skin([given])) && -depth <= self.slack.max(2.0 * stack_distance);
             if hit.cosine.abs() >= 0.5 && is_on && found.as_ref().is_none_or(is_nearer) {
                 found = Some((depth, hit));
             }
@@ -149,8 +154,7 @@ impl<'a> Surfaces<'a> {
             (own, skin(own))
         } else {
             let placed = own.map(|p| instance.affine().transform_point3(p.as_dvec3()).as_vec3());
-            let scale = instance.affine().matrix3.determinant().abs().cbrt() as f32;
-            (placed, skin(placed).max(scale * skin(own)))
+            (placed, skin(placed).max(instance.scale() * skin(own)))
         };
         // Rounding of a long ray may exceed the skin of a face near the origin.
         let met = ray.point(lane, hits.t[lane]);

@@ -73,7 +73,8 @@ impl KeptPolygons {
     }
 
     /// Drops every polygon with the corners of an earlier one, unless it has another material and belongs to another object, or faces the other way and has
-    /// another material or object: these are two solids in contact, or the two sides of a wall.
+    /// another material or object: these are two solids in contact, or the two sides of a wall. Of polygons of one object with different materials the later one
+    /// is kept, unless only the earlier one emits.
     fn drop_duplicates(&mut self, soup: &Soup, positions: &[Vec3], repairs: &mut Repairs) {
         let slices: Vec<&[u32]> = (0..self.polygon.len()).map(|i| &self.corners[self.span(i)]).collect();
         let normal = |i: u32| {
@@ -85,6 +86,7 @@ impl KeptPolygons {
             let polygon = self.polygon[i as usize] as usize;
             (soup.polygon_object[polygon], soup.polygon_material[polygon])
         };
+        let emits = |i: u32| soup.materials[origin(i).1 as usize].emission != [0.0; 3];
         let mut drop = vec![false; slices.len()];
         for group in same_corners(&slices) {
             let mut survivors: Vec<(u32, DVec3)> = Vec::new();
@@ -97,12 +99,18 @@ impl KeptPolygons {
                         false => own.0 != other.0 && own.1 != other.1,
                     }
                 };
-                let twice = survivors.len() == MAX_KEPT || !survivors.iter().all(differs);
-                if twice {
-                    drop[i as usize] = true;
-                    repairs.duplicate_faces += 1;
-                } else {
-                    survivors.push((i, n));
+                let same = survivors.iter().position(|other| !differs(other));
+                match same {
+                    None if survivors.len() < MAX_KEPT => survivors.push((i, n)),
+                    Some(k) if n.dot(survivors[k].1) > 0.0 && emits(i) >= emits(survivors[k].0) => {
+                        drop[survivors[k].0 as usize] = true;
+                        survivors[k] = (i, n);
+                        repairs.duplicate_faces += 1;
+                    }
+                    _ => {
+                        drop[i as usize] = true;
+                        repairs.duplicate_faces += 1;
+                    }
                 }
             }
         }

@@ -7,6 +7,7 @@ mod bent;
 mod box_grid;
 mod compact;
 mod connect;
+mod continuations;
 mod divide;
 mod duplicates;
 mod emitter_sampler;
@@ -32,6 +33,7 @@ mod part_shapes;
 mod photometry;
 mod placement;
 mod planar;
+mod plane_order;
 mod power;
 mod profile;
 mod read_gltf;
@@ -54,7 +56,6 @@ mod tests;
 mod texture;
 mod triangulate;
 mod up;
-mod wall_sides;
 mod write_gltf;
 mod write_obj;
 
@@ -291,6 +292,11 @@ impl Scene {
     /// The largest distance by which faces of the stack of overlapping faces of a triangle were moved off each other, scene units.
     pub(crate) fn stack_distance(&self, triangle: u32) -> f32 {
         self.stack_distances.get(&triangle).copied().unwrap_or(0.0)
+    }
+
+    /// The largest of these distances in the scene, scene units.
+    pub(crate) fn largest_stack_distance(&self) -> f32 {
+        self.stack_distances.values().copied().fold(0.0, f32::max)
     }
 
     /// Lights the scene by the suns of its file, if there are any.

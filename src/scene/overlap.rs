@@ -1,13 +1,8 @@
 //! Faces in one plane that overlap and are visible from the same side: which of them a ray hits would depend on rounding.
 //!
-//! The rule: the face whose part (connected faces) has the smaller area lies on top, of equal parts the one later in the file. The
-//! other is moved behind it by a few rounding errors and gets no light there (`stack.rs`).
-//!
-//! Examples are a rug at the height of the floor and a poster in the plane of its wall. A closed solid in contact with the
-//! wall of its room is excluded, because nothing between them is visible; walls of two rooms in one place are not, as each room sees its own. Two solids in contact
-//! may be rooms whose normals point out. A sheet is visible from both sides, also if it faces what it is in
-//! contact with; then there is no message, because bottoms of furniture that is not quite closed would give one for each piece.
-//! Faces of one part that lie in one place and face away from each other are the two sides of one sheet.
+//! The other is moved behind it by a few rounding errors and gets no light there (`plane_order.rs`, `stack.rs`). Examples are a rug at the height of the floor, a
+//! poster in the plane of its wall, and walls of two rooms in one place. A closed solid in contact with the wall of its room is excluded, because nothing
+//! between them is visible.
 //!
 //! A plane is described by two slopes and an intercept along the axis nearest to its normal. Faces with nearly equal
 //! descriptions are adjacent after sorting. Within such a group, faces with overlapping boxes are tested, found by a
@@ -65,7 +60,7 @@ pub(super) type Overlap = (u32, u32, f64);
 /// Pairs of objects that the message names: it stays below three lines of a terminal.
 const MAX_NAMED_PAIRS: usize = 4;
 
-/// Counts the overlaps of faces that face the same way and names the largest in a message.
+/// Counts overlaps and names the largest in a message.
 pub(super) fn report(
     faces: &Faces,
     found: impl Iterator<Item = Overlap>,
@@ -74,7 +69,7 @@ pub(super) fn report(
     repairs: &mut Repairs,
 ) {
     let mut by_objects = BTreeMap::<[u32; 2], f64>::new();
-    for (a, b, area) in found.filter(|(a, b, _)| faces_alike(faces, [*a, *b])) {
+    for (a, b, area) in found {
         let [a, b] = [a, b].map(|t| faces.properties.object[t as usize]);
         *by_objects.entry([a.min(b), a.max(b)]).or_default() += area;
     }
@@ -102,7 +97,7 @@ pub(super) fn report(
 }
 
 /// Whether two coplanar triangles face the same way.
-fn faces_alike(faces: &Faces, pair: [u32; 2]) -> bool {
+pub(super) fn faces_alike(faces: &Faces, pair: [u32; 2]) -> bool {
     let [n, m] = pair.map(|t| normal(&corners(faces, t as usize)));
     n.dot(m) > 0.0
 }

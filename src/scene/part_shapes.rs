@@ -59,9 +59,8 @@ impl PartShape {
 /// as long as wide has more, the rounding of flat sheets leaves 1e-6.
 const MIN_VOLUME: f64 = 1e-3;
 
-/// Largest distance between the faces of adjacent rooms whose normals point out, relative to the smaller one, .6 mm for a room of 6 m: a house of this kind on a
-/// ground of 2 km would stand above a gap of 2 cm.
-const MAX_GAP: f32 = 1e-4;
+/// Largest distance between the faces of adjacent rooms whose normals point out, relative to the smaller one: it changes the light by about as much.
+const MAX_GAP: f32 = 1e-2;
 
 /// Largest number of emitters whose winding numbers are computed for a part: limits the time where many lamps stand on a ground with hills.
 const MAX_TESTED_EMITTERS: usize = 8;

@@ -17,10 +17,10 @@ use super::{
     luminaires, moves, names,
     overlap::{self, FaceProperties},
     part_shapes::shapes_of_parts,
+    plane_order::{may_hide, plane_order},
     power::{self, Surfaces},
     size::{areas, ends},
     stack::{StackDistances, stack},
-    wall_sides::{self, wall_sides},
 };
 use crate::{
     Error, Result,
@@ -163,10 +163,10 @@ fn stack_overlapping(
 ) -> StackDistances {
     let faces = overlap::Faces { positions, triangles, properties };
     let found = overlap::find(&faces);
-    let walls = wall_sides(&found, &faces);
-    let covers = |&(s, t, _): &overlap::Overlap| !wall_sides::are_opposite(&walls, s, t);
+    let order = plane_order(&found, &faces);
+    let covers = |&(s, t, _): &overlap::Overlap| may_hide(&order, s, t, overlap::faces_alike(&faces, [s, t]));
     overlap::report(&faces, found.iter().copied().filter(covers), objects, unit, repairs);
-    stack(&found, properties, &walls, positions, triangles)
+    stack(&found, properties, &order, positions, triangles)
 }
 
 /// Places in front of up to four faces of each emitter, a thousandth of an edge above them.

@@ -4,7 +4,7 @@ use super::compact::drop_unused;
 use super::connect::Sets;
 use super::magnitudes::{GAP, face_magnitudes, largest_distance};
 use super::overlap::{FaceProperties, Overlap};
-use super::wall_sides::WallSides;
+use super::plane_order::{Place, PlaneOrder, Rank};
 use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
 use std::collections::{HashMap, HashSet, hash_map::Entry};
@@ -21,70 +21,59 @@ const MAX_FAN: usize = 64;
 /// Largest number of tests whether a vertex lies on a moved triangle: half a second. A ceiling over a million vertices has fifty triangles for that many.
 const MAX_TESTS: usize = 100_000_000;
 
-/// Smallest fraction of the area of faces turned away from each other that overlaps if they are the two sides of one sheet. Borders that
-/// were rounded or drawn by hand leave less than a hundredth.
-const MIN_SHEET_COVER: f64 = 0.99;
-
 /// By triangle, the largest distance by which faces of its stack were moved off each other, scene units. Triangles that do not overlap with others have none.
 pub(crate) type StackDistances = HashMap<u32, f32>;
 
-/// Moves the lower one of each two overlapping triangles behind the upper one: that of the smaller part, of equal parts the later
-/// one. Front is the front of an emitting face, so that lamps in the plane of a ceiling stay in front of it, or else the front of the
-/// lowest face. A closed solid on a larger sheet that it faces stays: the sheet hides its face.
-/// Faces that are turned away from each other and cover each other are the two sides of one sheet: each stays on its own side. So do all faces on walls that
-/// two rooms share ([`WallSide`]).
+/// Moves the lower one of each two overlapping triangles behind the upper one, in the order of their plane ([`PlaneOrder`]).
 /// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face. Faces that touch a moved face, such as the walls below a
 /// ceiling, follow it ([`keep_contact`]). Returns the largest distance by which faces of the stack of each triangle were moved, scene units.
 pub(super) fn stack(
     found: &[Overlap],
     of: &FaceProperties,
-    walls: &WallSides,
+    order: &PlaneOrder,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
 ) -> StackDistances {
-    let (part, emitter) = (|t: usize| of.part(t as u32), of.emitter);
+    if found.is_empty() {
+        return StackDistances::new();
+    }
+    let part = |t: usize| of.part(t as u32);
     let normal = |t: u32| {
         let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
         triangle_normal(a, b, c)
     };
-    // Beyond a shared wall the smallest face is the lowest.
-    let compared = |s: u32, t: u32| {
-        let [side_of_s, side_of_t] = [s, t].map(|t| walls.get(&t).is_some_and(|side| side.is_beyond));
-        let area = |t: u32| walls.get(&t).map_or(of.shape(t).area, |side| side.area);
-        let by_area = area(s).total_cmp(&area(t)).then(t.cmp(&s));
-        side_of_s.cmp(&side_of_t).then(if side_of_s { by_area.reverse() } else { by_area })
-    };
-    let is_stacked = |&[upper, lower]: &[u32; 2]| {
-        let hides = of.is_two_sided(upper) && emitter[upper as usize] == u32::MAX;
-        hides
-            || walls.contains_key(&upper)
-            || of.is_two_sided(lower) == of.is_two_sided(upper)
-            || normal(upper).dot(normal(lower)) > 0.0
-    };
-    let pairs = found.iter().map(|&(s, t, _)| if compared(s, t).is_lt() { [s, t] } else { [t, s] });
-    let mut pairs: Vec<[u32; 2]> = pairs.filter(is_stacked).collect();
-    if pairs.is_empty() {
-        return StackDistances::new();
-    }
+    let compared = |s: u32, t: u32| order[&s].compare(s, &order[&t], t);
+    let pair = |&(s, t, _): &Overlap| if compared(s, t).is_lt() { [s, t] } else { [t, s] };
+    let mut pairs: Vec<[u32; 2]> = found.iter().map(pair).collect();
     // From the top: the level of the upper face is known when the lower one is reached.
-    pairs.sort_by(|a, b| compared(a[1], b[1]));
+    pairs.sort_by(|a, b| {
+        let by_plane = order[&a[1]].plane.cmp(&order[&b[1]].plane);
+        by_plane.then_with(|| compared(a[1], b[1]))
+    });
     let mut levels = levels(&pairs);
-    centre(&mut levels, walls);
-    let normals: HashMap<u32, Vec3> = levels.keys().map(|&t| (t, normal(t))).collect();
-    let sheets = sheets(found, of, &normal);
-    let mut fronts = fronts(&pairs, &normals, emitter, &sheets, walls);
+    shift_levels(&mut levels, order);
+    let front = |&t: &u32| {
+        let (normal, axis) = (normal(t), order[&t].axis);
+        (t, if normal.dot(axis) < 0.0 { -normal } else { normal })
+    };
+    let mut fronts: HashMap<u32, Vec3> = levels.keys().map(front).collect();
     let mut stacks = Sets::new(triangles.len());
     pairs.iter().for_each(|&[s, t]| stacks.join(s, t));
     let stacked: Vec<u32> = levels.keys().copied().collect();
-    widen(&mut levels, &mut fronts, &mut stacks, &part, positions, triangles);
+    let is_of_body = |t: &u32| order[t].rank.is_of_body();
+    let mut bodies: HashSet<u32> = stacked.iter().copied().filter(is_of_body).collect();
+    widen(&mut levels, &mut fronts, &mut bodies, &mut stacks, &part, positions, triangles);
     let steps = steps(&stacked, &mut stacks, positions, triangles);
     let before = positions.len();
     let mut moved: Vec<(u32, i32)> =
         levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 != 0).collect();
     moved.sort_unstable();
     let mut shift_of = |t: u32, level: i32| -(level as f32) * steps[&stacks.root(t)] * fronts[&t];
-    let shifted =
-        |&(t, level): &(u32, i32)| Shifted { corners: triangles[t as usize], by: shift_of(t, level) };
+    let shifted = |&(t, level): &(u32, i32)| Shifted {
+        corners: triangles[t as usize],
+        by: shift_of(t, level),
+        is_of_body: bodies.contains(&t),
+    };
     let shifts: Vec<Shifted> = moved.iter().map(shifted).collect();
     // Neighbours in one plane share their moved vertices.
     let mut vertices = HashMap::<(u32, u32, i32), Vec<(Vec3, u32)>>::new();
@@ -118,18 +107,30 @@ fn distances(levels: &HashMap<u32, i32>, stacks: &mut Sets, steps: &HashMap<u32,
     levels.keys().map(distance).collect()
 }
 
-/// Lowers the levels of the faces on each shared wall by half of the largest one, so that faces on both sides are near to the common plane: points there find
-/// them.
-fn centre(levels: &mut HashMap<u32, i32>, walls: &WallSides) {
-    let mut deepest = HashMap::<u32, i32>::new();
+/// Changes the levels of each plane so that the uppermost visible face stays or, if faces are visible from both sides, the plane is in their middle: points there
+/// find them. Faces of bodies move into these.
+fn shift_levels(levels: &mut HashMap<u32, i32>, order: &PlaneOrder) {
+    /// First and last level of visible faces, whether some are visible from the back, and first level of bodies behind the plane.
+    struct Range(i32, i32, bool, i32);
+    let mut ranges = HashMap::<u32, Range>::new();
     for (t, &level) in &*levels {
-        if let Some(side) = walls.get(t) {
-            let of_wall = deepest.entry(side.wall).or_default();
-            *of_wall = level.max(*of_wall);
+        let Place { plane, rank, .. } = &order[t];
+        let of = ranges.entry(*plane).or_insert(Range(i32::MAX, i32::MIN, false, i32::MAX));
+        match rank {
+            Rank::BodyBefore => {}
+            Rank::BodyBehind => of.3 = level.min(of.3),
+            Rank::Front | Rank::Back => {
+                *of = Range(level.min(of.0), level.max(of.1), of.2 || *rank == Rank::Back, of.3);
+            }
         }
     }
     for (t, level) in levels {
-        *level -= walls.get(t).map_or(0, |side| deepest[&side.wall] / 2);
+        let Range(first, last, has_back, bodies) = ranges[&order[t].plane];
+        *level -= match first <= last {
+            true if has_back => first + (last - first) / 2,
+            true => first,
+            false => bodies,
+        };
     }
 }
 
@@ -138,6 +139,7 @@ fn centre(levels: &mut HashMap<u32, i32>, walls: &WallSides) {
 fn widen(
     levels: &mut HashMap<u32, i32>,
     fronts: &mut HashMap<u32, Vec3>,
+    bodies: &mut HashSet<u32>,
     stacks: &mut Sets,
     part: &dyn Fn(usize) -> u32,
     positions: &[Vec3],
@@ -166,6 +168,9 @@ fn widen(
                 if let Entry::Vacant(place) = levels.entry(u) {
                     place.insert(level);
                     fronts.insert(u, front);
+                    if bodies.contains(&seed) {
+                        bodies.insert(u);
+                    }
                     open.push(u);
                 }
             }
@@ -174,13 +179,15 @@ fn widen(
 }
 
 /// A triangle before it was moved, and how it was moved.
+#[derive(Clone, Copy)]
 struct Shifted {
     corners: [u32; 3],
     by: Vec3,
+    is_of_body: bool,
 }
 
 /// Moves the vertices of faces outside the stacks that lie on a moved triangle with it: otherwise light would pass between a moved ceiling and the walls and
-/// partitions below it. Faces connected with the uppermost face of a stack stay with it.
+/// partitions below it. Faces connected with the uppermost face of a stack stay with it, as do those inside of a moved body.
 fn keep_contact(
     shifts: &[Shifted],
     levels: &HashMap<u32, i32>,
@@ -200,27 +207,33 @@ fn keep_contact(
     others.sort_unstable();
     others.dedup();
     // By vertex, the longest shift of a triangle there.
-    let mut shift_of = HashMap::<u32, Vec3>::new();
-    let mut shift = |v: u32, by: Vec3| {
-        let known = shift_of.entry(v).or_insert(by);
-        if by.length_squared() > known.length_squared() {
-            *known = by;
+    let mut shift_of = HashMap::<u32, Shifted>::new();
+    let mut shift = |v: u32, of: &Shifted| {
+        let known = shift_of.entry(v).or_insert(*of);
+        if of.by.length_squared() > known.by.length_squared() {
+            *known = *of;
         }
     };
-    shifts.iter().for_each(|of| of.corners.into_iter().for_each(|v| shift(v, of.by)));
+    shifts.iter().for_each(|of| of.corners.into_iter().for_each(|v| shift(v, of)));
     for (of, v) in touching(shifts, others, positions) {
-        shift(v, of.by);
+        shift(v, of);
     }
     let mut copies = HashMap::<u32, u32>::new();
     for t in (0..triangles.len()).filter(|&t| is_other(t)) {
-        triangles[t] =
-            triangles[t].map(|v| match shift_of.get(&v).filter(|_| !stays.contains(&(v, part(t)))) {
-                None => v,
-                Some(&by) => *copies.entry(v).or_insert_with(|| {
-                    positions.push(positions[v as usize] + by);
-                    positions.len() as u32 - 1
-                }),
-            });
+        let corners = triangles[t].map(|v| positions[v as usize]);
+        // Bodies move inwards.
+        let is_outside = |from: Vec3, inwards: Vec3| {
+            let height = |p: &Vec3| (*p - from).dot(inwards);
+            corners.iter().map(height).fold(0.0, f32::min) < -inwards.length_squared()
+        };
+        triangles[t] = triangles[t].map(|v| match shift_of.get(&v) {
+            Some(of) if of.is_of_body && !is_outside(positions[v as usize], of.by) => v,
+            Some(of) if !stays.contains(&(v, part(t))) => *copies.entry(v).or_insert_with(|| {
+                positions.push(positions[v as usize] + of.by);
+                positions.len() as u32 - 1
+            }),
+            _ => v,
+        });
     }
 }
 
@@ -277,56 +290,6 @@ fn steps(
     }
     let step = |(bounds, magnitude): (Aabb, f32)| largest_distance(&bounds) as f32 + GAP * magnitude;
     sizes.into_iter().map(|(stack, size)| (stack, step(size))).collect()
-}
-
-/// The pairs of overlapping triangles, the smaller index first, that are two sides of one sheet: they are turned away from each other, and
-/// belong to one part or to two that such triangles cover.
-fn sheets(found: &[Overlap], of: &FaceProperties, normal: &dyn Fn(u32) -> Vec3) -> HashSet<[u32; 2]> {
-    let away = |&&(s, t, _): &&Overlap| normal(s).dot(normal(t)) < 0.0;
-    let mut covered = HashMap::<u32, f64>::new();
-    for &(s, t, area) in found.iter().filter(away) {
-        [s, t].into_iter().for_each(|t| *covered.entry(of.part(t)).or_default() += area);
-    }
-    let is_covered = |part: u32| covered[&part] >= MIN_SHEET_COVER * of.shapes[part as usize].area;
-    let is_sheet = |s: u32, t: u32| {
-        let [a, b] = [s, t].map(|t| of.part(t));
-        a == b || is_covered(a) && is_covered(b)
-    };
-    found.iter().filter(away).filter(|&&(s, t, _)| is_sheet(s, t)).map(|&(s, t, _)| [s, t]).collect()
-}
-
-/// The fronts of all faces of pairs of an upper and a lower face, sorted by the lower one from top to bottom.
-fn fronts(
-    pairs: &[[u32; 2]],
-    normals: &HashMap<u32, Vec3>,
-    emitter: &[u32],
-    sheets: &HashSet<[u32; 2]>,
-    walls: &WallSides,
-) -> HashMap<u32, Vec3> {
-    let turned = |t: u32, front: Vec3| if normals[&t].dot(front) < 0.0 { -normals[&t] } else { normals[&t] };
-    let stacked = walls.iter().filter(|(t, _)| normals.contains_key(t));
-    let mut fronts: HashMap<u32, Vec3> = stacked.map(|(&t, side)| (t, turned(t, side.axis))).collect();
-    // Seen from the front of the upper side of a sheet, the lower one lies behind it and faces away.
-    for &[upper, lower] in pairs.iter().filter(|[s, t]| sheets.contains(&[*s.min(t), *s.max(t)])) {
-        [upper, lower].into_iter().for_each(|t| {
-            fronts.entry(t).or_insert(turned(t, normals[&upper]));
-        });
-    }
-    for &pair in pairs {
-        if let Some(lamp) = pair.into_iter().find(|&t| emitter[t as usize] != u32::MAX) {
-            pair.into_iter().for_each(|t| {
-                fronts.entry(t).or_insert(turned(t, normals[&lamp]));
-            });
-        }
-    }
-    // From the bottom: the other faces turn their backs to the front of the face below.
-    for &[upper, lower] in pairs.iter().rev() {
-        let known = fronts.get(&lower).or(fronts.get(&upper)).copied().unwrap_or(normals[&lower]);
-        for t in [lower, upper] {
-            fronts.entry(t).or_insert(turned(t, known));
-        }
-    }
-    fronts
 }
 
 /// Number of steps by which each face lies below the top of its stack, from pairs of an upper and a lower face, sorted by the lower one

@@ -185,6 +185,21 @@ impl Pieces {
         self
     }
 
+    /// Reverses the order of the faces.
+    pub fn reversed(mut self) -> Pieces {
+        let soup = &mut self.soup;
+        let spans: Vec<Range<usize>> = (0..soup.polygons()).rev().map(|i| soup.span(i)).collect();
+        soup.corners = spans.iter().flat_map(|span| soup.corners[span.clone()].to_vec()).collect();
+        let mut end = 0;
+        for (span, into) in spans.iter().zip(&mut soup.ends) {
+            end += span.len() as u32;
+            *into = end;
+        }
+        soup.polygon_object.reverse();
+        soup.polygon_material.reverse();
+        self
+    }
+
     /// Resolves the scene.
     pub fn scene(self) -> Scene {
         self.scene_with(&LoadOptions::default())

@@ -79,6 +79,8 @@ pub struct FinalGather<'a> {
     pub(super) hemispheres: Vec<Vec<Vec3>>,
     /// Largest distance of given points from their surface, scene units: files contain rounded coordinates.
     pub(super) slack: f32,
+    /// Largest distance from given points at which their surface is looked for: stacked faces may be farther than the slack; scene units.
+    pub(super) reach: f32,
     /// Feature size where none is given, scene units.
     pub(super) feature_size: f32,
     /// Length of rays, more than the diagonal of the scene; scene units.
@@ -193,6 +195,7 @@ impl<'a> FinalGather<'a> {
             Reflected { light, trusted_from }
         });
         let reflected: Vec<Reflected> = reflected.collect();
+        let slack = 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude;
         FinalGather {
             model,
             lookup: Lookup::new(elements),
@@ -214,7 +217,8 @@ impl<'a> FinalGather<'a> {
             light_rays: options.light_rays(),
             gather_rays: gathered,
             hemispheres,
-            slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
+            slack,
+            reach: slack + 2.0 * model.largest_stack_distance(),
             feature_size: options.feature_size.unwrap_or(1e-2 * scene.size()),
             length: scene.ray_length(),
             ranks: model.ranks().clone(),

@@ -52,7 +52,7 @@ impl FinalGather<'_> {
 
     /// The place on the surface nearest to a point along its normal, the end rule there and the feature size of its side.
     fn surface_near(&self, at: Vec3, normal: Vec3) -> Option<(Vec3, EndRule, f32)> {
-        let (from, to) = (at + self.slack * normal, at - self.slack * normal);
+        let (from, to) = (at + self.reach * normal, at - self.reach * normal);
         let mut packet = Packet::EMPTY;
         packet.set_between(0, from, to, [0.0, 1.0]);
         let mut found = None;
@@ -72,11 +72,12 @@ impl FinalGather<'_> {
             let parallel = cosine.abs() >= MIN_COSINE;
             // Of coplanar faces that were moved apart, the first one found is that of this side of the plane.
             let stack_distance = self.scene.stack_distance(triangle);
-            let moved = (2.0 * stack_distance + end.slack()) / (2.0 * self.slack);
+            let moved = (2.0 * stack_distance + end.slack()) / (2.0 * self.reach);
             let is_nearer = (t - 0.5).abs() + moved < nearest;
-            let depth = 2.0 * (t - 0.5) * self.slack;
+            let depth = 2.0 * (t - 0.5) * self.reach;
             let rounding = end.slack().max(EndRule::new(magnitude([at])).slack());
-            let is_on = depth <= MAX_SURFACE_HEIGHT * rounding;
+            let is_on =
+                depth <= MAX_SURFACE_HEIGHT * rounding && -depth <= self.slack.max(2.0 * stack_distance);
             if parallel && is_on && is_nearer {
                 let mut at = packet.point(0, t);
                 // The coarse face that fine ground replaces has neither the height nor the edges of the fine ground.
@@ -87,7 +88,7 @@ impl FinalGather<'_> {
                 nearest = (t - 0.5).abs();
             }
             // Surfaces nearer to each other than rounding count as one.
-            packet.near[0] = (t + end.slack() / (2.0 * self.slack)).max(t.next_up());
+            packet.near[0] = (t + end.slack() / (2.0 * self.reach)).max(t.next_up());
         }
         found
     }

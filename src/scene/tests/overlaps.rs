@@ -53,14 +53,14 @@ fn posters_in_their_wall_are_told() {
     }
 }
 
-/// A sheet whose front is turned to its wall, over both triangles of it, is stacked without a message: the wall is behind.
+/// A sheet whose front is turned to its wall, over both triangles of it, lies on the front of the wall, and a message tells this.
 #[test]
 fn sheets_that_face_each_other_are_stacked() {
     let (wall, poster) =
         (("wall", DVec3::ZERO, 3.0 * X, 2.0 * Y), ("poster", DVec3::ZERO, 0.25 * Y, 0.5 * X));
     for list in [[wall, poster], [poster, wall]] {
         let scene = sheets(DMat3::IDENTITY, DVec3::ZERO, &list);
-        assert!(said(&scene).is_none());
+        assert!(said(&scene).is_some_and(|m| m.contains("0.5 m²")));
         let of = |name: &str| heights(&scene, DVec3::Z, |object| object == name);
         assert!(of("wall").iter().all(|&z| z < -1e-5 && z > -4e-5), "{:?}", of("wall"));
         assert_eq!(of("poster"), [0.0; 6]);
@@ -99,6 +99,24 @@ fn walls_follow_the_moved_ceiling() {
     assert!(of("room").iter().all(|&z| z == 0.0 || z == top("room")), "{:?}", of("room"));
     assert_eq!(of("lamp"), [3.0; 6]);
     assert!(of("lamp's rim").contains(&3.0));
+}
+
+/// Of faces of one object with the same corners the one that emits is kept, or else the later one.
+#[test]
+fn lamps_in_place_of_a_tile_are_kept() {
+    for (emissions, is_lit) in [([0.0, 5.0], true), ([5.0, 0.0], true), ([0.0, 0.0], false)] {
+        let mut soup = Soup::new("tile");
+        let ceiling = soup.object("ceiling");
+        for (name, emission) in ["first", "second"].into_iter().zip(emissions) {
+            let light = SoupMaterial::light(name, [emission; 3]);
+            let material = soup.material(light);
+            soup.polygon(ceiling, material, &facing_down([0.0, 1.0], [0.0, 1.0], 2.0));
+        }
+        let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        assert_eq!((scene.repairs.duplicate_faces, scene.emitters.len()), (1, usize::from(is_lit)));
+        let kept = &scene.materials[scene.triangle_material[0] as usize].name;
+        assert!(is_lit || kept == "second", "{kept}");
+    }
 }
 
 #[test]

@@ -1,0 +1,166 @@
+//! Where flat surfaces of overlapping faces continue at their edges: before or behind their plane.
+
+use super::magnitudes::largest_distance;
+use super::overlap::Faces;
+use crate::math::{Aabb, triangle_normal};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::collections::{HashMap, HashSet};
+
+/// Largest number of triangles at an edge that are compared, so that the time is in proportion to the triangles.
+const MAX_AT_EDGE: usize = 64;
+
+/// Largest number of tests whether an edge of a triangle lies on a border: a second.
+const MAX_TESTS: usize = 10_000_000;
+
+/// Largest cosine between edges that lie on each other in opposite directions: 2.6 degrees.
+const MAX_COSINE: f32 = -0.999;
+
+/// A flat surface: neighbouring triangles of one plane that face the same way.
+struct Flat {
+    /// A point of its plane.
+    start: Vec3,
+    normal: Vec3,
+    triangles: Vec<u32>,
+    /// Edges without a neighbour, in the order of the corners.
+    border: Vec<[u32; 2]>,
+    /// See [`lengths_before`].
+    before: f32,
+}
+
+/// For each of some triangles, the length of the edges at which the flat surface that it belongs to continues before its plane, less that of the edges at which
+/// it continues behind it, scene units. Surfaces continue where the order of the corners is consistent: with triangles that share an edge, or else with those
+/// on whose edges their borders lie.
+pub(super) fn lengths_before(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, f32> {
+    let mut seeds: Vec<u32> = of.iter().copied().collect();
+    seeds.sort_unstable();
+    let at_edge = edges_of_parts(&seeds, faces);
+    let mut known = HashSet::new();
+    let mut flats = Vec::new();
+    for seed in seeds {
+        if !known.contains(&seed) {
+            let flat = flat(seed, &at_edge, faces);
+            known.extend(flat.triangles.iter().copied());
+            flats.push(flat);
+        }
+    }
+    add_contacts(&mut flats, faces);
+    flats.iter().flat_map(|flat| flat.triangles.iter().map(|&t| (t, flat.before))).collect()
+}
+
+/// The edges of all triangles of the parts of some triangles, ascending, with their triangles.
+fn edges_of_parts(seeds: &[u32], faces: &Faces) -> Vec<([u32; 2], u32)> {
+    let parts: HashSet<u32> = seeds.iter().map(|&t| faces.properties.part(t)).collect();
+    let is_of_parts = |t: &u32| parts.contains(&faces.properties.part(*t));
+    let all = 0..if parts.is_empty() { 0 } else { faces.triangles.len() as u32 };
+    let with_triangle = |t: u32| edges(faces, t).map(|edge| (edge, t));
+    let mut edges: Vec<_> = all.into_par_iter().filter(is_of_parts).flat_map_iter(with_triangle).collect();
+    edges.par_sort_unstable();
+    edges
+}
+
+/// The flat surface of a triangle, and where triangles continue it that share its edges.
+fn flat(seed: u32, at_edge: &[([u32; 2], u32)], faces: &Faces) -> Flat {
+    let [start, b, c] = corners(faces, seed);
+    let normal = triangle_normal(start, b, c);
+    let mut flat = Flat { start, normal, triangles: vec![seed], border: Vec::new(), before: 0.0 };
+    let (mut known, mut next) = (HashSet::from([seed]), 0);
+    while let Some(&t) = flat.triangles.get(next) {
+        next += 1;
+        for [v, w] in edges(faces, t) {
+            let first = at_edge.partition_point(|(edge, _)| *edge < [w, v]);
+            let beyond = || at_edge[first..].iter().take_while(|(edge, _)| *edge == [w, v]).take(MAX_AT_EDGE);
+            if beyond().next().is_none() {
+                flat.border.push([v, w]);
+            }
+            for &(_, u) in beyond() {
+                match height(&flat, u, faces) {
+                    0.0 if normal_of(faces, u).dot(normal) > 0.0 && known.insert(u) => flat.triangles.push(u),
+                    height => flat.before += length(faces, [v, w]) * sign(height),
+                }
+            }
+        }
+    }
+    flat
+}
+
+/// Adds the lengths of borders that lie on edges of other triangles, for surfaces that no triangle at their own edges continues.
+fn add_contacts(flats: &mut [Flat], faces: &Faces) {
+    let alone = flats.iter().enumerate().filter(|(_, flat)| flat.before == 0.0);
+    let mut middles: Vec<(Vec3, [u32; 2], usize)> = alone
+        .flat_map(|(k, flat)| flat.border.iter().map(move |&[v, w]| ([v, w], k)))
+        .map(|([v, w], k)| (0.5 * (position(faces, v) + position(faces, w)), [v, w], k))
+        .collect();
+    if middles.is_empty() {
+        return;
+    }
+    let axis = Aabb::of(middles.iter().map(|of| of.0)).extent().max_position();
+    middles.sort_by(|a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    let mut tests = 0;
+    for t in 0..faces.triangles.len() as u32 {
+        let bounds = Aabb::of(corners(faces, t));
+        let distance = largest_distance(&bounds) as f32;
+        let [low, high] = [bounds.min - distance, bounds.max + distance];
+        let first = middles.partition_point(|of| of.0[axis] < low[axis]);
+        let reached = middles[first..].iter().take_while(|of| of.0[axis] <= high[axis]);
+        for &(middle, border, k) in reached {
+            tests += 1;
+            if tests > MAX_TESTS {
+                return;
+            }
+            let is_near = middle.cmpge(low).all() && middle.cmple(high).all();
+            if is_near
+                && edges(faces, t).into_iter().any(|edge| lies_on(faces, middle, border, edge, distance))
+            {
+                flats[k].before += length(faces, border) * sign(height(&flats[k], t, faces));
+            }
+        }
+    }
+}
+
+/// Whether the middle of a border lies on an edge that runs in the opposite direction.
+fn lies_on(faces: &Faces, middle: Vec3, border: [u32; 2], edge: [u32; 2], distance: f32) -> bool {
+    let [[p, q], [v, w]] = [border, edge].map(|edge| edge.map(|v| position(faces, v)));
+    let along = (w - v).normalize_or_zero();
+    let at = (middle - v).dot(along);
+    let is_between = at >= 0.0 && at <= v.distance(w);
+    is_between
+        && (q - p).normalize_or_zero().dot(along) < MAX_COSINE
+        && (middle - v - at * along).length() <= distance
+}
+
+/// Height of the corner of a triangle that is farthest from the plane of a surface; 0 in the plane.
+fn height(flat: &Flat, t: u32, faces: &Faces) -> f32 {
+    let corners = corners(faces, t);
+    let distance = largest_distance(&Aabb::of(corners.into_iter().chain([flat.start]))) as f32;
+    let heights = corners.map(|p| (p - flat.start).dot(flat.normal));
+    let farthest = heights.into_iter().fold(0.0, |far: f32, h| if h.abs() > far.abs() { h } else { far });
+    if farthest.abs() > distance { farthest } else { 0.0 }
+}
+
+fn sign(height: f32) -> f32 {
+    if height == 0.0 { 0.0 } else { height.signum() }
+}
+
+fn position(faces: &Faces, v: u32) -> Vec3 {
+    faces.positions[v as usize]
+}
+
+fn length(faces: &Faces, [v, w]: [u32; 2]) -> f32 {
+    position(faces, v).distance(position(faces, w))
+}
+
+fn corners(faces: &Faces, t: u32) -> [Vec3; 3] {
+    faces.triangles[t as usize].map(|v| position(faces, v))
+}
+
+fn normal_of(faces: &Faces, t: u32) -> Vec3 {
+    let [a, b, c] = corners(faces, t);
+    triangle_normal(a, b, c)
+}
+
+/// The edges of a triangle in the order of its corners.
+fn edges(faces: &Faces, t: u32) -> [[u32; 2]; 3] {
+    let [a, b, c] = faces.triangles[t as usize];
+    [[a, b], [b, c], [c, a]]
+}
