@@ -3,6 +3,7 @@
 use super::Scene;
 use crate::math::Aabb;
 use rayon::prelude::*;
+use std::collections::HashSet;
 
 /// Disjoint sets of `0..n` (union by smaller root: the root is the first member).
 pub(super) struct Sets(Vec<u32>);
@@ -100,6 +101,17 @@ fn number(mut sets: Sets, open: &[bool]) -> Parts {
         closed[part[i] as usize] &= !open[i];
     }
     Parts { part, closed }
+}
+
+/// The parts in which an edge has no second triangle with the opposite order of corners, or several with the same order: they are open or not consistently wound.
+pub(crate) fn badly_wound(triangles: impl Iterator<Item = (u32, [u32; 3])>) -> HashSet<u32> {
+    let edges_of = |(part, [a, b, c]): (u32, [u32; 3])| [(part, a, b), (part, b, c), (part, c, a)];
+    let mut edges: Vec<(u32, u32, u32)> = triangles.flat_map(edges_of).collect();
+    edges.par_sort_unstable();
+    let is_lonely = |&&(part, a, b): &&(u32, u32, u32)| edges.binary_search(&(part, b, a)).is_err();
+    let mut found: HashSet<u32> = edges.par_iter().filter(is_lonely).map(|&(part, ..)| part).collect();
+    found.extend(edges.windows(2).filter(|pair| pair[0] == pair[1]).map(|pair| pair[0].0));
+    found
 }
 
 impl Scene {

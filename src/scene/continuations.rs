@@ -10,7 +10,7 @@ use std::collections::{HashMap, HashSet};
 /// Largest number of triangles at an edge that are compared, so that the time is in proportion to the triangles.
 const MAX_AT_EDGE: usize = 64;
 
-/// Largest number of tests whether an edge of a triangle lies on a border: a second.
+/// Largest number of tests whether an edge of a triangle lies on a border: a second. Where more would be needed, none is made.
 const MAX_TESTS: usize = 10_000_000;
 
 /// Largest cosine between edges that lie on each other in opposite directions: 2.6 degrees.
@@ -84,38 +84,56 @@ fn flat(seed: u32, at_edge: &[([u32; 2], u32)], faces: &Faces) -> Flat {
     flat
 }
 
+/// Middle of an edge on the border of a flat surface.
+struct Middle {
+    at: Vec3,
+    border: [u32; 2],
+    /// Place of the surface in the list.
+    flat: usize,
+}
+
 /// Adds the lengths of borders that lie on edges of other triangles, for surfaces that no triangle at their own edges continues.
 fn add_contacts(flats: &mut [Flat], faces: &Faces) {
     let alone = flats.iter().enumerate().filter(|(_, flat)| flat.before == 0.0);
-    let mut middles: Vec<(Vec3, [u32; 2], usize)> = alone
-        .flat_map(|(k, flat)| flat.border.iter().map(move |&[v, w]| ([v, w], k)))
-        .map(|([v, w], k)| (0.5 * (position(faces, v) + position(faces, w)), [v, w], k))
-        .collect();
+    let middle = |k: usize, [v, w]: [u32; 2]| {
+        let at = 0.5 * (position(faces, v) + position(faces, w));
+        Middle { at, border: [v, w], flat: k }
+    };
+    let of_flat =
+        |(k, flat): (usize, &Flat)| flat.border.iter().map(move |&border| (k, border)).collect::<Vec<_>>();
+    let mut middles: Vec<Middle> = alone.flat_map(of_flat).map(|(k, border)| middle(k, border)).collect();
     if middles.is_empty() {
         return;
     }
-    let axis = Aabb::of(middles.iter().map(|of| of.0)).extent().max_position();
-    middles.sort_by(|a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
-    let mut tests = 0;
-    for t in 0..faces.triangles.len() as u32 {
+    let axis = Aabb::of(middles.iter().map(|of| of.at)).extent().max_position();
+    middles.sort_by(|a, b| a.at[axis].total_cmp(&b.at[axis]).then(a.border.cmp(&b.border)));
+    let reached = |t: u32| {
         let bounds = Aabb::of(corners(faces, t));
         let distance = largest_distance(&bounds) as f32;
-        let [low, high] = [bounds.min - distance, bounds.max + distance];
-        let first = middles.partition_point(|of| of.0[axis] < low[axis]);
-        let reached = middles[first..].iter().take_while(|of| of.0[axis] <= high[axis]);
-        for &(middle, border, k) in reached {
-            tests += 1;
-            if tests > MAX_TESTS {
-                return;
-            }
-            let is_near = middle.cmpge(low).all() && middle.cmple(high).all();
-            if is_near
-                && edges(faces, t).into_iter().any(|edge| lies_on(faces, middle, border, edge, distance))
-            {
-                flats[k].before += length(faces, border) * sign(height(&flats[k], t, faces));
-            }
-        }
+        let first = middles.partition_point(|of| of.at[axis] < bounds.min[axis] - distance);
+        let end = middles.partition_point(|of| of.at[axis] <= bounds.max[axis] + distance);
+        (t, &middles[first..end.max(first)], bounds)
+    };
+    let all = || (0..faces.triangles.len() as u32).into_par_iter().map(reached);
+    if all().map(|(_, near, _)| near.len()).sum::<usize>() > MAX_TESTS {
+        return;
     }
+    let flats_before: &[Flat] = flats;
+    let contacts = |(t, near, bounds): (u32, &[Middle], Aabb)| {
+        let distance = largest_distance(&bounds) as f32;
+        let touches = |of: &&Middle| {
+            bounds.distance(of.at) <= distance
+                && edges(faces, t).into_iter().any(|edge| lies_on(faces, of.at, of.border, edge, distance))
+        };
+        let length = |of: &Middle| {
+            let sign = sign(height(&flats_before[of.flat], t, faces));
+            (of.flat, length(faces, of.border) * sign)
+        };
+        near.iter().filter(touches).map(length).collect::<Vec<_>>()
+    };
+    let found: Vec<(usize, f32)> =
+        all().filter(|(_, near, _)| !near.is_empty()).flat_map_iter(contacts).collect();
+    found.into_iter().for_each(|(k, length)| flats[k].before += length);
 }
 
 /// Whether the middle of a border lies on an edge that runs in the opposite direction.

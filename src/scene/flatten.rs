@@ -166,6 +166,10 @@ impl Flat {
             if let Some(distance) = mesh.stack_distances.get(&(t as u32)) {
                 s.stack_distances.insert(s.triangles.len() as u32, scale * distance);
             }
+            let own_part = mesh.triangle_component[t];
+            if mesh.wound_parts.contains(&own_part) {
+                s.wound_parts.insert(part + own_part);
+            }
             s.triangles.push(corners);
             s.triangle_object.push(object);
             let own = self.materials[p.mesh as usize][mesh.triangle_material[t] as usize];
@@ -174,7 +178,7 @@ impl Flat {
             let replaced = p.material.map(|m| s.materials[m as usize].reflectance);
             s.triangle_reflectance.push(replaced.unwrap_or(mesh.triangle_reflectance[t]));
             s.triangle_sides.push(mesh.triangle_sides[t]);
-            s.triangle_component.push(part + mesh.triangle_component[t]);
+            s.triangle_component.push(part + own_part);
             s.triangle_emitter.push(u32::MAX);
             if textured {
                 let uv = mesh.triangle_texcoords[t];

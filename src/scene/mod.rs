@@ -59,6 +59,7 @@ mod up;
 mod write_gltf;
 mod write_obj;
 
+pub(crate) use connect::badly_wound;
 pub use emitter_sampler::EmitterSampler;
 pub(crate) use fine_ground::{FineGround, Piece};
 pub use flatten::InstanceTriangles;
@@ -97,7 +98,7 @@ use crate::error::in_own_words;
 use crate::math::{Aabb, triangle_area, triangle_normal};
 use crate::sky::{Environment, SkyOptions, Sun};
 use glam::{DVec3, Vec3};
-use std::{path::PathBuf, sync::Arc};
+use std::{collections::HashSet, path::PathBuf, sync::Arc};
 
 /// A named range of faces: an OBJ object or group, a glTF node, a PLY file.
 #[derive(Clone, Debug)]
@@ -259,6 +260,8 @@ pub struct Scene {
     pub(crate) bounds: Aabb,
     /// Distances by which triangles in one plane were moved off each other.
     pub(crate) stack_distances: stack::StackDistances,
+    /// Parts of these triangles that were closed and consistently wound before the triangles were moved.
+    pub(crate) wound_parts: HashSet<u32>,
     /// Repairs made while reading.
     pub(crate) repairs: Repairs,
     /// Files that were read: the scene, its material libraries, textures and buffers, placed luminaires; empty for generated scenes.

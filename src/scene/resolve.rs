@@ -20,7 +20,7 @@ use super::{
     plane_order::{may_hide, plane_order},
     power::{self, Surfaces},
     size::{areas, ends},
-    stack::{StackDistances, stack},
+    stack::{Stacks, stack},
 };
 use crate::{
     Error, Result,
@@ -113,8 +113,10 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         shapes: &shapes,
         appear_alike: &|s, t| looks(s) == looks(t),
     };
-    let stack_distances =
+    let stacks =
         stack_overlapping(&properties, &mut positions, &mut triangles, &objects, &options.unit, &mut repairs);
+    let wound = (0..triangles.len()).filter(|&t| stacks.wound.contains(&part(t)));
+    let wound_parts = wound.map(|t| component[t]).collect();
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,
@@ -139,7 +141,8 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         materials,
         emitters,
         environment: None,
-        stack_distances,
+        stack_distances: stacks.distances,
+        wound_parts,
         curved: None,
         fine_ground: None,
         suns: soup.suns,
@@ -160,7 +163,7 @@ fn stack_overlapping(
     objects: &[Object],
     unit: &str,
     repairs: &mut Repairs,
-) -> StackDistances {
+) -> Stacks {
     let faces = overlap::Faces { positions, triangles, properties };
     let found = overlap::find(&faces);
     let order = plane_order(&found, &faces);

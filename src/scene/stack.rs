@@ -1,7 +1,7 @@
 //! Overlapping faces of one plane are stacked: moved off each other, so that rays meet them in one order.
 
 use super::compact::drop_unused;
-use super::connect::Sets;
+use super::connect::{Sets, badly_wound};
 use super::magnitudes::{GAP, face_magnitudes, largest_distance};
 use super::overlap::{FaceProperties, Overlap};
 use super::plane_order::{Place, PlaneOrder, Rank};
@@ -24,18 +24,26 @@ const MAX_TESTS: usize = 100_000_000;
 /// By triangle, the largest distance by which faces of its stack were moved off each other, scene units. Triangles that do not overlap with others have none.
 pub(crate) type StackDistances = HashMap<u32, f32>;
 
+/// What [`stack`] did.
+#[derive(Default)]
+pub(super) struct Stacks {
+    pub distances: StackDistances,
+    /// Parts of moved triangles that were closed and consistently wound before.
+    pub wound: HashSet<u32>,
+}
+
 /// Moves the lower one of each two overlapping triangles behind the upper one, in the order of their plane ([`PlaneOrder`]).
 /// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face. Faces that touch a moved face, such as the walls below a
-/// ceiling, follow it ([`keep_contact`]). Returns the largest distance by which faces of the stack of each triangle were moved, scene units.
+/// ceiling, follow it ([`keep_contact`]).
 pub(super) fn stack(
     found: &[Overlap],
     of: &FaceProperties,
     order: &PlaneOrder,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
-) -> StackDistances {
+) -> Stacks {
     if found.is_empty() {
-        return StackDistances::new();
+        return Stacks::default();
     }
     let part = |t: usize| of.part(t as u32);
     let normal = |t: u32| {
@@ -64,6 +72,11 @@ pub(super) fn stack(
     let mut bodies: HashSet<u32> = stacked.iter().copied().filter(is_of_body).collect();
     widen(&mut levels, &mut fronts, &mut bodies, &mut stacks, &part, positions, triangles);
     let steps = steps(&stacked, &mut stacks, positions, triangles);
+    let mut wound: HashSet<u32> = levels.keys().map(|&t| part(t as usize)).collect();
+    let with_part = |t: usize| (part(t), triangles[t]);
+    let of_stacks = (0..triangles.len()).map(with_part).filter(|(part, _)| wound.contains(part));
+    let open = badly_wound(of_stacks);
+    wound.retain(|part| !open.contains(part));
     let before = positions.len();
     let mut moved: Vec<(u32, i32)> =
         levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 != 0).collect();
@@ -72,7 +85,7 @@ pub(super) fn stack(
     let shifted = |&(t, level): &(u32, i32)| Shifted {
         corners: triangles[t as usize],
         by: shift_of(t, level),
-        is_of_body: bodies.contains(&t),
+        body: bodies.contains(&t).then(|| part(t as usize)),
     };
     let shifts: Vec<Shifted> = moved.iter().map(shifted).collect();
     // Neighbours in one plane share their moved vertices.
@@ -93,7 +106,7 @@ pub(super) fn stack(
     if positions.len() > before {
         drop_unused(positions, triangles, 0);
     }
-    distances(&levels, &mut stacks, &steps)
+    Stacks { distances: distances(&levels, &mut stacks, &steps), wound }
 }
 
 /// The largest distance by which faces of the stack of each triangle were moved.
@@ -183,11 +196,13 @@ fn widen(
 struct Shifted {
     corners: [u32; 3],
     by: Vec3,
-    is_of_body: bool,
+    /// The part that moves inwards.
+    body: Option<u32>,
 }
 
 /// Moves the vertices of faces outside the stacks that lie on a moved triangle with it: otherwise light would pass between a moved ceiling and the walls and
-/// partitions below it. Faces connected with the uppermost face of a stack stay with it, as do those inside of a moved body.
+/// partitions below it. Faces connected with the uppermost face of a stack stay with it, as do those of other parts on the inner side of the moved face of a
+/// body.
 fn keep_contact(
     shifts: &[Shifted],
     levels: &HashMap<u32, i32>,
@@ -227,7 +242,12 @@ fn keep_contact(
             corners.iter().map(height).fold(0.0, f32::min) < -inwards.length_squared()
         };
         triangles[t] = triangles[t].map(|v| match shift_of.get(&v) {
-            Some(of) if of.is_of_body && !is_outside(positions[v as usize], of.by) => v,
+            Some(of)
+                if of.body.is_some_and(|body| body != part(t))
+                    && !is_outside(positions[v as usize], of.by) =>
+            {
+                v
+            }
             Some(of) if !stays.contains(&(v, part(t))) => *copies.entry(v).or_insert_with(|| {
                 positions.push(positions[v as usize] + of.by);
                 positions.len() as u32 - 1
@@ -261,7 +281,12 @@ fn touching<'a>(shifts: &'a [Shifted], mut others: Vec<u32>, positions: &[Vec3])
         if tests > MAX_TESTS {
             break;
         }
-        let on = |v: &&u32| is_on(corners(of), positions[**v as usize], distance);
+        let (corners, bounds) = (corners(of), Aabb::of(corners(of)));
+        let is_near = |point: Vec3| bounds.distance(point) <= distance;
+        let on = |v: &&u32| {
+            let point = positions[**v as usize];
+            is_near(point) && is_on(corners, point, distance)
+        };
         found.extend(others[range].iter().filter(on).map(|&v| (of, v)));
     }
     found

@@ -153,6 +153,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         // Follows from `positions`.
         bounds: _,
         stack_distances: _,
+        wound_parts: _,
         // Clusters do not depend on materials; `tests/suite/tidy.rs` checks this.
         triangle_material: _,
         triangle_polygon: _,

@@ -2,7 +2,7 @@
 
 use crate::math::{Aabb, triangle_normal, winding_number};
 use crate::ray::EndRule;
-use crate::scene::{Scene, magnitude};
+use crate::scene::{Scene, badly_wound, magnitude};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -81,26 +81,16 @@ pub fn lit_inside(scene: &Scene, entered: &[DarkSideHit]) -> Vec<u32> {
 fn closed_parts(scene: &Scene) -> Vec<Vec<u32>> {
     let count = scene.triangle_component.iter().max().map_or(0, |&m| m as usize + 1);
     let mut parts = vec![Vec::new(); count];
-    let mut edges: Vec<(u32, u32, u32)> = Vec::new();
-    for (t, corners) in scene.triangles.iter().enumerate() {
-        if scene.triangle_sides[t] == 1 {
-            let part = scene.triangle_component[t];
-            parts[part as usize].push(t as u32);
-            edges.extend((0..3).map(|i| (part, corners[i], corners[(i + 1) % 3])));
+    let one_sided = || (0..scene.triangles.len() as u32).filter(|&t| scene.triangle_sides[t as usize] == 1);
+    let part = |t: u32| scene.triangle_component[t as usize];
+    one_sided().for_each(|t| parts[part(t) as usize].push(t));
+    // Edges of faces that were moved off others have lost their second face.
+    let is_known = |part: &u32| scene.wound_parts.contains(part);
+    for part in badly_wound(one_sided().map(|t| (part(t), scene.triangles[t as usize]))) {
+        if !is_known(&part) {
+            parts[part as usize].clear();
         }
     }
-    edges.par_sort_unstable();
-    let mut open = vec![false; count];
-    for pair in edges.windows(2) {
-        open[pair[0].0 as usize] |= pair[0] == pair[1];
-    }
-    let lonely: Vec<u32> = edges
-        .par_iter()
-        .filter(|&&(part, a, b)| edges.binary_search(&(part, b, a)).is_err())
-        .map(|&(part, _, _)| part)
-        .collect();
-    lonely.into_iter().for_each(|part| open[part as usize] = true);
-    parts.iter_mut().zip(open).filter(|(_, open)| *open).for_each(|(part, _)| part.clear());
     parts
 }
 
