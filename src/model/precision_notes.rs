@@ -15,7 +15,8 @@ use rayon::prelude::*;
 const MAX_RELATIVE_HEIGHT: f32 = 0.01;
 /// The same relative to the height of an object on the surface: its shadow is too short by this fraction.
 const MAX_SHADOW_LOSS: f32 = 0.1;
-/// Fraction of an emitter's rays that must meet such surfaces.
+/// Fraction of an emitter's rays, thus of its light, that must meet such surfaces: 4 of 64 rays. Even if all light on them is wrong, that of
+/// the emitter errs by no more than this fraction otherwise.
 const MIN_COARSE_SHARE: f64 = 0.05;
 
 /// Largest number of things that are tested, evenly spread: limits the time to 0.1 million rays.
