@@ -25,7 +25,9 @@ const MAX_THINGS: usize = 4096;
 const MAX_FLUSH_HEIGHT: f32 = 0.01;
 /// Largest coordinate of a scene relative to its extent up to which it counts as centred: that of a centred one is half.
 const MAX_CENTRED: f32 = 0.75;
-/// Distance of the test rays from the box of a thing, as a fraction of the diagonal of the box.
+/// Distance of the test rays from the box of a thing, as a fraction of the diagonal of the box: a surface that reaches as far beyond the
+/// thing is found. Coordinates are rounded by up to 6e-8 of the largest, and rays start 34 times as high: beside a thing that is three
+/// times higher than that, the rays keep off by more than this rounding.
 const RAY_OFFSET: f32 = 0.01;
 
 impl Model {
