@@ -24,9 +24,9 @@ const MAX_LEVEL: u32 = 6;
 const MAX_RAYS: f64 = 8192.0;
 /// Largest number of these rays for any error: limits the time of a point to some 0.1 s.
 const MAX_RAYS_OF_ALL: f64 = 131_072.0;
-/// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. 1, 2, 4 and any
-/// number leave errors of 0.72 %, 0.66 %, 0.61 % and 0.59 % below trees in the sun, the last in a tenth more time (`constants.py solve --scene
-/// orchard.obj --points 200 --options='--sky clear:3 --sun 135,60'`).
+/// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. 1, 2, 4 and
+/// any number leave errors of 0.72 %, 0.66 %, 0.61 % and 0.59 % below trees in the sun, the last in a tenth more time (`constants.py solve
+/// --scene orchard.obj --points 200 --options='--sky clear:3 --sun 135,60'`).
 const MAX_SURFACE_RAYS_RATIO: usize = 4;
 /// Smallest number of cells whose rays reach the sky: a grid with fewer is refined as a whole, because it may miss a window smaller than
 /// a cell.
