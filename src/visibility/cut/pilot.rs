@@ -16,8 +16,7 @@ use rayon::prelude::*;
 /// error of neighbouring widths differ by less than the choice of routes can resolve (`benches/distance_cut.rs` of commit 2d559b4).
 const CANDIDATE_WIDTHS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 /// Receivers of the first round, after which scenes where no class gains are rejected: a class of [`MIN_CLASS_FRACTION`] has 41 of them,
-/// which measure its variance to √(2 / 41) = 22 %. 1,024, 2,048 or 8,192 instead leave the errors of a forest as they are (`constants.py
-/// bench`).
+/// which measure its variance to √(2 / 41) = 22 % if it is normally distributed.
 const MIN_PILOT_RECEIVERS: u32 = 1 << 12;
 /// Receivers by which scenes are rejected before extinctions are measured: a quarter of [`MIN_PILOT_RECEIVERS`], because only a
 /// fraction is compared.
