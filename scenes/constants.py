@@ -2,13 +2,14 @@
 """Shows how a constant of the source code changes results: builds the command with several values and compares.
 
 For each value the script copies the source code to the output folder, replaces the constant, builds the command (some
-minutes each time) and runs one of three experiments. `solve` computes irradiance at 1,000 points of the generated scene
-`desk-room` with and without the local pass (`mrvis solve`). `bench` compares multi-resolution visibility with exact rays
-in a generated forest of 25 trees (`mrvis bench`). `form-factors` computes the matrix of a generated `urban-block` of
-about 1,000 facets. The script prints a Markdown table. It needs only Python's standard library and the tools of `make
-build`.
+minutes each time) and runs one of four experiments. `solve` computes irradiance at 1,000 points of the generated scene
+`desk-room` or of another one, with and without the local pass (`mrvis solve`). `elements` computes that of the elements of
+a scene. `bench` compares multi-resolution visibility with exact rays in a generated forest of 25 trees (`mrvis bench`).
+`form-factors` computes the matrix of a generated `urban-block` of about 1,000 facets. The script prints a Markdown table. It
+needs only Python's standard library and the tools of `make build`.
 
     python3 scenes/constants.py solve transport/krylov.rs TOLERANCE 1e-5 1e-3
+    python3 scenes/constants.py elements final_gather/sharing.rs RIDGE 1e-2 --scene scenes/real/valley.obj
 
 The first line of the table is the value in the source code. The path is below `src` and may be shortened at its start.
 """
@@ -22,6 +23,7 @@ import re
 import shutil
 import subprocess
 
+import elements
 from cornell import run
 from room import points
 
@@ -68,20 +70,21 @@ def read(path):
         return json.load(file)
 
 
-def solve(mrvis, name, first):
+def solve(mrvis, name, first, args):
     """Error against a path-traced reference, and difference from the first value, in per cent of the mean irradiance."""
+    scene, options = args.scene or "desk.obj", args.options.split()
     if first is None:
         run([mrvis, "generate", "desk-room", "--out", "desk.obj", "--quiet"])
         with open("points.csv", "w", encoding="utf-8") as file:
             file.write("x,y,z,nx,ny,nz\n")
-            for place, normal in points("desk.obj", 1000):
+            for place, normal in points(scene, args.points):
                 file.write(",".join(repr(float(x)) for x in place + normal) + "\n")
-        reference = ["reference", "desk.obj", "--points", "points.csv", "--samples", "4096", "--out", "reference.csv"]
-        run([mrvis, *reference, "--quiet"])
+        reference = ["reference", scene, "--points", "points.csv", "--samples", "4096", "--out", "reference.csv"]
+        run([mrvis, *reference, *options, "--quiet"])
     figures = {}
-    for kind, options in [("local pass", []), ("links", ["--local-rays", "0"])]:
+    for kind, local in [("local pass", []), ("links", ["--local-rays", "0"])]:
         out = f"{kind.split()[0]}-{name}"
-        seconds = run([mrvis, "solve", "desk.obj", "--points", "points.csv", "--quiet", "--out", out, *options])
+        seconds = run([mrvis, "solve", scene, "--points", "points.csv", "--quiet", "--out", out, *options, *local])
         compare = ["compare", "--quiet", "--json", "compare.json"]
         run([mrvis, *compare, "reference.csv", f"{out}/irradiance.csv"])
         found = read("compare.json")
@@ -94,7 +97,16 @@ def solve(mrvis, name, first):
     return figures
 
 
-def bench(mrvis, name, first):
+def of_elements(mrvis, name, first, args):
+    """Errors of the irradiance of elements and of the exported mesh against path-traced references, relative to the mean irradiance."""
+    options = args.options.split()
+    seconds = run([mrvis, "solve", args.scene, "--output", "vtu,ply", "--audit", "0", "--quiet", "--out", name, *options])
+    error, bias, of_mesh, at_points = elements.compare(mrvis, args.scene, name, options, count=300, samples=32)
+    figures = {"error": error, "bias": bias, "mesh": of_mesh, "elements at points": at_points}
+    return {**{key: f"{100 * value:.3f} %" for key, value in figures.items()}, "user time": f"{seconds:.2f} s"}
+
+
+def bench(mrvis, name, first, args):
     """Errors of visible fractions, coverage of the stated intervals, and times, for two feature sizes."""
     if first is None:
         forest = ["generate", "forest", "--trees", "25", "--leaves", "500", "--trunks", "--out", "forest.obj", "--quiet"]
@@ -112,7 +124,7 @@ def bench(mrvis, name, first):
     return figures
 
 
-def form_factors(mrvis, name, first):
+def form_factors(mrvis, name, first, args):
     """Error of the matrix against one of 65,536 rays per facet and up to 4,096 per pair, and mean error of row sums before closure."""
     matrix = ["form-factors", "urban.obj", "--enforce=none", "--quiet"]
     if first is None:
@@ -135,13 +147,18 @@ def form_factors(mrvis, name, first):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    experiments = {"solve": solve, "bench": bench, "form-factors": form_factors}
+    experiments = {"solve": solve, "elements": of_elements, "bench": bench, "form-factors": form_factors}
     parser.add_argument("experiment", choices=experiments)
     parser.add_argument("file", help="the file of the constant, for example transport/krylov.rs")
     parser.add_argument("name", help="name of the constant")
     parser.add_argument("values", nargs="*", help="other values, as Rust expressions")
     parser.add_argument("--out", default="out/constants", help="folder for all files (default: out/constants)")
+    parser.add_argument("--scene", help="another scene for solve, and the one for elements")
+    parser.add_argument("--points", type=int, default=1000, help="number of points of solve (default: 1000)")
+    parser.add_argument("--options", default="", help="options of `mrvis solve` and `mrvis reference`, such as --options='--sky overcast:1000'")
     args = parser.parse_args()
+    if args.scene:
+        args.scene = str(pathlib.Path(args.scene).resolve())
     folder = pathlib.Path(args.out).resolve()
     file = find(args.file, args.name)
     committed = definition(args.name).search(file.read_text(encoding="utf-8")).group(2)
@@ -152,7 +169,7 @@ def main():
     for value in [committed, *args.values]:
         mrvis = str(build(file, args.name, value, folder))
         label = re.sub(r"\W+", "-", f"{args.name}-{value}")
-        figures = experiments[args.experiment](mrvis, label, first)
+        figures = experiments[args.experiment](mrvis, label, first, args)
         if first is None:
             print(f"| {args.name} | {' | '.join(figures)} |\n|{' --- |' * (len(figures) + 1)}")
         print(f"| {value} | {' | '.join(figures.values())} |", flush=True)

@@ -26,7 +26,8 @@ use cached::CachedRow;
 use quadtree::Lattice;
 use std::time::{Duration, Instant};
 
-/// Texels along the longer side of a map by default.
+/// Texels along the longer side of a map by default: with six emitters, 256 by 256 texels of [`MAX_REFERENCE_RAYS`] have
+/// [`MAX_REFERENCE_SEGMENTS`]; 512 by 512 would with one only.
 const DEFAULT_SIDE: usize = 256;
 /// Largest number of texels times emitters of a map by default: with eight emitters 256 by 256 texels; limits the rows of a map to some
 /// ten seconds on one core.

@@ -154,8 +154,6 @@ impl Halving<'_> {
 
 /// Seed of the order of insertion.
 const SEED: u128 = 1;
-/// Insertions between two checks for cancellation.
-const STOP_INTERVAL: usize = 1024;
 
 /// The hierarchy of these triangles; none soon after `stopped` returns true.
 pub(super) fn insert_all(faces: &[u32], boxes: &[Aabb], stopped: &dyn Fn() -> bool) -> Option<Draft> {
@@ -165,8 +163,8 @@ pub(super) fn insert_all(faces: &[u32], boxes: &[Aabb], stopped: &dyn Fn() -> bo
         order.swap(k, (random.next_u64() % (k as u64 + 1)) as usize);
     }
     let mut tree = Boxes::default();
-    for (k, &t) in order.iter().enumerate() {
-        if k % STOP_INTERVAL == 0 && stopped() {
+    for &t in &order {
+        if stopped() {
             return None;
         }
         tree.insert(t, boxes[t as usize]);

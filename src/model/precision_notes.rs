@@ -15,7 +15,8 @@ use rayon::prelude::*;
 const MAX_RELATIVE_HEIGHT: f32 = 0.01;
 /// The same relative to the height of an object on the surface: its shadow is too short by this fraction.
 const MAX_SHADOW_LOSS: f32 = 0.1;
-/// Fraction of an emitter's rays that must meet such surfaces.
+/// Fraction of an emitter's rays, thus of its light, that must meet such surfaces: 4 of 64 rays. Even if all light on them is wrong, that of
+/// the emitter errs by no more than this fraction otherwise.
 const MIN_COARSE_SHARE: f64 = 0.05;
 
 /// Largest number of things that are tested, evenly spread: limits the time to 0.1 million rays.
@@ -24,7 +25,9 @@ const MAX_THINGS: usize = 4096;
 const MAX_FLUSH_HEIGHT: f32 = 0.01;
 /// Largest coordinate of a scene relative to its extent up to which it counts as centred: that of a centred one is half.
 const MAX_CENTRED: f32 = 0.75;
-/// Distance of the test rays from the box of a thing, as a fraction of the diagonal of the box.
+/// Distance of the test rays from the box of a thing, as a fraction of the diagonal of the box: a surface that reaches as far beyond the
+/// thing is found. Coordinates are rounded by up to 6e-8 of the largest, and rays start 34 times as high: beside a thing that is three
+/// times higher than that, the rays keep off by more than this rounding.
 const RAY_OFFSET: f32 = 0.01;
 
 impl Model {

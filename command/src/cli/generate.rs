@@ -16,7 +16,8 @@ use std::{
 
 /// Name of the height field, which is no scene of polygons.
 const TERRAIN: &str = "terrain";
-/// Its samples along a side, unless --count is given.
+/// Its samples along a side, unless --count is given. Its 318,402 triangles all exchange light, as up to 2¹⁹ do, and `mrvis solve --sky
+/// clear:3 --sun 135,40` of the file takes 8 s of processor time, with 800 samples 20 s.
 const TERRAIN_SIDE: usize = 400;
 
 #[derive(clap::Args, Debug)]

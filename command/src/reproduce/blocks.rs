@@ -7,8 +7,8 @@ use sobol_burley::sample_4d;
 
 /// Smallest distance between the centres of two cubes, edges: they do not touch.
 const MIN_DISTANCE: f64 = 1.1;
-/// Number of places that are tried.
-const CANDIDATE_PLACES: u32 = 16_384;
+/// Number of places that are tried: all that `sample_4d` has.
+const CANDIDATE_PLACES: u32 = 1 << 16;
 
 /// A scene under construction; each box is an object.
 pub struct Blocks {

@@ -3,9 +3,9 @@
 use glam::Vec3;
 use std::ops::Range;
 
-/// Rings of neighbours around a cell that are compared below a sky, in a grid whose cells all have one size; around smaller cells as
-/// many rings as reach equally far, at least one. The ends of strips of sky, and what rises a little above the horizon, are thinner
-/// than a cell: at points in a street two rings leave errors of .5 %, three of .2 %.
+/// Rings of neighbours around a cell that are compared below a sky, in a grid whose cells all have one size; around smaller cells as many
+/// rings as reach equally far, at least one. 1, 2, 3 and 5 leave errors of 0.84 %, 0.79 %, 0.84 % and 0.83 % below trees (`constants.py
+/// solve --scene orchard.obj --points 200 --options='--sky overcast:1000'`).
 pub(super) const RINGS: usize = 3;
 
 /// A cell of the grid or of one of its divisions.

@@ -33,7 +33,7 @@ const DEFAULT_DEVIATION: f64 = 0.5;
 /// four take about as long as a ray into the scene. Below trees most of the noise comes from shadows.
 const RAYS_TO_SUN: u32 = 4;
 /// Elements are split if the variance of direct light over elements exceeds the allowed variance by this factor. The parts keep some of the
-/// variance: without a margin an office has seven more rounds of a few hundred elements each, 6 % of the time.
+/// variance: with 1 an office has 1,020 more elements, 34.5 instead of 33.8 s (`mrvis solve office.obj --output vtu --audit 0`).
 const MIN_EXCESS: f64 = 1.1;
 /// Number of neighbouring leaves that use one sequence of random numbers: more than the 49 that share their light.
 const LEAVES_OF_SEQUENCE: usize = 64;

@@ -19,13 +19,14 @@ use glam::{DVec3, Vec3};
 /// Largest number of halvings of a cell: of 1,024 cells, edges are then known to a 64th of a cell.
 const MAX_LEVEL: u32 = 6;
 /// Largest number of rays in the divided cells of a point for [`DEFAULT_ERROR`]; for a smaller error in proportion to 1 / error². Grids
-/// that are refined as a whole are not limited. Foliage has edges in all cells, and 3,000 rays leave an error of 1 % there. Windows and
-/// roofs need some hundreds of rays.
+/// that are refined as a whole are not limited. 2,048, 4,096, 8,192 and 16,384 leave errors of 1.7 %, 0.8 %, 0.8 % and 0.6 % below trees in
+/// 3.5, 3.5, 3.9 and 4.2 s (`constants.py solve --scene orchard.obj --points 200 --options='--sky overcast:1000'`).
 const MAX_RAYS: f64 = 8192.0;
 /// Largest number of these rays for any error: limits the time of a point to some 0.1 s.
 const MAX_RAYS_OF_ALL: f64 = 131_072.0;
-/// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. It suffices
-/// for the rim of a sunlit patch. Where all cells differ, as in a room full of objects, four times as many rays halve the error.
+/// Largest number of rays in cells that are divided for the light of surfaces, over the number of rays of the undivided grid. 1, 2, 4 and
+/// any number leave errors of 0.72 %, 0.66 %, 0.61 % and 0.59 % below trees in the sun, the last in a tenth more time (`constants.py solve
+/// --scene orchard.obj --points 200 --options='--sky clear:3 --sun 135,60'`).
 const MAX_SURFACE_RAYS_RATIO: usize = 4;
 /// Smallest number of cells whose rays reach the sky: a grid with fewer is refined as a whole, because it may miss a window smaller than
 /// a cell.

@@ -40,8 +40,8 @@ pub(super) struct PathMean {
 }
 
 /// Number of paths that continue where a ray of the exchange hits an element outside of the exchange. Two, because an element most of
-/// whose few rays hit such elements would depend on very few others. With four the exchange of an office takes 1.6 times as long as with
-/// one. The rays of both halves cannot be used for either half: the ledger of a hall of 25 rooms then lacks .6 % of the light.
+/// whose few rays hit such elements would depend on very few others. 1, 2 and 4 take 9.8, 10.0 and 10.7 s of processor time in the scene
+/// of `mrvis generate office` (`mrvis solve office.obj --output vtu`).
 const PATHS_ONWARDS: usize = 2;
 
 /// A shadow ray to a point on an emitter.

@@ -13,8 +13,7 @@ use crate::radiosity::rgb::mean;
 /// Smallest number of rays of an element, so that no element stays without exchange, and the deviation of its rays is known. 2 or 8 instead
 /// change irradiance by less than 0.05 % (`constants.py solve`).
 const MIN_ROW_RAYS: f64 = 4.0;
-/// Smallest number of rays of an element where little light is reflected and only points are asked for. With one ray, row sums cannot be
-/// balanced: a garden creates 2.5 % of the emitted power, with two rays 0.14 %.
+/// Smallest number of rays of an element where little light is reflected and only points are asked for: one for each half of the rays.
 const FEWEST_ROW_RAYS: f64 = 2.0;
 /// Largest number of rays of an element: 1/√4,096 = 1.6 % of the spread of one ray remain as noise.
 const MAX_ROW_RAYS: f64 = 4096.0;

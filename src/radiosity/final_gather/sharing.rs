@@ -30,9 +30,11 @@ const NEIGHBOUR_RAYS: f64 = 16.0;
 /// normally distributed: at 2.5, where a normal distribution rejects 1.2 %, a quarter of a living room's furniture keeps its noise.
 const MAX_DEVIATION: f64 = 4.0;
 /// Weight of a rotation of the normal relative to a distance of one radius in the ridge regression of slopes: a quarter of a radian
-/// counts as one radius. 16 instead of 4 changes the error of a valley's elements by less than a hundredth of it.
+/// counts as one radius. 1, 2, 4, 8 and 16 leave errors of 3.1 %, 3.1 %, 3.2 %, 3.2 % and 3.3 % of the elements of a valley
+/// (`constants.py elements --scene valley.obj`).
 const NORMAL_SCALE: f32 = 4.0;
-/// Ridge term of the slopes, relative to the weight of the neighbours. 0.01 instead changes the same error by a hundredth of it.
+/// Ridge term of the slopes, relative to the weight of the neighbours. 0, 1e-4, 1e-3, 0.01 and 0.1 leave 3.24 %, 3.25 %, 3.20 %, 2.99 %
+/// and 3.01 % as the same error.
 const RIDGE: f64 = 1e-3;
 /// Smallest number of neighbours for a plane: twice its three unknowns.
 const MIN_FOR_PLANE: usize = 6;

@@ -28,11 +28,8 @@ const MIN_STEPS: i32 = 4;
 /// less than 0.01 % (`constants.py solve`).
 const FIRST_THRESHOLD: f64 = 0.05;
 /// Smallest fraction of a step of limited time in which links are refined: above 0, so that every step makes progress. This and the
-/// next three change results with a time limit only.
+/// next two change results with a time limit only.
 const MIN_REFINING_SHARE: f64 = 0.05;
-/// Expected growth of the time of sweeps from step to step; an estimate between 1 and the largest [`STEP_GROWTH`], as
-/// their time is proportional to the links.
-const SWEEP_GROWTH: f64 = 1.2;
 /// Links of the first step of limited time: one slice of [`super::refine`], so that a slow machine does not miss the first step.
 const FIRST_STEP_LINKS: f64 = 64.0;
 /// Bounds of the factor by which the links of a step grow: at most doubled, so that a wrong estimate of the time costs
@@ -44,7 +41,9 @@ const STEP_TOLERANCE: f64 = 3e-3;
 /// Largest number of sweeps between steps: the change is below [`STEP_TOLERANCE`] after 12 at reflectances up to 0.6
 /// (0.6¹² = 0.002).
 const MAX_STEP_SWEEPS: usize = 12;
-/// Sweeps that row normalisation and the last light are expected to need: an estimate, which changes results with a time limit only.
+/// Sweeps that row normalisation and the last light are expected to need, which changes results with a time limit only: at reflectance 0.42,
+/// light changes by [`FINAL_TOLERANCE`] in the 16th (0.42¹⁶ = 9e-7). `mrvis solve --local-rays 0` makes 6 sweeps in the orchard, 15 in
+/// sponza, 11 and 18 in a generated desk-room and office; where it makes more, as in the assembled office, 147, the deadline ends them.
 const CLOSING_SWEEPS: f64 = 16.0;
 /// Relative change of the light at which the last sweeps end: below the precision that the energy balance is printed
 /// with. 1e-5 instead changes irradiance by less than 0.001 % (`constants.py solve`).
@@ -240,9 +239,8 @@ impl Steps {
 
     /// Updates the estimates from a step of limited time.
     fn learn(&mut self, replaced: usize, room: f64, refining: f64, sweeping: f64) {
-        let now = SWEEP_GROWTH * sweeping;
         // The mean with the earlier estimate halves the effect of a step that other processes delayed.
-        self.sweeping = if self.sweeping > 0.0 { 0.5 * (self.sweeping + now) } else { now };
+        self.sweeping = if self.sweeping > 0.0 { 0.5 * (self.sweeping + sweeping) } else { sweeping };
         let factor = room * replaced.max(1) as f64 / (refining.max(1e-6) * self.links);
         self.links = (self.links * factor.clamp(STEP_GROWTH[0], STEP_GROWTH[1])).max(1.0);
     }
