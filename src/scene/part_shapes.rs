@@ -5,7 +5,7 @@ use super::{
     magnitudes::{GAP, largest_distance},
 };
 use crate::math::{Aabb, winding_number};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -47,6 +47,11 @@ impl PartShape {
         }
     }
 
+    /// Extent of the bounds along a unit vector, scene units.
+    pub fn thickness(&self, along: Vec3) -> f32 {
+        self.bounds.extent().dot(along.abs())
+    }
+
     /// Whether the bounds of this part contain those of another one.
     pub fn encloses(&self, other: &PartShape) -> bool {
         let distance = Vec3::splat(largest_distance(&self.bounds) as f32);
@@ -55,7 +60,7 @@ impl PartShape {
     }
 }
 
-/// Smallest volume of a room or a solid relative to the sum of the areas of its triangles times their distances from one of its corners: a corridor a thousand times
+/// Smallest volume of a room or a solid relative to the sum of the areas of its triangles times their distances from its centre: a corridor a thousand times
 /// as long as wide has more, the rounding of flat sheets leaves 1e-6.
 const MIN_VOLUME: f64 = 1e-3;
 
@@ -74,17 +79,27 @@ pub(super) fn shapes_of_parts(
     lamps: &[Vec3],
 ) -> Vec<PartShape> {
     let part = |t: usize| parts.part[polygon[t] as usize];
-    let mut sums = vec![(None, 0.0, 0.0, 0.0, Aabb::EMPTY); parts.closed.len()];
+    // Areas, and sums of middles times areas.
+    let mut sums = vec![(0.0, DVec3::ZERO); parts.closed.len()];
     for (t, corners) in triangles.iter().enumerate() {
         let [a, b, c] = corners.map(|v| positions[v as usize].as_dvec3());
-        let (corner, area, volume, limit, bounds) = &mut sums[part(t) as usize];
-        let (from, normal) = (a - *corner.get_or_insert(a), (b - a).cross(c - a));
-        *area += 0.5 * normal.length();
+        let of_triangle = 0.5 * (b - a).cross(c - a).length();
+        let (area, middle) = &mut sums[part(t) as usize];
+        *area += of_triangle;
+        *middle += of_triangle / 3.0 * (a + b + c);
+    }
+    // The volume of an open part is that about its centre.
+    let mut volumes = vec![(0.0, 0.0, Aabb::EMPTY); parts.closed.len()];
+    for (t, corners) in triangles.iter().enumerate() {
+        let [a, b, c] = corners.map(|v| positions[v as usize].as_dvec3());
+        let (area, middle) = sums[part(t) as usize];
+        let (volume, limit, bounds) = &mut volumes[part(t) as usize];
+        let (from, normal) = (a - middle / area.max(f64::MIN_POSITIVE), (b - a).cross(c - a));
         *volume += from.dot(normal);
         *limit += from.length() * normal.length();
         *bounds = bounds.union(Aabb::of(corners.map(|v| positions[v as usize])));
     }
-    let shape = |(_, area, volume, limit, bounds): (_, f64, f64, f64, Aabb)| {
+    let shape = |((area, _), (volume, limit, bounds)): ((f64, DVec3), (f64, f64, Aabb))| {
         let kind = match volume.abs() > MIN_VOLUME * limit {
             true if volume < 0.0 => PartKind::Room,
             true => PartKind::Solid,
@@ -92,7 +107,7 @@ pub(super) fn shapes_of_parts(
         };
         PartShape { area, kind, bounds, is_lit_inside: false }
     };
-    let mut shapes: Vec<PartShape> = sums.into_iter().map(shape).collect();
+    let mut shapes: Vec<PartShape> = sums.into_iter().zip(volumes).map(shape).collect();
     let mut lit: HashMap<u32, (Vec<Vec3>, Vec<[Vec3; 3]>)> = shapes
         .par_iter()
         .enumerate()

@@ -2,15 +2,16 @@
 //!
 //! Overlapping faces are of these kinds:
 //! * *Walls of rooms* are visible from inside; smaller faces lie before larger ones.
-//! * *Faces of bodies*, such as furniture, are visible from outside where nothing covers them: every other face lies before them.
-//! * *Sheets* lie on the side of what they cover: rugs and posters inside of rooms and outside of bodies. A ground on which a room stands, or below which it lies,
-//!   is outside of the room.
+//! * *Faces of bodies*, such as furniture, are visible from outside where nothing covers them: every other face lies before them, but walls of
+//!   rooms in them.
+//! * *Sheets* lie on the side of what they cover: rugs and posters inside of rooms. A ground on which a room stands, or below which it lies, is outside of the
+//!   room. Sheets on each other are visible from the front of the largest.
 //! * Lamps, facades, and the two sides of one sheet are visible from their fronts.
 
 use super::continuations::lengths_before;
 use super::overlap::{FaceProperties, Faces, Overlap};
 use super::part_shapes::PartKind;
-use crate::math::triangle_normal;
+use crate::math::{triangle_area, triangle_normal};
 use glam::Vec3;
 use std::cmp::Ordering;
 use std::collections::{HashMap, HashSet};
@@ -23,9 +24,6 @@ const MIN_FACADE_COVER: f64 = 0.5;
 /// were rounded or drawn by hand leave less than a hundredth.
 const MIN_SHEET_COVER: f64 = 0.99;
 
-/// Smallest area of a ground relative to that of a room: no face of a closed room has more than half of its area.
-const MIN_GROUND_AREA: f64 = 0.5;
-
 /// Place of a face among those that it is connected with by overlaps. Places of one plane are ordered along its axis, from the front.
 pub(super) struct Place {
     /// The first triangle of the plane.
@@ -33,10 +31,12 @@ pub(super) struct Place {
     /// The normal of the plane.
     pub axis: Vec3,
     pub rank: Rank,
-    /// Area of the face's part, scene units squared; that of a facade, which lies behind all faces of rooms, is infinite.
+    /// Area of the face's part, scene units squared; that of facades and grounds, which lie behind all faces of rooms, is infinite.
     area: f64,
     /// Whether walls of rooms lie in the plane.
     has_walls: bool,
+    /// Whether the face belongs to an open body: of two boxes in each other, the smaller one is the inner one.
+    is_open_body: bool,
     is_sheet: bool,
 }
 
@@ -62,7 +62,9 @@ impl Rank {
 impl Place {
     /// Order of the faces at two places of one plane: by rank, then the smaller ones towards those who see them; of equal ones the later in the file.
     pub fn compare(&self, index: u32, other: &Place, index_of_other: u32) -> Ordering {
-        let by_area = self.area.total_cmp(&other.area).then(index_of_other.cmp(&index));
+        let signed = |of: &Place| if of.is_open_body { -of.area } else { of.area };
+        let by_area = self.is_open_body.cmp(&other.is_open_body).then(signed(self).total_cmp(&signed(other)));
+        let by_area = by_area.then(index_of_other.cmp(&index));
         let is_reversed = matches!(self.rank, Rank::BodyBefore | Rank::Back);
         self.rank.cmp(&other.rank).then(if is_reversed { by_area.reverse() } else { by_area })
     }
@@ -111,6 +113,8 @@ struct Planes<'a> {
     /// By triangle, those that overlap with it.
     neighbours: HashMap<u32, Vec<u32>>,
     facades: HashSet<u32>,
+    /// See [`Planes::areas_under`].
+    areas_under: HashMap<[u32; 2], f64>,
 }
 
 impl<'a> Planes<'a> {
@@ -120,8 +124,16 @@ impl<'a> Planes<'a> {
             neighbours.entry(s).or_default().push(t);
             neighbours.entry(t).or_default().push(s);
         }
-        let mut planes = Planes { found, faces, of: faces.properties, neighbours, facades: HashSet::new() };
+        let mut planes = Planes {
+            found,
+            faces,
+            of: faces.properties,
+            neighbours,
+            facades: HashSet::new(),
+            areas_under: HashMap::new(),
+        };
         planes.facades = planes.facades();
+        planes.areas_under = planes.areas_under();
         planes
     }
 
@@ -137,19 +149,25 @@ impl<'a> Planes<'a> {
 
     /// The parts that are facades: most of their area lies on walls of rooms in them.
     fn facades(&self) -> HashSet<u32> {
-        let is_facade_of = |facade: u32, room: u32| {
+        let is_facade_of = |facade: u32, room: u32, is_away: bool| {
             let [facade, room] = [facade, room].map(|t| self.of.shape(t));
-            let are_opposite = match facade.kind {
-                PartKind::Solid => room.kind == PartKind::Room,
+            let is_room_of = match (facade.kind, room.kind) {
+                (PartKind::Solid, PartKind::Room) => is_away,
+                // Where the normals of rooms point out: of boxes of one size, the one with fewer faces.
+                (PartKind::Solid, PartKind::Solid) => {
+                    let is_larger = !room.encloses(facade) || room.area > facade.area;
+                    !is_away && room.is_lit_inside && is_larger
+                }
                 // Where all normals are reversed.
-                PartKind::Room => room.is_lit_inside && !room.encloses(facade),
-                PartKind::Sheet => false,
+                (PartKind::Room, PartKind::Solid) => is_away && room.is_lit_inside && !room.encloses(facade),
+                _ => false,
             };
-            are_opposite && facade.encloses(room)
+            is_room_of && facade.encloses(room)
         };
         let mut covered = HashMap::<u32, f64>::new();
-        for &(s, t, area) in self.turned_away() {
-            for (facade, _) in [(s, t), (t, s)].into_iter().filter(|&(s, t)| is_facade_of(s, t)) {
+        for &(s, t, area) in self.found {
+            let is_away = self.normal(s).dot(self.normal(t)) < 0.0;
+            for (facade, _) in [(s, t), (t, s)].into_iter().filter(|&(s, t)| is_facade_of(s, t, is_away)) {
                 *covered.entry(self.of.part(facade)).or_default() += area;
             }
         }
@@ -158,13 +176,28 @@ impl<'a> Planes<'a> {
         covered.into_iter().filter(is_facade).map(|(part, _)| part).collect()
     }
 
+    /// By two parts, the area of the triangles of the second one that overlap with the first one, scene units squared.
+    fn areas_under(&self) -> HashMap<[u32; 2], f64> {
+        let pairs = self.found.iter().flat_map(|&(s, t, _)| [(self.of.part(s), t), (self.of.part(t), s)]);
+        let mut pairs: Vec<(u32, u32)> = pairs.collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        let mut areas = HashMap::new();
+        for (part, t) in pairs {
+            let [a, b, c] = self.faces.triangles[t as usize].map(|v| self.faces.positions[v as usize]);
+            *areas.entry([part, self.of.part(t)]).or_default() += triangle_area(a, b, c);
+        }
+        areas
+    }
+
     /// The kind of each overlapping face.
     fn kinds(&self) -> HashMap<u32, Kind> {
-        let is_flat = |t: &u32| self.of.shape(*t).kind == PartKind::Sheet;
+        let is_open = |t: &u32| self.of.is_two_sided(*t) || self.of.shape(*t).kind == PartKind::Sheet;
         let is_of_one_part = |&&(s, t, _): &&Overlap| self.of.part(s) == self.of.part(t);
-        let mut uncertain: HashSet<u32> = self.neighbours.keys().copied().filter(is_flat).collect();
+        let mut uncertain: HashSet<u32> = self.neighbours.keys().copied().filter(is_open).collect();
         uncertain.extend(self.turned_away().filter(is_of_one_part).flat_map(|&(s, t, _)| [s, t]));
         let before = lengths_before(&uncertain, self.faces);
+        let furnished = self.furnished();
         let kind = |t: u32| {
             let normal = self.normal(t);
             let shape = self.of.shape(t);
@@ -174,20 +207,39 @@ impl<'a> Planes<'a> {
             if self.facades.contains(&self.of.part(t)) {
                 return Kind::Fixed(if shape.kind == PartKind::Room { -normal } else { normal });
             }
-            match (shape.kind, before.get(&t)) {
-                (PartKind::Room, _) => Kind::Wall(normal),
-                (PartKind::Solid, _) if shape.is_lit_inside => Kind::Wall(-normal),
-                (PartKind::Solid, _) => Kind::Body(-normal),
-                (PartKind::Sheet, Some(&length)) if length > 0.0 => Kind::Wall(normal),
-                (PartKind::Sheet, Some(&length)) if length < 0.0 => Kind::Body(-normal),
-                (PartKind::Sheet, _) => Kind::Sheet,
+            // Open parts may be several rooms of different winding.
+            let is_before = match before.get(&t) {
+                Some(&length) if length != 0.0 && self.of.is_two_sided(t) => length > 0.0,
+                _ if shape.kind == PartKind::Sheet => return Kind::Sheet,
+                _ => shape.kind == PartKind::Room,
+            };
+            let is_room = || shape.is_lit_inside || furnished.contains(&self.of.part(t));
+            match is_before {
+                true => Kind::Wall(normal),
+                false if is_room() => Kind::Wall(-normal),
+                false => Kind::Body(-normal),
             }
         };
         let mut kinds: HashMap<u32, Kind> = self.neighbours.keys().map(|&t| (t, kind(t))).collect();
-        for t in self.sides_of_sheets(&kinds, &before) {
-            kinds.insert(t, Kind::Fixed(self.normal(t)));
+        for t in self.grounds_by_edges(&kinds) {
+            kinds.insert(t, Kind::Sheet);
         }
+        let fixed = self.sides_of_sheets(&kinds, &before).into_iter().chain(self.bodies_around_rooms(&kinds));
+        fixed.collect::<Vec<_>>().into_iter().for_each(|t| {
+            kinds.insert(t, Kind::Fixed(self.normal(t)));
+        });
         kinds
+    }
+
+    /// The open solids that are rooms whose normals point out: on their faces lie sheets inside of them that face inwards.
+    fn furnished(&self) -> HashSet<u32> {
+        let holds = |&(solid, sheet): &(u32, u32)| {
+            let [part, held] = [solid, sheet].map(|t| self.of.shape(t));
+            let kinds = part.kind == PartKind::Solid && held.kind == PartKind::Sheet;
+            kinds && self.of.is_two_sided(solid) && held.area < part.area && part.encloses(held)
+        };
+        let pairs = self.turned_away().flat_map(|&(s, t, _)| [(s, t), (t, s)]);
+        pairs.filter(holds).map(|(solid, _)| self.of.part(solid)).collect()
     }
 
     /// The faces that are sides of a sheet: they overlap with faces that are turned away and belong to the same part, unless both continue to opposite sides as
@@ -208,40 +260,64 @@ impl<'a> Planes<'a> {
         self.turned_away().filter(is_sheet).flat_map(|&(s, t, _)| [s, t]).collect()
     }
 
-    /// The side from which a sheet is visible, by the walls and bodies that it overlaps with; `None` if it overlaps with none.
-    fn side_of_sheet(&self, t: u32, kinds: &HashMap<u32, Kind>) -> Option<Vec3> {
-        let neighbours = || self.neighbours[&t].iter();
-        let by_wall = |u: &u32| match kinds[u] {
-            Kind::Wall(inside) if self.is_ground_of(t, *u) => Some(-inside),
-            Kind::Wall(inside) => Some(inside),
-            _ => None,
+    /// The sheets that continue as a wall does, but lie outside of a room that has a wall of its own there: slabs between storeys.
+    fn grounds_by_edges(&self, kinds: &HashMap<u32, Kind>) -> Vec<u32> {
+        let is_beside = |sheet: u32, wall: u32| match (kinds[&sheet], kinds[&wall]) {
+            (Kind::Wall(side), Kind::Wall(inside)) => {
+                side.dot(inside) > 0.0 && self.is_ground_of(sheet, wall)
+            }
+            _ => false,
         };
-        let by_body = |u: &u32| match kinds[u] {
-            Kind::Body(inside) => Some(-inside),
-            Kind::Fixed(normal) if self.facades.contains(&self.of.part(*u)) => Some(normal),
-            _ => None,
-        };
-        let by_lamp = |u: &u32| match kinds[u] {
-            Kind::Fixed(normal) => Some(normal),
-            _ => None,
-        };
-        let normal = self.normal(t);
-        let faces_alike = |u: &u32| self.normal(*u).dot(normal) > 0.0;
-        // Of walls of two rooms it lies on the one that faces the same way.
-        let agreed = |side: &dyn Fn(&u32) -> Option<Vec3>| {
-            let sides = || neighbours().filter_map(|u| Some((u, side(u)?)));
-            let (_, first) = sides().next()?;
-            let differ = sides().any(|(_, side)| side.dot(first) < 0.0);
-            let alike = || sides().find(|(u, _)| faces_alike(u)).map_or(normal, |(_, side)| side);
-            Some(if differ { alike() } else { first })
-        };
-        agreed(&by_wall).or_else(|| agreed(&by_body)).or_else(|| agreed(&by_lamp))
+        let sheets = self.neighbours.iter().filter(|(t, _)| self.of.shape(**t).kind == PartKind::Sheet);
+        let grounds = sheets.filter(|(sheet, beside)| beside.iter().any(|&wall| is_beside(**sheet, wall)));
+        grounds.map(|(&sheet, _)| sheet).collect()
     }
 
-    /// Whether a sheet is outside of the room of a wall: it is larger than the wall and extends beyond the room.
+    /// The faces of solids beyond walls of rooms in these solids.
+    fn bodies_around_rooms(&self, kinds: &HashMap<u32, Kind>) -> Vec<u32> {
+        let is_around = |body: u32, wall: u32| match (kinds[&body], kinds[&wall]) {
+            (Kind::Body(around), Kind::Wall(inside)) => {
+                let [body, room] = [body, wall].map(|t| self.of.shape(t));
+                around.dot(inside) > 0.0 && body.kind == PartKind::Solid && body.encloses(room)
+            }
+            _ => false,
+        };
+        let pairs = self.found.iter().flat_map(|&(s, t, _)| [(s, t), (t, s)]);
+        pairs.filter(|&(body, wall)| is_around(body, wall)).map(|(body, _)| body).collect()
+    }
+
+    /// The side from which a sheet is visible, by the walls, facades and lamps that it overlaps with, and whether it is a ground, outside of their rooms; `None` if it
+    /// overlaps with none.
+    fn side_of_sheet(&self, t: u32, kinds: &HashMap<u32, Kind>) -> Option<(Vec3, bool)> {
+        let neighbours = || self.neighbours[&t].iter();
+        let is_facade = |u: &u32| self.facades.contains(&self.of.part(*u));
+        let by_wall = |u: &u32| match kinds[u] {
+            Kind::Wall(inside) if !self.is_ground_of(t, *u) => Some(inside),
+            _ => None,
+        };
+        let by_fixed = |u: &u32| match kinds[u] {
+            Kind::Fixed(side) => Some(side),
+            _ => None,
+        };
+        let agreed = |side: &dyn Fn(&u32) -> Option<Vec3>| {
+            let mut sides = neighbours().filter_map(side);
+            let first = sides.next()?;
+            // Between walls of two rooms it lies on its own side.
+            Some((if sides.all(|side| side.dot(first) > 0.0) { first } else { self.normal(t) }, false))
+        };
+        let is_ground = || neighbours().any(|u| matches!(kinds[u], Kind::Wall(_)));
+        agreed(&by_wall)
+            .or_else(|| is_ground().then(|| (self.normal(t), true)))
+            .or_else(|| agreed(&|u| by_fixed(u).filter(|_| is_facade(u))))
+            .or_else(|| agreed(&by_fixed))
+    }
+
+    /// Whether a sheet is outside of the room of a wall: it is larger than the faces of the room that it overlaps with, and extends beyond the room.
     fn is_ground_of(&self, sheet: u32, wall: u32) -> bool {
+        let [sheet_part, wall_part] = [sheet, wall].map(|t| self.of.part(t));
         let [sheet, room] = [sheet, wall].map(|t| self.of.shape(t));
-        room.kind != PartKind::Sheet && sheet.area > MIN_GROUND_AREA * room.area && !room.encloses(sheet)
+        let is_larger = || sheet.area > self.areas_under[&[sheet_part, wall_part]];
+        room.kind != PartKind::Sheet && !room.encloses(sheet) && is_larger()
     }
 
     /// Adds the places of the faces that are connected with one by overlaps.
@@ -257,33 +333,48 @@ impl<'a> Planes<'a> {
         };
         members.sort_by(|&s, &t| area(s).total_cmp(&area(t)).then(t.cmp(&s)));
         let is_sheet = |t: &&u32| matches!(kinds[*t], Kind::Sheet);
-        let default = members
-            .iter()
-            .rfind(is_sheet)
-            .map(|&largest| self.side_of_sheet(largest, kinds).unwrap_or_else(|| self.normal(largest)));
-        let side = |t: u32| match kinds[&t] {
-            Kind::Wall(side) | Kind::Fixed(side) => (side, false),
-            Kind::Body(inside) => (inside, true),
+        let default = members.iter().rfind(is_sheet).map(|&largest| {
+            self.side_of_sheet(largest, kinds).map_or_else(|| self.normal(largest), |(side, _)| side)
+        });
+        /// A face, the side on which it is visible or its body lies, and its area.
+        struct Member {
+            t: u32,
+            side: Vec3,
+            is_body: bool,
+            area: f64,
+        }
+        let member = |&t: &u32| match kinds[&t] {
+            Kind::Wall(side) | Kind::Fixed(side) => Member { t, side, is_body: false, area: area(t) },
+            Kind::Body(side) => Member { t, side, is_body: true, area: area(t) },
             Kind::Sheet => {
-                (self.side_of_sheet(t, kinds).or(default).unwrap_or_else(|| self.normal(t)), false)
+                let (side, is_ground) = self
+                    .side_of_sheet(t, kinds)
+                    .unwrap_or_else(|| (default.unwrap_or_else(|| self.normal(t)), false));
+                Member { t, side, is_body: false, area: if is_ground { f64::INFINITY } else { area(t) } }
             }
         };
         let has_walls = members.iter().any(|t| matches!(kinds[t], Kind::Wall(_)));
-        let sides: Vec<(u32, (Vec3, bool))> = members.iter().map(|&t| (t, side(t))).collect();
+        let members: Vec<Member> = members.iter().map(member).collect();
         // The front is where the smallest face is visible.
-        let visible = sides.iter().find(|(_, (_, is_body))| !is_body);
-        let axis = visible.map_or(-sides[0].1.0, |(_, (side, _))| *side);
-        for (t, (side, is_body)) in sides {
+        let visible = members.iter().find(|of| !of.is_body);
+        let axis = visible.map_or(-members[0].side, |of| of.side);
+        for Member { t, side, is_body, area } in members {
             let rank = match (is_body, side.dot(axis) > 0.0) {
                 (true, true) => Rank::BodyBefore,
                 (false, true) => Rank::Front,
                 (false, false) => Rank::Back,
                 (true, false) => Rank::BodyBehind,
             };
-            order.insert(
-                t,
-                Place { plane: start, axis, rank, area: area(t), has_walls, is_sheet: is_sheet(&&t) },
-            );
+            let place = Place {
+                plane: start,
+                axis,
+                rank,
+                area,
+                has_walls,
+                is_open_body: is_body && self.of.is_two_sided(t),
+                is_sheet: is_sheet(&&t),
+            };
+            order.insert(t, place);
         }
     }
 }

@@ -18,6 +18,8 @@ const MIN_COSINE: f32 = 0.999;
 
 /// Largest number of triangles at a vertex over which lower faces are continued, so that the time is in proportion to the triangles.
 const MAX_FAN: usize = 64;
+/// Largest distance by which faces of a body move into it, relative to its thickness: faces on both sides leave half of it.
+const MAX_DEPTH: f32 = 0.25;
 /// Largest number of tests whether a vertex lies on a moved triangle: half a second. A ceiling over a million vertices has fifty triangles for that many.
 const MAX_TESTS: usize = 100_000_000;
 
@@ -78,14 +80,19 @@ pub(super) fn stack(
     let open = badly_wound(of_stacks);
     wound.retain(|part| !open.contains(part));
     let before = positions.len();
+    // Bodies thinner than that stay.
+    let mut is_moved = |t: u32, level: i32| {
+        let distance = level.unsigned_abs() as f32 * steps[&stacks.root(t)];
+        level != 0 && !(bodies.contains(&t) && distance > MAX_DEPTH * of.shape(t).thickness(fronts[&t]))
+    };
     let mut moved: Vec<(u32, i32)> =
-        levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 != 0).collect();
+        levels.iter().map(|(&t, &level)| (t, level)).filter(|of| is_moved(of.0, of.1)).collect();
     moved.sort_unstable();
     let mut shift_of = |t: u32, level: i32| -(level as f32) * steps[&stacks.root(t)] * fronts[&t];
     let shifted = |&(t, level): &(u32, i32)| Shifted {
         corners: triangles[t as usize],
         by: shift_of(t, level),
-        body: bodies.contains(&t).then(|| part(t as usize)),
+        body: bodies.contains(&t).then(|| Body { part: part(t as usize), is_closed: !of.is_two_sided(t) }),
     };
     let shifts: Vec<Shifted> = moved.iter().map(shifted).collect();
     // Neighbours in one plane share their moved vertices.
@@ -123,26 +130,44 @@ fn distances(levels: &HashMap<u32, i32>, stacks: &mut Sets, steps: &HashMap<u32,
 /// Changes the levels of each plane so that the uppermost visible face stays or, if faces are visible from both sides, the plane is in their middle: points there
 /// find them. Faces of bodies move into these.
 fn shift_levels(levels: &mut HashMap<u32, i32>, order: &PlaneOrder) {
-    /// First and last level of visible faces, whether some are visible from the back, and first level of bodies behind the plane.
-    struct Range(i32, i32, bool, i32);
+    /// Levels of the faces of a plane.
+    struct Range {
+        first_visible: i32,
+        last_visible: i32,
+        /// Whether some are visible from the back.
+        has_back: bool,
+        last_before: i32,
+        first_behind: i32,
+    }
     let mut ranges = HashMap::<u32, Range>::new();
     for (t, &level) in &*levels {
         let Place { plane, rank, .. } = &order[t];
-        let of = ranges.entry(*plane).or_insert(Range(i32::MAX, i32::MIN, false, i32::MAX));
+        let none = Range {
+            first_visible: i32::MAX,
+            last_visible: i32::MIN,
+            has_back: false,
+            last_before: i32::MIN,
+            first_behind: i32::MAX,
+        };
+        let of = ranges.entry(*plane).or_insert(none);
         match rank {
-            Rank::BodyBefore => {}
-            Rank::BodyBehind => of.3 = level.min(of.3),
+            Rank::BodyBefore => of.last_before = level.max(of.last_before),
+            Rank::BodyBehind => of.first_behind = level.min(of.first_behind),
             Rank::Front | Rank::Back => {
-                *of = Range(level.min(of.0), level.max(of.1), of.2 || *rank == Rank::Back, of.3);
+                of.first_visible = level.min(of.first_visible);
+                of.last_visible = level.max(of.last_visible);
+                of.has_back |= *rank == Rank::Back;
             }
         }
     }
     for (t, level) in levels {
-        let Range(first, last, has_back, bodies) = ranges[&order[t].plane];
-        *level -= match first <= last {
-            true if has_back => first + (last - first) / 2,
-            true => first,
-            false => bodies,
+        let of = &ranges[&order[t].plane];
+        *level -= match of.first_visible <= of.last_visible {
+            true if of.has_back => of.first_visible + (of.last_visible - of.first_visible) / 2,
+            true => of.first_visible,
+            // Of two bodies in contact the larger one, before the plane, stays.
+            false if of.last_before > i32::MIN => of.last_before,
+            false => of.first_behind,
         };
     }
 }
@@ -196,13 +221,19 @@ fn widen(
 struct Shifted {
     corners: [u32; 3],
     by: Vec3,
-    /// The part that moves inwards.
-    body: Option<u32>,
+    body: Option<Body>,
+}
+
+/// A body whose face moves into it.
+#[derive(Clone, Copy)]
+struct Body {
+    part: u32,
+    is_closed: bool,
 }
 
 /// Moves the vertices of faces outside the stacks that lie on a moved triangle with it: otherwise light would pass between a moved ceiling and the walls and
-/// partitions below it. Faces connected with the uppermost face of a stack stay with it, as do those of other parts on the inner side of the moved face of a
-/// body.
+/// partitions below it. Faces connected with the uppermost face of a stack stay with it. So do those on the inner side of a moved face of a body, which would
+/// leave a gap below it, except those of an open body: light would enter it.
 fn keep_contact(
     shifts: &[Shifted],
     levels: &HashMap<u32, i32>,
@@ -242,9 +273,8 @@ fn keep_contact(
             corners.iter().map(height).fold(0.0, f32::min) < -inwards.length_squared()
         };
         triangles[t] = triangles[t].map(|v| match shift_of.get(&v) {
-            Some(of)
-                if of.body.is_some_and(|body| body != part(t))
-                    && !is_outside(positions[v as usize], of.by) =>
+            Some(Shifted { body: Some(body), by, .. })
+                if (body.is_closed || body.part != part(t)) && !is_outside(positions[v as usize], *by) =>
             {
                 v
             }

@@ -80,10 +80,10 @@ fn fig6_holds_wherever_the_blocker_is() {
     holds_but("fig6", &["BSIZE at the centre", "blocked size at the centre"]);
 }
 
-/// Links with a high tolerance blur the shadows under the desks.
+/// Links with a high tolerance blur the shadows under the desks, by 3 to 5 % with one builder or another.
 #[test]
-fn fig7_holds_whatever_the_contrast_of_rays() {
-    holds_but("fig7", &["are those of radiosity by rays"]);
+fn fig7_holds_whatever_the_contrast_of_links() {
+    holds_but("fig7", &["are those of radiosity by rays", "their contrasts differ by less than"]);
 }
 
 /// Cells of the k-d tree blur the shadows under the desks over whole rows of desks; some of their contrast is left.

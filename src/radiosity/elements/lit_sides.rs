@@ -64,8 +64,9 @@ pub fn lit_inside(scene: &Scene, entered: &[DarkSideHit]) -> Vec<u32> {
     for ray in entered {
         by_part[scene.triangle_component[ray.triangle as usize] as usize].push(*ray);
     }
-    let is_lit = |(rays, faces): (&Vec<DarkSideHit>, &Vec<u32>)| {
-        if rays.is_empty() || faces.is_empty() {
+    let is_lit = |(part, (rays, faces)): (usize, (&Vec<DarkSideHit>, &Vec<u32>))| {
+        // Where faces were moved into a part, rays enter between them and their neighbours by rounding.
+        if rays.is_empty() || faces.is_empty() || scene.wound_parts.contains(&(part as u32)) {
             return false;
         }
         let tested: Vec<&DarkSideHit> = rays.iter().step_by(rays.len().div_ceil(MAX_TESTED_RAYS)).collect();
@@ -73,7 +74,7 @@ pub fn lit_inside(scene: &Scene, entered: &[DarkSideHit]) -> Vec<u32> {
         let from_outside = tested.iter().filter(outside).count() as f64;
         rays.iter().any(|ray| ray.emits) || from_outside >= MIN_OUTSIDE_SHARE * tested.len() as f64
     };
-    let lit: Vec<bool> = by_part.par_iter().zip(&parts).map(is_lit).collect();
+    let lit: Vec<bool> = by_part.par_iter().zip(&parts).enumerate().map(is_lit).collect();
     (0..).zip(lit).filter_map(|(part, lit)| lit.then_some(part)).collect()
 }
 
