@@ -63,13 +63,16 @@ fn edges_of_parts(seeds: &[u32], faces: &Faces) -> Vec<([u32; 2], u32)> {
 fn flat(seed: u32, at_edge: &[([u32; 2], u32)], faces: &Faces) -> Flat {
     let [start, b, c] = corners(faces, seed);
     let normal = triangle_normal(start, b, c);
+    let part = |t: u32| faces.properties.part(t);
     let mut flat = Flat { start, normal, triangles: vec![seed], border: Vec::new(), before: 0.0 };
     let (mut known, mut next) = (HashSet::from([seed]), 0);
     while let Some(&t) = flat.triangles.get(next) {
         next += 1;
         for [v, w] in edges(faces, t) {
             let first = at_edge.partition_point(|(edge, _)| *edge < [w, v]);
-            let beyond = || at_edge[first..].iter().take_while(|(edge, _)| *edge == [w, v]).take(MAX_AT_EDGE);
+            let of_edge =
+                || at_edge[first..].iter().take_while(|(edge, _)| *edge == [w, v]).take(MAX_AT_EDGE);
+            let beyond = || of_edge().filter(|(_, u)| part(*u) == part(seed));
             if beyond().next().is_none() {
                 flat.border.push([v, w]);
             }

@@ -4,6 +4,7 @@ use super::compact::drop_unused;
 use super::connect::{Sets, badly_wound};
 use super::magnitudes::{GAP, face_magnitudes, largest_distance};
 use super::overlap::{FaceProperties, Overlap};
+use super::part_shapes::PartKind;
 use super::plane_order::{Place, PlaneOrder, Rank};
 use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
@@ -82,8 +83,9 @@ pub(super) fn stack(
     let before = positions.len();
     // Bodies thinner than that stay.
     let mut is_moved = |t: u32, level: i32| {
-        let distance = level.unsigned_abs() as f32 * steps[&stacks.root(t)];
-        level != 0 && !(bodies.contains(&t) && distance > MAX_DEPTH * of.shape(t).thickness(fronts[&t]))
+        let (distance, shape) = (level.unsigned_abs() as f32 * steps[&stacks.root(t)], of.shape(t));
+        let is_thin = || distance > MAX_DEPTH * shape.thickness(fronts[&t]);
+        level != 0 && !(bodies.contains(&t) && shape.kind == PartKind::Solid && is_thin())
     };
     let mut moved: Vec<(u32, i32)> =
         levels.iter().map(|(&t, &level)| (t, level)).filter(|of| is_moved(of.0, of.1)).collect();

@@ -65,9 +65,13 @@ pub fn lit_inside(scene: &Scene, entered: &[DarkSideHit]) -> Vec<u32> {
         by_part[scene.triangle_component[ray.triangle as usize] as usize].push(*ray);
     }
     let is_lit = |(part, (rays, faces)): (usize, (&Vec<DarkSideHit>, &Vec<u32>))| {
-        // Where faces were moved into a part, rays enter between them and their neighbours by rounding.
-        if rays.is_empty() || faces.is_empty() || scene.wound_parts.contains(&(part as u32)) {
+        if rays.is_empty() || faces.is_empty() {
             return false;
+        }
+        // Where faces were moved into a part, rays enter between them and their neighbours by rounding.
+        if scene.wound_parts.contains(&(part as u32)) {
+            let inside = |ray: &&DarkSideHit| winding(scene, faces, ray.from).abs() > 0.5;
+            return rays.iter().filter(|ray| ray.emits).take(MAX_TESTED_RAYS).any(|ray| inside(&ray));
         }
         let tested: Vec<&DarkSideHit> = rays.iter().step_by(rays.len().div_ceil(MAX_TESTED_RAYS)).collect();
         let outside = |ray: &&&DarkSideHit| winding(scene, faces, ray.from).abs() < 0.5;

@@ -331,3 +331,41 @@ fn points_on_high_stacks_are_lit() {
         (pieces, vec![at(1.5, 1.5, 2.5 + 2.0 * gap), at(0.3, 0.3, 2.5 + gap), at(1.5, 1.5, 0.0)])
     });
 }
+
+/// A slab between two storeys that extends as a balcony, and a road on the ground on which a lit house stands.
+#[test]
+fn grounds_lie_behind_the_walls_of_rooms() {
+    check_contact("slab between storeys", &|gap| {
+        let mut pieces = Pieces::empty();
+        pieces.grey("lower", 0.5).room(DVec3::ZERO, DVec3::new(4.0, 4.0, 2.5 - gap));
+        pieces.grey("upper", 0.9).room(DVec3::new(0.0, 0.0, 2.5 + gap), DVec3::new(4.0, 4.0, 5.0));
+        pieces.grey("slab", 0.1).polygon(&facing_up([0.0, 4.0], [-1.5, 4.0], 2.5));
+        lamp(&mut pieces, 2.0, 1.5, 2.2);
+        lamp(&mut pieces, 2.0, 1.5, 4.6);
+        let ceiling = |z| Point { position: DVec3::new(1.0, 1.0, z), normal: -DVec3::Z };
+        (pieces, vec![at(1.0, 1.0, 0.0), ceiling(2.5 - gap), at(1.0, 1.0, 2.5 + gap), ceiling(5.0)])
+    });
+    check_contact("house beside a road", &|gap| {
+        let mut pieces = Pieces::empty();
+        pieces.grey("ground", 0.9).polygon(&facing_up([-20.0, 20.0], [-20.0, 20.0], -gap));
+        pieces.grey("road", 0.1).polygon(&facing_up([3.5, 9.0], [-20.0, 20.0], 0.0));
+        pieces.grey("house", 0.5).room(DVec3::ZERO, DVec3::new(3.0, 4.0, 2.5));
+        lamp(&mut pieces, 1.0, 1.0, 2.4);
+        lamp(&mut pieces, 5.0, 1.0, 3.0);
+        pieces.grey("sign", 0.5).rectangle(DVec3::new(8.0, 0.0, 0.5), DVec3::Z, 2.0 * DVec3::Y);
+        (pieces, vec![on_wall(8.0, 1.0, 1.0, -DVec3::X), at(1.0, 3.0, 0.0), at(5.0, 1.0, 0.0)])
+    });
+}
+
+/// A closed box in a closed cupboard that has the cupboard's top is not visible.
+#[test]
+fn boxes_in_bodies_are_hidden() {
+    check_contact("box in a cupboard", &|gap| {
+        let mut pieces = Pieces::empty();
+        pieces.grey("room", 0.9).room(DVec3::ZERO, DVec3::new(3.0, 3.0, 2.5));
+        lamp(&mut pieces, 1.0, 1.0, 2.4);
+        pieces.grey("cupboard", 0.1).cuboid(DVec3::new(0.5, 0.5, 0.0), DVec3::new(2.5, 2.5, 1.0));
+        pieces.grey("box", 0.9).room(DVec3::new(0.7, 0.7, 0.3), DVec3::new(2.3, 2.3, 1.0 - gap));
+        (pieces, vec![Point { position: DVec3::new(0.5, 0.5, 2.5), normal: -DVec3::Z }, at(1.5, 1.5, 1.0)])
+    });
+}
