@@ -2,8 +2,8 @@
 //!
 //! Overlapping faces are of these kinds:
 //! * *Walls of rooms* are visible from inside; smaller faces lie before larger ones.
-//! * *Faces of bodies*, such as furniture, are visible from outside where nothing covers them: every other face lies before them, but walls of
-//!   rooms in them.
+//! * *Faces of bodies*, such as furniture, are visible from outside where nothing covers them: every other face lies before them, except walls of
+//!   rooms inside them.
 //! * *Sheets* lie on the side of what they cover: rugs and posters inside of rooms. A ground on which a room stands, or below which it lies, is outside of the
 //!   room. Sheets on each other are visible from the front of the largest.
 //! * Lamps, facades, and the two sides of one sheet are visible from their fronts.
@@ -73,8 +73,8 @@ impl Place {
 /// The places of all triangles that overlap with others.
 pub(super) type PlaneOrder = HashMap<u32, Place>;
 
-/// Whether one of two overlapping triangles, `alike` if they face the same way, may hide the other unnoticed: they face the same way and are visible from one side,
-/// or belong to a body that touches no wall; or they are sheets of which the order of their plane turns one over.
+/// Whether an overlap of two triangles, `alike` if they face the same way, is worth a message: one may hide the other from those who see both, or a sheet lies on
+/// another one that faces the other way.
 pub(super) fn may_hide(order: &PlaneOrder, s: u32, t: u32, alike: bool) -> bool {
     let [s, t] = [&order[&s], &order[&t]];
     let are_visible = s.rank == t.rank || !s.has_walls && (s.rank.is_of_body() || t.rank.is_of_body());
