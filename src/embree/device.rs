@@ -6,16 +6,25 @@ use std::ffi::{CStr, CString, c_char, c_void};
 use std::sync::atomic::{AtomicIsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// An Embree device. Cloning is cheap; scenes keep the device alive.
+/// An Embree device. Cloning is cheap; scenes keep the device in use. A device that nothing uses any more is kept for later scenes: Embree's task scheduler
+/// (oneTBB) very rarely crashes where devices are made and released again and again (two runs of all tests of some thirty).
 #[derive(Clone)]
 pub struct Device {
-    pub(super) inner: Arc<Inner>,
+    used: Arc<Used>,
 }
 
-pub(super) struct Inner {
-    pub(super) raw: sys::RTCDevice,
-    // Boxed: Embree holds the address.
-    state: Box<CallbackState>,
+/// A device that goes back to [`IDLE`] when the last scene on it is dropped.
+struct Used(Made);
+
+/// Devices without scenes.
+static IDLE: Mutex<Vec<Made>> = Mutex::new(Vec::new());
+
+/// A device that is never released.
+#[derive(Clone, Copy)]
+struct Made {
+    raw: sys::RTCDevice,
+    threads: usize,
+    state: &'static CallbackState,
 }
 
 #[derive(Default)]
@@ -26,9 +35,9 @@ struct CallbackState {
 
 // SAFETY: Embree devices may be used from any thread (Embree manual, "Thread safety"): creating scenes and
 // geometries is thread-safe, the callbacks only touch the mutex and the atomic of `CallbackState`.
-unsafe impl Send for Inner {}
+unsafe impl Send for Made {}
 // SAFETY: as above; no method hands out interior references.
-unsafe impl Sync for Inner {}
+unsafe impl Sync for Made {}
 
 /// Largest number of triangles whose tree is built by one thread, in some 30 ms (`seconds.embree` of `mrvis solve scenes/real/valley.obj --threads 1`, 131,648
 /// triangles). Devices of one thread start no threads of Embree's task scheduler (oneTBB), which very rarely crashes where many models are made in a row.
@@ -43,43 +52,16 @@ impl Device {
         Device::new(if count > MAX_SERIAL_TRIANGLES { rayon::current_num_threads() } else { 1 })
     }
 
-    /// Creates an Embree device with at most `threads` build threads (0: all cores).
+    /// An Embree device with at most `threads` build threads (0: all cores).
     ///
     /// # Errors
     /// [`Error::Unsupported`] if the library has another major version than the headers, or is older than they are.
     pub fn new(threads: usize) -> Result<Device> {
-        // simd256 selects the 8-wide BVH on machines where Embree would choose 128-bit nodes.
-        let config =
-            CString::new(format!("threads={threads},frequency_level=simd256")).expect("no NUL inside");
-        // SAFETY: `config` is a NUL-terminated string that outlives the call.
-        let raw = unsafe { sys::rtcNewDevice(config.as_ptr()) };
-        if raw.is_null() {
-            // SAFETY: without a device this takes the error code of the thread.
-            let code = unsafe { sys::rtcGetDeviceError(std::ptr::null_mut()) };
-            return Err(error_of(
-                code.0 as i32,
-                format!("the device could not be created (code {})", code.0),
-            ));
-        }
-        let state = Box::<CallbackState>::default();
-        let user = (&raw const *state).cast_mut().cast::<c_void>();
-        let device = Device { inner: Arc::new(Inner { raw, state }) };
-        // SAFETY: `raw` is live; `user` points to the boxed state, which lives until after the device's release.
-        unsafe {
-            sys::rtcSetDeviceErrorFunction(raw, Some(on_error), user);
-            sys::rtcSetDeviceMemoryMonitorFunction(raw, Some(on_memory), user);
-        }
-        let found = device.property(sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION);
-        let wanted = sys::mrvis_headers_version() as isize;
-        if found / 10_000 != wanted / 10_000 || found < wanted {
-            return Err(Error::Unsupported(format!(
-                "Embree: the library is version {} but mrvis was compiled for {}; rebuild mrvis against the installed \
-                 headers or install a library of that version",
-                version_text(found),
-                version_text(wanted)
-            )));
-        }
-        Ok(device)
+        let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = idle.iter().position(|made| made.threads == threads).map(|at| idle.swap_remove(at));
+        drop(idle);
+        let made = known.map_or_else(|| Made::new(threads), Ok)?;
+        Ok(Device { used: Arc::new(Used(made)) })
     }
 
     /// Version of the library, `4.a.b`.
@@ -100,29 +82,75 @@ impl Device {
         .unwrap_or(1)
     }
 
+    pub(super) fn raw(&self) -> sys::RTCDevice {
+        self.used.0.raw
+    }
+
     /// Memory of all scenes of this device in bytes, as Embree reports it.
     pub fn bytes(&self) -> usize {
-        self.inner.state.bytes.load(Ordering::Relaxed).max(0) as usize
+        self.used.0.state.bytes.load(Ordering::Relaxed).max(0) as usize
     }
 
     fn property(&self, property: sys::RTCDeviceProperty) -> isize {
-        // SAFETY: `raw` is live; unknown properties give 0 and an error, which `check` would report.
-        unsafe { sys::rtcGetDeviceProperty(self.inner.raw, property) }
+        device_property(self.raw(), property)
     }
 
     /// Takes the first error since the last check. For set-up calls; ray queries report no errors.
     pub(super) fn check(&self) -> Result<()> {
-        let mut first = self.inner.state.first_error.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut first = self.used.0.state.first_error.lock().unwrap_or_else(PoisonError::into_inner);
         first.take().map_or(Ok(()), |(code, message)| Err(error_of(code, message)))
     }
 }
 
-impl Drop for Inner {
-    fn drop(&mut self) {
-        // SAFETY: the last owner releases the device once; Embree itself keeps it while scenes refer to it, and
-        // those hold an `Arc` of `Inner`, so no callback can come after `state` is gone.
-        unsafe { sys::rtcReleaseDevice(self.raw) }
+impl Made {
+    fn new(threads: usize) -> Result<Made> {
+        // simd256 selects the 8-wide BVH on machines where Embree would choose 128-bit nodes.
+        let config =
+            CString::new(format!("threads={threads},frequency_level=simd256")).expect("no NUL inside");
+        // SAFETY: `config` is a NUL-terminated string that outlives the call.
+        let raw = unsafe { sys::rtcNewDevice(config.as_ptr()) };
+        if raw.is_null() {
+            // SAFETY: without a device this takes the error code of the thread.
+            let code = unsafe { sys::rtcGetDeviceError(std::ptr::null_mut()) };
+            return Err(error_of(
+                code.0 as i32,
+                format!("the device could not be created (code {})", code.0),
+            ));
+        }
+        let found = device_property(raw, sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION);
+        let wanted = sys::mrvis_headers_version() as isize;
+        if found / 10_000 != wanted / 10_000 || found < wanted {
+            // SAFETY: nothing else uses the device.
+            unsafe { sys::rtcReleaseDevice(raw) };
+            return Err(Error::Unsupported(format!(
+                "Embree: the library is version {} but mrvis was compiled for {}; rebuild mrvis against the installed \
+                 headers or install a library of that version",
+                version_text(found),
+                version_text(wanted)
+            )));
+        }
+        let state: &'static CallbackState = Box::leak(Box::default());
+        let user = (&raw const *state).cast_mut().cast::<c_void>();
+        // SAFETY: `raw` is live; `user` points to the state, which is never freed.
+        unsafe {
+            sys::rtcSetDeviceErrorFunction(raw, Some(on_error), user);
+            sys::rtcSetDeviceMemoryMonitorFunction(raw, Some(on_memory), user);
+        }
+        Ok(Made { raw, threads, state })
     }
+}
+
+impl Drop for Used {
+    fn drop(&mut self) {
+        // Of scenes that are gone.
+        self.0.state.first_error.lock().unwrap_or_else(PoisonError::into_inner).take();
+        IDLE.lock().unwrap_or_else(PoisonError::into_inner).push(self.0);
+    }
+}
+
+fn device_property(raw: sys::RTCDevice, property: sys::RTCDeviceProperty) -> isize {
+    // SAFETY: devices are live; unknown properties give 0 and an error, which `check` would report.
+    unsafe { sys::rtcGetDeviceProperty(raw, property) }
 }
 
 /// The error of an Embree error code.

@@ -7,7 +7,7 @@ use crate::ray::{LANES, Occluder, Packet};
 use glam::{Affine3A, Vec3};
 use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// Traversal of packets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,13 +67,8 @@ impl SceneBuilder {
     /// # Errors
     /// [`Error::Embree`] if Embree reports an error.
     pub fn new(device: &Device) -> Result<SceneBuilder> {
-        keep_scheduler();
-        SceneBuilder::started(device)
-    }
-
-    fn started(device: &Device) -> Result<SceneBuilder> {
         // SAFETY: the device is live; a null scene is caught by `check` and before use.
-        let raw = unsafe { sys::rtcNewScene(device.inner.raw) };
+        let raw = unsafe { sys::rtcNewScene(device.raw()) };
         device.check()?;
         if raw.is_null() {
             return Err(Error::Embree("the scene could not be created".into()));
@@ -160,7 +155,7 @@ impl SceneBuilder {
         const ITEM_BYTES: usize = 12;
         let device = &self.handle.device;
         // SAFETY: the device is live; the geometry is used only below and released after attaching.
-        let geometry = unsafe { sys::rtcNewGeometry(device.inner.raw, kind) };
+        let geometry = unsafe { sys::rtcNewGeometry(device.raw(), kind) };
         device.check()?;
         let fill = |buffer, format, bytes: &[u8]| {
             // SAFETY: Embree allocates `count * ITEM_BYTES` bytes (padded as it needs) and returns their address,
@@ -196,7 +191,7 @@ impl SceneBuilder {
     /// [`Error::Embree`] if Embree reports an error.
     pub fn add_instance(&mut self, scene: &CommittedScene, transform: Affine3A, index: u32) -> Result<()> {
         let device = &self.handle.device;
-        if !Arc::ptr_eq(&device.inner, &scene.handle.device.inner) {
+        if device.raw() != scene.handle.device.raw() {
             return Err(Error::Embree("the instanced scene belongs to another device".into()));
         }
         if self.grid.is_some() && scene.grid.is_some() {
@@ -205,7 +200,7 @@ impl SceneBuilder {
         self.grid = self.grid.take().or_else(|| scene.grid.clone());
         // SAFETY: the device is live; the geometry is used only below and released after attaching.
         let geometry = unsafe {
-            sys::rtcNewGeometry(device.inner.raw, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE)
+            sys::rtcNewGeometry(device.raw(), sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE)
         };
         device.check()?;
         let columns = transform.to_cols_array();
@@ -250,17 +245,6 @@ impl SceneBuilder {
         self.handle.device.check()?;
         Ok(CommittedScene { handle: Arc::new(self.handle), grid: self.grid })
     }
-}
-
-/// Keeps the threads of Embree's task scheduler (oneTBB) until the process ends, by a small device and scene of its own. Without them the
-/// scheduler ends its threads with the last device and the last thread that used it, and starts others for the next; a thread that is
-/// ended can then read freed memory (one crash in 800 test processes).
-fn keep_scheduler() {
-    static KEPT: OnceLock<Option<CommittedScene>> = OnceLock::new();
-    KEPT.get_or_init(|| {
-        let device = Device::new(1).ok()?;
-        SceneBuilder::started(&device).and_then(SceneBuilder::commit).ok()
-    });
 }
 
 /// Tells whether a commit shall stop.

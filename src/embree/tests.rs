@@ -196,6 +196,9 @@ fn scenes_outlive_the_device_handle_and_count_bytes() {
     let mut blocked = [0];
     scene.occluded(&[packet], &mut blocked);
     assert_eq!(blocked, [1]);
+    drop(scene);
+    // The next device is that one again, without its scenes.
+    assert_eq!(Device::new(1).unwrap().bytes(), 0);
 }
 
 #[test]
