@@ -199,9 +199,8 @@ impl SceneBuilder {
         }
         self.grid = self.grid.take().or_else(|| scene.grid.clone());
         // SAFETY: the device is live; the geometry is used only below and released after attaching.
-        let geometry = unsafe {
-            sys::rtcNewGeometry(device.raw(), sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE)
-        };
+        let geometry =
+            unsafe { sys::rtcNewGeometry(device.raw(), sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE) };
         device.check()?;
         let columns = transform.to_cols_array();
         // SAFETY: the geometry and both scenes are live; Embree copies the twelve floats and retains the instanced

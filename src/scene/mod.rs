@@ -262,6 +262,8 @@ pub struct Scene {
     pub(crate) stack_distances: stack::StackDistances,
     /// Parts of these triangles that were closed and consistently wound before the triangles were moved.
     pub(crate) wound_parts: HashSet<u32>,
+    /// Pairs of objects with overlapping faces in one plane, none of them of a body such as furniture; ascending.
+    pub(crate) contacts: Vec<[u32; 2]>,
     /// Repairs made while reading.
     pub(crate) repairs: Repairs,
     /// Files that were read: the scene, its material libraries, textures and buffers, placed luminaires; empty for generated scenes.

@@ -143,6 +143,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         environment: None,
         stack_distances: stacks.distances,
         wound_parts,
+        contacts: stacks.contacts,
         curved: None,
         fine_ground: None,
         suns: soup.suns,

@@ -33,6 +33,8 @@ pub(super) struct Stacks {
     pub distances: StackDistances,
     /// Parts of moved triangles that were closed and consistently wound before.
     pub wound: HashSet<u32>,
+    /// Pairs of objects with overlapping faces none of which is of a body; ascending.
+    pub contacts: Vec<[u32; 2]>,
 }
 
 /// Moves the lower one of each two overlapping triangles behind the upper one, in the order of their plane ([`PlaneOrder`]).
@@ -115,7 +117,20 @@ pub(super) fn stack(
     if positions.len() > before {
         drop_unused(positions, triangles, 0);
     }
-    Stacks { distances: distances(&levels, &mut stacks, &steps), wound }
+    Stacks { distances: distances(&levels, &mut stacks, &steps), wound, contacts: contacts(found, of, order) }
+}
+
+/// The pairs of objects with overlapping faces none of which is of a body.
+fn contacts(found: &[Overlap], of: &FaceProperties, order: &PlaneOrder) -> Vec<[u32; 2]> {
+    let objects = |&(s, t, _): &Overlap| {
+        let [a, b] = [s, t].map(|face| of.object[face as usize]);
+        let is_visible = [s, t].iter().all(|face| !order[face].rank.is_of_body());
+        (a != b && is_visible).then_some([a.min(b), a.max(b)])
+    };
+    let mut pairs: Vec<[u32; 2]> = found.iter().filter_map(objects).collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
 }
 
 /// The largest distance by which faces of the stack of each triangle were moved.

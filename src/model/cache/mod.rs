@@ -182,6 +182,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         environment: _,
         suns: _,
         instances: _,
+        contacts: _,
     } = scene;
     let mut hash = blake3::Hasher::new();
     let parts: [&[u8]; 7] = [

@@ -2,7 +2,8 @@
 //!
 //! Two or more nodes with one mesh become placements of a shared mesh. The triangles of a node are copied into the
 //! scene if its mesh emits or becomes an emitter by name (each emitter is a surface of its own), if its transform
-//! would falsify measurements of the mesh ([`MAX_STRETCH`]), or if the scene would have no triangles of its own.
+//! would falsify measurements of the mesh ([`MAX_STRETCH`]), if faces of it overlap in one plane with those of other nodes, such as
+//! the walls of a room that is placed side by side, or if the scene would have no triangles of its own.
 
 use super::{Reader, UniqueNames, lights::Placed, nodes::MeshNode};
 use crate::{
@@ -19,6 +20,10 @@ use crate::{
 use glam::{DAffine3, DMat3};
 use std::collections::{HashMap, HashSet};
 
+/// Largest number of triangles of a file with shared meshes among which faces in one plane are looked for: a quarter of a second (`mrvis info` of what
+/// `mrvis generate forest --instances --trees 100 --trunks` writes).
+const MAX_CONTACT_TRIANGLES: usize = 250_000;
+
 /// The scene of all nodes.
 pub(super) fn scene(
     reader: &mut Reader,
@@ -29,6 +34,7 @@ pub(super) fn scene(
     move_named(reader, document, nodes, options)?;
     let nodes = &*nodes;
     let mut plan = Plan::of(reader, document, nodes, options);
+    plan.copy_in_contact(reader, document, options);
     let shared = shared_meshes(reader, document, &mut plan, options);
     plan.report(reader);
     if !plan.uses.contains(&Use::Own) {
@@ -108,6 +114,8 @@ struct Plan<'a> {
     uses: Vec<Use>,
     /// Nodes copied because of their transform.
     stretched: usize,
+    /// Nodes copied because of faces in the plane of others.
+    in_contact: usize,
     /// Omitted nodes.
     repeated: usize,
 }
@@ -129,7 +137,8 @@ impl<'a> Plan<'a> {
         let emits: Vec<bool> = document.meshes().map(emits).collect();
         let mut total = vec![0; emits.len()];
         nodes.iter().for_each(|n| total[n.mesh] += 1);
-        let mut plan = Plan { nodes, uses: Vec::with_capacity(nodes.len()), stretched: 0, repeated: 0 };
+        let mut plan =
+            Plan { nodes, uses: Vec::with_capacity(nodes.len()), stretched: 0, in_contact: 0, repeated: 0 };
         for node in nodes {
             let used = if total[node.mesh] < 2 || emits[node.mesh] || named.contains(node.name.as_str()) {
                 Use::Own
@@ -142,15 +151,43 @@ impl<'a> Plan<'a> {
             plan.uses.push(used);
         }
         plan.omit_repeated();
-        let mut shared = vec![0; emits.len()];
-        let sharing = plan.uses.iter().zip(nodes).filter(|(used, _)| **used == Use::Shared);
-        sharing.for_each(|(_, node)| shared[node.mesh] += 1);
-        for (used, node) in plan.uses.iter_mut().zip(nodes) {
-            if *used == Use::Shared && shared[node.mesh] < 2 {
+        plan.copy_single();
+        plan
+    }
+
+    /// Copies the node of each mesh that a single node shares.
+    fn copy_single(&mut self) {
+        let mut shared = HashMap::<usize, u32>::new();
+        let sharing = self.uses.iter().zip(self.nodes).filter(|(used, _)| **used == Use::Shared);
+        sharing.for_each(|(_, node)| *shared.entry(node.mesh).or_default() += 1);
+        for (used, node) in self.uses.iter_mut().zip(self.nodes) {
+            if *used == Use::Shared && shared[&node.mesh] < 2 {
                 *used = Use::Own;
             }
         }
-        plan
+    }
+
+    /// Copies the nodes with faces in the plane of faces of other nodes: only faces of the scene's own are put in order.
+    fn copy_in_contact(&mut self, reader: &Reader, document: &gltf::Document, options: &LoadOptions) {
+        let shared = |used: &Use| *used == Use::Shared;
+        if !self.uses.iter().any(shared) || triangles(document, self.nodes) > MAX_CONTACT_TRIANGLES {
+            return;
+        }
+        let own = |used: &Use| if shared(used) { Use::Own } else { *used };
+        let all = Plan { uses: self.uses.iter().map(own).collect(), ..*self };
+        let Ok(scene) = own_soup(reader, document, &all).and_then(|soup| resolve_moved(soup, options)) else {
+            return;
+        };
+        let objects =
+            scene.contacts.iter().flatten().map(|&object| scene.objects[object as usize].name.as_str());
+        let in_contact: HashSet<&str> = objects.collect();
+        for (used, node) in self.uses.iter_mut().zip(self.nodes) {
+            if shared(used) && in_contact.contains(node.name.as_str()) {
+                *used = Use::Own;
+                self.in_contact += 1;
+            }
+        }
+        self.copy_single();
     }
 
     /// Omits nodes that share a mesh and have the transform of an earlier one.
@@ -184,7 +221,11 @@ impl<'a> Plan<'a> {
     /// Writes counts and messages of these decisions.
     fn report(&self, reader: &mut Reader) {
         let repairs = &mut reader.repairs;
-        repairs.copied_placements += self.stretched;
+        repairs.copied_placements += self.stretched + self.in_contact;
+        if self.in_contact > 0 {
+            let what = "place a shared mesh with faces in the plane of those of other nodes: their triangles were copied";
+            repairs.messages.push(format!("{} nodes {what}", self.in_contact));
+        }
         if self.stretched > 0 {
             let what = "place a shared mesh with shear or unequal scale: their triangles were copied";
             repairs.messages.push(format!("{} nodes {what}", self.stretched));
@@ -232,6 +273,16 @@ fn shared_meshes(
         }
     }
     found
+}
+
+/// About how many triangles the nodes have in all: corners of their meshes, which strips and fans use more than once.
+fn triangles(document: &gltf::Document, nodes: &[MeshNode]) -> usize {
+    let corners = |p: gltf::Primitive| {
+        p.indices().or_else(|| p.get(&gltf::Semantic::Positions)).map_or(0, |corners| corners.count())
+    };
+    let of_mesh: Vec<usize> =
+        document.meshes().map(|m| m.primitives().map(corners).sum::<usize>() / 3).collect();
+    nodes.iter().map(|node| of_mesh[node.mesh].max(1)).fold(0, usize::saturating_add)
 }
 
 /// The polygons of a mesh in its own coordinates, with the materials that it uses.

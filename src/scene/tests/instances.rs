@@ -326,6 +326,30 @@ fn matrices_that_mean_harm() {
     }
 }
 
+/// Only faces of the scene's own are put in order: nodes with overlapping faces in one plane are copied, others stay placements.
+#[test]
+fn nodes_with_faces_in_the_plane_of_others_are_copied() {
+    let nodes = |shift: f64, height: f64| {
+        let mut nodes = orchard();
+        for (name, x, z) in [("left", 0.0, 0.0), ("right", shift, 0.0), ("above", 0.0, height)] {
+            let node = json!({ "name": name, "mesh": 0, "translation": [20.0 + x, 0, z] });
+            nodes.as_array_mut().expect("nodes").push(node);
+        }
+        file(nodes)
+    };
+    let apart = read(&nodes(2.0, 0.01)).expect("squares edge to edge");
+    assert_eq!((apart.repairs.copied_placements, apart.placements.len()), (1, 3 + 3));
+    let overlapping = read(&nodes(1.9, 0.01)).expect("two overlapping squares");
+    assert_eq!((overlapping.repairs.copied_placements, overlapping.contacts.len()), (1 + 2, 1));
+    assert!(
+        overlapping
+            .repairs
+            .messages
+            .iter()
+            .any(|m| m.contains("2 nodes place a shared mesh with faces in the plane"))
+    );
+}
+
 #[test]
 fn ten_million_nodes() {
     let text = file(json!([{ "mesh": 1 }])).to_string();
