@@ -47,9 +47,12 @@ impl Edges {
         Edges(edges)
     }
 
-    /// For each edge its polygons, ascending.
-    pub fn faces(&self) -> impl Iterator<Item = impl Iterator<Item = u32> + '_> + '_ {
-        self.0.chunk_by(|a, b| a.0 == b.0).map(|run| run.iter().map(|&(_, polygon)| polygon))
+    /// Each edge with its polygons, ascending.
+    pub fn faces(&self) -> impl Iterator<Item = ([u32; 2], impl Iterator<Item = u32> + '_)> + '_ {
+        self.0.chunk_by(|a, b| a.0 == b.0).map(|run| {
+            let edge = [(run[0].0 >> 32) as u32, run[0].0 as u32];
+            (edge, run.iter().map(|&(_, polygon)| polygon))
+        })
     }
 }
 
@@ -65,15 +68,18 @@ pub(super) struct Parts {
 ///
 /// Where more than two faces meet, faces of different objects are separated: two bricks in contact along an edge are
 /// two closed solids. A solid whose faces belong to several objects (one per material, for example) is one part,
-/// because its edges have two faces.
-pub(super) fn parts(edges: &Edges, object: &[u32]) -> Parts {
+/// because its edges have two faces. Two faces of different objects on each other, of which `are_folded` tells by their edge, are separated: they are walls of
+/// two open boxes side by side.
+pub(super) fn parts(edges: &Edges, object: &[u32], are_folded: impl Fn([u32; 2], [u32; 2]) -> bool) -> Parts {
     let n = object.len();
     let (mut sets, mut open) = (Sets::new(n), vec![false; n]);
     let mut meeting = Vec::new();
-    for faces in edges.faces() {
+    for (edge, faces) in edges.faces() {
         meeting.clear();
         meeting.extend(faces);
-        if let [a, b] = meeting[..] {
+        if let [a, b] = meeting[..]
+            && (object[a as usize] == object[b as usize] || !are_folded(edge, [a, b]))
+        {
             sets.join(a, b);
             continue;
         }

@@ -26,11 +26,42 @@ struct Flat {
     border: Vec<[u32; 2]>,
     /// See [`lengths_before`].
     before: f32,
+    /// Length of all edges at which it continues before or behind its plane, scene units.
+    at_edges: f32,
+    /// The ends of the first of these edges.
+    first_edge: Option<[Vec3; 2]>,
+    /// Whether all of them lie on one straight line.
+    is_on_line: bool,
+}
+
+/// Smallest difference of the lengths before and behind a surface relative to their sum: the rounding of f32 in sums of a few hundred edges.
+const MIN_DIFFERENCE: f32 = 1e-4;
+
+impl Flat {
+    /// Adds an edge, with 1 if the surface continues before its plane there and -1 behind it.
+    fn continue_at(&mut self, edge: [Vec3; 2], sign: f32) {
+        let length = edge[0].distance(edge[1]);
+        self.before += sign * length;
+        self.at_edges += sign.abs() * length;
+        if sign != 0.0 {
+            let [start, end] = *self.first_edge.get_or_insert(edge);
+            let along = (end - start).normalize_or_zero();
+            let distance = largest_distance(&Aabb::of(edge.into_iter().chain([start, end]))) as f32;
+            let is_near = |p: Vec3| (p - start).reject_from_normalized(along).length() <= distance;
+            self.is_on_line &= edge.into_iter().all(is_near);
+        }
+    }
+
+    /// See [`lengths_before`].
+    fn length_before(&self) -> f32 {
+        let differs = self.before.abs() > MIN_DIFFERENCE * self.at_edges;
+        if differs && !self.is_on_line { self.before } else { 0.0 }
+    }
 }
 
 /// For each of some triangles, the length of the edges at which the flat surface that it belongs to continues before its plane, less that of the edges at which
 /// it continues behind it, scene units. Surfaces continue where the order of the corners is consistent: with triangles that share an edge, or else with those
-/// on whose edges their borders lie.
+/// on whose edges their borders lie. Edges on one straight line do not count: a terrace that touches a pool there is none of its walls.
 pub(super) fn lengths_before(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, f32> {
     let mut seeds: Vec<u32> = of.iter().copied().collect();
     seeds.sort_unstable();
@@ -45,7 +76,8 @@ pub(super) fn lengths_before(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, f
         }
     }
     add_contacts(&mut flats, faces);
-    flats.iter().flat_map(|flat| flat.triangles.iter().map(|&t| (t, flat.before))).collect()
+    let length = |flat: &Flat| flat.length_before();
+    flats.iter().flat_map(|flat| flat.triangles.iter().map(|&t| (t, length(flat)))).collect()
 }
 
 /// The edges of all triangles of the parts of some triangles, ascending, with their triangles.
@@ -63,23 +95,28 @@ fn edges_of_parts(seeds: &[u32], faces: &Faces) -> Vec<([u32; 2], u32)> {
 fn flat(seed: u32, at_edge: &[([u32; 2], u32)], faces: &Faces) -> Flat {
     let [start, b, c] = corners(faces, seed);
     let normal = triangle_normal(start, b, c);
-    let part = |t: u32| faces.properties.part(t);
-    let mut flat = Flat { start, normal, triangles: vec![seed], border: Vec::new(), before: 0.0 };
+    let mut flat = Flat {
+        start,
+        normal,
+        triangles: vec![seed],
+        border: Vec::new(),
+        before: 0.0,
+        at_edges: 0.0,
+        first_edge: None,
+        is_on_line: true,
+    };
     let (mut known, mut next) = (HashSet::from([seed]), 0);
     while let Some(&t) = flat.triangles.get(next) {
         next += 1;
         for [v, w] in edges(faces, t) {
-            let first = at_edge.partition_point(|(edge, _)| *edge < [w, v]);
-            let of_edge =
-                || at_edge[first..].iter().take_while(|(edge, _)| *edge == [w, v]).take(MAX_AT_EDGE);
-            let beyond = || of_edge().filter(|(_, u)| part(*u) == part(seed));
-            if beyond().next().is_none() {
+            let mut beyond = neighbours(at_edge, [v, w], faces.properties.part(seed), faces).peekable();
+            if beyond.peek().is_none() {
                 flat.border.push([v, w]);
             }
-            for &(_, u) in beyond() {
+            for u in beyond {
                 match height(&flat, u, faces) {
                     0.0 if normal_of(faces, u).dot(normal) > 0.0 && known.insert(u) => flat.triangles.push(u),
-                    height => flat.before += length(faces, [v, w]) * sign(height),
+                    height => flat.continue_at([v, w].map(|v| position(faces, v)), sign(height)),
                 }
             }
         }
@@ -95,9 +132,21 @@ struct Middle {
     flat: usize,
 }
 
-/// Adds the lengths of borders that lie on edges of other triangles, for surfaces that no triangle at their own edges continues.
+/// A border of a surface that lies on an edge of a triangle of another part.
+struct Contact {
+    /// Place of the surface in the list.
+    flat: usize,
+    border: [u32; 2],
+    /// 1 if the triangle lies before the surface, -1 behind it.
+    sign: f32,
+    t: u32,
+    edge: [u32; 2],
+}
+
+/// Adds the lengths of borders that lie on edges without neighbours of other triangles, for surfaces that no triangle at their own edges continues. Edges of closed
+/// boxes do not count: a rug as large as the box that it lies on is not a face of the box.
 fn add_contacts(flats: &mut [Flat], faces: &Faces) {
-    let alone = flats.iter().enumerate().filter(|(_, flat)| flat.before == 0.0);
+    let alone = flats.iter().enumerate().filter(|(_, flat)| flat.length_before() == 0.0);
     let middle = |k: usize, [v, w]: [u32; 2]| {
         let at = 0.5 * (position(faces, v) + position(faces, w));
         Middle { at, border: [v, w], flat: k }
@@ -124,19 +173,34 @@ fn add_contacts(flats: &mut [Flat], faces: &Faces) {
     let flats_before: &[Flat] = flats;
     let contacts = |(t, near, bounds): (u32, &[Middle], Aabb)| {
         let distance = largest_distance(&bounds) as f32;
-        let touches = |of: &&Middle| {
-            bounds.distance(of.at) <= distance
-                && edges(faces, t).into_iter().any(|edge| lies_on(faces, of.at, of.border, edge, distance))
-        };
-        let length = |of: &Middle| {
+        let contact = |of: &Middle| {
+            let is_near = bounds.distance(of.at) <= distance;
+            let touches = |edge: &[u32; 2]| is_near && lies_on(faces, of.at, of.border, *edge, distance);
+            let edge = edges(faces, t).into_iter().find(touches)?;
             let sign = sign(height(&flats_before[of.flat], t, faces));
-            (of.flat, length(faces, of.border) * sign)
+            Some(Contact { flat: of.flat, border: of.border, sign, t, edge })
         };
-        near.iter().filter(touches).map(length).collect::<Vec<_>>()
+        near.iter().filter_map(contact).collect::<Vec<_>>()
     };
-    let found: Vec<(usize, f32)> =
-        all().filter(|(_, near, _)| !near.is_empty()).flat_map_iter(contacts).collect();
-    found.into_iter().for_each(|(k, length)| flats[k].before += length);
+    let found: Vec<Contact> = all().filter(|(_, near, _)| !near.is_empty()).flat_map_iter(contacts).collect();
+    let at_edge = edges_of_parts(&found.iter().map(|of| of.t).collect::<Vec<_>>(), faces);
+    let is_open =
+        |of: &&Contact| neighbours(&at_edge, of.edge, faces.properties.part(of.t), faces).next().is_none();
+    for of in found.iter().filter(is_open) {
+        flats[of.flat].continue_at(of.border.map(|v| position(faces, v)), of.sign);
+    }
+}
+
+/// The triangles of a part beyond an edge of one of its triangles, from the edges of its triangles.
+fn neighbours<'a>(
+    at_edge: &'a [([u32; 2], u32)],
+    [v, w]: [u32; 2],
+    part: u32,
+    faces: &'a Faces,
+) -> impl Iterator<Item = u32> + 'a {
+    let first = at_edge.partition_point(|(edge, _)| *edge < [w, v]);
+    let of_edge = at_edge[first..].iter().take_while(move |(edge, _)| *edge == [w, v]).take(MAX_AT_EDGE);
+    of_edge.map(|&(_, t)| t).filter(move |&t| faces.properties.part(t) == part)
 }
 
 /// Whether the middle of a border lies on an edge that runs in the opposite direction.
@@ -165,10 +229,6 @@ fn sign(height: f32) -> f32 {
 
 fn position(faces: &Faces, v: u32) -> Vec3 {
     faces.positions[v as usize]
-}
-
-fn length(faces: &Faces, [v, w]: [u32; 2]) -> f32 {
-    position(faces, v).distance(position(faces, w))
 }
 
 fn corners(faces: &Faces, t: u32) -> [Vec3; 3] {

@@ -31,8 +31,8 @@ pub(super) enum PartKind {
 
 impl PartShape {
     /// Whether two faces of parts of these shapes in one plane, `alike` if they face the same way, are the sides of a wall: of two rooms, also if the normals of
-    /// one or both point out, or of a room and the facade around it. A cupboard's back and the wall that it touches are not, nor are two boxes on each other
-    /// without a lamp in one of them: the gap between them would be refined in vain.
+    /// one or both point out, or of a room and the facade around it, or of a room and a cupboard in it. Two boxes on each other without a lamp in one of
+    /// them are not: the gap between them would be refined in vain.
     pub fn share_wall(&self, other: &PartShape, alike: bool) -> bool {
         match (self.kind, other.kind) {
             (PartKind::Sheet, _) | (_, PartKind::Sheet) => false,
@@ -42,7 +42,7 @@ impl PartShape {
                 let gap = GAP * self.bounds.union(other.bounds).magnitude();
                 !alike && (self.is_lit_inside || other.is_lit_inside) && gap <= MAX_GAP * size
             }
-            (PartKind::Solid, PartKind::Room) => self.is_lit_inside || !alike && self.encloses(other),
+            (PartKind::Solid, PartKind::Room) => self.is_lit_inside || !alike,
             (PartKind::Room, PartKind::Solid) => other.share_wall(self, alike),
         }
     }

@@ -31,13 +31,16 @@ pub(super) struct Place {
     /// The normal of the plane.
     pub axis: Vec3,
     pub rank: Rank,
-    /// Area of the face's part, scene units squared; that of facades and grounds, which lie behind all faces of rooms, is infinite.
-    area: f64,
+    /// Area of the face's part, scene units squared, after that of the largest room outside of which it lies, or infinity for facades: these lie behind all faces
+    /// of rooms.
+    areas: [f64; 2],
     /// Whether walls of rooms lie in the plane.
     has_walls: bool,
     /// Whether the face belongs to an open body: of two boxes in each other, the smaller one is the inner one.
     is_open_body: bool,
     is_sheet: bool,
+    /// Whether the front is not the side on which it is visible.
+    is_turned: bool,
 }
 
 /// Faces of lower ranks lie before those of higher ones.
@@ -62,8 +65,10 @@ impl Rank {
 impl Place {
     /// Order of the faces at two places of one plane: by rank, then the smaller ones towards those who see them; of equal ones the later in the file.
     pub fn compare(&self, index: u32, other: &Place, index_of_other: u32) -> Ordering {
-        let signed = |of: &Place| if of.is_open_body { -of.area } else { of.area };
-        let by_area = self.is_open_body.cmp(&other.is_open_body).then(signed(self).total_cmp(&signed(other)));
+        let signed = |of: &Place| of.areas.map(|area| if of.is_open_body { -area } else { area });
+        let [a, b] = [signed(self), signed(other)];
+        let by_area = other.is_open_body.cmp(&self.is_open_body);
+        let by_area = by_area.then(a[0].total_cmp(&b[0])).then(a[1].total_cmp(&b[1]));
         let by_area = by_area.then(index_of_other.cmp(&index));
         let is_reversed = matches!(self.rank, Rank::BodyBefore | Rank::Back);
         self.rank.cmp(&other.rank).then(if is_reversed { by_area.reverse() } else { by_area })
@@ -78,7 +83,7 @@ pub(super) type PlaneOrder = HashMap<u32, Place>;
 pub(super) fn may_hide(order: &PlaneOrder, s: u32, t: u32, alike: bool) -> bool {
     let [s, t] = [&order[&s], &order[&t]];
     let are_visible = s.rank == t.rank || !s.has_walls && (s.rank.is_of_body() || t.rank.is_of_body());
-    are_visible && (alike || s.is_sheet && t.is_sheet)
+    are_visible && (alike || [s, t].iter().any(|of| of.is_sheet && of.is_turned))
 }
 
 /// Kind of a face in a plane, with the normal of the side on which it is visible or, for bodies, on which the body lies.
@@ -224,6 +229,9 @@ impl<'a> Planes<'a> {
         for t in self.grounds_by_edges(&kinds) {
             kinds.insert(t, Kind::Sheet);
         }
+        for t in self.glowing_boxes_on_sheets(&kinds) {
+            kinds.insert(t, Kind::Body(-self.normal(t)));
+        }
         let fixed = self.sides_of_sheets(&kinds, &before).into_iter().chain(self.bodies_around_rooms(&kinds));
         fixed.collect::<Vec<_>>().into_iter().for_each(|t| {
             kinds.insert(t, Kind::Fixed(self.normal(t)));
@@ -273,6 +281,24 @@ impl<'a> Planes<'a> {
         grounds.map(|(&sheet, _)| sheet).collect()
     }
 
+    /// The faces of closed boxes that glow on all sides and stand on sheets, such as a lamp on a table. Those in walls of rooms, or in sheets that face the same way,
+    /// are recessed.
+    fn glowing_boxes_on_sheets(&self, kinds: &HashMap<u32, Kind>) -> Vec<u32> {
+        let glows = |t: u32| self.of.emitter[t as usize] != u32::MAX;
+        let stands = |t: &u32| {
+            let faces =
+                |u: &u32| matches!(kinds[u], Kind::Sheet) && self.normal(*t).dot(self.normal(*u)) < 0.0;
+            glows(*t) && !self.of.is_two_sided(*t) && self.neighbours[t].iter().all(faces)
+        };
+        let mut standing: Vec<u32> = self.neighbours.keys().copied().filter(stands).collect();
+        if !standing.is_empty() {
+            let dark = (0..self.faces.triangles.len() as u32).filter(|&t| !glows(t));
+            let dark: HashSet<u32> = dark.map(|t| self.of.part(t)).collect();
+            standing.retain(|&t| !dark.contains(&self.of.part(t)));
+        }
+        standing
+    }
+
     /// The faces of solids beyond walls of rooms in these solids.
     fn bodies_around_rooms(&self, kinds: &HashMap<u32, Kind>) -> Vec<u32> {
         let is_around = |body: u32, wall: u32| match (kinds[&body], kinds[&wall]) {
@@ -286,9 +312,8 @@ impl<'a> Planes<'a> {
         pairs.filter(|&(body, wall)| is_around(body, wall)).map(|(body, _)| body).collect()
     }
 
-    /// The side from which a sheet is visible, by the walls, facades and lamps that it overlaps with, and whether it is a ground, outside of their rooms; `None` if it
-    /// overlaps with none.
-    fn side_of_sheet(&self, t: u32, kinds: &HashMap<u32, Kind>) -> Option<(Vec3, bool)> {
+    /// The side from which a sheet is visible, by the walls, facades and lamps that it overlaps with; `None` if it overlaps with none.
+    fn side_of_sheet(&self, t: u32, kinds: &HashMap<u32, Kind>) -> Option<Vec3> {
         let neighbours = || self.neighbours[&t].iter();
         let is_facade = |u: &u32| self.facades.contains(&self.of.part(*u));
         let by_wall = |u: &u32| match kinds[u] {
@@ -303,13 +328,20 @@ impl<'a> Planes<'a> {
             let mut sides = neighbours().filter_map(side);
             let first = sides.next()?;
             // Between walls of two rooms it lies on its own side.
-            Some((if sides.all(|side| side.dot(first) > 0.0) { first } else { self.normal(t) }, false))
+            Some(if sides.all(|side| side.dot(first) > 0.0) { first } else { self.normal(t) })
         };
         let is_ground = || neighbours().any(|u| matches!(kinds[u], Kind::Wall(_)));
         agreed(&by_wall)
-            .or_else(|| is_ground().then(|| (self.normal(t), true)))
+            .or_else(|| is_ground().then(|| self.normal(t)))
             .or_else(|| agreed(&|u| by_fixed(u).filter(|_| is_facade(u))))
             .or_else(|| agreed(&by_fixed))
+    }
+
+    /// Area beyond that of the largest room outside of which a sheet lies, scene units squared.
+    fn area_inside(&self, t: u32, kinds: &HashMap<u32, Kind>) -> f64 {
+        let is_inside = |u: &&u32| matches!(kinds[*u], Kind::Wall(_)) && self.is_ground_of(t, **u);
+        let areas = self.neighbours[&t].iter().filter(is_inside).map(|&u| self.of.shape(u).area.next_up());
+        areas.fold(0.0, f64::max)
     }
 
     /// Whether a sheet is outside of the room of a wall: it is larger than the faces of the room that it overlaps with, and extends beyond the room.
@@ -333,24 +365,22 @@ impl<'a> Planes<'a> {
         };
         members.sort_by(|&s, &t| area(s).total_cmp(&area(t)).then(t.cmp(&s)));
         let is_sheet = |t: &&u32| matches!(kinds[*t], Kind::Sheet);
-        let default = members.iter().rfind(is_sheet).map(|&largest| {
-            self.side_of_sheet(largest, kinds).map_or_else(|| self.normal(largest), |(side, _)| side)
-        });
-        /// A face, the side on which it is visible or its body lies, and its area.
+        let default = members
+            .iter()
+            .rfind(is_sheet)
+            .map(|&largest| self.side_of_sheet(largest, kinds).unwrap_or_else(|| self.normal(largest)));
+        /// A face and the side on which it is visible or its body lies.
         struct Member {
             t: u32,
             side: Vec3,
             is_body: bool,
-            area: f64,
         }
         let member = |&t: &u32| match kinds[&t] {
-            Kind::Wall(side) | Kind::Fixed(side) => Member { t, side, is_body: false, area: area(t) },
-            Kind::Body(side) => Member { t, side, is_body: true, area: area(t) },
+            Kind::Wall(side) | Kind::Fixed(side) => Member { t, side, is_body: false },
+            Kind::Body(side) => Member { t, side, is_body: true },
             Kind::Sheet => {
-                let (side, is_ground) = self
-                    .side_of_sheet(t, kinds)
-                    .unwrap_or_else(|| (default.unwrap_or_else(|| self.normal(t)), false));
-                Member { t, side, is_body: false, area: if is_ground { f64::INFINITY } else { area(t) } }
+                let side = self.side_of_sheet(t, kinds).or(default).unwrap_or_else(|| self.normal(t));
+                Member { t, side, is_body: false }
             }
         };
         let has_walls = members.iter().any(|t| matches!(kinds[t], Kind::Wall(_)));
@@ -358,7 +388,7 @@ impl<'a> Planes<'a> {
         // The front is where the smallest face is visible.
         let visible = members.iter().find(|of| !of.is_body);
         let axis = visible.map_or(-members[0].side, |of| of.side);
-        for Member { t, side, is_body, area } in members {
+        for Member { t, side, is_body } in members {
             let rank = match (is_body, side.dot(axis) > 0.0) {
                 (true, true) => Rank::BodyBefore,
                 (false, true) => Rank::Front,
@@ -369,10 +399,11 @@ impl<'a> Planes<'a> {
                 plane: start,
                 axis,
                 rank,
-                area,
+                areas: [area(t).max(if is_sheet(&&t) { self.area_inside(t, kinds) } else { 0.0 }), area(t)],
                 has_walls,
                 is_open_body: is_body && self.of.is_two_sided(t),
                 is_sheet: is_sheet(&&t),
+                is_turned: self.normal(t).dot(side) < 0.0,
             };
             order.insert(t, place);
         }

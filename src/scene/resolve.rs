@@ -198,7 +198,7 @@ fn faces_and_parts(
     // A broken polygon leaves a hole, so its edges do not count. A polygon without area leaves none, so they count.
     let edges =
         Edges::of((0..kept.polygon.len()).map(|i| if broken[i] { &[] } else { &kept.corners[kept.span(i)] }));
-    let parts = connect::parts(&edges, &kept.object);
+    let parts = connect::parts(&edges, &kept.object, |edge, pair| are_folded(kept, positions, edge, pair));
     if faces.triangles.is_empty() {
         return Err(empty(soup, repairs));
     }
@@ -206,6 +206,22 @@ fn faces_and_parts(
         divide(&mut faces, &parts, positions, soup, repairs);
     }
     Ok((faces, edges, parts))
+}
+
+/// Largest distance between the unit vectors from an edge into two polygons that lie on each other: .006 degrees, which nobody models.
+const MAX_FOLD: f32 = 1e-4;
+
+/// Whether two polygons lie on the same side of a common edge, in one plane.
+fn are_folded(kept: &KeptPolygons, positions: &[Vec3], edge: [u32; 2], pair: [u32; 2]) -> bool {
+    let [start, end] = edge.map(|v| positions[v as usize]);
+    let along = (end - start).normalize_or_zero();
+    let into = |polygon: u32| {
+        let corners = kept.corners[kept.span(polygon as usize)].iter();
+        let beyond = corners.map(|&v| (positions[v as usize] - start).reject_from_normalized(along));
+        beyond.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
+    };
+    let [a, b] = pair.map(|polygon| into(polygon).unwrap_or_default().normalize_or_zero());
+    a != Vec3::ZERO && a.distance(b) < MAX_FOLD
 }
 
 fn check_sides(options: &LoadOptions) -> Result<()> {
@@ -339,10 +355,11 @@ fn group_emitters(
     let mut sets = Sets::new(polygons);
     if material.iter().any(|&m| m != u32::MAX) {
         let mut bright = Vec::new();
-        for edge in edges.faces() {
+        for (_, faces) in edges.faces() {
             bright.clear();
             bright.extend(
-                edge.filter_map(|f| material.get(f as usize).map(|&m| (m, f)))
+                faces
+                    .filter_map(|f| material.get(f as usize).map(|&m| (m, f)))
                     .filter(|&(m, _)| m != u32::MAX),
             );
             bright.sort_unstable();
