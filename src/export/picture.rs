@@ -7,7 +7,7 @@ use crate::Result;
 use crate::image_io::{Picture, linear_to_srgb};
 use crate::points::Point;
 use crate::progress::Progress;
-use crate::radiosity::mesh::RadiosityMesh;
+use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::scene::{Scene, StoredCamera};
 use glam::{DVec3, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
@@ -102,9 +102,23 @@ pub fn suitable_lightmap(
 
 /// Tone-mapped colours of light.
 pub fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
-    let tone = Tone::of(light.iter().copied());
+    developed_with(Tone::of(light.iter().copied()), width, light)
+}
+
+fn developed_with(tone: Tone, width: usize, light: &[[f32; 3]]) -> Picture {
     let pixels = light.par_iter().map(|&r| tone.srgb(r)).collect();
     Picture { width, height: light.len() / width.max(1), pixels }
+}
+
+/// Luminance of the light that rounding of coordinates lets pass between touching walls, W/(m² sr): the mean luminance of the surfaces times the spacing of f32. A
+/// room in which there is no more than that is dark.
+fn luminance_of_rounding(solution: &RadiosityMesh) -> f32 {
+    let of = |sum: (f64, f64), e: &Element| {
+        let radiance = e.radiosity.map(|v| (v / std::f64::consts::PI) as f32);
+        (sum.0 + e.area * f64::from(luminance(radiance)), sum.1 + e.area)
+    };
+    let (light, area) = solution.elements.iter().fold((0.0, f64::MIN_POSITIVE), of);
+    f32::EPSILON * (light / area) as f32
 }
 
 /// Brightness of the screen, of 1, above which a face is bright: tone mapping leaves little of what the samples of a pixel on its edge
@@ -116,10 +130,16 @@ const MIN_EDGE_RATIO: f32 = 2.0;
 
 /// The tone-mapped picture of a camera. On the edges of bright faces the colours of samples are averaged, not their light: a lamp
 /// that is a hundred times brighter than white would fill all pixels that it touches.
-fn smoothly_developed(stage: &Stage, camera: &Camera, size: [usize; 2], frame: &Frame) -> Picture {
+fn smoothly_developed(
+    stage: &Stage,
+    solution: &RadiosityMesh,
+    camera: &Camera,
+    size: [usize; 2],
+    frame: &Frame,
+) -> Picture {
     let light = &frame.radiance;
-    let mut picture = developed(size[0], light);
-    let tone = Tone::of(light.iter().copied());
+    let tone = Tone::above(luminance_of_rounding(solution), light.iter().copied());
+    let mut picture = developed_with(tone, size[0], light);
     let [columns, rows] = size;
     let is_edge = |k: usize| {
         let (x, y) = (k % columns, k / columns);
@@ -161,7 +181,7 @@ impl PageView {
         };
         PageView {
             name: camera.name.clone(),
-            picture: smoothly_developed(stage, camera, size, frame),
+            picture: smoothly_developed(stage, solution, camera, size, frame),
             seen: frame.first.iter().map(seen).collect(),
         }
     }
@@ -172,6 +192,8 @@ impl PageView {
 pub struct Tone {
     scale: f32,
     white: f32,
+    /// Largest luminance that is shown as black.
+    black: f32,
 }
 
 /// Luminance that the logarithmic mean is mapped to, of 1: Reinhard et al. 2002 (section 3.1) vary it from 0.18 up to
@@ -186,22 +208,30 @@ impl Tone {
     /// The curve for light like `values` (linear RGB, any unit); black values are ignored. If all but [`MIN_LIT`] of them are black,
     /// light of 1 is shown as 0.5.
     pub fn of(values: impl IntoIterator<Item = [f32; 3]>) -> Tone {
+        Tone::above(0.0, values)
+    }
+
+    /// [`Tone::of`], where values of at most the luminance `black` are black.
+    pub(super) fn above(black: f32, values: impl IntoIterator<Item = [f32; 3]>) -> Tone {
         let mut count = 0;
         let counted = values.into_iter().inspect(|_| count += 1);
-        let mut lit: Vec<f32> = counted.map(luminance).filter(|l| l.is_finite() && *l > 0.0).collect();
+        let mut lit: Vec<f32> = counted.map(luminance).filter(|l| l.is_finite() && *l > black).collect();
         if lit.len() as f64 <= MIN_LIT * f64::from(count) {
-            return Tone { scale: 1.0, white: 1.0 };
+            return Tone { scale: 1.0, white: 1.0, black };
         }
         let logs: f64 = lit.iter().map(|l| f64::from(*l).ln()).sum();
         let scale = KEY / (logs / lit.len() as f64).exp() as f32;
         lit.par_sort_unstable_by(f32::total_cmp);
         // The brightest 2 % are emitters and may be white.
         let bright = lit[(lit.len() * 98 / 100).min(lit.len() - 1)] * scale;
-        Tone { scale, white: bright.max(1.0) }
+        Tone { scale, white: bright.max(1.0), black }
     }
 
     /// Linear RGB in `[0, 1]` for display.
     pub fn linear(self, rgb: [f32; 3]) -> [f32; 3] {
+        if luminance(rgb) <= self.black {
+            return [0.0; 3];
+        }
         let l = luminance(rgb) * self.scale;
         let shown = (1.0 + l / (self.white * self.white)) / (1.0 + l);
         rgb.map(|v| (v * self.scale * shown).clamp(0.0, 1.0))

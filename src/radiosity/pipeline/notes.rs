@@ -46,10 +46,16 @@ pub fn imbalance(ledger: &Ledger, estimate: Option<f64>, options: &Options) -> O
     let part = ledger.created / ledger.emitted;
     let asked = options.target_error.unwrap_or(options.error);
     let allowed = estimate.unwrap_or(0.0).min(asked).max(MAX_IMBALANCE);
+    // For points alone, leaves have a few rays each, whatever the error.
+    let cure = match options.elements {
+        true => "a smaller ⟨error⟩ or ⟨min_area⟩ brings it down",
+        false => {
+            "points have rays of their own; outputs of surfaces, such as meshes and pictures, balance it"
+        }
+    };
     (part.abs() > allowed).then(|| {
         format!(
-            "the energy does not balance: {:.1} % of the emitted power {}, more than the {:.1} % that the error allows; a smaller ⟨error⟩ or \
-             ⟨min_area⟩ brings it down",
+            "the energy does not balance: {:.1} % of the emitted power {}, more than the {:.1} % that the error allows; {cure}",
             100.0 * part.abs(),
             if part > 0.0 { "arrives without having been sent" } else { "is lost on its way" },
             100.0 * allowed
