@@ -1,8 +1,9 @@
 //! Where flat surfaces of overlapping faces continue at their edges: before or behind their plane.
 
+use super::connect::Sets;
 use super::magnitudes::largest_distance;
 use super::overlap::Faces;
-use crate::math::{Aabb, triangle_normal};
+use crate::math::{Aabb, triangle_area, triangle_normal};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
@@ -22,47 +23,76 @@ struct Flat {
     start: Vec3,
     normal: Vec3,
     triangles: Vec<u32>,
-    /// Edges without a neighbour, in the order of the corners.
-    border: Vec<[u32; 2]>,
-    /// See [`lengths_before`].
+    /// The edges beyond which it has no triangle.
+    outline: Vec<OutlineEdge>,
+}
+
+/// An edge of a flat surface.
+struct OutlineEdge {
+    /// In the order of the corners.
+    ends: [u32; 2],
+    /// Scene units.
+    length: f32,
+    /// Number of triangles with this edge before the plane, less that behind it.
     before: f32,
-    /// Length of all edges at which it continues before or behind its plane, scene units.
-    at_edges: f32,
-    /// The ends of the first of these edges.
-    first_edge: Option<[Vec3; 2]>,
-    /// Whether all of them lie on one straight line.
-    is_on_line: bool,
+    /// Whether no triangle of the part shares it.
+    is_border: bool,
 }
 
 /// Smallest difference of the lengths before and behind a surface relative to their sum: the rounding of f32 in sums of a few hundred edges.
 const MIN_DIFFERENCE: f32 = 1e-4;
 
+/// Smallest part of the longest outline of a surface at which it continues, as walls and floors of rooms and boxes do. Less is a flap, as paving that touches a house
+/// along one line. Outlines of windows are shorter.
+const MIN_CONTINUED: f32 = 0.5;
+
 impl Flat {
-    /// Adds an edge, with 1 if the surface continues before its plane there and -1 behind it.
-    fn continue_at(&mut self, edge: [Vec3; 2], sign: f32) {
-        let length = edge[0].distance(edge[1]);
-        self.before += sign * length;
-        self.at_edges += sign.abs() * length;
-        if sign != 0.0 {
-            let [start, end] = *self.first_edge.get_or_insert(edge);
-            let along = (end - start).normalize_or_zero();
-            let distance = largest_distance(&Aabb::of(edge.into_iter().chain([start, end]))) as f32;
-            let is_near = |p: Vec3| (p - start).reject_from_normalized(along).length() <= distance;
-            self.is_on_line &= edge.into_iter().all(is_near);
+    fn continued(&self, faces: &Faces) -> Continued {
+        let lengths = |part: fn(&OutlineEdge) -> f32| self.outline.iter().map(part).sum::<f32>();
+        let length = lengths(|edge| edge.before * edge.length);
+        let differs = length.abs() > MIN_DIFFERENCE * lengths(|edge| edge.before.abs() * edge.length);
+        if self.is_flap() {
+            let area = |&t: &u32| {
+                let [a, b, c] = corners(faces, t);
+                triangle_area(a, b, c)
+            };
+            return Continued { length: 0.0, flap: Some(self.triangles.iter().map(area).sum()) };
         }
+        Continued { length: if differs { length } else { 0.0 }, flap: None }
     }
 
-    /// See [`lengths_before`].
-    fn length_before(&self) -> f32 {
-        let differs = self.before.abs() > MIN_DIFFERENCE * self.at_edges;
-        if differs && !self.is_on_line { self.before } else { 0.0 }
+    fn is_flap(&self) -> bool {
+        let mut numbers = HashMap::<u32, u32>::new();
+        for v in self.outline.iter().flat_map(|edge| edge.ends) {
+            let next = numbers.len() as u32;
+            numbers.entry(v).or_insert(next);
+        }
+        let mut sets = Sets::new(numbers.len());
+        self.outline.iter().for_each(|edge| sets.join(numbers[&edge.ends[0]], numbers[&edge.ends[1]]));
+        // By connected outline, its length and that of the edges at which the surface continues.
+        let mut lengths = vec![[0.0; 2]; numbers.len()];
+        for edge in &self.outline {
+            let [all, continued] = &mut lengths[sets.root(numbers[&edge.ends[0]]) as usize];
+            *all += edge.length;
+            *continued += if edge.before == 0.0 { 0.0 } else { edge.length };
+        }
+        let longest = lengths.into_iter().max_by(|a, b| a[0].total_cmp(&b[0]));
+        longest.is_none_or(|[all, continued]| continued <= MIN_CONTINUED * all)
     }
 }
 
-/// For each of some triangles, the length of the edges at which the flat surface that it belongs to continues before its plane, less that of the edges at which
-/// it continues behind it, scene units. Surfaces continue where the order of the corners is consistent: with triangles that share an edge, or else with those
-/// on whose edges their borders lie. Edges on one straight line do not count: a terrace that touches a pool there is none of its walls.
-pub(super) fn lengths_before(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, f32> {
+/// How the flat surface of a triangle continues at its edges: with triangles that share an edge, or else with those on whose edges its borders lie. Surfaces continue
+/// where the order of the corners is consistent.
+#[derive(Clone, Copy)]
+pub(super) struct Continued {
+    /// The length of the edges at which it continues before its plane, less that of the edges at which it continues behind it, scene units; 0 for flaps.
+    pub length: f32,
+    /// The area of a flap ([`MIN_CONTINUED`]), scene units squared.
+    pub flap: Option<f64>,
+}
+
+/// How the flat surfaces of some triangles continue.
+pub(super) fn continuations(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, Continued> {
     let mut seeds: Vec<u32> = of.iter().copied().collect();
     seeds.sort_unstable();
     let at_edge = edges_of_parts(&seeds, faces);
@@ -76,8 +106,11 @@ pub(super) fn lengths_before(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, f
         }
     }
     add_contacts(&mut flats, faces);
-    let length = |flat: &Flat| flat.length_before();
-    flats.iter().flat_map(|flat| flat.triangles.iter().map(|&t| (t, length(flat)))).collect()
+    let of_flat = |flat: &Flat| {
+        let continued = flat.continued(faces);
+        flat.triangles.iter().map(|&t| (t, continued)).collect::<Vec<_>>()
+    };
+    flats.iter().flat_map(of_flat).collect()
 }
 
 /// The edges of all triangles of the parts of some triangles, ascending, with their triangles.
@@ -95,29 +128,27 @@ fn edges_of_parts(seeds: &[u32], faces: &Faces) -> Vec<([u32; 2], u32)> {
 fn flat(seed: u32, at_edge: &[([u32; 2], u32)], faces: &Faces) -> Flat {
     let [start, b, c] = corners(faces, seed);
     let normal = triangle_normal(start, b, c);
-    let mut flat = Flat {
-        start,
-        normal,
-        triangles: vec![seed],
-        border: Vec::new(),
-        before: 0.0,
-        at_edges: 0.0,
-        first_edge: None,
-        is_on_line: true,
-    };
+    let mut flat = Flat { start, normal, triangles: vec![seed], outline: Vec::new() };
     let (mut known, mut next) = (HashSet::from([seed]), 0);
     while let Some(&t) = flat.triangles.get(next) {
         next += 1;
-        for [v, w] in edges(faces, t) {
-            let mut beyond = neighbours(at_edge, [v, w], faces.properties.part(seed), faces).peekable();
-            if beyond.peek().is_none() {
-                flat.border.push([v, w]);
-            }
-            for u in beyond {
-                match height(&flat, u, faces) {
-                    0.0 if normal_of(faces, u).dot(normal) > 0.0 && known.insert(u) => flat.triangles.push(u),
-                    height => flat.continue_at([v, w].map(|v| position(faces, v)), sign(height)),
+        for ends in edges(faces, t) {
+            let length = length(faces, ends);
+            let mut edge = OutlineEdge { ends, length, before: 0.0, is_border: true };
+            let mut is_inner = false;
+            for u in neighbours(at_edge, ends, faces.properties.part(seed), faces) {
+                edge.is_border = false;
+                let height = height(&flat, u, faces);
+                edge.before += sign(height);
+                if height == 0.0 && normal_of(faces, u).dot(normal) > 0.0 {
+                    is_inner = true;
+                    if known.insert(u) {
+                        flat.triangles.push(u);
+                    }
                 }
+            }
+            if !is_inner || edge.before != 0.0 {
+                flat.outline.push(edge);
             }
         }
     }
@@ -128,32 +159,33 @@ fn flat(seed: u32, at_edge: &[([u32; 2], u32)], faces: &Faces) -> Flat {
 struct Middle {
     at: Vec3,
     border: [u32; 2],
-    /// Place of the surface in the list.
-    flat: usize,
+    /// Places of the surface in the list and of the edge in its outline.
+    place: [usize; 2],
 }
 
 /// A border of a surface that lies on an edge of a triangle of another part.
 struct Contact {
-    /// Place of the surface in the list.
-    flat: usize,
-    border: [u32; 2],
+    /// See [`Middle::place`].
+    place: [usize; 2],
     /// 1 if the triangle lies before the surface, -1 behind it.
     sign: f32,
     t: u32,
     edge: [u32; 2],
 }
 
-/// Adds the lengths of borders that lie on edges without neighbours of other triangles, for surfaces that no triangle at their own edges continues. Edges of closed
-/// boxes do not count: a rug as large as the box that it lies on is not a face of the box.
+/// Adds the borders that lie on edges without neighbours of other triangles, for surfaces that no triangle at their own edges continues. Edges of closed boxes do not
+/// count: a rug as large as the box that it lies on is not a face of the box.
 fn add_contacts(flats: &mut [Flat], faces: &Faces) {
-    let alone = flats.iter().enumerate().filter(|(_, flat)| flat.length_before() == 0.0);
-    let middle = |k: usize, [v, w]: [u32; 2]| {
-        let at = 0.5 * (position(faces, v) + position(faces, w));
-        Middle { at, border: [v, w], flat: k }
+    let alone = flats.iter().enumerate().filter(|(_, flat)| flat.continued(faces).length == 0.0);
+    let middle = |place: [usize; 2], border: [u32; 2]| {
+        let [p, q] = border.map(|v| position(faces, v));
+        Middle { at: 0.5 * (p + q), border, place }
     };
-    let of_flat =
-        |(k, flat): (usize, &Flat)| flat.border.iter().map(move |&border| (k, border)).collect::<Vec<_>>();
-    let mut middles: Vec<Middle> = alone.flat_map(of_flat).map(|(k, border)| middle(k, border)).collect();
+    let of_flat = |(k, flat): (usize, &Flat)| {
+        let borders = flat.outline.iter().enumerate().filter(|(_, edge)| edge.is_border);
+        borders.map(|(m, edge)| middle([k, m], edge.ends)).collect::<Vec<_>>()
+    };
+    let mut middles: Vec<Middle> = alone.flat_map(of_flat).collect();
     if middles.is_empty() {
         return;
     }
@@ -177,8 +209,8 @@ fn add_contacts(flats: &mut [Flat], faces: &Faces) {
             let is_near = bounds.distance(of.at) <= distance;
             let touches = |edge: &[u32; 2]| is_near && lies_on(faces, of.at, of.border, *edge, distance);
             let edge = edges(faces, t).into_iter().find(touches)?;
-            let sign = sign(height(&flats_before[of.flat], t, faces));
-            Some(Contact { flat: of.flat, border: of.border, sign, t, edge })
+            let sign = sign(height(&flats_before[of.place[0]], t, faces));
+            Some(Contact { place: of.place, sign, t, edge })
         };
         near.iter().filter_map(contact).collect::<Vec<_>>()
     };
@@ -186,8 +218,8 @@ fn add_contacts(flats: &mut [Flat], faces: &Faces) {
     let at_edge = edges_of_parts(&found.iter().map(|of| of.t).collect::<Vec<_>>(), faces);
     let is_open =
         |of: &&Contact| neighbours(&at_edge, of.edge, faces.properties.part(of.t), faces).next().is_none();
-    for of in found.iter().filter(is_open) {
-        flats[of.flat].continue_at(of.border.map(|v| position(faces, v)), of.sign);
+    for &Contact { place: [k, m], sign, .. } in found.iter().filter(is_open) {
+        flats[k].outline[m].before += sign;
     }
 }
 
@@ -229,6 +261,10 @@ fn sign(height: f32) -> f32 {
 
 fn position(faces: &Faces, v: u32) -> Vec3 {
     faces.positions[v as usize]
+}
+
+fn length(faces: &Faces, [v, w]: [u32; 2]) -> f32 {
+    position(faces, v).distance(position(faces, w))
 }
 
 fn corners(faces: &Faces, t: u32) -> [Vec3; 3] {

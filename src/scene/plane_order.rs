@@ -8,7 +8,7 @@
 //!   room. Sheets on each other are visible from the front of the largest.
 //! * Lamps, facades, and the two sides of one sheet are visible from their fronts.
 
-use super::continuations::lengths_before;
+use super::continuations::{Continued, continuations};
 use super::overlap::{FaceProperties, Faces, Overlap};
 use super::part_shapes::PartKind;
 use crate::math::{triangle_area, triangle_normal};
@@ -118,6 +118,8 @@ struct Planes<'a> {
     /// By triangle, those that overlap with it.
     neighbours: HashMap<u32, Vec<u32>>,
     facades: HashSet<u32>,
+    /// How the flat surfaces of open parts continue, by triangle.
+    continued: HashMap<u32, Continued>,
     /// See [`Planes::areas_under`].
     areas_under: HashMap<[u32; 2], f64>,
 }
@@ -135,10 +137,12 @@ impl<'a> Planes<'a> {
             of: faces.properties,
             neighbours,
             facades: HashSet::new(),
+            continued: HashMap::new(),
             areas_under: HashMap::new(),
         };
         planes.facades = planes.facades();
         planes.areas_under = planes.areas_under();
+        planes.continued = continuations(&planes.uncertain(), faces);
         planes
     }
 
@@ -195,13 +199,23 @@ impl<'a> Planes<'a> {
         areas
     }
 
-    /// The kind of each overlapping face.
-    fn kinds(&self) -> HashMap<u32, Kind> {
+    /// The faces whose sides do not follow from the kind of their part: those of open parts, and of parts that touch themselves.
+    fn uncertain(&self) -> HashSet<u32> {
         let is_open = |t: &u32| self.of.is_two_sided(*t) || self.of.shape(*t).kind == PartKind::Sheet;
         let is_of_one_part = |&&(s, t, _): &&Overlap| self.of.part(s) == self.of.part(t);
         let mut uncertain: HashSet<u32> = self.neighbours.keys().copied().filter(is_open).collect();
         uncertain.extend(self.turned_away().filter(is_of_one_part).flat_map(|&(s, t, _)| [s, t]));
-        let before = lengths_before(&uncertain, self.faces);
+        uncertain
+    }
+
+    /// The area of the part of a face, or of the face itself if it is a flap; scene units squared.
+    fn area(&self, t: u32) -> f64 {
+        let flap = self.continued.get(&t).filter(|_| self.of.is_two_sided(t)).and_then(|of| of.flap);
+        flap.unwrap_or(self.of.shape(t).area)
+    }
+
+    /// The kind of each overlapping face.
+    fn kinds(&self) -> HashMap<u32, Kind> {
         let furnished = self.furnished();
         let kind = |t: u32| {
             let normal = self.normal(t);
@@ -213,8 +227,9 @@ impl<'a> Planes<'a> {
                 return Kind::Fixed(if shape.kind == PartKind::Room { -normal } else { normal });
             }
             // Open parts may be several rooms of different winding.
-            let is_before = match before.get(&t) {
-                Some(&length) if length != 0.0 && self.of.is_two_sided(t) => length > 0.0,
+            let is_before = match self.continued.get(&t) {
+                Some(of) if of.length != 0.0 && self.of.is_two_sided(t) => of.length > 0.0,
+                Some(of) if of.flap.is_some() && self.of.is_two_sided(t) => return Kind::Sheet,
                 _ if shape.kind == PartKind::Sheet => return Kind::Sheet,
                 _ => shape.kind == PartKind::Room,
             };
@@ -229,10 +244,10 @@ impl<'a> Planes<'a> {
         for t in self.grounds_by_edges(&kinds) {
             kinds.insert(t, Kind::Sheet);
         }
-        for t in self.glowing_boxes_on_sheets(&kinds) {
+        for t in self.standing_glowing_boxes(&kinds) {
             kinds.insert(t, Kind::Body(-self.normal(t)));
         }
-        let fixed = self.sides_of_sheets(&kinds, &before).into_iter().chain(self.bodies_around_rooms(&kinds));
+        let fixed = self.sides_of_sheets(&kinds).into_iter().chain(self.bodies_around_rooms(&kinds));
         fixed.collect::<Vec<_>>().into_iter().for_each(|t| {
             kinds.insert(t, Kind::Fixed(self.normal(t)));
         });
@@ -252,7 +267,7 @@ impl<'a> Planes<'a> {
 
     /// The faces that are sides of a sheet: they overlap with faces that are turned away and belong to the same part, unless both continue to opposite sides as
     /// walls of two rooms do, or to another sheet that covers theirs and is covered by it.
-    fn sides_of_sheets(&self, kinds: &HashMap<u32, Kind>, before: &HashMap<u32, f32>) -> HashSet<u32> {
+    fn sides_of_sheets(&self, kinds: &HashMap<u32, Kind>) -> HashSet<u32> {
         let mut covered = HashMap::<u32, f64>::new();
         for &(s, t, area) in self.turned_away() {
             [s, t].into_iter().for_each(|t| *covered.entry(self.of.part(t)).or_default() += area);
@@ -262,7 +277,7 @@ impl<'a> Planes<'a> {
             matches!(kinds[&t], Kind::Sheet) && covered[&self.of.part(t)] >= MIN_SHEET_COVER * area
         };
         let is_sheet = |&&(s, t, _): &&Overlap| match self.of.part(s) == self.of.part(t) {
-            true => before[&s] * before[&t] <= 0.0,
+            true => self.continued[&s].length * self.continued[&t].length <= 0.0,
             false => is_covered_sheet(s) && is_covered_sheet(t),
         };
         self.turned_away().filter(is_sheet).flat_map(|&(s, t, _)| [s, t]).collect()
@@ -281,14 +296,20 @@ impl<'a> Planes<'a> {
         grounds.map(|(&sheet, _)| sheet).collect()
     }
 
-    /// The faces of closed boxes that glow on all sides and stand on sheets, such as a lamp on a table. Those in walls of rooms, or in sheets that face the same way,
-    /// are recessed.
-    fn glowing_boxes_on_sheets(&self, kinds: &HashMap<u32, Kind>) -> Vec<u32> {
+    /// The faces of closed boxes that glow on all sides and stand on sheets or touch walls of the room in which they are, such as a lamp on a table. Those beyond walls,
+    /// or on sheets that face the same way, are recessed.
+    fn standing_glowing_boxes(&self, kinds: &HashMap<u32, Kind>) -> Vec<u32> {
         let glows = |t: u32| self.of.emitter[t as usize] != u32::MAX;
         let stands = |t: &u32| {
-            let faces =
-                |u: &u32| matches!(kinds[u], Kind::Sheet) && self.normal(*t).dot(self.normal(*u)) < 0.0;
-            glows(*t) && !self.of.is_two_sided(*t) && self.neighbours[t].iter().all(faces)
+            let inwards = -self.normal(*t);
+            let walls = || self.neighbours[t].iter().filter(|u| matches!(kinds[*u], Kind::Wall(_)));
+            let is_in_room = |u: &u32| matches!(kinds[u], Kind::Wall(inside) if inside.dot(inwards) > 0.0);
+            let is_on = |u: &u32| !matches!(kinds[u], Kind::Fixed(_)) && self.normal(*u).dot(inwards) > 0.0;
+            let stands = || match walls().next() {
+                Some(_) => walls().all(is_in_room),
+                None => self.neighbours[t].iter().all(is_on),
+            };
+            glows(*t) && !self.of.is_two_sided(*t) && stands()
         };
         let mut standing: Vec<u32> = self.neighbours.keys().copied().filter(stands).collect();
         if !standing.is_empty() {
@@ -337,9 +358,13 @@ impl<'a> Planes<'a> {
             .or_else(|| agreed(&by_fixed))
     }
 
-    /// Area beyond that of the largest room outside of which a sheet lies, scene units squared.
-    fn area_inside(&self, t: u32, kinds: &HashMap<u32, Kind>) -> f64 {
-        let is_inside = |u: &&u32| matches!(kinds[*u], Kind::Wall(_)) && self.is_ground_of(t, **u);
+    /// Area beyond that of the largest room outside of which a sheet lies that is visible from one side, and which is visible from this side as well; scene units
+    /// squared.
+    fn area_inside(&self, t: u32, side: Vec3, kinds: &HashMap<u32, Kind>) -> f64 {
+        let is_inside = |u: &&u32| match kinds[*u] {
+            Kind::Wall(inside) => inside.dot(side) > 0.0 && self.is_ground_of(t, **u),
+            _ => false,
+        };
         let areas = self.neighbours[&t].iter().filter(is_inside).map(|&u| self.of.shape(u).area.next_up());
         areas.fold(0.0, f64::max)
     }
@@ -361,7 +386,7 @@ impl<'a> Planes<'a> {
         }
         let area = |t: u32| match self.facades.contains(&self.of.part(t)) {
             true => f64::INFINITY,
-            false => self.of.shape(t).area,
+            false => self.area(t),
         };
         members.sort_by(|&s, &t| area(s).total_cmp(&area(t)).then(t.cmp(&s)));
         let is_sheet = |t: &&u32| matches!(kinds[*t], Kind::Sheet);
@@ -399,7 +424,10 @@ impl<'a> Planes<'a> {
                 plane: start,
                 axis,
                 rank,
-                areas: [area(t).max(if is_sheet(&&t) { self.area_inside(t, kinds) } else { 0.0 }), area(t)],
+                areas: [
+                    area(t).max(if is_sheet(&&t) { self.area_inside(t, side, kinds) } else { 0.0 }),
+                    area(t),
+                ],
                 has_walls,
                 is_open_body: is_body && self.of.is_two_sided(t),
                 is_sheet: is_sheet(&&t),

@@ -33,7 +33,7 @@ pub(super) struct Stacks {
     pub distances: StackDistances,
     /// Parts of moved triangles that were closed and consistently wound before.
     pub wound: HashSet<u32>,
-    /// Pairs of objects with overlapping faces none of which is of a body; ascending.
+    /// Pairs of objects with overlapping faces that face the same way or none of which is of a body; ascending.
     pub contacts: Vec<[u32; 2]>,
 }
 
@@ -58,6 +58,7 @@ pub(super) fn stack(
     let compared = |s: u32, t: u32| order[&s].compare(s, &order[&t], t);
     let pair = |&(s, t, _): &Overlap| if compared(s, t).is_lt() { [s, t] } else { [t, s] };
     let mut pairs: Vec<[u32; 2]> = found.iter().map(pair).collect();
+    let contacts = contacts(found, of, order, |s, t| normal(s).dot(normal(t)) > 0.0);
     // From the top: the level of the upper face is known when the lower one is reached.
     pairs.sort_by(|a, b| {
         let by_plane = order[&a[1]].plane.cmp(&order[&b[1]].plane);
@@ -117,15 +118,20 @@ pub(super) fn stack(
     if positions.len() > before {
         drop_unused(positions, triangles, 0);
     }
-    Stacks { distances: distances(&levels, &mut stacks, &steps), wound, contacts: contacts(found, of, order) }
+    Stacks { distances: distances(&levels, &mut stacks, &steps), wound, contacts }
 }
 
-/// The pairs of objects with overlapping faces none of which is of a body.
-fn contacts(found: &[Overlap], of: &FaceProperties, order: &PlaneOrder) -> Vec<[u32; 2]> {
+/// The pairs of objects with overlapping faces that face the same way or none of which is of a body.
+fn contacts(
+    found: &[Overlap],
+    of: &FaceProperties,
+    order: &PlaneOrder,
+    are_alike: impl Fn(u32, u32) -> bool,
+) -> Vec<[u32; 2]> {
     let objects = |&(s, t, _): &Overlap| {
         let [a, b] = [s, t].map(|face| of.object[face as usize]);
-        let is_visible = [s, t].iter().all(|face| !order[face].rank.is_of_body());
-        (a != b && is_visible).then_some([a.min(b), a.max(b)])
+        let are_visible = || are_alike(s, t) || [s, t].iter().all(|face| !order[face].rank.is_of_body());
+        (a != b && are_visible()).then_some([a.min(b), a.max(b)])
     };
     let mut pairs: Vec<[u32; 2]> = found.iter().filter_map(objects).collect();
     pairs.sort_unstable();

@@ -175,9 +175,11 @@ impl<'a> Plan<'a> {
         }
         let own = |used: &Use| if shared(used) { Use::Own } else { *used };
         let all = Plan { uses: self.uses.iter().map(own).collect(), ..*self };
-        let Ok(scene) = own_soup(reader, document, &all).and_then(|soup| resolve_moved(soup, options)) else {
-            return;
-        };
+        let resolved = own_soup(reader, document, &all).and_then(|mut soup| {
+            added::add(&mut soup, &options.added, &[])?;
+            resolve_moved(soup, options)
+        });
+        let Ok(scene) = resolved else { return };
         let objects =
             scene.contacts.iter().flatten().map(|&object| scene.objects[object as usize].name.as_str());
         let in_contact: HashSet<&str> = objects.collect();
