@@ -94,8 +94,10 @@ impl Solved {
             // Rays from the emitters measure their light better than the rows of a few small elements.
             let emitted = if by_rays { s.exitance } else { [0.0; 3] };
             let of_rows: Rgb = std::array::from_fn(|k| state.radiosity[k] - emitted[k]);
-            add(&mut sent, element.area * sent_part.min(1.0), of_rows);
-            add(&mut powers.escaped, element.area * (1.0 - sent_part).max(0.0), of_rows);
+            // The noise of rays brings some row sums above 1: a limit would count the noise of the others as power that escapes.
+            let sent_part = if by_rays { sent_part } else { sent_part.min(1.0) };
+            add(&mut sent, element.area * sent_part, of_rows);
+            add(&mut powers.escaped, element.area * (1.0 - sent_part), of_rows);
             if linked.surroundings.closed[side as usize] {
                 closed += element.area;
                 let covered = 1.0 - f64::from(state.row_target);
@@ -118,6 +120,7 @@ impl Solved {
                 powers.escaped[k] += (1.0 - share) * powers.emitted[k];
             }
         }
+        powers.escaped = powers.escaped.map(|power| power.max(0.0));
         for of in [arrived.sky, arrived.sun] {
             add(&mut sent, 1.0, of);
             add(&mut powers.emitted, 1.0, of);

@@ -1,15 +1,17 @@
 //! Finds the leaf element of a surface that holds a point, for many points.
 
+use super::cuts::ChildrenOutlines;
 use super::subdivision::is_triangle;
 use super::{Elements, Shape};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// The quadtrees of all sides in packed form. Elements must not be split while a lookup is in use.
+/// The quadtrees of all sides in packed form. Elements must not be split or cut while a lookup is in use.
 pub struct Lookup {
     frames: Vec<Frame>,
-    /// First child of each element, 0 for leaves.
-    first_child: Vec<u32>,
+    /// First of the quarters of each element, 0 for leaves; of an irregular element `!k` with its index k in `irregular`, which is negative.
+    first_child: Vec<i32>,
+    irregular: Vec<ChildrenOutlines>,
     /// Elements in the cells of a grid over each side: one access replaces a descent of several levels.
     cells: Vec<u32>,
 }
@@ -62,14 +64,19 @@ impl Lookup {
             first_child: elements
                 .elements
                 .par_iter()
-                .map(|e| if e.is_leaf() { 0 } else { e.first_child })
+                .map(|e| if e.is_leaf() { 0 } else { e.first_child as i32 })
                 .collect(),
+            irregular: Vec::new(),
             cells: Vec::new(),
         };
         let mut parts = vec![0u32; elements.sides.len()];
-        for element in elements.elements.iter() {
+        for (e, element) in elements.elements.iter().enumerate() {
             if let Shape::Surface { side, .. } = element.shape {
                 parts[side as usize] += 1;
+            }
+            if element.is_irregular {
+                lookup.first_child[e] = !(lookup.irregular.len() as i32);
+                lookup.irregular.push(ChildrenOutlines::of(elements, e as u32));
             }
         }
         for (side, &parts) in parts.iter().enumerate().filter(|(_, parts)| **parts > 1) {
@@ -112,26 +119,33 @@ impl Lookup {
         let cell = (j * rows + i) as usize;
         if !frame.triangle {
             let at = self.cells[frame.first_cell + cell];
-            return self.descend(false, at, [x, y], u32::MAX);
+            return self.below_irregular(self.descend(false, at, [x, y], u32::MAX), point);
         }
         let at = self.cells[frame.first_cell + 2 * cell + usize::from(x + y > 1.0)];
         // Parts of the middle quarter are rotated: the descent starts at the top again.
-        if self.first_child[at as usize] == 0 {
-            at
-        } else {
-            self.descend(true, frame.element, [u, v], u32::MAX)
-        }
+        let is_whole = self.first_child[at as usize] <= 0;
+        let at = if is_whole { at } else { self.descend(true, frame.element, [u, v], u32::MAX) };
+        self.below_irregular(at, point)
     }
 
-    /// The part of an element that holds a parameter pair, at most `levels` below the element.
+    /// The leaf of an irregular element that holds a point; other elements are returned as they are.
+    #[inline]
+    fn below_irregular(&self, mut at: u32, point: Vec3) -> u32 {
+        while self.first_child[at as usize] < 0 {
+            at = self.irregular[!self.first_child[at as usize] as usize].child_at(point);
+        }
+        at
+    }
+
+    /// The quarter, or quarter of a quarter and so on, of an element that holds a parameter pair, at most `levels` below the element.
     #[inline]
     fn descend(&self, triangle: bool, element: u32, [mut u, mut v]: [f32; 2], levels: u32) -> u32 {
         let (mut at, mut left) = (element, levels);
         let mut first = self.first_child[at as usize];
-        while first != 0 && left > 0 {
+        while first > 0 && left > 0 {
             let part;
             (part, u, v) = if triangle { quarter_of_triangle(u, v) } else { quarter_of_quad(u, v) };
-            at = first + part;
+            at = first as u32 + part;
             first = self.first_child[at as usize];
             left -= 1;
         }

@@ -12,8 +12,18 @@ impl Elements {
     /// Whether [`Elements::split`] can make children of an element, and they have at least this area.
     pub fn can_split(&self, element: u32, min_area: f64) -> bool {
         let e = &self.elements[element as usize];
-        // The range of ids must hold four children of one id each.
-        e.is_leaf() && !e.is_cluster() && 0.25 * e.area >= min_area && e.ids[1] - e.ids[0] >= 5
+        e.is_leaf() && !e.is_cluster() && 0.25 * e.area >= min_area && self.has_room_for_parts(element)
+    }
+
+    /// Whether the range of ids of an element holds four children of one id each.
+    pub(super) fn has_room_for_parts(&self, element: u32) -> bool {
+        let [start, end] = self.elements[element as usize].ids;
+        end - start >= 5
+    }
+
+    /// Whether an element is a part of one that was cut.
+    pub fn is_part_of_cut(&self, element: u32) -> bool {
+        self.elements[self.elements[element as usize].parent as usize].is_irregular
     }
 
     /// Approximate number of elements after all surfaces are split down to [`Elements::min_area`].
@@ -32,27 +42,13 @@ impl Elements {
     /// Splits a surface without children into four parts at the midpoints of its edges. Parts meet the parts of neighbouring
     /// surfaces along whole edges or half edges. They send out the light of the whole.
     pub fn split(&mut self, element: u32) {
-        let parent = self.elements[element as usize].clone();
-        let Shape::Surface { side, corners } = parent.shape else { return };
-        // The range of ids must hold four children of one id each.
-        if !parent.is_leaf() || parent.ids[1] - parent.ids[0] < 5 {
-            return;
+        let whole = &self.elements[element as usize];
+        let Shape::Surface { corners, .. } = whole.shape else { return };
+        if whole.is_leaf() && self.has_room_for_parts(element) {
+            let is_part_of_cut = self.is_part_of_cut(element);
+            self.add_parts(element, quarters(corners));
+            self.elements[element as usize].is_irregular = is_part_of_cut;
         }
-        let first = self.elements.len() as u32;
-        let state = self.states[element as usize].of_part();
-        let room = (parent.ids[1] - parent.ids[0] - 1) / 4;
-        for (k, corners) in quarters(corners).into_iter().enumerate() {
-            let start = parent.ids[0] + 1 + k as u64 * room;
-            self.elements.push(Element {
-                ids: [start, start + room],
-                parent: element,
-                level: parent.level + 1,
-                ..surface(side, corners)
-            });
-            self.states.push(state);
-        }
-        let parent = &mut self.elements[element as usize];
-        (parent.first_child, parent.children) = (first, 4);
     }
 }
 
@@ -72,6 +68,7 @@ pub(super) fn surface(side: u32, corners: [Vec3; 4]) -> Element {
         first_child: 0,
         children: 0,
         level: 0,
+        is_irregular: false,
         centre: centroid(&corners),
         radius: 0.5 * bounds.diagonal(),
     }

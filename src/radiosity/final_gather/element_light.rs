@@ -276,7 +276,7 @@ impl FinalGather<'_> {
         let (mut sent, mut missing) = ([0.0; 3], [0.0; 3]);
         for ((&leaf, area), light) in leaves.iter().zip(areas).zip(light) {
             let reflectance = self.linked.elements.sides[self.side_of(leaf) as usize].reflectance;
-            let part = f64::from(local.results[leaf as usize].row_sum).min(1.0);
+            let part = f64::from(local.results[leaf as usize].row_sum);
             let [mut direct, mut reflected] = [DIRECT, REFLECTED].map(|kind| light.by_channel(kind));
             for (k, sky) in light.sky.to_array().into_iter().enumerate() {
                 (direct[k], reflected[k]) = (direct[k] + f64::from(sky), reflected[k] - f64::from(sky));

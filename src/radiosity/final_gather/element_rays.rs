@@ -15,6 +15,9 @@ use glam::{DVec3, Vec3};
 use sobol_burley::sample_4d;
 use std::ops::Range;
 
+/// Distance of the start points of rays from the edges of their element, in heights at which rays start above it: a wall that leans over
+/// an edge by up to 63° lies beside these starts and not below them.
+const EDGE_HEIGHTS: f32 = 2.0;
 /// Ratio of an element's radius to its distance from a face up to which the closed form is evaluated at the centre alone. The
 /// midpoint rule leaves an error of about half the square of this ratio: 0.1 %.
 const MIDPOINT_RADIUS: f32 = 0.05;
@@ -276,6 +279,8 @@ impl FinalGather<'_> {
             let leaf = of.leaf;
             let element = &self.linked.elements.elements[leaf as usize];
             let Shape::Surface { side, corners } = element.shape else { unreachable!("leaves are surfaces") };
+            let height = self.linked.elements.sides[side as usize].end.height();
+            let corners = inset(corners, EDGE_HEIGHTS * height);
             for Sequence { seed, first } in of.sequences {
                 for k in first..first + of.count {
                     let [u, v, ..] = sample_4d(k, 1, seed);
@@ -443,6 +448,19 @@ impl FinalGather<'_> {
             light.squares[REFLECTED] = (sums[0].1 + sums[1].1 - 2.0 * half * mean * mean).max(0.0);
         }
     }
+}
+
+/// The corners of an element, moved towards their mean by at most half of the way, so that its edges lie inwards by `distance`.
+fn inset(corners: [Vec3; 4], distance: f32) -> [Vec3; 4] {
+    let count = if corners[2] == corners[3] { 3 } else { 4 };
+    let middle = corners[..count].iter().sum::<Vec3>() / count as f32;
+    let to_edge = |k: usize| {
+        let (a, edge) = (corners[k], corners[(k + 1) % count] - corners[k]);
+        edge.cross(middle - a).length() / edge.length()
+    };
+    let inner = (0..count).map(to_edge).fold(f32::INFINITY, f32::min);
+    let scale = (1.0 - distance / inner).max(0.5);
+    corners.map(|c| middle + scale * (c - middle))
 }
 
 /// Mean of `of` over an element of which only the part before a face is lit. Points in the plane of the face within `rounding` count as

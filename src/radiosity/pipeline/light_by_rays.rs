@@ -95,7 +95,7 @@ impl Stages<'_> {
             linked.split_all(smallest * total_area(scene), deadline);
             linked.split_small_surfaces(deadline);
             linked.split_near_emitters(scene, deadline);
-            linked.split_at_crossings(&self.model.exact(), deadline);
+            linked.divide_at_crossings(scene, &self.model.exact(), deadline);
             linked.mark_gaps(&self.model.exact());
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all);

@@ -2,16 +2,20 @@
 //! partly cover, such as an element of the wall one centimetre behind a cupboard.
 //!
 //! The irradiance differs between the two sides of such a line, so that the mean over the element is wrong on both. These elements are
-//! split a few times along the line; the remaining ones do not exchange light, and paths that hit them continue from the hit point.
+//! cut along the line. Those that many surfaces cross, such as the legs of a chair, are split a few times first. Those that other surfaces
+//! still cross do not exchange light, and paths that hit them continue from the hit point.
 
 use super::linked_scene::LinkedScene;
+use crate::embree::Hits;
 use crate::math::Aabb;
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::{Elements, Shape, Side, centres_of_quarters};
+use crate::radiosity::elements::{CutPlane, Elements, Shape, Side, centres_of_quarters};
 use crate::ray::{LANES, Occluder, Packet};
+use crate::scene::Scene;
 use crate::visibility::Exact;
 use glam::Vec3;
 use rayon::prelude::*;
+use smallvec::SmallVec;
 
 /// Distance of the test segments from the edges and the plane of their element, as a fraction of its diameter: a surface nearer to an edge
 /// leaves less than this fraction of the element on its other side.
@@ -23,48 +27,148 @@ const INSET_CLEAR: f32 = 1.0 / 4.0;
 /// Largest number of times that an element of the size of the local pass is split: its parts are then an eighth as wide. Four times
 /// adds twice as many elements, a tenth of those of the Cornell box.
 const MAX_SPLITS: i32 = 3;
-/// Largest number of elements added by these splits, relative to the number of all elements: time and memory of the local pass at most
+/// Number of planes up to which an element that they cross is cut along them at once: the two faces of a wall, or of a corner.
+const MAX_PLANES: usize = 2;
+/// Largest number of rounds of cuts through the parts of an element that is not split any more: the four faces of two walls that meet.
+const MAX_CUTS: usize = 4;
+/// Largest number of elements added by these splits and cuts, relative to the number of all elements: time and memory of the local pass at most
 /// double. If there are more crossed elements, the largest are split.
 const MAX_ADDED_RATIO: f64 = 1.0;
 /// Number of elements that may be added to a scene of any size: at 1.4 kB and 40 µs for each (see
 /// [`FineGround::MAX_TRIANGLES`](crate::scene::FineGround::MAX_TRIANGLES)) they take 11 MB and 0.3 s.
 const ALWAYS_ADDED: usize = 1 << 13;
 
+/// What crosses an element.
+struct PlanesAcross {
+    /// The plane of a surface that crosses the element from edge to edge; of several, that with the largest smaller part.
+    first: Option<CutPlane>,
+    /// Whether nothing else crosses the element than at most [`MAX_PLANES`] such planes.
+    are_all: bool,
+}
+
 impl LinkedScene {
-    /// Splits the parts of surfaces that other surfaces cross, and marks the remaining ones
-    /// ([`ElementState::crossed`](crate::radiosity::elements::ElementState::crossed)).
-    pub fn split_at_crossings(&mut self, exact: &Exact, deadline: &Deadline) {
+    /// Cuts and splits the parts of surfaces that other surfaces cross, the largest first, and marks the remaining ones
+    /// ([`ElementState::crossed`](crate::radiosity::elements::ElementState::crossed)). Elements that at most [`MAX_PLANES`] planes cross from
+    /// edge to edge, and nothing else, are cut; others are split until they are small.
+    pub fn divide_at_crossings(&mut self, scene: &Scene, exact: &Exact, deadline: &Deadline) {
         self.elements.states.iter_mut().for_each(|state| state.crossed = false);
         if deadline.late() {
             return;
         }
-        let leaves = self.leaves();
         // Repeated passes do not split elements of the smallest size again.
         let smallest = self.elements.min_area / 4f64.powi(MAX_SPLITS - 1);
+        let leaves = self.leaves();
         let mut remaining = ((MAX_ADDED_RATIO * leaves.len() as f64) as usize).max(ALWAYS_ADDED);
-        let mut found = crossed(&self.elements, exact, &leaves);
-        loop {
-            let large = |e: &&u32| area(&self.elements, **e) > smallest;
-            let mut to_split: Vec<u32> = found.iter().filter(large).copied().collect();
-            // If there is no room for all of them, the largest are split.
-            to_split.sort_by(|&a, &b| {
+        let first = self.elements.len();
+        self.cut_undivided(scene, exact, &leaves, smallest);
+        let made: Vec<u32> = (first as u32..self.elements.len() as u32).collect();
+        remaining = remaining.saturating_sub(made.len());
+        let tested = [divided(&self.elements, &leaves), made].concat();
+        let mut found = crossed(&self.elements, exact, &tested);
+        let mut left = Vec::new();
+        for _ in 0..MAX_SPLITS as usize + MAX_CUTS {
+            if found.is_empty() || deadline.late() {
+                break;
+            }
+            found.sort_by(|&a, &b| {
                 area(&self.elements, b).total_cmp(&area(&self.elements, a)).then(a.cmp(&b))
             });
-            to_split.truncate(remaining / 4);
-            if to_split.is_empty() || deadline.late() {
-                break;
+            let first = self.elements.len();
+            for (e, planes) in found.iter().zip(self.planes_across(scene, exact, &found)) {
+                let is_large = area(&self.elements, *e) > smallest && !self.elements.is_part_of_cut(*e);
+                let before = self.elements.len();
+                match planes.first {
+                    _ if before - first + 4 > remaining => {}
+                    Some(plane) if planes.are_all || !is_large => _ = self.elements.cut(*e, &plane),
+                    _ if is_large => self.elements.split(*e),
+                    _ => {}
+                }
+                self.assign_feature_sizes(before);
+                if self.elements.len() == before {
+                    left.push(*e);
+                }
             }
-            remaining -= 4 * to_split.len();
-            let first = self.elements.len() as u32;
-            to_split.iter().for_each(|&e| self.split(e));
-            if self.elements.len() as u32 == first {
-                break;
-            }
-            let made: Vec<u32> = (first..self.elements.len() as u32).collect();
-            let whole = found.into_iter().filter(|&e| self.elements.elements[e as usize].is_leaf());
-            found = whole.chain(crossed(&self.elements, exact, &made)).collect();
+            remaining -= self.elements.len() - first;
+            let made: Vec<u32> = (first as u32..self.elements.len() as u32).collect();
+            found = crossed(&self.elements, exact, &made);
         }
-        found.into_iter().for_each(|e| self.elements.states[e as usize].crossed = true);
+        left.into_iter().chain(found).for_each(|e| self.elements.states[e as usize].crossed = true);
+    }
+
+    /// Cuts undivided surfaces above this area that at most [`MAX_PLANES`] planes cross from edge to edge, and nothing else. To split or mark the others takes a third
+    /// more time in a furnished room, and its light changes by less than its error.
+    fn cut_undivided(&mut self, scene: &Scene, exact: &Exact, leaves: &[u32], min_area: f64) {
+        let is_whole = |e: &u32| {
+            let element = &self.elements.elements[*e as usize];
+            element.level == 0 && element.area > min_area
+        };
+        let whole: Vec<u32> = leaves.iter().copied().filter(is_whole).collect();
+        let found = crossed(&self.elements, exact, &whole);
+        let first = self.elements.len();
+        for (e, planes) in found.iter().zip(self.planes_across(scene, exact, &found)) {
+            if let Some(plane) = planes.first.filter(|_| planes.are_all) {
+                self.elements.cut(*e, &plane);
+            }
+        }
+        self.assign_feature_sizes(first);
+    }
+
+    /// For each leaf, what crosses it.
+    fn planes_across(&self, scene: &Scene, exact: &Exact, leaves: &[u32]) -> Vec<PlanesAcross> {
+        let hits = [INSET, INSET_CLEAR].map(|inset| {
+            [false, true].map(|is_reversed| {
+                first_hits(&self.elements, exact, leaves, |packet, first, corners, side| {
+                    set_edges(packet, first, corners, side, inset, is_reversed)
+                })
+            })
+        });
+        (0..leaves.len())
+            .into_par_iter()
+            .map(|k| {
+                let hits = [0, 1].map(|inset: usize| [0, 1].map(|turn: usize| hits[inset][turn][k]));
+                self.planes_of_hits(scene, leaves[k], &hits)
+            })
+            .collect()
+    }
+
+    /// What crosses a leaf, by the triangles that segments along its edges hit: for both insets, forwards and backwards.
+    fn planes_of_hits(&self, scene: &Scene, leaf: u32, hits: &[[[u32; 4]; 2]; 2]) -> PlanesAcross {
+        // All triangles of a quad have one plane, so that the cuts of neighbouring elements meet.
+        let first_of_quad = |triangle: u32| {
+            let sides = self.elements.sides_of_triangle[triangle as usize].into_iter();
+            let of_side = |side: u32| Some(self.elements.sides.get(side as usize)?.triangles[0]);
+            sides.filter_map(of_side).next().unwrap_or(triangle)
+        };
+        let element = &self.elements.elements[leaf as usize];
+        let near = 2.0 * INSET * element.radius;
+        // Planes with the edges of the leaf that meet them, one bit for each edge and inset.
+        let mut found: SmallVec<[(CutPlane, u32); 8]> = SmallVec::new();
+        for (inset, turns) in hits.iter().enumerate() {
+            for (edge, &triangle) in turns.iter().flat_map(|of| of.iter().enumerate()) {
+                if triangle == Hits::NO_HIT {
+                    continue;
+                }
+                let plane = CutPlane::of(scene.corners(first_of_quad(triangle)));
+                let bit = 1 << (4 * inset + edge);
+                match found.iter_mut().find(|(other, _)| other.is_near(&plane, element.centre, near)) {
+                    Some((_, edges)) => *edges |= bit,
+                    None => found.push((plane, bit)),
+                }
+            }
+        }
+        let spans = |edges: u32| [edges & ALL, edges >> 4].iter().any(|of| of.count_ones() > 1);
+        let mut across: SmallVec<[(f64, CutPlane); 8]> = SmallVec::new();
+        for (plane, edges) in &found {
+            let smaller = self.elements.smaller_part(leaf, plane);
+            if spans(*edges) && smaller > 0.0 {
+                across.push((smaller, *plane));
+            }
+        }
+        across.sort_by(|a, b| b.0.total_cmp(&a.0));
+        PlanesAcross {
+            first: across.first().map(|of| of.1),
+            are_all: across.len() == found.len() && found.len() <= MAX_PLANES,
+        }
     }
 
     /// For each leaf, a bit mask of the edges along which other surfaces stand (segments across their middles are blocked); 0 for
@@ -79,7 +183,7 @@ impl LinkedScene {
 
     /// The number of parts of surfaces that other surfaces cross or partly cover.
     pub fn count_crossed(&self, exact: &Exact) -> usize {
-        crossed(&self.elements, exact, &self.leaves()).len()
+        crossed(&self.elements, exact, &divided(&self.elements, &self.leaves())).len()
     }
 }
 
@@ -88,34 +192,40 @@ fn area(elements: &Elements, e: u32) -> f64 {
     elements.elements[e as usize].area
 }
 
-/// The parts of surfaces among some leaves that other surfaces cross (segments along the edges of the part are blocked) or partly cover.
+/// Those of some leaves that other surfaces cross (segments along the edges of the leaf are blocked) or partly cover.
 fn crossed(elements: &Elements, exact: &Exact, leaves: &[u32]) -> Vec<u32> {
-    let parts = divided(elements, leaves);
     let [crossed, clear] = [INSET, INSET_CLEAR].map(|inset| {
-        blocked(elements, exact, &parts, |packet, first, corners, side| {
-            set_edges(packet, first, corners, side, inset)
+        blocked(elements, exact, leaves, |packet, first, corners, side| {
+            set_edges(packet, first, corners, side, inset, false)
         })
     });
-    let covered = covered_quarters(elements, exact, &parts);
+    let covered = covered_quarters(elements, exact, leaves);
     let in_part = |quarters: u32| quarters != 0 && quarters != ALL;
     let edges = crossed.into_iter().zip(clear).map(|(low, high)| low | high);
-    let found = parts.into_iter().zip(edges.zip(covered));
+    let found = leaves.iter().copied().zip(edges.zip(covered));
     found.filter(|(_, (edges, quarters))| *edges != 0 || in_part(*quarters)).map(|(e, _)| e).collect()
 }
 
-/// The leaves among these that are parts of surfaces. Surfaces that are too small to be divided are left out: to test them takes a tenth
-/// to a third more time, and the light of a room changes by less than its error.
+/// The leaves among these that are parts of surfaces.
 fn divided(elements: &Elements, leaves: &[u32]) -> Vec<u32> {
     leaves.iter().filter(|e| elements.elements[**e as usize].level > 0).copied().collect()
 }
 
 /// Sets lanes from `first` on to segments above the edges of an element, within it by this fraction of its diameter and as far above it:
 /// faces that rise from its edges by up to 135° do not meet them.
-fn set_edges(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side, inset: f32) {
+fn set_edges(
+    packet: &mut Packet,
+    first: usize,
+    corners: &[Vec3; 4],
+    side: &Side,
+    inset: f32,
+    is_reversed: bool,
+) {
     let (count, middle, above) = frame(corners, side, inset);
     let inner = |k: usize| middle + above + (1.0 - 2.0 * inset) * (corners[k % count] - middle);
     for k in 0..count {
-        packet.set_between(first + k, inner(k), inner(k + 1), [0.0, 1.0]);
+        let [from, to] = if is_reversed { [k + 1, k] } else { [k, k + 1] };
+        packet.set_between(first + k, inner(from), inner(to), [0.0, 1.0]);
     }
 }
 
@@ -185,14 +295,38 @@ pub fn blocked(
     set: impl Fn(&mut Packet, usize, &[Vec3; 4], &Side) + Sync,
 ) -> Vec<u32> {
     let of_chunk = |leaves: &[u32]| {
-        let mut packet = Packet::EMPTY;
-        for (k, &e) in leaves.iter().enumerate() {
-            let Shape::Surface { side, corners } = elements.elements[e as usize].shape else { continue };
-            set(&mut packet, 4 * k, &corners, &elements.sides[side as usize]);
-        }
         let mut blocked = [0];
-        exact.occluded(std::slice::from_ref(&packet), &mut blocked);
+        exact.occluded(&[packet(elements, leaves, &set)], &mut blocked);
         (0..leaves.len()).map(move |k| blocked[0] >> (4 * k) & ALL)
     };
     leaves.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect()
+}
+
+/// For each leaf, the first triangle that each of its segments hits.
+fn first_hits(
+    elements: &Elements,
+    exact: &Exact,
+    leaves: &[u32],
+    set: impl Fn(&mut Packet, usize, &[Vec3; 4], &Side) + Sync,
+) -> Vec<[u32; 4]> {
+    let of_chunk = |leaves: &[u32]| {
+        let mut hits = [Hits::NONE];
+        exact.scene.first_hits(exact.traversal, &[packet(elements, leaves, &set)], &mut hits);
+        (0..leaves.len()).map(move |k| std::array::from_fn(|lane| hits[0].triangle[4 * k + lane]))
+    };
+    leaves.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect()
+}
+
+/// The segments of up to [`CHUNK`] leaves.
+fn packet(
+    elements: &Elements,
+    leaves: &[u32],
+    set: &impl Fn(&mut Packet, usize, &[Vec3; 4], &Side),
+) -> Packet {
+    let mut packet = Packet::EMPTY;
+    for (k, &e) in leaves.iter().enumerate() {
+        let Shape::Surface { side, corners } = elements.elements[e as usize].shape else { continue };
+        set(&mut packet, 4 * k, &corners, &elements.sides[side as usize]);
+    }
+    packet
 }

@@ -191,6 +191,11 @@ impl LinkedScene {
     pub fn split(&mut self, element: u32) {
         let first = self.elements.len();
         self.elements.split(element);
+        self.assign_feature_sizes(first);
+    }
+
+    /// Sets the feature sizes of new elements, from the `first` on.
+    pub(super) fn assign_feature_sizes(&mut self, first: usize) {
         for part in first..self.elements.len() {
             let size = self.feature_sizes.of_surface(&self.elements, part);
             let diameter = 2.0 * self.elements.elements[part].radius;

@@ -2,10 +2,12 @@
 
 use super::*;
 
+/// Place of the wall of [`hall_with_wall`].
+const WALL: f64 = 3.037;
+
 /// A closed hall of 6 by 4 by 3 with a lamp below its ceiling at one end, and a thin wall across it that leaves a door of this width. No
 /// line of subdivision lies below the wall.
 fn hall_with_wall(door: f64) -> Scene {
-    const WALL: f64 = 3.037;
     let mut pieces = Pieces::empty();
     pieces.grey("hall", 0.6).room(DVec3::ZERO, DVec3::new(6.0, 4.0, 3.0));
     pieces.grey("wall", 0.6).rectangle(WALL * DVec3::X, (4.0 - door) * DVec3::Y, 3.0 * DVec3::Z);
@@ -51,6 +53,39 @@ fn the_floor_behind_a_wall_with_a_door_is_not_brightened() {
         let want = mean_at(&traced(&scene, &points, 4096, 1));
         // The points of the reference have a standard error of 1 % in their mean.
         assert!((found / want - 1.0).abs() < 0.06, "{distance}: {found} instead of {want}");
+    }
+}
+
+/// A thin wall that leans and extends through floor, ceiling and walls of a closed hall: nothing escapes along it, and elements end at it. Those in the dark half are
+/// dark, those in the other half have no part of the dark half in their mean.
+#[test]
+fn elements_end_at_a_wall_that_crosses_a_closed_room() {
+    const LEAN: f64 = 0.2;
+    let mut pieces = Pieces::empty();
+    pieces.grey("hall", 0.6).room(DVec3::ZERO, DVec3::new(6.0, 4.0, 3.0));
+    let up = DVec3::new(3.2 * LEAN, 0.0, 3.2);
+    pieces.grey("wall", 0.6).rectangle(DVec3::new(WALL - 0.1 * LEAN, -0.1, -0.1), 4.2 * DVec3::Y, up);
+    pieces.glowing("lamp", 50.0).polygon(&facing_down([1.0, 2.0], [1.5, 2.5], 2.95));
+    let scene = pieces.scene();
+    for (elements, error) in [(true, 0.02), (true, 0.1), (false, 0.1)] {
+        let outcome =
+            solved(&scene, &behind(0.005), &Options { audit: 0, error, elements, ..Options::default() });
+        let Ledger { emitted, escaped, .. } = outcome.record.ledger;
+        assert!(escaped < 5e-4 * emitted, "{escaped} of {emitted} escape");
+        assert!(outcome.irradiance.iter().all(|light| *light == [0.0; 3]), "{:?}", outcome.irradiance);
+        let mesh = outcome.mesh;
+        let of_hall = mesh.elements[..mesh.lit()].iter().filter(|e| e.object == 0);
+        for element in of_hall {
+            let heights = element.corners.map(|c| {
+                let p = mesh.vertices[c as usize].as_dvec3() + mesh.origin;
+                p.x - WALL - LEAN * p.z
+            });
+            let [low, high] = [f64::min, f64::max].map(|of| heights.into_iter().reduce(of).expect("four"));
+            // What extends less than a hundredth of an element is not cut off.
+            let most = 0.015 * (high - low);
+            assert!(low >= -most || high <= most, "{low} {high}");
+            assert!(low < -most || element.irradiance == [0.0; 3], "{element:?}");
+        }
     }
 }
 
