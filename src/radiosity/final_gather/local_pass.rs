@@ -100,7 +100,9 @@ impl FinalGather<'_> {
         // because links bring a little light to rooms without any.
         let along_links = |row: &RayRow| states[row.leaf as usize].irradiance;
         let start = deadline.late().then(|| rows.rows.iter().map(along_links).collect());
-        let mut transport = RayTransport::new(self.exchange(&rows), self.path_exchange(&rows), direct);
+        let importance = leaves.iter().map(|&leaf| f64::from(states[leaf as usize].importance));
+        let mut transport = RayTransport::new(self.exchange(&rows), self.path_exchange(&rows), direct)
+            .with_importance(importance);
         let (first, convergence) = solve(&mut transport, start, deadline);
         let light = transport.both(first);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];

@@ -7,7 +7,7 @@ use super::local_pass::EXCHANGE_SHARE;
 use super::ray_rows::RayRows;
 use crate::math::sampling::mix;
 use crate::radiosity::deadline::{Deadline, RAY_SHARE};
-use crate::radiosity::refinement::LinkedScene;
+use crate::radiosity::refinement::{LinkedScene, UNIFORM_IMPORTANCE};
 use crate::radiosity::rgb::mean;
 
 /// Smallest number of rays of an element, so that no element stays without exchange, and the deviation of its rays is known. 2 or 8 instead
@@ -139,10 +139,16 @@ impl FinalGather<'_> {
             let by_light = if all_light > 0.0 { light(e) / all_light } else { 1.0 / all_counted };
             counted(e) * ((1.0 - SHARE_BY_LIGHT) / all_counted + SHARE_BY_LIGHT * by_light)
         };
-        // Rays to the sky join no elements, and elements in the open need few to know the deviation of others.
-        let stay = |leaf: u32| match self.has_environment() {
-            true => 1.0 - f64::from(self.linked.surroundings.escaped[self.side_of(leaf) as usize]),
-            false => 1.0,
+        // Rays to the sky join no elements, and elements in the open need few to know the deviation of others. Rays that elements have
+        // because points see them leave the scene as often as rays from all that points see.
+        let stay = |leaf: u32| {
+            if !self.has_environment() {
+                return 1.0;
+            }
+            let stays = 1.0 - f64::from(self.linked.surroundings.escaped[self.side_of(leaf) as usize]);
+            let Some(view) = self.linked.points_view else { return stays };
+            let everywhere = UNIFORM_IMPORTANCE / f64::from(states[leaf as usize].importance);
+            everywhere * stays + (1.0 - everywhere) * (1.0 - view.open)
         };
         let reflected = self.reflected_everywhere();
         let count = |leaf: u32, rays: f64| {

@@ -16,6 +16,7 @@ mod sky_links;
 
 pub use importance::apply_importance;
 pub use linked_scene::LinkedScene;
+pub use points_view::UNIFORM_IMPORTANCE;
 pub use schedule::{Iteration, LinkClosing, Refined, StopReason, Unrefined};
 #[cfg(test)]
 pub use {

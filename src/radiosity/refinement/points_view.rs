@@ -2,7 +2,7 @@
 
 use super::linked_scene::{LinkedScene, PointsView};
 use crate::math::sampling::{cosine_direction, mix, numbers};
-use crate::radiosity::elements::Elements;
+use crate::radiosity::elements::{ChildrenOutlines, Elements, Lookup};
 use crate::radiosity::surroundings::{ESCAPED, SideRays};
 use crate::ray::EndRule;
 use crate::scene::magnitude;
@@ -14,21 +14,19 @@ use rayon::prelude::*;
 const PATHS: usize = 1 << 14;
 /// Rays of a path: the weight of later ones is (reflectance)³ at most.
 const BOUNCES: usize = 3;
-/// Smallest number of path ends from which the importance of a cluster or side is known; others share the remaining importance of their
-/// parent.
+/// Smallest number of path ends from which the importance of a cluster or surface is known; others share the remaining importance of
+/// their parent.
 const MIN_ENDS: u32 = 16;
-/// Largest importance by points relative to the mean. With the fraction that is the same everywhere it is 8.5 at most: elements are at
-/// most √8.5 = 2.9 times smaller than without it.
-const MAX_IMPORTANCE: f64 = 16.0;
 /// Fraction of importance that is the same everywhere: surfaces that points see get light from elsewhere, and the energy balance needs a
 /// correct exchange in rooms that no point sees. The mean by area is at most 1, so that rays of such rooms are at most halved.
-const UNIFORM_IMPORTANCE: f64 = 0.5;
+pub const UNIFORM_IMPORTANCE: f64 = 0.5;
 /// Points of one parallel task: one packet.
 const CHUNK: usize = 16;
 
 /// The end of a path, and the fraction of the light sent from there that reaches the start of the path.
 struct PathEnd {
     side: u32,
+    at: Vec3,
     share: f64,
     /// Whether it is the first end of its path.
     first: bool,
@@ -36,14 +34,15 @@ struct PathEnd {
 
 impl LinkedScene {
     /// Sets importance from the surfaces that points (relative to the origin of the scene; position, unit normal) see directly and by
-    /// reflection: light reaches a point along the same paths that start from it.
+    /// reflection: light reaches a point along the same paths that start from it. Surfaces are split where many paths end, so that the
+    /// importance of a hut's floor is not spread over the plain that it is a part of.
     pub fn look_from(&mut self, points: &[(Vec3, Vec3)], exact: &Exact) {
         let (paths, open, ends) = self.paths_from(points, exact);
-        let Elements { elements, sides, .. } = &self.elements;
+        let leaves = self.split_at_ends(&ends);
+        let elements = &self.elements.elements;
         let mut sums = vec![(0.0, 0u32); elements.len()];
-        for end in &ends {
-            let (sum, count) = &mut sums[sides[end.side as usize].element as usize];
-            (*sum, *count) = (*sum + end.share, *count + 1);
+        for (leaf, share, count) in leaves {
+            sums[leaf as usize] = (share, count);
         }
         for e in (1..elements.len()).rev() {
             let (own, parent) = (sums[e], elements[e].parent as usize);
@@ -62,9 +61,38 @@ impl LinkedScene {
             .map(|(&(sum, count), element)| (sum / mean, element.area, count))
             .collect();
         for (state, importance) in self.elements.states.iter_mut().zip(densities(&parents, &parts)) {
-            let importance = importance.min(MAX_IMPORTANCE);
             state.importance = (UNIFORM_IMPORTANCE + (1.0 - UNIFORM_IMPORTANCE) * importance) as f32;
         }
+    }
+
+    /// Splits leaves as long as the parts of a leaf may have [`MIN_ENDS`] ends each. Returns the leaves at which paths end, with the sum of
+    /// their shares and their number.
+    fn split_at_ends(&mut self, ends: &[PathEnd]) -> Vec<(u32, f64, u32)> {
+        let lookup = Lookup::new(&self.elements);
+        let mut at_leaf: Vec<(u32, u32)> =
+            (0..).zip(ends).map(|(k, end)| (lookup.leaf(end.side, end.at), k)).collect();
+        at_leaf.sort_unstable();
+        let of_leaf = |group: &[(u32, u32)]| (group[0].0, group.iter().map(|of| of.1).collect());
+        let mut left: Vec<(u32, Vec<u32>)> = at_leaf.chunk_by(|a, b| a.0 == b.0).map(of_leaf).collect();
+        let mut found = Vec::new();
+        while let Some((leaf, of_leaf)) = left.pop() {
+            let first = self.elements.len() as u32;
+            if of_leaf.len() as u32 >= 4 * MIN_ENDS {
+                self.split(leaf);
+            }
+            if self.elements.len() as u32 == first {
+                let share = of_leaf.iter().map(|&k| ends[k as usize].share).sum();
+                found.push((leaf, share, of_leaf.len() as u32));
+                continue;
+            }
+            let parts = ChildrenOutlines::of(&self.elements, leaf);
+            let mut of_parts = vec![Vec::new(); self.elements.len() - first as usize];
+            for k in of_leaf {
+                of_parts[(parts.child_at(ends[k as usize].at) - first) as usize].push(k);
+            }
+            left.extend((first..).zip(of_parts));
+        }
+        found
     }
 
     /// The number of paths from points, [`PointsView::open`], and their ends.
@@ -97,7 +125,7 @@ impl LinkedScene {
                     gone += if bounce > 0 && met.side == ESCAPED { share } else { 0.0 };
                     let Some(side) = sides.get(met.side as usize) else { return };
                     let share = share * f64::from(side.reflectance.iter().sum::<f32>()) / 3.0;
-                    ends.push(PathEnd { side: met.side, share, first: bounce == 0 });
+                    ends.push(PathEnd { side: met.side, at: met.at, share, first: bounce == 0 });
                     next.push(((met.at, side.normal, side.end), share, seed));
                 });
                 paths = next;

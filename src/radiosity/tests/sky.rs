@@ -438,3 +438,31 @@ fn huts_on_a_plain_are_dark_inside() {
     let found = solved(&scene, &points, &Options { audit: 0, ..Options::default() }).irradiance;
     assert!(found.iter().all(|light| mean(*light) < 1e-4), "{found:?}");
 }
+
+/// A hut with an open door on a plain of 20 m and of 2 km: the light of the points in it does not depend on how little of the scene it is.
+#[test]
+fn open_huts_on_a_plain_have_the_light_of_paths() {
+    let at = |x: f64, y: f64, z: f64, normal: DVec3| Point { position: DVec3::new(x, y, z), normal };
+    let points = [at(2.0, 1.5, 2.5, -DVec3::Z), at(0.5, 1.5, 1.0, DVec3::X), at(1.0, 1.0, 0.0, DVec3::Z)];
+    for half in [10.0, 1e3] {
+        let mut pieces = Pieces::empty();
+        pieces.grey("plain", 0.5).polygon(&facing_up([-half, half], [-half, half], 0.0));
+        pieces.grey("hut", 0.5).polygon(&facing_down([0.0, 4.0], [0.0, 3.0], 2.5));
+        pieces.rectangle(DVec3::ZERO, 2.5 * DVec3::Z, 4.0 * DVec3::X);
+        pieces.rectangle(3.0 * DVec3::Y, 4.0 * DVec3::X, 2.5 * DVec3::Z);
+        pieces.rectangle(DVec3::ZERO, 3.0 * DVec3::Y, 2.5 * DVec3::Z);
+        // Beside and above the door.
+        pieces.rectangle(4.0 * DVec3::X, 2.5 * DVec3::Z, DVec3::Y);
+        pieces.rectangle(DVec3::new(4.0, 2.0, 0.0), 2.5 * DVec3::Z, DVec3::Y);
+        pieces.rectangle(DVec3::new(4.0, 1.0, 2.0), 0.5 * DVec3::Z, DVec3::Y);
+        let scene = under(pieces, "uniform:30", "none");
+        let options = Options { audit: 0, elements: false, ..Options::default() };
+        let found = solved(&scene, &points, &options).irradiance;
+        let truth = traced(&scene, &points, 1 << 16, 1);
+        for (found, truth) in found.iter().zip(&truth) {
+            let (found, truth) = (mean(*found), mean(*truth));
+            // Paths have a standard error of 1 %.
+            assert!((found / truth - 1.0).abs() < 0.09, "{half}: {found} instead of {truth}");
+        }
+    }
+}

@@ -22,6 +22,8 @@ pub struct RayTransport {
     own: [Field; 2],
     /// The same with the light that paths brought in the last pass.
     direct: [Field; 2],
+    /// Weights of the rows in sums over the scene.
+    weights: Vec<f64>,
 }
 
 /// A path that brings light from one row to another.
@@ -35,9 +37,16 @@ pub struct Path {
 }
 
 impl RayTransport {
-    /// For the exchange, the paths and the direct irradiance of the rows by half.
+    /// For the exchange, the paths and the direct irradiance of the rows by half. Rows count by their area.
     pub fn new(halves: [TransportMatrix; 2], paths: [Vec<Path>; 2], direct: [Field; 2]) -> RayTransport {
-        RayTransport { halves, paths, own: direct.clone(), direct }
+        let weights = halves[0].area.clone();
+        RayTransport { halves, paths, own: direct.clone(), direct, weights }
+    }
+
+    /// With rows that count by their area times these importances: the light of a hut on a plain may be all that is asked for.
+    pub fn with_importance(mut self, importance: impl Iterator<Item = f64>) -> RayTransport {
+        self.weights.iter_mut().zip(importance).for_each(|(weight, factor)| *weight *= factor);
+        self
     }
 
     /// Whether there are paths.
@@ -85,7 +94,7 @@ impl RayTransport {
 
     /// Weight of each unknown in sums over the scene.
     pub fn weights(&self) -> &[f64] {
-        &self.halves[0].area
+        &self.weights
     }
 
     /// Terms that one application of both halves, and what paths bring, add up.
