@@ -2,6 +2,7 @@
 
 mod again;
 mod audit;
+mod coverings;
 mod crossings;
 mod daylight;
 mod generated;

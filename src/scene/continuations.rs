@@ -1,4 +1,4 @@
-//! Where flat surfaces of overlapping faces continue at their edges: before or behind their plane.
+//! Where surfaces of overlapping faces continue at sharp edges: before or behind them, as the walls of a room or the sides of a box do.
 
 use super::connect::Sets;
 use super::magnitudes::largest_distance;
@@ -17,23 +17,26 @@ const MAX_TESTS: usize = 10_000_000;
 /// Largest cosine between edges that lie on each other in opposite directions: 2.6 degrees.
 const MAX_COSINE: f32 = -0.999;
 
-/// A flat surface: neighbouring triangles of one plane that face the same way.
-struct Flat {
-    /// A point of its plane.
-    start: Vec3,
-    normal: Vec3,
+/// Smallest cosine of the angle between neighbouring triangles of one surface: 26 degrees, more than the bends of a modelled terrain or of a column with 18 sides,
+/// and less than that between a wall and a floor or ceiling.
+const MIN_SMOOTH_COSINE: f32 = 0.9;
+
+/// A surface: neighbouring triangles of a part without sharp edges between them.
+struct Surface {
     triangles: Vec<u32>,
     /// The edges beyond which it has no triangle.
     outline: Vec<OutlineEdge>,
 }
 
-/// An edge of a flat surface.
+/// An edge of a surface.
 struct OutlineEdge {
+    /// The triangle of the surface.
+    triangle: u32,
     /// In the order of the corners.
     ends: [u32; 2],
     /// Scene units.
     length: f32,
-    /// Number of triangles with this edge before the plane, less that behind it.
+    /// Number of triangles with this edge before the plane of its triangle, less that behind it.
     before: f32,
     /// Whether no triangle of the part shares it.
     is_border: bool,
@@ -42,23 +45,21 @@ struct OutlineEdge {
 /// Smallest difference of the lengths before and behind a surface relative to their sum: the rounding of f32 in sums of a few hundred edges.
 const MIN_DIFFERENCE: f32 = 1e-4;
 
-/// Smallest part of the longest outline of a surface at which it continues, as walls and floors of rooms and boxes do. Less is a flap, as paving that touches a house
-/// along one line. Outlines of windows are shorter.
+/// Part of the longest outline of a surface at which it continues, as walls and floors of rooms and boxes do: at least that part before it, as a floor with two of its
+/// four walls, or more than that. Less is a flap, as paving that touches a house along one line, or a cloth that hangs over two edges of a table.
 const MIN_CONTINUED: f32 = 0.5;
 
-impl Flat {
+impl Surface {
     fn continued(&self, faces: &Faces) -> Continued {
-        let lengths = |part: fn(&OutlineEdge) -> f32| self.outline.iter().map(part).sum::<f32>();
-        let length = lengths(|edge| edge.before * edge.length);
-        let differs = length.abs() > MIN_DIFFERENCE * lengths(|edge| edge.before.abs() * edge.length);
-        if self.is_flap() {
-            let area = |&t: &u32| {
-                let [a, b, c] = corners(faces, t);
-                triangle_area(a, b, c)
-            };
-            return Continued { length: 0.0, flap: Some(self.triangles.iter().map(area).sum()) };
-        }
-        Continued { length: if differs { length } else { 0.0 }, flap: None }
+        let of_triangle = |&t: &u32| {
+            let [a, b, c] = corners(faces, t);
+            triangle_area(a, b, c)
+        };
+        let area = self.triangles.iter().map(of_triangle).sum();
+        let sum = |part: fn(&OutlineEdge) -> f32| self.outline.iter().map(part).sum::<f32>();
+        let length = sum(|edge| edge.before * edge.length);
+        let differs = length.abs() > MIN_DIFFERENCE * sum(|edge| edge.before.abs() * edge.length);
+        Continued { length: if differs { length } else { 0.0 }, area, is_flap: self.is_flap() }
     }
 
     fn is_flap(&self) -> bool {
@@ -69,48 +70,61 @@ impl Flat {
         }
         let mut sets = Sets::new(numbers.len());
         self.outline.iter().for_each(|edge| sets.join(numbers[&edge.ends[0]], numbers[&edge.ends[1]]));
-        // By connected outline, its length and that of the edges at which the surface continues.
-        let mut lengths = vec![[0.0; 2]; numbers.len()];
+        // By connected outline, its length, and those of the edges at which the surface continues, all and before it.
+        let mut outlines = vec![[0.0; 3]; numbers.len()];
         for edge in &self.outline {
-            let [all, continued] = &mut lengths[sets.root(numbers[&edge.ends[0]]) as usize];
+            let [all, continued, before] = &mut outlines[sets.root(numbers[&edge.ends[0]]) as usize];
             *all += edge.length;
             *continued += if edge.before == 0.0 { 0.0 } else { edge.length };
+            *before += if edge.before > 0.0 { edge.length } else { 0.0 };
         }
-        let longest = lengths.into_iter().max_by(|a, b| a[0].total_cmp(&b[0]));
-        longest.is_none_or(|[all, continued]| continued <= MIN_CONTINUED * all)
+        let longest = outlines.into_iter().max_by(|a, b| a[0].total_cmp(&b[0]));
+        longest.is_none_or(|[all, continued, before]| {
+            let part = |of: f32| of / all - MIN_CONTINUED;
+            part(continued) <= MIN_DIFFERENCE && part(before) < -MIN_DIFFERENCE
+        })
     }
 }
 
-/// How the flat surface of a triangle continues at its edges: with triangles that share an edge, or else with those on whose edges its borders lie. Surfaces continue
+/// How the surface of a triangle continues at its outline: with triangles that share an edge, or else with those on whose edges its borders lie. Surfaces continue
 /// where the order of the corners is consistent.
 #[derive(Clone, Copy)]
 pub(super) struct Continued {
-    /// The length of the edges at which it continues before its plane, less that of the edges at which it continues behind it, scene units; 0 for flaps.
+    /// The length of the edges at which it continues before it, less that of the edges at which it continues behind it, scene units.
     pub length: f32,
-    /// The area of a flap ([`MIN_CONTINUED`]), scene units squared.
-    pub flap: Option<f64>,
+    /// Area of the surface, scene units squared.
+    pub area: f64,
+    /// Whether it is a flap ([`MIN_CONTINUED`]).
+    pub is_flap: bool,
 }
 
-/// How the flat surfaces of some triangles continue.
+impl Continued {
+    /// [`Continued::length`], but 0 for flaps.
+    pub fn length_of_walls(&self) -> f32 {
+        if self.is_flap { 0.0 } else { self.length }
+    }
+}
+
+/// How the surfaces of some triangles continue.
 pub(super) fn continuations(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, Continued> {
     let mut seeds: Vec<u32> = of.iter().copied().collect();
     seeds.sort_unstable();
     let at_edge = edges_of_parts(&seeds, faces);
     let mut known = HashSet::new();
-    let mut flats = Vec::new();
+    let mut surfaces = Vec::new();
     for seed in seeds {
         if !known.contains(&seed) {
-            let flat = flat(seed, &at_edge, faces);
-            known.extend(flat.triangles.iter().copied());
-            flats.push(flat);
+            let surface = surface_around(seed, &at_edge, faces);
+            known.extend(surface.triangles.iter().copied());
+            surfaces.push(surface);
         }
     }
-    add_contacts(&mut flats, faces);
-    let of_flat = |flat: &Flat| {
-        let continued = flat.continued(faces);
-        flat.triangles.iter().map(|&t| (t, continued)).collect::<Vec<_>>()
+    add_contacts(&mut surfaces, faces);
+    let of_surface = |surface: &Surface| {
+        let continued = surface.continued(faces);
+        surface.triangles.iter().map(|&t| (t, continued)).collect::<Vec<_>>()
     };
-    flats.iter().flat_map(of_flat).collect()
+    surfaces.iter().flat_map(of_surface).collect()
 }
 
 /// The edges of all triangles of the parts of some triangles, ascending, with their triangles.
@@ -124,41 +138,41 @@ fn edges_of_parts(seeds: &[u32], faces: &Faces) -> Vec<([u32; 2], u32)> {
     edges
 }
 
-/// The flat surface of a triangle, and where triangles continue it that share its edges.
-fn flat(seed: u32, at_edge: &[([u32; 2], u32)], faces: &Faces) -> Flat {
-    let [start, b, c] = corners(faces, seed);
-    let normal = triangle_normal(start, b, c);
-    let mut flat = Flat { start, normal, triangles: vec![seed], outline: Vec::new() };
+/// The surface of a triangle, and where triangles continue it that share its edges.
+fn surface_around(seed: u32, at_edge: &[([u32; 2], u32)], faces: &Faces) -> Surface {
+    let mut surface = Surface { triangles: vec![seed], outline: Vec::new() };
     let (mut known, mut next) = (HashSet::from([seed]), 0);
-    while let Some(&t) = flat.triangles.get(next) {
+    while let Some(&t) = surface.triangles.get(next) {
         next += 1;
+        let normal = normal_of(faces, t);
         for ends in edges(faces, t) {
             let length = length(faces, ends);
-            let mut edge = OutlineEdge { ends, length, before: 0.0, is_border: true };
+            let mut edge = OutlineEdge { triangle: t, ends, length, before: 0.0, is_border: true };
             let mut is_inner = false;
             for u in neighbours(at_edge, ends, faces.properties.part(seed), faces) {
                 edge.is_border = false;
-                let height = height(&flat, u, faces);
-                edge.before += sign(height);
-                if height == 0.0 && normal_of(faces, u).dot(normal) > 0.0 {
+                if normal_of(faces, u).dot(normal) > MIN_SMOOTH_COSINE {
                     is_inner = true;
                     if known.insert(u) {
-                        flat.triangles.push(u);
+                        surface.triangles.push(u);
                     }
+                } else {
+                    edge.before += side_of(t, u, faces);
                 }
             }
             if !is_inner || edge.before != 0.0 {
-                flat.outline.push(edge);
+                surface.outline.push(edge);
             }
         }
     }
-    flat
+    surface
 }
 
-/// Middle of an edge on the border of a flat surface.
+/// Middle of an edge on the border of a surface.
 struct Middle {
     at: Vec3,
     border: [u32; 2],
+    triangle: u32,
     /// Places of the surface in the list and of the edge in its outline.
     place: [usize; 2],
 }
@@ -168,24 +182,25 @@ struct Contact {
     /// See [`Middle::place`].
     place: [usize; 2],
     /// 1 if the triangle lies before the surface, -1 behind it.
-    sign: f32,
+    side: f32,
     t: u32,
     edge: [u32; 2],
 }
 
-/// Adds the borders that lie on edges without neighbours of other triangles, for surfaces that no triangle at their own edges continues. Edges of closed boxes do not
-/// count: a rug as large as the box that it lies on is not a face of the box.
-fn add_contacts(flats: &mut [Flat], faces: &Faces) {
-    let alone = flats.iter().enumerate().filter(|(_, flat)| flat.continued(faces).length == 0.0);
-    let middle = |place: [usize; 2], border: [u32; 2]| {
-        let [p, q] = border.map(|v| position(faces, v));
-        Middle { at: 0.5 * (p + q), border, place }
+/// Adds the borders that lie on edges without neighbours of other triangles, for flaps and surfaces that continue as much before as behind them. Edges of closed boxes
+/// do not count: a rug as large as the box that it lies on is not a face of the box.
+fn add_contacts(surfaces: &mut [Surface], faces: &Faces) {
+    let alone =
+        surfaces.iter().enumerate().filter(|(_, surface)| surface.continued(faces).length_of_walls() == 0.0);
+    let middle = |place: [usize; 2], edge: &OutlineEdge| {
+        let [p, q] = edge.ends.map(|v| position(faces, v));
+        Middle { at: 0.5 * (p + q), border: edge.ends, triangle: edge.triangle, place }
     };
-    let of_flat = |(k, flat): (usize, &Flat)| {
-        let borders = flat.outline.iter().enumerate().filter(|(_, edge)| edge.is_border);
-        borders.map(|(m, edge)| middle([k, m], edge.ends)).collect::<Vec<_>>()
+    let of_surface = |(k, surface): (usize, &Surface)| {
+        let borders = surface.outline.iter().enumerate().filter(|(_, edge)| edge.is_border);
+        borders.map(|(m, edge)| middle([k, m], edge)).collect::<Vec<_>>()
     };
-    let mut middles: Vec<Middle> = alone.flat_map(of_flat).collect();
+    let mut middles: Vec<Middle> = alone.flat_map(of_surface).collect();
     if middles.is_empty() {
         return;
     }
@@ -202,15 +217,13 @@ fn add_contacts(flats: &mut [Flat], faces: &Faces) {
     if all().map(|(_, near, _)| near.len()).sum::<usize>() > MAX_TESTS {
         return;
     }
-    let flats_before: &[Flat] = flats;
     let contacts = |(t, near, bounds): (u32, &[Middle], Aabb)| {
         let distance = largest_distance(&bounds) as f32;
         let contact = |of: &Middle| {
             let is_near = bounds.distance(of.at) <= distance;
             let touches = |edge: &[u32; 2]| is_near && lies_on(faces, of.at, of.border, *edge, distance);
             let edge = edges(faces, t).into_iter().find(touches)?;
-            let sign = sign(height(&flats_before[of.place[0]], t, faces));
-            Some(Contact { place: of.place, sign, t, edge })
+            Some(Contact { place: of.place, side: side_of(of.triangle, t, faces), t, edge })
         };
         near.iter().filter_map(contact).collect::<Vec<_>>()
     };
@@ -218,8 +231,8 @@ fn add_contacts(flats: &mut [Flat], faces: &Faces) {
     let at_edge = edges_of_parts(&found.iter().map(|of| of.t).collect::<Vec<_>>(), faces);
     let is_open =
         |of: &&Contact| neighbours(&at_edge, of.edge, faces.properties.part(of.t), faces).next().is_none();
-    for &Contact { place: [k, m], sign, .. } in found.iter().filter(is_open) {
-        flats[k].outline[m].before += sign;
+    for &Contact { place: [k, m], side, .. } in found.iter().filter(is_open) {
+        surfaces[k].outline[m].before += side;
     }
 }
 
@@ -231,8 +244,8 @@ fn neighbours<'a>(
     faces: &'a Faces,
 ) -> impl Iterator<Item = u32> + 'a {
     let first = at_edge.partition_point(|(edge, _)| *edge < [w, v]);
-    let of_edge = at_edge[first..].iter().take_while(move |(edge, _)| *edge == [w, v]).take(MAX_AT_EDGE);
-    of_edge.map(|&(_, t)| t).filter(move |&t| faces.properties.part(t) == part)
+    let of_edge = at_edge[first..].iter().take_while(move |(edge, _)| *edge == [w, v]);
+    of_edge.map(|&(_, t)| t).filter(move |&t| faces.properties.part(t) == part).take(MAX_AT_EDGE)
 }
 
 /// Whether the middle of a border lies on an edge that runs in the opposite direction.
@@ -246,17 +259,14 @@ fn lies_on(faces: &Faces, middle: Vec3, border: [u32; 2], edge: [u32; 2], distan
         && (middle - v - at * along).length() <= distance
 }
 
-/// Height of the corner of a triangle that is farthest from the plane of a surface; 0 in the plane.
-fn height(flat: &Flat, t: u32, faces: &Faces) -> f32 {
+/// 1 if a triangle lies before the plane of another one, -1 behind it, 0 in it; by its corner that is farthest from the plane.
+fn side_of(plane: u32, t: u32, faces: &Faces) -> f32 {
+    let ([start, ..], normal) = (corners(faces, plane), normal_of(faces, plane));
     let corners = corners(faces, t);
-    let distance = largest_distance(&Aabb::of(corners.into_iter().chain([flat.start]))) as f32;
-    let heights = corners.map(|p| (p - flat.start).dot(flat.normal));
+    let distance = largest_distance(&Aabb::of(corners.into_iter().chain([start]))) as f32;
+    let heights = corners.map(|p| (p - start).dot(normal));
     let farthest = heights.into_iter().fold(0.0, |far: f32, h| if h.abs() > far.abs() { h } else { far });
-    if farthest.abs() > distance { farthest } else { 0.0 }
-}
-
-fn sign(height: f32) -> f32 {
-    if height == 0.0 { 0.0 } else { height.signum() }
+    if farthest.abs() > distance { farthest.signum() } else { 0.0 }
 }
 
 fn position(faces: &Faces, v: u32) -> Vec3 {

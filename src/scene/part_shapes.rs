@@ -67,8 +67,8 @@ const MIN_VOLUME: f64 = 1e-3;
 /// Largest distance between the faces of adjacent rooms whose normals point out, relative to the smaller one: it changes the light by about as much.
 const MAX_GAP: f32 = 1e-2;
 
-/// Largest number of emitters whose winding numbers are computed for a part: limits the time where many lamps stand on a ground with hills.
-const MAX_TESTED_EMITTERS: usize = 8;
+/// Largest number of places before emitters whose winding numbers are computed for a part: limits the time where many lamps stand on a ground with hills.
+const MAX_TESTED_EMITTERS: usize = 32;
 
 /// Area and kind of each part, by the sign of its volume; `lamps` has a place in front of each emitter.
 pub(super) fn shapes_of_parts(
@@ -129,10 +129,14 @@ pub(super) fn shapes_of_parts(
     shapes
 }
 
-/// The first lamps in the bounds of a solid.
+/// Lamps in the bounds of a solid, evenly spread in the order of the file.
 fn lamps_in(shape: &PartShape, lamps: &[Vec3]) -> Vec<Vec3> {
     let Aabb { min, max } = shape.bounds;
     let is_in = |p: &&Vec3| p.cmpge(min).all() && p.cmple(max).all();
-    let number = if shape.kind == PartKind::Solid { MAX_TESTED_EMITTERS } else { 0 };
-    lamps.iter().filter(is_in).take(number).copied().collect()
+    if shape.kind != PartKind::Solid {
+        return Vec::new();
+    }
+    let found: Vec<Vec3> = lamps.iter().filter(is_in).copied().collect();
+    let step = found.len().div_ceil(MAX_TESTED_EMITTERS).max(1);
+    found.into_iter().step_by(step).collect()
 }

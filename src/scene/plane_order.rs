@@ -24,6 +24,19 @@ const MIN_FACADE_COVER: f64 = 0.5;
 /// were rounded or drawn by hand leave less than a hundredth.
 const MIN_SHEET_COVER: f64 = 0.99;
 
+/// Smallest fraction of the area of a covering that lies on what it covers: more than half of it, as the bottom and two sides of a crate that stands in a corner of
+/// another one are three faces of five.
+const MIN_COVERING: f64 = 0.6;
+
+/// Bits by which areas are compared: equal surfaces that are divided into different triangles differ by rounding.
+const AREA_BITS: u32 = 16;
+
+/// An area without the bits that rounding changes.
+fn rounded(area: f64) -> f64 {
+    let dropped = f64::MANTISSA_DIGITS - AREA_BITS;
+    f64::from_bits((area.to_bits() + (1 << (dropped - 1))) >> dropped << dropped)
+}
+
 /// Place of a face among those that it is connected with by overlaps. Places of one plane are ordered along its axis, from the front.
 pub(super) struct Place {
     /// The first triangle of the plane.
@@ -31,9 +44,9 @@ pub(super) struct Place {
     /// The normal of the plane.
     pub axis: Vec3,
     pub rank: Rank,
-    /// Area of the face's part, scene units squared, after that of the largest room outside of which it lies, or infinity for facades: these lie behind all faces
-    /// of rooms.
-    areas: [f64; 2],
+    /// Areas that are compared in turn, scene units squared: that of the largest room outside of which the face lies, or of the face's surface if that is larger; that
+    /// of its surface; and that of its part where it is a floor that walls stand on, or else 0. Infinity for facades: these lie behind all faces of rooms.
+    areas: [f64; 3],
     /// Whether walls of rooms lie in the plane.
     has_walls: bool,
     /// Whether the face belongs to an open body: of two boxes in each other, the smaller one is the inner one.
@@ -63,12 +76,13 @@ impl Rank {
 }
 
 impl Place {
-    /// Order of the faces at two places of one plane: by rank, then the smaller ones towards those who see them; of equal ones the later in the file.
+    /// Order of the faces at two places of one plane: by rank, then the smaller ones towards those who see them, but the larger ones of open bodies; of equal ones the
+    /// later in the file.
     pub fn compare(&self, index: u32, other: &Place, index_of_other: u32) -> Ordering {
         let signed = |of: &Place| of.areas.map(|area| if of.is_open_body { -area } else { area });
         let [a, b] = [signed(self), signed(other)];
         let by_area = other.is_open_body.cmp(&self.is_open_body);
-        let by_area = by_area.then(a[0].total_cmp(&b[0])).then(a[1].total_cmp(&b[1]));
+        let by_area = (0..3).fold(by_area, |order, k| order.then(a[k].total_cmp(&b[k])));
         let by_area = by_area.then(index_of_other.cmp(&index));
         let is_reversed = matches!(self.rank, Rank::BodyBefore | Rank::Back);
         self.rank.cmp(&other.rank).then(if is_reversed { by_area.reverse() } else { by_area })
@@ -118,7 +132,9 @@ struct Planes<'a> {
     /// By triangle, those that overlap with it.
     neighbours: HashMap<u32, Vec<u32>>,
     facades: HashSet<u32>,
-    /// How the flat surfaces of open parts continue, by triangle.
+    /// See [`Planes::coverings`].
+    coverings: HashSet<u32>,
+    /// How the surfaces of open parts continue, by triangle.
     continued: HashMap<u32, Continued>,
     /// See [`Planes::areas_under`].
     areas_under: HashMap<[u32; 2], f64>,
@@ -137,10 +153,12 @@ impl<'a> Planes<'a> {
             of: faces.properties,
             neighbours,
             facades: HashSet::new(),
+            coverings: HashSet::new(),
             continued: HashMap::new(),
             areas_under: HashMap::new(),
         };
         planes.facades = planes.facades();
+        planes.coverings = planes.coverings();
         planes.areas_under = planes.areas_under();
         planes.continued = continuations(&planes.uncertain(), faces);
         planes
@@ -185,6 +203,23 @@ impl<'a> Planes<'a> {
         covered.into_iter().filter(is_facade).map(|(part, _)| part).collect()
     }
 
+    /// The open parts that lie with most of their area on the smaller part of a larger body that faces the same way, as the runner on a stair does.
+    fn coverings(&self) -> HashSet<u32> {
+        let alike = self.found.iter().filter(|&&(s, t, _)| self.normal(s).dot(self.normal(t)) > 0.0);
+        let mut covered = HashMap::<[u32; 2], f64>::new();
+        for &(s, t, area) in alike {
+            let [s, t] = if self.of.shape(s).area < self.of.shape(t).area { [s, t] } else { [t, s] };
+            if self.of.is_two_sided(s) && self.of.shape(t).kind != PartKind::Sheet {
+                *covered.entry([s, t].map(|t| self.of.part(t))).or_default() += area;
+            }
+        }
+        let is_covering = |&([part, of], area): &([u32; 2], f64)| {
+            let [part, of] = [part, of].map(|part| MIN_COVERING * self.of.shapes[part as usize].area);
+            area > part && area <= of
+        };
+        covered.into_iter().filter(is_covering).map(|([part, _], _)| part).collect()
+    }
+
     /// By two parts, the area of the triangles of the second one that overlap with the first one, scene units squared.
     fn areas_under(&self) -> HashMap<[u32; 2], f64> {
         let pairs = self.found.iter().flat_map(|&(s, t, _)| [(self.of.part(s), t), (self.of.part(t), s)]);
@@ -208,10 +243,15 @@ impl<'a> Planes<'a> {
         uncertain
     }
 
-    /// The area of the part of a face, or of the face itself if it is a flap; scene units squared.
+    /// How the surface of a face of an open part continues.
+    fn continued_open(&self, t: u32) -> Option<&Continued> {
+        self.continued.get(&t).filter(|_| self.of.is_two_sided(t))
+    }
+
+    /// The area of the part of a face, or of its surface if that is a flap; scene units squared.
     fn area(&self, t: u32) -> f64 {
-        let flap = self.continued.get(&t).filter(|_| self.of.is_two_sided(t)).and_then(|of| of.flap);
-        flap.unwrap_or(self.of.shape(t).area)
+        let flap = self.continued_open(t).filter(|of| of.is_flap);
+        flap.map_or(self.of.shape(t).area, |of| of.area)
     }
 
     /// The kind of each overlapping face.
@@ -227,9 +267,11 @@ impl<'a> Planes<'a> {
                 return Kind::Fixed(if shape.kind == PartKind::Room { -normal } else { normal });
             }
             // Open parts may be several rooms of different winding.
-            let is_before = match self.continued.get(&t) {
-                Some(of) if of.length != 0.0 && self.of.is_two_sided(t) => of.length > 0.0,
-                Some(of) if of.flap.is_some() && self.of.is_two_sided(t) => return Kind::Sheet,
+            let is_before = match self.continued_open(t) {
+                Some(of) if of.length_of_walls() > 0.0 => true,
+                _ if self.coverings.contains(&self.of.part(t)) => return Kind::Sheet,
+                Some(of) if of.length_of_walls() < 0.0 => false,
+                Some(of) if of.is_flap => return Kind::Sheet,
                 _ if shape.kind == PartKind::Sheet => return Kind::Sheet,
                 _ => shape.kind == PartKind::Room,
             };
@@ -277,7 +319,7 @@ impl<'a> Planes<'a> {
             matches!(kinds[&t], Kind::Sheet) && covered[&self.of.part(t)] >= MIN_SHEET_COVER * area
         };
         let is_sheet = |&&(s, t, _): &&Overlap| match self.of.part(s) == self.of.part(t) {
-            true => self.continued[&s].length * self.continued[&t].length <= 0.0,
+            true => self.continued[&s].length_of_walls() * self.continued[&t].length_of_walls() <= 0.0,
             false => is_covered_sheet(s) && is_covered_sheet(t),
         };
         self.turned_away().filter(is_sheet).flat_map(|&(s, t, _)| [s, t]).collect()
@@ -305,11 +347,13 @@ impl<'a> Planes<'a> {
             let walls = || self.neighbours[t].iter().filter(|u| matches!(kinds[*u], Kind::Wall(_)));
             let is_in_room = |u: &u32| matches!(kinds[u], Kind::Wall(inside) if inside.dot(inwards) > 0.0);
             let is_on = |u: &u32| !matches!(kinds[u], Kind::Fixed(_)) && self.normal(*u).dot(inwards) > 0.0;
-            let stands = || match walls().next() {
-                Some(_) => walls().all(is_in_room),
-                None => self.neighbours[t].iter().all(is_on),
-            };
-            glows(*t) && !self.of.is_two_sided(*t) && stands()
+            let is_box = glows(*t) && !self.of.is_two_sided(*t);
+            is_box
+                && if walls().next().is_some() {
+                    walls().all(is_in_room)
+                } else {
+                    self.neighbours[t].iter().all(is_on)
+                }
         };
         let mut standing: Vec<u32> = self.neighbours.keys().copied().filter(stands).collect();
         if !standing.is_empty() {
@@ -337,8 +381,17 @@ impl<'a> Planes<'a> {
     fn side_of_sheet(&self, t: u32, kinds: &HashMap<u32, Kind>) -> Option<Vec3> {
         let neighbours = || self.neighbours[&t].iter();
         let is_facade = |u: &u32| self.facades.contains(&self.of.part(*u));
+        // A mat on the terrace above a room faces away from the room.
+        let is_on_ground = |wall: u32, inside: Vec3| {
+            let is_ground = |u: &&u32| {
+                matches!(kinds[*u], Kind::Sheet)
+                    && self.normal(**u).dot(inside) < 0.0
+                    && self.is_ground_of(**u, wall)
+            };
+            self.normal(t).dot(inside) < 0.0 && neighbours().any(|u| is_ground(&u))
+        };
         let by_wall = |u: &u32| match kinds[u] {
-            Kind::Wall(inside) if !self.is_ground_of(t, *u) => Some(inside),
+            Kind::Wall(inside) if !self.is_ground_of(t, *u) && !is_on_ground(*u, inside) => Some(inside),
             _ => None,
         };
         let by_fixed = |u: &u32| match kinds[u] {
@@ -365,7 +418,8 @@ impl<'a> Planes<'a> {
             Kind::Wall(inside) => inside.dot(side) > 0.0 && self.is_ground_of(t, **u),
             _ => false,
         };
-        let areas = self.neighbours[&t].iter().filter(is_inside).map(|&u| self.of.shape(u).area.next_up());
+        let beyond = |&u: &u32| self.of.shape(u).area * (1.0 + 2f64.powi(2 - AREA_BITS as i32));
+        let areas = self.neighbours[&t].iter().filter(is_inside).map(beyond);
         areas.fold(0.0, f64::max)
     }
 
@@ -389,6 +443,7 @@ impl<'a> Planes<'a> {
             false => self.area(t),
         };
         members.sort_by(|&s, &t| area(s).total_cmp(&area(t)).then(t.cmp(&s)));
+        let has_upturned_edges = |t: u32| self.continued_open(t).is_some_and(|of| of.length > 0.0);
         let is_sheet = |t: &&u32| matches!(kinds[*t], Kind::Sheet);
         let default = members
             .iter()
@@ -427,7 +482,9 @@ impl<'a> Planes<'a> {
                 areas: [
                     area(t).max(if is_sheet(&&t) { self.area_inside(t, side, kinds) } else { 0.0 }),
                     area(t),
-                ],
+                    if has_upturned_edges(t) { self.of.shape(t).area } else { 0.0 },
+                ]
+                .map(rounded),
                 has_walls,
                 is_open_body: is_body && self.of.is_two_sided(t),
                 is_sheet: is_sheet(&&t),

@@ -121,7 +121,7 @@ fn faces_on_both_sides_of_a_shared_wall_are_not_reported() {
 type WithGap<'a> = &'a dyn Fn(f64) -> (Pieces, Vec<Point>);
 
 /// Faces in one place have the light that they have with a gap of a millimetre, by paths and, with few rays, by the solver, in any order of the file.
-fn check_contact(name: &str, with_gap: WithGap) {
+pub(super) fn check_contact(name: &str, with_gap: WithGap) {
     let (pieces, points) = with_gap(1e-3);
     let wanted = traced(&pieces.scene(), &points, 2048, 1);
     let mean = mean_at(&wanted);
@@ -153,7 +153,7 @@ fn on_wall(x: f64, y: f64, z: f64, normal: DVec3) -> Point {
 }
 
 /// A lamp of a square metre that faces down.
-fn lamp(pieces: &mut Pieces, x: f64, y: f64, z: f64) {
+pub(super) fn lamp(pieces: &mut Pieces, x: f64, y: f64, z: f64) {
     pieces.glowing("lamp", 10.0).polygon(&facing_down([x, x + 1.0], [y, y + 1.0], z));
 }
 
