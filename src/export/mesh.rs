@@ -5,6 +5,7 @@ use crate::radiosity::mesh::{Element, RadiosityMesh};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
+use smallvec::SmallVec;
 
 /// A triangle mesh of all sides of surfaces, with light at the vertices. Vectors have one entry per vertex or per triangle.
 #[derive(Clone, Debug, Default)]
@@ -28,8 +29,8 @@ pub struct Mesh {
 const MIN_SMOOTH_COSINE: f32 = 0.9;
 /// Relative difference of light that an 8-bit picture does not show.
 const VISIBLE_STEP: f64 = 1.0 / 255.0;
-/// Largest number of halvings of an edge: the largest depth of a quadtree.
-const MAX_HALVINGS: u32 = 24;
+/// Largest number of passes in which vertices of neighbours are found: the second finds those on edges of which the first has found an end, the third finds none.
+const MAX_OUTLINE_PASSES: usize = 4;
 
 impl Mesh {
     /// The mesh of a solution.
@@ -41,11 +42,8 @@ impl Mesh {
     /// The mesh of a solution; none if `progress` has stopped.
     pub fn new_unless(solution: &RadiosityMesh, progress: &dyn Progress) -> Option<Mesh> {
         let go_on = || (!progress.stopped()).then_some(());
-        let vertices: FxHashMap<[u32; 3], u32> =
-            solution.vertices.iter().enumerate().map(|(i, &p)| (bits(p), i as u32)).collect();
         let normals: Vec<Vec3> = solution.elements.par_iter().map(|e| normal(solution, e)).collect();
-        let outlined = |e| go_on().map(|()| outline(solution, &vertices, e));
-        let outlines: Vec<Vec<u32>> = solution.elements.par_iter().map(outlined).collect::<Option<_>>()?;
+        let outlines = outlines(solution, &go_on)?;
         let around = VertexElements::new(solution.vertices.len(), &outlines);
         let at_outlines = at_outlines(solution, &normals, &outlines, &around, &go_on)?;
         let mut out = Builder::default();
@@ -94,33 +92,76 @@ fn normal(solution: &RadiosityMesh, e: &Element) -> Vec3 {
     (c - a).cross(d - b).normalize_or_zero().as_vec3()
 }
 
-/// Vertices along an element's edges: its corners and the vertices of smaller neighbours.
-fn outline(solution: &RadiosityMesh, vertices: &FxHashMap<[u32; 3], u32>, e: &Element) -> Vec<u32> {
-    let corners = e.outline();
-    let mut out = Vec::with_capacity(corners.len());
-    for (k, &a) in corners.iter().enumerate() {
-        out.push(a);
-        halves(solution, vertices, a, corners[(k + 1) % corners.len()], MAX_HALVINGS, &mut out);
+/// The vertices along the edges of each element: its corners, and the vertices of smaller neighbours and of neighbours that were cut there; none if `go_on` returns
+/// false.
+fn outlines(solution: &RadiosityMesh, go_on: &(impl Fn() -> Option<()> + Sync)) -> Option<Vec<Vec<u32>>> {
+    let mut outlines: Vec<Vec<u32>> = solution.elements.iter().map(|e| e.outline().to_vec()).collect();
+    for _ in 0..MAX_OUTLINE_PASSES {
+        let edges = Edges::of(solution, &outlines);
+        let longer = |outline: &Vec<u32>| go_on().map(|()| edges.outline(solution, outline));
+        let found: Vec<Vec<u32>> = outlines.par_iter().map(longer).collect::<Option<_>>()?;
+        let is_same = found.iter().zip(&outlines).all(|(new, old)| new.len() == old.len());
+        outlines = found;
+        if is_same {
+            break;
+        }
     }
-    out
+    Some(outlines)
 }
 
-/// Appends the vertices between two positions, found by halving: elements are split at the middles of their edges.
-fn halves(
-    solution: &RadiosityMesh,
-    vertices: &FxHashMap<[u32; 3], u32>,
-    a: u32,
-    b: u32,
-    depth: u32,
-    out: &mut Vec<u32>,
-) {
-    let (p, q) = (solution.vertices[a as usize], solution.vertices[b as usize]);
-    let Some(&m) = vertices.get(&bits(0.5 * (p + q))).filter(|&&m| m != a && m != b && depth > 0) else {
-        return;
-    };
-    halves(solution, vertices, a, m, depth - 1, out);
-    out.push(m);
-    halves(solution, vertices, m, b, depth - 1, out);
+/// The edges of all elements, to find the vertices of neighbours on an edge.
+struct Edges {
+    /// By vertex, where its entries in `ends` begin.
+    first: Vec<u32>,
+    /// The other ends of the edges at each vertex.
+    ends: Vec<u32>,
+}
+
+impl Edges {
+    fn of(solution: &RadiosityMesh, outlines: &[Vec<u32>]) -> Edges {
+        let both_ways = |outline: &Vec<u32>| {
+            let edge = |k: usize| [outline[k], outline[(k + 1) % outline.len()]];
+            (0..outline.len()).map(edge).flat_map(|[a, b]| [[a, b], [b, a]]).collect::<SmallVec<[_; 8]>>()
+        };
+        let mut edges: Vec<[u32; 2]> = outlines.par_iter().flat_map_iter(both_ways).collect();
+        edges.par_sort_unstable();
+        edges.dedup();
+        let first = |v: u32| edges.partition_point(|edge| edge[0] < v) as u32;
+        let first = (0..=solution.vertices.len() as u32).into_par_iter().map(first).collect();
+        Edges { first, ends: edges.into_iter().map(|edge| edge[1]).collect() }
+    }
+
+    /// An outline with the vertices of neighbours between its own ones.
+    fn outline(&self, solution: &RadiosityMesh, outline: &[u32]) -> Vec<u32> {
+        let mut longer = Vec::with_capacity(outline.len());
+        for (k, &a) in outline.iter().enumerate() {
+            longer.push(a);
+            self.add_between(solution, [a, outline[(k + 1) % outline.len()]], &mut longer);
+        }
+        longer
+    }
+
+    /// Appends the vertices between the ends of an edge that other edges along it join with these.
+    fn add_between(&self, solution: &RadiosityMesh, [a, b]: [u32; 2], outline: &mut Vec<u32>) {
+        let place = |v: u32| solution.vertices[v as usize].as_dvec3();
+        let (from, along) = (place(a), place(b) - place(a));
+        let rounding = 4.0 * f64::from(f32::EPSILON) * from.abs().max(place(b).abs()).max_element();
+        let mut found: SmallVec<[(f64, u32); 8]> = SmallVec::new();
+        let mut next: SmallVec<[u32; 8]> = SmallVec::from_slice(&[a, b]);
+        while let Some(v) = next.pop() {
+            for &w in &self.ends[self.first[v as usize] as usize..self.first[v as usize + 1] as usize] {
+                let at = (place(w) - from).dot(along) / along.length_squared();
+                let off = (place(w) - from - at * along).length();
+                let is_between = at > 0.0 && at < 1.0 && off <= rounding;
+                if is_between && w != a && w != b && !found.iter().any(|of| of.1 == w) {
+                    found.push((at, w));
+                    next.push(w);
+                }
+            }
+        }
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        outline.extend(found.into_iter().map(|of| of.1));
+    }
 }
 
 /// Elements around each vertex.

@@ -28,6 +28,10 @@ const MIN_WEIGHT: f32 = 0.1;
 /// around one lamp, whose sizes grow with the distance, have a total error of .1 % (`radiosity::tests::ratios`).
 const MAX_VARIATION: f32 = 2e-5;
 
+/// Largest importance by points that makes elements smaller, by √8 = 2.8 times at most: more elements of a small room in a large hall take half as much time again, and
+/// its points are no better.
+const MAX_SPLIT_IMPORTANCE: f64 = 8.0;
+
 /// Elements that are split between two reports of progress, at which an interruption is noticed: 2¹² take about 1 ms.
 const SPLIT_SLICE: usize = 1 << 12;
 
@@ -219,7 +223,10 @@ impl LinkedScene {
                     break;
                 }
             }
-            let importance = if by_points { f64::from(self.elements.states[e].importance) } else { 1.0 };
+            let importance = match by_points {
+                true => f64::from(self.elements.states[e].importance).min(MAX_SPLIT_IMPORTANCE),
+                false => 1.0,
+            };
             if self.elements.can_split(e as u32, min_area / importance) {
                 self.split(e as u32);
             }
