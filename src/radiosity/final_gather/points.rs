@@ -85,7 +85,8 @@ impl FinalGather<'_> {
             .collect();
         let (mut values, mut tally) = (Vec::with_capacity(part.len()), Tally::default());
         for (part, counts) in rows.gather(made) {
-            values.extend(part);
+            // The light of leaves has noise on both sides of 0.
+            values.extend(part.into_iter().map(|light| light.map(|of| of.max(0.0))));
             tally.add(counts);
         }
         (values, tally)

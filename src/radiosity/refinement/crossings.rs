@@ -31,8 +31,8 @@ const MAX_SPLITS: i32 = 3;
 const MAX_PLANES: usize = 2;
 /// Largest number of rounds of cuts through the parts of an element that is not split any more: the four faces of two walls that meet.
 const MAX_CUTS: usize = 4;
-/// Largest number of elements added by these splits and cuts, relative to the number of all elements: time and memory of the local pass at most
-/// double. If there are more crossed elements, the largest are split.
+/// Largest number of elements added by these splits and cuts, relative to the number of all elements: time and memory of the local pass
+/// at most double. If there are more crossed elements, the largest are split.
 const MAX_ADDED_RATIO: f64 = 1.0;
 /// Number of elements that may be added to a scene of any size: at 1.4 kB and 40 µs for each (see
 /// [`FineGround::MAX_TRIANGLES`](crate::scene::FineGround::MAX_TRIANGLES)) they take 11 MB and 0.3 s.
@@ -60,9 +60,9 @@ impl LinkedScene {
         let leaves = self.leaves();
         let mut remaining = ((MAX_ADDED_RATIO * leaves.len() as f64) as usize).max(ALWAYS_ADDED);
         let first = self.elements.len();
-        self.cut_undivided(scene, exact, &leaves, smallest);
+        self.cut_undivided(scene, exact, &leaves, smallest, remaining / 4);
         let made: Vec<u32> = (first as u32..self.elements.len() as u32).collect();
-        remaining = remaining.saturating_sub(made.len());
+        remaining -= made.len();
         let tested = [divided(&self.elements, &leaves), made].concat();
         let mut found = crossed(&self.elements, exact, &tested);
         let mut left = Vec::new();
@@ -95,15 +95,17 @@ impl LinkedScene {
         left.into_iter().chain(found).for_each(|e| self.elements.states[e as usize].crossed = true);
     }
 
-    /// Cuts undivided surfaces above this area that at most [`MAX_PLANES`] planes cross from edge to edge, and nothing else. To split or mark the others takes a third
-    /// more time in a furnished room, and its light changes by less than its error.
-    fn cut_undivided(&mut self, scene: &Scene, exact: &Exact, leaves: &[u32], min_area: f64) {
+    /// Cuts undivided surfaces above this area that at most [`MAX_PLANES`] planes cross from edge to edge, and nothing else, at most
+    /// `count` of them. To split or mark the others takes a third more time in a furnished room, and its light changes by less than its
+    /// error.
+    fn cut_undivided(&mut self, scene: &Scene, exact: &Exact, leaves: &[u32], min_area: f64, count: usize) {
         let is_whole = |e: &u32| {
             let element = &self.elements.elements[*e as usize];
             element.level == 0 && element.area > min_area
         };
         let whole: Vec<u32> = leaves.iter().copied().filter(is_whole).collect();
-        let found = crossed(&self.elements, exact, &whole);
+        let mut found = crossed(&self.elements, exact, &whole);
+        found.truncate(count);
         let first = self.elements.len();
         for (e, planes) in found.iter().zip(self.planes_across(scene, exact, &found)) {
             if let Some(plane) = planes.first.filter(|_| planes.are_all) {

@@ -28,8 +28,8 @@ const MIN_WEIGHT: f32 = 0.1;
 /// around one lamp, whose sizes grow with the distance, have a total error of .1 % (`radiosity::tests::ratios`).
 const MAX_VARIATION: f32 = 2e-5;
 
-/// Largest importance by points that makes elements smaller, by √8 = 2.8 times at most: more elements of a small room in a large hall take half as much time again, and
-/// its points are no better.
+/// Largest importance by points that makes elements smaller, by √8 = 2.8 times at most: more elements of a small room in a large hall
+/// take half as much time again, and its points are no better.
 const MAX_SPLIT_IMPORTANCE: f64 = 8.0;
 
 /// Elements that are split between two reports of progress, at which an interruption is noticed: 2¹² take about 1 ms.

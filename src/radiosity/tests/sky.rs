@@ -439,30 +439,53 @@ fn huts_on_a_plain_are_dark_inside() {
     assert!(found.iter().all(|light| mean(*light) < 1e-4), "{found:?}");
 }
 
-/// A hut with an open door on a plain of 20 m and of 2 km: the light of the points in it does not depend on how little of the scene it is.
-#[test]
-fn open_huts_on_a_plain_have_the_light_of_paths() {
-    let at = |x: f64, y: f64, z: f64, normal: DVec3| Point { position: DVec3::new(x, y, z), normal };
-    let points = [at(2.0, 1.5, 2.5, -DVec3::Z), at(0.5, 1.5, 1.0, DVec3::X), at(1.0, 1.0, 0.0, DVec3::Z)];
-    for half in [10.0, 1e3] {
-        let mut pieces = Pieces::empty();
-        pieces.grey("plain", 0.5).polygon(&facing_up([-half, half], [-half, half], 0.0));
-        pieces.grey("hut", 0.5).polygon(&facing_down([0.0, 4.0], [0.0, 3.0], 2.5));
-        pieces.rectangle(DVec3::ZERO, 2.5 * DVec3::Z, 4.0 * DVec3::X);
-        pieces.rectangle(3.0 * DVec3::Y, 4.0 * DVec3::X, 2.5 * DVec3::Z);
-        pieces.rectangle(DVec3::ZERO, 3.0 * DVec3::Y, 2.5 * DVec3::Z);
-        // Beside and above the door.
-        pieces.rectangle(4.0 * DVec3::X, 2.5 * DVec3::Z, DVec3::Y);
-        pieces.rectangle(DVec3::new(4.0, 2.0, 0.0), 2.5 * DVec3::Z, DVec3::Y);
-        pieces.rectangle(DVec3::new(4.0, 1.0, 2.0), 0.5 * DVec3::Z, DVec3::Y);
-        let scene = under(pieces, "uniform:30", "none");
-        let options = Options { audit: 0, elements: false, ..Options::default() };
-        let found = solved(&scene, &points, &options).irradiance;
-        let truth = traced(&scene, &points, 1 << 16, 1);
-        for (found, truth) in found.iter().zip(&truth) {
-            let (found, truth) = (mean(*found), mean(*truth));
-            // Paths have a standard error of 1 %.
-            assert!((found / truth - 1.0).abs() < 0.09, "{half}: {found} instead of {truth}");
-        }
+/// A hut of 4 by 3 by 2.5 with an open door, whose walls begin at this height; the light of points in it against that of paths.
+fn check_open_hut(name: &str, ground: Pieces, foot: f64, points: &[Point]) {
+    let mut pieces = ground;
+    pieces.grey("hut", 0.5).polygon(&facing_down([0.0, 4.0], [0.0, 3.0], 2.5));
+    let mut wall = |x: f64, y: f64, z: f64, to: DVec3, turned: bool| {
+        let sides = [(2.5 - z) * DVec3::Z, to];
+        let [a, b] = if turned { [sides[1], sides[0]] } else { sides };
+        pieces.rectangle(DVec3::new(x, y, z), a, b);
+    };
+    wall(0.0, 0.0, foot, 4.0 * DVec3::X, false);
+    wall(0.0, 3.0, foot, 4.0 * DVec3::X, true);
+    wall(0.0, 0.0, foot, 3.0 * DVec3::Y, true);
+    // Beside and above the door.
+    wall(4.0, 0.0, foot, DVec3::Y, false);
+    wall(4.0, 2.0, foot, DVec3::Y, false);
+    wall(4.0, 1.0, 2.0, DVec3::Y, false);
+    let scene = under(pieces, "uniform:30", "none");
+    let options = Options { audit: 0, elements: false, ..Options::default() };
+    let found = solved(&scene, points, &options).irradiance;
+    let truth = traced(&scene, points, 1 << 16, 1);
+    for (found, truth) in found.iter().zip(&truth) {
+        let (found, truth) = (mean(*found), mean(*truth));
+        // Paths have a standard error of 1 %.
+        assert!((found / truth - 1.0).abs() < 0.09, "{name}: {found} instead of {truth}");
     }
+}
+
+/// A hut with an open door on a plain of 20 m, a plain of 2 km, and on hills below which its walls begin: the light of the points in it depends neither on how little
+/// of the scene it is, nor on the noise of dark elements below the ground.
+#[test]
+fn open_huts_have_the_light_of_paths() {
+    let at = |x: f64, y: f64, z: f64, normal: DVec3| Point { position: DVec3::new(x, y, z), normal };
+    let points = [at(2.0, 1.5, 2.5, -DVec3::Z), at(0.0, 1.5, 1.7, DVec3::X), at(1.0, 3.0, 1.8, -DVec3::Y)];
+    for half in [10.0, 1e3] {
+        let mut plain = Pieces::empty();
+        plain.grey("plain", 0.5).polygon(&facing_up([-half, half], [-half, half], 0.0));
+        check_open_hut("plain", plain, 0.0, &points);
+    }
+    let mut hills = Pieces::empty();
+    hills.grey("hills", 0.5);
+    let at = |i: i32, j: i32| {
+        let [x, y] = [i, j].map(|k| 2.0 * f64::from(k));
+        DVec3::new(x, y, 1.1 * (0.6 * x).sin() * (0.5 * y).cos())
+    };
+    for (i, j) in (-15..15).flat_map(|i| (-15..15).map(move |j| (i, j))) {
+        hills.polygon(&[at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+        hills.polygon(&[at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+    }
+    check_open_hut("hills", hills, -1.5, &points);
 }
