@@ -439,7 +439,7 @@ fn count_sent(rows: &RayRows, sums: &[Vec<f64>; 2], light: &[Field; 2], results:
         };
         let result = &mut results[row.leaf as usize];
         let own = mean(result.irradiance);
-        if own > 0.0 {
+        if own != 0.0 {
             let sent = 0.5 * (part(0) * mean(second[i]) + part(1) * mean(first[i]));
             result.row_sum = (sent / own) as f32;
         }

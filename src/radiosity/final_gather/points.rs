@@ -86,7 +86,7 @@ impl FinalGather<'_> {
         let (mut values, mut tally) = (Vec::with_capacity(part.len()), Tally::default());
         for (part, counts) in rows.gather(made) {
             // The light of leaves has noise on both sides of 0.
-            values.extend(part.into_iter().map(|light| light.map(|of| of.max(0.0))));
+            values.extend(part.into_iter().map(|light| light.map(|of| if of < 0.0 { 0.0 } else { of })));
             tally.add(counts);
         }
         (values, tally)

@@ -457,13 +457,15 @@ fn check_open_hut(name: &str, ground: Pieces, foot: f64, points: &[Point]) {
     wall(4.0, 1.0, 2.0, DVec3::Y, false);
     let scene = under(pieces, "uniform:30", "none");
     let options = Options { audit: 0, elements: false, ..Options::default() };
-    let found = solved(&scene, points, &options).irradiance;
+    let Outcome { irradiance, record, .. } = solved(&scene, points, &options);
     let truth = traced(&scene, points, 1 << 16, 1);
-    for (found, truth) in found.iter().zip(&truth) {
+    for (found, truth) in irradiance.iter().zip(&truth) {
         let (found, truth) = (mean(*found), mean(*truth));
         // Paths have a standard error of 1 %.
         assert!((found / truth - 1.0).abs() < 0.09, "{name}: {found} instead of {truth}");
     }
+    let Ledger { emitted, created, .. } = record.ledger;
+    assert!(created.abs() < 2e-3 * emitted, "{name}: {created} of {emitted}");
 }
 
 /// A hut with an open door on a plain of 20 m, a plain of 2 km, and on hills below which its walls begin: the light of the points in it depends neither on how little
