@@ -173,12 +173,17 @@ impl LinkedScene {
         }
     }
 
-    /// For each leaf, a bit mask of the edges along which other surfaces stand (segments across their middles are blocked); 0 for
-    /// undivided surfaces.
+    /// For each leaf, a bit mask of the edges along which other surfaces stand or end a little above (segments across their middles are
+    /// blocked); 0 for undivided surfaces.
     pub fn walls_along(&self, exact: &Exact, leaves: &[u32]) -> Vec<u8> {
         let parts = divided(&self.elements, leaves);
-        let mut walls =
-            parts.iter().copied().zip(blocked(&self.elements, exact, &parts, set_across)).peekable();
+        let [low, high] = [INSET, INSET_CLEAR].map(|height| {
+            blocked(&self.elements, exact, &parts, |packet, first, corners, side| {
+                set_across(packet, first, corners, side, height)
+            })
+        });
+        let edges = low.into_iter().zip(high).map(|(low, high)| low | high);
+        let mut walls = parts.iter().copied().zip(edges).peekable();
         let of = |leaf: &u32| walls.next_if(|(part, _)| part == leaf).map_or(0, |(_, edges)| edges as u8);
         leaves.iter().map(of).collect()
     }
@@ -231,11 +236,11 @@ fn set_edges(
     }
 }
 
-/// Sets lanes from `first` on to segments across the middles of the edges of an element, which begin and end twice as far from the edges
-/// as those of [`set_edges`]: a wall that crosses neither element lies between. The next face of a bowl counts as a wall from an angle of
-/// about 30° on.
-fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side) {
-    let (count, middle, above) = frame(corners, side, INSET);
+/// Sets lanes from `first` on to segments across the middles of the edges of an element, above it by this fraction of its diameter. They
+/// begin and end twice as far from the edges as those of [`set_edges`] at [`INSET`]: a wall that crosses neither element lies between. At
+/// that height, the next face of a bowl counts as a wall from an angle of about 30° on.
+fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side, height: f32) {
+    let (count, middle, above) = frame(corners, side, height);
     for k in 0..count {
         let edge = 0.5 * (corners[k] + corners[(k + 1) % count]);
         let inwards = 4.0 * INSET * (middle - edge);
