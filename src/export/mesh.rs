@@ -2,6 +2,7 @@
 
 use crate::progress::Progress;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
+use crate::scene::Sets;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -59,6 +60,7 @@ impl Mesh {
                     out.triangle([a, b, c], e);
                     out.triangle([a, c, d], e);
                 }
+                [] | [_] | [_, _] => {}
                 _ => {
                     let corners = element.outline();
                     let sum: Vec3 = corners.iter().map(|&v| solution.vertices[v as usize]).sum();
@@ -96,6 +98,7 @@ fn normal(solution: &RadiosityMesh, e: &Element) -> Vec3 {
 /// false.
 fn outlines(solution: &RadiosityMesh, go_on: &(impl Fn() -> Option<()> + Sync)) -> Option<Vec<Vec<u32>>> {
     let mut outlines: Vec<Vec<u32>> = solution.elements.iter().map(|e| e.outline().to_vec()).collect();
+    join_twins(solution, &mut outlines);
     for _ in 0..MAX_OUTLINE_PASSES {
         let edges = Edges::of(solution, &outlines);
         let longer = |outline: &Vec<u32>| go_on().map(|()| edges.outline(solution, outline));
@@ -107,6 +110,43 @@ fn outlines(solution: &RadiosityMesh, go_on: &(impl Fn() -> Option<()> + Sync)) 
         }
     }
     Some(outlines)
+}
+
+/// Replaces vertices that differ by rounding by the first of them, as those of two neighbours that were cut along one plane. They are ends
+/// of edges from one vertex.
+fn join_twins(solution: &RadiosityMesh, outlines: &mut [Vec<u32>]) {
+    let edges = Edges::of(solution, outlines);
+    let place = |v: u32| solution.vertices[v as usize];
+    let twins_beside = |v: u32| {
+        let mut ends: SmallVec<[u32; 8]> = SmallVec::from_slice(edges.ends_of(v));
+        ends.sort_by(|&a, &b| place(a).x.total_cmp(&place(b).x));
+        let mut found: SmallVec<[[u32; 2]; 2]> = SmallVec::new();
+        for (k, &a) in ends.iter().enumerate() {
+            let rounding = rounding(place(a));
+            let near = ends[k + 1..].iter().take_while(|b| place(**b).x - place(a).x <= rounding);
+            found.extend(near.filter(|b| place(**b).distance(place(a)) <= rounding).map(|&b| [a, b]));
+        }
+        found
+    };
+    let count = solution.vertices.len() as u32;
+    let found: Vec<[u32; 2]> = (0..count).into_par_iter().flat_map_iter(twins_beside).collect();
+    if found.is_empty() {
+        return;
+    }
+    let mut sets = Sets::new(count as usize);
+    found.into_iter().for_each(|[a, b]| sets.join(a, b));
+    for outline in outlines {
+        outline.iter_mut().for_each(|v| *v = sets.root(*v));
+        outline.dedup();
+        if outline.len() > 1 && outline.first() == outline.last() {
+            outline.pop();
+        }
+    }
+}
+
+/// Largest distance of places that differ by rounding of a few operations, scene units.
+fn rounding(place: Vec3) -> f32 {
+    4.0 * f32::EPSILON * place.abs().max_element()
 }
 
 /// The edges of all elements, to find the vertices of neighbours on an edge.
@@ -131,6 +171,11 @@ impl Edges {
         Edges { first, ends: edges.into_iter().map(|edge| edge[1]).collect() }
     }
 
+    /// The other ends of the edges at a vertex.
+    fn ends_of(&self, v: u32) -> &[u32] {
+        &self.ends[self.first[v as usize] as usize..self.first[v as usize + 1] as usize]
+    }
+
     /// An outline with the vertices of neighbours between its own ones.
     fn outline(&self, solution: &RadiosityMesh, outline: &[u32]) -> Vec<u32> {
         let mut longer = Vec::with_capacity(outline.len());
@@ -145,16 +190,17 @@ impl Edges {
     fn add_between(&self, solution: &RadiosityMesh, [a, b]: [u32; 2], outline: &mut Vec<u32>) {
         let place = |v: u32| solution.vertices[v as usize].as_dvec3();
         let (from, along) = (place(a), place(b) - place(a));
-        let rounding = 4.0 * f64::from(f32::EPSILON) * from.abs().max(place(b).abs()).max_element();
+        let ends = [a, b].map(|v| solution.vertices[v as usize].abs());
+        let rounding = f64::from(rounding(ends[0].max(ends[1])));
         let mut found: SmallVec<[(f64, u32); 8]> = SmallVec::new();
         let mut next: SmallVec<[u32; 8]> = SmallVec::from_slice(&[a, b]);
         while let Some(v) = next.pop() {
-            for &w in &self.ends[self.first[v as usize] as usize..self.first[v as usize + 1] as usize] {
-                let at = (place(w) - from).dot(along) / along.length_squared();
-                let off = (place(w) - from - at * along).length();
-                let is_between = at > 0.0 && at < 1.0 && off <= rounding;
+            for &w in self.ends_of(v) {
+                let part = (place(w) - from).dot(along) / along.length_squared();
+                let distance = (place(w) - from - part * along).length();
+                let is_between = part > 0.0 && part < 1.0 && distance <= rounding;
                 if is_between && w != a && w != b && !found.iter().any(|of| of.1 == w) {
-                    found.push((at, w));
+                    found.push((part, w));
                     next.push(w);
                 }
             }
@@ -291,7 +337,7 @@ fn is_beyond_wall(solution: &RadiosityMesh, [a, b]: [u32; 2], vertex: u32, norma
     (0..corners.len()).filter(|k| a.walls >> k & 1 != 0).any(|k| {
         let (from, to) = (place(corners[k]), place(corners[(k + 1) % corners.len()]));
         // The vertex is an end of the edge or in its middle but for rounding, and the element lies on the left of it.
-        let rounding = 4.0 * f32::EPSILON * from.abs().max(to.abs()).max_element();
+        let rounding = rounding(from.abs().max(to.abs()));
         let is_on = at.distance(from) + at.distance(to) <= (1.0 + 1e-5) * from.distance(to) + rounding;
         is_on && (to - from).cross(middle - from).dot(normal) < 0.0
     })
@@ -299,7 +345,7 @@ fn is_beyond_wall(solution: &RadiosityMesh, [a, b]: [u32; 2], vertex: u32, norma
 
 /// Mean at a vertex of an element of the values of the elements around the vertex that face along its normal, weighted by the distance of
 /// their centres. Elements that other surfaces stand across, and sides that no light reaches, count only beside no others, and those
-/// beyond a wall not at all.
+/// beyond a wall not at all. Elements in a narrow gap and those outside of it do not count for each other.
 fn mean(
     solution: &RadiosityMesh,
     values: &[[f64; 3]],
@@ -311,7 +357,10 @@ fn mean(
     let (mut sum, mut weights) = ([0.0; 3], 0.0);
     let normal = normals[element as usize];
     let beyond = |a: u32, b: u32| is_beyond_wall(solution, [a, b], vertex, normal);
-    let joins = |e: u32| e == element || !beyond(element, e) && !beyond(e, element);
+    let is_narrow = |e: u32| solution.elements[e as usize].narrow;
+    let joins = |e: u32| {
+        e == element || is_narrow(e) == is_narrow(element) && !beyond(element, e) && !beyond(e, element)
+    };
     let faces = |e: u32| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE && joins(e);
     let counts = |e: u32| !solution.elements[e as usize].crossed && (e as usize) < solution.lit();
     let only_others = !around.iter().any(|&e| faces(e) && counts(e));

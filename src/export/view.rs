@@ -368,6 +368,7 @@ pub(super) fn evenly_lit(scene: &Scene) -> RadiosityMesh {
                 material: 0,
                 front,
                 crossed: false,
+                narrow: false,
                 walls: 0,
             });
         }

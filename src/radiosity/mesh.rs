@@ -37,6 +37,8 @@ pub struct Element {
     pub front: bool,
     /// Whether another surface stands across the element, as the foot of a thin wall does: its light is the mean of both sides of that.
     pub crossed: bool,
+    /// Whether another surface covers all of the element at a distance less than the element's size: light ends where such a gap ends.
+    pub narrow: bool,
     /// Edges along which another surface stands, by bit, the first from the first corner to the second: light may differ abruptly there.
     pub walls: u8,
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use std::collections::HashSet;
 
 /// Disjoint sets of `0..n` (union by smaller root: the root is the first member).
-pub(super) struct Sets(Vec<u32>);
+pub(crate) struct Sets(Vec<u32>);
 
 impl Sets {
     pub fn new(n: usize) -> Self {

@@ -59,7 +59,8 @@ impl Surface {
         let sum = |part: fn(&OutlineEdge) -> f32| self.outline.iter().map(part).sum::<f32>();
         let length = sum(|edge| edge.before * edge.length);
         let differs = length.abs() > MIN_DIFFERENCE * sum(|edge| edge.before.abs() * edge.length);
-        Continued { length: if differs { length } else { 0.0 }, area, is_flap: self.is_flap() }
+        let length = if differs { length } else { 0.0 };
+        Continued { length, area, joined_area: area, is_flap: self.is_flap() }
     }
 
     fn is_flap(&self) -> bool {
@@ -94,6 +95,8 @@ pub(super) struct Continued {
     pub length: f32,
     /// Area of the surface, scene units squared.
     pub area: f64,
+    /// The same with all surfaces of other parts that continue it without a sharp edge, as the tiles of a terrain do.
+    pub joined_area: f64,
     /// Whether it is a flap ([`MIN_CONTINUED`]).
     pub is_flap: bool,
 }
@@ -119,12 +122,15 @@ pub(super) fn continuations(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, Co
             surfaces.push(surface);
         }
     }
-    add_contacts(&mut surfaces, faces);
-    let of_surface = |surface: &Surface| {
-        let continued = surface.continued(faces);
+    let mut joined = add_contacts(&mut surfaces, faces);
+    let all: Vec<Continued> = surfaces.iter().map(|surface| surface.continued(faces)).collect();
+    let mut areas = vec![0.0; all.len()];
+    (0..).zip(&all).for_each(|(k, of)| areas[joined.root(k) as usize] += of.area);
+    let of_surface = |(k, surface): (usize, &Surface)| {
+        let continued = Continued { joined_area: areas[joined.root(k as u32) as usize], ..all[k] };
         surface.triangles.iter().map(|&t| (t, continued)).collect::<Vec<_>>()
     };
-    surfaces.iter().flat_map(of_surface).collect()
+    surfaces.iter().enumerate().flat_map(of_surface).collect()
 }
 
 /// The edges of all triangles of the parts of some triangles, ascending, with their triangles.
@@ -181,15 +187,19 @@ struct Middle {
 struct Contact {
     /// See [`Middle::place`].
     place: [usize; 2],
-    /// 1 if the triangle lies before the surface, -1 behind it.
+    /// 1 if the triangle lies before the surface, -1 behind it, 0 in it or if it continues the surface without a sharp edge.
     side: f32,
+    /// Whether it continues the surface without a sharp edge.
+    is_smooth: bool,
     t: u32,
     edge: [u32; 2],
 }
 
-/// Adds the borders that lie on edges without neighbours of other triangles, for flaps and surfaces that continue as much before as behind them. Edges of closed boxes
-/// do not count: a rug as large as the box that it lies on is not a face of the box.
-fn add_contacts(surfaces: &mut [Surface], faces: &Faces) {
+/// Adds the borders that lie on edges without neighbours of other triangles, for flaps and surfaces that continue as much before as behind
+/// them. Edges of closed boxes do not count: a rug as large as the box that it lies on is not a face of the box. Returns the sets of
+/// surfaces that continue each other without a sharp edge.
+fn add_contacts(surfaces: &mut [Surface], faces: &Faces) -> Sets {
+    let mut joined = Sets::new(surfaces.len());
     let alone =
         surfaces.iter().enumerate().filter(|(_, surface)| surface.continued(faces).length_of_walls() == 0.0);
     let middle = |place: [usize; 2], edge: &OutlineEdge| {
@@ -202,7 +212,7 @@ fn add_contacts(surfaces: &mut [Surface], faces: &Faces) {
     };
     let mut middles: Vec<Middle> = alone.flat_map(of_surface).collect();
     if middles.is_empty() {
-        return;
+        return joined;
     }
     let axis = Aabb::of(middles.iter().map(|of| of.at)).extent().max_position();
     middles.sort_by(|a, b| a.at[axis].total_cmp(&b.at[axis]).then(a.border.cmp(&b.border)));
@@ -215,7 +225,7 @@ fn add_contacts(surfaces: &mut [Surface], faces: &Faces) {
     };
     let all = || (0..faces.triangles.len() as u32).into_par_iter().map(reached);
     if all().map(|(_, near, _)| near.len()).sum::<usize>() > MAX_TESTS {
-        return;
+        return joined;
     }
     let contacts = |(t, near, bounds): (u32, &[Middle], Aabb)| {
         let distance = largest_distance(&bounds) as f32;
@@ -223,7 +233,9 @@ fn add_contacts(surfaces: &mut [Surface], faces: &Faces) {
             let is_near = bounds.distance(of.at) <= distance;
             let touches = |edge: &[u32; 2]| is_near && lies_on(faces, of.at, of.border, *edge, distance);
             let edge = edges(faces, t).into_iter().find(touches)?;
-            Some(Contact { place: of.place, side: side_of(of.triangle, t, faces), t, edge })
+            let is_smooth = normal_of(faces, of.triangle).dot(normal_of(faces, t)) > MIN_SMOOTH_COSINE;
+            let side = if is_smooth { 0.0 } else { side_of(of.triangle, t, faces) };
+            Some(Contact { place: of.place, side, is_smooth, t, edge })
         };
         near.iter().filter_map(contact).collect::<Vec<_>>()
     };
@@ -231,9 +243,16 @@ fn add_contacts(surfaces: &mut [Surface], faces: &Faces) {
     let at_edge = edges_of_parts(&found.iter().map(|of| of.t).collect::<Vec<_>>(), faces);
     let is_open =
         |of: &&Contact| neighbours(&at_edge, of.edge, faces.properties.part(of.t), faces).next().is_none();
-    for &Contact { place: [k, m], side, .. } in found.iter().filter(is_open) {
+    let numbers = (0..).zip(surfaces.iter());
+    let surface_of: HashMap<u32, u32> =
+        numbers.flat_map(|(k, surface)| surface.triangles.iter().map(move |&t| (t, k))).collect();
+    for &Contact { place: [k, m], side, is_smooth, t, .. } in found.iter().filter(is_open) {
         surfaces[k].outline[m].before += side;
+        if let Some(&other) = surface_of.get(&t).filter(|_| is_smooth) {
+            joined.join(k as u32, other);
+        }
     }
+    joined
 }
 
 /// The triangles of a part beyond an edge of one of its triangles, from the edges of its triangles.

@@ -59,7 +59,7 @@ mod up;
 mod write_gltf;
 mod write_obj;
 
-pub(crate) use connect::badly_wound;
+pub(crate) use connect::{Sets, badly_wound};
 pub use emitter_sampler::EmitterSampler;
 pub(crate) use fine_ground::{FineGround, Piece};
 pub use flatten::InstanceTriangles;

@@ -14,7 +14,7 @@ use super::part_shapes::PartKind;
 use crate::math::{triangle_area, triangle_normal};
 use glam::Vec3;
 use std::cmp::Ordering;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// Smallest fraction of the area of a facade that lies on walls of the rooms in it: most of it, as a room whose normals point out also touches
 /// cupboards whose normals point in.
@@ -24,8 +24,8 @@ const MIN_FACADE_COVER: f64 = 0.5;
 /// were rounded or drawn by hand leave less than a hundredth.
 const MIN_SHEET_COVER: f64 = 0.99;
 
-/// Smallest fraction of the area of a covering that lies on what it covers: more than half of it, as the bottom and two sides of a crate that stands in a corner of
-/// another one are three faces of five.
+/// Smallest fraction of the area of a covering that lies on bodies, and largest fraction of the area of each body that it covers: more than
+/// half, as the bottom and two sides of a crate that stands in a corner of another one are three faces of five.
 const MIN_COVERING: f64 = 0.6;
 
 /// Bits by which areas are compared: equal surfaces that are divided into different triangles differ by rounding.
@@ -203,21 +203,27 @@ impl<'a> Planes<'a> {
         covered.into_iter().filter(is_facade).map(|(part, _)| part).collect()
     }
 
-    /// The open parts that lie with most of their area on the smaller part of a larger body that faces the same way, as the runner on a stair does.
+    /// The open parts that lie with most of their area on bodies that face the same way and extend beyond them, as the runner on a stair
+    /// and its landing does.
     fn coverings(&self) -> HashSet<u32> {
         let alike = self.found.iter().filter(|&&(s, t, _)| self.normal(s).dot(self.normal(t)) > 0.0);
-        let mut covered = HashMap::<[u32; 2], f64>::new();
+        let mut on_body = BTreeMap::<[u32; 2], f64>::new();
         for &(s, t, area) in alike {
-            let [s, t] = if self.of.shape(s).area < self.of.shape(t).area { [s, t] } else { [t, s] };
-            if self.of.is_two_sided(s) && self.of.shape(t).kind != PartKind::Sheet {
-                *covered.entry([s, t].map(|t| self.of.part(t))).or_default() += area;
+            for (open, body) in [(s, t), (t, s)] {
+                if self.of.is_two_sided(open) && self.of.shape(body).kind != PartKind::Sheet {
+                    *on_body.entry([open, body].map(|t| self.of.part(t))).or_default() += area;
+                }
             }
         }
-        let is_covering = |&([part, of], area): &([u32; 2], f64)| {
-            let [part, of] = [part, of].map(|part| MIN_COVERING * self.of.shapes[part as usize].area);
-            area > part && area <= of
-        };
-        covered.into_iter().filter(is_covering).map(|([part, _], _)| part).collect()
+        let area_of = |part: u32| self.of.shapes[part as usize].area;
+        let mut covered = HashMap::<u32, f64>::new();
+        for ([part, body], area) in on_body {
+            if area <= MIN_COVERING * area_of(body) {
+                *covered.entry(part).or_default() += area;
+            }
+        }
+        covered.retain(|&part, area| *area > MIN_COVERING * area_of(part));
+        covered.into_keys().collect()
     }
 
     /// By two parts, the area of the triangles of the second one that overlap with the first one, scene units squared.
@@ -248,10 +254,12 @@ impl<'a> Planes<'a> {
         self.continued.get(&t).filter(|_| self.of.is_two_sided(t))
     }
 
-    /// The area of the part of a face, or of its surface if that is a flap; scene units squared.
-    fn area(&self, t: u32) -> f64 {
-        let flap = self.continued_open(t).filter(|of| of.is_flap);
-        flap.map_or(self.of.shape(t).area, |of| of.area)
+    /// The area of the part of a face, or of its surface if that is a flap or belongs to a covering; scene units squared. First the area
+    /// with all surfaces that continue it without a sharp edge, then its own.
+    fn areas(&self, t: u32) -> [f64; 2] {
+        let is_surface = |of: &&Continued| of.is_flap || self.coverings.contains(&self.of.part(t));
+        let surface = self.continued_open(t).filter(is_surface);
+        surface.map_or([self.of.shape(t).area; 2], |of| [of.joined_area, of.area])
     }
 
     /// The kind of each overlapping face.
@@ -438,11 +446,14 @@ impl<'a> Planes<'a> {
             members.extend(self.neighbours[t].iter().filter(|t| known.insert(**t)));
             next += 1;
         }
-        let area = |t: u32| match self.facades.contains(&self.of.part(t)) {
-            true => f64::INFINITY,
-            false => self.area(t),
+        let areas = |t: u32| match self.facades.contains(&self.of.part(t)) {
+            true => [f64::INFINITY; 2],
+            false => self.areas(t),
         };
-        members.sort_by(|&s, &t| area(s).total_cmp(&area(t)).then(t.cmp(&s)));
+        members.sort_by(|&s, &t| {
+            let [a, b] = [s, t].map(areas);
+            a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(t.cmp(&s))
+        });
         let has_upturned_edges = |t: u32| self.continued_open(t).is_some_and(|of| of.length > 0.0);
         let is_sheet = |t: &&u32| matches!(kinds[*t], Kind::Sheet);
         let default = members
@@ -480,8 +491,8 @@ impl<'a> Planes<'a> {
                 axis,
                 rank,
                 areas: [
-                    area(t).max(if is_sheet(&&t) { self.area_inside(t, side, kinds) } else { 0.0 }),
-                    area(t),
+                    areas(t)[0].max(if is_sheet(&&t) { self.area_inside(t, side, kinds) } else { 0.0 }),
+                    areas(t)[1],
                     if has_upturned_edges(t) { self.of.shape(t).area } else { 0.0 },
                 ]
                 .map(rounded),

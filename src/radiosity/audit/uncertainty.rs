@@ -105,6 +105,7 @@ impl Solved {
             material: scene.triangle_material[s.triangles[0] as usize],
             front: s.front,
             crossed: false,
+            narrow: false,
             walls: 0,
         };
         let one = |(&(e, side, _), corners): (&(usize, u32, [Vec3; 4]), &[u32])| {
@@ -120,6 +121,7 @@ impl Solved {
                 level: element.level,
                 links: links[e],
                 crossed: state.crossed,
+                narrow: state.narrow,
                 ..of_side(&elements.sides[side as usize], corners, element.area)
             }
         };

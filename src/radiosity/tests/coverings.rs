@@ -8,56 +8,84 @@ fn above(x: f64, y: f64, z: f64) -> Point {
     Point { position: DVec3::new(x, y, z), normal: -DVec3::Z }
 }
 
-/// A road whose triangles are those of the terrain below it, across a crest and through a valley.
+/// A road whose triangles are those of the terrain below it, across a crest and through a valley. It is larger than the tiles of a terrain
+/// of nine parts.
 #[test]
 fn roads_lie_on_terrain_of_the_same_triangles() {
-    check_contact("road", &|gap| {
-        let height = |x: f64, y: f64| 0.5 * (0.7 * x).sin() + 0.3 * (0.5 * y).cos();
-        let mut pieces = Pieces::empty();
-        let mut strip = |name: &str, reflectance: f32, columns: std::ops::Range<i32>, lift: f64| {
-            pieces.grey(name, reflectance);
-            for (i, j) in columns.flat_map(|i| (-6..6).map(move |j| (i, j))) {
-                let at = |i: i32, j: i32| {
-                    let [x, y] = [i, j].map(f64::from);
-                    DVec3::new(x, y, height(x, y) + lift)
-                };
-                pieces.polygon(&[at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
-                pieces.polygon(&[at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+    for tiles in [1, 3] {
+        check_contact(&format!("road on {tiles} x {tiles} tiles"), &|gap| {
+            let height = |x: f64, y: f64| 0.5 * (0.7 * x).sin() + 0.3 * (0.5 * y).cos();
+            let mut pieces = Pieces::empty();
+            let mut strip = |name: &str, reflectance: f32, area: [std::ops::Range<i32>; 2], lift: f64| {
+                pieces.grey(name, reflectance);
+                let [columns, rows] = area;
+                for (i, j) in columns.flat_map(|i| rows.clone().map(move |j| (i, j))) {
+                    let at = |i: i32, j: i32| {
+                        let [x, y] = [i, j].map(f64::from);
+                        DVec3::new(x, y, height(x, y) + lift)
+                    };
+                    pieces.polygon(&[at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+                    pieces.polygon(&[at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+                }
+            };
+            let size = 12 / tiles;
+            for (a, b) in (0..tiles).flat_map(|a| (0..tiles).map(move |b| (a, b))) {
+                let area = [a, b].map(|k| k * size - 6..(k + 1) * size - 6);
+                strip(&format!("terrain {a} {b}"), 0.9, area, 0.0);
             }
-        };
-        strip("terrain", 0.9, -6..6, 0.0);
-        strip("road", 0.05, -1..1, gap);
-        lamp(&mut pieces, -3.0, 0.0, 5.0);
-        lamp(&mut pieces, 3.0, -2.0, 5.0);
-        (pieces, vec![above(0.0, 0.0, 1.2), above(0.0, 4.0, 0.8), above(4.0, 0.0, 1.5)])
-    });
+            strip("road", 0.05, [-1..1, -6..6], gap);
+            lamp(&mut pieces, -3.0, 0.0, 5.0);
+            lamp(&mut pieces, 3.0, -2.0, 5.0);
+            (pieces, vec![above(0.0, 0.0, 1.2), above(0.0, 4.0, 0.8), above(4.0, 0.0, 1.5)])
+        });
+    }
 }
 
-/// A runner on the treads and risers of an open stair, and mats on a roof terrace with two parapets and in a corner of two walls, which has the mat's size.
+/// A runner on the treads and risers of an open stair, or on these, the floor of a room and the landing; a cloth on two tables that are
+/// open below; and mats on a roof terrace with two parapets and in a corner of two walls, which has the mat's size.
 #[test]
 fn runners_and_mats_lie_on_stairs_terraces_and_in_corners() {
-    check_contact("runner", &|gap| {
+    /// Faces between the points of a profile in the plane of x and z.
+    fn faces(pieces: &mut Pieces, name: &str, reflectance: f32, y: [f64; 2], profile: &[[f64; 2]]) {
+        pieces.grey(name, reflectance);
+        for ends in profile.windows(2) {
+            let at = |end: usize, side: usize| DVec3::new(ends[end][0], y[side], ends[end][1]);
+            pieces.polygon(&[at(0, 1), at(0, 0), at(1, 0), at(1, 1)]);
+        }
+    }
+    let stair = [[0.0, 0.0], [0.0, 0.25], [0.4, 0.25], [0.4, 0.5], [0.8, 0.5], [0.8, 0.75]];
+    for is_long in [false, true] {
+        check_contact(if is_long { "long runner" } else { "runner" }, &|gap| {
+            let mut pieces = Pieces::empty();
+            pieces.grey("room", 0.5).room(DVec3::new(-3.0, -1.0, 0.0), DVec3::new(5.0, 3.0, 4.0));
+            let mut under = stair.to_vec();
+            let mut runner: Vec<[f64; 2]> = stair.iter().map(|[x, z]| [x - gap, z + gap]).collect();
+            if is_long {
+                under.push([3.0, 0.75]);
+                runner.insert(0, [-2.0, gap]);
+                runner.push([2.5, 0.75 + gap]);
+            }
+            faces(&mut pieces, "stair", 0.9, [0.0, 2.0], &under);
+            faces(&mut pieces, "runner", 0.05, [0.6, 1.4], &runner);
+            lamp(&mut pieces, 0.0, 0.5, 3.9);
+            lamp(&mut pieces, 3.0, 1.0, 3.9);
+            (pieces, vec![at(-0.1, 1.0, 0.12), above(0.2, 1.0, 0.7), above(0.6, 1.0, 0.9)])
+        });
+    }
+    check_contact("cloth", &|gap| {
         let mut pieces = Pieces::empty();
         pieces.grey("floor", 0.5).polygon(&facing_up([-3.0, 5.0], [-3.0, 5.0], 0.0));
-        let mut stair = |name: &str, reflectance: f32, y: [f64; 2], lift: f64| {
-            pieces.grey(name, reflectance);
-            for step in 0..3 {
-                let (x, z) = (0.4 * f64::from(step) - lift, 0.25 * f64::from(step) + lift);
-                let corner = |x: f64, z: f64| DVec3::new(x, y[0], z);
-                let across = (y[1] - y[0]) * DVec3::Y;
-                let (foot, edge, end) = (
-                    corner(x, if step == 0 { 0.0 } else { z }),
-                    corner(x, z + 0.25),
-                    corner(x + 0.4, z + 0.25),
-                );
-                pieces.polygon(&[foot + across, foot, edge, edge + across]);
-                pieces.polygon(&[edge, end, end + across, edge + across]);
-            }
-        };
-        stair("stair", 0.9, [0.0, 2.0], 0.0);
-        stair("runner", 0.05, [0.5, 1.5], gap);
-        lamp(&mut pieces, 0.0, 0.5, 3.0);
-        (pieces, vec![above(0.2, 1.0, 0.7), above(0.6, 1.0, 0.9)])
+        for table in [0.0, 1.0] {
+            let profile = [[table, 0.4], [table, 0.7], [table + 1.0, 0.7], [table + 1.0, 0.4]];
+            faces(&mut pieces, &format!("table {table}"), 0.9, [0.0, 1.0], &profile);
+            let corner = |k: usize| DVec3::new(profile[k][0], 0.0, profile[k][1]);
+            pieces.polygon(&[corner(0), corner(3), corner(2), corner(1)]);
+            pieces.polygon(&[1, 2, 3, 0].map(|k| corner(k) + DVec3::Y));
+        }
+        let cloth = [[-gap, 0.5], [-gap, 0.7 + gap], [2.0 + gap, 0.7 + gap], [2.0 + gap, 0.5]];
+        faces(&mut pieces, "cloth", 0.05, [0.2, 0.8], &cloth);
+        lamp(&mut pieces, 0.5, 0.5, 3.0);
+        (pieces, vec![above(0.5, 0.5, 1.0), above(1.5, 0.5, 1.0)])
     });
     check_contact("terrace", &|gap| {
         let mut pieces = Pieces::empty();
