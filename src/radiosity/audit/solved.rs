@@ -3,7 +3,7 @@
 use crate::model::Model;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{ElementState, Elements, Shape};
-use crate::radiosity::final_gather::{ElementSamples, FinalGather, LocalPass};
+use crate::radiosity::final_gather::{ElementSamples, FinalGather, LocalPass, limit_negative_light};
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::{LinkClosing, LinkedScene, Refined};
 use crate::radiosity::rgb::{Rgb, add};
@@ -133,8 +133,14 @@ impl Solved {
             result.irradiance = light.irradiance;
             result.noise = light.error.sqrt() as f32;
         }
-        self.linked.set_irradiance(local.results.iter().map(|r| r.irradiance));
         gathered.skipped
+    }
+
+    /// Sets the light of elements, after that of samples, to light that is not negative.
+    pub fn end_light(&mut self) {
+        let FinalLight::Rays(local) = &mut self.closing else { return };
+        limit_negative_light(&self.linked.elements, &mut local.results);
+        self.linked.set_irradiance(local.results.iter().map(|r| r.irradiance));
     }
 
     /// Mean irradiance of the sides at which light arrives, W/m²; NaN where elements have no light.

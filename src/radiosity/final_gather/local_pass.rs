@@ -15,7 +15,7 @@ use super::neighbours::axis;
 use super::ray_rows::{PathEnd, RayRow, RayRows};
 use super::untraced::Surrounding;
 use crate::radiosity::deadline::{Deadline, GATHER_SHARE};
-use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::elements::{Element, Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::options::RowNormalisation;
 use crate::radiosity::refinement::LinkedScene;
@@ -106,7 +106,11 @@ impl FinalGather<'_> {
         let (first, convergence) = solve(&mut transport, start, deadline);
         let light = transport.both(first);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
-        self.assign_irradiance(&rows, &light, &mut results);
+        // Noise may bring the light of a leaf below 0. It stays until all light has been read: the noise of many leaves cancels, while a
+        // limit at 0 would make points in houses under a sky a fifth too dark.
+        for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {
+            results[row.leaf as usize].irradiance = from_fn(|k| 0.5 * (a[k] + b[k]));
+        }
         rows.add_light_of_ends(|row| Some(self.reflected_by(leaves[row as usize], &results)));
         let halves = transport.row_sums();
         let sums = assign_row_sums(&rows, &halves, &mut results);
@@ -153,41 +157,6 @@ impl FinalGather<'_> {
             reduced: reduced + apart.reduced,
             untraced: untraced.len(),
             tally,
-        }
-    }
-
-    /// Assigns the mean irradiance of both halves to all leaves with rows. For points alone, noise may bring it below 0: points read many
-    /// leaves, whose noise cancels, while a limit would be a bias of a fifth in houses under a sky, whose few rays are compared with the
-    /// open sky. Light of elements is not negative: negative values are rounding in the dark, or noise, as rows with too large a sum send negative light to themselves, and rays that something blocks are compared with
-    /// the open sky. They become 0, and leaves that face the same way lose what is added by this: below terrain over bright ground 1.3 %
-    /// of all light.
-    fn assign_irradiance(&self, rows: &RayRows, light: &[Field; 2], results: &mut [LocalResult]) {
-        let Elements { elements, sides, .. } = &self.linked.elements;
-        if !self.elements {
-            for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {
-                results[row.leaf as usize].irradiance = from_fn(|k| 0.5 * (a[k] + b[k]));
-            }
-            return;
-        }
-        let facing = |row: &RayRow| axis(sides[self.side_of(row.leaf) as usize].normal);
-        // By signed axis and channel, the power and the power without negative values.
-        let mut powers = [[[0.0; 2]; 3]; 6];
-        for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {
-            let (area, result) = (elements[row.leaf as usize].area, &mut results[row.leaf as usize]);
-            for (k, power) in powers[facing(row)].iter_mut().enumerate() {
-                let own = 0.5 * (a[k] + b[k]);
-                result.irradiance[k] = own.max(0.0);
-                power.iter_mut().zip([own, own.max(0.0)]).for_each(|(sum, of)| *sum += area * of);
-            }
-        }
-        let factors = powers.map(|channels| channels.map(|[all, positive]| (all / positive).clamp(0.0, 1.0)));
-        for row in &rows.rows {
-            let factors = factors[facing(row)].map(|factor| if factor.is_nan() { 1.0 } else { factor });
-            results[row.leaf as usize]
-                .irradiance
-                .iter_mut()
-                .zip(factors)
-                .for_each(|(e, factor)| *e *= factor);
         }
     }
 
@@ -454,4 +423,35 @@ fn direct_irradiance(row: &RayRow) -> Rgb {
 /// Irradiance of a row by the emitters of the scene, W/m².
 fn emitters_irradiance(row: &RayRow) -> Rgb {
     row.emitted().to_array().map(|d| f64::from(d) / f64::from(row.rays))
+}
+
+/// Sets negative light of leaves, which is noise or rounding in the dark, to 0. Leaves that face the same way lose what this adds: below
+/// terrain over bright ground 1.3 % of all light.
+pub fn limit_negative_light(elements: &Elements, results: &mut [LocalResult]) {
+    // Leaves with the signed axis that they face.
+    let faces = |(e, element): (usize, &Element)| match element.shape {
+        Shape::Surface { side, .. } if element.is_leaf() => {
+            Some((e, axis(elements.sides[side as usize].normal)))
+        }
+        _ => None,
+    };
+    let leaves = || elements.elements.iter().enumerate().filter_map(faces);
+    // By signed axis and channel, the power and the power without negative values.
+    let mut powers = [[[0.0; 2]; 3]; 6];
+    for (e, facing) in leaves() {
+        for (power, own) in powers[facing].iter_mut().zip(results[e].irradiance) {
+            let area = elements.elements[e].area;
+            power.iter_mut().zip([own, own.max(0.0)]).for_each(|(sum, of)| *sum += area * of);
+        }
+    }
+    let factors = powers.map(|channels| {
+        channels.map(|[all, positive]| if positive > 0.0 { (all / positive).clamp(0.0, 1.0) } else { 1.0 })
+    });
+    for (e, facing) in leaves() {
+        results[e]
+            .irradiance
+            .iter_mut()
+            .zip(factors[facing])
+            .for_each(|(e, factor)| *e = factor * e.max(0.0));
+    }
 }

@@ -36,6 +36,6 @@ mod untraced;
 pub use element_light::ElementSamples;
 pub use gatherer::{Buffers, FinalGather, PathVertex};
 pub use independent_light::IndependentLight;
-pub use local_pass::LocalPass;
+pub use local_pass::{LocalPass, limit_negative_light};
 pub use points::with_fewer_rays;
 pub use ray_counts::LATE_RAYS;
