@@ -147,8 +147,8 @@ impl FinalGather<'_> {
             }
             let stays = 1.0 - f64::from(self.linked.surroundings.escaped[self.side_of(leaf) as usize]);
             let Some(view) = self.linked.points_view else { return stays };
-            let everywhere = UNIFORM_IMPORTANCE / f64::from(states[leaf as usize].importance);
-            everywhere * stays + (1.0 - everywhere) * (1.0 - view.open)
+            let uniform_share = UNIFORM_IMPORTANCE / f64::from(states[leaf as usize].importance);
+            uniform_share * stays + (1.0 - uniform_share) * (1.0 - view.open)
         };
         let reflected = self.reflected_everywhere();
         let count = |leaf: u32, rays: f64| {

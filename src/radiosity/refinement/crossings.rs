@@ -41,9 +41,9 @@ const ALWAYS_ADDED: usize = 1 << 13;
 /// What crosses an element.
 struct PlanesAcross {
     /// The plane of a surface that crosses the element from edge to edge; of several, that with the largest smaller part.
-    first: Option<CutPlane>,
+    widest: Option<CutPlane>,
     /// Whether nothing else crosses the element than at most [`MAX_PLANES`] such planes.
-    are_all: bool,
+    nothing_else: bool,
 }
 
 impl LinkedScene {
@@ -70,16 +70,14 @@ impl LinkedScene {
             if found.is_empty() || deadline.late() {
                 break;
             }
-            found.sort_by(|&a, &b| {
-                area(&self.elements, b).total_cmp(&area(&self.elements, a)).then(a.cmp(&b))
-            });
+            sort_by_area(&self.elements, &mut found);
             let first = self.elements.len();
             for (e, planes) in found.iter().zip(self.planes_across(scene, exact, &found)) {
                 let is_large = area(&self.elements, *e) > smallest && !self.elements.is_part_of_cut(*e);
                 let before = self.elements.len();
-                match planes.first {
+                match planes.widest {
                     _ if before - first + 4 > remaining => {}
-                    Some(plane) if planes.are_all || !is_large => _ = self.elements.cut(*e, &plane),
+                    Some(plane) if planes.nothing_else || !is_large => _ = self.elements.cut(*e, &plane),
                     _ if is_large => self.elements.split(*e),
                     _ => {}
                 }
@@ -105,10 +103,11 @@ impl LinkedScene {
         };
         let whole: Vec<u32> = leaves.iter().copied().filter(is_whole).collect();
         let mut found = crossed(&self.elements, exact, &whole);
+        sort_by_area(&self.elements, &mut found);
         found.truncate(count);
         let first = self.elements.len();
         for (e, planes) in found.iter().zip(self.planes_across(scene, exact, &found)) {
-            if let Some(plane) = planes.first.filter(|_| planes.are_all) {
+            if let Some(plane) = planes.widest.filter(|_| planes.nothing_else) {
                 self.elements.cut(*e, &plane);
             }
         }
@@ -168,8 +167,8 @@ impl LinkedScene {
         }
         across.sort_by(|a, b| b.0.total_cmp(&a.0));
         PlanesAcross {
-            first: across.first().map(|of| of.1),
-            are_all: across.len() == found.len() && found.len() <= MAX_PLANES,
+            widest: across.first().map(|of| of.1),
+            nothing_else: across.len() == found.len() && found.len() <= MAX_PLANES,
         }
     }
 
@@ -197,6 +196,11 @@ impl LinkedScene {
 /// Area of an element, scene units squared.
 fn area(elements: &Elements, e: u32) -> f64 {
     elements.elements[e as usize].area
+}
+
+/// Sorts elements, the largest first.
+fn sort_by_area(elements: &Elements, found: &mut [u32]) {
+    found.sort_by(|&a, &b| area(elements, b).total_cmp(&area(elements, a)).then(a.cmp(&b)));
 }
 
 /// Those of some leaves that other surfaces cross (segments along the edges of the leaf are blocked) or partly cover.
