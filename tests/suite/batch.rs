@@ -273,25 +273,6 @@ fn a_limit_of_the_address_space_is_that_of_each_job() {
     assert!(lines.len() == 1 && lines[0]["peak_bytes"].is_number(), "{lines:?}");
 }
 
-/// When no more can be written the batch stops with what is done, and goes on when there is room.
-#[test]
-fn a_full_disk_stops_the_batch_until_there_is_room() {
-    let scratch = prepared();
-    scratch.write("jobs.toml", JOBS.replace("output = ['none']", "output = ['vtu', 'glb']"));
-    let run = |blocks: &str, out: &str| {
-        // Without the trap the signal of the limit would end the program. A block of bash has 1 KB.
-        scratch.bash(&format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" batch jobs.toml --out {out}"))
-    };
-    run("8", "o").exits(2).warns("make room and run the same command again");
-    let lines = journal(&scratch.path("o"));
-    let done = lines.iter().filter(|line| line["status"] == "done").count();
-    assert!(done < COUNT);
-    assert_eq!(lines.len(), done, "jobs without room count as not run");
-    run("unlimited", "o").exits(0).prints(&format!("{done} were done before"));
-    run("unlimited", "p").exits(0);
-    assert_same_files(&results(&scratch.path("o")), &results(&scratch.path("p")));
-}
-
 /// Nothing starts, and nothing is overwritten, when something is wrong.
 #[test]
 fn nothing_starts_if_something_is_wrong() {
