@@ -131,7 +131,7 @@ fn examples_in_cpp_are_built_and_run() {
         // One example shows that the static library can be linked, which takes a second each time; the others are checked below.
         let examples = if library == "static" { &["light"][..] } else { &["light", "solve", "compare"] };
         let mut build = Command::new("cmake");
-        output(build.arg("--build").arg(folder.path()).arg("--target").args(examples));
+        output(build.arg("--build").arg(folder.path()).args(["--parallel", "3", "--target"]).args(examples));
         let said = |name: &str, arguments: &[&str]| {
             output(
                 Command::new(folder.path().join(name)).args(arguments).env_clear().current_dir(folder.path()),
