@@ -1,9 +1,9 @@
-//! Images of four groups of cubes: Figure 1 and Appendix A of the paper.
+//! Images of four groups of cubes: Figure 1 of the paper.
 
 use super::cubes::{
     COLUMNS, COVERAGE, EDGES, LIGHT, LIGHT_DISTANCE, TEXEL, coverage_tolerance, covering_scene, light, wall,
 };
-use super::item::{Item, Panel, Table, VISIBLE, count, number};
+use super::item::{Item, Panel, VISIBLE};
 use super::shadow::{Wall, mean, meshed, paper_features};
 use super::table_1::{paper_spread, range};
 use super::{Context, fixed, list};
@@ -118,51 +118,6 @@ fn judge_figure_1(item: &mut Item, covered: &[f64], errors: &[f64], sizes: &[f64
     );
 }
 
-/// Appendix A: L1 and L2 errors of a mean follow from the mean alone.
-pub fn appendix_a(context: &Context) -> Result<Item> {
-    let groups = context.groups()?;
-    let mut item = Item::of(
-        "The four groups before a point light: norms of the difference between the visibility of each texel (0 \
-               or 1) and its mean over the wall, beside the formulas; and of a light of 0.1 m, for which the formulas are \
-               upper bounds.",
-    );
-    let mut table = Table::new("Norms of v − v̄", "group | light | v̄ | L1 | 2v̄(1 − v̄) | L2 | √(v̄(1 − v̄))");
-    let (mut off, mut excess) = (0.0f64, f64::NEG_INFINITY);
-    for (images, light) in [(&groups.points, "point"), (&groups.shadows, "0.1 m")] {
-        for (k, image) in images.iter().enumerate() {
-            let v = mean(image);
-            let flat = Image::from_fn(image.width(), image.height(), image.texel(), |_, _| v as f32)?;
-            let found = norms(image, &flat)?;
-            let [l1, l2] = [2.0 * v * (1.0 - v), (v * (1.0 - v)).sqrt()];
-            match light {
-                "point" => off = off.max((found.l1 - l1).abs()).max((found.l2 - l2).abs()),
-                _ => excess = excess.max(found.l1 - l1).max(found.l2 - l2),
-            }
-            let numbers = [v, found.l1, l1, found.l2, l2].map(|v| number(v, 4));
-            table.push([count(k + 1), light.into()].into_iter().chain(numbers));
-        }
-    }
-    item.tables.push(table);
-    judge_appendix_a(&mut item, off, excess);
-    Ok(item)
-}
-
-/// Largest difference between a norm and its formula with a point light, and largest norm less its formula with an area light.
-fn judge_appendix_a(item: &mut Item, off: f64, excess: f64) {
-    item.check(
-        "a point light: both norms equal the formulas to 0.0001",
-        format!("largest difference {off:.1e}"),
-        off < 1e-4,
-        || "texels see a part of the point, or norms are rounded".into(),
-    );
-    item.check(
-        "a light with an area: both norms are below the formulas",
-        format!("largest norm less its formula {}", fixed(excess, 4)),
-        excess <= 0.0,
-        || "the values are not in the interval from 0 to 1".into(),
-    );
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::item::failing_checks;
@@ -178,12 +133,5 @@ mod tests {
         assert_eq!(of([0.4, 0.34, 0.4, 0.4], errors, sizes), [0]);
         assert_eq!(of(covered, [40.0, 48.0, 41.0, 43.0], sizes), [1]);
         assert_eq!(of(covered, errors, [10.0, 15.0, 15.0, 30.0]), [2]);
-    }
-
-    #[test]
-    fn norms_beside_the_formulas_are_found() {
-        for (off, excess, expected) in [(0.0, -0.1, vec![]), (2e-4, -0.1, vec![0]), (0.0, 0.001, vec![1])] {
-            assert_eq!(failing_checks(|item| judge_appendix_a(item, off, excess)), expected);
-        }
     }
 }

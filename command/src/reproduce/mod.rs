@@ -109,14 +109,6 @@ pub const ENTRIES: &[Entry] = &[
         make: groups::figure_1,
     },
     Entry {
-        names: &["appendix-a"],
-        title: "Appendix A: errors of averaged visibility",
-        claim: "Replacing the visibility of a point light by its mean v̄ over a patch makes an L1 error of 2v̄(1 − v̄) and an L2 error \
-                of √(v̄(1 − v̄)): they depend on the mean only, not on the size or shape of the shadows.",
-        of_program: false,
-        make: groups::appendix_a,
-    },
-    Entry {
         names: &["table1"],
         title: "Table 1: the feature-based error metric",
         claim: "FBEM values are equivalent for small feature sizes and decrease at different rates: faster for groups of smaller \
