@@ -4,19 +4,13 @@ use super::{Mesh, Tone};
 use crate::image_io::Stoppable;
 use crate::math::Aabb;
 use crate::progress::Progress;
-use crate::scene::UpAxis;
-use crate::{Error, Result, files::WholeFile};
-use gltf::binary::{Glb, Header};
+use crate::scene::{UpAxis, write_glb as write_parts};
+use crate::{Result, files::WholeFile};
+use gltf::json::accessor::{FLOAT, UNSIGNED_INT};
+use gltf::json::buffer::{ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER};
 use rayon::prelude::*;
 use serde_json::json;
-use std::borrow::Cow;
 use std::path::Path;
-
-/// Component types and buffer targets of glTF 2.0 (sections 5.1.3 and 5.11.5).
-const FLOAT: u32 = 5126;
-const UNSIGNED_INT: u32 = 5125;
-const VERTICES: u32 = 34962;
-const INDICES: u32 = 34963;
 
 /// Writes a mesh as binary glTF 2.0, with linear vertex colours by `tone` and an unlit material
 /// (`KHR_materials_unlit`). Coordinates are relative to the solution's origin, which is in the node's `extras`; the node
@@ -44,7 +38,7 @@ pub fn write_glb(
     let mut views = Vec::new();
     let mut binary: Vec<u8> = Vec::new();
     for (i, part) in parts.iter().enumerate() {
-        let target = if i == 3 { INDICES } else { VERTICES };
+        let target = if i == 3 { ELEMENT_ARRAY_BUFFER } else { ARRAY_BUFFER };
         views.push(
             json!({ "buffer": 0, "byteOffset": binary.len(), "byteLength": part.len(), "target": target }),
         );
@@ -81,15 +75,9 @@ pub fn write_glb(
         "bufferViews": views,
         "buffers": [{ "byteLength": binary.len() }],
     });
-    let json = root.to_string().into_bytes();
-    let length = json.len() + binary.len() + 64;
-    let too_large = |_| Error::format(path, None, "more than 4 GiB: write .ply instead");
-    let header = Header { magic: *b"glTF", version: 2, length: u32::try_from(length).map_err(too_large)? };
-    let glb = Glb { header, json: Cow::Owned(json), bin: Some(Cow::Owned(binary)) };
     let mut file = WholeFile::create(path)?;
-    glb.to_writer(Stoppable { out: &mut file, progress }).map_err(|e| match e {
-        gltf::Error::Io(e) => Error::io(path, e),
-        other => Error::format(path, None, other.to_string()),
-    })?;
+    let out = Stoppable { out: &mut file, progress };
+    let parts = [root.to_string().into_bytes(), binary];
+    write_parts(path, out, parts, "more than 4 GiB: write .ply instead")?;
     file.commit()
 }

@@ -79,6 +79,8 @@ pub use soup::{PlacedSoup, Soup, SoupMaterial};
 pub use strength::Strength;
 pub use stretch::{MAX_STRETCH, stretch};
 pub use up::UpAxis;
+#[cfg(feature = "reports")]
+pub use write_gltf::write_glb;
 pub use {
     added::{AddedFiles, read_added},
     load::read_from_memory,

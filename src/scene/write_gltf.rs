@@ -8,14 +8,10 @@ use crate::{Error, Result, error::quote, files::WholeFile, math::Aabb};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use glam::{DAffine3, Vec3};
 use gltf::binary::{Glb, Header};
+use gltf::json::accessor::{FLOAT, UNSIGNED_INT};
+use gltf::json::buffer::{ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER};
 use serde_json::{Value, json};
 use std::{borrow::Cow, collections::HashMap, io::Write, path::Path};
-
-/// Component types and buffer targets of glTF 2.0 (sections 5.1.3 and 5.11.5).
-const FLOAT: u32 = 5126;
-const UNSIGNED_INT: u32 = 5125;
-const VERTICES: u32 = 34962;
-const INDICES: u32 = 34963;
 
 impl PlacedSoup {
     /// A scene whose upward axis is z with the upward axis y of glTF files.
@@ -183,8 +179,8 @@ impl Output {
             (bytemuck::cast_slice(&self.positions), bytemuck::cast_slice(&self.indices));
         let binary = [positions, indices].concat();
         let views = json!([
-            { "buffer": 0, "byteLength": positions.len(), "target": VERTICES },
-            { "buffer": 0, "byteOffset": positions.len(), "byteLength": indices.len(), "target": INDICES },
+            { "buffer": 0, "byteLength": positions.len(), "target": ARRAY_BUFFER },
+            { "buffer": 0, "byteOffset": positions.len(), "byteLength": indices.len(), "target": ELEMENT_ARRAY_BUFFER },
         ]);
         let as_text = !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb"));
         let mut buffer = json!({ "byteLength": binary.len() });
@@ -211,14 +207,22 @@ impl Output {
             file.write_all(&json).map_err(|e| Error::io(path, e))?;
             return file.commit();
         }
-        let too_large = |_| Error::format(path, None, "more than the 4 GiB that the format has room for");
-        let length = u32::try_from(json.len() + binary.len() + 64).map_err(too_large)?;
-        let header = Header { magic: *b"glTF", version: 2, length };
-        let glb = Glb { header, json: Cow::Owned(json), bin: Some(Cow::Owned(binary)) };
-        glb.to_writer(&mut file).map_err(|e| match e {
-            gltf::Error::Io(e) => Error::io(path, e),
-            other => Error::format(path, None, other.to_string()),
-        })?;
+        write_glb(path, &mut file, [json, binary], "more than the 4 GiB that the format has room for")?;
         file.commit()
     }
+}
+
+/// Writes a binary glTF 2.0 file, the one at `path`, to `out`: its JSON text and its buffer.
+///
+/// # Errors
+/// The file cannot be written; it exceeds the 4 GiB of the format, which the message `too_large` says.
+pub fn write_glb(path: &Path, out: impl Write, [json, binary]: [Vec<u8>; 2], too_large: &str) -> Result<()> {
+    let length = u32::try_from(json.len() + binary.len() + 64);
+    let length = length.map_err(|_| Error::format(path, None, too_large))?;
+    let header = Header { magic: *b"glTF", version: 2, length };
+    let glb = Glb { header, json: Cow::Owned(json), bin: Some(Cow::Owned(binary)) };
+    glb.to_writer(out).map_err(|e| match e {
+        gltf::Error::Io(e) => Error::io(path, e),
+        other => Error::format(path, None, other.to_string()),
+    })
 }
