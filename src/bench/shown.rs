@@ -477,6 +477,8 @@ mod tests {
         let certified = ExactRow { seconds: 1.0, ..exact.clone() };
         let mut row = MrRow { rays: 16, seconds: 1.0, rms: 0.01, ..MrRow::default() };
         row.compare(&[exact], &[certified]);
+        assert!(row.speedup_at_same_rms == Some(1.0) && row.compared_with == "certified", "{row:?}");
+        assert_eq!(row.speedup_over_plain_exact, Some(2.0));
         let text = result(&Record { mr: vec![row], unit: "m".into(), ..Record::default() });
         assert!(text.contains("no faster than exact rays (Embree) with certificates"), "{text}");
         assert!(

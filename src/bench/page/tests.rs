@@ -260,15 +260,6 @@ fn classes_show_their_best_rows() {
     assert!(!render(&record, &receivers, "").unwrap().contains("Classes of receivers"));
 }
 
-#[test]
-fn the_headline_says_when_it_is_slower() {
-    let (mut record, _) = example();
-    record.mr.iter_mut().for_each(|row| row.speedup_at_same_rms = Some(0.5));
-    assert!(render(&record, &[], "").unwrap().contains("was slower than exact rays"));
-    record.mr.iter_mut().for_each(|row| row.speedup_at_same_rms = Some(1.0));
-    assert!(render(&record, &[], "").unwrap().contains("was no faster than exact rays"));
-}
-
 /// A scene in which nothing is averaged has one sentence and one row, although the sizes that were asked for keep theirs in the record.
 #[test]
 fn nothing_averaged_is_said_once() {
@@ -280,22 +271,4 @@ fn nothing_averaged_is_said_once() {
     let page = render(&record, &receivers, "").unwrap();
     assert_eq!(page.matches("Nothing may be averaged in this scene.").count(), 1);
     assert!(!page.contains("24.1×") && rows(&page) < rows(&before), "{} {}", rows(&page), rows(&before));
-}
-
-/// What certificates gain is no gain of averaging.
-#[test]
-fn the_headline_compares_with_certified_rows() {
-    let (mut record, _) = example();
-    record.certified = record.mr[..1]
-        .iter()
-        .map(|row| ExactRow { rays: row.rays, seconds: row.seconds, rms: row.rms, ..ExactRow::default() })
-        .collect();
-    record.mr.truncate(1);
-    let Record { exact, certified, mr, .. } = &mut record;
-    mr[0].compare(exact, certified);
-    assert!(mr[0].speedup_at_same_rms == Some(1.0) && mr[0].compared_with == "certified", "{:?}", mr[0]);
-    assert!(mr[0].speedup_over_plain_exact.is_some_and(|s| s > 20.0));
-    let page = render(&record, &[], "").unwrap();
-    assert!(page.contains("no faster than exact rays (Embree) with certificates"));
-    assert!(page.contains("Certificates alone"));
 }
