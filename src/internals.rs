@@ -138,9 +138,9 @@ pub mod image_io {
     };
 }
 
-/// Boxes and triangles.
+/// Boxes, triangles and disjoint sets.
 pub mod math {
-    pub use crate::math::{Aabb, triangle_area};
+    pub use crate::math::{Aabb, Sets, triangle_area};
 }
 
 /// Memory of the machine.

@@ -1,13 +1,24 @@
 //! Axis-aligned boxes, triangle areas and normals, transforms as arrays.
 
 pub mod sampling;
+mod sets;
 pub mod weld;
+
+pub use sets::Sets;
 
 use glam::{BVec3, DAffine3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Largest radiance, W/(m² sr), and irradiance, W/m², of what emits: squares of sums of light stay within single precision.
 pub const MAX_RADIANCE: f64 = 1e15;
+
+/// Luminance of the linear RGB primaries of sRGB and glTF (ITU-R BT.709).
+pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
+/// The linear value of an sRGB component, both in [0, 1] (IEC 61966-2-1).
+pub fn srgb_to_linear(v: f32) -> f32 {
+    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
 
 /// An axis-aligned box, `min <= max` on every axis unless it is [`Aabb::EMPTY`]. Scene units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

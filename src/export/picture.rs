@@ -4,7 +4,7 @@ use super::camera::{Pixel, samples_of_pixel};
 use super::solve_page::PixelContent;
 use super::{Camera, First, Frame, Lightmap, PageView, Stage, lightmap, render, unwrapped_lightmap};
 use crate::Result;
-use crate::image_io::{Picture, linear_to_srgb};
+use crate::image_io::{Picture, linear_to_srgb, luminance};
 use crate::points::Point;
 use crate::progress::Progress;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
@@ -241,11 +241,6 @@ impl Tone {
     pub fn srgb(self, rgb: [f32; 3]) -> [u8; 3] {
         self.linear(rgb).map(|v| (linear_to_srgb(v) * 255.0).round() as u8)
     }
-}
-
-/// Luminance of linear sRGB (Rec. 709).
-pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// First hits of a picture, in coordinates of the scene's file with the normals of their elements: the points whose

@@ -10,8 +10,8 @@ mod tests;
 
 use super::Mesh;
 use super::camera::{Camera, First, Frame, Stage, render};
-use super::picture::luminance;
 use crate::Result;
+use crate::image_io::luminance;
 use crate::math::Aabb;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::ray::Packet;

@@ -3,6 +3,7 @@
 use super::Stoppable;
 use super::picture::{Picture, encode};
 use crate::files::{WholeFile, input};
+use crate::math::srgb_to_linear;
 use crate::metrics::Image;
 use crate::progress::Progress;
 use crate::{Error, Result, error::quote, memory};
@@ -30,12 +31,17 @@ impl Channel {
         match self {
             // Equal components are returned unchanged: the weights may not sum to exactly 1.
             Channel::Luminance if r == g && g == b => r,
-            Channel::Luminance => 0.2126 * r + 0.7152 * g + 0.0722 * b,
+            Channel::Luminance => luminance([r, g, b]),
             Channel::Red => r,
             Channel::Green => g,
             Channel::Blue => b,
         }
     }
+}
+
+/// Luminance of linear sRGB (Rec. 709).
+pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// Reads a PNG, OpenEXR, Radiance HDR, JPEG, BMP or TGA file; the format is detected from the content.
@@ -72,11 +78,6 @@ fn values(decoded: DynamicImage, channel: Channel, linear: bool) -> Vec<f32> {
     let rgb = decoded.into_rgb32f();
     let decode = |v: f32| if linear { v } else { srgb_to_linear(v) };
     rgb.pixels().map(|p| channel.of(p.0.map(decode))).collect()
-}
-
-/// The linear value of an sRGB component, both in [0, 1] (IEC 61966-2-1).
-pub fn srgb_to_linear(v: f32) -> f32 {
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Writes `width` columns of linear RGB, row by row from the top, as an OpenEXR file of 32-bit floats.

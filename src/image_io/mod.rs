@@ -8,6 +8,6 @@ mod file;
 mod picture;
 mod stoppable;
 
-pub use file::{Channel, read_image, write_exr, write_exr_rgb, write_png};
+pub use file::{Channel, luminance, read_image, write_exr, write_exr_rgb, write_png};
 pub use picture::{Picture, difference, false_colour, grey, linear_to_srgb, mask_overlay, thumbnail};
 pub use stoppable::Stoppable;

@@ -1,10 +1,10 @@
 //! Light as the eye weighs it: lumens, lux and candelas from RGB powers.
 
+use crate::math::LUMINANCE;
+
 /// Luminous efficacy of white light of equal energy from 380 to 780 nm: 683 lm/W at 555 nm times the mean of the CIE
 /// 1931 curve V(λ) over that range, 106.9 nm / 400 nm (rounded as in Radiance, Ward 1994).
 pub const WHITE_LUMENS_PER_WATT: f64 = 179.0;
-/// Luminance of the linear RGB primaries of sRGB and glTF (ITU-R BT.709).
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Conversion of RGB to luminous quantities.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]

@@ -9,7 +9,7 @@ use super::{
     Soup, SoupMaterial,
     added::{self, Curved},
     compact::{compact, used_objects, used_parts},
-    connect::{self, Edges, Parts, Sets},
+    connect::{self, Edges, Parts},
     divide::divide,
     emitters::{self, Faces},
     faces::{Triangles, triangulate},
@@ -25,7 +25,7 @@ use super::{
 use crate::{
     Error, Result,
     error::quote,
-    math::{Aabb, MAX_RADIANCE, triangle_normal, weld::weld},
+    math::{Aabb, MAX_RADIANCE, Sets, triangle_normal, weld::weld},
 };
 use glam::{DVec3, Vec3};
 

@@ -1,6 +1,7 @@
 //! Mean linear colour of a texture over a triangle.
 
 use crate::error::{quote, shown};
+use crate::math::srgb_to_linear;
 use crate::{Error, Result};
 use image::{ImageReader, RgbaImage};
 use std::{io::Cursor, path::Path, sync::Arc};
@@ -112,8 +113,7 @@ fn barycentric() -> impl Iterator<Item = [f32; 3]> {
 
 /// sRGB to linear (IEC 61966-2-1).
 pub(super) fn linear(value: u8) -> f32 {
-    let v = f32::from(value) / 255.0;
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    srgb_to_linear(f32::from(value) / 255.0)
 }
 
 #[cfg(test)]

@@ -3,14 +3,11 @@
 use super::frame::spherical;
 use super::gradation::{GradationTable, Shape};
 use super::map::SkyMap;
-use crate::math::MAX_RADIANCE;
+use crate::math::{LUMINANCE, MAX_RADIANCE};
 use crate::{Error, Result};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
-
-/// Weights of linear Rec. 709 primaries in luminance.
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Columns of the quadrature of skies without a map, and four times its rows. The error of the horizontal irradiance is below 3e-5 for
 /// all CIE types and Perez bins (test `levels_are_integrals`).

@@ -8,6 +8,7 @@ use crate::batch::{
 };
 use crate::cli::one_line;
 use mrvis::internals::error::quote;
+use mrvis::internals::math::Sets;
 use mrvis::internals::model::embree_version;
 use mrvis::internals::plot::number;
 use mrvis::{Error, Result};
@@ -292,25 +293,15 @@ impl Shard {
 
     /// The chosen jobs of this part. Jobs that need each other are in one part; these groups are dealt out in turn.
     pub fn jobs(self, jobs: &[Job], chosen: &[usize]) -> Vec<usize> {
-        let mut group: Vec<usize> = (0..jobs.len()).collect();
-        fn root(group: &mut [usize], mut k: usize) -> usize {
-            while group[k] != k {
-                group[k] = group[group[k]];
-                k = group[k];
-            }
-            k
-        }
+        let mut linked = Sets::new(jobs.len());
         for &k in chosen {
-            for &need in &jobs[k].needs {
-                let (a, b) = (root(&mut group, k), root(&mut group, need));
-                group[a.max(b)] = a.min(b);
-            }
+            jobs[k].needs.iter().for_each(|&need| linked.join(k as u32, need as u32));
         }
         let mut parts = BTreeMap::new();
         let mut own = Vec::new();
         for &k in chosen {
             let groups = parts.len();
-            let part = *parts.entry(root(&mut group, k)).or_insert(groups % self.of);
+            let part = *parts.entry(linked.root(k as u32)).or_insert(groups % self.of);
             own.extend((part + 1 == self.part).then_some(k));
         }
         own
