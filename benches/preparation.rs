@@ -1,4 +1,4 @@
-//! Times of the update of a model: `cargo bench --features internals --bench preparation`. Those of its preparation are in the record of
+//! Times of the update of a model: `cargo bench --features reports --bench preparation`. Those of its preparation are in the record of
 //! `mrvis bench`.
 
 use divan::Bencher;

@@ -20,7 +20,8 @@ use smallvec::{SmallVec, smallvec};
 
 /// Work of entering an instance, for each packet of a bundle, whose segments are transformed, and for each bundle, whose shaft is
 /// constructed. Measured in tests of a triangle against a packet, 51 and 26 ns (AVX2, AVX-512): entering takes 17 and 21 of them with
-/// one packet, a shaft alone 3 and 4 (`benches/visibility.rs` of commit 2d559b4).
+/// one packet, a shaft alone 3 and 4 by a benchmark that is no longer in the repository
+/// (`git show 2d559b4:benches/visibility.rs`).
 pub(super) const ENTER_PACKET: u64 = 16;
 pub(super) const ENTER_BUNDLE: u64 = 4;
 

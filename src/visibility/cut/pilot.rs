@@ -13,7 +13,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// Widths that are tried, relative to the emitter's: the umbra criterion allows no more than 1. Steps of about a quarter: the times to an
-/// error of neighbouring widths differ by less than the choice of routes can resolve (`benches/distance_cut.rs` of commit 2d559b4).
+/// error of neighbouring widths differ by less than the choice of routes can resolve, by a benchmark that is no longer in the repository
+/// (`git show 2d559b4:benches/distance_cut.rs`).
 const CANDIDATE_WIDTHS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 /// Receivers of the first round, after which scenes where no class gains are rejected: a class of [`MIN_CLASS_FRACTION`] has 41 of them,
 /// which measure its variance to √(2 / 41) = 22 % if it is normally distributed.
@@ -38,8 +39,8 @@ const MIN_GAIN: f32 = 1.25;
 const MAX_FIT_STEPS: usize = 20;
 /// Excess of light, relative to what is visible, at which the fit ends: far below [`MAX_BIAS`].
 const MAX_EXCESS: f64 = 1e-5;
-/// Range of the factor: 0.5 to 1.8 was measured in garden, park, orchard, forest and valley (`benches/distance_cut.rs` of commit
-/// 2d559b4). A width that needs one outside is not used: its extinctions do not describe the scene.
+/// Range of the factor: 0.5 to 1.8 was measured in garden, park, orchard, forest and valley, by the benchmark of
+/// [`CANDIDATE_WIDTHS`]. A width that needs one outside is not used: its extinctions do not describe the scene.
 const FACTORS: [f32; 2] = [0.25, 2.0];
 /// Bundles per task: 256 segments.
 const BUNDLES_PER_TASK: usize = 16;

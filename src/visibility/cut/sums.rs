@@ -8,10 +8,10 @@ use crate::simd::{Kernel, Simd, decay};
 use crate::visibility::answer::Bundle;
 
 /// Work of a segment, of decoding a node or block, and of tests of a segment against a node and a block, in units of 2.5 ns on the
-/// processor that was measured (AVX-512; `benches/distance_cut.rs` of commit 2d559b4: work and times agree to a third in garden,
-/// park, forest).
+/// processor that was measured (AVX-512): work and times agreed to a third in garden, park, forest. The benchmark is no longer in the
+/// repository (`git show 2d559b4:benches/distance_cut.rs`).
 const WORK: [f64; 5] = [6.0, 6.0, 3.0, 4.5, 6.0];
-/// The same for single rays of Embree, which share nothing.
+/// [`WORK`] of single rays of Embree, which share nothing.
 const EMBREE_WORK: [f64; 5] = [10.0, 0.0, 0.0, 6.0, 12.0];
 /// Work of packets of Embree for a segment, and for a node or block: for packets all of whose segments meet it, and what is added as none
 /// does, because Embree's nodes are smaller. With these the work in rooms is 16 to 22 units for 40 ns, and outdoors that of single rays
