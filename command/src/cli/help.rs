@@ -63,6 +63,12 @@ pub fn command() -> Command {
             "bench" => &HIDDEN_BENCH,
             _ => &[],
         };
+        let command = match name.as_str() {
+            "bench" => command.mut_arg("threads", |arg| {
+                arg.help("Number of threads [default: one per core, but one for the timed sections]")
+            }),
+            _ => command,
+        };
         let command = command.mut_args(|arg| arranged(arg, solve, advanced));
         // The list of commands has one statement each.
         let about = command.get_about().map(ToString::to_string).unwrap_or_default();

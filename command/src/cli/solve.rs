@@ -86,8 +86,8 @@ pub struct Args {
     /// Number of elements whose error bars are checked by independent paths; 0: no check.
     #[arg(long, value_name = "N", default_value_t = Options::default().audit)]
     audit: usize,
-    /// Shadow rays from a point to a partly visible emitter; up to 16 times as many where little of much light passes [default: by the
-    /// error].
+    /// Shadow rays from a point to a partly visible emitter; up to 16 times as many where a bright emitter is mostly hidden [default:
+    /// by the error].
     #[arg(long, value_name = "N")]
     light_rays: Option<usize>,
     /// Rays per point for reflected light [default: by the error].

@@ -52,8 +52,8 @@ pub struct Args {
     samples: GridArgs,
     #[command(flatten)]
     light: SkyArgs,
-    /// Add up irradiance over the day of --time in steps of MINUTES: J/m2 divided by 3600, Wh/m2; with --sky clear:TURBIDITY the light
-    /// changes with it.
+    /// Sum of irradiance over the day of --time, in Wh/m2 (J/m2 divided by 3600), in steps of MINUTES; with --sky clear:TURBIDITY the
+    /// light changes with it.
     #[arg(long, value_name = "MINUTES", num_args = 0..=1, require_equals = true, default_missing_value = "30",
           value_parser = clap::value_parser!(u32).range(1..=240))]
     day: Option<u32>,
