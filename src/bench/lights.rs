@@ -280,7 +280,7 @@ pub(super) fn per_point(scene: &Scene) -> usize {
     lamps + PATCHES_PER_POINT.min(parts + scene.sky().map_or(0, |sky| patches(sky).len()))
 }
 
-/// The same of images and maps.
+/// Number of sources that shadow images and maps show.
 pub(super) fn shown(scene: &Scene) -> usize {
     let lamps = scene.emitters.len() + scene.sky().map_or(0, |sky| suns(sky).count());
     lamps.max(usize::from(per_point(scene) > 0))
@@ -290,9 +290,9 @@ pub(super) fn shown(scene: &Scene) -> usize {
 #[derive(Clone, Debug)]
 pub(super) struct Lights {
     pub all: Vec<Light>,
-    /// The surfaces of which parts are asked instead.
+    /// Numbers of the emitters that are divided into parts.
     domes: Vec<usize>,
-    /// Number of those that are no patches.
+    /// Number of sources before the patches.
     lamps: usize,
     asked: PatchSet,
 }

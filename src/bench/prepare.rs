@@ -51,8 +51,8 @@ const RECEIVER_STRIDE: usize = 40_487;
 const CUT_STREAMS: [u64; 2] = [12, 13];
 
 impl Bench<'_> {
-    /// The distance cut, fitted on segments to suns and patches of the sky, too; none where [`Model::cut`] makes none but for want of
-    /// emitters.
+    /// The distance cut, fitted on segments to suns and patches of the sky, too; none where the cut does not pay. Unlike [`Model::cut`] it
+    /// may exist in a scene without emitters.
     fn cut_under_a_sky(&self) -> Option<Arc<DistanceCut>> {
         if self.model.instances().len() > 1 {
             return None;

@@ -110,8 +110,8 @@ fn developed_with(tone: Tone, width: usize, light: &[[f32; 3]]) -> Picture {
     Picture { width, height: light.len() / width.max(1), pixels }
 }
 
-/// Luminance of the light that rounding of coordinates lets pass between touching walls, W/(m² sr): the mean luminance of the surfaces times the spacing of f32. A
-/// room in which there is no more than that is dark.
+/// Luminance up to which a picture counts as dark, W/(m² sr): light that leaks between touching walls by rounding of coordinates, estimated
+/// as the mean luminance of the surfaces times the spacing of f32.
 fn luminance_of_rounding(solution: &RadiosityMesh) -> f32 {
     let of = |sum: (f64, f64), e: &Element| {
         let radiance = e.radiosity.map(|v| (v / std::f64::consts::PI) as f32);

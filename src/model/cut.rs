@@ -15,7 +15,7 @@ use std::sync::{Arc, PoisonError};
 
 /// First number of the points that select the engine of single queries: beyond those of the pilot.
 const FIRST_POINT: u32 = 1 << 17;
-/// Count of these points: as many as for batches.
+/// Number of points that select the engine of single queries: as many as for batches.
 const SAMPLE_POINTS: u32 = 256;
 /// Largest number of segments of a bundle that the cut answers: the error of its model does not fall with more, and is known from
 /// samples of as many.

@@ -166,7 +166,7 @@ impl Model {
         self.inner.options.clusters()
     }
 
-    /// Whether the caller asked for one thread, so that the caller's will do.
+    /// Whether the model has one thread, so that work runs on the calling thread.
     pub(crate) fn has_one_thread(&self) -> bool {
         self.inner.threads.count() == 1
     }

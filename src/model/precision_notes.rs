@@ -15,8 +15,8 @@ use rayon::prelude::*;
 const MAX_RELATIVE_HEIGHT: f32 = 0.01;
 /// The same relative to the height of an object on the surface: its shadow is too short by this fraction.
 const MAX_SHADOW_LOSS: f32 = 0.1;
-/// Fraction of an emitter's rays, thus of its light, that must meet such surfaces: 4 of 64 rays. Even if all light on them is wrong, that of
-/// the emitter errs by no more than this fraction otherwise.
+/// Fraction of an emitter's rays, thus of its light, that must meet such surfaces: 4 of 64 rays. Even if all light on them is wrong, that
+/// of the emitter errs by no more than this fraction otherwise.
 const MIN_COARSE_SHARE: f64 = 0.05;
 
 /// Largest number of things that are tested, evenly spread: limits the time to 0.1 million rays.
@@ -73,8 +73,8 @@ impl Model {
         coarse.into_iter().filter(|_| enough).max_by(|(h, d), (i, e)| (h / d).total_cmp(&(i / e)))
     }
 
-    /// A note if things stand on a surface of another object above which rays start so high that they miss part of the things: their shadows are
-    /// too short.
+    /// A note if things stand on a surface of another object above which rays start so high that they miss part of the things: their
+    /// shadows are too short.
     pub(super) fn note_of_small_things(&self) -> Option<String> {
         let scene = self.scene();
         let bounds = scene.component_bounds();
@@ -127,12 +127,12 @@ impl Model {
         }
     }
 
-    /// The coarsest surface of another object, or part of the only object, on which a thing with this triangle and this box, an edge-connected part of the scene, stands:
-    /// rays along the axes, just outside the box on all of its sides, look for it.
+    /// The coarsest surface that a small edge-connected part stands on; `thing` is one of its triangles, `bounds` its box. It belongs to
+    /// another object, in scenes of one object to another part. Rays along the axes, just outside the box on all of its sides, look for it.
     fn ground_of_thing(&self, thing: u32, bounds: Aabb) -> Option<Ground> {
         let scene = self.scene();
-        // Parts of one object, such as bevels, are no things that stand on it. A scene with a single object is the exception: many files name no objects,
-        // so that each connected part of it counts as a thing, even if the file names that object.
+        // Parts of one object, such as bevels, are no things that stand on it. A scene with a single object is the exception: many files
+        // name no objects, so that each connected part of it counts as a thing, even if the file names that object.
         let groups = if scene.objects.len() > 1 { &scene.triangle_object } else { &scene.triangle_component };
         let (middle, half) = (0.5 * (bounds.min + bounds.max), 0.5 * bounds.extent());
         let margin = RAY_OFFSET * bounds.diagonal();
@@ -202,8 +202,8 @@ mod tests {
     use crate::scene::testing::{Pieces, facing_down, facing_up};
     use glam::DVec3;
 
-    /// A lamp above a floor of this width, and a step of this height on the floor, both far from other small things, near which the reader divides the
-    /// floor.
+    /// A lamp above a floor of this width, and a step of this height on the floor, both far from other small things, near which the reader
+    /// divides the floor.
     fn scene(width: f64, lamp: f64, step: f64) -> Model {
         let mut pieces = Pieces::empty();
         let at = 0.8 * width;

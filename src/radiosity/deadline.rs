@@ -12,16 +12,17 @@ use std::time::Instant;
 
 /// Seconds by which the last stages may exceed the limit, however short it is: the options state the limit as approximate.
 const GRACE_SECONDS: f64 = 0.5;
-/// The same as a fraction of the whole time, if that is more.
+/// Fraction of the limit by which the last stages may exceed it, if that is more than [`GRACE_SECONDS`].
 const GRACE_SHARE: f64 = 0.05;
 /// Fraction of the time after preparation for the light of elements: a tenth is kept for the error of the estimated time.
 const LIGHT_SHARE: f64 = 0.9;
-/// The same if points follow: a quarter is kept for the final gather.
+/// [`LIGHT_SHARE`] if points follow: a quarter is kept for the final gather.
 const LIGHT_SHARE_BEFORE_POINTS: f64 = 0.75;
 /// Fraction of the time for light in which links are refined before a local pass: less than half, because the local pass finds the
 /// light and links are only its first guess.
 const REFINEMENT_SHARE_BEFORE_LOCAL_PASS: f64 = 0.4;
-/// The same without a local pass: the rest is for the second measurement of all links and the last sweeps.
+/// Fraction of the time for light in which links are refined without a local pass: the rest is for the second measurement of all links and
+/// the last sweeps.
 const REFINEMENT_SHARE: f64 = 0.6;
 /// Fraction of the time of the local pass that its rays may take; the solver of its matrix has the other half.
 pub const RAY_SHARE: f64 = 0.5;

@@ -114,7 +114,7 @@ impl Packet {
         }
     }
 
-    /// Gives the first of these packets the range of [`EndRule::slack`] of all.
+    /// Widens the range of [`EndRule::slack`] of the first packet to that of all of them.
     pub fn share_slack(packets: &mut [Packet]) {
         if let Some((first, rest)) = packets.split_first_mut() {
             for packet in rest {
@@ -319,7 +319,7 @@ impl EndRule {
         (self.left_out() / length).min(Self::MAX_MARGIN)
     }
 
-    /// The same at a lifted end.
+    /// Part of a segment of this length that is left out at a lifted end.
     #[inline]
     pub fn rounding(self, length: f32) -> f32 {
         (self.slack() / length).min(Self::MAX_MARGIN)

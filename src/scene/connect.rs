@@ -44,8 +44,8 @@ pub(super) struct Parts {
 ///
 /// Where more than two faces meet, faces of different objects are separated: two bricks in contact along an edge are
 /// two closed solids. A solid whose faces belong to several objects (one per material, for example) is one part,
-/// because its edges have two faces. Two faces of different objects on each other, of which `are_folded` tells by their edge, are separated: they are walls of
-/// two open boxes side by side.
+/// because its edges have two faces. Two faces of different objects on each other, of which `are_folded` tells by their edge, are
+/// separated: they are walls of two open boxes side by side.
 pub(super) fn parts(edges: &Edges, object: &[u32], are_folded: impl Fn([u32; 2], [u32; 2]) -> bool) -> Parts {
     let n = object.len();
     let (mut sets, mut open) = (Sets::new(n), vec![false; n]);
@@ -85,7 +85,8 @@ fn number(mut sets: Sets, open: &[bool]) -> Parts {
     Parts { part, closed }
 }
 
-/// The parts in which an edge has no second triangle with the opposite order of corners, or several with the same order: they are open or not consistently wound.
+/// The parts in which an edge has no second triangle with the opposite order of corners, or several with the same order: they are open or
+/// not consistently wound.
 pub(crate) fn badly_wound(triangles: impl Iterator<Item = (u32, [u32; 3])>) -> HashSet<u32> {
     let edges_of = |(part, [a, b, c]): (u32, [u32; 3])| [(part, a, b), (part, b, c), (part, c, a)];
     let mut edges: Vec<(u32, u32, u32)> = triangles.flat_map(edges_of).collect();

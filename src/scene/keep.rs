@@ -72,9 +72,12 @@ impl KeptPolygons {
         all
     }
 
-    /// Drops every polygon with the corners of an earlier one, unless it has another material and belongs to another object, or faces the other way and has
-    /// another material or object: these are two solids in contact, or the two sides of a wall. Of polygons of one object with different materials the later one
-    /// is kept, unless only the earlier one emits.
+    /// Drops one of two polygons with the same corners:
+    ///
+    /// * facing the same way, unless both object and material differ: the later one is kept, but not instead of one that alone emits;
+    /// * facing opposite ways, only if object and material are equal: the earlier one is kept.
+    ///
+    /// Other pairs are two solids in contact, or the two sides of a wall.
     fn drop_duplicates(&mut self, soup: &Soup, positions: &[Vec3], repairs: &mut Repairs) {
         let slices: Vec<&[u32]> = (0..self.polygon.len()).map(|i| &self.corners[self.span(i)]).collect();
         let normal = |i: u32| {

@@ -36,8 +36,8 @@ pub(super) fn face_magnitudes(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec
         .collect()
 }
 
-/// Largest distance of planes that count as one, in units of f32 spacing (2⁻²³) of the coordinates: 16 roundings of half a spacing each, as of two transforms
-/// by 3 × 4 matrices (6 each) and of a file between them.
+/// Largest distance of planes that count as one, in units of f32 spacing (2⁻²³) of the coordinates: 16 roundings of half a spacing each, as
+/// of two transforms by 3 × 4 matrices (6 each) and of a file between them.
 const MAX_ROUNDINGS: f64 = 8.0;
 
 /// Largest distance of the planes of overlapping faces inside a box, scene units.

@@ -264,7 +264,8 @@ pub struct Scene {
     pub(crate) stack_distances: stack::StackDistances,
     /// Parts of these triangles that were closed and consistently wound before the triangles were moved.
     pub(crate) wound_parts: HashSet<u32>,
-    /// Pairs of objects with overlapping faces in one plane that face the same way or none of which is of a body such as furniture; ascending.
+    /// Pairs of objects with overlapping faces in one plane that face the same way or none of which is of a body such as furniture;
+    /// ascending.
     pub(crate) contacts: Vec<[u32; 2]>,
     /// Repairs made while reading.
     pub(crate) repairs: Repairs,

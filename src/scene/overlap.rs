@@ -1,8 +1,9 @@
 //! Faces in one plane that overlap: which of them a ray hits would depend on rounding.
 //!
-//! They get an order (`plane_order.rs`), and faces behind others are moved by a few rounding errors, so that they get no light where they are covered
-//! (`stack.rs`). Examples are a rug at the height of the floor, a poster in the plane of its wall, walls of two rooms in one place, and a crate on a slab. A
-//! closed solid in contact with another one, or with a wall of the closed room in which it stands, is excluded: nothing between them is visible.
+//! They get an order (`plane_order.rs`), and faces behind others are moved by a few rounding errors, so that they get no light where they
+//! are covered (`stack.rs`). Examples are a rug at the height of the floor, a poster in the plane of its wall, walls of two rooms in one
+//! place, and a crate on a slab. A closed solid in contact with another one, or with a wall of the closed room in which it stands, is
+//! excluded: nothing between them is visible.
 //!
 //! A plane is described by two slopes and an intercept along the axis nearest to its normal. Faces with nearly equal
 //! descriptions are adjacent after sorting. Within such a group, faces with overlapping boxes are tested, found by a

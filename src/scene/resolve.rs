@@ -156,7 +156,8 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     })
 }
 
-/// Moves overlapping faces off each other and reports those that cover others, by the names of objects and the unit of length. See [`stack`].
+/// Moves overlapping faces off each other and reports those that cover others, by the names of objects and the unit of length. See
+/// [`stack`].
 fn stack_overlapping(
     properties: &FaceProperties,
     positions: &mut Vec<Vec3>,
@@ -260,12 +261,13 @@ fn seen_from(origin: DVec3, positions: &[DVec3]) -> Vec<Vec3> {
     positions.iter().map(|p| (p - origin).as_vec3()).collect()
 }
 
-/// Smallest ratio of the scene's size to the median size of its polygons for which the origin is a median vertex: rays start above a face as large as the scene
-/// by a hundredth of a polygon of that size.
+/// Smallest ratio of the scene's size to the median size of its polygons for which the origin is a median vertex. Above this ratio rays
+/// would start 1 % of a median polygon above a face of the size of the scene.
 const MIN_SCENE_RATIO: f64 = 5e3;
 
-/// Offset of the positions: zero unless the scene is far from zero relative to its size; otherwise its centre. In a scene that is much larger than most of
-/// its polygons, as a lamp on a plain, a median vertex, so that these have small coordinates. Rounded so that the subtraction is exact.
+/// Offset of the positions: zero unless the scene is far from zero relative to its size; otherwise its centre. In a scene that is much
+/// larger than most of its polygons, as a lamp on a plain, a median vertex, so that these have small coordinates. Rounded so that the
+/// subtraction is exact.
 fn origin(soup: &Soup) -> Result<DVec3> {
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for (i, p) in soup.positions.iter().enumerate() {

@@ -21,10 +21,12 @@ const MIN_COSINE: f32 = 0.999;
 const MAX_FAN: usize = 64;
 /// Largest distance by which faces of a body move into it, relative to its thickness: faces on both sides leave half of it.
 const MAX_DEPTH: f32 = 0.25;
-/// Largest number of tests whether a vertex lies on a moved triangle: half a second. A ceiling over a million vertices has fifty triangles for that many.
+/// Largest number of tests whether a vertex lies on a moved triangle: half a second. A ceiling over a million vertices has fifty triangles
+/// for that many.
 const MAX_TESTS: usize = 100_000_000;
 
-/// By triangle, the largest distance by which faces of its stack were moved off each other, scene units. Triangles that do not overlap with others have none.
+/// By triangle, the largest distance by which faces of its stack were moved off each other, scene units. Triangles that do not overlap with
+/// others have none.
 pub(crate) type StackDistances = HashMap<u32, f32>;
 
 /// What [`stack`] did.
@@ -38,8 +40,8 @@ pub(super) struct Stacks {
 }
 
 /// Moves the lower one of each two overlapping triangles behind the upper one, in the order of their plane ([`PlaneOrder`]).
-/// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face. Faces that touch a moved face, such as the walls below a
-/// ceiling, follow it ([`keep_contact`]).
+/// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face. Faces that touch a moved face, such as
+/// the walls below a ceiling, follow it ([`keep_contact`]).
 pub(super) fn stack(
     found: &[Overlap],
     of: &FaceProperties,
@@ -150,8 +152,8 @@ fn distances(levels: &HashMap<u32, i32>, stacks: &mut Sets, steps: &HashMap<u32,
     levels.keys().map(distance).collect()
 }
 
-/// Changes the levels of each plane so that the uppermost visible face stays or, if faces are visible from both sides, the plane is in their middle: points there
-/// find them. Faces of bodies move into these.
+/// Changes the levels of each plane so that the uppermost visible face stays or, if faces are visible from both sides, the plane is in
+/// their middle: points of files, which lie in the plane, find these faces. Faces of a body move inwards.
 fn shift_levels(levels: &mut HashMap<u32, i32>, order: &PlaneOrder) {
     /// Levels of the faces of a plane.
     struct Range {
@@ -195,8 +197,8 @@ fn shift_levels(levels: &mut HashMap<u32, i32>, order: &PlaneOrder) {
     }
 }
 
-/// Adds the triangles that continue lower faces in their plane, with the level and the front of these: a ceiling stays flat. Stacks on faces of one part in one
-/// plane become one.
+/// Adds the triangles that continue lower faces in their plane, with the level and the front of these: a ceiling stays flat. Stacks on
+/// faces of one part in one plane become one.
 fn widen(
     levels: &mut HashMap<u32, i32>,
     fronts: &mut HashMap<u32, Vec3>,
@@ -254,9 +256,9 @@ struct Body {
     is_closed: bool,
 }
 
-/// Moves the vertices of faces outside the stacks that lie on a moved triangle with it: otherwise light would pass between a moved ceiling and the walls and
-/// partitions below it. Faces connected with the uppermost face of a stack stay with it. So do those on the inner side of a moved face of a body, which would
-/// leave a gap below it, except those of an open body: light would enter it.
+/// Moves the vertices of faces outside the stacks that lie on a moved triangle with it: otherwise light would pass between a moved ceiling
+/// and the walls and partitions below it. Faces connected with the uppermost face of a stack stay with it. So do those on the inner side of
+/// a moved face of a body, which would leave a gap below it, except those of an open body: light would enter it.
 fn keep_contact(
     shifts: &[Shifted],
     levels: &HashMap<u32, i32>,
@@ -310,8 +312,8 @@ fn keep_contact(
     }
 }
 
-/// The vertices among `others` that lie on triangles where these were before they moved. Of many large triangles, those with the fewest vertices in reach are
-/// tested.
+/// The vertices among `others` that lie on triangles where these were before they moved. Of many large triangles, those with the fewest
+/// vertices in reach are tested.
 fn touching<'a>(shifts: &'a [Shifted], mut others: Vec<u32>, positions: &[Vec3]) -> Vec<(&'a Shifted, u32)> {
     let corners = |of: &Shifted| of.corners.map(|v| positions[v as usize]);
     // Along this axis the triangles are shortest.
@@ -352,7 +354,8 @@ fn is_on([a, b, c]: [Vec3; 3], point: Vec3, distance: f32) -> bool {
     (point - a).dot(normal).abs() <= distance && beyond(a, b).max(beyond(b, c)).max(beyond(c, a)) <= distance
 }
 
-/// Distance between the faces of each stack, by its first triangle: by the coordinates of these faces and, as rays start above them by those, of their neighbours.
+/// Distance between the faces of each stack, by its first triangle: from the largest coordinate of these faces and their neighbours, which
+/// sets the height at which rays start.
 fn steps(
     stacked: &[u32],
     stacks: &mut Sets,

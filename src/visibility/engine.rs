@@ -16,6 +16,6 @@ pub enum Engine {
     /// exactly. Queries need a feature size, and the model optics.
     #[serde(rename = "mr")]
     MultiResolution,
-    /// Extinction only: an estimate without any ray. Needs the same.
+    /// Extinction only: an estimate without any ray. Queries need a feature size, and the model optics.
     Average,
 }

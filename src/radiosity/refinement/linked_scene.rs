@@ -83,8 +83,7 @@ pub struct LinkedScene {
     pub openings: OnceLock<Arc<Vec<Vec3>>>,
 }
 
-/// Largest number of elements that surfaces smaller than the elements of others are split into, relative to the number of all elements: a furnished office takes 2 %
-/// longer.
+/// Elements that [`LinkedScene::split_small_surfaces`] may add, as a fraction of all: a furnished office takes 2 % longer.
 const MAX_SMALL_ADDED: f64 = 1.0 / 32.0;
 
 impl LinkedScene {
@@ -235,8 +234,8 @@ impl LinkedScene {
         self.last_field = None;
     }
 
-    /// Splits the largest surfaces that are smaller than the elements of the others into sixteen parts: a hut on a plain would be a few elements, parts of which
-    /// lie outdoors. Lamps stay whole: what they send does not depend on their elements.
+    /// Splits the largest surfaces that are smaller than the elements of the others into sixteen parts: a hut on a plain would be a few
+    /// elements, parts of which lie outdoors. Lamps stay whole: what they send does not depend on their elements.
     pub fn split_small_surfaces(&mut self, deadline: &Deadline) {
         let (elements, sides) = (&self.elements.elements, &self.elements.sides);
         let is_whole = |e: &u32| {

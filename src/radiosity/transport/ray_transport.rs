@@ -103,7 +103,7 @@ impl RayTransport {
         of_paths + self.halves.iter().map(TransportMatrix::entries).sum::<usize>()
     }
 
-    /// The light by a half, from that by the other one.
+    /// Light along the rays of one half, if rows reflect `other`, their light along the rays of the other half.
     fn received(&self, half: usize, other: &Field) -> Field {
         let mut sum = self.halves[half].reflected(other);
         sum.iter_mut().zip(&self.direct[half]).for_each(|(sum, direct)| add(sum, 1.0, *direct));

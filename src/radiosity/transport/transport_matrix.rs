@@ -56,7 +56,7 @@ pub struct MatrixRow {
     /// Fraction of the light from the row's side that meets no other row: taken from the side, so that the weight of the row's rays does
     /// not depend on them alone.
     pub escapes: f64,
-    /// Of its rays, those that met elements which are not in the exchange.
+    /// Number of its rays that met elements outside the matrix.
     pub apart: usize,
 }
 

@@ -20,8 +20,8 @@ use crate::{
 use glam::{DAffine3, DMat3};
 use std::collections::{HashMap, HashSet};
 
-/// Largest number of triangles of a file with shared meshes among which faces in one plane are looked for: a quarter of a second (`mrvis info` of what
-/// `mrvis generate forest --instances --trees 100 --trunks` writes).
+/// Largest number of triangles of a file with shared meshes among which faces in one plane are looked for: a quarter of a second (`mrvis
+/// info` of what `mrvis generate forest --instances --trees 100 --trunks` writes).
 const MAX_CONTACT_TRIANGLES: usize = 250_000;
 
 /// The scene of all nodes.
