@@ -153,8 +153,8 @@ pub fn places_around(point: Vec3, normal: Vec3, distance: f32) -> [Vec3; 9] {
     around.map(|(u, v)| point + distance * (u as f32 * x + v as f32 * y))
 }
 
-/// Winding number of triangles around a point: the sum of their signed solid angles over 4π (van Oosterom and Strackee 1983). In a closed surface 1 if its
-/// normals point out, -1 if they point in, and 0 outside.
+/// Winding number of triangles around a point: the sum of their signed solid angles over 4π (van Oosterom and Strackee 1983). In a closed
+/// surface 1 if its normals point out, -1 if they point in, and 0 outside.
 pub fn winding_number(triangles: impl Iterator<Item = [Vec3; 3]>, from: Vec3) -> f64 {
     let from = from.as_dvec3();
     let angle = |corners: [Vec3; 3]| {

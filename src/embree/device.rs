@@ -6,8 +6,9 @@ use std::ffi::{CStr, CString, c_char, c_void};
 use std::sync::atomic::{AtomicIsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// An Embree device. Cloning is cheap; scenes keep the device in use. A device that nothing uses any more is kept for later scenes: Embree's task scheduler
-/// (oneTBB) very rarely crashes where devices are made and released again and again (two runs of all tests of some thirty).
+/// An Embree device. Cloning is cheap; scenes keep the device in use. A device that nothing uses any more is kept for later scenes:
+/// Embree's task scheduler (oneTBB) very rarely crashes where devices are made and released again and again (two runs of all tests of some
+/// thirty).
 #[derive(Clone)]
 pub struct Device {
     used: Arc<Used>,
@@ -39,8 +40,9 @@ unsafe impl Send for Made {}
 // SAFETY: as above; no method hands out interior references.
 unsafe impl Sync for Made {}
 
-/// Largest number of triangles whose tree is built by one thread, in some 30 ms (`seconds.embree` of `mrvis solve scenes/real/valley.obj --threads 1`, 131,648
-/// triangles). Devices of one thread start no threads of Embree's task scheduler (oneTBB), which very rarely crashes where many models are made in a row.
+/// Largest number of triangles whose tree is built by one thread, in some 30 ms (`seconds.embree` of `mrvis solve scenes/real/valley.obj
+/// --threads 1`, 131,648 triangles). Devices of one thread start no threads of Embree's task scheduler (oneTBB), which very rarely crashes
+/// where many models are made in a row.
 const MAX_SERIAL_TRIANGLES: usize = 100_000;
 
 impl Device {

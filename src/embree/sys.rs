@@ -198,8 +198,8 @@ unsafe extern "C" {
     );
 }
 
-/// A rectangle of samples of a grid, `RTCGrid`: the first sample, the samples of a row of all the grid, and the columns and rows of the rectangle, at least
-/// two of each.
+/// A rectangle of samples of a grid, `RTCGrid`: the first sample, the samples of a row of all the grid, and the columns and rows of the
+/// rectangle, at least two of each.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct GridPiece {

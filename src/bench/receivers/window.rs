@@ -10,8 +10,8 @@ use crate::scene::Scene;
 const SIDE_TEXELS: [usize; 2] = [96, 512];
 /// Approximate number of pairs of all images: about 100 million segments of reference and rows together, some ten seconds on two cores.
 const MAX_PAIRS: usize = 400_000;
-/// Smallest side of a window, in largest feature sizes: 6 · 6 features of that size, each there with probability ½, cover 50 % of the window
-/// with a standard error of ½ / 6 = 8 %.
+/// Smallest side of a window, in largest feature sizes: 6 · 6 features of that size, each there with probability ½, cover 50 % of the
+/// window with a standard error of ½ / 6 = 8 %.
 const LARGEST_FEATURES: f64 = 6.0;
 /// Test points along the longer side of a surface of which a window is imaged: a window of the smallest size, 1/20 of
 /// the side, contains several.

@@ -41,9 +41,9 @@ const STEP_TOLERANCE: f64 = 3e-3;
 /// Largest number of sweeps between steps: the change is below [`STEP_TOLERANCE`] after 12 at reflectances up to 0.6
 /// (0.6¹² = 0.002).
 const MAX_STEP_SWEEPS: usize = 12;
-/// Sweeps that row normalisation and the last light are expected to need, which changes results with a time limit only: at reflectance 0.42,
-/// light changes by [`FINAL_TOLERANCE`] in the 16th (0.42¹⁶ = 9e-7). `mrvis solve --local-rays 0` makes 6 sweeps in the orchard, 15 in
-/// sponza, 11 and 18 in a generated desk-room and office; where it makes more, as in the assembled office, 147, the deadline ends them.
+/// Sweeps that row normalisation and the last light are expected to need, which changes results with a time limit only: at reflectance
+/// 0.42, light changes by [`FINAL_TOLERANCE`] in the 16th (0.42¹⁶ = 9e-7). `mrvis solve --local-rays 0` makes 6 sweeps in the orchard, 15
+/// in sponza, 11 and 18 in a generated desk-room and office; where it makes more, as in the assembled office, 147, the deadline ends them.
 const CLOSING_SWEEPS: f64 = 16.0;
 /// Relative change of the light at which the last sweeps end: below the precision that the energy balance is printed
 /// with. 1e-5 instead changes irradiance by less than 0.001 % (`constants.py solve`).

@@ -56,8 +56,8 @@ fn the_floor_behind_a_wall_with_a_door_is_not_brightened() {
     }
 }
 
-/// A thin wall that leans and extends through floor, ceiling and walls of a closed hall: nothing escapes along it, and elements end at it. Those in the dark half are
-/// dark, those in the other half have no part of the dark half in their mean.
+/// A thin wall that leans and extends through floor, ceiling and walls of a closed hall: nothing escapes along it, and elements end at it.
+/// Those in the dark half are dark, those in the other half have no part of the dark half in their mean.
 #[test]
 fn elements_end_at_a_wall_that_crosses_a_closed_room() {
     const LEAN: f64 = 0.2;

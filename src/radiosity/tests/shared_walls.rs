@@ -120,7 +120,8 @@ fn faces_on_both_sides_of_a_shared_wall_are_not_reported() {
 /// A scene with gaps of this width and points in it.
 type WithGap<'a> = &'a dyn Fn(f64) -> (Pieces, Vec<Point>);
 
-/// Faces in one place have the light that they have with a gap of a millimetre, by paths and, with few rays, by the solver, in any order of the file.
+/// Faces in one place have the light that they have with a gap of a millimetre, by paths and, with few rays, by the solver, in any order of
+/// the file.
 pub(super) fn check_contact(name: &str, with_gap: WithGap) {
     let (pieces, points) = with_gap(1e-3);
     let wanted = traced(&pieces.scene(), &points, 2048, 1);
@@ -374,8 +375,8 @@ fn boxes_in_bodies_are_hidden() {
     });
 }
 
-/// Sheets whose borders lie on edges of boxes and rooms are not faces of these: a cloth of the size of its table, a cover without a bottom over a crate, a terrace
-/// above the wall of a cellar, a deck at the rim of a pool.
+/// Sheets whose borders lie on edges of boxes and rooms are not faces of these: a cloth of the size of its table, a cover without a bottom
+/// over a crate, a terrace above the wall of a cellar, a deck at the rim of a pool.
 #[test]
 fn sheets_that_end_at_edges_of_bodies_cover_these() {
     check_contact("sheets outdoors", &|gap| {
@@ -419,8 +420,8 @@ fn sheets_that_end_at_edges_of_bodies_cover_these() {
     });
 }
 
-/// What shares an edge with a wall without being one: a strip of paving that was welded to a house without a floor, a coping around a pool; and a wallpaper that is
-/// longer than the larger hall beyond its wall.
+/// What shares an edge with a wall without being one: a strip of paving that was welded to a house without a floor, a coping around a pool;
+/// and a wallpaper that is longer than the larger hall beyond its wall.
 #[test]
 fn strips_at_edges_of_walls_are_not_walls() {
     let above = |x, y, z| Point { position: DVec3::new(x, y, z), normal: -DVec3::Z };
@@ -461,7 +462,8 @@ fn strips_at_edges_of_walls_are_not_walls() {
     });
 }
 
-/// A carpet in a hall is a ground for the booth on it; paving and ground below one house, both larger than it, lie on each other by their sizes.
+/// A carpet in a hall is a ground for the booth on it; paving and ground below one house, both larger than it, lie on each other by their
+/// sizes.
 #[test]
 fn grounds_of_one_room_may_lie_in_another_or_on_each_other() {
     check_contact("booth in a hall", &|gap| {
@@ -486,8 +488,8 @@ fn grounds_of_one_room_may_lie_in_another_or_on_each_other() {
     });
 }
 
-/// A cupboard in a room is hidden from outside by the wall; of two open bins side by side, of which one is wound the other way, each keeps its wall; a glowing box
-/// does not shine through the table on which it stands.
+/// A cupboard in a room is hidden from outside by the wall; of two open bins side by side, of which one is wound the other way, each keeps
+/// its wall; a glowing box does not shine through the table on which it stands.
 #[test]
 fn bodies_touch_walls_bodies_and_sheets() {
     check_contact("cupboard at an outer wall", &|gap| {

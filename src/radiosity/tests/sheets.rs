@@ -106,8 +106,8 @@ fn points_lie_on_the_nearest_sheet() {
     }
 }
 
-/// A desk under a sheet of paper, on a ground of 4 km with a road in its plane: the road is moved off the ground by more than the gap between paper and
-/// desk, and the points on the desk stay there.
+/// A desk under a sheet of paper, on a ground of 4 km with a road in its plane: the road is moved off the ground by more than the gap
+/// between paper and desk, and the points on the desk stay there.
 #[test]
 fn stacks_elsewhere_do_not_move_points() {
     let mut pieces = Pieces::empty();
@@ -170,8 +170,8 @@ fn room_in_halves(gap: f64, white_first: bool) -> Scene {
     pieces.scene()
 }
 
-/// Faces in one place that are turned away from each other are those of a wall with a gap of a millimetre, by the solver with both engines and by
-/// paths.
+/// Faces in one place that are turned away from each other are those of a wall with a gap of a millimetre, by the solver with both engines
+/// and by paths.
 #[test]
 fn faces_back_to_back_are_two_sides_of_a_wall() {
     let points = [at(1.0, 1.5, 0.0), at(1.9, 1.2, 0.0), at(2.5, 1.2, 0.0), at(3.2, 1.5, 0.0)];
@@ -189,8 +189,8 @@ fn faces_back_to_back_are_two_sides_of_a_wall() {
     }
 }
 
-/// Two lamps in one place that are turned away from each other light both parts of a room as lamps with a gap of a millimetre do, and all of their
-/// power arrives.
+/// Two lamps in one place that are turned away from each other light both parts of a room as lamps with a gap of a millimetre do, and all
+/// of their power arrives.
 #[test]
 fn lamps_back_to_back_keep_their_light() {
     let light = |gap: f64| {

@@ -415,7 +415,8 @@ fn points_of_streets_and_slopes_have_the_light_of_the_closed_form() {
     }
 }
 
-/// A closed hut with walls of boxes below a roof with eaves, on a plain of 2 km: its walls and roof are smaller than the elements of the plain.
+/// A closed hut with walls of boxes below a roof with eaves, on a plain of 2 km: its walls and roof are smaller than the elements of the
+/// plain.
 #[test]
 fn huts_on_a_plain_are_dark_inside() {
     let mut pieces = Pieces::empty();
@@ -468,8 +469,8 @@ fn check_open_hut(name: &str, ground: Pieces, foot: f64, points: &[Point]) {
     assert!(created.abs() < 2e-3 * emitted, "{name}: {created} of {emitted}");
 }
 
-/// A hut with an open door on a plain of 20 m, a plain of 2 km, and on hills below which its walls begin: the light of the points in it depends neither on how little
-/// of the scene it is, nor on the noise of dark elements below the ground.
+/// A hut with an open door on a plain of 20 m, a plain of 2 km, and on hills below which its walls begin: the light of the points in it
+/// depends neither on how little of the scene it is, nor on the noise of dark elements below the ground.
 #[test]
 fn open_huts_have_the_light_of_paths() {
     let at = |x: f64, y: f64, z: f64, normal: DVec3| Point { position: DVec3::new(x, y, z), normal };
