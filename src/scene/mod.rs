@@ -59,7 +59,9 @@ mod up;
 mod write_gltf;
 mod write_obj;
 
-pub(crate) use connect::{Sets, badly_wound};
+#[cfg(feature = "reports")]
+pub(crate) use connect::Sets;
+pub(crate) use connect::badly_wound;
 pub use emitter_sampler::EmitterSampler;
 pub(crate) use fine_ground::{FineGround, Piece};
 pub use flatten::InstanceTriangles;
