@@ -106,11 +106,7 @@ impl FinalGather<'_> {
         let (first, convergence) = solve(&mut transport, start, deadline);
         let light = transport.both(first);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
-        // Noise may bring the light of a leaf below 0. It stays until all light has been read: the noise of many leaves cancels, while a
-        // limit at 0 would make points in houses under a sky a fifth too dark.
-        for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {
-            results[row.leaf as usize].irradiance = from_fn(|k| 0.5 * (a[k] + b[k]));
-        }
+        assign_irradiance(&rows, &light, &mut results);
         rows.add_light_of_ends(|row| Some(self.reflected_by(leaves[row as usize], &results)));
         let halves = transport.row_sums();
         let sums = assign_row_sums(&rows, &halves, &mut results);
@@ -423,6 +419,14 @@ fn direct_irradiance(row: &RayRow) -> Rgb {
 /// Irradiance of a row by the emitters of the scene, W/m².
 fn emitters_irradiance(row: &RayRow) -> Rgb {
     row.emitted().to_array().map(|d| f64::from(d) / f64::from(row.rays))
+}
+
+/// Assigns the mean irradiance of both halves to all leaves with rows. Noise may bring it below 0. It stays until all light has been read:
+/// the noise of many leaves cancels, while a limit at 0 would make points in houses under a sky a fifth too dark.
+fn assign_irradiance(rows: &RayRows, light: &[Field; 2], results: &mut [LocalResult]) {
+    for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {
+        results[row.leaf as usize].irradiance = from_fn(|k| 0.5 * (a[k] + b[k]));
+    }
 }
 
 /// Sets negative light of leaves, which is noise or rounding in the dark, to 0. Leaves that face the same way lose what this adds: below
