@@ -30,7 +30,8 @@ pub struct Mesh {
 const MIN_SMOOTH_COSINE: f32 = 0.9;
 /// Relative difference of light that an 8-bit picture does not show.
 const VISIBLE_STEP: f64 = 1.0 / 255.0;
-/// Largest number of passes in which vertices of neighbours are found: the second finds those on edges of which the first has found an end, the third finds none.
+/// Largest number of passes in which vertices of neighbours are found: the second finds those on edges of which the first has found an end,
+/// the third finds none.
 const MAX_OUTLINE_PASSES: usize = 4;
 
 impl Mesh {
@@ -94,8 +95,8 @@ fn normal(solution: &RadiosityMesh, e: &Element) -> Vec3 {
     (c - a).cross(d - b).normalize_or_zero().as_vec3()
 }
 
-/// The vertices along the edges of each element: its corners, and the vertices of smaller neighbours and of neighbours that were cut there; none if `go_on` returns
-/// false.
+/// The vertices along the edges of each element: its corners, and the vertices of smaller neighbours and of neighbours that were cut there;
+/// none if `go_on` returns false.
 fn outlines(solution: &RadiosityMesh, go_on: &(impl Fn() -> Option<()> + Sync)) -> Option<Vec<Vec<u32>>> {
     let mut outlines: Vec<Vec<u32>> = solution.elements.iter().map(|e| e.outline().to_vec()).collect();
     join_twins(solution, &mut outlines);

@@ -17,8 +17,8 @@ const MAX_TESTS: usize = 10_000_000;
 /// Largest cosine between edges that lie on each other in opposite directions: 2.6 degrees.
 const MAX_COSINE: f32 = -0.999;
 
-/// Smallest cosine of the angle between neighbouring triangles of one surface: 26 degrees, more than the bends of a modelled terrain or of a column with 18 sides,
-/// and less than that between a wall and a floor or ceiling.
+/// Smallest cosine of the angle between neighbouring triangles of one surface: 26 degrees, more than the bends of a modelled terrain or of
+/// a column with 18 sides, and less than that between a wall and a floor or ceiling.
 const MIN_SMOOTH_COSINE: f32 = 0.9;
 
 /// A surface: neighbouring triangles of a part without sharp edges between them.
@@ -42,11 +42,13 @@ struct OutlineEdge {
     is_border: bool,
 }
 
-/// Smallest difference of the lengths before and behind a surface relative to their sum: the rounding of f32 in sums of a few hundred edges.
+/// Smallest difference of the lengths before and behind a surface relative to their sum: the rounding of f32 in sums of a few hundred
+/// edges.
 const MIN_DIFFERENCE: f32 = 1e-4;
 
-/// Part of the longest outline of a surface at which it continues, as walls and floors of rooms and boxes do: at least that part before it, as a floor with two of its
-/// four walls, or more than that. Less is a flap, as paving that touches a house along one line, or a cloth that hangs over two edges of a table.
+/// Part of the longest outline of a surface at which it continues, as walls and floors of rooms and boxes do: at least that part before it,
+/// as a floor with two of its four walls, or more than that. Less is a flap, as paving that touches a house along one line, or a cloth that
+/// hangs over two edges of a table.
 const MIN_CONTINUED: f32 = 0.5;
 
 impl Surface {
@@ -87,8 +89,8 @@ impl Surface {
     }
 }
 
-/// How the surface of a triangle continues at its outline: with triangles that share an edge, or else with those on whose edges its borders lie. Surfaces continue
-/// where the order of the corners is consistent.
+/// How the surface of a triangle continues at its outline: with triangles that share an edge, or else with those on whose edges its borders
+/// lie. Surfaces continue where the order of the corners is consistent.
 #[derive(Clone, Copy)]
 pub(super) struct Continued {
     /// The length of the edges at which it continues before it, less that of the edges at which it continues behind it, scene units.

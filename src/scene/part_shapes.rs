@@ -30,9 +30,9 @@ pub(super) enum PartKind {
 }
 
 impl PartShape {
-    /// Whether two faces of parts of these shapes in one plane, `alike` if they face the same way, are the sides of a wall: of two rooms, also if the normals of
-    /// one or both point out, or of a room and the facade around it, or of a room and a cupboard in it. Two boxes on each other without a lamp in one of
-    /// them are not: the gap between them would be refined in vain.
+    /// Whether two faces of parts of these shapes in one plane, `alike` if they face the same way, are the sides of a wall: of two rooms,
+    /// also if the normals of one or both point out, or of a room and the facade around it, or of a room and a cupboard in it. Two boxes on
+    /// each other without a lamp in one of them are not: the gap between them would be refined in vain.
     pub fn share_wall(&self, other: &PartShape, alike: bool) -> bool {
         match (self.kind, other.kind) {
             (PartKind::Sheet, _) | (_, PartKind::Sheet) => false,
@@ -60,14 +60,16 @@ impl PartShape {
     }
 }
 
-/// Smallest volume of a room or a solid relative to the sum of the areas of its triangles times their distances from its centre: a corridor a thousand times
-/// as long as wide has more, the rounding of flat sheets leaves 1e-6.
+/// Smallest volume of a room or a solid relative to the sum of the areas of its triangles times their distances from its centre: a corridor
+/// a thousand times as long as wide has more, the rounding of flat sheets leaves 1e-6.
 const MIN_VOLUME: f64 = 1e-3;
 
-/// Largest distance between the faces of adjacent rooms whose normals point out, relative to the smaller one: it changes the light by about as much.
+/// Largest distance between the faces of adjacent rooms whose normals point out, relative to the smaller one: it changes the light by about
+/// as much.
 const MAX_GAP: f32 = 1e-2;
 
-/// Largest number of places before emitters whose winding numbers are computed for a part: limits the time where many lamps stand on a ground with hills.
+/// Largest number of places before emitters whose winding numbers are computed for a part: limits the time where many lamps stand on a
+/// ground with hills.
 const MAX_TESTED_EMITTERS: usize = 32;
 
 /// Area and kind of each part, by the sign of its volume; `lamps` has a place in front of each emitter.

@@ -2,10 +2,10 @@
 //!
 //! Overlapping faces are of these kinds:
 //! * *Walls of rooms* are visible from inside; smaller faces lie before larger ones.
-//! * *Faces of bodies*, such as furniture, are visible from outside where nothing covers them: every other face lies before them, except walls of
-//!   rooms inside them.
-//! * *Sheets* lie on the side of what they cover: rugs and posters inside of rooms. A ground on which a room stands, or below which it lies, is outside of the
-//!   room. Sheets on each other are visible from the front of the largest.
+//! * *Faces of bodies*, such as furniture, are visible from outside where nothing covers them: every other face lies before them, except
+//!   walls of rooms inside them.
+//! * *Sheets* lie on the side of what they cover: rugs and posters inside of rooms. A ground on which a room stands, or below which it
+//!   lies, is outside of the room. Sheets on each other are visible from the front of the largest.
 //! * Lamps, facades, and the two sides of one sheet are visible from their fronts.
 
 use super::continuations::{Continued, continuations};
@@ -16,8 +16,8 @@ use glam::Vec3;
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// Smallest fraction of the area of a facade that lies on walls of the rooms in it: most of it, as a room whose normals point out also touches
-/// cupboards whose normals point in.
+/// Smallest fraction of the area of a facade that lies on walls of the rooms in it: most of it, as a room whose normals point out also
+/// touches cupboards whose normals point in.
 const MIN_FACADE_COVER: f64 = 0.5;
 
 /// Smallest fraction of the area of sheets turned away from each other that overlaps if they are the two sides of one sheet. Borders that
@@ -44,8 +44,9 @@ pub(super) struct Place {
     /// The normal of the plane.
     pub axis: Vec3,
     pub rank: Rank,
-    /// Areas that are compared in turn, scene units squared: that of the largest room outside of which the face lies, or of the face's surface if that is larger; that
-    /// of its surface; and that of its part where it is a floor that walls stand on, or else 0. Infinity for facades: these lie behind all faces of rooms.
+    /// Areas that are compared in turn, scene units squared: that of the largest room outside of which the face lies, or of the face's
+    /// surface if that is larger; that of its surface; and that of its part where it is a floor that walls stand on, or else 0. Infinity
+    /// for facades: these lie behind all faces of rooms.
     areas: [f64; 3],
     /// Whether walls of rooms lie in the plane.
     has_walls: bool,
@@ -76,8 +77,8 @@ impl Rank {
 }
 
 impl Place {
-    /// Order of the faces at two places of one plane: by rank, then the smaller ones towards those who see them, but the larger ones of open bodies; of equal ones the
-    /// later in the file.
+    /// Order of the faces at two places of one plane: by rank, then the smaller ones towards those who see them, but the larger ones of
+    /// open bodies; of equal ones the later in the file.
     pub fn compare(&self, index: u32, other: &Place, index_of_other: u32) -> Ordering {
         let signed = |of: &Place| of.areas.map(|area| if of.is_open_body { -area } else { area });
         let [a, b] = [signed(self), signed(other)];
@@ -92,8 +93,8 @@ impl Place {
 /// The places of all triangles that overlap with others.
 pub(super) type PlaneOrder = HashMap<u32, Place>;
 
-/// Whether an overlap of two triangles, `alike` if they face the same way, is worth a message: one may hide the other from those who see both, or a sheet lies on
-/// another one that faces the other way.
+/// Whether an overlap of two triangles, `alike` if they face the same way, is worth a message: one may hide the other from those who see
+/// both, or a sheet lies on another one that faces the other way.
 pub(super) fn may_hide(order: &PlaneOrder, s: u32, t: u32, alike: bool) -> bool {
     let [s, t] = [&order[&s], &order[&t]];
     let are_visible = s.rank == t.rank || !s.has_walls && (s.rank.is_of_body() || t.rank.is_of_body());
@@ -315,8 +316,8 @@ impl<'a> Planes<'a> {
         pairs.filter(holds).map(|(solid, _)| self.of.part(solid)).collect()
     }
 
-    /// The faces that are sides of a sheet: they overlap with faces that are turned away and belong to the same part, unless both continue to opposite sides as
-    /// walls of two rooms do, or to another sheet that covers theirs and is covered by it.
+    /// The faces that are sides of a sheet: they overlap with faces that are turned away and belong to the same part, unless both continue
+    /// to opposite sides as walls of two rooms do, or to another sheet that covers theirs and is covered by it.
     fn sides_of_sheets(&self, kinds: &HashMap<u32, Kind>) -> HashSet<u32> {
         let mut covered = HashMap::<u32, f64>::new();
         for &(s, t, area) in self.turned_away() {
@@ -346,8 +347,8 @@ impl<'a> Planes<'a> {
         grounds.map(|(&sheet, _)| sheet).collect()
     }
 
-    /// The faces of closed boxes that glow on all sides and stand on sheets or touch walls of the room in which they are, such as a lamp on a table. Those beyond walls,
-    /// or on sheets that face the same way, are recessed.
+    /// The faces of closed boxes that glow on all sides and stand on sheets or touch walls of the room in which they are, such as a lamp on
+    /// a table. Those beyond walls, or on sheets that face the same way, are recessed.
     fn standing_glowing_boxes(&self, kinds: &HashMap<u32, Kind>) -> Vec<u32> {
         let glows = |t: u32| self.of.emitter[t as usize] != u32::MAX;
         let stands = |t: &u32| {
@@ -419,8 +420,8 @@ impl<'a> Planes<'a> {
             .or_else(|| agreed(&by_fixed))
     }
 
-    /// Area beyond that of the largest room outside of which a sheet lies that is visible from one side, and which is visible from this side as well; scene units
-    /// squared.
+    /// Area beyond that of the largest room outside of which a sheet lies that is visible from one side, and which is visible from this
+    /// side as well; scene units squared.
     fn area_inside(&self, t: u32, side: Vec3, kinds: &HashMap<u32, Kind>) -> f64 {
         let is_inside = |u: &&u32| match kinds[*u] {
             Kind::Wall(inside) => inside.dot(side) > 0.0 && self.is_ground_of(t, **u),
@@ -431,7 +432,8 @@ impl<'a> Planes<'a> {
         areas.fold(0.0, f64::max)
     }
 
-    /// Whether a sheet is outside of the room of a wall: it is larger than the faces of the room that it overlaps with, and extends beyond the room.
+    /// Whether a sheet is outside of the room of a wall: it is larger than the faces of the room that it overlaps with, and extends beyond
+    /// the room.
     fn is_ground_of(&self, sheet: u32, wall: u32) -> bool {
         let [sheet_part, wall_part] = [sheet, wall].map(|t| self.of.part(t));
         let [sheet, room] = [sheet, wall].map(|t| self.of.shape(t));

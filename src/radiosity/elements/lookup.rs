@@ -9,7 +9,8 @@ use rayon::prelude::*;
 /// The quadtrees of all sides in packed form. Elements must not be split or cut while a lookup is in use.
 pub struct Lookup {
     frames: Vec<Frame>,
-    /// First of the quarters of each element, 0 for leaves; of an irregular element `!k` with its index k in `irregular`, which is negative.
+    /// First of the quarters of each element, 0 for leaves; of an irregular element `!k` with its index k in `irregular`, which is
+    /// negative.
     first_child: Vec<i32>,
     irregular: Vec<ChildrenOutlines>,
     /// Elements in the cells of a grid over each side: one access replaces a descent of several levels.

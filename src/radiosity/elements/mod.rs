@@ -89,8 +89,8 @@ pub struct Element {
     pub children: u16,
     /// Number of subdivisions above the element; 0 for clusters and whole sides.
     pub level: u8,
-    /// Whether its children are parts that a plane cuts it into ([`Elements::cut`]), or it is below such a part: the child that holds a point
-    /// is found by the outlines of the children instead of the parameters of the side.
+    /// Whether its children are parts that a plane cuts it into ([`Elements::cut`]), or it is below such a part: the child that holds a
+    /// point is found by the outlines of the children instead of the parameters of the side.
     pub is_irregular: bool,
     /// Area of all its sides, scene units squared.
     pub area: f64,
@@ -133,10 +133,10 @@ pub struct Cluster {
 /// All elements of a scene.
 #[derive(Clone, Debug)]
 pub struct Elements {
-    /// The arena: geometry of the elements. The root comes first, parents before children. [`Elements::split`] and
-    /// [`Elements::cut`] add some, to both lists at once, so that an index means the same element in each. There are two lists because
-    /// most loops need either geometry or light: with one list the solution of a living room of 377,000 faces by links took 3 % more CPU time
-    /// (`mrvis solve livingroom.obj --local-rays 0`).
+    /// The arena: geometry of the elements. The root comes first, parents before children. [`Elements::split`] and [`Elements::cut`] add
+    /// some, to both lists at once, so that an index means the same element in each. There are two lists because most loops need either
+    /// geometry or light: with one list the solution of a living room of 377,000 faces by links took 3 % more CPU time (`mrvis solve
+    /// livingroom.obj --local-rays 0`).
     pub elements: Vec<Element>,
     /// The arena: light, importance, feature size and row factors of each element.
     pub states: Vec<ElementState>,

@@ -48,8 +48,8 @@ struct PlanesAcross {
 
 impl LinkedScene {
     /// Cuts and splits the parts of surfaces that other surfaces cross, the largest first, and marks the remaining ones
-    /// ([`ElementState::crossed`](crate::radiosity::elements::ElementState::crossed)). Elements that at most [`MAX_PLANES`] planes cross from
-    /// edge to edge, and nothing else, are cut; others are split until they are small.
+    /// ([`ElementState::crossed`](crate::radiosity::elements::ElementState::crossed)). Elements that at most [`MAX_PLANES`] planes cross
+    /// from edge to edge, and nothing else, are cut; others are split until they are small.
     pub fn divide_at_crossings(&mut self, scene: &Scene, exact: &Exact, deadline: &Deadline) {
         self.elements.states.iter_mut().for_each(|state| state.crossed = false);
         if deadline.late() {

@@ -8,6 +8,8 @@ use std::path::PathBuf;
 const MAX_FILE_LINES: usize = 600;
 /// Longest function, lines.
 const MAX_FUNCTION_LINES: usize = 80;
+/// Longest line of a comment, characters.
+const MAX_COMMENT_WIDTH: usize = 140;
 
 /// Rooms whose messages may still name options as the command does, each with its reason.
 const ROOMS_WITH_FLAGS: [(&str, &str); 3] = [
@@ -62,6 +64,18 @@ fn files_are_short() {
     });
     let long: Vec<String> = long.collect();
     assert!(long.is_empty(), "files of more than {MAX_FILE_LINES} lines:\n{}", long.join("\n"));
+}
+
+#[test]
+fn comments_are_wrapped() {
+    let is_long =
+        |line: &&str| line.trim_start().starts_with("//") && line.chars().count() > MAX_COMMENT_WIDTH;
+    let long = all_files().into_iter().flat_map(|path| {
+        let text = read(&path);
+        text.lines().filter(is_long).map(|line| format!("{}: {line}", path.display())).collect::<Vec<_>>()
+    });
+    let long: Vec<String> = long.collect();
+    assert!(long.is_empty(), "comments wider than {MAX_COMMENT_WIDTH} characters:\n{}", long.join("\n"));
 }
 
 #[test]
