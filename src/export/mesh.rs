@@ -1,8 +1,8 @@
 //! Triangle mesh with light at its vertices.
 
+use crate::math::Sets;
 use crate::progress::Progress;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
-use crate::scene::Sets;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -123,7 +123,7 @@ fn join_twins(solution: &RadiosityMesh, outlines: &mut [Vec<u32>]) {
         ends.sort_by(|&a, &b| place(a).x.total_cmp(&place(b).x));
         let mut found: SmallVec<[[u32; 2]; 2]> = SmallVec::new();
         for (k, &a) in ends.iter().enumerate() {
-            let rounding = rounding(place(a));
+            let rounding = rounding(place(a).abs().max(place(v).abs()));
             let near = ends[k + 1..].iter().take_while(|b| place(**b).x - place(a).x <= rounding);
             found.extend(near.filter(|b| place(**b).distance(place(a)) <= rounding).map(|&b| [a, b]));
         }
@@ -346,7 +346,7 @@ fn is_beyond_wall(solution: &RadiosityMesh, [a, b]: [u32; 2], vertex: u32, norma
 
 /// Mean at a vertex of an element of the values of the elements around the vertex that face along its normal, weighted by the distance of
 /// their centres. Elements that other surfaces stand across, and sides that no light reaches, count only beside no others, and those
-/// beyond a wall not at all. Elements in a narrow gap and those outside of it do not count for each other.
+/// beyond a wall not at all. Elements in a gap narrower than themselves and those beside it do not count for each other.
 fn mean(
     solution: &RadiosityMesh,
     values: &[[f64; 3]],

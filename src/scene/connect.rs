@@ -2,7 +2,7 @@
 
 use super::Scene;
 use crate::math::Aabb;
-pub(crate) use crate::math::Sets;
+use crate::math::Sets;
 use rayon::prelude::*;
 use std::collections::HashSet;
 

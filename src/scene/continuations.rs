@@ -1,8 +1,8 @@
 //! Where surfaces of overlapping faces continue at sharp edges: before or behind them, as the walls of a room or the sides of a box do.
 
-use super::connect::Sets;
 use super::magnitudes::largest_distance;
 use super::overlap::Faces;
+use crate::math::Sets;
 use crate::math::{Aabb, triangle_area, triangle_normal};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -97,7 +97,7 @@ pub(super) struct Continued {
     pub length: f32,
     /// Area of the surface, scene units squared.
     pub area: f64,
-    /// The same with all surfaces of other parts that continue it without a sharp edge, as the tiles of a terrain do.
+    /// The same with the other overlapping surfaces that continue it without a sharp edge, as the tiles of a terrain do.
     pub joined_area: f64,
     /// Whether it is a flap ([`MIN_CONTINUED`]).
     pub is_flap: bool,

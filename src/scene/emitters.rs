@@ -1,6 +1,7 @@
 //! Emitters: grouping, area, normal, minimum width.
 
-use super::{Emitter, connect::Sets};
+use super::Emitter;
+use crate::math::Sets;
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;

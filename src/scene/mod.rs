@@ -59,8 +59,6 @@ mod up;
 mod write_gltf;
 mod write_obj;
 
-#[cfg(feature = "reports")]
-pub(crate) use connect::Sets;
 pub(crate) use connect::badly_wound;
 pub use emitter_sampler::EmitterSampler;
 pub(crate) use fine_ground::{FineGround, Piece};

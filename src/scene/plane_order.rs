@@ -28,6 +28,10 @@ const MIN_SHEET_COVER: f64 = 0.99;
 /// half, as the bottom and two sides of a crate that stands in a corner of another one are three faces of five.
 const MIN_COVERING: f64 = 0.6;
 
+/// Part of the area of surfaces that continue each other that counts against other surfaces: boards on a floor reach a little below the
+/// walls around it, while the tiles of a terrain extend far beyond the road on them.
+const JOINED_SHARE: f64 = 0.8;
+
 /// Bits by which areas are compared: equal surfaces that are divided into different triangles differ by rounding.
 const AREA_BITS: u32 = 16;
 
@@ -204,8 +208,8 @@ impl<'a> Planes<'a> {
         covered.into_iter().filter(is_facade).map(|(part, _)| part).collect()
     }
 
-    /// The open parts that lie with most of their area on bodies that face the same way and extend beyond them, as the runner on a stair
-    /// and its landing does.
+    /// Open parts most of whose area lies on bodies that face as these parts do and of which they cover no more than a part, as the runner
+    /// on a stair and its landing.
     fn coverings(&self) -> HashSet<u32> {
         let alike = self.found.iter().filter(|&&(s, t, _)| self.normal(s).dot(self.normal(t)) > 0.0);
         let mut on_body = BTreeMap::<[u32; 2], f64>::new();
@@ -255,12 +259,12 @@ impl<'a> Planes<'a> {
         self.continued.get(&t).filter(|_| self.of.is_two_sided(t))
     }
 
-    /// The area of the part of a face, or of its surface if that is a flap or belongs to a covering; scene units squared. First the area
-    /// with all surfaces that continue it without a sharp edge, then its own.
+    /// The area of the part of a face, or of its surface if that is a flap or belongs to a covering; scene units squared. First with
+    /// [`JOINED_SHARE`] of all surfaces that continue it without a sharp edge, then its own.
     fn areas(&self, t: u32) -> [f64; 2] {
         let is_surface = |of: &&Continued| of.is_flap || self.coverings.contains(&self.of.part(t));
         let surface = self.continued_open(t).filter(is_surface);
-        surface.map_or([self.of.shape(t).area; 2], |of| [of.joined_area, of.area])
+        surface.map_or([self.of.shape(t).area; 2], |of| [of.area.max(JOINED_SHARE * of.joined_area), of.area])
     }
 
     /// The kind of each overlapping face.
@@ -453,7 +457,7 @@ impl<'a> Planes<'a> {
             false => self.areas(t),
         };
         members.sort_by(|&s, &t| {
-            let [a, b] = [s, t].map(areas);
+            let [a, b] = [s, t].map(|t| areas(t).map(rounded));
             a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(t.cmp(&s))
         });
         let has_upturned_edges = |t: u32| self.continued_open(t).is_some_and(|of| of.length > 0.0);

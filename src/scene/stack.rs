@@ -1,11 +1,12 @@
 //! Overlapping faces of one plane are stacked: moved off each other, so that rays meet them in one order.
 
 use super::compact::drop_unused;
-use super::connect::{Sets, badly_wound};
+use super::connect::badly_wound;
 use super::magnitudes::{GAP, face_magnitudes, largest_distance};
 use super::overlap::{FaceProperties, Overlap};
 use super::part_shapes::PartKind;
 use super::plane_order::{Place, PlaneOrder, Rank};
+use crate::math::Sets;
 use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
 use std::collections::{HashMap, HashSet, hash_map::Entry};

@@ -120,7 +120,7 @@ impl Solved {
                 powers.escaped[k] += (1.0 - share) * powers.emitted[k];
             }
         }
-        // Escaped power below 0 is noise: it counts as created.
+        // Noise may bring it below 0 where hardly any power escapes.
         powers.escaped = powers.escaped.map(|power| power.max(0.0));
         for of in [arrived.sky, arrived.sun] {
             add(&mut sent, 1.0, of);

@@ -120,7 +120,7 @@ impl FinalGather<'_> {
         // Without rays of the first pass the deviation is unknown: leaves that were not traced for lack of time get the smallest number
         // of rays.
         let deviation = match result.rays {
-            0 if states[e as usize].is_excluded() => DEFAULT_DEVIATION * mean(result.irradiance),
+            0 if states[e as usize].is_excluded() => DEFAULT_DEVIATION * mean(result.irradiance).max(0.0),
             0 => 0.0,
             _ => f64::from(result.deviation),
         };
@@ -234,10 +234,13 @@ impl FinalGather<'_> {
         }
         // The light of an element differs on both sides of a surface that crosses it: crossed elements share no light. Elements that
         // receive no light by any ray of either pass share none either, so that they get no light from elements behind the next wall.
+        let dark = self.linked.dark();
         let is_alone = |i: usize| {
-            let dark = local.results[leaves[i] as usize].irradiance == [0.0; 3];
-            states[leaves[i] as usize].crossed
-                || dark && light[i].mean(DIRECT) + light[i].mean(REFLECTED) == 0.0
+            let [first, second] = [
+                mean(local.results[leaves[i] as usize].irradiance),
+                light[i].mean(DIRECT) + light[i].mean(REFLECTED),
+            ];
+            states[leaves[i] as usize].crossed || first <= dark && second <= dark
         };
         let (alone, whole): (Vec<usize>, Vec<usize>) = (0..leaves.len()).partition(|&i| is_alone(i));
         let of_whole: Vec<u32> = whole.iter().map(|&i| leaves[i]).collect();

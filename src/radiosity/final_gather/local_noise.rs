@@ -138,10 +138,10 @@ pub fn weigh_errors(elements: &Elements, leaves: &[u32], results: &mut [LocalRes
     let [all, light] = [0, 1].map(|k| sides.iter().map(|side| side[k]).sum::<f64>());
     for &leaf in leaves {
         let [area, own, variance] = sides[side_of(leaf)];
-        let dim = DIM_SIDE * (light / all) / (own / area);
+        let dim = DIM_SIDE * (light / all) / (own.max(f64::MIN_POSITIVE) / area);
         let result = &mut results[leaf as usize];
-        // A side without light has no relative error.
-        let weight = if own > 0.0 { dim.clamp(1.0, MAX_WEIGHT) } else { 1.0 };
+        // A side without light has no relative error; the light of one whose noise is below 0 is not known yet.
+        let weight = if own == 0.0 { 1.0 } else { dim.clamp(1.0, MAX_WEIGHT) };
         result.deviation = match weight > 1.0 {
             true => (weight * (variance / area).sqrt()) as f32,
             false => result.noise * (result.rays as f32).sqrt(),

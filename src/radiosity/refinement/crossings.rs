@@ -240,15 +240,14 @@ fn set_edges(
     }
 }
 
-/// Sets lanes from `first` on to segments across the middles of the edges of an element, above it by this fraction of its smallest width.
-/// They begin and end twice as far from the edges as those of [`set_edges`] at [`INSET`]: a wall that crosses neither element lies between.
-/// At that height, the next face of a bowl counts as a wall from an angle of about 27° on.
+/// Sets lanes from `first` on to segments across the middles of the edges of an element, above it by this fraction of twice the distance
+/// of the edge from the centre. They begin and end twice as far from the edges as those of [`set_edges`] at [`INSET`]: a wall that crosses
+/// neither element lies between. At the height [`INSET`], the next face of a bowl counts as a wall from an angle of 27° on.
 fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side, height: f32) {
     let (count, middle, _) = frame(corners, side, height);
-    let edges = (0..count).map(|k| 0.5 * (corners[k] + corners[(k + 1) % count]));
-    let width = 2.0 * edges.clone().map(|edge| edge.distance(middle)).fold(f32::INFINITY, f32::min);
-    let above = side.end.height().max(height * width) * side.normal;
-    for (k, edge) in edges.enumerate() {
+    for k in 0..count {
+        let edge = 0.5 * (corners[k] + corners[(k + 1) % count]);
+        let above = side.end.height().max(2.0 * height * edge.distance(middle)) * side.normal;
         let inwards = 4.0 * INSET * (middle - edge);
         packet.set_between(first + k, edge + above + inwards, edge + above - inwards, [0.0, 1.0]);
     }

@@ -91,10 +91,10 @@ fn a_full_disk_stops_the_batch_until_there_is_room() {
     };
     // Root needs no user namespace, which some systems forbid. Without the trap the signal of the limit would end the program; a block of
     // bash has 1 KB.
-    let done = mounted(&["unshare", "--map-root-user", "--mount", "bash"])
+    let ran = mounted(&["unshare", "--map-root-user", "--mount", "bash"])
         || mounted(&["unshare", "--mount", "bash"])
         || run(&["bash"], "trap '' XFSZ; ulimit -S -f 8", "ulimit -S -f unlimited");
-    assert!(done, "no shell");
+    assert!(ran, "no shell could fill a disk");
     let text = |name: &str| scratch.text(name);
     let done = |out: &str| -> Vec<Value> {
         journal(&scratch.path(out)).into_iter().filter(|line| line["status"] == "done").collect()
