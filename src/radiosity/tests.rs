@@ -240,8 +240,8 @@ fn clutter_is_lit_as_paths_say() {
     assert_eq!(ledger.reciprocity_residual, 0.0);
     assert!(ledger.row_sum_error < 5e-3 && ledger.closed_area > 0.5, "{ledger:?}");
     let audit = audit.expect("an audit");
-    // Dark gaps below things have wide bars: few rays do not tell that no light reaches them.
-    assert!(audit.within_two > 0.85 && audit.rms_bar < 4.0 * audit.rms_upper, "{audit:?}");
+    // In dark gaps below things no ray finds light, which does not make their bars wide.
+    assert!(audit.within_two > 0.85 && audit.rms_bar < 1.5 * audit.rms_upper, "{audit:?}");
 }
 
 /// Bars tell how wrong elements are, and neither nothing nor anything.

@@ -252,10 +252,16 @@ impl FinalGather<'_> {
         let sight = Sight { walls, blockers: Some(self.linked.engine.exact()) };
         let shared = share(&places, &areas, &sight, &light_of_whole, needed, &self.ranks, deadline);
         let own = alone.iter().map(|&i| {
-            let noise = f64::from(local.results[leaves[i] as usize].noise);
+            let result = &local.results[leaves[i] as usize];
             let own = SharedLight::alone(&light[i]);
-            // The spread of rays that all find no light is 0: the noise of the local pass stands for it.
-            (leaves[i], SharedLight { error: if own.error > 0.0 { own.error } else { noise * noise }, ..own })
+            // The spread of n rays that all find no light is 0. By the rule of succession (Laplace), the next ray finds light with the
+            // probability 1 / (n + 2); the deviation of a ray is that of the local pass.
+            let one = f64::from(result.noise) * f64::from(result.rays).sqrt();
+            let unseen = one / f64::from(2 * light[i].rays + 2);
+            (
+                leaves[i],
+                SharedLight { error: if own.error > 0.0 { own.error } else { unseen * unseen }, ..own },
+            )
         });
         let light = whole.iter().map(|&i| leaves[i]).zip(shared).chain(own).collect();
         Gathered { light, received: received_share, arrived, skipped, tally }
