@@ -96,7 +96,7 @@ fn normal(solution: &RadiosityMesh, e: &Element) -> Vec3 {
 }
 
 /// The vertices along the edges of each element: its corners, and the vertices of smaller neighbours and of neighbours that were cut there;
-/// none if `go_on` returns false.
+/// none if `go_on` returns none.
 fn outlines(solution: &RadiosityMesh, go_on: &(impl Fn() -> Option<()> + Sync)) -> Option<Vec<Vec<u32>>> {
     let mut outlines: Vec<Vec<u32>> = solution.elements.iter().map(|e| e.outline().to_vec()).collect();
     join_twins(solution, &mut outlines);
@@ -123,9 +123,11 @@ fn join_twins(solution: &RadiosityMesh, outlines: &mut [Vec<u32>]) {
         ends.sort_by(|&a, &b| place(a).x.total_cmp(&place(b).x));
         let mut found: SmallVec<[[u32; 2]; 2]> = SmallVec::new();
         for (k, &a) in ends.iter().enumerate() {
-            let rounding = rounding(place(a).abs().max(place(v).abs()));
-            let near = ends[k + 1..].iter().take_while(|b| place(**b).x - place(a).x <= rounding);
-            found.extend(near.filter(|b| place(**b).distance(place(a)) <= rounding).map(|&b| [a, b]));
+            let [own, all] = [place(a), place(a).abs().max(place(v).abs())].map(rounding);
+            let near = ends[k + 1..].iter().take_while(|b| place(**b).x - place(a).x <= all);
+            // The end of an edge from `a` is another corner of an element, except within rounding of `a` itself.
+            let limit = |b: u32| if edges.ends_of(a).contains(&b) { own } else { all };
+            found.extend(near.filter(|b| place(**b).distance(place(a)) <= limit(**b)).map(|&b| [a, b]));
         }
         found
     };
@@ -238,7 +240,7 @@ impl VertexElements {
     }
 }
 
-/// Irradiance at the vertices along each element's outline, W/m²; none if `go_on` returns false.
+/// Irradiance at the vertices along each element's outline, W/m²; none if `go_on` returns none.
 ///
 /// A vertex has the mean of the elements around it. Interpolation between such means flattens light: at the edge of a wall the value of a
 /// vertex lies half an element away from it. So each vertex is corrected by the mean of what its elements lack: the difference between an

@@ -39,8 +39,8 @@ pub struct Element {
     pub crossed: bool,
     /// Whether another surface covers all of the element at a distance less than the element's size: light ends where such a gap ends.
     pub narrow: bool,
-    /// Edges along which another surface stands or ends a little above, by bit, the first from the first corner to the second: light may
-    /// differ abruptly there.
+    /// Edges along which another surface stands or ends above, by bit, the first from the first corner to the second: light may differ
+    /// abruptly there.
     pub walls: u8,
 }
 

@@ -28,10 +28,6 @@ const MIN_SHEET_COVER: f64 = 0.99;
 /// half, as the bottom and two sides of a crate that stands in a corner of another one are three faces of five.
 const MIN_COVERING: f64 = 0.6;
 
-/// Part of the area of surfaces that continue each other that counts against other surfaces: boards on a floor reach a little below the
-/// walls around it, while the tiles of a terrain extend far beyond the road on them.
-const JOINED_SHARE: f64 = 0.8;
-
 /// Bits by which areas are compared: equal surfaces that are divided into different triangles differ by rounding.
 const AREA_BITS: u32 = 16;
 
@@ -49,14 +45,15 @@ pub(super) struct Place {
     pub axis: Vec3,
     pub rank: Rank,
     /// Areas that are compared in turn, scene units squared: that of the largest room outside of which the face lies, or of the face's
-    /// surface if that is larger; that of its surface; and that of its part where it is a floor that walls stand on, or else 0. Infinity
-    /// for facades: these lie behind all faces of rooms.
+    /// surface with those that continue it if that is larger; that of its surface; and that of its part where it is a floor that walls
+    /// stand on, or else 0. Infinity for facades: these lie behind all faces of rooms.
     areas: [f64; 3],
     /// Whether walls of rooms lie in the plane.
     has_walls: bool,
     /// Whether the face belongs to an open body: of two boxes in each other, the smaller one is the inner one.
     is_open_body: bool,
-    is_sheet: bool,
+    /// Whether the face belongs to an open part, whose normals may be reversed.
+    is_open: bool,
     /// Whether the front is not the side on which it is visible.
     is_turned: bool,
 }
@@ -98,11 +95,11 @@ impl Place {
 pub(super) type PlaneOrder = HashMap<u32, Place>;
 
 /// Whether an overlap of two triangles, `alike` if they face the same way, is worth a message: one may hide the other from those who see
-/// both, or a sheet lies on another one that faces the other way.
+/// both, or a face of an open part lies on the side that it does not face.
 pub(super) fn may_hide(order: &PlaneOrder, s: u32, t: u32, alike: bool) -> bool {
     let [s, t] = [&order[&s], &order[&t]];
     let are_visible = s.rank == t.rank || !s.has_walls && (s.rank.is_of_body() || t.rank.is_of_body());
-    are_visible && (alike || [s, t].iter().any(|of| of.is_sheet && of.is_turned))
+    are_visible && (alike || [s, t].iter().any(|of| of.is_open && of.is_turned))
 }
 
 /// Kind of a face in a plane, with the normal of the side on which it is visible or, for bodies, on which the body lies.
@@ -259,12 +256,12 @@ impl<'a> Planes<'a> {
         self.continued.get(&t).filter(|_| self.of.is_two_sided(t))
     }
 
-    /// The area of the part of a face, or of its surface if that is a flap or belongs to a covering; scene units squared. First with
-    /// [`JOINED_SHARE`] of all surfaces that continue it without a sharp edge, then its own.
+    /// The area of the part of a face, or of its surface if that is a flap or belongs to a covering; scene units squared. First with all
+    /// surfaces that continue it without a sharp edge, then its own.
     fn areas(&self, t: u32) -> [f64; 2] {
         let is_surface = |of: &&Continued| of.is_flap || self.coverings.contains(&self.of.part(t));
         let surface = self.continued_open(t).filter(is_surface);
-        surface.map_or([self.of.shape(t).area; 2], |of| [of.area.max(JOINED_SHARE * of.joined_area), of.area])
+        surface.map_or([self.of.shape(t).area; 2], |of| [of.joined_area, of.area])
     }
 
     /// The kind of each overlapping face.
@@ -504,7 +501,7 @@ impl<'a> Planes<'a> {
                 .map(rounded),
                 has_walls,
                 is_open_body: is_body && self.of.is_two_sided(t),
-                is_sheet: is_sheet(&&t),
+                is_open: is_sheet(&&t) || self.of.is_two_sided(t),
                 is_turned: self.normal(t).dot(side) < 0.0,
             };
             order.insert(t, place);

@@ -225,7 +225,7 @@ impl FinalGather<'_> {
         let Elements { elements, states, .. } = &self.linked().elements;
         let leaves = self.linked().lit_leaves();
         let area = |e: u32| elements[e as usize].area;
-        let light = |e: u32| mean(states[e as usize].irradiance);
+        let light = |e: u32| mean(states[e as usize].irradiance).max(0.0);
         let bar = |e: u32| bars[e as usize];
         let sum = |of: &dyn Fn(u32) -> f64| leaves.iter().map(|&e| area(e) * of(e)).sum::<f64>();
         let (all_area, all_light, all_bars) = (sum(&|_| 1.0), sum(&light), sum(&bar));

@@ -133,14 +133,15 @@ impl Solved {
             result.irradiance = light.irradiance;
             result.noise = light.error.sqrt() as f32;
         }
+        self.linked.set_irradiance(local.results.iter().map(|r| r.irradiance));
         gathered.skipped
     }
 
-    /// Sets the light of elements, after that of samples, to light that is not negative.
-    pub fn end_light(&mut self) {
-        let FinalLight::Rays(local) = &mut self.closing else { return };
-        limit_negative_light(&self.linked.elements, &mut local.results);
-        self.linked.set_irradiance(local.results.iter().map(|r| r.irradiance));
+    /// The irradiance of all elements without negative values, W/m². Light to gather from keeps them, see [`limit_negative_light`].
+    pub(super) fn shown_irradiance(&self) -> Vec<Rgb> {
+        let mut light = self.linked.elements.states.iter().map(|state| state.irradiance).collect::<Vec<_>>();
+        limit_negative_light(&self.linked.elements, &mut light);
+        light
     }
 
     /// Mean irradiance of the sides at which light arrives, W/m²; NaN where elements have no light.

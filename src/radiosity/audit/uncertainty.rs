@@ -89,7 +89,7 @@ impl Solved {
         corners.extend(dark.iter().flat_map(|(_, corners)| *corners));
         let (number, vertices) = weld(&corners);
         let (number, number_of_dark) = number.split_at(4 * leaves.len());
-        let links = links_at(&self.linked);
+        let (light, links) = (self.shown_irradiance(), links_at(&self.linked));
         let of_side = |s: &Side, corners: &[u32], area: f64| Element {
             corners: std::array::from_fn(|k| corners[k]),
             radiosity: [0.0; 3],
@@ -110,19 +110,19 @@ impl Solved {
         };
         let one = |(&(e, side, _), corners): (&(usize, u32, [Vec3; 4]), &[u32])| {
             let (element, state) = (&elements.elements[e], &elements.states[e]);
-            let level = mean(state.irradiance);
-            let error = state
-                .irradiance
-                .map(|v| if level > 0.0 { uncertainty[e] * v / level } else { uncertainty[e] });
+            let (side, irradiance) = (&elements.sides[side as usize], light[e]);
+            let level = mean(irradiance);
+            let error =
+                irradiance.map(|v| if level > 0.0 { uncertainty[e] * v / level } else { uncertainty[e] });
             Element {
-                radiosity: state.radiosity,
-                irradiance: state.irradiance,
+                radiosity: side.radiosity(irradiance),
+                irradiance,
                 error,
                 level: element.level,
                 links: links[e],
                 crossed: state.crossed,
                 narrow: state.narrow,
-                ..of_side(&elements.sides[side as usize], corners, element.area)
+                ..of_side(side, corners, element.area)
             }
         };
         let instance_of_side = instances_of_sides(elements);

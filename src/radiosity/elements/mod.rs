@@ -60,6 +60,13 @@ pub struct Side {
     pub element: u32,
 }
 
+impl Side {
+    /// Radiosity under an irradiance, both W/m².
+    pub fn radiosity(&self, irradiance: Rgb) -> Rgb {
+        std::array::from_fn(|k| self.exitance[k] + f64::from(self.reflectance[k]) * irradiance[k])
+    }
+}
+
 /// The kind of an element.
 #[derive(Clone, Debug)]
 pub enum Shape {

@@ -107,6 +107,11 @@ impl ElementSamples {
     }
 }
 
+/// Whether irradiances are 0 but for rounding, `dark`. Noise below 0 is a sign of light, even if the mean over channels is 0.
+fn has_no_light(irradiances: [Rgb; 3], dark: f64) -> bool {
+    irradiances.iter().flatten().all(|e| e.abs() <= dark)
+}
+
 impl FinalGather<'_> {
     /// The rays that a leaf should have, up to a factor.
     ///
@@ -232,15 +237,16 @@ impl FinalGather<'_> {
             arrived =
                 SkyPower::of(light.iter().zip(&areas).map(|(light, &area)| (area, light.sky, light.sun)));
         }
-        // The light of an element differs on both sides of a surface that crosses it: crossed elements share no light. Elements that
-        // receive no light by any ray of either pass share none either, so that they get no light from elements behind the next wall.
+        let received =
+            light.iter().zip(&areas).map(|(of, area)| area * (of.mean(DIRECT) + of.mean(REFLECTED)));
+        let level = received.sum::<f64>().max(0.0) / areas.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        // The light of an element differs on both sides of a surface that crosses it: crossed elements share no light. Elements without
+        // light in both passes share none either, so that they get no light from elements behind the next wall.
         let dark = self.linked.dark();
         let is_alone = |i: usize| {
-            let [first, second] = [
-                mean(local.results[leaves[i] as usize].irradiance),
-                light[i].mean(DIRECT) + light[i].mean(REFLECTED),
-            ];
-            states[leaves[i] as usize].crossed || first <= dark && second <= dark
+            let [direct, reflected] = [DIRECT, REFLECTED].map(|kind| light[i].by_channel(kind));
+            let passes = [local.results[leaves[i] as usize].irradiance, direct, reflected];
+            states[leaves[i] as usize].crossed || has_no_light(passes, dark)
         };
         let (alone, whole): (Vec<usize>, Vec<usize>) = (0..leaves.len()).partition(|&i| is_alone(i));
         let of_whole: Vec<u32> = whole.iter().map(|&i| leaves[i]).collect();
@@ -254,14 +260,15 @@ impl FinalGather<'_> {
         let own = alone.iter().map(|&i| {
             let result = &local.results[leaves[i] as usize];
             let own = SharedLight::alone(&light[i]);
-            // The spread of n rays that all find no light is 0. By the rule of succession (Laplace), the next ray finds light with the
-            // probability 1 / (n + 2); the deviation of a ray is that of the local pass.
-            let one = f64::from(result.noise) * f64::from(result.rays).sqrt();
+            // The spread of n rays that all find the same light is 0. By the rule of succession (Laplace), the next ray finds other light
+            // with the probability 1 / (n + 2). How much other light is known from the deviation in the local pass; elements without rays
+            // there have the usual one.
+            let one = match result.rays {
+                0 => DEFAULT_DEVIATION * level,
+                rays => f64::from(result.noise) * f64::from(rays).sqrt(),
+            };
             let unseen = one / f64::from(2 * light[i].rays + 2);
-            (
-                leaves[i],
-                SharedLight { error: if own.error > 0.0 { own.error } else { unseen * unseen }, ..own },
-            )
+            (leaves[i], SharedLight { error: own.error.max(unseen * unseen), ..own })
         });
         let light = whole.iter().map(|&i| leaves[i]).zip(shared).chain(own).collect();
         Gathered { light, received: received_share, arrived, skipped, tally }
@@ -399,5 +406,19 @@ impl FinalGather<'_> {
             tally.add(cost);
         }
         (light, tally)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_is_light() {
+        let is_dark = |light: Rgb| has_no_light([[0.0; 3], light, [1e-10; 3]], 1e-9);
+        assert!(is_dark([0.0, -1e-10, 1e-10]));
+        for light in [[-1.0; 3], [1.0, -1.0, 0.0]] {
+            assert!(!is_dark(light), "{light:?}");
+        }
     }
 }

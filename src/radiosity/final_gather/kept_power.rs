@@ -25,17 +25,17 @@ pub(super) struct SharedKinds {
 /// Power that the elements of a side receive of one kind of light, W/m² times scene units squared.
 #[derive(Clone, Copy, Default)]
 struct Received {
-    /// Power by their own rays, and the variance of this power.
+    /// Power by their own rays.
     own: f64,
-    variance: f64,
     /// Power after sharing.
     shared: f64,
     /// Number of elements.
     count: usize,
 }
 
-/// Scales the light after sharing so that its power equals that of the elements' own rays: on each side as far as the difference exceeds
-/// the noise, then on all sides together. A plane fitted to light with a sharp peak, as of a lamp close to a wall, loses some of the light.
+/// Scales the light after sharing so that its power equals that of the elements' own rays: on each side, then on all sides together. A
+/// plane fitted to light with a sharp peak, as of a lamp close to a wall, loses some of the light; and where few rays find light, as in a
+/// house under a sky, windows in which rays agree by chance are darker than the mean.
 pub(super) fn keep_power(
     kind: usize,
     places: &[Place],
@@ -50,15 +50,11 @@ pub(super) fn keep_power(
         let side = &mut by_side[places[i].side as usize];
         side.count += 1;
         side.own += area * own.mean(kind);
-        side.variance += area * area * own.variance_of_mean(kind);
         side.shared += area * mean(shared.irradiance[kind]);
     }
-    let factor_of = |Received { own, variance, shared, count }: Received| {
-        let lost = own - shared;
-        // The positive-part James-Stein estimate: 0 for differences below two standard errors.
-        let certain = (1.0 - 4.0 * variance / (lost * lost).max(f64::MIN_POSITIVE)).max(0.0);
-        let factor = (1.0 + certain * lost / shared).clamp(1.0 / MAX_SIDE_FACTOR, MAX_SIDE_FACTOR);
-        if shared > 0.0 && count >= MIN_ELEMENTS { factor } else { 1.0 }
+    let factor_of = |Received { own, shared, count }: Received| match shared > 0.0 && count >= MIN_ELEMENTS {
+        true => (own / shared).clamp(1.0 / MAX_SIDE_FACTOR, MAX_SIDE_FACTOR),
+        false => 1.0,
     };
     let factors: Vec<f64> = by_side.into_iter().map(factor_of).collect();
     let (mut own, mut sum) = (0.0, 0.0);
@@ -68,6 +64,6 @@ pub(super) fn keep_power(
         own += areas[i] * light[i].mean(kind);
         sum += areas[i] * mean(shared.irradiance[kind]);
     }
-    let factor = if sum > 0.0 { own / sum } else { 1.0 };
+    let factor = if sum > 0.0 && own > 0.0 { own / sum } else { 1.0 };
     all.iter_mut().flat_map(|shared| &mut shared.irradiance[kind]).for_each(|e| *e *= factor);
 }

@@ -120,8 +120,8 @@ fn variances_below(elements: &Elements, below: &mut [[Spread; 2]]) -> Vec<[f64; 
 
 /// Increases the weight of errors on sides that have less than [`DIM_SIDE`] of the mean light: an image of a room that the sky lights
 /// through a window shows the light of the room alone, a hundredth of that of the ground outside. All leaves of such a side have one
-/// deviation: few of their rays pass through the window.
-pub fn weigh_errors(elements: &Elements, leaves: &[u32], results: &mut [LocalResult]) {
+/// deviation: few of their rays pass through the window. Irradiance up to `dark`, W/m², is rounding.
+pub fn weigh_errors(elements: &Elements, leaves: &[u32], dark: f64, results: &mut [LocalResult]) {
     let side_of = |leaf: u32| match elements.elements[leaf as usize].shape {
         Shape::Surface { side, .. } => side as usize,
         Shape::Cluster(_) => unreachable!("leaves are surfaces"),
@@ -138,15 +138,22 @@ pub fn weigh_errors(elements: &Elements, leaves: &[u32], results: &mut [LocalRes
     let [all, light] = [0, 1].map(|k| sides.iter().map(|side| side[k]).sum::<f64>());
     for &leaf in leaves {
         let [area, own, variance] = sides[side_of(leaf)];
-        let dim = DIM_SIDE * (light / all) / (own.max(f64::MIN_POSITIVE) / area);
         let result = &mut results[leaf as usize];
-        // A side without light has no relative error; the light of one whose noise is below 0 is not known yet.
-        let weight = if own == 0.0 { 1.0 } else { dim.clamp(1.0, MAX_WEIGHT) };
+        let weight = weight_of_side(own / area, light / all, dark);
         result.deviation = match weight > 1.0 {
             true => (weight * (variance / area).sqrt()) as f32,
             false => result.noise * (result.rays as f32).sqrt(),
         };
     }
+}
+
+/// Weight of errors on a side with the mean irradiance `own`, in a scene with the mean irradiance `all`. A side without light, but for
+/// rounding up to `dark`, has no relative error; light that noise brings below 0 may be any small light. W/m².
+fn weight_of_side(own: f64, all: f64, dark: f64) -> f64 {
+    if own.abs() <= dark {
+        return 1.0;
+    }
+    (DIM_SIDE * all / own.max(f64::MIN_POSITIVE)).clamp(1.0, MAX_WEIGHT)
 }
 
 /// Reflected radiosity of an element, mean over the channels, W/m².
@@ -207,5 +214,19 @@ impl Spread {
     /// Variance of one ray by these rays, mixed with the variance of other rays with the weight [`NEIGHBOUR_RAYS`].
     fn variance(self, around: f64) -> f64 {
         (self.squares + NEIGHBOUR_RAYS * around) / (self.freedom + NEIGHBOUR_RAYS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dim_sides_weigh_more_and_dark_ones_do_not() {
+        let weight = |own| weight_of_side(own, 1.0, 1e-9);
+        for dark in [0.0, 1e-14, -1e-14] {
+            assert_eq!(weight(dark), 1.0);
+        }
+        assert_eq!([-0.1, 0.001, 1.0].map(weight), [MAX_WEIGHT, MAX_WEIGHT, 1.0]);
     }
 }

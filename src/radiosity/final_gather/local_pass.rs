@@ -125,7 +125,7 @@ impl FinalGather<'_> {
         self.balance_untraced(around.as_ref(), &all, &untraced, &sampled, arrived, &mut results);
         let (mut wanted, mut samples) = (EXCHANGE_SHARE * useful, Vec::new());
         let element_rays = rays.filter(|_| self.elements).map(|rays| {
-            weigh_errors(&self.linked.elements, &all, &mut results);
+            weigh_errors(&self.linked.elements, &all, self.linked.dark(), &mut results);
             samples = self.exchange_samples(&rows, &results);
             let needed = ((1.0 - EXCHANGE_SHARE) * max).min(self.needed_rays(&all, &results));
             wanted += needed;
@@ -421,41 +421,43 @@ fn emitters_irradiance(row: &RayRow) -> Rgb {
     row.emitted().to_array().map(|d| f64::from(d) / f64::from(row.rays))
 }
 
-/// Assigns the mean irradiance of both halves to all leaves with rows. Noise may bring it below 0. It stays until all light has been read:
-/// the noise of many leaves cancels, while a limit at 0 would make points in houses under a sky a fifth too dark.
+/// Assigns the mean irradiance of both halves to all leaves with rows. Noise may bring it below 0. It stays for
+/// whoever gathers this light, as the noise of many leaves cancels: a limit at 0 would make points in houses under a sky a fifth too dark.
 fn assign_irradiance(rows: &RayRows, light: &[Field; 2], results: &mut [LocalResult]) {
     for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {
         results[row.leaf as usize].irradiance = from_fn(|k| 0.5 * (a[k] + b[k]));
     }
 }
 
-/// Sets negative light of leaves, which is noise or rounding in the dark, to 0. Leaves that face the same way lose what this adds: below
-/// terrain over bright ground 1.3 % of all light.
-pub fn limit_negative_light(elements: &Elements, results: &mut [LocalResult]) {
-    // Leaves with the signed axis that they face.
-    let faces = |(e, element): (usize, &Element)| match element.shape {
-        Shape::Surface { side, .. } if element.is_leaf() => {
-            Some((e, axis(elements.sides[side as usize].normal)))
-        }
+/// Sets negative light of leaves, which is noise or rounding in the dark, to 0. The other leaves of the same side lose what this adds, and
+/// where a whole side has negative light, all sides that face the same way: below terrain over bright ground 1.3 % of all light.
+pub fn limit_negative_light(elements: &Elements, light: &mut [Rgb]) {
+    let side_of = |(e, element): (usize, &Element)| match element.shape {
+        Shape::Surface { side, .. } if element.is_leaf() => Some((e, side as usize)),
         _ => None,
     };
-    let leaves = || elements.elements.iter().enumerate().filter_map(faces);
-    // By signed axis and channel, the power and the power without negative values.
-    let mut powers = [[[0.0; 2]; 3]; 6];
-    for (e, facing) in leaves() {
-        for (power, own) in powers[facing].iter_mut().zip(results[e].irradiance) {
+    let leaves = || elements.elements.iter().enumerate().filter_map(side_of);
+    // By side and channel, the power and the power without negative values.
+    let mut powers = vec![[[0.0; 2]; 3]; elements.sides.len()];
+    for (e, side) in leaves() {
+        for (power, own) in powers[side].iter_mut().zip(light[e]) {
             let area = elements.elements[e].area;
             power.iter_mut().zip([own, own.max(0.0)]).for_each(|(sum, of)| *sum += area * of);
         }
     }
-    let factors = powers.map(|channels| {
-        channels.map(|[all, positive]| if positive > 0.0 { (all / positive).clamp(0.0, 1.0) } else { 1.0 })
-    });
-    for (e, facing) in leaves() {
-        results[e]
-            .irradiance
-            .iter_mut()
-            .zip(factors[facing])
-            .for_each(|(e, factor)| *e = factor * e.max(0.0));
+    // By signed axis that sides face and channel, the same after the limit of each side's power to 0.
+    let mut facing = [[[0.0; 2]; 3]; 6];
+    for (side, power) in elements.sides.iter().zip(&powers) {
+        for (sums, [own, _]) in facing[axis(side.normal)].iter_mut().zip(power) {
+            sums.iter_mut().zip([*own, own.max(0.0)]).for_each(|(sum, of)| *sum += of);
+        }
+    }
+    let factor =
+        |[all, positive]: [f64; 2]| if positive > 0.0 { (all / positive).clamp(0.0, 1.0) } else { 0.0 };
+    for (e, side) in leaves() {
+        let facing = &facing[axis(elements.sides[side].normal)];
+        for (k, own) in light[e].iter_mut().enumerate() {
+            *own = factor(powers[side][k]) * factor(facing[k]) * own.max(0.0);
+        }
     }
 }

@@ -73,7 +73,9 @@ pub fn share(
         light.iter().zip(areas).map(of).sum::<f64>() / areas.iter().sum::<f64>().max(f64::MIN_POSITIVE)
     });
     let needed_square = |light: &ElementLight| {
-        (needed * (light.mean(DIRECT) + light.mean(REFLECTED)).min(level[DIRECT] + level[REFLECTED])).powi(2)
+        (needed * (light.mean(DIRECT) + light.mean(REFLECTED)).min(level[DIRECT] + level[REFLECTED]))
+            .max(0.0)
+            .powi(2)
     };
     let has_noise = |light: &ElementLight| SharedLight::alone(light).error >= needed_square(light);
     // Few rays may agree by chance: below small gaps, elements without sunlight would stay dark while others share theirs.
@@ -223,7 +225,7 @@ fn choose(
             .min_by(|&a, &b| compared.crossed[a].total_cmp(&compared.crossed[b]))
             .unwrap_or(0);
         let [a, b] = fits[kind][best];
-        shared.irradiance[kind] = (0.5 * (a + b)).to_array().map(|v| f64::from(v.max(0.0)));
+        shared.irradiance[kind] = (0.5 * (a + b)).to_array().map(f64::from);
         shared.error += if best == 0 { noise } else { compared.error(best) };
     }
     shared
@@ -328,7 +330,15 @@ mod tests {
 
     fn shared_beside(places: &[Place], walls: Walls, light: &[ElementLight]) -> Vec<SharedLight> {
         let sight = Sight { walls, blockers: None };
-        share(places, &[1.0; 1600], &sight, light, 0.0, &Ranks::default(), &Deadline::start(&(), None))
+        share(
+            places,
+            &vec![1.0; places.len()],
+            &sight,
+            light,
+            0.0,
+            &Ranks::default(),
+            &Deadline::start(&(), None),
+        )
     }
 
     #[test]
@@ -393,6 +403,32 @@ mod tests {
         let shared = |walls| step(&shared_beside(&places, walls, &light));
         let [with, without] = [walls, Walls::default()].map(shared);
         assert!((with - 0.1).abs() < 0.05 && without < 0.06, "{with} {without}");
+    }
+
+    /// Windows in which no ray finds light have no noise, but the light of the side is not theirs alone. The light of a bright side beside
+    /// it and noise below 0 change nothing of this.
+    #[test]
+    fn dim_sides_keep_the_power_of_rare_light() {
+        let (mut places, mut light, _) = floor(|_, _| -0.1, 0.2);
+        let (bright, of_bright, _) = floor(|_, _| 100.0, 20.0);
+        for (k, of) in light.iter_mut().enumerate() {
+            let rare = numbers(5, k as u64).map(|u| if u < 0.05 { 20.0 } else { 0.0 });
+            of.halves[REFLECTED] = [Vec3::splat(rare[0]), Vec3::splat(rare[1])];
+        }
+        places.extend(bright.into_iter().map(|place| Place {
+            side: 1,
+            centre: place.centre + 100.0 * Vec3::X,
+            ..place
+        }));
+        light.extend(of_bright);
+        let shared = shared_on_one_side(&places, &light);
+        let own = light.iter().map(|of| of.mean(DIRECT) + of.mean(REFLECTED));
+        let [own, shared]: [Vec<f64>; 2] =
+            [own.collect(), shared.iter().map(|of| of.irradiance[0]).collect()];
+        for side in [0..1600, 1600..3200] {
+            let [own, shared] = [&own, &shared].map(|of| of[side.clone()].iter().sum::<f64>());
+            assert!((shared / own - 1.0).abs() < 3e-3, "{shared} instead of {own}");
+        }
     }
 
     #[test]

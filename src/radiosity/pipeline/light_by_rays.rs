@@ -129,7 +129,6 @@ impl Stages<'_> {
             }
             Some(solved.share_samples(model, options, samples, deadline))
         });
-        solved.end_light();
         let all = solved.linked.leaves().len();
         self.notes.extend(notes::reduced_leaves(skipped.unwrap_or(0), all, deadline));
         solved

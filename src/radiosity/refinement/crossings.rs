@@ -60,7 +60,7 @@ impl LinkedScene {
         let leaves = self.leaves();
         let mut remaining = ((MAX_ADDED_RATIO * leaves.len() as f64) as usize).max(ALWAYS_ADDED);
         let first = self.elements.len();
-        self.cut_undivided(scene, exact, &leaves, smallest, remaining / 4);
+        self.cut_undivided(scene, exact, &leaves, smallest, remaining / 4, deadline);
         let made: Vec<u32> = (first as u32..self.elements.len() as u32).collect();
         remaining -= made.len();
         let tested = [divided(&self.elements, &leaves), made].concat();
@@ -93,10 +93,18 @@ impl LinkedScene {
         left.into_iter().chain(found).for_each(|e| self.elements.states[e as usize].crossed = true);
     }
 
-    /// Cuts undivided surfaces above this area that at most [`MAX_PLANES`] planes cross from edge to edge, and nothing else, at most
-    /// `count` of them. To split or mark the others takes a third more time in a furnished room, and its light changes by less than its
+    /// Cuts undivided surfaces above this area that at most [`MAX_PLANES`] planes cross from edge to edge, and nothing else: the largest
+    /// ones, at most `count` of them. To split or mark the others takes a third more time in a furnished room, and its light changes by less than its
     /// error.
-    fn cut_undivided(&mut self, scene: &Scene, exact: &Exact, leaves: &[u32], min_area: f64, count: usize) {
+    fn cut_undivided(
+        &mut self,
+        scene: &Scene,
+        exact: &Exact,
+        leaves: &[u32],
+        min_area: f64,
+        count: usize,
+        deadline: &Deadline,
+    ) {
         let is_whole = |e: &u32| {
             let element = &self.elements.elements[*e as usize];
             element.level == 0 && element.area > min_area
@@ -104,11 +112,15 @@ impl LinkedScene {
         let whole: Vec<u32> = leaves.iter().copied().filter(is_whole).collect();
         let mut found = crossed(&self.elements, exact, &whole);
         sort_by_area(&self.elements, &mut found);
-        found.truncate(count);
-        let first = self.elements.len();
-        for (e, planes) in found.iter().zip(self.planes_across(scene, exact, &found)) {
-            if let Some(plane) = planes.widest.filter(|_| planes.nothing_else) {
-                self.elements.cut(*e, &plane);
+        let (first, mut left) = (self.elements.len(), count);
+        for some in found.chunks(count.max(1)) {
+            for (e, planes) in some.iter().zip(self.planes_across(scene, exact, some)) {
+                if let Some(plane) = planes.widest.filter(|_| planes.nothing_else && left > 0) {
+                    left -= usize::from(self.elements.cut(*e, &plane));
+                }
+            }
+            if left == 0 || deadline.late() {
+                break;
             }
         }
         self.assign_feature_sizes(first);
@@ -240,14 +252,18 @@ fn set_edges(
     }
 }
 
-/// Sets lanes from `first` on to segments across the middles of the edges of an element, above it by this fraction of twice the distance
-/// of the edge from the centre. They begin and end twice as far from the edges as those of [`set_edges`] at [`INSET`]: a wall that crosses
-/// neither element lies between. At the height [`INSET`], the next face of a bowl counts as a wall from an angle of 27° on.
+/// Sets lanes from `first` on to segments across the middles of the edges of an element, above it by this fraction of twice the smallest
+/// distance of an edge from the centre, or by [`INSET`] of that of their edge if that is more. They begin and end twice as far from the
+/// edges as those of [`set_edges`] at [`INSET`]: a wall that crosses neither element lies between. At the height [`INSET`], the next face of a
+/// bowl counts as a wall from an angle of 27° on.
 fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side, height: f32) {
     let (count, middle, _) = frame(corners, side, height);
+    let middle_of = |k: usize| 0.5 * (corners[k] + corners[(k + 1) % count]);
+    let smallest = (0..count).map(|k| middle_of(k).distance(middle)).fold(f32::INFINITY, f32::min);
     for k in 0..count {
-        let edge = 0.5 * (corners[k] + corners[(k + 1) % count]);
-        let above = side.end.height().max(2.0 * height * edge.distance(middle)) * side.normal;
+        let edge = middle_of(k);
+        let above = (2.0 * INSET * edge.distance(middle)).max(2.0 * height * smallest);
+        let above = side.end.height().max(above) * side.normal;
         let inwards = 4.0 * INSET * (middle - edge);
         packet.set_between(first + k, edge + above + inwards, edge + above - inwards, [0.0, 1.0]);
     }

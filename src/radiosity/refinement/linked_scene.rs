@@ -297,10 +297,7 @@ impl LinkedScene {
         for (e, element) in elements.iter().enumerate().rev() {
             let mut radiosity = [0.0; 3];
             if let (Shape::Surface { side, .. }, true) = (&element.shape, element.is_leaf()) {
-                let s = &sides[*side as usize];
-                let irradiance = states[e].irradiance;
-                radiosity =
-                    std::array::from_fn(|k| s.exitance[k] + f64::from(s.reflectance[k]) * irradiance[k]);
+                radiosity = sides[*side as usize].radiosity(states[e].irradiance);
             }
             let mut irradiance = [0.0; 3];
             for c in element.child_range() {

@@ -108,3 +108,18 @@ fn runners_and_mats_lie_on_stairs_terraces_and_in_corners() {
         (pieces, vec![above(1.4, 1.8, 0.5)])
     });
 }
+
+/// A carpet that is smaller than the floor of boards below it, and larger than each board.
+#[test]
+fn carpets_lie_on_boards() {
+    check_contact("carpet", &|gap| {
+        let mut pieces = Pieces::empty();
+        for k in 0..5 {
+            let [x, y] = [f64::from(k), 0.013 * f64::from(k)];
+            pieces.grey(&format!("board {k}"), 0.9).polygon(&facing_up([x, x + 1.0], [y, y + 5.0], 0.0));
+        }
+        pieces.grey("carpet", 0.05).polygon(&facing_up([0.1, 4.9], [0.15, 4.95], gap));
+        lamp(&mut pieces, 2.5, 2.5, 3.0);
+        (pieces, vec![above(1.5, 1.5, 0.5)])
+    });
+}

@@ -440,8 +440,9 @@ fn huts_on_a_plain_are_dark_inside() {
     assert!(found.iter().all(|light| mean(*light) < 1e-4), "{found:?}");
 }
 
-/// A hut of 4 by 3 by 2.5 with an open door, whose walls begin at this height; the light of points in it against that of paths.
-fn check_open_hut(name: &str, ground: Pieces, foot: f64, points: &[Point]) {
+/// A hut of 4 by 3 by 2.5 with an open door, whose walls begin at this height; the light of points in it against that of paths, without
+/// elements and with them.
+fn check_open_hut(name: &str, ground: Pieces, foot: f64, points: &[Point], kinds: &[bool]) {
     let mut pieces = ground;
     pieces.grey("hut", 0.5).polygon(&facing_down([0.0, 4.0], [0.0, 3.0], 2.5));
     let mut wall = |x: f64, y: f64, z: f64, to: DVec3, turned: bool| {
@@ -457,16 +458,19 @@ fn check_open_hut(name: &str, ground: Pieces, foot: f64, points: &[Point]) {
     wall(4.0, 2.0, foot, DVec3::Y, false);
     wall(4.0, 1.0, 2.0, DVec3::Y, false);
     let scene = under(pieces, "uniform:30", "none");
-    let options = Options { audit: 0, elements: false, ..Options::default() };
-    let Outcome { irradiance, record, .. } = solved(&scene, points, &options);
     let truth = traced(&scene, points, 1 << 16, 1);
-    for (found, truth) in irradiance.iter().zip(&truth) {
-        let (found, truth) = (mean(*found), mean(*truth));
-        // Paths have a standard error of 1 %.
-        assert!((found / truth - 1.0).abs() < 0.09, "{name}: {found} instead of {truth}");
+    for &elements in kinds {
+        let options = Options { audit: 0, elements, ..Options::default() };
+        let Outcome { irradiance, record, mesh } = solved(&scene, points, &options);
+        for (found, truth) in irradiance.iter().zip(&truth) {
+            let (found, truth) = (mean(*found), mean(*truth));
+            // Paths have a standard error of 1 %.
+            assert!((found / truth - 1.0).abs() < 0.09, "{name}, {elements}: {found} instead of {truth}");
+        }
+        let Ledger { emitted, created, .. } = record.ledger;
+        assert!(created.abs() < 2e-3 * emitted, "{name}: {created} of {emitted}");
+        assert!(mesh.elements.iter().flat_map(|e| e.irradiance).all(|v| v >= 0.0), "{name}");
     }
-    let Ledger { emitted, created, .. } = record.ledger;
-    assert!(created.abs() < 2e-3 * emitted, "{name}: {created} of {emitted}");
 }
 
 /// A hut with an open door on a plain of 20 m, a plain of 2 km, and on hills below which its walls begin: the light of the points in it
@@ -478,7 +482,7 @@ fn open_huts_have_the_light_of_paths() {
     for half in [10.0, 1e3] {
         let mut plain = Pieces::empty();
         plain.grey("plain", 0.5).polygon(&facing_up([-half, half], [-half, half], 0.0));
-        check_open_hut("plain", plain, 0.0, &points);
+        check_open_hut("plain", plain, 0.0, &points, &[false]);
     }
     let mut hills = Pieces::empty();
     hills.grey("hills", 0.5);
@@ -490,5 +494,5 @@ fn open_huts_have_the_light_of_paths() {
         hills.polygon(&[at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
         hills.polygon(&[at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
     }
-    check_open_hut("hills", hills, -1.5, &points);
+    check_open_hut("hills", hills, -1.5, &points, &[false, true]);
 }
