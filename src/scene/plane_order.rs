@@ -52,8 +52,7 @@ pub(super) struct Place {
     has_walls: bool,
     /// Whether the face belongs to an open body: of two boxes in each other, the smaller one is the inner one.
     is_open_body: bool,
-    /// Whether the face belongs to an open part, whose normals may be reversed.
-    is_open: bool,
+    is_sheet: bool,
     /// Whether the front is not the side on which it is visible.
     is_turned: bool,
 }
@@ -95,11 +94,11 @@ impl Place {
 pub(super) type PlaneOrder = HashMap<u32, Place>;
 
 /// Whether an overlap of two triangles, `alike` if they face the same way, is worth a message: one may hide the other from those who see
-/// both, or a face of an open part lies on the side that it does not face.
+/// both, or a sheet lies on the side that it does not face.
 pub(super) fn may_hide(order: &PlaneOrder, s: u32, t: u32, alike: bool) -> bool {
     let [s, t] = [&order[&s], &order[&t]];
     let are_visible = s.rank == t.rank || !s.has_walls && (s.rank.is_of_body() || t.rank.is_of_body());
-    are_visible && (alike || [s, t].iter().any(|of| of.is_open && of.is_turned))
+    are_visible && (alike || [s, t].iter().any(|of| of.is_sheet && of.is_turned))
 }
 
 /// Kind of a face in a plane, with the normal of the side on which it is visible or, for bodies, on which the body lies.
@@ -501,7 +500,7 @@ impl<'a> Planes<'a> {
                 .map(rounded),
                 has_walls,
                 is_open_body: is_body && self.of.is_two_sided(t),
-                is_open: is_sheet(&&t) || self.of.is_two_sided(t),
+                is_sheet: is_sheet(&&t),
                 is_turned: self.normal(t).dot(side) < 0.0,
             };
             order.insert(t, place);
