@@ -119,7 +119,7 @@ impl Error {
     /// An [`Error::Argument`] without a cure.
     #[doc(hidden)]
     pub fn argument(name: impl Into<String>, value: impl Display, problem: impl Into<String>) -> Self {
-        let value = value.to_string().chars().map(unmarked).collect();
+        let value = without_marks(&value.to_string());
         let cure = String::new();
         Error::Argument { name: name.into(), value, problem: problem.into(), cure }
     }
@@ -209,6 +209,10 @@ fn unmarked(c: char) -> char {
     }
 }
 
+fn without_marks(text: &str) -> String {
+    text.chars().map(unmarked).collect()
+}
+
 /// Name of an option or argument in the crate itself.
 pub fn own_word(name: &str) -> String {
     let (name, entry) = parts_of(name);
@@ -261,7 +265,7 @@ pub fn quote(text: &str) -> String {
 
 /// A message of a reader of text or of options, without the names that the language has for numbers.
 pub fn in_words(text: &str) -> String {
-    let mut text: String = text.chars().map(unmarked).collect();
+    let mut text = without_marks(text);
     for bits in ["8", "16", "32", "64", "128", "size"] {
         for kind in ["u", "i"] {
             text = text.replace(&format!("expected {kind}{bits}"), "expected a whole number");

@@ -140,7 +140,7 @@ pub mod image_io {
 
 /// Boxes, triangles and disjoint sets.
 pub mod math {
-    pub use crate::math::{Aabb, Sets, triangle_area};
+    pub use crate::math::{Aabb, Sets, parallel, triangle_area};
 }
 
 /// Memory of the machine.

@@ -1,5 +1,6 @@
-//! Axis-aligned boxes, triangle areas and normals, transforms as arrays.
+//! Axis-aligned boxes, triangle areas and normals, transforms as arrays; loops on several threads.
 
+pub mod parallel;
 pub mod sampling;
 mod sets;
 pub mod weld;

@@ -22,19 +22,19 @@ const UNCHECKED_BYTES: u64 = 1 << 20;
 /// # Errors
 /// [`Error::OutOfMemory`] that names `what`.
 pub fn check_room(bytes: u64, what: impl FnOnce() -> String) -> Result<()> {
+    lack(bytes).map_or(Ok(()), |lack| Err(Error::OutOfMemory(what() + &lack)))
+}
+
+/// What to say after the name of something that takes more bytes than are left.
+fn lack(bytes: u64) -> Option<String> {
     let mut room: Vec<u8> = Vec::new();
     let is_given = usize::try_from(bytes).is_ok_and(|bytes| room.try_reserve_exact(bytes).is_ok());
     let left = if bytes < UNCHECKED_BYTES { None } else { usable() };
-    match left.is_none_or(|left| bytes <= left) && is_given {
-        true => Ok(()),
-        false => {
-            let left = left.map(|left| format!("; {left} may be used")).unwrap_or_default();
-            Err(Error::OutOfMemory(format!(
-                "{} take {bytes} bytes, which are not left{left}: ask for less at once",
-                what()
-            )))
-        }
+    if left.is_none_or(|left| bytes <= left) && is_given {
+        return None;
     }
+    let left = left.map(|left| format!("; {left} may be used")).unwrap_or_default();
+    Some(format!(" take {bytes} bytes, which are not left{left}: ask for less at once"))
 }
 
 /// Memory available for allocation, bytes: the smallest of what the machine, the control groups of the process and its limit of

@@ -72,23 +72,31 @@ pub fn check<V: Values>(
     // NaN is in no range.
     let allowed = |number: V::Number| range.contains(&number) && number.to_string() != "inf";
     let Some(wrong) = values.first_not(&allowed) else { return Ok(()) };
-    let low = match range.start_bound() {
-        Bound::Included(low) => format!("at least {}", figure(low)),
-        Bound::Excluded(low) => format!("above {}", figure(low)),
+    Err(Error::argument(
+        name,
+        wrong,
+        problem(range.start_bound().map(figure), range.end_bound().map(figure), what),
+    ))
+}
+
+/// What is wrong with a number outside of a range.
+fn problem(low: Bound<String>, high: Bound<String>, what: &str) -> String {
+    let from = match &low {
+        Bound::Included(low) => format!("at least {low}"),
+        Bound::Excluded(low) => format!("above {low}"),
         Bound::Unbounded => String::new(),
     };
-    let words = match (range.start_bound(), range.end_bound()) {
-        (Bound::Included(low), Bound::Included(high)) => format!("in {}..{}", figure(low), figure(high)),
-        (_, Bound::Included(high)) => format!("{low}, at most {}", figure(high)),
-        (_, Bound::Excluded(high)) => format!("{low}, below {}", figure(high)),
-        (_, Bound::Unbounded) => low,
+    let words = match (&low, &high) {
+        (Bound::Included(low), Bound::Included(high)) => format!("in {low}..{high}"),
+        (_, Bound::Included(high)) => format!("{from}, at most {high}"),
+        (_, Bound::Excluded(high)) => format!("{from}, below {high}"),
+        (_, Bound::Unbounded) => from,
     };
-    let problem = match what {
+    match what {
         "" if words.starts_with("in ") => format!("must lie {words}"),
         "" => format!("must be a number {words}"),
         what => format!("must be {what}, {words}"),
-    };
-    Err(Error::argument(name, wrong, problem))
+    }
 }
 
 /// A number for a message, with an exponent if that is clearly shorter.

@@ -4,8 +4,8 @@
 //! A row depends on its number and the seed, never on the rank that computes it, and rows are put together in the order of their numbers.
 //! Sums over rows are then taken on every rank, in that order: results have the same bits for any number of ranks.
 
+use crate::math::parallel;
 use bytemuck::Pod;
-use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::sync::Arc;
@@ -73,6 +73,21 @@ impl RowBlocks {
     }
 }
 
+/// The numbers of the rows of a rank: how they are dealt, and how many they are.
+pub struct RowNumbers(RowBlocks, usize);
+
+impl parallel::Items for RowNumbers {
+    type Item = usize;
+
+    fn number(&self) -> usize {
+        self.1
+    }
+
+    fn item(&self, place: usize) -> usize {
+        self.0.number(place)
+    }
+}
+
 /// The part of a rank of some rows.
 #[derive(Clone, Copy)]
 pub struct Rows<'a> {
@@ -82,12 +97,9 @@ pub struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// The numbers of the rows that this rank computes, ascending. A thread takes at most a block at once: rayon divides them into four
-    /// runs for two threads, and one thread alone would compute the last run, a quarter of all.
-    pub fn numbers(&self) -> impl IndexedParallelIterator<Item = usize> + use<> {
-        let deal = self.deal;
-        let all = (0..deal.len(self.count, deal.own)).into_par_iter().with_max_len(deal.block);
-        all.map(move |i| deal.number(i))
+    /// The numbers of the rows that this rank computes, ascending.
+    pub fn numbers(&self) -> RowNumbers {
+        RowNumbers(self.deal, self.deal.len(self.count, self.deal.own))
     }
 
     /// Approximate steps of all ranks when this rank has made `own` steps.
@@ -219,7 +231,7 @@ mod tests {
         for (count, ranks) in [(0, 2), (1, 2), (3, 4), (5000, 2), (5000, 3)] {
             let found = on_ranks(ranks, |ranks| {
                 let rows = ranks.rows(count);
-                let own: Vec<_> = rows.numbers().map(row).collect();
+                let own: Vec<_> = parallel::map(rows.numbers(), row);
                 assert!(own.len() < count.max(2));
                 let numbers = rows.gather_numbers(own.iter().map(|row| [row.2, f64::from(row.0)]).collect());
                 let all = rows.gather(own);
@@ -236,7 +248,7 @@ mod tests {
     #[test]
     fn one_rank_has_all_rows() {
         let alone = Ranks::default();
-        assert_eq!(alone.rows(5).gather(alone.rows(5).numbers().collect()), [0, 1, 2, 3, 4]);
+        assert_eq!(alone.rows(5).gather(parallel::map(alone.rows(5).numbers(), |row| row)), [0, 1, 2, 3, 4]);
     }
 
     /// A room with clusters has the same light, of elements and at points, on any number of ranks.

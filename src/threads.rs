@@ -1,5 +1,6 @@
 //! Pools of threads: each is made for a caller that asked for it; rayon's global pool is never built.
 
+use crate::math::parallel;
 use crate::{Error, Result};
 use std::cell::Cell;
 use std::sync::OnceLock;
@@ -68,14 +69,14 @@ impl Threads {
             return Ok(work());
         }
         if IN_CALLBACK.get() {
-            return Ok(pool(1)?.install(work));
+            return Ok(parallel::install(&pool(1)?, work));
         }
         if self.pool.get().is_none() {
             let pool = pool(self.count)?;
             // Another thread may have set a pool meanwhile; either pool serves.
             let _ = self.pool.set(pool);
         }
-        Ok(self.pool.get().expect("just set").install(work))
+        Ok(parallel::install(self.pool.get().expect("just set"), work))
     }
 }
 

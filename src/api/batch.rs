@@ -2,6 +2,7 @@
 
 use super::segments::{Answers, Segments};
 use super::visibility::{BatchEngine, Visibility};
+use crate::math::parallel;
 use crate::model::Model;
 use crate::progress::Progress;
 use crate::ray::{LANES, Occluder, Packet};
@@ -164,7 +165,7 @@ impl CheckedBatch<'_> {
         let segments = self.segments.of_bundle(start + bundles).start - self.segments.of_bundle(start).start;
         let first = chunk.take_first(bundles, segments);
         let (first, other) = (|| self.answer(engine, first), || self.answer(engine, chunk));
-        let (first, other) = if self.parallel { rayon::join(first, other) } else { (first(), other()) };
+        let (first, other) = if self.parallel { parallel::join(first, other) } else { (first(), other()) };
         let mut all = first?;
         all.add(other?);
         Some(all)

@@ -19,11 +19,11 @@ use super::record::{ClassRecord, ReceiverClass};
 use super::workload::{ReceiverPoint, Workload};
 use crate::Result;
 use crate::embree::Hits;
+use crate::math::parallel;
 use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::model::Model;
 use crate::ray::{EndRule, LANES, Packet};
 use crate::visibility::{MIN_LARGE_SURFACE, MultiResolution, Workspace, surface_widths};
-use rayon::prelude::*;
 use std::time::Duration;
 
 /// Fewest points of a class that are measured: a share of them is known to √(¼ / 50) = 7 %.
@@ -161,8 +161,7 @@ impl<'a> Surroundings<'a> {
 
     /// The class of each point.
     pub fn classes(&self, points: &[ReceiverPoint], seed: u64) -> Vec<ReceiverClass> {
-        let indexed = points.par_iter().enumerate();
-        indexed.map(|(i, point)| self.class(point, mix(seed ^ i as u64))).collect()
+        parallel::map(0..points.len(), |i| self.class(&points[i], mix(seed ^ i as u64)))
     }
 
     fn class(&self, point: &ReceiverPoint, seed: u64) -> ReceiverClass {

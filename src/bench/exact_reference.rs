@@ -2,9 +2,9 @@
 
 use super::measure::{Queries, chunks, clear_fraction};
 use crate::math::NORMAL_95;
+use crate::math::parallel;
 use crate::ray::Occluder;
 use crate::visibility::Exact;
-use rayon::prelude::*;
 
 /// Two independent estimates of each pair's visible fraction, half of the rays each.
 #[derive(Clone, Debug)]
@@ -30,21 +30,19 @@ impl ExactReference {
         let half = rays.div_ceil(2);
         let Queries { scene, workload, pairs } = queries;
         let [a, b] = streams.map(|stream| -> Vec<f32> {
-            let parts: Vec<Vec<f32>> = chunks(pairs.len(), half)
-                .into_par_iter()
-                .map_init(
-                    || (Vec::new(), Vec::new()),
-                    |(packets, blocked), part| {
-                        packets.clear();
-                        workload.pack(scene, &pairs[part.clone()], half, stream, packets);
-                        blocked.clear();
-                        blocked.resize(packets.len(), 0);
-                        engine.occluded(packets, blocked);
-                        advance(part.len());
-                        (0..part.len()).map(|k| clear_fraction(blocked, k * half, half)).collect()
-                    },
-                )
-                .collect();
+            let parts: Vec<Vec<f32>> = parallel::map_with(
+                &chunks(pairs.len(), half),
+                || (Vec::new(), Vec::new()),
+                |(packets, blocked), part| {
+                    packets.clear();
+                    workload.pack(scene, &pairs[part.clone()], half, stream, packets);
+                    blocked.clear();
+                    blocked.resize(packets.len(), 0);
+                    engine.occluded(packets, blocked);
+                    advance(part.len());
+                    (0..part.len()).map(|k| clear_fraction(blocked, k * half, half)).collect()
+                },
+            );
             parts.concat()
         });
         ExactReference { a, b, rays: 2 * half }

@@ -5,12 +5,12 @@
 //! over its runs counts: other load only lengthens a section.
 
 use super::workload::Workload;
+use crate::math::parallel;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
 use crate::visibility::{Answer, Bundle, Cost, Exact, MultiResolution, Workspace, wilson};
 use crate::{Error, Result};
 use glam::Vec3;
-use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 use std::time::{Duration, Instant};
@@ -154,7 +154,7 @@ impl Timer {
             (0..count).step_by(step).map(|first| first..(first + step).min(count)).collect();
         match &self.pool {
             None => ranges.into_iter().map(make).collect(),
-            Some(pool) => pool.install(|| ranges.into_par_iter().map(&make).collect()),
+            Some(pool) => parallel::install(pool, || parallel::map(&ranges, |range| make(range.clone()))),
         }
     }
 
@@ -262,11 +262,13 @@ impl Timer {
         for group in ranges.chunks(places) {
             let chunks = &mut chunks[..group.len()];
             chunks.iter_mut().zip(group).for_each(|(chunk, pairs)| chunk.pairs = pairs.clone());
-            chunks.par_iter_mut().with_max_len(1).for_each(&prepare);
+            parallel::for_each_mut(chunks, |_, chunk| prepare(chunk));
             let start = Instant::now();
             match &self.pool {
                 None => chunks.iter_mut().for_each(&ask),
-                Some(pool) => pool.install(|| chunks.par_iter_mut().with_max_len(1).for_each(&ask)),
+                Some(pool) => {
+                    parallel::install(pool, || parallel::for_each_mut(chunks, |_, chunk| ask(chunk)))
+                }
             }
             seconds.push(start.elapsed().as_secs_f64());
             chunks.iter().for_each(&mut collect);

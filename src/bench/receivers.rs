@@ -14,13 +14,13 @@ mod window;
 
 use super::lights;
 use super::workload::{ReceiverPoint, Workload};
+use crate::math::parallel;
 use crate::model::Model;
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
 use crate::{Error, Result, error::quote};
 use glam::{DVec2, DVec3, Vec3};
 use patch::{MIN_FILLED_FRACTION, Patch, patches, relief};
-use rayon::prelude::*;
 use relief::highest;
 use std::sync::Arc;
 
@@ -253,26 +253,23 @@ fn candidates(
 ) -> Vec<Candidate> {
     patches.sort_by(|a, b| b.area.total_cmp(&a.area).then(a.triangles[0].cmp(&b.triangles[0])));
     patches.truncate(MAX_CANDIDATES);
-    let mut candidates: Vec<Candidate> = patches
-        .into_par_iter()
-        .map(|patch| {
-            let object = scene.triangle_object[patch.triangles[0] as usize];
-            let front = patch.rectangle;
-            let (light, part) = light_on(model, scene, exact, &patch, front);
-            let sheet = scene.triangle_sides[patch.triangles[0] as usize] == 2;
-            let (mut best, mut rectangle) = ((light, part), front);
-            if sheet || part < SHADOW_THRESHOLD {
-                let back = front.turned();
-                let there = light_on(model, scene, exact, &patch, back);
-                if there.0 > best.0 {
-                    (best, rectangle) = (there, back);
-                }
+    let mut candidates: Vec<Candidate> = parallel::map(&patches, |patch| {
+        let object = scene.triangle_object[patch.triangles[0] as usize];
+        let front = patch.rectangle;
+        let (light, part) = light_on(model, scene, exact, patch, front);
+        let sheet = scene.triangle_sides[patch.triangles[0] as usize] == 2;
+        let (mut best, mut rectangle) = ((light, part), front);
+        if sheet || part < SHADOW_THRESHOLD {
+            let back = front.turned();
+            let there = light_on(model, scene, exact, patch, back);
+            if there.0 > best.0 {
+                (best, rectangle) = (there, back);
             }
-            let lit = best.1 >= SHADOW_THRESHOLD;
-            let (surfaces, shadowed) = (scene.clone(), lit && best.1 <= 1.0 - SHADOW_THRESHOLD);
-            Candidate { patch, surfaces, object, rectangle, lit, shadowed }
-        })
-        .collect();
+        }
+        let lit = best.1 >= SHADOW_THRESHOLD;
+        let (surfaces, shadowed) = (scene.clone(), lit && best.1 <= 1.0 - SHADOW_THRESHOLD);
+        Candidate { patch: patch.clone(), surfaces, object, rectangle, lit, shadowed }
+    });
     candidates.sort_by(|a, b| {
         (b.lit, b.shadowed).cmp(&(a.lit, a.shadowed)).then(b.patch.area.total_cmp(&a.patch.area))
     });

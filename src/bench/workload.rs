@@ -2,12 +2,12 @@
 
 use super::lights::{Light, Lights, PatchSet};
 use crate::math::Aabb;
+use crate::math::parallel;
 use crate::math::sampling::on_triangle;
 use crate::model::{Instance, Mesh, Model};
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::scene::Scene;
 use glam::Vec3;
-use rayon::prelude::*;
 use sobol_burley::sample_4d;
 use std::borrow::Cow;
 
@@ -49,20 +49,17 @@ impl Workload {
 
     pub(super) fn asking(asked: PatchSet, model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
         let lights = Lights::of(model, asked);
-        let pairs = points
-            .par_iter()
-            .enumerate()
-            .flat_map_iter(|(p, point)| {
-                let chance = || f64::from(scramble(seed ^ 0x70_6174_6368 ^ (p as u64) << 8)) / 2f64.powi(32);
-                let sources = lights.seen_from(point.position, point.normal, chance).into_iter();
-                sources.map(move |(emitter, (emitter_size, weight))| Pair {
-                    point: p as u32,
-                    emitter,
-                    emitter_size,
-                    weight,
-                })
+        let pairs = parallel::flat_map(0..points.len(), |p| {
+            let point = &points[p];
+            let chance = || f64::from(scramble(seed ^ 0x70_6174_6368 ^ (p as u64) << 8)) / 2f64.powi(32);
+            let sources = lights.seen_from(point.position, point.normal, chance).into_iter();
+            sources.map(move |(emitter, (emitter_size, weight))| Pair {
+                point: p as u32,
+                emitter,
+                emitter_size,
+                weight,
             })
-            .collect();
+        });
         Workload { points, pairs, seed, lights }
     }
 
@@ -219,20 +216,17 @@ pub fn surface_points(model: &Model, count: usize, seed: u64) -> crate::Result<V
     }
     let bounds = model.bounds();
     let seed = scramble(seed ^ 0x706f_696e_7473);
-    let mut points: Vec<(u64, ReceiverPoint)> = (0..count as u32)
-        .into_par_iter()
-        .map(|i| {
-            let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
-            let target = f64::from(draw[0]) * sum;
-            // The first sum is 0; of instances without area the last has the same sum as the next with one.
-            let (before, instance) = placed[placed.partition_point(|(before, _)| *before <= target) - 1];
-            let target = (target - before) / area_scale(instance);
-            let point = meshes[instance.mesh as usize].point(target, draw, instance);
-            (curve_key(bounds, point.position), point)
-        })
-        .collect();
+    let mut points: Vec<(u64, ReceiverPoint)> = parallel::map(0..count as u32, |i| {
+        let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
+        let target = f64::from(draw[0]) * sum;
+        // The first sum is 0; of instances without area the last has the same sum as the next with one.
+        let (before, instance) = placed[placed.partition_point(|(before, _)| *before <= target) - 1];
+        let target = (target - before) / area_scale(instance);
+        let point = meshes[instance.mesh as usize].point(target, draw, instance);
+        (curve_key(bounds, point.position), point)
+    });
     // Neighbours are adjacent: the caches of both engines are warm.
-    points.par_sort_by_key(|(key, _)| *key);
+    parallel::sort_by_key(&mut points, |(key, _)| (*key, 0));
     Ok(points.into_iter().map(|(_, point)| point).collect())
 }
 

@@ -3,7 +3,7 @@
 
 use super::FAN_OUT;
 use super::draft::{Draft, Sketch, SketchNode};
-use crate::math::Aabb;
+use crate::math::{Aabb, parallel};
 use glam::Vec3;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
@@ -41,7 +41,7 @@ fn part(faces: Vec<u32>, boxes: &[Aabb], stopped: &(dyn Fn() -> bool + Sync)) ->
     let parallel = faces.len() > PARALLEL_TRIANGLES;
     let [a, b] = divide(faces, boxes);
     let (a, b) = match parallel {
-        true => rayon::join(|| part(a, boxes, stopped), || part(b, boxes, stopped)),
+        true => parallel::join(|| part(a, boxes, stopped), || part(b, boxes, stopped)),
         false => (part(a, boxes, stopped), part(b, boxes, stopped)),
     };
     let parts = vec![sketch.append(a?), sketch.append(b?)];

@@ -13,8 +13,8 @@
 use super::FAN_OUT;
 use super::draft::{Draft, Item, Member, one_leaf};
 use crate::math::Aabb;
+use crate::math::parallel;
 use glam::{UVec3, Vec3};
-use rayon::prelude::*;
 
 /// Finest level: voxels of 2^-20 of the scene's extent. Three coordinates of 20 bits fit in a 64-bit Morton key (21
 /// would be the largest number), and f32 coordinates have 24 bits.
@@ -93,7 +93,7 @@ pub(super) fn cluster(
     }
     let mut waiting: Vec<(u32, Item)> = items.into_iter().map(|i| (grid.level(&i), i)).collect();
     // Finest last: each level takes its items from the end.
-    waiting.par_sort_by_key(|(level, item)| (*level, item.first_face));
+    parallel::sort_by_key(&mut waiting, |(level, item)| (u64::from(*level), item.first_face));
     let mut moving: Vec<Item> = Vec::new();
     let mut level = FINEST_LEVEL;
     loop {
@@ -131,12 +131,13 @@ fn treat_level(
     if items.len() < 2 {
         return Some(items);
     }
-    let mut keyed: Vec<(u64, Item)> = items.into_par_iter().map(|i| (grid.key(&i), i)).collect();
-    keyed.par_sort_by_key(|(key, item)| (*key, item.first_face));
+    let keys = parallel::map(&items, |item| grid.key(item));
+    let mut keyed: Vec<(u64, Item)> = keys.into_iter().zip(items).collect();
+    parallel::sort_by_key(&mut keyed, |(key, item)| (*key, item.first_face));
     let shift = 3 * (FINEST_LEVEL - level);
     let voxels: Vec<&[(u64, Item)]> = keyed.chunk_by(|a, b| a.0 >> shift == b.0 >> shift).collect();
-    let of_voxel = |voxel| (!stopped()).then(|| treat_voxel(grid, level, voxel));
-    let groups: Vec<Groups> = voxels.into_par_iter().map(of_voxel).collect::<Option<_>>()?;
+    let of_voxel = |voxel: &&[(u64, Item)]| (!stopped()).then(|| treat_voxel(grid, level, voxel));
+    let groups: Vec<Groups> = parallel::some_map(&voxels, of_voxel)?;
     Some(emit(draft, groups))
 }
 

@@ -1,9 +1,9 @@
 //! Large planar surfaces: kept outside the clusters and always tested exactly (docs/method.md, Clusters).
 
+use crate::math::parallel;
 use crate::raster::{BitImage, Edt, fill_triangle};
 use crate::scene::Scene;
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 /// Raster width for the inscribed disc, pixels; 64 with a free border. An error of 3 % is enough for a class boundary.
 const DISC_RASTER_PIXELS: usize = 62;
@@ -28,8 +28,10 @@ pub(super) fn surfaces(scene: &Scene, part: f32) -> Vec<u32> {
     let area = |p: &[u32]| -> f64 { p.iter().map(|&t| scene.face_area(t)).sum() };
     // The raster finds diameters to a 30th: a smaller area has no disc that it could take for a larger one.
     let is_large = |p: &Vec<u32>| area(p) >= 0.9 * disc && inscribed(scene, p) >= size;
-    let mut large: Vec<u32> = patches.into_par_iter().filter(is_large).flatten().collect();
-    large.par_sort();
+    let is_large = parallel::map(&patches, is_large);
+    let mut large: Vec<u32> =
+        patches.into_iter().zip(is_large).filter(|of| of.1).flat_map(|of| of.0).collect();
+    parallel::sort_by_key(&mut large, |&t| (0, t));
     large
 }
 

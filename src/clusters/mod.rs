@@ -14,9 +14,9 @@ mod tests;
 mod tree;
 
 use crate::math::Aabb;
+use crate::math::parallel;
 use crate::scene::Scene;
 use draft::{Draft, Item, Member};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 pub use tree::{Cluster, Tree};
 
@@ -102,8 +102,7 @@ pub fn build_unless(
     }
     let mut is_large = vec![false; scene.triangles.len()];
     large.iter().for_each(|&t| is_large[t as usize] = true);
-    let boxes: Vec<Aabb> =
-        (0..scene.triangles.len()).into_par_iter().map(|t| Aabb::of(scene.corners(t as u32))).collect();
+    let boxes: Vec<Aabb> = parallel::map(0..scene.triangles.len(), |t| Aabb::of(scene.corners(t as u32)));
     let small: Vec<u32> = (0..scene.triangles.len() as u32).filter(|&t| !is_large[t as usize]).collect();
     let micro = match options.builder {
         _ if small.is_empty() => Draft::default(),
@@ -131,7 +130,7 @@ fn by_objects(
 ) -> Option<Draft> {
     let spread = SPREAD_OBJECT_FRACTION * scene.bounds.extent().max_element();
     // Sort into runs of one object, and inside spread objects into runs of one connected part.
-    triangles.par_sort_by_key(|&t| (scene.triangle_object[t as usize], t));
+    parallel::sort_by_key(&mut triangles, |&t| (scene.triangle_object[t as usize].into(), t));
     let mut parts: Vec<Vec<u32>> = Vec::new();
     let is_spread = |part: &[u32]| {
         part.iter().fold(Aabb::EMPTY, |b, &t| b.union(boxes[t as usize])).extent().max_element() > spread
@@ -145,7 +144,7 @@ fn by_objects(
             continue;
         }
         let mut object = object.to_vec();
-        object.par_sort_by_key(|&t| (scene.triangle_component[t as usize], t));
+        parallel::sort_by_key(&mut object, |&t| (scene.triangle_component[t as usize].into(), t));
         for part in object
             .chunk_by(|&a, &b| scene.triangle_component[a as usize] == scene.triangle_component[b as usize])
         {
@@ -160,7 +159,7 @@ fn by_objects(
         parts.into_iter().partition(|part| part.len() > LARGE_OBJECT_TRIANGLES);
     loose.extend(rest.into_iter().flatten());
     let of_part = |part: &Vec<u32>| grids::cluster(Draft::default(), faces(part, boxes), stopped);
-    let inner: Vec<Draft> = own.par_iter().map(of_part).collect::<Option<_>>()?;
+    let inner: Vec<Draft> = parallel::some_map(&own, of_part)?;
     let mut draft = Draft::default();
     let mut items: Vec<Item> = inner.into_iter().map(|inner| draft.adopt(inner)).collect();
     items.extend(faces(&loose, boxes));

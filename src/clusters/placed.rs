@@ -10,7 +10,7 @@ mod tests;
 
 use super::FAN_OUT;
 use crate::math::Aabb;
-use rayon::prelude::*;
+use crate::math::parallel;
 use std::sync::Arc;
 
 /// Place of an item in the order: Morton code of its cell, then its number. No two items share a key.
@@ -227,13 +227,7 @@ fn update_large<I: Send + Sync, G: Send + Sync>(
         (before.iter().find(|child| digit(child.key(), place) == d), &changes[start..end])
     };
     let parts: Vec<_> = (0..FAN_OUT as u32).map(of).collect();
-    let children: Vec<Child<I, G>> = parts
-        .into_par_iter()
-        .map(|(old, changes)| update(old, changes, make))
-        .collect::<Vec<_>>()
-        .into_iter()
-        .flatten()
-        .collect();
+    let children = parallel::flat_map(&parts, |&(old, changes)| update(old, changes, make));
     joined(place, children, make)
 }
 
@@ -247,7 +241,7 @@ fn build<I: Send + Sync, G: Send + Sync>(items: &[Arc<Item<I>>], make: Make<I, G
         items.iter().map(|item| Child::Item(item.clone())).collect()
     } else {
         let parts: Vec<_> = items.chunk_by(|a, b| digit(a.key, place) == digit(b.key, place)).collect();
-        parts.into_par_iter().filter_map(|part| build(part, make)).collect()
+        parallel::flat_map(&parts, |part| build(part, make))
     };
     Some(joined(place, children, make))
 }

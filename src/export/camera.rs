@@ -8,12 +8,12 @@ use super::Mesh;
 use crate::Result;
 use crate::embree::{CommittedScene, Device, Hits, SceneBuilder, Traversal};
 use crate::math::on_plane;
+use crate::math::parallel;
 use crate::progress::Progress;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::sky::Environment;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// A pinhole camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -270,48 +270,45 @@ pub fn render(
     let samples = samples.max(1);
     let share = 1.0 / (samples * samples) as f32;
     let step = 1.0 / samples as f32;
-    let rows: Vec<Vec<Pixel>> = (0..height)
-        .into_par_iter()
-        .map(|y| {
-            if progress.stopped() {
-                return Vec::new();
-            }
-            progress.advance(1);
-            let mut row = vec![([0f32; 3], None); width];
-            for left in (0..width).step_by(LANES) {
-                let lanes = LANES.min(width - left);
-                for k in 0..samples * samples {
-                    let mut rays = Packet::EMPTY;
-                    for lane in 0..lanes {
-                        let (i, j) = ((k % samples) as f32 + 0.5, (k / samples) as f32 + 0.5);
-                        let d = direction((left + lane) as f32 + i * step, y as f32 + j * step);
-                        rays.set_ray(lane, camera.eye, d);
-                    }
-                    let (met, missed) = stage.first_and_missed(&rays);
-                    for (lane, hit) in met.into_iter().enumerate().take(lanes) {
-                        let Some((triangle, t)) = hit else {
-                            if missed >> lane & 1 != 0 {
-                                let light = stage.beyond(rays.point(lane, 1.0) - rays.point(lane, 0.0));
-                                row[left + lane].0.iter_mut().zip(light).for_each(|(s, x)| *s += share * x);
-                            }
-                            continue;
-                        };
-                        // Embree's distances of hits near edges can be a hundred roundings off.
-                        let position = on_plane(stage.mesh.corners(triangle as usize), rays.point(lane, t));
-                        let radiance = stage.radiance(triangle, position);
-                        let (sum, first) = &mut row[left + lane];
-                        sum.iter_mut().zip(radiance).for_each(|(s, x)| *s += share * x);
-                        if k == samples * samples / 2 {
-                            let element = stage.mesh.element[triangle as usize];
-                            let irradiance = stage.interpolate(triangle, position, &stage.mesh.irradiance);
-                            *first = Some(First { distance: t, position, element, irradiance });
+    let rows: Vec<Vec<Pixel>> = parallel::map(0..height, |y| {
+        if progress.stopped() {
+            return Vec::new();
+        }
+        progress.advance(1);
+        let mut row = vec![([0f32; 3], None); width];
+        for left in (0..width).step_by(LANES) {
+            let lanes = LANES.min(width - left);
+            for k in 0..samples * samples {
+                let mut rays = Packet::EMPTY;
+                for lane in 0..lanes {
+                    let (i, j) = ((k % samples) as f32 + 0.5, (k / samples) as f32 + 0.5);
+                    let d = direction((left + lane) as f32 + i * step, y as f32 + j * step);
+                    rays.set_ray(lane, camera.eye, d);
+                }
+                let (met, missed) = stage.first_and_missed(&rays);
+                for (lane, hit) in met.into_iter().enumerate().take(lanes) {
+                    let Some((triangle, t)) = hit else {
+                        if missed >> lane & 1 != 0 {
+                            let light = stage.beyond(rays.point(lane, 1.0) - rays.point(lane, 0.0));
+                            row[left + lane].0.iter_mut().zip(light).for_each(|(s, x)| *s += share * x);
                         }
+                        continue;
+                    };
+                    // Embree's distances of hits near edges can be a hundred roundings off.
+                    let position = on_plane(stage.mesh.corners(triangle as usize), rays.point(lane, t));
+                    let radiance = stage.radiance(triangle, position);
+                    let (sum, first) = &mut row[left + lane];
+                    sum.iter_mut().zip(radiance).for_each(|(s, x)| *s += share * x);
+                    if k == samples * samples / 2 {
+                        let element = stage.mesh.element[triangle as usize];
+                        let irradiance = stage.interpolate(triangle, position, &stage.mesh.irradiance);
+                        *first = Some(First { distance: t, position, element, irradiance });
                     }
                 }
             }
-            row
-        })
-        .collect();
+        }
+        row
+    });
     if progress.stopped() {
         return Frame { radiance: Vec::new(), first: Vec::new() };
     }

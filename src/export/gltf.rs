@@ -3,12 +3,12 @@
 use super::{Mesh, Tone};
 use crate::image_io::Stoppable;
 use crate::math::Aabb;
+use crate::math::parallel;
 use crate::progress::Progress;
 use crate::scene::{UpAxis, write_glb as write_parts};
 use crate::{Result, files::WholeFile};
 use gltf::json::accessor::{FLOAT, UNSIGNED_INT};
 use gltf::json::buffer::{ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER};
-use rayon::prelude::*;
 use serde_json::json;
 use std::path::Path;
 
@@ -26,7 +26,7 @@ pub fn write_glb(
     tone: Tone,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let colours: Vec<[f32; 3]> = mesh.radiosity.par_iter().map(|&r| tone.linear(r)).collect();
+    let colours: Vec<[f32; 3]> = parallel::map(&mesh.radiosity, |&r| tone.linear(r));
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
     let normals: Vec<[f32; 3]> = mesh.normals.iter().map(|n| n.to_array()).collect();
     let parts: [&[u8]; 4] = [

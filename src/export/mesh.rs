@@ -1,10 +1,10 @@
 //! Triangle mesh with light at its vertices.
 
 use crate::math::Sets;
+use crate::math::parallel;
 use crate::progress::Progress;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
@@ -44,7 +44,7 @@ impl Mesh {
     /// The mesh of a solution; none if `progress` has stopped.
     pub fn new_unless(solution: &RadiosityMesh, progress: &dyn Progress) -> Option<Mesh> {
         let go_on = || (!progress.stopped()).then_some(());
-        let normals: Vec<Vec3> = solution.elements.par_iter().map(|e| normal(solution, e)).collect();
+        let normals: Vec<Vec3> = parallel::map(&solution.elements, |e| normal(solution, e));
         let outlines = outlines(solution, &go_on)?;
         let around = VertexElements::new(solution.vertices.len(), &outlines);
         let at_outlines = at_outlines(solution, &normals, &outlines, &around, &go_on)?;
@@ -103,7 +103,7 @@ fn outlines(solution: &RadiosityMesh, go_on: &(impl Fn() -> Option<()> + Sync)) 
     for _ in 0..MAX_OUTLINE_PASSES {
         let edges = Edges::of(solution, &outlines);
         let longer = |outline: &Vec<u32>| go_on().map(|()| edges.outline(solution, outline));
-        let found: Vec<Vec<u32>> = outlines.par_iter().map(longer).collect::<Option<_>>()?;
+        let found: Vec<Vec<u32>> = parallel::some_map(&outlines, longer)?;
         let is_same = found.iter().zip(&outlines).all(|(new, old)| new.len() == old.len());
         outlines = found;
         if is_same {
@@ -132,7 +132,7 @@ fn join_twins(solution: &RadiosityMesh, outlines: &mut [Vec<u32>]) {
         found
     };
     let count = solution.vertices.len() as u32;
-    let found: Vec<[u32; 2]> = (0..count).into_par_iter().flat_map_iter(twins_beside).collect();
+    let found: Vec<[u32; 2]> = parallel::flat_map(0..count, twins_beside);
     if found.is_empty() {
         return;
     }
@@ -166,11 +166,11 @@ impl Edges {
             let edge = |k: usize| [outline[k], outline[(k + 1) % outline.len()]];
             (0..outline.len()).map(edge).flat_map(|[a, b]| [[a, b], [b, a]]).collect::<SmallVec<[_; 8]>>()
         };
-        let mut edges: Vec<[u32; 2]> = outlines.par_iter().flat_map_iter(both_ways).collect();
-        edges.par_sort_unstable();
+        let mut edges: Vec<[u32; 2]> = parallel::flat_map(outlines, both_ways);
+        parallel::sort_by_key(&mut edges, |&[a, b]| (a.into(), b));
         edges.dedup();
         let first = |v: u32| edges.partition_point(|edge| edge[0] < v) as u32;
-        let first = (0..=solution.vertices.len() as u32).into_par_iter().map(first).collect();
+        let first = parallel::map(0..solution.vertices.len() as u32 + 1, first);
         Edges { first, ends: edges.into_iter().map(|edge| edge[1]).collect() }
     }
 
@@ -255,13 +255,16 @@ fn at_outlines(
     go_on: &(impl Fn() -> Option<()> + Sync),
 ) -> Option<Vec<Vec<[f32; 3]>>> {
     let means = |values: &[[f64; 3]]| -> Option<Vec<Vec<[f64; 3]>>> {
-        let of = |(e, outline): (usize, &Vec<u32>)| {
+        let of = |e: usize| {
             go_on()?;
             Some(
-                outline.iter().map(|&v| mean(solution, values, normals, e as u32, v, around.of(v))).collect(),
+                outlines[e]
+                    .iter()
+                    .map(|&v| mean(solution, values, normals, e as u32, v, around.of(v)))
+                    .collect(),
             )
         };
-        outlines.par_iter().enumerate().map(of).collect()
+        parallel::some_map(0..outlines.len(), of)
     };
     let weights: Vec<Vec<f64>> =
         solution.elements.iter().zip(outlines).map(|(e, outline)| weights(solution, e, outline)).collect();

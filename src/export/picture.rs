@@ -5,12 +5,12 @@ use super::solve_page::PixelContent;
 use super::{Camera, First, Frame, Lightmap, PageView, Stage, lightmap, render, unwrapped_lightmap};
 use crate::Result;
 use crate::image_io::{Picture, linear_to_srgb, luminance};
+use crate::math::parallel;
 use crate::points::Point;
 use crate::progress::Progress;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::scene::{Scene, StoredCamera};
 use glam::{DVec3, Vec3, Vec3Swizzles};
-use rayon::prelude::*;
 
 /// Largest number of pixels: limits memory to about 1 GB during rendering.
 pub const MAX_PIXELS: usize = 1 << 25;
@@ -106,7 +106,7 @@ pub fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
 }
 
 fn developed_with(tone: Tone, width: usize, light: &[[f32; 3]]) -> Picture {
-    let pixels = light.par_iter().map(|&r| tone.srgb(r)).collect();
+    let pixels = parallel::map(light, |&r| tone.srgb(r));
     Picture { width, height: light.len() / width.max(1), pixels }
 }
 
@@ -155,7 +155,10 @@ fn smoothly_developed(
         luminance(brightest) > MIN_EDGE_RATIO * luminance(darkest)
             && luminance(tone.linear(brightest)) > MIN_BRIGHT_FACE
     };
-    picture.pixels.par_iter_mut().enumerate().filter(|(k, _)| is_edge(*k)).for_each(|(k, colour)| {
+    parallel::for_each_mut(&mut picture.pixels, |k, colour| {
+        if !is_edge(k) {
+            return;
+        }
         let samples = samples_of_pixel(stage, camera, size, k).map(|light| tone.linear(light));
         let mean: [f32; 3] =
             std::array::from_fn(|c| samples.iter().map(|s| s[c]).sum::<f32>() / samples.len() as f32);
@@ -221,9 +224,9 @@ impl Tone {
         }
         let logs: f64 = lit.iter().map(|l| f64::from(*l).ln()).sum();
         let scale = KEY / (logs / lit.len() as f64).exp() as f32;
-        lit.par_sort_unstable_by(f32::total_cmp);
         // The brightest 2 % are emitters and may be white.
-        let bright = lit[(lit.len() * 98 / 100).min(lit.len() - 1)] * scale;
+        let place = (lit.len() * 98 / 100).min(lit.len() - 1);
+        let bright = *lit.select_nth_unstable_by(place, f32::total_cmp).1 * scale;
         Tone { scale, white: bright.max(1.0), black }
     }
 

@@ -54,7 +54,7 @@ pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
 /// not finite, [`Error::Argument`] if `texel` is not a positive length.
 pub fn read_image(path: &Path, channel: Channel, texel: f64) -> Result<Image<'static>> {
     let bytes = input::read(path, memory::usable().unwrap_or(u64::MAX >> 1))?;
-    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let reader = ImageReader::new(Cursor::new(&bytes[..])).with_guessed_format();
     let reader = reader.map_err(|e| Error::io(path, e))?;
     let linear =
         reader.format().is_some_and(|f| matches!(f, image::ImageFormat::OpenExr | image::ImageFormat::Hdr));
@@ -64,6 +64,7 @@ pub fn read_image(path: &Path, channel: Channel, texel: f64) -> Result<Image<'st
     let undecoded =
         |e: ImageError| Error::format(path, None, format!("cannot be decoded: {}", quote(&e.to_string())));
     let decoded = input::guarded(path, || reader.decode().map_err(undecoded))?;
+    drop(bytes);
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
     let data = values(decoded, channel, linear);
     // Checked here because a bad `texel` is an error of the caller, and later errors are errors of the file.

@@ -6,6 +6,7 @@ use crate::metrics::Image;
 use crate::progress::Progress;
 use crate::raster::BitImage;
 use crate::{Error, Result};
+use image::codecs::{openexr::OpenExrEncoder, png::PngEncoder};
 use image::{DynamicImage, ImageFormat, ImageReader, RgbImage};
 use std::io::Cursor;
 use std::path::Path;
@@ -70,7 +71,7 @@ impl Picture {
     }
 }
 
-/// Encodes a picture in memory, unless `progress` stops it; `None` is an image that is too large.
+/// Encodes a picture in memory as OpenEXR or else as PNG, unless `progress` stops it; `None` is an image that is too large.
 pub(super) fn encode(
     picture: Option<DynamicImage>,
     format: ImageFormat,
@@ -79,9 +80,12 @@ pub(super) fn encode(
     let picture = picture.ok_or_else(|| Error::arguments("the image is too large for a file".into()))?;
     let mut bytes = Cursor::new(Vec::new());
     let mut out = Stoppable { out: &mut bytes, progress };
-    picture
-        .write_to(&mut out, format)
-        .map_err(|e| Error::arguments(format!("the image cannot be encoded: {e}")))?;
+    // `DynamicImage::write_to` would bring the encoders of all formats along.
+    let written = match format {
+        ImageFormat::OpenExr => picture.write_with_encoder(OpenExrEncoder::new(&mut out)),
+        _ => picture.write_with_encoder(PngEncoder::new(&mut out)),
+    };
+    written.map_err(|e| Error::arguments(format!("the image cannot be encoded: {e}")))?;
     Ok(bytes.into_inner())
 }
 
@@ -146,7 +150,7 @@ fn colour(map: &[[u8; 3]; 9], t: f32) -> [u8; 3] {
 pub fn thumbnail(path: &Path, side: u32) -> Result<(Picture, [u32; 2])> {
     let bytes = input::read(path, input::MAX_SMALL_FILE)?;
     // The reader's own limits keep the memory of a damaged file small.
-    let decoded = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png).decode();
+    let decoded = ImageReader::with_format(Cursor::new(&bytes[..]), ImageFormat::Png).decode();
     let whole = decoded.map_err(|e| Error::format(path, None, format!("is no picture ({e})")))?;
     let size = [whole.width(), whole.height()];
     let small = if whole.width().max(whole.height()) > side { whole.thumbnail(side, side) } else { whole };

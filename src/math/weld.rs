@@ -1,6 +1,6 @@
 //! Merging of equal positions.
 
-use super::sampling::mix;
+use super::{parallel, sampling::mix};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -13,12 +13,10 @@ pub fn weld(positions: &[Vec3]) -> (Vec<u32>, Vec<Vec3>) {
     let position = |i: u32| positions[i as usize] + Vec3::ZERO;
     let bits = |i: u32| position(i).to_array().map(f32::to_bits);
     // A hash in the upper half of each number and the index in the lower one: numbers sort faster than positions.
-    let mut hashed: Vec<u64> = (0..positions.len() as u32)
-        .into_par_iter()
-        .map(|i| u64::from(hash(bits(i))) << 32 | u64::from(i))
-        .collect();
+    let mut hashed: Vec<u64> =
+        parallel::map(0..positions.len() as u32, |i| u64::from(hash(bits(i))) << 32 | u64::from(i));
     hashed.par_sort_unstable();
-    let first: Vec<AtomicU32> = (0..positions.len()).into_par_iter().map(|_| AtomicU32::new(0)).collect();
+    let first: Vec<AtomicU32> = positions.iter().map(|_| AtomicU32::new(0)).collect();
     hashed.par_chunk_by(|a, b| a >> 32 == b >> 32).for_each(|run| {
         let assign = |equal: &mut dyn Iterator<Item = u32>, of: u32| {
             equal.for_each(|i| first[i as usize].store(of, Relaxed));
@@ -34,7 +32,7 @@ pub fn weld(positions: &[Vec3]) -> (Vec<u32>, Vec<Vec3>) {
             assign(&mut equal.iter().copied(), equal[0]);
         }
     });
-    let mut number: Vec<u32> = first.into_par_iter().map(AtomicU32::into_inner).collect();
+    let mut number: Vec<u32> = first.into_iter().map(AtomicU32::into_inner).collect();
     let mut distinct = Vec::new();
     // `number[i]` is the first index of an equal position, at most i, so that its entry is final already.
     for i in 0..number.len() {

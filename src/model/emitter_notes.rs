@@ -4,12 +4,12 @@
 use super::Model;
 use crate::embree::Hits;
 use crate::error::quote;
+use crate::math::parallel;
 use crate::math::sampling::{cosine_direction, mix, numbers, on_triangle};
 use crate::math::{Aabb, triangle_normal};
 use crate::ray::{LANES, Packet};
 use crate::scene::Emitter;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Largest number of emitters that are tested, evenly spread: limits the time to 0.5 million rays, some 0.1 s.
 const MAX_TESTED: usize = 4096;
@@ -50,7 +50,7 @@ impl Model {
     fn note_of_outside_emitters(&self) -> Option<String> {
         let outside = |emitter| self.outside_of_space(emitter).map(|found| (emitter, found));
         let found: Vec<(&Emitter, (u32, f32))> =
-            self.tested_emitters().into_par_iter().filter_map(outside).collect();
+            parallel::flat_map(&self.tested_emitters(), |emitter| outside(*emitter));
         let &(first, (triangle, distance)) = found.first()?;
         let scene = self.scene();
         let object =
@@ -140,7 +140,7 @@ impl Model {
     /// Notes if emissive faces, or luminaires, send all their light out of the scene although there are surfaces behind them.
     pub(crate) fn notes_of_turned_emitters(&self) -> Vec<String> {
         let tested = self.tested_emitters();
-        let turned: Vec<&Emitter> = tested.par_iter().copied().filter(|e| self.is_turned(e)).collect();
+        let turned: Vec<&Emitter> = parallel::flat_map(&tested, |e| self.is_turned(e).then_some(*e));
         let (lamps, faces): (Vec<&Emitter>, Vec<&Emitter>) =
             turned.into_iter().partition(|emitter| self.is_luminaire(emitter));
         let note = |(turned, why, cure): (Vec<&Emitter>, &str, &str)| {
@@ -256,7 +256,8 @@ impl Model {
             around
         };
         let found = |emitter| enclosed(&emitter).map(|around| (emitter, around));
-        let found: Vec<(&Emitter, u32)> = self.tested_emitters().into_par_iter().filter_map(found).collect();
+        let found: Vec<(&Emitter, u32)> =
+            parallel::flat_map(&self.tested_emitters(), |emitter| found(*emitter));
         if found.is_empty() {
             return None;
         }

@@ -5,10 +5,10 @@ use super::emitter_notes::PACKETS;
 use crate::embree::Hits;
 use crate::error::{figure, quote};
 use crate::math::Aabb;
+use crate::math::parallel;
 use crate::ray::{EndRule, LANES, Packet};
 use crate::scene::{Emitter, magnitude};
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 /// Largest height at which rays start above a surface, relative to its distance from an emitter, without a note: shadows and reflected
 /// light there err by up to this fraction.
@@ -36,7 +36,7 @@ impl Model {
     pub(crate) fn note_of_coarse_coordinates(&self) -> Option<String> {
         let tested = self.tested_emitters();
         let coarse = |emitter| self.coarsest_surface(emitter).map(|found| (found, emitter));
-        let found: Vec<((f32, f32), &Emitter)> = tested.into_par_iter().filter_map(coarse).collect();
+        let found: Vec<((f32, f32), &Emitter)> = parallel::flat_map(&tested, |emitter| coarse(*emitter));
         let &((height, distance), worst) =
             found.iter().max_by(|((h, d), _), ((i, e), _)| (h / d).total_cmp(&(i / e)))?;
         let unit = &self.scene().unit;
@@ -92,7 +92,7 @@ impl Model {
         let tested: Vec<(&u32, &Aabb)> =
             small.iter().copied().step_by(small.len().div_ceil(MAX_THINGS).max(1)).collect();
         let coarse = |(thing, own): &(&u32, &Aabb)| Some((self.ground_of_thing(**thing, **own)?, **thing));
-        let found: Vec<(Ground, u32)> = tested.par_iter().filter_map(coarse).collect();
+        let found: Vec<(Ground, u32)> = parallel::flat_map(&tested, coarse);
         let (ground, worst) =
             found.iter().max_by(|(a, i), (b, j)| a.coarseness().total_cmp(&b.coarseness()).then(j.cmp(i)))?;
         let name = |triangle: u32| {

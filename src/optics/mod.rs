@@ -12,12 +12,12 @@ mod silhouette;
 mod tests;
 
 use crate::clusters::Tree;
+use crate::math::parallel;
 use crate::math::{Aabb, triangle_area};
 use crate::scene::Scene;
 pub use axes::{AXES, AXIS_COUNT, AxisMix, axes_around};
 use axes::{PROBES, view};
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use silhouette::{Measure, Silhouettes};
 
@@ -102,7 +102,7 @@ pub fn measure_unless(
     stopped: &(dyn Fn() -> bool + Sync),
 ) -> Option<Vec<ClusterOptics>> {
     let sums = moments(scene, tree);
-    let boxes: Vec<Aabb> = tree.clusters.par_iter().map(|c| c.bounds.thickened()).collect();
+    let boxes: Vec<Aabb> = parallel::map(&tree.clusters, |c| c.bounds.thickened());
     let average = |c: usize| {
         let Moments { area, first } = sums[c];
         let slope = match options.extinction {
@@ -114,9 +114,8 @@ pub fn measure_unless(
     let is_direct = |c: usize| tree.clusters[c].triangles <= MAX_RASTERISED_TRIANGLES;
     // Clusters of few triangles are rasterised from triangles. The topmost of them keep their silhouettes, from which
     // those of larger clusters are composed, children before parents.
-    let drawn: Vec<(Option<ClusterOptics>, Option<Box<Silhouettes>>)> = (0..tree.clusters.len())
-        .into_par_iter()
-        .map_init(Scratch::default, |scratch, c| {
+    let drawn: Vec<(Option<ClusterOptics>, Option<Box<Silhouettes>>)> =
+        parallel::map_with(0..tree.clusters.len(), Scratch::default, |scratch, c| {
             if !is_direct(c) || stopped() {
                 return (None, None);
             }
@@ -127,25 +126,21 @@ pub fn measure_unless(
             let optics = scratch.measure(extinction, slope, options);
             let keep = c > 0 && !is_direct(tree.clusters[c].parent as usize);
             (Some(optics), keep.then(|| Box::new(scratch.silhouettes.clone())))
-        })
-        .collect();
+        });
     let (mut optics, mut pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
     for level in levels_from_below(tree, is_direct) {
-        let made: Option<Vec<(ClusterOptics, Box<Silhouettes>)>> = level
-            .par_iter()
-            .map_init(Scratch::default, |scratch, &c| {
-                if stopped() {
-                    return None;
-                }
-                for (k, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
-                    let parts = pictures[tree.clusters[c].child_range()].iter().flatten();
-                    silhouette.compose(parts.map(|p| &p[k]), boxes[c], view(k));
-                }
-                let (extinction, slope) = average(c);
-                Some((scratch.measure(extinction, slope, options), Box::new(scratch.silhouettes.clone())))
-            })
-            .collect();
-        for (c, (t, p)) in level.into_iter().zip(made?) {
+        let made = parallel::try_map_with(&level, Scratch::default, |scratch, &c| {
+            if stopped() {
+                return Err(());
+            }
+            for (k, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
+                let parts = pictures[tree.clusters[c].child_range()].iter().flatten();
+                silhouette.compose(parts.map(|p| &p[k]), boxes[c], view(k));
+            }
+            let (extinction, slope) = average(c);
+            Ok((scratch.measure(extinction, slope, options), Box::new(scratch.silhouettes.clone())))
+        });
+        for (c, (t, p)) in level.into_iter().zip(made.ok()?) {
             (optics[c], pictures[c]) = (Some(t), Some(p));
             pictures[tree.clusters[c].child_range()].fill(None);
         }
@@ -244,23 +239,20 @@ fn fragments(scene: &Scene, tree: &Tree) -> Vec<f32> {
         let (first, last) = &mut places[scene.triangle_component[t as usize] as usize];
         (*first, *last) = ((*first).min(place), (*last).max(place));
     }
-    tree.clusters
-        .par_iter()
-        .map(|cluster| {
-            let range = cluster.triangle_range();
-            let (mut beyond, mut all) = (0.0, 0.0);
-            for &t in &tree.order[range.clone()] {
-                let [a, b, c] = scene.corners(t);
-                let area = triangle_area(a, b, c);
-                let (first, last) = places[scene.triangle_component[t as usize] as usize];
-                all += area;
-                if !range.contains(&(first as usize)) || !range.contains(&(last as usize)) {
-                    beyond += area;
-                }
+    parallel::map(&tree.clusters, |cluster| {
+        let range = cluster.triangle_range();
+        let (mut beyond, mut all) = (0.0, 0.0);
+        for &t in &tree.order[range.clone()] {
+            let [a, b, c] = scene.corners(t);
+            let area = triangle_area(a, b, c);
+            let (first, last) = places[scene.triangle_component[t as usize] as usize];
+            all += area;
+            if !range.contains(&(first as usize)) || !range.contains(&(last as usize)) {
+                beyond += area;
             }
-            (beyond / all) as f32
-        })
-        .collect()
+        }
+        (beyond / all) as f32
+    })
 }
 
 /// Area weighted by sides, and its first moment, of a set of triangles.

@@ -18,13 +18,13 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 
+use crate::math::parallel;
 use crate::model::Model;
 use crate::points::{Irradiance, Point};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use light::PowerSampler;
 use paths::Paths;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use surfaces::Surfaces;
 
@@ -60,19 +60,16 @@ pub fn irradiance(
     let surfaces = Surfaces::new(model);
     let lights = PowerSampler::new(model.scene());
     let rows = model.ranks().rows(points.len());
-    let estimates: Option<Vec<Estimate>> = rows
-        .numbers()
-        .map_init(
-            || Paths::new(&surfaces, lights.as_ref(), model.scene().sky(), settings),
-            |paths, i| {
-                let estimate = (!progress.stopped()).then(|| paths.estimate(i as u64, &points[i]));
-                progress.advance(rows.steps(1) as u64);
-                estimate
-            },
-        )
-        .collect();
-    let stopped = || Error::Cancelled("stopped before all points had their paths".into());
-    let estimates = rows.gather(estimates.ok_or_else(stopped)?);
+    let paths = || Paths::new(&surfaces, lights.as_ref(), model.scene().sky(), settings);
+    let estimates: Vec<Estimate> = parallel::try_map_with(rows.numbers(), paths, |paths, i| {
+        if progress.stopped() {
+            return Err(Error::Cancelled("stopped before all points had their paths".into()));
+        }
+        let estimate = paths.estimate(i as u64, &points[i]);
+        progress.advance(rows.steps(1) as u64);
+        Ok(estimate)
+    })?;
+    let estimates = rows.gather(estimates);
     Ok(Irradiance {
         points: points.to_vec(),
         values: estimates.iter().map(|e| e.mean).collect(),

@@ -3,6 +3,7 @@
 use super::Scene;
 use crate::math::Aabb;
 use crate::math::Sets;
+use crate::math::parallel;
 use rayon::prelude::*;
 use std::collections::HashSet;
 
@@ -91,8 +92,9 @@ pub(crate) fn badly_wound(triangles: impl Iterator<Item = (u32, [u32; 3])>) -> H
     let edges_of = |(part, [a, b, c]): (u32, [u32; 3])| [(part, a, b), (part, b, c), (part, c, a)];
     let mut edges: Vec<(u32, u32, u32)> = triangles.flat_map(edges_of).collect();
     edges.par_sort_unstable();
-    let is_lonely = |&&(part, a, b): &&(u32, u32, u32)| edges.binary_search(&(part, b, a)).is_err();
-    let mut found: HashSet<u32> = edges.par_iter().filter(is_lonely).map(|&(part, ..)| part).collect();
+    let lonely =
+        |&(part, a, b): &(u32, u32, u32)| edges.binary_search(&(part, b, a)).is_err().then_some(part);
+    let mut found: HashSet<u32> = parallel::flat_map(&edges, lonely).into_iter().collect();
     found.extend(edges.windows(2).filter(|pair| pair[0] == pair[1]).map(|pair| pair[0].0));
     found
 }

@@ -3,9 +3,9 @@
 use super::magnitudes::largest_distance;
 use super::overlap::Faces;
 use crate::math::Sets;
+use crate::math::parallel;
 use crate::math::{Aabb, triangle_area, triangle_normal};
 use glam::Vec3;
-use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 
 /// Largest number of triangles at an edge that are compared, so that the time is in proportion to the triangles.
@@ -138,11 +138,12 @@ pub(super) fn continuations(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, Co
 /// The edges of all triangles of the parts of some triangles, ascending, with their triangles.
 fn edges_of_parts(seeds: &[u32], faces: &Faces) -> Vec<([u32; 2], u32)> {
     let parts: HashSet<u32> = seeds.iter().map(|&t| faces.properties.part(t)).collect();
-    let is_of_parts = |t: &u32| parts.contains(&faces.properties.part(*t));
+    let is_of_parts = |t: u32| parts.contains(&faces.properties.part(t));
     let all = 0..if parts.is_empty() { 0 } else { faces.triangles.len() as u32 };
     let with_triangle = |t: u32| edges(faces, t).map(|edge| (edge, t));
-    let mut edges: Vec<_> = all.into_par_iter().filter(is_of_parts).flat_map_iter(with_triangle).collect();
-    edges.par_sort_unstable();
+    let mut edges =
+        parallel::flat_map(all, |t| is_of_parts(t).then(|| with_triangle(t)).into_iter().flatten());
+    parallel::sort_by_key(&mut edges, |&([a, b], t)| (u64::from(a) << 32 | u64::from(b), t));
     edges
 }
 
@@ -225,11 +226,12 @@ fn add_contacts(surfaces: &mut [Surface], faces: &Faces) -> Sets {
         let end = middles.partition_point(|of| of.at[axis] <= bounds.max[axis] + distance);
         (t, &middles[first..end.max(first)], bounds)
     };
-    let all = || (0..faces.triangles.len() as u32).into_par_iter().map(reached);
-    if all().map(|(_, near, _)| near.len()).sum::<usize>() > MAX_TESTS {
+    let all = 0..faces.triangles.len() as u32;
+    if parallel::map(all.clone(), |t| reached(t).1.len()).into_iter().sum::<usize>() > MAX_TESTS {
         return joined;
     }
-    let contacts = |(t, near, bounds): (u32, &[Middle], Aabb)| {
+    let contacts = |t: u32| {
+        let (t, near, bounds) = reached(t);
         let distance = largest_distance(&bounds) as f32;
         let contact = |of: &Middle| {
             let is_near = bounds.distance(of.at) <= distance;
@@ -241,7 +243,7 @@ fn add_contacts(surfaces: &mut [Surface], faces: &Faces) -> Sets {
         };
         near.iter().filter_map(contact).collect::<Vec<_>>()
     };
-    let found: Vec<Contact> = all().filter(|(_, near, _)| !near.is_empty()).flat_map_iter(contacts).collect();
+    let found: Vec<Contact> = parallel::flat_map(all, contacts);
     let at_edge = edges_of_parts(&found.iter().map(|of| of.t).collect::<Vec<_>>(), faces);
     let is_open =
         |of: &&Contact| neighbours(&at_edge, of.edge, faces.properties.part(of.t), faces).next().is_none();

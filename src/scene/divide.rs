@@ -12,8 +12,8 @@ use super::{
     names,
 };
 use crate::math::Aabb;
+use crate::math::parallel;
 use glam::Vec3;
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::VecDeque;
 
@@ -89,7 +89,7 @@ fn coarse(faces: &Triangles, parts: &Parts, positions: &[Vec3], soup: &Soup) -> 
         let near: Vec<u32> = all.filter(is_near).collect();
         (!near.is_empty()).then_some((*t, near))
     };
-    let coarse: Coarse = wide.par_iter().filter_map(near).collect();
+    let coarse: Coarse = parallel::flat_map(&wide, near);
     (!coarse.is_empty()).then_some((things, coarse))
 }
 

@@ -2,8 +2,8 @@
 
 use super::Emitter;
 use crate::math::Sets;
+use crate::math::parallel;
 use glam::{DVec2, DVec3, Vec3};
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::HashMap;
 
@@ -44,7 +44,7 @@ pub(super) fn group(
         of_triangle[t as usize] = e;
     }
     let mut emitters: Vec<Emitter> =
-        members.into_par_iter().with_min_len(256).map(|m| measure(faces, m, &emission)).collect();
+        parallel::map(parallel::at_least(256, &members), |m| measure(faces, m.clone(), &emission));
     name(&mut emitters, object);
     (emitters, of_triangle)
 }

@@ -13,6 +13,7 @@
 use super::{Object, Repairs, box_grid::BoxGrid, magnitudes::largest_distance, part_shapes::PartShape};
 use crate::error::{figure, quote};
 use crate::math::Aabb;
+use crate::math::parallel;
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -118,11 +119,10 @@ fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
 /// Pairs of overlapping triangles, ascending.
 pub(super) fn find(faces: &Faces) -> Vec<Overlap> {
     let tolerance = Tolerance::of(&Aabb::of(faces.positions.iter().copied()));
-    let mut keys: Vec<(u64, u32)> = (0..faces.triangles.len())
-        .into_par_iter()
-        .with_min_len(4096)
-        .flat_map_iter(|t| tolerance.keys(corners(faces, t)).map(move |key| (key, t as u32)))
-        .collect();
+    let mut keys: Vec<(u64, u32)> =
+        parallel::flat_map(parallel::at_least(4096, 0..faces.triangles.len()), |t| {
+            tolerance.keys(corners(faces, t)).map(move |key| (key, t as u32))
+        });
     keys.par_sort_unstable();
     let groups = keys.chunk_by(|a, b| a.0 == b.0).filter(|group| {
         let first = group[0].1;
@@ -130,9 +130,8 @@ pub(super) fn find(faces: &Faces) -> Vec<Overlap> {
     });
     let groups: Vec<&[(u64, u32)]> = groups.collect();
     // A face near the border of its cell is in several groups; each pair counts once.
-    let mut pairs: Vec<Overlap> =
-        groups.into_par_iter().flat_map_iter(|group| within(faces, group, &tolerance)).collect();
-    pairs.par_sort_unstable_by_key(|&(a, b, _)| (a, b));
+    let mut pairs: Vec<Overlap> = parallel::flat_map(&groups, |group| within(faces, group, &tolerance));
+    parallel::sort_by_key(&mut pairs, |&(a, b, _)| (a.into(), b));
     pairs.dedup_by_key(|&mut (a, b, _)| (a, b));
     pairs
 }
@@ -243,7 +242,7 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<Ove
         });
         near.filter(move |&m| boxes_overlap(k, m)).filter_map(move |m| test_pair(k, m))
     };
-    (0..boxes.len()).into_par_iter().with_min_len(1024).flat_map_iter(overlaps_of).collect()
+    parallel::flat_map(parallel::at_least(1024, 0..boxes.len()), overlaps_of)
 }
 
 /// Largest distance of the planes of two overlapping faces, by their own coordinates.

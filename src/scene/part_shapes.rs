@@ -4,9 +4,9 @@ use super::{
     connect::Parts,
     magnitudes::{GAP, largest_distance},
 };
+use crate::math::parallel;
 use crate::math::{Aabb, winding_number};
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Shape of a part.
@@ -110,14 +110,12 @@ pub(super) fn shapes_of_parts(
         PartShape { area, kind, bounds, is_lit_inside: false }
     };
     let mut shapes: Vec<PartShape> = sums.into_iter().zip(volumes).map(shape).collect();
-    let mut lit: HashMap<u32, (Vec<Vec3>, Vec<[Vec3; 3]>)> = shapes
-        .par_iter()
-        .enumerate()
-        .filter_map(|(part, shape)| {
-            let near = lamps_in(shape, lamps);
-            (!near.is_empty()).then_some((part as u32, (near, Vec::new())))
-        })
-        .collect();
+    let mut lit: HashMap<u32, (Vec<Vec3>, Vec<[Vec3; 3]>)> = parallel::flat_map(0..shapes.len(), |part| {
+        let near = lamps_in(&shapes[part], lamps);
+        (!near.is_empty()).then_some((part as u32, (near, Vec::new())))
+    })
+    .into_iter()
+    .collect();
     for (t, corners) in triangles.iter().enumerate() {
         if let Some((_, faces)) = lit.get_mut(&part(t)) {
             faces.push(corners.map(|v| positions[v as usize]));

@@ -1,8 +1,8 @@
 //! Planar patches of surfaces.
 
 use super::Scene;
+use crate::math::parallel;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Smallest cosine between the normals of a patch's faces: cos 1.15°, above the rounding of normals in files with
 /// four digits. No value from 0.999 to 0.99999 changes the errors of a forest (`constants.py bench`).
@@ -15,11 +15,12 @@ impl Scene {
     /// Planar edge-connected patches of some triangles, grown from the largest triangles; each of triangles with the same `group`. The
     /// normals of all members agree with that of the first triangle, so that finely tessellated curves are not planes.
     pub(crate) fn planar_patches(&self, triangles: &[u32], group: impl Fn(u32) -> u32) -> Vec<Vec<u32>> {
-        let normals: Vec<Vec3> = triangles.par_iter().map(|&t| self.face_normal(t)).collect();
-        let areas: Vec<f64> = triangles.par_iter().map(|&t| self.face_area(t)).collect();
+        let normals: Vec<Vec3> = parallel::map(triangles, |&t| self.face_normal(t));
+        let areas: Vec<f64> = parallel::map(triangles, |&t| self.face_area(t));
         let neighbours = self.neighbours(triangles);
         let mut seeds: Vec<u32> = (0..triangles.len() as u32).collect();
-        seeds.par_sort_by(|&a, &b| areas[b as usize].total_cmp(&areas[a as usize]).then(a.cmp(&b)));
+        // Numbers of at least 0 have the order of their bits.
+        parallel::sort_by_key(&mut seeds, |&i| (!areas[i as usize].to_bits(), i));
         let group = |i: u32| group(triangles[i as usize]);
         let mut taken = vec![false; triangles.len()];
         let mut patches = Vec::new();
@@ -59,7 +60,7 @@ impl Scene {
                 })
             })
             .collect();
-        pairs.par_sort_unstable();
+        parallel::sort_by_key(&mut pairs, |&(a, b)| (a.into(), b));
         pairs
     }
 }

@@ -47,7 +47,7 @@ impl SkyMap {
     pub fn read(path: &Path, north: f64) -> Result<SkyMap> {
         let limit = memory::usable().unwrap_or(u64::MAX >> 1);
         let bytes = input::read(path, limit)?;
-        let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+        let reader = ImageReader::new(Cursor::new(&bytes[..])).with_guessed_format();
         let mut reader = reader.map_err(|e| Error::io(path, e))?;
         if !matches!(reader.format(), Some(ImageFormat::OpenExr | ImageFormat::Hdr)) {
             return Err(Error::format(
@@ -63,7 +63,9 @@ impl SkyMap {
         let is_hdr = reader.format() == Some(ImageFormat::Hdr);
         let undecoded =
             |e| Error::format(path, None, format!("cannot be decoded: {}", quote(&format!("{e}"))));
-        let image = input::guarded(path, || reader.decode().map_err(undecoded))?.into_rgb32f();
+        let image = input::guarded(path, || reader.decode().map_err(undecoded))?;
+        drop(bytes);
+        let image = image.into_rgb32f();
         let (width, height) = (image.width() as usize, image.height() as usize);
         let texels = image.pixels().map(|p| if is_hdr { with_half_steps(p.0) } else { p.0 }).collect();
         SkyMap::new(width, height, texels, north).map_err(|what| Error::format(path, None, what))

@@ -2,8 +2,8 @@
 
 use super::Grid;
 use super::quadtree::{Node, Quadtree, Side};
+use crate::math::parallel;
 use glam::Vec3;
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 
@@ -80,7 +80,7 @@ pub fn coarse(grid: &Grid, triangles: usize) -> (Mesh, Vec<Piece>) {
             pieces.push(Piece { first: [west as u32, north as u32], cells, triangles, error: 0.0 });
         }
     }
-    pieces.par_iter_mut().for_each(|piece| piece.error = piece.largest_distance(grid, &mesh));
+    parallel::for_each_mut(&mut pieces, |_, piece| piece.error = piece.largest_distance(grid, &mesh));
     (mesh, pieces)
 }
 
@@ -153,7 +153,7 @@ fn errors(grid: &Grid) -> Vec<Level> {
             let children = [[0, 0], [1, 0], [0, 1], [1, 1]];
             children.iter().filter_map(|[i, j]| child(2 * column + i, 2 * row + j)).fold(own, f32::max)
         };
-        let errors = (0..columns * rows).into_par_iter().map(error).collect();
+        let errors = parallel::map(0..columns * rows, error);
         levels.push(Level { columns, errors });
         if columns * rows == 1 {
             return levels;

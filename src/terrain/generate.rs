@@ -1,8 +1,8 @@
 //! Height fields made by formulas: a rough one, and those with known sky view factors.
 
 use super::Grid;
+use crate::math::parallel;
 use crate::{Result, memory};
-use rayon::prelude::*;
 
 /// Memory of a sample, bytes: its height, and the same in the file that is written.
 const BYTES_PER_SAMPLE: u64 = 8;
@@ -15,7 +15,7 @@ pub fn of(columns: usize, rows: usize, cell: f64, height: impl Fn(f64, f64) -> f
     memory::check_room(BYTES_PER_SAMPLE * samples, || format!("{samples} samples of the terrain"))?;
     let (x0, y0) = (0.5 * (columns - 1) as f64, 0.5 * (rows - 1) as f64);
     let mut heights = vec![0.0f32; columns * rows];
-    heights.par_chunks_mut(columns).enumerate().for_each(|(r, line)| {
+    parallel::for_each_chunk_mut(&mut heights, columns, |r, line| {
         for (c, h) in line.iter_mut().enumerate() {
             *h = height((c as f64 - x0) * cell, (y0 - r as f64) * cell) as f32;
         }

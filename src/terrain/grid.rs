@@ -1,5 +1,6 @@
 //! Heights at the samples of a regular grid.
 
+use crate::math::parallel;
 use crate::{Error, Result};
 use glam::DVec3;
 
@@ -163,10 +164,9 @@ const BLOCK: usize = 64;
 
 /// The matrix with rows of `columns` values, transposed.
 pub(super) fn transpose<T: Copy + Default + Send + Sync>(values: &[T], columns: usize) -> Vec<T> {
-    use rayon::prelude::*;
     let rows = values.len() / columns;
     let mut out = vec![T::default(); values.len()];
-    out.par_chunks_mut(BLOCK * rows).enumerate().for_each(|(block, out)| {
+    parallel::for_each_chunk_mut(&mut out, BLOCK * rows, |block, out| {
         let first = block * BLOCK;
         for start in (0..rows).step_by(BLOCK) {
             for (i, line) in out.chunks_exact_mut(rows).enumerate() {

@@ -3,9 +3,9 @@
 use super::Grid;
 use super::quantities::{Slopes, Sun, Tilt, arctangent, visible_parts, with_holes};
 use super::sweep::{Azimuths, Row, SweepOptions, fold};
+use crate::math::parallel;
 use crate::{Error, Result};
 use glam::DVec3;
-use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Light from sun and sky at one time. All light is in one unit: W/m² and W/(m² sr), or lx and cd/m².
@@ -76,7 +76,7 @@ fn direct(grid: &Grid, light: &Light, options: &SweepOptions) -> Result<Vec<f32>
     let mut values = visible_parts(grid, sun, options)?;
     // Rows increase to the south.
     let direction = [sun.azimuth.sin(), -sun.azimuth.cos()].map(|d| d as f32);
-    values.par_chunks_mut(grid.columns()).enumerate().for_each(|(row, values)| {
+    parallel::for_each_chunk_mut(&mut values, grid.columns(), |row, values| {
         let slopes = Slopes::new(grid, row);
         for (c, value) in values.iter_mut().enumerate() {
             let tilt = Tilt::new(slopes.at(c), direction);

@@ -5,12 +5,12 @@ use super::item::{Item, Panel, Table, count, number};
 use super::view::irradiance;
 use super::{Context, MIN_STANDARD_ERRORS, by_links, by_rays, changed, counts_of, fixed};
 use glam::DVec3;
+use mrvis::internals::math::parallel;
 use mrvis::internals::math::triangle_area;
 use mrvis::internals::radiosity::{self, Inside, Options, Outcome, RowNormalisation};
 use mrvis::internals::{ModelParts, PrepareParts, SceneParts, clusters};
 use mrvis::metrics::Image;
 use mrvis::{Model, PrepareOptions, Result, Scene};
-use rayon::prelude::*;
 
 /// Books in a row.
 const BOOKS: u32 = 14;
@@ -94,10 +94,11 @@ impl Solves {
         while all.powers.len() < max && (all.powers.len() < 2 || all.power()[1] > max_error) {
             let first = all.powers.len() as u64 + 1;
             let seeds: Vec<u64> = (first..first + batch as u64).collect();
-            let made = seeds.par_iter().map(|&seed| {
+            let made = parallel::map(&seeds, |&seed| {
                 radiosity::run(model, &[], &changed(options, |options| options.seed = seed), &())
             });
-            for outcome in made.collect::<Result<Vec<_>>>()? {
+            for outcome in made {
+                let outcome = outcome?;
                 all.add(model.scene(), &outcome)?;
             }
         }

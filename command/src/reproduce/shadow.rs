@@ -3,12 +3,12 @@
 use super::plain::{Descent, PlainTree, Visits};
 use glam::{DVec3, Vec3};
 use mrvis::internals::bench::{ReceiverPoint, Workload};
+use mrvis::internals::math::parallel;
 use mrvis::internals::ray::{LANES, Occluder, Packet};
 use mrvis::internals::visibility::{Bundle, Exact, MultiResolution, Workspace};
 use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::{FeatureOptions, Features, Image, Morphology};
 use mrvis::{Model, Result};
-use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -86,7 +86,7 @@ impl<'a> Grid<'a> {
             }
             1.0 - blocked(&exact, &packets) as f32 / targets.len() as f32
         };
-        self.image(self.workload.points.par_iter().map(visible).collect())
+        self.image(parallel::map(&self.workload.points, visible))
     }
 
     /// The fraction of the unoccluded light of all emitters by exact rays; `stream` selects an independent sample set.
@@ -191,7 +191,7 @@ impl<'a> Grid<'a> {
         let mut shortest = vec![f64::INFINITY; ranges.len()];
         let mut values = vec![0.0; n];
         for _ in 0..repeat.max(1) {
-            let runs: Vec<(Vec<f32>, f64)> = ranges.par_iter().cloned().map(&run).collect();
+            let runs: Vec<(Vec<f32>, f64)> = parallel::map(&ranges, |range| run(range.clone()));
             for ((range, (found, seconds)), shortest) in ranges.iter().zip(runs).zip(&mut shortest) {
                 *shortest = shortest.min(seconds);
                 self.pairs[range.clone()].iter().zip(found).for_each(|(&pair, value)| values[pair] = value);

@@ -11,11 +11,11 @@ use super::{Context, fixed};
 use glam::{DVec3, Vec2, Vec3};
 use mrvis::internals::SceneParts;
 use mrvis::internals::clusters::Tree;
+use mrvis::internals::math::parallel;
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Series};
 use mrvis::internals::raster::{BitImage, Opener, fill_triangle};
 use mrvis::metrics::{Image, Morphology};
 use mrvis::{Detail, Result, Scene};
-use rayon::prelude::*;
 
 /// Distance between emitter and receiver, metres.
 const DISTANCE: f64 = 4.0;
@@ -305,7 +305,7 @@ pub fn blocker_sizes(scene: &Scene, tree: &Tree, view: Vec3) -> Vec<f32> {
         let [blocked, free] = sizes(scene, tree.triangles_of(c), view);
         blocked.max(free)
     };
-    (0..tree.clusters.len()).into_par_iter().map(size).collect()
+    parallel::map(0..tree.clusters.len(), size)
 }
 
 /// Sizes of the blocked and of the free regions of some triangles.

@@ -6,10 +6,10 @@ use super::pair::Pairs;
 use super::rays::SampleTable;
 use crate::Result;
 use crate::embree::Hits;
+use crate::math::parallel;
 use crate::progress::Progress;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Result of the rays of one facet.
 #[derive(serde::Deserialize, serde::Serialize)]
@@ -133,11 +133,12 @@ pub fn upper(found: &[FacetRays], progress: &dyn Progress) -> Result<Vec<Vec<Par
             upper[i.min(p.facet()) as usize].push(Partner::new(p.facet().max(i), p.hits()));
         }
     }
-    upper.par_iter_mut().try_for_each(|u| {
-        go_on(progress)?;
-        Partner::merge(u);
-        u.shrink_to_fit();
-        Ok(())
-    })?;
+    parallel::for_each_mut(&mut upper, |_, u| {
+        if !progress.stopped() {
+            Partner::merge(u);
+            u.shrink_to_fit();
+        }
+    });
+    go_on(progress)?;
     Ok(upper)
 }

@@ -32,11 +32,11 @@ pub use rows::{FormFactors, Grouping, by_groups};
 pub use write::{Format, write};
 
 use crate::error::quote;
+use crate::math::parallel;
 use crate::model::Model;
 use crate::progress::{self, Progress};
 use crate::{Error, Result};
 use facets::Partner;
-use rayon::prelude::*;
 use rays::Traced;
 
 /// Options of [`compute`]. [`Settings::new`] has the defaults for a number of facets.
@@ -173,22 +173,19 @@ pub fn compute(
     let pairs = pair::Pairs { traced: &traced, facets, settings, progress };
     let rows = model.ranks().rows(facets.count());
     let advance = || progress.advance(rows.steps(1) as u64);
-    let found: Vec<discover::FacetRays> = rows
-        .numbers()
-        .map_init(discover::Buffers::default, |buffers, i| {
+    let found: Vec<discover::FacetRays> =
+        parallel::try_map_with(rows.numbers(), discover::Buffers::default, |buffers, i| {
             go_on(progress)?;
             let found = pairs.partners(i as u32, buffers);
             advance();
             Ok(found)
-        })
-        .collect::<Result<_>>()?;
+        })?;
     let found = rows.gather(found);
     let partners = discover::upper(&found, progress)?;
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
-    let upper: Vec<pair::Row> = rows
-        .numbers()
-        .map_init(pair::Buffers::default, |buffers, i| {
+    let upper: Vec<pair::Row> =
+        parallel::try_map_with(rows.numbers(), pair::Buffers::default, |buffers, i| {
             go_on(progress)?;
             let row = if settings.every {
                 pairs.every(i as u32, buffers)
@@ -197,8 +194,7 @@ pub fn compute(
             };
             advance();
             Ok(row)
-        })
-        .collect::<Result<_>>()?;
+        })?;
     let mut upper = rows.gather(upper);
     drop(partners);
     // Rows that were cut short are not shown.

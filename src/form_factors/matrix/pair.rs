@@ -5,11 +5,11 @@ use super::rays::{SampleTable, Traced};
 use super::{Settings, go_on};
 use crate::Result;
 use crate::form_factors::analytic::{point_to_polygon, polygon_to_polygon};
+use crate::math::parallel;
 use crate::math::sampling::mix;
 use crate::progress::Progress;
 use crate::ray::{LANES, Packet};
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// The pairs of one facet with facets of higher numbers.
 #[derive(Default, serde::Deserialize, serde::Serialize)]
@@ -255,13 +255,15 @@ pub fn balance(rows: &mut [Row], progress: &dyn Progress) -> Result<()> {
     }
     let factors =
         tally.map(|[met, expected]| ((met + BALANCE_PRIOR_RAYS) / (expected + BALANCE_PRIOR_RAYS)) as f32);
-    rows.par_iter_mut().try_for_each(|row| {
-        go_on(progress)?;
+    parallel::for_each_mut(rows, |_, row| {
+        if progress.stopped() {
+            return;
+        }
         for (exchange, class) in row.exchange.iter_mut().zip(std::mem::take(&mut row.chance)) {
             *exchange *= factors.get(usize::from(class)).copied().unwrap_or(1.0);
         }
-        Ok(())
-    })
+    });
+    go_on(progress)
 }
 
 /// The fraction of the unoccluded exchange area that a found pair represents: `f(T) = T / (1 − exp(−c T))`. f is

@@ -1,6 +1,7 @@
 //! The audit of error bars: independent paths from a few elements, followed to the end by exact rays. They share with the solution which
 //! sides count as unlit, and the closed form of the light of diffuse emitters without obstacles.
 
+use crate::math::parallel;
 use crate::math::sampling::{mix, point_on};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
@@ -9,7 +10,6 @@ use crate::radiosity::links::Tally;
 use crate::radiosity::options::Options;
 use crate::radiosity::rgb::mean;
 use glam::Vec3;
-use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
 /// Groups of paths from an element, whose spread gives the standard error of their mean to 1/√(2 · 7) = 27 %.
@@ -193,9 +193,8 @@ impl FinalGather<'_> {
             sums[sums.partition_point(|a| a.0 <= at).min(sums.len() - 1)]
         };
         let rows = self.ranks.rows(size.elements);
-        let made: Vec<Option<(Check, Tally)>> = rows
-            .numbers()
-            .map_init(Buffers::default, |buffers, k| {
+        let made: Vec<Option<(Check, Tally)>> =
+            parallel::map_with(rows.numbers(), Buffers::default, |buffers, k| {
                 if deadline.late() {
                     return None;
                 }
@@ -207,8 +206,7 @@ impl FinalGather<'_> {
                 let error = (mean(states[e as usize].irradiance) - by_paths).abs();
                 let check = Check { error, noise, bar: bars[e as usize], weight: 1.0 / chance };
                 Some((check, buffers.scratch.tally))
-            })
-            .collect();
+            });
         let (mut checks, mut tally) = (Vec::new(), Tally::default());
         let made: Option<Vec<(Check, Tally)>> = rows.gather(made).into_iter().collect();
         for (check, cost) in made.into_iter().flatten() {

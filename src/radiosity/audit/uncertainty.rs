@@ -1,6 +1,7 @@
 //! Error bars of the solution.
 
 use super::solved::{FinalLight, Solved};
+use crate::math::parallel;
 use crate::math::weld::weld;
 use crate::radiosity::elements::{Element as ElementNode, Elements, Shape, Side, surface_area};
 use crate::radiosity::mesh::{Element, PlacedElement, RadiosityMesh};
@@ -9,7 +10,6 @@ use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::mean;
 use crate::scene::Scene;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Lower bound of the fraction of the light that is lost at every bounce, without row normalisation: errors add up over at most
 /// 1 / 0.05 = 20 bounces. Affects error bars only, which the audit rescales.
@@ -85,7 +85,7 @@ impl Solved {
         let leaves: Vec<_> = elements.elements.iter().enumerate().filter_map(leaf).collect();
         // Ids of placed meshes are ids of elements; dark sides have no elements.
         let dark = if elements.instance_count() < 2 { &elements.dark[..] } else { &[] };
-        let mut corners: Vec<Vec3> = leaves.par_iter().flat_map_iter(|(.., corners)| *corners).collect();
+        let mut corners: Vec<Vec3> = parallel::flat_map(&leaves, |(.., corners)| *corners);
         corners.extend(dark.iter().flat_map(|(_, corners)| *corners));
         let (number, vertices) = weld(&corners);
         let (number, number_of_dark) = number.split_at(4 * leaves.len());
@@ -108,7 +108,8 @@ impl Solved {
             narrow: false,
             walls: 0,
         };
-        let one = |(&(e, side, _), corners): (&(usize, u32, [Vec3; 4]), &[u32])| {
+        let one = |k: usize| {
+            let ((e, side, _), corners) = (leaves[k], &number[4 * k..][..4]);
             let (element, state) = (&elements.elements[e], &elements.states[e]);
             let (side, irradiance) = (&elements.sides[side as usize], light[e]);
             let level = mean(irradiance);
@@ -130,7 +131,7 @@ impl Solved {
             let instance = *instance_of_side.get(side as usize)?;
             Some(PlacedElement { instance, id: elements.surface_id(instance, e as u32).expect("a surface") })
         };
-        let mut all: Vec<Element> = leaves.par_iter().zip(number.par_chunks_exact(4)).map(one).collect();
+        let mut all: Vec<Element> = parallel::map(0..leaves.len(), one);
         let numbers: Vec<u32> = leaves.iter().map(|(e, ..)| *e as u32).collect();
         let walls = self.linked.walls_along(&self.linked.engine.exact(), &numbers);
         all.iter_mut().zip(walls).for_each(|(element, walls)| element.walls = walls);
@@ -139,7 +140,7 @@ impl Solved {
                 .zip(number_of_dark.chunks_exact(4))
                 .map(|((side, of), corners)| of_side(side, corners, surface_area(of))),
         );
-        let instances = leaves.par_iter().filter_map(placed).collect();
+        let instances = parallel::flat_map(&leaves, placed);
         RadiosityMesh { origin: scene.origin, elements: all, dark: dark.len(), instances, vertices }
     }
 }

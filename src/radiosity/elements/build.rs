@@ -4,12 +4,12 @@ use super::lit_sides::lit_sides;
 use super::subdivision::surface;
 use super::{Cluster, DIRECTIONS, Element, ElementState, Elements, Shape, Side, SideSampler, facing};
 use crate::clusters::{Hierarchy, Tree};
+use crate::math::parallel;
 use crate::math::{Aabb, triangle_normal};
 use crate::model::face_magnitudes;
 use crate::ray::EndRule;
 use crate::scene::Scene;
 use glam::Vec3;
-use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 
 /// Largest number of subdivisions of a side: parts of 2⁻²⁰ of its width are 16 roundings of its coordinates wide.
@@ -111,7 +111,7 @@ impl Build {
             (0..tree.clusters.len()).filter(|&c| tree.clusters[c].is_leaf()).collect();
         leaves.sort_by_key(|&c| tree.clusters[c].first_triangle);
         let made: Vec<Vec<NewSide>> =
-            leaves.par_iter().map(|&c| sides_of(scene, magnitudes, tree.triangles_of(c), lit)).collect();
+            parallel::map(&leaves, |&c| sides_of(scene, magnitudes, tree.triangles_of(c), lit));
         for (&c, made) in leaves.iter().zip(made) {
             let first = self.sides.len() as u32;
             self.sides.extend(made);
@@ -149,8 +149,7 @@ impl Build {
         }
         let areas = sides.iter().map(|s| elements[s.element as usize].area);
         let samples = SideSampler::new(areas.zip(sides.iter().map(|s| facing(s.normal))));
-        let made: Vec<Cluster> =
-            ranges.par_iter().map(|&range| cluster(range, &elements, &sides, &samples)).collect();
+        let made: Vec<Cluster> = parallel::map(&ranges, |&range| cluster(range, &elements, &sides, &samples));
         for (element, cluster) in elements.iter_mut().zip(&made) {
             element.area = samples.of_range(cluster.sides)[DIRECTIONS];
             element.centre = cluster.bounds.center();

@@ -5,9 +5,9 @@
 //! tree; it draws a node by that estimate, then a face of the node by power.
 
 use crate::math::Aabb;
+use crate::math::parallel;
 use crate::math::sampling::pick;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Nodes of a cut: as many as a packet has segments, so that each segment of a packet can have a node of its own.
 const MAX_CUT: usize = 16;
@@ -90,7 +90,7 @@ impl EmitterTree {
             let (corners, (normal, power)) = (of(id), face(id));
             Face { id, bounds: Aabb::of(corners), centre: corners.iter().sum::<Vec3>(), normal, power }
         };
-        let mut known: Vec<Face> = faces.par_iter().with_min_len(PARALLEL_FACES).map(known).collect();
+        let mut known: Vec<Face> = parallel::map(parallel::at_least(PARALLEL_FACES, &*faces), known);
         let mut nodes = vec![EmitterNode::NONE; (2 * known.len()).saturating_sub(1)];
         if !known.is_empty() {
             add(&mut known, 0, &mut nodes, 0);
@@ -218,7 +218,7 @@ fn add(faces: &mut [Face], first: u32, nodes: &mut [EmitterNode], at: u32) {
     let mut near = || add(left, first, near, at + 1);
     let mut far = || add(right, first + middle as u32, far, second);
     if count > PARALLEL_FACES {
-        rayon::join(near, far);
+        parallel::join(near, far);
     } else {
         near();
         far();

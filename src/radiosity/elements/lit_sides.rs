@@ -1,10 +1,10 @@
 //! Which sides of the faces light can reach.
 
+use crate::math::parallel;
 use crate::math::{Aabb, triangle_normal, winding_number};
 use crate::ray::EndRule;
 use crate::scene::{Scene, badly_wound, magnitude};
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// For each face whether front and back can be reached by light.
 ///
@@ -15,24 +15,21 @@ pub(super) fn lit_sides(scene: &Scene, open: &[u32]) -> Vec<[bool; 2]> {
     let mut parts = closed_parts(scene);
     open.iter().for_each(|&part| parts[part as usize].clear());
     let lights = light_points(scene);
-    let mut seen_of_part: Vec<[bool; 2]> = parts
-        .par_iter()
-        .map(|faces| {
-            if faces.is_empty() {
-                return [true, true];
-            }
-            let bounds = Aabb::of(faces.iter().flat_map(|&t| scene.corners(t)));
-            let outward = signed_volume(scene, faces, bounds.center()) > 0.0;
-            let (mut inside, mut outside) = (false, lights.is_empty() || scene.environment.is_some());
-            for &light in &lights {
-                let holds = light.cmpge(bounds.min).all()
-                    && light.cmple(bounds.max).all()
-                    && winding(scene, faces, light).abs() > 0.5;
-                (inside, outside) = (inside || holds, outside || !holds);
-            }
-            if outward { [outside, inside] } else { [inside, outside] }
-        })
-        .collect();
+    let mut seen_of_part: Vec<[bool; 2]> = parallel::map(&parts, |faces| {
+        if faces.is_empty() {
+            return [true, true];
+        }
+        let bounds = Aabb::of(faces.iter().flat_map(|&t| scene.corners(t)));
+        let outward = signed_volume(scene, faces, bounds.center()) > 0.0;
+        let (mut inside, mut outside) = (false, lights.is_empty() || scene.environment.is_some());
+        for &light in &lights {
+            let holds = light.cmpge(bounds.min).all()
+                && light.cmple(bounds.max).all()
+                && winding(scene, faces, light).abs() > 0.5;
+            (inside, outside) = (inside || holds, outside || !holds);
+        }
+        if outward { [outside, inside] } else { [inside, outside] }
+    });
     if let Some((part, front_is_up)) = ground(scene) {
         seen_of_part[part as usize] = [front_is_up, !front_is_up];
     }
@@ -64,7 +61,8 @@ pub fn lit_inside(scene: &Scene, entered: &[DarkSideHit]) -> Vec<u32> {
     for ray in entered {
         by_part[scene.triangle_component[ray.triangle as usize] as usize].push(*ray);
     }
-    let is_lit = |(part, (rays, faces)): (usize, (&Vec<DarkSideHit>, &Vec<u32>))| {
+    let is_lit = |part: usize| {
+        let (rays, faces) = (&by_part[part], &parts[part]);
         if rays.is_empty() || faces.is_empty() {
             return false;
         }
@@ -78,8 +76,7 @@ pub fn lit_inside(scene: &Scene, entered: &[DarkSideHit]) -> Vec<u32> {
         let from_outside = tested.iter().filter(outside).count() as f64;
         rays.iter().any(|ray| ray.emits) || from_outside >= MIN_OUTSIDE_SHARE * tested.len() as f64
     };
-    let lit: Vec<bool> = by_part.par_iter().zip(&parts).enumerate().map(is_lit).collect();
-    (0..).zip(lit).filter_map(|(part, lit)| lit.then_some(part)).collect()
+    parallel::flat_map(0..parts.len(), |part| is_lit(part).then_some(part as u32))
 }
 
 /// The faces of each closed and consistently wound part; an empty list for other parts.
@@ -175,8 +172,9 @@ pub(super) fn ground(scene: &Scene) -> Option<(u32, bool)> {
     let emits = |t: u32| {
         scene.materials[scene.triangle_material[t as usize] as usize].emission.iter().any(|l| *l > 0.0)
     };
-    let own = faces.into_par_iter().filter(|&t| scene.triangle_component[t as usize] == only);
-    let found = own.map(|t| if emits(t) { 3 } else { facing(t) }).reduce(|| 0u8, |a, b| a | b);
+    let is_own = |t: u32| scene.triangle_component[t as usize] == only;
+    let way = |t: u32| is_own(t).then(|| if emits(t) { 3u8 } else { facing(t) });
+    let found = parallel::flat_map(faces, way).into_iter().fold(0, |a, b| a | b);
     matches!(found, 1 | 2).then_some((only, found == 1))
 }
 

@@ -3,8 +3,8 @@
 use super::cuts::ChildrenOutlines;
 use super::subdivision::is_triangle;
 use super::{Elements, Shape};
+use crate::math::parallel;
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 /// The quadtrees of all sides in packed form. Elements must not be split or cut while a lookup is in use.
 pub struct Lookup {
@@ -37,7 +37,7 @@ const MAX_GRID_LEVELS: u32 = 8;
 impl Lookup {
     /// The lookup for the present elements.
     pub fn new(elements: &Elements) -> Lookup {
-        let frames = elements.sides.par_iter().map(|side| {
+        let frames = parallel::map(&elements.sides, |side| {
             let c = elements.corners(side);
             let (x, y) = side.normal.any_orthonormal_pair();
             let gradients = |[e, f]: [Vec3; 2]| {
@@ -61,12 +61,10 @@ impl Lookup {
             }
         });
         let mut lookup = Lookup {
-            frames: frames.collect(),
-            first_child: elements
-                .elements
-                .par_iter()
-                .map(|e| if e.is_leaf() { 0 } else { e.first_child as i32 })
-                .collect(),
+            frames,
+            first_child: parallel::map(&elements.elements, |e| {
+                if e.is_leaf() { 0 } else { e.first_child as i32 }
+            }),
             irregular: Vec::new(),
             cells: Vec::new(),
         };

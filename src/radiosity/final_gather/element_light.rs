@@ -11,13 +11,13 @@ use super::local_pass::LocalPass;
 use super::neighbours::{Place, Sight, Walls};
 use super::ray_counts::NEEDED_SHARE;
 use super::sharing::share;
+use crate::math::parallel;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape, Side};
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::radiosity::surroundings::{ESCAPED, SideRays, SkyPower};
 use glam::Vec3;
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
@@ -379,7 +379,7 @@ impl FinalGather<'_> {
             };
             sides.zip(free).map(place).collect::<Vec<Place>>()
         };
-        leaves.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
+        parallel::flat_map(parallel::chunks(leaves, CHUNK), of_chunk)
     }
 
     /// The light of leaves by their own rays. Leaves without rays because of the deadline have no light.
@@ -387,9 +387,8 @@ impl FinalGather<'_> {
         deadline.stage("light of elements", leaves.len());
         let batches = batches(leaves);
         let rows = self.ranks.rows(batches.len());
-        let made: Vec<(Vec<ElementLight>, Tally)> = rows
-            .numbers()
-            .map_init(Buffers::default, |buffers, k| {
+        let made: Vec<(Vec<ElementLight>, Tally)> =
+            parallel::map_with(rows.numbers(), Buffers::default, |buffers, k| {
                 buffers.scratch.tally = Tally::default();
                 let batch = &leaves[batches[k].clone()];
                 let light = match deadline.late() {
@@ -398,8 +397,7 @@ impl FinalGather<'_> {
                 };
                 deadline.advance(rows.steps(batch.len()));
                 (light, buffers.scratch.tally)
-            })
-            .collect();
+            });
         let (mut light, mut tally) = (Vec::with_capacity(leaves.len()), Tally::default());
         for (part, cost) in rows.gather(made) {
             light.extend(part);

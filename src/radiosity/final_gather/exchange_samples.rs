@@ -5,10 +5,10 @@ use super::gatherer::FinalGather;
 use super::local_noise::LocalResult;
 use super::ray_counts::{AVERAGED_ELEMENTS, NEEDED_SHARE};
 use super::ray_rows::{RayRow, RayRows};
+use crate::math::parallel;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::rgb::mean;
 use glam::Vec3;
-use rayon::prelude::*;
 
 impl FinalGather<'_> {
     /// The light of leaves of the exchange by its rays, after the light that elements reflect is known; empty if these rays leave more
@@ -30,17 +30,17 @@ impl FinalGather<'_> {
         {
             return Vec::new();
         }
-        let reflected: Vec<Vec3> =
-            rows.rows.par_iter().map(|row| self.reflected_by(row.leaf, results)).collect();
+        let reflected: Vec<Vec3> = parallel::map(&rows.rows, |row| self.reflected_by(row.leaf, results));
         let first_half = |row: &RayRow| (row.halves[0].sun.into_iter().sum(), row.rays / 2);
         let is_partly_lit = self.partly_sunlit(&[rows], first_half);
         let first = |i: usize| if i == 0 { 0 } else { rows.rows[i - 1].end };
-        let of_row = |(i, row): (usize, &RayRow)| {
+        let of_row = |i: usize| {
+            let row = &rows.rows[i];
             let parent = self.linked.elements.elements[row.leaf as usize].parent as usize;
             let is_kept = !is_partly_lit.get(parent).copied().unwrap_or(false);
             is_kept.then(|| (row.leaf, light_of_row(row, &rows.met[first(i)..row.end], &reflected)))
         };
-        rows.rows.par_iter().enumerate().filter_map(of_row).collect()
+        parallel::flat_map(0..rows.rows.len(), of_row)
     }
 
     /// Whether the rays of the exchange bring the noise of elements, shared between neighbours, to [`NEEDED_SHARE`] of the error asked

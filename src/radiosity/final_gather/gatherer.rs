@@ -5,6 +5,7 @@ use super::hemisphere::{grid_of, hemisphere};
 use super::reflected::Reflected;
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
+use crate::math::parallel;
 use crate::math::sampling::mix;
 use crate::model::Model;
 use crate::radiosity::elements::emitter_tree::{EmitterCut, Receiver};
@@ -18,7 +19,6 @@ use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::sky::Environment;
 use glam::Vec3;
-use rayon::prelude::*;
 use sobol_burley::sample;
 use std::sync::{Arc, OnceLock};
 
@@ -179,7 +179,8 @@ impl<'a> FinalGather<'a> {
             (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ mix(k as u64)))).collect();
         let shadow_rays = (MAX_LIGHT_RAYS_RATIO * options.light_rays()).min(MAX_SHADOW_RAYS) as u32;
         let table = (0..shadow_rays).map(|i| [sample(i, 0, 7), sample(i, 1, 7)]).collect();
-        let reflected = elements.elements.par_iter().zip(&elements.states).map(|(e, state)| {
+        let reflected = parallel::map(0..elements.len(), |k| {
+            let (e, state) = (&elements.elements[k], &elements.states[k]);
             let light = match e.shape {
                 Shape::Cluster(_) => [0.0; 3],
                 Shape::Surface { side, .. } => {
@@ -194,7 +195,6 @@ impl<'a> FinalGather<'a> {
             };
             Reflected { light, trusted_from }
         });
-        let reflected: Vec<Reflected> = reflected.collect();
         let slack = 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude;
         FinalGather {
             model,

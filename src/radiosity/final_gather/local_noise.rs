@@ -2,10 +2,10 @@
 
 use super::bright_leaves::Brightest;
 use super::ray_rows::{RayRow, RayRows};
+use crate::math::parallel;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::radiosity::transport::RayTransport;
-use rayon::prelude::*;
 
 /// Smallest number of rows of one parallel task, so that the work of a task outweighs its start. Does not change results.
 const CHUNK: usize = 64;
@@ -67,15 +67,11 @@ pub fn assign_noise(
         _ => level,
     };
     let seen: Vec<f64> = leaves.iter().map(seen).collect();
-    let spreads: Vec<RowSpread> = (0..rows.rows.len())
-        .into_par_iter()
-        .with_min_len(CHUNK)
-        .map(|i| {
-            let row = &rows.rows[i];
-            let others = transport.form_factors(i).map(|(j, f)| (f, seen[j as usize]));
-            RowSpread::new(row, f64::from(row.rays), others)
-        })
-        .collect();
+    let spreads: Vec<RowSpread> = parallel::map(parallel::at_least(CHUNK, 0..rows.rows.len()), |i| {
+        let row = &rows.rows[i];
+        let others = transport.form_factors(i).map(|(j, f)| (f, seen[j as usize]));
+        RowSpread::new(row, f64::from(row.rays), others)
+    });
     let mut below = vec![[Spread::default(); 2]; elements.len()];
     rows.rows.iter().zip(&spreads).for_each(|(row, spread)| below[row.leaf as usize] = spread.spreads);
     let variances = variances_below(elements, &mut below);

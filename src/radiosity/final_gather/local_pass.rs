@@ -14,6 +14,7 @@ use super::local_noise::{LocalResult, assign_noise, weigh_errors};
 use super::neighbours::axis;
 use super::ray_rows::{PathEnd, RayRow, RayRows};
 use super::untraced::Surrounding;
+use crate::math::parallel;
 use crate::radiosity::deadline::{Deadline, GATHER_SHARE};
 use crate::radiosity::elements::{Element, Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityEngine};
@@ -25,7 +26,6 @@ use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Path, RayTransport, TransportMatrix, solve,
 };
 use glam::Vec3;
-use rayon::prelude::*;
 use std::array::from_fn;
 use std::collections::HashMap;
 
@@ -341,7 +341,7 @@ impl FinalGather<'_> {
             let of_rows: Vec<MatrixRow> = rows.rows.iter().map(of_row).collect();
             (TransportMatrix::new(&of_rows, &met, &self.ranks), of_rows, met)
         };
-        let (first, second) = rayon::join(|| of_half(0), || of_half(1));
+        let (first, second) = parallel::join(|| of_half(0), || of_half(1));
         [first, second].map(|(matrix, rows, met)| match linked.settings.row_sums {
             RowNormalisation::Balanced => matrix.balanced(&rows, &met),
             RowNormalisation::Sampled => matrix,
@@ -370,7 +370,7 @@ fn direct_light(rows: &RayRows, half: usize, factor: f64) -> Field {
         add(&mut direct, factor - 1.0, of_half(row, row.halves[half].emitted));
         direct
     };
-    rows.rows.par_iter().map(of_row).collect()
+    parallel::map(&rows.rows, of_row)
 }
 
 /// The mean over half of the rays of a row, from their sum.

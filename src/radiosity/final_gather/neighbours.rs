@@ -1,10 +1,10 @@
 //! Neighbours of an element: the nearest elements of about the same plane and orientation.
 
 use crate::math::Aabb;
+use crate::math::parallel;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::Exact;
 use glam::Vec3;
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
@@ -139,7 +139,7 @@ fn nodes_over(places: &[Place], members: &mut [u32], first: u32) -> Vec<PlaceNod
     members.select_nth_unstable_by(half, order);
     let (low, high) = members.split_at_mut(half);
     let (low, high) =
-        rayon::join(|| nodes_over(places, low, first), || nodes_over(places, high, first + half as u32));
+        parallel::join(|| nodes_over(places, low, first), || nodes_over(places, high, first + half as u32));
     let mut nodes = Vec::with_capacity(1 + low.len() + high.len());
     nodes.push(PlaceNode { bounds, second: 1 + low.len() as u32, range: [0; 2] });
     nodes.extend(low);
@@ -174,7 +174,7 @@ impl<'a> Neighbourhood<'a> {
             let arranged = members.iter().map(|&i| places[i as usize]).collect();
             Group { members, arranged, nodes }
         };
-        let groups = (0..6).into_par_iter().map(group).collect();
+        let groups = parallel::map(0..6usize, group);
         (!late()).then_some(Neighbourhood { places, groups })
     }
 

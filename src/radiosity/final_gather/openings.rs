@@ -4,11 +4,11 @@
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather};
 use crate::embree::Hits;
+use crate::math::parallel;
 use crate::math::sampling::{cosine_direction, mix, numbers, pick, point_on, square_of_direction};
 use crate::radiosity::elements::Shape;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Rays from the surfaces of rooms. An opening that is a thousandth of the surface of all rooms is found by about a hundred of them.
@@ -59,12 +59,10 @@ impl FinalGather<'_> {
                 Some(*sum as f32)
             })
             .collect();
-        let packets = (0..RAYS / LANES).into_par_iter();
-        let rays: Vec<[Vec3; 2]> = packets.flat_map_iter(|k| self.rays_to_sky(&sides, &sums, k)).collect();
+        let rays = parallel::flat_map(0..RAYS / LANES, |k| self.rays_to_sky(&sides, &sums, k));
         let evenly = |count: usize, most: usize| count.div_ceil(most).max(1);
-        let some = rays.par_iter().step_by(evenly(rays.len(), MAX_FOLLOWED));
-        let places: Vec<Vec3> =
-            some.filter_map(|&[from, direction]| self.opening_on(from, direction)).collect();
+        let some: Vec<[Vec3; 2]> = rays.iter().step_by(evenly(rays.len(), MAX_FOLLOWED)).copied().collect();
+        let places = parallel::flat_map(&some, |&[from, direction]| self.opening_on(from, direction));
         let step = evenly(places.len(), MAX_PLACES);
         places.into_iter().step_by(step).collect()
     }

@@ -5,6 +5,7 @@ use super::gatherer::{Buffers, FinalGather};
 use super::smooth_light::SmoothLight;
 use crate::embree::Hits;
 use crate::error::number;
+use crate::math::parallel;
 use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::{Tally, VisibilityEngine};
@@ -12,7 +13,6 @@ use crate::radiosity::options::Options;
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
-use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -71,9 +71,8 @@ impl FinalGather<'_> {
         done: &(dyn Fn(usize) + Sync),
     ) -> (Vec<Rgb>, Tally) {
         let rows = self.ranks.rows(part.len().div_ceil(CHUNK));
-        let made: Vec<(Vec<Rgb>, Tally)> = rows
-            .numbers()
-            .map_init(Buffers::default, |buffers, chunk| {
+        let made: Vec<(Vec<Rgb>, Tally)> =
+            parallel::map_with(rows.numbers(), Buffers::default, |buffers, chunk| {
                 buffers.scratch.tally = Tally::default();
                 let first = part.start + CHUNK * chunk;
                 let range = first..part.end.min(first + CHUNK);
@@ -81,8 +80,7 @@ impl FinalGather<'_> {
                 let values = self.light_of_chunk(points, range, direct, buffers);
                 done(rows.steps(count));
                 (values, buffers.scratch.tally)
-            })
-            .collect();
+            });
         let (mut values, mut tally) = (Vec::with_capacity(part.len()), Tally::default());
         for (part, counts) in rows.gather(made) {
             // The light of leaves has noise on both sides of 0.
@@ -166,25 +164,23 @@ impl FinalGather<'_> {
     /// A warning if points lie off all surfaces.
     pub fn far_off(&self, points: &[(Vec3, Vec3)]) -> Option<String> {
         let reach = FAR_OFF * self.length;
-        let off: usize = points
-            .par_chunks(LANES)
-            .map(|points| {
-                let mut packet = Packet::EMPTY;
-                for (lane, &(at, normal)) in points.iter().enumerate() {
-                    // On an edge or in a corner the places around the point may be on its surface.
-                    let at = self.gather_point(at, normal, 0).at;
-                    for axis in 0..3 {
-                        packet.origin[axis][lane] = (at + reach * normal)[axis];
-                        packet.direction[axis][lane] = -2.0 * reach * normal[axis];
-                    }
-                    (packet.near[lane], packet.far[lane]) = (0.0, 1.0);
-                    packet.active |= 1 << lane;
+        let off = parallel::map(parallel::chunks(points, LANES), |points| {
+            let mut packet = Packet::EMPTY;
+            for (lane, &(at, normal)) in points.iter().enumerate() {
+                // On an edge or in a corner the places around the point may be on its surface.
+                let at = self.gather_point(at, normal, 0).at;
+                for axis in 0..3 {
+                    packet.origin[axis][lane] = (at + reach * normal)[axis];
+                    packet.direction[axis][lane] = -2.0 * reach * normal[axis];
                 }
-                let mut hits = [Hits::NONE];
-                self.traced.first_hits(self.traversal, &[packet], &mut hits);
-                (0..points.len()).filter(|&lane| hits[0].triangle[lane] == Hits::NO_HIT).count()
-            })
-            .sum();
+                (packet.near[lane], packet.far[lane]) = (0.0, 1.0);
+                packet.active |= 1 << lane;
+            }
+            let mut hits = [Hits::NONE];
+            self.traced.first_hits(self.traversal, &[packet], &mut hits);
+            (0..points.len()).filter(|&lane| hits[0].triangle[lane] == Hits::NO_HIT).count()
+        });
+        let off: usize = off.into_iter().sum();
         (off > 0).then(|| {
             let some = match points.len() {
                 1 => "the point lies".into(),

@@ -2,12 +2,12 @@
 
 use super::element_rays::{LeafRays, batches};
 use super::gatherer::{Buffers, FinalGather};
+use crate::math::parallel;
 use crate::math::sampling::mix;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::elements::emitter_tree::EmitterCut;
 use crate::radiosity::links::Tally;
 use glam::Vec3;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -143,22 +143,19 @@ impl RayRows {
         let batches: Vec<(usize, Range<usize>)> = (0..N).flat_map(batches_of).collect();
         let order = spread_order(batches.len());
         let rows = gather.ranks.rows(order.len());
-        let made: Vec<RayRows> = rows
-            .numbers()
-            .map_init(Buffers::default, |buffers, i| {
-                let k = order[i];
-                let (list, range) = &batches[k];
-                let planned = &planned[*list][range.clone()];
-                let fewer = instead(planned);
-                let mut made = RayRows::new();
-                buffers.scratch.tally = Tally::default();
-                made.trace_batch(gather, fewer.as_deref().unwrap_or(planned), buffers);
-                made.reduced = fewer.map_or(0, |fewer| fewer.len());
-                made.tally = buffers.scratch.tally;
-                done(rows.steps(planned.len()));
-                made
-            })
-            .collect();
+        let made: Vec<RayRows> = parallel::map_with(rows.numbers(), Buffers::default, |buffers, i| {
+            let k = order[i];
+            let (list, range) = &batches[k];
+            let planned = &planned[*list][range.clone()];
+            let fewer = instead(planned);
+            let mut made = RayRows::new();
+            buffers.scratch.tally = Tally::default();
+            made.trace_batch(gather, fewer.as_deref().unwrap_or(planned), buffers);
+            made.reduced = fewer.map_or(0, |fewer| fewer.len());
+            made.tally = buffers.scratch.tally;
+            done(rows.steps(planned.len()));
+            made
+        });
         let mut made: Vec<(usize, RayRows)> = order.into_iter().zip(rows.gather(made)).collect();
         made.sort_unstable_by_key(|(k, _)| *k);
         let mut lists =

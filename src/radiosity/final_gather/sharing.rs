@@ -11,11 +11,11 @@
 use super::element_samples::{DIRECT, ElementLight, KINDS, REFLECTED, SharedLight};
 use super::kept_power::{SharedKinds, keep_power};
 use super::neighbours::{Neighbourhood, Place, Search, Sight};
+use crate::math::parallel::{self, Items};
 use crate::radiosity::deadline::Deadline;
 use crate::ranks::Ranks;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Neighbours in each window, the element included: the element alone, then, in a regular grid, 3 by 3, 5 by 5 and 7 by 7 elements.
 /// Each window has at most about half of the variance of the one before.
@@ -80,12 +80,12 @@ pub fn share(
     let has_noise = |light: &ElementLight| SharedLight::alone(light).error >= needed_square(light);
     // Few rays may agree by chance: below small gaps, elements without sunlight would stay dark while others share theirs.
     let in_shadows = |light: &ElementLight| light.variance_of_mean(DIRECT) >= needed_square(light);
-    let mut is_noisy: Vec<bool> = light.par_iter().map(in_shadows).collect();
+    let mut is_noisy: Vec<bool> = parallel::map(light, in_shadows);
     around.iter().for_each(|around| around.spread(&mut is_noisy, WINDOWS[WINDOWS.len() - 1]));
-    is_noisy.par_iter_mut().zip(light).for_each(|(noisy, light)| *noisy |= has_noise(light));
+    parallel::for_each_mut(&mut is_noisy, |i, noisy| *noisy |= has_noise(&light[i]));
     let rows = ranks.rows(places.len());
     let buffers = <(Search, Vec<(f32, u32)>)>::default;
-    let made = rows.numbers().with_min_len(256).map_init(buffers, |(search, kept), i| {
+    let made = parallel::map_with(parallel::at_least(256, rows.numbers()), buffers, |(search, kept), i| {
         let own = [(0.0, i as u32)];
         let found = match &around {
             Some(around) if is_noisy[i] && !deadline.late() => {
@@ -100,13 +100,13 @@ pub fn share(
         let around: Vec<u32> = found.iter().take(COMPARED_NEIGHBOURS).map(|f| f.1).collect();
         ((fits, around), compared)
     });
-    let (mut own, mut compared) = (Vec::new(), Vec::new());
-    made.unzip_into_vecs(&mut own, &mut compared);
+    let (own, compared): (Vec<_>, Vec<_>) = made.into_iter().unzip();
     let compared: Vec<Comparison> = rows.gather_numbers(compared);
-    let chosen = rows.numbers().zip(own).with_min_len(256);
-    let mut shared: Vec<SharedKinds> = rows.gather_numbers(
-        chosen.map(|(i, (fits, around))| choose(&fits, &around, &compared, light, level, i)).collect(),
-    );
+    let chosen = parallel::map(parallel::at_least(256, 0..own.len()), |k| {
+        let (fits, around) = &own[k];
+        choose(fits, around, &compared, light, level, rows.numbers().item(k))
+    });
+    let mut shared: Vec<SharedKinds> = rows.gather_numbers(chosen);
     (0..KINDS).for_each(|kind| keep_power(kind, places, areas, light, &mut shared));
     let sum = |SharedKinds { irradiance: [direct, reflected], error }: SharedKinds| SharedLight {
         irradiance: std::array::from_fn(|k| direct[k] + reflected[k]),

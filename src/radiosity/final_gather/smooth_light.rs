@@ -4,12 +4,12 @@
 use super::direct_light::CHUNK;
 use super::gather_point::GatherPoint;
 use super::gatherer::{Buffers, FinalGather};
+use crate::math::parallel;
 use crate::math::sampling::mix;
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::rgb::Rgb;
 use crate::visibility::{DistanceCut, Probe};
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Sets of shadow rays at a corner: the error of one corner is half that of a single point, the error of the mean of four corners a
@@ -119,14 +119,12 @@ impl FinalGather<'_> {
             self.add_plane(plane, cut, &mut corners, &mut smooth.places);
         }
         let rows = self.ranks.rows(corners.len().div_ceil(CHUNK));
-        let made: Vec<(Vec<Rgb>, Tally)> = rows
-            .numbers()
-            .map_init(Buffers::default, |buffers, chunk| {
+        let made: Vec<(Vec<Rgb>, Tally)> =
+            parallel::map_with(rows.numbers(), Buffers::default, |buffers, chunk| {
                 buffers.scratch.tally = Tally::default();
                 let corners = &corners[CHUNK * chunk..corners.len().min(CHUNK * (chunk + 1))];
                 (self.direct(corners, SETS, engines, &mut buffers.scratch), buffers.scratch.tally)
-            })
-            .collect();
+            });
         for (light, tally) in rows.gather(made) {
             smooth.corners.extend(light);
             smooth.tally.add(tally);
@@ -155,29 +153,23 @@ impl FinalGather<'_> {
             let apart = side / (1u32 << level) as f32;
             // For the corners of the cells: whether no surface is close, and the unoccluded light there.
             let asked: BTreeSet<[u32; 2]> = cells.iter().flat_map(Square::corners).collect();
-            let probes: Vec<([u32; 2], Option<FreeCorner>)> = asked
-                .into_par_iter()
-                .map(|place| {
-                    let point = at(place);
-                    let probe = Probe::lifted(point.at, normal, point.end);
-                    let clear =
-                        apart <= point.feature_size && probe.is_clear(cut, self.model.samplers(), apart);
-                    (place, clear.then(|| (point, self.unblocked_at(&point))))
-                })
-                .collect();
+            let asked: Vec<[u32; 2]> = asked.into_iter().collect();
+            let probes: Vec<([u32; 2], Option<FreeCorner>)> = parallel::map(&asked, |&place| {
+                let point = at(place);
+                let probe = Probe::lifted(point.at, normal, point.end);
+                let clear = apart <= point.feature_size && probe.is_clear(cut, self.model.samplers(), apart);
+                (place, clear.then(|| (point, self.unblocked_at(&point))))
+            });
             let probes: BTreeMap<[u32; 2], Option<FreeCorner>> = probes.into_iter().collect();
-            let smooth: Vec<Option<[FreeCorner; 4]>> = cells
-                .par_iter()
-                .map(|cell| {
-                    let [a, b, c, d] = cell.corners().map(|corner| probes[&corner]);
-                    let found = [a?, b?, c?, d?];
-                    let centre = at(cell.centre());
-                    let mean = 0.25 * found.iter().map(|(_, free)| free).sum::<f64>();
-                    let free = self.unblocked_at(&centre);
-                    let linear = (mean - free).abs() <= self.visibility_tolerance() * free;
-                    (linear && apart <= centre.feature_size).then_some(found)
-                })
-                .collect();
+            let smooth: Vec<Option<[FreeCorner; 4]>> = parallel::map(&cells, |cell| {
+                let [a, b, c, d] = cell.corners().map(|corner| probes[&corner]);
+                let found = [a?, b?, c?, d?];
+                let centre = at(cell.centre());
+                let mean = 0.25 * found.iter().map(|(_, free)| free).sum::<f64>();
+                let free = self.unblocked_at(&centre);
+                let linear = (mean - free).abs() <= self.visibility_tolerance() * free;
+                (linear && apart <= centre.feature_size).then_some(found)
+            });
             let mut parts = Vec::new();
             for (cell, smooth) in cells.into_iter().zip(smooth) {
                 let Some(found) = smooth else {

@@ -6,11 +6,11 @@
 //! All untraced leaves together are then scaled towards the power that the traced ones leave over.
 
 use super::local_noise::LocalResult;
+use crate::math::parallel;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::SkyPower;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::array::from_fn;
 
 /// Smallest number of traced leaves that determine the factor: their deviation is known to 1/√(2 · 7) = 27 %.
@@ -174,7 +174,7 @@ impl<'a> Surrounding<'a> {
             let of = |k: usize| if is_known && own[k] > most[k] { most[k] / own[k] } else { 1.0 };
             Vec3::from_array(from_fn(|k| of(k) as f32))
         };
-        untraced.par_iter().map(part).collect()
+        parallel::map(untraced, part)
     }
 
     /// Estimates the light of leaves without rows from that of the traced ones in `results`. `part`: the fraction of the light along
@@ -198,7 +198,7 @@ impl<'a> Surrounding<'a> {
             let links = from_fn(|k| f64::from(part[k]) * links[k]);
             (leaf, sums[self.of(leaf, MIN_TRACED)].estimate(links, brightest))
         };
-        let found: Vec<(u32, LocalResult)> = leaves.par_iter().map(estimate).collect();
+        let found: Vec<(u32, LocalResult)> = parallel::map(leaves, estimate);
         found.into_iter().for_each(|(leaf, result)| results[leaf as usize] = result);
     }
 

@@ -8,13 +8,13 @@
 use super::linked_scene::LinkedScene;
 use crate::embree::Hits;
 use crate::math::Aabb;
+use crate::math::parallel;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{CutPlane, Elements, Shape, Side, centres_of_quarters};
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
 use crate::visibility::Exact;
 use glam::Vec3;
-use rayon::prelude::*;
 use smallvec::SmallVec;
 
 /// Distance of the test segments from the edges and the plane of their element, as a fraction of its diameter: a surface nearer to an edge
@@ -135,13 +135,10 @@ impl LinkedScene {
                 })
             })
         });
-        (0..leaves.len())
-            .into_par_iter()
-            .map(|k| {
-                let hits = [0, 1].map(|inset: usize| [0, 1].map(|turn: usize| hits[inset][turn][k]));
-                self.planes_of_hits(scene, leaves[k], &hits)
-            })
-            .collect()
+        parallel::map(0..leaves.len(), |k| {
+            let hits = [0, 1].map(|inset: usize| [0, 1].map(|turn: usize| hits[inset][turn][k]));
+            self.planes_of_hits(scene, leaves[k], &hits)
+        })
     }
 
     /// What crosses a leaf, by the triangles that segments along its edges hit: for both insets, forwards and backwards.
@@ -327,7 +324,7 @@ pub fn blocked(
         exact.occluded(&[packet(elements, leaves, &set)], &mut blocked);
         (0..leaves.len()).map(move |k| blocked[0] >> (4 * k) & ALL)
     };
-    leaves.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect()
+    parallel::flat_map(parallel::at_least(256, parallel::chunks(leaves, CHUNK)), of_chunk)
 }
 
 /// For each leaf, the first triangle that each of its segments hits.
@@ -342,7 +339,7 @@ fn first_hits(
         exact.scene.first_hits(exact.traversal, &[packet(elements, leaves, &set)], &mut hits);
         (0..leaves.len()).map(move |k| std::array::from_fn(|lane| hits[0].triangle[4 * k + lane]))
     };
-    leaves.par_chunks(CHUNK).with_min_len(256).flat_map_iter(of_chunk).collect()
+    parallel::flat_map(parallel::at_least(256, parallel::chunks(leaves, CHUNK)), of_chunk)
 }
 
 /// The segments of up to [`CHUNK`] leaves.

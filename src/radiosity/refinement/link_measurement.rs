@@ -1,6 +1,7 @@
 //! Measures the links of many pairs of elements in parallel.
 
 use super::linked_scene::LinkedScene;
+use crate::math::parallel;
 use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::{
@@ -9,7 +10,6 @@ use crate::radiosity::links::{
 use crate::radiosity::surroundings::Surroundings;
 use crate::ranks::Ranks;
 use crate::visibility::sample_runs;
-use rayon::prelude::*;
 use serde::{Serialize, de::DeserializeOwned};
 
 /// Pairs per parallel task: up to 64 packets. Does not change results.
@@ -51,7 +51,7 @@ pub fn measured<P: Sync, L: Send + Serialize + DeserializeOwned>(
         (measure(scratch, &pairs[CHUNK * k..pairs.len().min(CHUNK * (k + 1))]), scratch.tally)
     };
     let rows = ranks.rows(pairs.len().div_ceil(CHUNK));
-    let made = rows.gather(rows.numbers().map_init(Scratch::default, measure_chunk).collect());
+    let made = rows.gather(parallel::map_with(rows.numbers(), Scratch::default, measure_chunk));
     let (mut links, mut tally) = (Vec::with_capacity(pairs.len()), Tally::default());
     for (part, own) in made {
         links.extend(part);

@@ -1,6 +1,7 @@
 //! The elements of a scene with their links and their light: the data that all phases of a solution share.
 
 use super::feature_sizes::FeatureSizes;
+use crate::math::parallel;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::emitter_tree::Receiver;
 use crate::radiosity::elements::emitters::Emitters;
@@ -17,7 +18,6 @@ use crate::ranks::Ranks;
 use crate::scene::Scene;
 use crate::sky::Environment;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
 /// Reflectance that dark surfaces count with in the error oracle, because their irradiance is an output as well. 0.05
@@ -266,8 +266,8 @@ impl LinkedScene {
         let mut from = 0;
         while from < self.elements.len() && !deadline.interrupted() {
             let elements = &self.elements;
-            let changes = |e: &u32| {
-                let element = &elements.elements[*e as usize];
+            let changes = |e: u32| {
+                let element = &elements.elements[e as usize];
                 let Shape::Surface { side, .. } = element.shape else { return false };
                 let normal = elements.sides[side as usize].normal;
                 let receiver = Receiver { centre: element.centre, radius: element.radius, normal };
@@ -276,8 +276,8 @@ impl LinkedScene {
                     && emitters.variation(&receiver, element.area as f32, MAX_VARIATION) > MAX_VARIATION
             };
             let end = elements.len();
-            let found: Vec<u32> =
-                (from as u32..end as u32).into_par_iter().with_min_len(SPLIT_SLICE).filter(changes).collect();
+            let all = parallel::at_least(SPLIT_SLICE, from as u32..end as u32);
+            let found: Vec<u32> = parallel::flat_map(all, |e| changes(e).then_some(e));
             found.into_iter().for_each(|e| self.split(e));
             from = end;
         }

@@ -1,6 +1,7 @@
 //! Importance for points: the weight of an error of an element's light at the requested points.
 
 use super::linked_scene::{LinkedScene, PointsView};
+use crate::math::parallel;
 use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::elements::{ChildrenOutlines, Elements, Lookup};
 use crate::radiosity::surroundings::{ESCAPED, SideRays};
@@ -8,7 +9,6 @@ use crate::ray::EndRule;
 use crate::scene::magnitude;
 use crate::visibility::Exact;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Number of paths from all points together: where a thousandth of them ends, importance has an error of 1/√16 = 25 %.
 const PATHS: usize = 1 << 14;
@@ -132,7 +132,7 @@ impl LinkedScene {
             }
             (sent, gone, ends)
         };
-        let made: Vec<(f64, f64, Vec<PathEnd>)> = chosen.par_chunks(CHUNK).map(of_chunk).collect();
+        let made: Vec<(f64, f64, Vec<PathEnd>)> = parallel::map(parallel::chunks(&chosen, CHUNK), of_chunk);
         let [sent, gone] = [made.iter().map(|of| of.0).sum(), made.iter().map(|of| of.1).sum::<f64>()];
         let open = if sent > 0.0 { gone / sent } else { 0.0 };
         (each * chosen.len(), open, made.into_iter().flat_map(|of| of.2).collect())

@@ -3,9 +3,9 @@
 use super::link_measurement::{LINKS_PER_CHECK, Pair, measure};
 use super::linked_scene::LinkedScene;
 use super::sky_links::{measure_sky, sky_link_errors, sky_parts};
+use crate::math::parallel;
 use crate::progress::Progress;
 use crate::radiosity::links::{Link, SkyLink, Split, link_error};
-use rayon::prelude::*;
 use std::collections::VecDeque;
 
 /// Links refined between two checks of the deadline in steps of limited time, where each link is refined once: the
@@ -37,7 +37,7 @@ fn errors_of(linked: &LinkedScene, links: &[Link]) -> LinkErrors {
         let (error, split) = link_error(&linked.elements, link);
         (error * scale, split)
     };
-    links.par_iter().with_min_len(1024).map(error).collect()
+    parallel::map(parallel::at_least(1024, links), error)
 }
 
 /// The error that at most `count` links exceed, no smaller than `min`.

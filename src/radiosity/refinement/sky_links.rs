@@ -2,6 +2,7 @@
 
 use super::link_measurement::{LINKS_PER_CHECK, measured};
 use super::linked_scene::LinkedScene;
+use crate::math::parallel;
 use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{DIRECTIONS, Elements, Shape};
@@ -15,7 +16,6 @@ use crate::radiosity::transport::{DirectionalIrradiance, MIN_PROJECTED};
 use crate::ray::LANES;
 use crate::sky::Environment;
 use crate::visibility::sample_runs;
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -107,7 +107,7 @@ pub fn sky_link_errors(linked: &LinkedScene, links: &[SkyLink]) -> Vec<(f32, Spl
         let (error, split) = sky_link_error(&linked.elements, environment, link);
         (error * scale, split)
     };
-    links.par_iter().with_min_len(1024).map(error).collect()
+    parallel::map(parallel::at_least(1024, links), error)
 }
 
 /// The pairs that replace links to the sky; receivers are split as needed.
@@ -151,8 +151,10 @@ pub fn remeasure_sky_links(linked: &mut LinkedScene, threshold: f32, closing: f6
     let closing = closing * (certain.len() + uncertain.len() + linked.elements.len()) as f64;
     linked.sky_links = certain;
     // Neighbours are measured by consecutive points; suns come first, if the time does not suffice for all.
-    uncertain
-        .par_sort_by_key(|link| (matches!(link.source, SkySource::Patch(_)), link.source, link.receiver));
+    parallel::sort_by_key(&mut uncertain, |link| match link.source {
+        SkySource::Sun(sun) => (sun.into(), link.receiver),
+        SkySource::Patch(patch) => (1 << 32 | u64::from(patch), link.receiver),
+    });
     let pairs = last_pairs(linked, &uncertain, threshold);
     for (slice, pairs) in uncertain.chunks(LINKS_PER_CHECK).zip(pairs.chunks(LINKS_PER_CHECK)) {
         if deadline.left() <= closing {
@@ -175,7 +177,7 @@ fn last_pairs(linked: &LinkedScene, links: &[SkyLink], threshold: f32) -> Vec<Sk
         return pairs;
     }
     let estimator = sky_estimator(linked, environment, &linked.engine, linked.settings.seed);
-    let least: Vec<u32> = pairs.par_iter().map(|pair| estimator.segments(pair)).collect();
+    let least: Vec<u32> = parallel::map(&pairs, |pair| estimator.segments(pair));
     // The surface or cluster whose mean a link counts for, by element; a σ of each link, and its sum over those of one mean.
     let whole_of = |link: &SkyLink| match elements[link.receiver as usize].shape {
         Shape::Surface { side, .. } => sides[side as usize].element as usize,

@@ -1,13 +1,13 @@
 //! The fraction of the emitted light that meets surfaces: rays from the emitters, drawn by the cosine or by their profiles of directions.
 
 use super::side_rays::{ESCAPED, SideRays};
+use crate::math::parallel;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::{Elements, Side, emission_gain};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::LANES;
 use crate::visibility::Exact;
 use glam::Vec3;
-use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
 /// Packets of sixteen rays, which all sides share by power: 131,072 rays leave a standard error of at most 1 / (2 · 362) = 0.14 %
@@ -51,9 +51,10 @@ pub fn emitted_share(elements: &Elements, exact: &Exact, length: f32, seed: u64)
     }
     let grid = ((PROFILE_EVALUATIONS / groups.len()).isqrt()).min(MAX_GRID);
     let tracer = SideRays { elements, exact, length };
-    let found: Vec<[usize; 2]> = (groups.par_iter().enumerate())
-        .map(|(i, (side, count))| rays(&tracer, side, count * LANES, grid, mix(!seed ^ mix(i as u64))))
-        .collect();
+    let found: Vec<[usize; 2]> = parallel::map(0..groups.len(), |i| {
+        let (side, count) = &groups[i];
+        rays(&tracer, side, count * LANES, grid, mix(!seed ^ mix(i as u64)))
+    });
     let [met, traced] = found.iter().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
     let traced = traced.max(1) as f64;
     let mean_share = met as f64 / traced;

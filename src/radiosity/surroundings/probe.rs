@@ -1,13 +1,13 @@
 //! A few rays from every side: how much of a cluster's light meets the cluster itself, and from which sides rays leave the scene.
 
 use super::side_rays::{ESCAPED, SideHit, SideRays};
+use crate::math::parallel;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{DarkSideHit, Element, Elements, Shape, Side};
 use crate::radiosity::rgb::mean;
 use crate::ray::Packet;
 use crate::visibility::Exact;
-use rayon::prelude::*;
 
 /// Results of the rays.
 pub struct Surroundings {
@@ -62,10 +62,8 @@ pub fn probe(
     let power = elements.sides.iter().map(|side| power_of(elements, side)).sum::<f64>();
     deadline.stage("surroundings of surfaces", sides);
     let tracer = SideRays { elements, exact, length };
-    let found: Vec<(Vec<ProbeRay>, Vec<DarkSideHit>)> = (0..sides)
-        .into_par_iter()
-        .with_min_len(64)
-        .map_init(Vec::new, |packets: &mut Vec<Packet>, s| {
+    let found: Vec<(Vec<ProbeRay>, Vec<DarkSideHit>)> =
+        parallel::map_with(parallel::at_least(64, 0..sides), Vec::new, |packets: &mut Vec<Packet>, s| {
             if s % SIDES_PER_REPORT == 0 {
                 deadline.advance(SIDES_PER_REPORT.min(sides - s));
             }
@@ -74,8 +72,7 @@ pub fn probe(
                 true => (Vec::new(), Vec::new()),
                 false => rays_of_side(&tracer, seed, power, s, packets),
             }
-        })
-        .collect();
+        });
     let entered = found.iter().flat_map(|f| &f.1).copied().collect();
     let found: Vec<&Vec<ProbeRay>> = found.iter().map(|f| &f.0).collect();
     // For each cluster, the area and the emitted power that rays represent: of rays that meet the cluster, and of all traced rays.
@@ -147,7 +144,7 @@ pub fn received_shares(
         });
         met as f64 / SHORT_ROW_RAYS as f64
     };
-    surfaces.par_iter().with_min_len(16).map_init(Vec::new, of).collect()
+    parallel::map_with(parallel::at_least(16, surfaces), Vec::new, of)
 }
 
 /// One ray of a side.

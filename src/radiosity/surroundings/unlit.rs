@@ -5,13 +5,13 @@
 
 use super::side_rays::{SideHit, SideRays, SurfacePoint};
 use crate::math::on_plane;
+use crate::math::parallel;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::emitters::{EmitterFace, Emitters};
 use crate::radiosity::elements::{Elements, Side};
 use crate::ray::LANES;
 use crate::scene::Scene;
 use crate::visibility::Exact;
-use rayon::prelude::*;
 use serde::Serialize;
 
 /// Packets of sixteen paths from all emitters: with [`BOUNCES`] at most 65,536 hits, so that [`MIN_EXPECTED_HITS`] are
@@ -71,25 +71,22 @@ impl Paths<'_> {
 
     /// Number of hits of each side by paths from all emitters.
     fn hits_by_side(&self, emitters: &[&Vec<EmitterFace>], seed: u64) -> Vec<u32> {
-        let met: Vec<Vec<u32>> = (0..PATH_PACKETS)
-            .into_par_iter()
-            .map(|k| {
-                let seed = mix(seed ^ mix(k as u64));
-                let faces = emitters[k % emitters.len()];
-                let mut points: [Option<SurfacePoint>; LANES] = std::array::from_fn(|lane| {
-                    let [u, v, face, _] = numbers(seed, lane as u64);
-                    let face = &faces[(face * faces.len() as f32) as usize % faces.len()];
-                    Some((point_on(&face.corners, u, v), face.normal, face.end))
-                });
-                let mut met = Vec::new();
-                for bounce in 1..=BOUNCES {
-                    let next = self.step(&points, mix(seed ^ bounce as u64));
-                    met.extend(next.iter().flatten().map(|(side, _)| *side));
-                    points = next.map(|hit| hit.map(|(_, point)| point));
-                }
-                met
-            })
-            .collect();
+        let met: Vec<Vec<u32>> = parallel::map(0..PATH_PACKETS, |k| {
+            let seed = mix(seed ^ mix(k as u64));
+            let faces = emitters[k % emitters.len()];
+            let mut points: [Option<SurfacePoint>; LANES] = std::array::from_fn(|lane| {
+                let [u, v, face, _] = numbers(seed, lane as u64);
+                let face = &faces[(face * faces.len() as f32) as usize % faces.len()];
+                Some((point_on(&face.corners, u, v), face.normal, face.end))
+            });
+            let mut met = Vec::new();
+            for bounce in 1..=BOUNCES {
+                let next = self.step(&points, mix(seed ^ bounce as u64));
+                met.extend(next.iter().flatten().map(|(side, _)| *side));
+                points = next.map(|hit| hit.map(|(_, point)| point));
+            }
+            met
+        });
         let mut counts = vec![0u32; self.rays.elements.sides.len()];
         met.iter().flatten().for_each(|&side| counts[side as usize] += 1);
         counts
@@ -136,7 +133,7 @@ pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, seed: u64)
     let mut dark: Vec<bool> =
         (0..counts.len()).map(|s| counts[s] == 0 && expected(s) >= MIN_EXPECTED_HITS && !emits(s)).collect();
     let candidates: Vec<usize> = (0..counts.len()).filter(|&s| dark[s]).collect();
-    let seen: Vec<Vec<usize>> = candidates.par_iter().map(|&s| paths.around(s, seed)).collect();
+    let seen: Vec<Vec<usize>> = parallel::map(&candidates, |&s| paths.around(s, seed));
     let dim = |s: usize| f64::from(counts[s]) < MAX_DIM_HITS * expected(s);
     loop {
         let lit: Vec<usize> = (candidates.iter().zip(&seen))

@@ -5,10 +5,10 @@
 //! ([`ActiveNodes::expand`]).
 
 use super::directional::{ClusterReflection, DirectionalIrradiance, NodeIrradiance};
+use crate::math::parallel;
 use crate::radiosity::elements::{Elements, Shape, facing};
 use crate::radiosity::links::Link;
 use crate::radiosity::rgb::Rgb;
-use rayon::prelude::*;
 
 /// Treatment of light at an active node.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -98,7 +98,7 @@ impl ActiveNodes {
     /// Applies the present row factors of the elements.
     pub fn update_factors(&mut self, elements: &Elements) {
         let clusters: Vec<u32> = self.aggregated().map(|node| self.elements[node]).collect();
-        self.reflections = clusters.par_iter().map(|&c| ClusterReflection::new(elements, c)).collect();
+        self.reflections = parallel::map(&clusters, |&c| ClusterReflection::new(elements, c));
     }
 
     fn connect(&mut self, links: &[Link]) {
@@ -174,12 +174,9 @@ impl ActiveNodes {
                 arriving[c] = arriving[elements.elements[c].parent as usize];
             }
         }
-        let mut incident: Vec<Rgb> = elements
-            .elements
-            .par_iter()
-            .enumerate()
-            .with_min_len(1024)
-            .map(|(e, element)| match (&element.shape, self.nodes[e]) {
+        let mut incident: Vec<Rgb> = parallel::map(parallel::at_least(1024, 0..elements.len()), |e| {
+            let element = &elements.elements[e];
+            match (&element.shape, self.nodes[e]) {
                 (Shape::Cluster(_), _) => [0.0; 3],
                 (Shape::Surface { .. }, node) if node != Self::NONE => {
                     surfaces[node as usize - self.clusters]
@@ -189,8 +186,8 @@ impl ActiveNodes {
                 }
                 // The loop below fills in parts of surfaces.
                 _ => [0.0; 3],
-            })
-            .collect();
+            }
+        });
         for (e, element) in elements.elements.iter().enumerate() {
             if self.nodes[e] == Self::NONE && element.level > 0 {
                 incident[e] = incident[element.parent as usize];

@@ -2,10 +2,10 @@
 
 use super::active_nodes::{ActiveNodes, NodeKind};
 use super::directional::{BASIS, DirectionalIrradiance, NodeIrradiance};
+use crate::math::parallel;
 use crate::radiosity::elements::{DIRECTIONS, Elements, Shape, facing};
 use crate::radiosity::rgb::{Rgb, add};
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Smallest projected area of a cluster, as a fraction of its area, by which directional light is divided: smaller ones are rounding
 /// errors.
@@ -93,16 +93,14 @@ impl NodeRadiosity {
 /// Gathers along all links and pushes the irradiance down. Each node adds up its own links in their order, so that the result
 /// does not depend on the number of threads.
 pub fn gather(elements: &Elements, nodes: &ActiveNodes, outgoing: &NodeRadiosity) -> NodeIrradiance {
-    let clusters: Vec<DirectionalIrradiance> = (0..nodes.clusters)
-        .into_par_iter()
-        .with_min_len(64)
-        .map(|p| at_cluster(elements, nodes, outgoing, p))
-        .collect();
-    let surfaces: Vec<Rgb> = (nodes.clusters..nodes.elements.len())
-        .into_par_iter()
-        .with_min_len(256)
-        .map(|p| at_surface(elements, nodes, outgoing, p))
-        .collect();
+    let clusters: Vec<DirectionalIrradiance> =
+        parallel::map(parallel::at_least(64, 0..nodes.clusters), |p| {
+            at_cluster(elements, nodes, outgoing, p)
+        });
+    let surfaces: Vec<Rgb> =
+        parallel::map(parallel::at_least(256, nodes.clusters..nodes.elements.len()), |p| {
+            at_surface(elements, nodes, outgoing, p)
+        });
     let mut arriving = NodeIrradiance { clusters, surfaces };
     push(elements, nodes, &mut arriving);
     arriving

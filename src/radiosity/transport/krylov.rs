@@ -1,9 +1,9 @@
 //! Stabilised bi-conjugate gradients for the transport equation.
 
 use super::{Convergence, Field, RayTransport};
+use crate::math::parallel;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::rgb::Rgb;
-use rayon::prelude::*;
 
 /// Residual relative to direct light (root mean squares by weight) at which a solution has converged. 1e-3 instead
 /// changes irradiance by 0.03 %, 1e-5 by 0.003 % (`constants.py solve`).
@@ -114,28 +114,25 @@ fn terms(transport: &RayTransport) -> usize {
 /// `x - K x`.
 fn apply(transport: &RayTransport, x: &Field) -> Field {
     let mut result = transport.reflected(x);
-    result
-        .par_iter_mut()
-        .zip(x)
-        .with_min_len(BLOCK)
-        .for_each(|(y, x)| *y = std::array::from_fn(|k| x[k] - y[k]));
+    parallel::for_each_chunk_mut(&mut result, BLOCK, |block, part| {
+        for (y, x) in part.iter_mut().zip(&x[block * BLOCK..]) {
+            *y = std::array::from_fn(|k| x[k] - y[k]);
+        }
+    });
     result
 }
 
 /// Weighted inner product by channel.
 fn dot(transport: &RayTransport, a: &Field, b: &Field) -> Rgb {
     let weights = transport.weights();
-    let parts: Vec<Rgb> = (0..a.len().div_ceil(BLOCK))
-        .into_par_iter()
-        .map(|block| {
-            let range = block * BLOCK..((block + 1) * BLOCK).min(a.len());
-            let mut sum = [0.0; 3];
-            for i in range {
-                (0..3).for_each(|k| sum[k] += weights[i] * a[i][k] * b[i][k]);
-            }
-            sum
-        })
-        .collect();
+    let parts: Vec<Rgb> = parallel::map(0..a.len().div_ceil(BLOCK), |block| {
+        let range = block * BLOCK..((block + 1) * BLOCK).min(a.len());
+        let mut sum = [0.0; 3];
+        for i in range {
+            (0..3).for_each(|k| sum[k] += weights[i] * a[i][k] * b[i][k]);
+        }
+        sum
+    });
     parts.iter().fold([0.0; 3], |sum, part| std::array::from_fn(|k| sum[k] + part[k]))
 }
 
@@ -179,11 +176,9 @@ impl Space {
 
 /// `a + Σ c b`.
 fn combined(a: &Field, more: &[(Rgb, &Field)]) -> Field {
-    a.par_iter()
-        .enumerate()
-        .with_min_len(BLOCK)
-        .map(|(i, a)| std::array::from_fn(|k| more.iter().fold(a[k], |sum, (c, b)| sum + c[k] * b[i][k])))
-        .collect()
+    parallel::map(parallel::at_least(BLOCK, 0..a.len()), |i| {
+        std::array::from_fn(|k| more.iter().fold(a[i][k], |sum, (c, b)| sum + c[k] * b[i][k]))
+    })
 }
 
 /// Quotient by channel; 0 for a channel that has converged.

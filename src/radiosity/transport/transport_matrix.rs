@@ -1,9 +1,9 @@
 //! Exchange of light between leaves that rays join.
 
 use super::Field;
+use crate::math::parallel;
 use crate::radiosity::rgb::add;
 use crate::ranks::Ranks;
-use rayon::prelude::*;
 
 /// Rows of one parallel task: few enough to balance the load of the threads. Does not change results.
 const CHUNK: usize = 256;
@@ -79,11 +79,9 @@ impl TransportMatrix {
 
     /// With the expected row sums, of the same rows.
     pub fn balanced(mut self, rows: &[MatrixRow], met: &[u32]) -> TransportMatrix {
-        let expected: Vec<f64> = (0..rows.len())
-            .into_par_iter()
-            .with_min_len(CHUNK)
-            .map(|i| self.expected_row_sum(i, &rows[i], &met[rays_of(rows, i)]))
-            .collect();
+        let expected: Vec<f64> = parallel::map(parallel::at_least(CHUNK, 0..rows.len()), |i| {
+            self.expected_row_sum(i, &rows[i], &met[rays_of(rows, i)])
+        });
         let factor = |((sum, expected), row): ((f64, &f64), &MatrixRow)| {
             let white = f64::from(row.reflectance.into_iter().fold(0.0, f32::max));
             let most = expected + MIN_EXCESS.max(0.5 * (1.0 / white - expected));
@@ -135,7 +133,7 @@ impl TransportMatrix {
             f64::from(self.factors[i]) * sum / self.area[i]
         };
         let rows = self.ranks.rows(self.area.len());
-        rows.gather_numbers(rows.numbers().with_min_len(CHUNK).map(sum).collect())
+        rows.gather_numbers(parallel::map(parallel::at_least(CHUNK, rows.numbers()), sum))
     }
 
     /// The rows at the other ends of i's rays, with the weights of the rays.
@@ -152,31 +150,23 @@ impl TransportMatrix {
 
     /// Irradiance that the reflection of `x` causes, W/m².
     pub fn reflected(&self, x: &Field) -> Field {
-        let sent: Vec<[f32; 4]> = (0..x.len())
-            .into_par_iter()
-            .with_min_len(CHUNK)
-            .map(|j| {
-                let rho = self.reflectance[j].map(|rho| rho * self.factors[j]);
-                let [r, g, b] = std::array::from_fn(|k| rho[k] * x[j][k] as f32);
-                [r, g, b, self.density[j]]
-            })
-            .collect();
+        let sent: Vec<[f32; 4]> = parallel::map(parallel::at_least(CHUNK, 0..x.len()), |j| {
+            let rho = self.reflectance[j].map(|rho| rho * self.factors[j]);
+            let [r, g, b] = std::array::from_fn(|k| rho[k] * x[j][k] as f32);
+            [r, g, b, self.density[j]]
+        });
         let rows = self.ranks.rows(x.len());
-        let own = rows
-            .numbers()
-            .with_min_len(CHUNK)
-            .map(|i| {
-                let from = if i > 0 { self.ends[i - 1] } else { 0 };
-                let mut sum = [0.0; 3];
-                for &j in &self.others[from..self.ends[i]] {
-                    let [r, g, b, density] = sent[j as usize];
-                    let weight = 1.0 / (self.density[i] + density);
-                    add(&mut sum, f64::from(weight), [r, g, b].map(f64::from));
-                }
-                let (gathers, kept) = (f64::from(self.factors[i]) / self.area[i], f64::from(self.kept[i]));
-                std::array::from_fn(|k| gathers * sum[k] + kept * f64::from(self.reflectance[i][k]) * x[i][k])
-            })
-            .collect();
+        let own = parallel::map(parallel::at_least(CHUNK, rows.numbers()), |i| {
+            let from = if i > 0 { self.ends[i - 1] } else { 0 };
+            let mut sum = [0.0; 3];
+            for &j in &self.others[from..self.ends[i]] {
+                let [r, g, b, density] = sent[j as usize];
+                let weight = 1.0 / (self.density[i] + density);
+                add(&mut sum, f64::from(weight), [r, g, b].map(f64::from));
+            }
+            let (gathers, kept) = (f64::from(self.factors[i]) / self.area[i], f64::from(self.kept[i]));
+            std::array::from_fn(|k| gathers * sum[k] + kept * f64::from(self.reflectance[i][k]) * x[i][k])
+        });
         rows.gather_numbers(own)
     }
 }

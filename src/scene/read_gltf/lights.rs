@@ -1,6 +1,7 @@
 //! Lights of the extension `KHR_lights_punctual` as small emitters and suns.
 
 use super::Reader;
+use crate::math::parallel;
 use crate::scene::luminaires::Lamp;
 use crate::scene::names::counted;
 use crate::scene::profile::{Distribution, axes};
@@ -9,7 +10,6 @@ use crate::sky::Sun;
 use crate::{Result, error::quote, math::Aabb};
 use glam::{DAffine3, DMat4, DVec3};
 use gltf::khr_lights_punctual::{Kind, Light};
-use rayon::prelude::*;
 
 /// Largest side of the plate of a point or spot light relative to the scene's diagonal: 1 cm in a room of 5 m, so that pictures show a
 /// point. It limits plates far from all surfaces.
@@ -160,7 +160,7 @@ fn nearest(at: DVec3, soup: &Soup, placed: &[Placed]) -> f64 {
         let pairs = corners.clone().skip(1).zip(corners.skip(2));
         pairs.map(|(b, c)| distance_from_triangle(at, [first, b, c])).fold(f64::INFINITY, f64::min)
     };
-    let polygons = (0..soup.polygons()).into_par_iter().map(of_polygon).reduce(|| f64::INFINITY, f64::min);
+    let polygons = parallel::map(0..soup.polygons(), of_polygon).into_iter().fold(f64::INFINITY, f64::min);
     placed.iter().fold(polygons, |nearest, Placed { bounds, mesh, to_world }| {
         if f64::from(at.as_vec3().clamp(bounds.min, bounds.max).distance(at.as_vec3())) >= nearest {
             return nearest;
@@ -168,8 +168,7 @@ fn nearest(at: DVec3, soup: &Soup, placed: &[Placed]) -> f64 {
         let of_triangle = |t: u32| {
             distance_from_triangle(at, mesh.corners(t).map(|p| to_world.transform_point3(p.as_dvec3())))
         };
-        let triangles = (0..mesh.triangles.len() as u32).into_par_iter().map(of_triangle);
-        triangles.reduce(|| nearest, f64::min)
+        parallel::map(0..mesh.triangles.len() as u32, of_triangle).into_iter().fold(nearest, f64::min)
     })
 }
 

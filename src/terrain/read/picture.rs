@@ -17,7 +17,7 @@ pub fn read(path: &Path, bytes: Vec<u8>, options: &ReadOptions) -> Result<Raw> {
     }
     let broken = |e: image::ImageError| Error::format(path, None, format!("cannot be read as PNG: {e}"));
     let possible = bytes.len().saturating_mul(MAX_VALUES_OF_BYTE);
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+    let mut reader = ImageReader::with_format(Cursor::new(&bytes[..]), ImageFormat::Png);
     // The size is checked below, before pixels are read.
     reader.no_limits();
     let decoder = reader.into_decoder().map_err(broken)?;
@@ -25,7 +25,9 @@ pub fn read(path: &Path, bytes: Vec<u8>, options: &ReadOptions) -> Result<Raw> {
     let (columns, rows) = (columns as usize, rows as usize);
     check_size(path, columns, rows, possible)?;
     let mut notes = Vec::new();
-    let values = match DynamicImage::from_decoder(decoder).map_err(broken)? {
+    let decoded = DynamicImage::from_decoder(decoder).map_err(broken)?;
+    drop(bytes);
+    let values = match decoded {
         DynamicImage::ImageLuma16(image) => image.as_raw().iter().map(|&v| f32::from(v)).collect(),
         DynamicImage::ImageLuma8(image) => {
             notes.push("the picture has 8 bits: slopes are in steps".into());

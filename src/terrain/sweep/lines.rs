@@ -2,6 +2,7 @@
 
 use super::taps::Taps;
 use super::{Pass, Row, SweepOptions};
+use crate::math::parallel;
 use crate::terrain::Grid;
 use crate::{Result, memory};
 use rayon::prelude::*;
@@ -106,9 +107,11 @@ impl Side<'_> {
         // By column: place of the line below the sample of row 0.
         let start = |w: &isize| (-w - first).rem_euclid(places as isize) as usize;
         let starts: Vec<usize> = whole.iter().map(start).collect();
-        sums.par_chunks_mut(columns).enumerate().for_each_init(
+        parallel::for_each_chunk_mut_with(
+            sums,
+            columns,
             || vec![0.0f32; columns],
-            |line, (row, sums)| {
+            |line, row, sums| {
                 for (c, (tangent, start)) in line.iter_mut().zip(&starts).enumerate() {
                     let place = start + row;
                     let below = if place >= places { place - places } else { place };

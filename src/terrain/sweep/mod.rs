@@ -13,9 +13,9 @@ mod taps;
 
 use super::Grid;
 use super::grid::transpose;
+use crate::math::parallel;
 use crate::{Result, memory};
 use lines::{Lines, Side};
-use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 options! {
@@ -92,7 +92,9 @@ pub fn fold(
     })?;
     if !steep.is_empty() {
         let steep = transpose(&steep, grid.rows());
-        sums.par_iter_mut().zip(&steep).for_each(|(sum, more)| *sum += more);
+        parallel::for_each_chunk_mut(&mut sums, grid.columns(), |row, sums| {
+            sums.iter_mut().zip(&steep[row * grid.columns()..]).for_each(|(sum, more)| *sum += more);
+        });
     }
     Ok(sums)
 }

@@ -3,6 +3,7 @@
 use super::layout::{CutBlock, CutNode, Extinctions, LEAF};
 use super::shells::Pieces;
 use crate::math::Aabb;
+use crate::math::parallel;
 use crate::scene::Scene;
 use crate::simd::LANES;
 use glam::Vec3;
@@ -81,13 +82,13 @@ pub(super) fn build(scene: &Scene, pieces: &Pieces, shells: u32, shell_of: &[u32
         let bounds = Aabb::of(scene.corners(triangle));
         Item { bounds, centre: bounds.center(), triangle }
     };
-    let mut items: Vec<Item> = (0..scene.triangles.len() as u32).into_par_iter().map(item).collect();
+    let mut items: Vec<Item> = parallel::map(0..scene.triangles.len() as u32, item);
     // Shells, then small pieces, then other large surfaces.
     let group = |item: &Item| match shell_of[item.triangle as usize] {
         u32::MAX => shells + u32::from(pieces.surface[item.triangle as usize]),
         shell => shell,
     };
-    items.par_sort_by_key(|item| (group(item), item.triangle));
+    parallel::sort_by_key(&mut items, |item| (group(item).into(), item.triangle));
     let (mut kept, mut parts) = (Vec::new(), Vec::new());
     for items in items.chunk_by_mut(|a, b| group(a) == group(b)) {
         let group = group(&items[0]);

@@ -5,11 +5,11 @@ use super::build::{ChildProperties, NodeProperties};
 use super::layout::NO_THRESHOLD;
 use super::traverse::{AveragingRule, EMPTY_STACK, trace};
 use crate::math::Aabb;
+use crate::math::parallel;
 use crate::optics::{AXES, AXIS_COUNT, SOLID_DEPTH};
 use crate::ray::Packet;
 use crate::simd::{Kernel, LANES, Simd, dispatch, half_nearest, half_up};
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Rays through a child along each axis, by the levels of nodes below it. 32 rays give the transmittance of a block with a standard error
 /// of 1/(2 √32) = 0.09, without bias and independent of that of other blocks, so that errors average out along a path. Each level has
@@ -20,10 +20,9 @@ const RAYS: [usize; 4] = [32, 64, 256, 1024];
 /// Sets the extinctions of all children.
 pub(super) fn measure(cut: &mut DistanceCut, facts: &[NodeProperties]) {
     let tree = &*cut;
-    let made: Vec<_> = (0..tree.nodes.len())
-        .into_par_iter()
-        .map(|at| dispatch(tree.isa, NodeRays { cut: tree, at, facts: &facts[at] }))
-        .collect();
+    let made: Vec<_> = parallel::map(0..tree.nodes.len(), |at| {
+        dispatch(tree.isa, NodeRays { cut: tree, at, facts: &facts[at] })
+    });
     for (extinctions, made) in cut.extinctions.iter_mut().zip(made) {
         extinctions.0 = made;
     }

@@ -7,10 +7,10 @@ use super::DistanceCut;
 use super::modes::{CLASSES, Fit, Mode, SMOOTH_EXPONENT, STRATIFIED_EXPONENT};
 use super::sums::{BundleSums, PacketResult, Tracing};
 use super::traverse::OPAQUE_DEPTH;
+use crate::math::parallel;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::answer::Bundle;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Widths that are tried, relative to the emitter's: the umbra criterion allows no more than 1. Steps of about a quarter: the times to an
 /// error of neighbouring widths differ by less than the choice of routes can resolve, by a benchmark that is no longer in the repository
@@ -95,7 +95,7 @@ impl DistanceCut {
             let sums = self.sum(&bundles.bundles()[0], Tracing::Mode(&mode));
             Some([sums.aggregated, sums.segments])
         };
-        let counts: Vec<[u32; 2]> = (0..SCREENING_RECEIVERS).into_par_iter().filter_map(counted).collect();
+        let counts: Vec<[u32; 2]> = parallel::flat_map(0..SCREENING_RECEIVERS, counted);
         let [averaged, all] = counts.iter().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
         f64::from(averaged) > MIN_AVERAGED_FRACTION * f64::from(all)
     }
@@ -109,8 +109,10 @@ impl DistanceCut {
         let mut pairs: Vec<[PilotSet; 2]> = Vec::new();
         let mut next = [0, MIN_PILOT_RECEIVERS];
         loop {
-            let found: Vec<Candidate> = (next[0]..next[1]).into_par_iter().filter_map(&candidate).collect();
-            pairs.par_extend(found.par_chunks(BUNDLES_PER_TASK).flat_map_iter(|part| self.sets(part, exact)));
+            let found: Vec<Candidate> = parallel::flat_map(next[0]..next[1], &candidate);
+            pairs.extend(parallel::flat_map(parallel::chunks(&found, BUNDLES_PER_TASK), |part| {
+                self.sets(part, exact)
+            }));
             let modes: Vec<(Mode, bool)> =
                 (0..CANDIDATE_WIDTHS.len()).filter_map(|k| mode(&pairs, k)).collect();
             // The first round measures the gains of rare classes to about a fifth.
@@ -315,7 +317,7 @@ fn decides(packets: f64, all: f64) -> bool {
 fn factor(all: &[(&PilotSet, &SetTrace)]) -> Option<f32> {
     let visible: f64 = all.iter().map(|(set, _)| f64::from(set.visible.count_ones())).sum();
     let excess = |factor: f64| -> f64 {
-        let sums: Vec<f64> = all.par_iter().map(|(_, trace)| trace.passed(factor as f32)).collect();
+        let sums: Vec<f64> = parallel::map(all, |(_, trace)| trace.passed(factor as f32));
         sums.iter().sum::<f64>() - visible
     };
     let [mut low, mut high] = FACTORS.map(|factor| (f64::from(factor), excess(f64::from(factor))));

@@ -4,12 +4,12 @@
 //! not separate the ends of any segment of a bundle meets none of them; a shell is left out if that holds for all of its planes.
 
 use crate::math::Aabb;
+use crate::math::parallel;
 use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::simd::{LANES, Simd, vector};
 use crate::visibility::answer::Bundle;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Largest number of shells: half of the root's lanes, so that the other half divides the rest of the scene.
 pub(super) const MAX_SHELLS: usize = 8;
@@ -142,7 +142,7 @@ fn flat_groups(scene: &Scene, pieces: &Pieces, margin: f32) -> Vec<(f64, Vec<u32
         .filter(|&(t, _)| pieces.surface[t as usize])
         .map(|(t, &r)| (r, t))
         .collect();
-    members.par_sort_unstable();
+    parallel::sort_by_key(&mut members, |&(region, t)| (region.into(), t));
     let mut regions: Vec<&[(u32, u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
     let width = |region: &[(u32, u32)]| pieces.width[region[0].1 as usize];
     regions.sort_by(|a, b| width(b).total_cmp(&width(a)).then(a[0].cmp(&b[0])));
@@ -210,7 +210,7 @@ fn shell(scene: &Scene, triangles: &[u32], centre: Vec3, margin: f32) -> Option<
         let few = scene.positions.iter().step_by(scene.positions.len() / FIRST_TEST_POINTS + 1);
         few.clone().all(is_inside) && scene.positions.iter().all(is_inside)
     };
-    let outermost = planes.par_iter().all(inside);
+    let outermost = parallel::some_map(&planes, |plane| inside(plane).then_some(())).is_some();
     let flat = || {
         let first = planes[0];
         triangles.iter().flat_map(|&t| scene.corners(t)).all(|p| first.height(p).abs() <= margin)
@@ -281,7 +281,7 @@ pub fn surface_widths(scene: &Scene) -> Vec<f32> {
 
 /// The area of each triangle.
 fn areas(scene: &Scene) -> Vec<f64> {
-    (0..scene.triangles.len() as u32).into_par_iter().map(|t| scene.face_area(t)).collect()
+    parallel::map(0..scene.triangles.len() as u32, |t| scene.face_area(t))
 }
 
 /// Root of the area of the group that each triangle belongs to.
@@ -294,7 +294,7 @@ fn widths(groups: &[u32], areas: &[f64]) -> Vec<f32> {
 /// The smooth surface of each triangle: faces that meet at an edge with similar planes.
 fn smooth_surfaces(scene: &Scene) -> Vec<u32> {
     let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
-    let normals: Vec<Vec3> = triangles.par_iter().map(|&t| scene.face_normal(t)).collect();
+    let normals: Vec<Vec3> = parallel::map(&triangles, |&t| scene.face_normal(t));
     scene.joined_across_edges(&triangles, |[i, j]| {
         normals[i as usize].dot(normals[j as usize]).abs() > SMOOTH_COSINE
     })
