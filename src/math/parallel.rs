@@ -20,8 +20,8 @@ pub trait Items: Sync {
     /// The item at a place.
     fn item(&self, place: usize) -> Self::Item;
 
-    /// The least number of items of a task.
-    fn least(&self) -> usize {
+    /// The smallest number of items of a task.
+    fn min_of_task(&self) -> usize {
         1
     }
 }
@@ -109,19 +109,19 @@ impl<I: Items> Items for AtLeast<I> {
         self.1.item(place)
     }
 
-    fn least(&self) -> usize {
+    fn min_of_task(&self) -> usize {
         self.0
     }
 }
 
-/// Items that take so little time that a task should have at least `least` of them.
-pub fn at_least<I: Items>(least: usize, items: I) -> AtLeast<I> {
-    AtLeast(least, items)
+/// Items that take so little time that a task should have at least `min` of them.
+pub fn at_least<I: Items>(min: usize, items: I) -> AtLeast<I> {
+    AtLeast(min, items)
 }
 
 /// What `of` makes of each item.
 pub fn map<I: Items, T: Send>(items: I, of: impl Fn(I::Item) -> T + Sync) -> Vec<T> {
-    in_parts(items.number(), items.least(), &|range| {
+    in_parts(items.number(), items.min_of_task(), &|range| {
         let mut found = Vec::with_capacity(range.len());
         for place in range {
             found.push(of(items.item(place)));
@@ -136,7 +136,7 @@ pub fn map_with<I: Items, S, T: Send>(
     new: impl Fn() -> S + Sync,
     of: impl Fn(&mut S, I::Item) -> T + Sync,
 ) -> Vec<T> {
-    in_parts(items.number(), items.least(), &|range| {
+    in_parts(items.number(), items.min_of_task(), &|range| {
         let (mut shared, mut found) = (new(), Vec::with_capacity(range.len()));
         for place in range {
             found.push(of(&mut shared, items.item(place)));
@@ -150,7 +150,7 @@ pub fn flat_map<I: Items, V: IntoIterator<Item: Send>>(
     items: I,
     of: impl Fn(I::Item) -> V + Sync,
 ) -> Vec<V::Item> {
-    in_parts(items.number(), items.least(), &|range| {
+    in_parts(items.number(), items.min_of_task(), &|range| {
         let mut found = Vec::new();
         for place in range {
             for one in of(items.item(place)) {
@@ -173,7 +173,7 @@ pub fn try_map_with<I: Items, S, T: Send, E: Send>(
     of: impl Fn(&mut S, I::Item) -> Result<T, E> + Sync,
 ) -> Result<Vec<T>, E> {
     let (failed, error) = (AtomicBool::new(false), Mutex::new(None));
-    let found = in_parts(items.number(), items.least(), &|range| {
+    let found = in_parts(items.number(), items.min_of_task(), &|range| {
         let (mut shared, mut found) = (new(), Vec::with_capacity(range.len()));
         for place in range {
             if failed.load(Relaxed) {
@@ -282,8 +282,8 @@ impl<T, F: FnOnce() -> T> Task<F, T> {
 }
 
 /// What `make` makes of ranges of the numbers below `count`, one after the other.
-fn in_parts<T: Send>(count: usize, least: usize, make: &(dyn Fn(Range<usize>) -> Vec<T> + Sync)) -> Vec<T> {
-    let size = task_size(count, least);
+fn in_parts<T: Send>(count: usize, min: usize, make: &(dyn Fn(Range<usize>) -> Vec<T> + Sync)) -> Vec<T> {
+    let size = task_size(count, min);
     if size == count {
         return make(0..count);
     }
@@ -302,13 +302,13 @@ fn in_parts<T: Send>(count: usize, least: usize, make: &(dyn Fn(Range<usize>) ->
 }
 
 /// The number of items of a task, all if there is one thread.
-fn task_size(count: usize, least: usize) -> usize {
-    if count <= least.max(1) {
+fn task_size(count: usize, min: usize) -> usize {
+    if count <= min.max(1) {
         return count;
     }
     match rayon::current_num_threads() {
         1 => count,
-        threads => count.div_ceil(threads * TASKS_PER_THREAD).max(least),
+        threads => count.div_ceil(threads * TASKS_PER_THREAD).max(min),
     }
 }
 

@@ -94,8 +94,8 @@ impl LinkedScene {
     }
 
     /// Cuts undivided surfaces above this area that at most [`MAX_PLANES`] planes cross from edge to edge, and nothing else: the largest
-    /// ones, at most `count` of them. To split or mark the others takes a third more time in a furnished room, and its light changes by less than its
-    /// error.
+    /// ones, at most `count` of them. To split or mark the others takes a third more time in a furnished room, and its light changes by
+    /// less than its error.
     fn cut_undivided(
         &mut self,
         scene: &Scene,
@@ -251,8 +251,8 @@ fn set_edges(
 
 /// Sets lanes from `first` on to segments across the middles of the edges of an element, above it by this fraction of twice the smallest
 /// distance of an edge from the centre, or by [`INSET`] of that of their edge if that is more. They begin and end twice as far from the
-/// edges as those of [`set_edges`] at [`INSET`]: a wall that crosses neither element lies between. At the height [`INSET`], the next face of a
-/// bowl counts as a wall from an angle of 27° on.
+/// edges as those of [`set_edges`] at [`INSET`]: a wall that crosses neither element lies between. At the height [`INSET`], the next face
+/// of a bowl counts as a wall from an angle of 27° on.
 fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side, height: f32) {
     let (count, middle, _) = frame(corners, side, height);
     let middle_of = |k: usize| 0.5 * (corners[k] + corners[(k + 1) % count]);
