@@ -5,6 +5,7 @@ use crate::math::parallel;
 use crate::progress::Progress;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
 use glam::{DVec3, Vec3};
+use rayon::slice::ParallelSliceMut;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
@@ -163,15 +164,16 @@ struct Edges {
 impl Edges {
     fn of(solution: &RadiosityMesh, outlines: &[Vec<u32>]) -> Edges {
         let both_ways = |outline: &Vec<u32>| {
-            let edge = |k: usize| [outline[k], outline[(k + 1) % outline.len()]];
-            (0..outline.len()).map(edge).flat_map(|[a, b]| [[a, b], [b, a]]).collect::<SmallVec<[_; 8]>>()
+            let edge = |k: usize| [outline[k], outline[(k + 1) % outline.len()]].map(u64::from);
+            let packed = |[a, b]: [u64; 2]| [a << 32 | b, b << 32 | a];
+            (0..outline.len()).map(edge).flat_map(packed).collect::<SmallVec<[_; 8]>>()
         };
-        let mut edges: Vec<[u32; 2]> = parallel::flat_map(outlines, both_ways);
-        parallel::sort_by_key(&mut edges, |&[a, b]| (a.into(), b));
+        let mut edges: Vec<u64> = parallel::flat_map(outlines, both_ways);
+        edges.par_sort_unstable();
         edges.dedup();
-        let first = |v: u32| edges.partition_point(|edge| edge[0] < v) as u32;
+        let first = |v: u32| edges.partition_point(|edge| edge >> 32 < u64::from(v)) as u32;
         let first = parallel::map(0..solution.vertices.len() as u32 + 1, first);
-        Edges { first, ends: edges.into_iter().map(|edge| edge[1]).collect() }
+        Edges { first, ends: edges.into_iter().map(|edge| edge as u32).collect() }
     }
 
     /// The other ends of the edges at a vertex.

@@ -197,6 +197,23 @@ pub fn for_each_mut<T: Send>(slice: &mut [T], work: impl Fn(usize, &mut T) + Syn
     for_each_chunk_mut(slice, 1, |place, one| work(place, &mut one[0]));
 }
 
+/// Calls `work` with each element of a slice; as soon as possible the error of an element that has one.
+pub fn try_for_each_mut<T: Send, E: Send>(
+    slice: &mut [T],
+    work: impl Fn(&mut T) -> Result<(), E> + Sync,
+) -> Result<(), E> {
+    let (failed, error) = (AtomicBool::new(false), Mutex::new(None));
+    for_each_mut(slice, |_, one| {
+        if !failed.load(Relaxed)
+            && let Err(own) = work(one)
+        {
+            failed.store(true, Relaxed);
+            *error.lock().expect("nothing panics with it") = Some(own);
+        }
+    });
+    error.into_inner().expect("nothing panics with it").map_or(Ok(()), Err)
+}
+
 /// Calls `work` with the number of each chunk of `size` elements of a slice and the chunk; the last one may be shorter.
 pub fn for_each_chunk_mut<T: Send>(slice: &mut [T], size: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     for_each_chunk_mut_with(slice, size, || (), |(), k, chunk| work(k, chunk));
@@ -372,6 +389,13 @@ mod tests {
             };
             assert_eq!(on_threads(threads, || some_map(0..10_000usize, of)), None);
             assert!(calls.into_inner() < 5_000);
+            let set = |one: &mut i32| (*one != 3).then(|| *one = -1).ok_or("three");
+            let mut numbers: Vec<i32> = (0..10_000).collect();
+            assert_eq!(on_threads(threads, || try_for_each_mut(&mut numbers, set)), Err("three"));
+            assert_eq!(
+                (numbers[0], numbers[3], on_threads(threads, || try_for_each_mut(&mut [1, 2], set))),
+                (-1, 3, Ok(()))
+            );
         }
     }
 

@@ -133,12 +133,11 @@ pub fn upper(found: &[FacetRays], progress: &dyn Progress) -> Result<Vec<Vec<Par
             upper[i.min(p.facet()) as usize].push(Partner::new(p.facet().max(i), p.hits()));
         }
     }
-    parallel::for_each_mut(&mut upper, |_, u| {
-        if !progress.stopped() {
-            Partner::merge(u);
-            u.shrink_to_fit();
-        }
-    });
-    go_on(progress)?;
+    parallel::try_for_each_mut(&mut upper, |u| {
+        go_on(progress)?;
+        Partner::merge(u);
+        u.shrink_to_fit();
+        Ok(())
+    })?;
     Ok(upper)
 }

@@ -255,15 +255,13 @@ pub fn balance(rows: &mut [Row], progress: &dyn Progress) -> Result<()> {
     }
     let factors =
         tally.map(|[met, expected]| ((met + BALANCE_PRIOR_RAYS) / (expected + BALANCE_PRIOR_RAYS)) as f32);
-    parallel::for_each_mut(rows, |_, row| {
-        if progress.stopped() {
-            return;
-        }
+    parallel::try_for_each_mut(rows, |row| {
+        go_on(progress)?;
         for (exchange, class) in row.exchange.iter_mut().zip(std::mem::take(&mut row.chance)) {
             *exchange *= factors.get(usize::from(class)).copied().unwrap_or(1.0);
         }
-    });
-    go_on(progress)
+        Ok(())
+    })
 }
 
 /// The fraction of the unoccluded exchange area that a found pair represents: `f(T) = T / (1 − exp(−c T))`. f is

@@ -33,9 +33,9 @@ struct Received {
     count: usize,
 }
 
-/// Scales the light after sharing so that its power equals that of the elements' own rays: in each group of sides ([`groups`]), then of
-/// all together. A plane fitted to light with a sharp peak, as of a lamp close to a wall, loses some of the light; and where few rays find light, as in a
-/// house under a sky, windows in which rays agree by chance are darker than the mean.
+/// Scales the light after sharing so that its power equals that of the elements' own rays: in each group of sides ([`groups`]), then of all
+/// together. A plane fitted to light with a sharp peak, as of a lamp close to a wall, loses some of the light; and where few rays find
+/// light, as in a house under a sky, windows in which rays agree by chance are darker than the mean.
 pub(super) fn keep_power(
     kind: usize,
     places: &[Place],
@@ -64,7 +64,7 @@ pub(super) fn keep_power(
         own += areas[i] * light[i].mean(kind);
         sum += areas[i] * mean(shared.irradiance[kind]);
     }
-    let factor = if sum > 0.0 && own > 0.0 { own / sum } else { 1.0 };
+    let factor = if sum > 0.0 { (own / sum).clamp(1.0 / MAX_SIDE_FACTOR, MAX_SIDE_FACTOR) } else { 1.0 };
     all.iter_mut().flat_map(|shared| &mut shared.irradiance[kind]).for_each(|e| *e *= factor);
 }
 

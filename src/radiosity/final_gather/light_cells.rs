@@ -134,8 +134,7 @@ impl FinalGather<'_> {
         if let Some(environment) = self.environment {
             sum += sky.compared_with(environment.sky_irradiance(point.normal.as_dvec3()).into());
         }
-        // The addition and subtraction of the same light leaves a rounding error.
-        sum.max(DVec3::ZERO).to_array()
+        sum.to_array()
     }
 
     /// The mean light along the rays of the undivided grid, if no light comes from beyond the scene and no cell needs to be divided, as

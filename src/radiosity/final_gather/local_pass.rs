@@ -421,8 +421,8 @@ fn emitters_irradiance(row: &RayRow) -> Rgb {
     row.emitted().to_array().map(|d| f64::from(d) / f64::from(row.rays))
 }
 
-/// Assigns the mean irradiance of both halves to all leaves with rows. Noise may bring it below 0. It stays for
-/// whoever gathers this light, as the noise of many leaves cancels: a limit at 0 would make points in houses under a sky a fifth too dark.
+/// Assigns the mean irradiance of both halves to all leaves with rows. Noise may bring it below 0. It stays for what gathers
+/// this light, as the noise of many leaves cancels: a limit at 0 would make points in houses under a sky a fifth too dark.
 fn assign_irradiance(rows: &RayRows, light: &[Field; 2], results: &mut [LocalResult]) {
     for ((row, a), b) in rows.rows.iter().zip(&light[0]).zip(&light[1]) {
         results[row.leaf as usize].irradiance = from_fn(|k| 0.5 * (a[k] + b[k]));

@@ -131,7 +131,7 @@ impl FinalGather<'_> {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let area = |e: u32| elements.elements[e as usize].area;
         let counted = |e: u32| area(e) * f64::from(states[e as usize].importance);
-        let light = |e: u32| mean(self.reflected[e as usize].light.map(f64::from));
+        let light = |e: u32| mean(self.reflected[e as usize].light.map(f64::from)).max(0.0);
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
         let all_light: f64 = leaves.iter().map(|&e| counted(e) * light(e)).sum();
         // Noise of the rays of a leaf is in proportion to the light that it sends.

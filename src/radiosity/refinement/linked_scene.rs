@@ -166,7 +166,7 @@ impl LinkedScene {
                 all += power;
             }
         }
-        let least = MIN_LIT * all / self.elements.area;
+        let least = MIN_LIT * all.max(0.0) / self.elements.area;
         let area = |side: &Side| elements[side.element as usize].area;
         light.iter().zip(sides).map(|(power, side)| *power > least * area(side)).collect()
     }

@@ -109,16 +109,28 @@ fn runners_and_mats_lie_on_stairs_terraces_and_in_corners() {
     });
 }
 
-/// A carpet that is smaller than the floor of boards below it, and larger than each board.
+/// A carpet that is smaller than the floor of boards below it, and larger than each board; and boards that reach a little beyond the floor
+/// below them.
 #[test]
-fn carpets_lie_on_boards() {
+fn carpets_lie_on_boards_and_these_on_floors() {
+    let boards = |pieces: &mut Pieces, reflectance: f32, offset: f64, z: f64| {
+        for k in 0..5 {
+            let [x, y] = [1.008 * f64::from(k) - 0.02, offset * f64::from(k) - 0.02];
+            let board = facing_up([x, x + 1.008], [y, y + 5.04], z);
+            pieces.grey(&format!("board {k}"), reflectance).polygon(&board);
+        }
+    };
     check_contact("carpet", &|gap| {
         let mut pieces = Pieces::empty();
-        for k in 0..5 {
-            let [x, y] = [f64::from(k), 0.013 * f64::from(k)];
-            pieces.grey(&format!("board {k}"), 0.9).polygon(&facing_up([x, x + 1.0], [y, y + 5.0], 0.0));
-        }
+        boards(&mut pieces, 0.9, 0.013, 0.0);
         pieces.grey("carpet", 0.05).polygon(&facing_up([0.1, 4.9], [0.15, 4.95], gap));
+        lamp(&mut pieces, 2.5, 2.5, 3.0);
+        (pieces, vec![above(1.5, 1.5, 0.5)])
+    });
+    check_contact("boards", &|gap| {
+        let mut pieces = Pieces::empty();
+        boards(&mut pieces, 0.05, 0.003, gap);
+        pieces.grey("floor", 0.9).polygon(&facing_up([0.0, 5.0], [0.0, 5.0], 0.0));
         lamp(&mut pieces, 2.5, 2.5, 3.0);
         (pieces, vec![above(1.5, 1.5, 0.5)])
     });
