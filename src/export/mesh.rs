@@ -246,8 +246,9 @@ impl VertexElements {
 ///
 /// A vertex has the mean of the elements around it. Interpolation between such means flattens light: at the edge of a wall the value of a
 /// vertex lies half an element away from it. So each vertex is corrected by the mean of what its elements lack: the difference between an
-/// element's irradiance and the mean of its vertices (one step of van Cittert's iteration). Where an element still lacks more than its
-/// uncertainty, as at the edge of a shadow, its own vertices are changed so that it does not; light is not continuous there. The vertices
+/// element's irradiance and the mean of its vertices (one step of van Cittert's iteration), and inside a surface kept between the light of
+/// the elements around it. Where an element still lacks more than its uncertainty, as at the edge of a shadow, those of its vertices that
+/// are darker than itself get closer to its own light, or the brighter ones if it has too much; light is not continuous there. The vertices
 /// of elements that another surface stands across have the light of their neighbours, on either side of it, times what the elements lack.
 fn at_outlines(
     solution: &RadiosityMesh,
@@ -273,26 +274,61 @@ fn at_outlines(
     let of_elements: Vec<[f64; 3]> = solution.elements.iter().map(|e| e.irradiance).collect();
     let mut found = means(&of_elements)?;
     let corrections = means(&lacking(solution, &weights, &found))?;
-    for (found, correction) in found.iter_mut().flatten().zip(corrections.iter().flatten()) {
-        *found = std::array::from_fn(|c| (found[c] + correction[c]).max(0.0));
-    }
-    let lacks = lacking(solution, &weights, &found);
-    let changed = |((at, lacks), e): ((&Vec<[f64; 3]>, &[f64; 3]), &Element)| {
-        // What the element lacks beyond its uncertainty is added; an excess scales the vertices, so that none becomes negative.
-        let change = |v: f64, c: usize| {
-            let beyond = lacks[c].abs() - e.error[c].max(VISIBLE_STEP * e.irradiance[c]);
-            let mean = e.irradiance[c] - lacks[c];
-            match beyond > 0.0 {
-                // What is dark on one side of another surface stays dark.
-                true if e.crossed && mean <= 0.0 => v,
-                true if lacks[c] > 0.0 && !e.crossed => v + beyond,
-                true => v * (1.0 + beyond.copysign(lacks[c]) / mean),
-                false => v,
-            }
-        };
-        at.iter().map(|v| std::array::from_fn(|c| change(v[c], c) as f32)).collect()
+    let correct = |e: usize, at: &mut Vec<[f64; 3]>| {
+        for (k, v) in at.iter_mut().enumerate() {
+            let range = range_inside(&of_elements, normals, e, around.of(outlines[e][k]));
+            *v = std::array::from_fn(|c| {
+                let corrected = (v[c] + corrections[e][k][c]).max(0.0);
+                range.map_or(corrected, |[low, high]| corrected.clamp(low[c].min(v[c]), high[c].max(v[c])))
+            });
+        }
     };
-    Some(found.iter().zip(&lacks).zip(&solution.elements).map(changed).collect())
+    parallel::for_each_mut(&mut found, correct);
+    let lacks = lacking(solution, &weights, &found);
+    let with_own_light = |e: usize, at: &mut Vec<[f64; 3]>| {
+        (0..3).for_each(|c| approach(&solution.elements[e], c, lacks[e][c], &weights[e], at));
+    };
+    parallel::for_each_mut(&mut found, with_own_light);
+    Some(found.into_iter().map(|at| at.into_iter().map(|v| v.map(|v| v as f32)).collect()).collect())
+}
+
+/// Smallest and largest irradiance of the elements around a vertex that face as one of them does; none at the edges of surfaces, where
+/// fewer than three meet and light may be beyond theirs.
+fn range_inside(
+    of_elements: &[[f64; 3]],
+    normals: &[Vec3],
+    element: usize,
+    around: &[u32],
+) -> Option<[[f64; 3]; 2]> {
+    let faces = |e: &&u32| normals[**e as usize].dot(normals[element]) >= MIN_SMOOTH_COSINE;
+    let (mut low, mut high, mut count) = ([f64::INFINITY; 3], [0.0; 3], 0);
+    for &e in around.iter().filter(faces) {
+        count += 1;
+        let light = of_elements[e as usize];
+        low = std::array::from_fn(|c| light[c].min(low[c]));
+        high = std::array::from_fn(|c| light[c].max(high[c]));
+    }
+    (count > 2).then_some([low, high])
+}
+
+/// Changes the vertices of an element in one channel so that their mean lacks no more of the element's light than its uncertainty.
+fn approach(e: &Element, c: usize, lacks: f64, weights: &[f64], at: &mut [[f64; 3]]) {
+    let own = e.irradiance[c];
+    let beyond = lacks.abs() - e.error[c].max(VISIBLE_STEP * own);
+    if beyond <= 0.0 {
+        return;
+    }
+    if e.crossed {
+        let mean = own - lacks;
+        // What is dark on one side of another surface stays dark.
+        let factor = if mean > 0.0 { 1.0 + beyond.copysign(lacks) / mean } else { 1.0 };
+        at.iter_mut().for_each(|v| v[c] *= factor);
+        return;
+    }
+    let missing = |v: f64| if lacks > 0.0 { (own - v).max(0.0) } else { (own - v).min(0.0) };
+    let all: f64 = at.iter().zip(weights).map(|(v, w)| w * missing(v[c]).abs()).sum();
+    let part = (beyond / all.max(f64::MIN_POSITIVE)).min(1.0);
+    at.iter_mut().for_each(|v| v[c] += part * missing(v[c]));
 }
 
 /// The irradiance of each element less the mean of the mesh over it, W/m². The vertex in the middle of an element with smaller

@@ -490,3 +490,22 @@ fn walls_are_opaque_from_outside_unless_pictures_look_inside() {
     };
     assert!(above(false).is_none() && above(true).is_some_and(|t| (t - 2.0).abs() < 0.01));
 }
+
+/// Beside the edge of a shadow a plain wall is no brighter than its elements, nor darker in the shadow.
+#[test]
+fn shadows_have_no_bright_outline() {
+    let count = 8u32;
+    let mut solution = RadiosityMesh::default();
+    let at = |k: u32| Vec3::new((k % (count + 1)) as f32, (k / (count + 1)) as f32, 0.0);
+    solution.vertices.extend((0..(count + 1).pow(2)).map(at));
+    for (column, row) in (0..count).flat_map(|row| (0..count).map(move |column| (column, row))) {
+        let first = row * (count + 1) + column;
+        let corners = [first, first + 1, first + count + 2, first + count + 1];
+        solution.elements.push(grey(corners, if column + row / 3 < 4 { 1.0 } else { 10.0 }, 1.0, 0));
+    }
+    let mesh = Mesh::new(&solution);
+    let is_inside = |p: &Vec3| [p.x, p.y].iter().all(|x| (0.5..count as f32 - 0.5).contains(x));
+    let lights = mesh.positions.iter().zip(&mesh.irradiance).filter(|(p, _)| is_inside(p));
+    let lights: Vec<f32> = lights.map(|(_, e)| e[0]).collect();
+    assert!(lights.len() >= 49 && lights.iter().all(|e| (0.999..10.001).contains(e)), "{lights:?}");
+}

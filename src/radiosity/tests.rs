@@ -255,6 +255,18 @@ fn bars_hold_the_truth() {
     assert!(audit.rms_bar < 3.0 * audit.rms_error, "{audit:?}");
 }
 
+/// What no light arrives in has no error either.
+#[test]
+fn bars_of_channels_without_light_are_zero() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("floor", 0.5).polygon(&facing_up([0.0, 2.0], [0.0, 2.0], 0.0));
+    pieces.made_of("lamp", SoupMaterial::light("red", [10.0, 0.0, 0.0]));
+    pieces.polygon(&facing_down([0.5, 1.5], [0.5, 1.5], 1.0));
+    let mesh = solved(&pieces.scene(), &[], &quick()).mesh;
+    let lit: Vec<_> = mesh.elements.iter().filter(|e| e.irradiance[0] > 0.0).collect();
+    assert!(!lit.is_empty() && lit.iter().all(|e| e.error[0] > 0.0 && e.error[1..] == [0.0; 2]));
+}
+
 #[test]
 fn options_out_of_range_are_refused() {
     let scene = room(false);

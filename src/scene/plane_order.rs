@@ -28,12 +28,11 @@ const MIN_SHEET_COVER: f64 = 0.99;
 /// half, as the bottom and two sides of a crate that stands in a corner of another one are three faces of five.
 const MIN_COVERING: f64 = 0.6;
 
-/// Part of the area of sheets that continue each other that counts against other surfaces: boards on a floor reach a little below the walls
-/// around it, 2 cm in a room of 3 m, while a carpet that lies on boards ends before the walls.
-const JOINED_SHARE: f64 = 0.97;
-
 /// Bits by which areas are compared: equal surfaces that are divided into different triangles differ by rounding.
 const AREA_BITS: u32 = 16;
+
+/// Relative difference of areas that is larger than rounding.
+const AREA_STEP: f64 = 4.0 / (1 << AREA_BITS) as f64;
 
 /// An area without the bits that rounding changes.
 fn rounded(area: f64) -> f64 {
@@ -260,11 +259,22 @@ impl<'a> Planes<'a> {
     }
 
     /// The area of the part of a face, or of its surface if that is a flap or belongs to a covering; scene units squared. First with all
-    /// surfaces that continue it without a sharp edge, or [`JOINED_SHARE`] of them, then its own.
+    /// surfaces that continue it without a sharp edge, then its own. Several boards on a floor that walls stand on count less than the floor,
+    /// though they may reach below the walls.
     fn areas(&self, t: u32) -> [f64; 2] {
         let is_surface = |of: &&Continued| of.is_flap || self.coverings.contains(&self.of.part(t));
-        let surface = self.continued_open(t).filter(is_surface);
-        surface.map_or([self.of.shape(t).area; 2], |of| [of.area.max(JOINED_SHARE * of.joined_area), of.area])
+        let Some(of) = self.continued_open(t).filter(is_surface) else { return [self.of.shape(t).area; 2] };
+        if of.joined_area == of.area {
+            return [of.area; 2];
+        }
+        let floors = self.neighbours[&t].iter().filter(|u| self.is_floor(**u));
+        let below = |u: &u32| self.continued[u].joined_area * (1.0 - AREA_STEP);
+        [floors.map(below).fold(of.joined_area, f64::min).max(of.area), of.area]
+    }
+
+    /// Whether walls stand on the borders of the surface of a face of an open part.
+    fn is_floor(&self, t: u32) -> bool {
+        self.continued_open(t).is_some_and(|of| of.length > 0.0)
     }
 
     /// The kind of each overlapping face.
@@ -431,7 +441,7 @@ impl<'a> Planes<'a> {
             Kind::Wall(inside) => inside.dot(side) > 0.0 && self.is_ground_of(t, **u),
             _ => false,
         };
-        let beyond = |&u: &u32| self.of.shape(u).area * (1.0 + 2f64.powi(2 - AREA_BITS as i32));
+        let beyond = |&u: &u32| self.of.shape(u).area * (1.0 + AREA_STEP);
         let areas = self.neighbours[&t].iter().filter(is_inside).map(beyond);
         areas.fold(0.0, f64::max)
     }
@@ -460,7 +470,6 @@ impl<'a> Planes<'a> {
             let [a, b] = [s, t].map(|t| areas(t).map(rounded));
             a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(t.cmp(&s))
         });
-        let has_upturned_edges = |t: u32| self.continued_open(t).is_some_and(|of| of.length > 0.0);
         let is_sheet = |t: &&u32| matches!(kinds[*t], Kind::Sheet);
         let default = members
             .iter()
@@ -499,7 +508,7 @@ impl<'a> Planes<'a> {
                 areas: [
                     areas(t)[0].max(if is_sheet(&&t) { self.area_inside(t, side, kinds) } else { 0.0 }),
                     areas(t)[1],
-                    if has_upturned_edges(t) { self.of.shape(t).area } else { 0.0 },
+                    if self.is_floor(t) { self.of.shape(t).area } else { 0.0 },
                 ]
                 .map(rounded),
                 has_walls,

@@ -164,7 +164,7 @@ impl FinalGather<'_> {
             let own = elements.elements[e as usize].area;
             (area, light) = (area + own, light + own * mean(elements.states[e as usize].irradiance));
         }
-        if area > 0.0 { light.max(0.0) / area } else { 0.0 }
+        if area > 0.0 { light / area } else { 0.0 }
     }
 
     /// Checks elements, drawn by area, light and error bars in strata; one drawn twice is checked by other paths; `position` in `[0, 1)`

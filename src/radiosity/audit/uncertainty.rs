@@ -61,11 +61,7 @@ pub fn error_estimate(linked: &LinkedScene, uncertainty: &[f64]) -> f64 {
         squares += area * uncertainty[e as usize].powi(2);
         sum += area * mean(elements.states[e as usize].irradiance);
     }
-    if sum > 0.0 || squares == 0.0 {
-        (squares * all).sqrt() / sum.max(f64::MIN_POSITIVE)
-    } else {
-        f64::INFINITY
-    }
+    (squares * all).sqrt() / sum.max(f64::MIN_POSITIVE)
 }
 
 impl Solved {
@@ -117,7 +113,7 @@ impl Solved {
             let (element, state) = (&elements.elements[e], &elements.states[e]);
             let (side, irradiance) = (&elements.sides[side as usize], light[e]);
             let level = mean(irradiance);
-            let error = irradiance.map(|v| uncertainty[e] * if v > 0.0 { v / level } else { 1.0 });
+            let error = irradiance.map(|v| uncertainty[e] * if level > 0.0 { v / level } else { 1.0 });
             Element {
                 radiosity: side.radiosity(irradiance),
                 irradiance,

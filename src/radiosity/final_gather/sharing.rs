@@ -56,7 +56,7 @@ struct Comparison {
 
 /// The irradiance of all elements from the rays of their neighbourhood; after the deadline from their own rays. `areas` are those of the
 /// elements. Elements keep their own light if its noise is less than the fraction `needed` of their light and of the mean light, and so
-/// is that of direct light around. All elements together receive as much as by their own rays.
+/// is that of direct light around. Power is kept as [`keep_power`] says.
 pub fn share(
     places: &[Place],
     areas: &[f64],

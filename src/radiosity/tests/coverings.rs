@@ -109,29 +109,40 @@ fn runners_and_mats_lie_on_stairs_terraces_and_in_corners() {
     });
 }
 
-/// A carpet that is smaller than the floor of boards below it, and larger than each board; and boards that reach a little beyond the floor
-/// below them.
+/// A carpet that is smaller than the floor of boards below it, and larger than each board; and boards that reach a little below the walls
+/// that stand on the floor below them.
 #[test]
 fn carpets_lie_on_boards_and_these_on_floors() {
-    let boards = |pieces: &mut Pieces, reflectance: f32, offset: f64, z: f64| {
+    let boards = |pieces: &mut Pieces, reflectance: f32, width: f64, offset: f64, z: f64| {
         for k in 0..5 {
-            let [x, y] = [1.008 * f64::from(k) - 0.02, offset * f64::from(k) - 0.02];
-            let board = facing_up([x, x + 1.008], [y, y + 5.04], z);
+            let [x, y] = [0.2 * (width + 0.04) * f64::from(k) - 0.02, offset * f64::from(k) - 0.02];
+            let board = facing_up([x, x + 0.2 * (width + 0.04)], [y, y + width + 0.04], z);
             pieces.grey(&format!("board {k}"), reflectance).polygon(&board);
         }
     };
-    check_contact("carpet", &|gap| {
-        let mut pieces = Pieces::empty();
-        boards(&mut pieces, 0.9, 0.013, 0.0);
-        pieces.grey("carpet", 0.05).polygon(&facing_up([0.1, 4.9], [0.15, 4.95], gap));
-        lamp(&mut pieces, 2.5, 2.5, 3.0);
-        (pieces, vec![above(1.5, 1.5, 0.5)])
-    });
-    check_contact("boards", &|gap| {
-        let mut pieces = Pieces::empty();
-        boards(&mut pieces, 0.05, 0.003, gap);
-        pieces.grey("floor", 0.9).polygon(&facing_up([0.0, 5.0], [0.0, 5.0], 0.0));
-        lamp(&mut pieces, 2.5, 2.5, 3.0);
-        (pieces, vec![above(1.5, 1.5, 0.5)])
-    });
+    for [offset, margin] in [[0.013, 0.12], [0.002, 0.01]] {
+        check_contact(&format!("carpet, {margin} m before the end of the boards"), &|gap| {
+            let mut pieces = Pieces::empty();
+            boards(&mut pieces, 0.9, 5.0, offset, 0.0);
+            let [from, to] = [margin - 0.02, 5.02 - margin];
+            pieces.grey("carpet", 0.05).polygon(&facing_up([from, to], [from + offset, to + offset], gap));
+            lamp(&mut pieces, 2.5, 2.5, 3.0);
+            (pieces, vec![above(1.5, 1.5, 0.5)])
+        });
+    }
+    for width in [1.2, 5.0] {
+        check_contact(&format!("boards in a room of {width} m"), &|gap| {
+            let mut pieces = Pieces::empty();
+            boards(&mut pieces, 0.05, width, 0.003, gap);
+            pieces.grey("floor", 0.9).polygon(&facing_up([0.0, width], [0.0, width], 0.0));
+            let corners =
+                [[0.0, 0.0], [width, 0.0], [width, width], [0.0, width]].map(|[x, y]| DVec3::new(x, y, 0.0));
+            for k in 0..4 {
+                let [a, b] = [corners[k], corners[(k + 1) % 4]];
+                pieces.grey(&format!("wall {k}"), 0.5).rectangle(b, a - b, 2.0 * DVec3::Z);
+            }
+            lamp(&mut pieces, 0.5 * width, 0.5 * width, 3.0);
+            (pieces, vec![above(0.3 * width, 0.3 * width, 0.3)])
+        });
+    }
 }
