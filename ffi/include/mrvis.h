@@ -148,7 +148,8 @@ typedef struct mrv_generate_options {
 mrv_status mrv_scene_generate_with(const char *name, const mrv_generate_options *options, mrv_scene **scene);
 
 /* The same scene without instances: each placed mesh becomes triangles of the scene's own, which radiosity and form factors need. A
- * scene without placed meshes is copied. MRV_ERROR_INPUT if it would have more than `max_triangles` (0: 2^31) triangles. */
+ * scene without placed meshes is copied, whatever its size. MRV_ERROR_INPUT if meshes would become more than `max_triangles` (0: 2^31)
+ * triangles in all. */
 mrv_status mrv_scene_flatten(const mrv_scene *scene, uint64_t max_triangles, mrv_scene **flat);
 
 /* The same scene below a sky and a sun, instead of those that it has; the texts are those of the command's options --sky, --sun, --place and

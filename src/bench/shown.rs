@@ -234,7 +234,11 @@ pub(super) fn map_rows(map: &MapRecord, record: &Record) -> [Table; 2] {
             number(row.fbem).into(),
             speed(row.speedup_at_same_rms),
             speed(row.speedup_with_setup),
-            TableCell::speedup(record.gain(row.speedup_over_texels), row.texels_extrapolated),
+            // Exact rays gain by interpolation alone.
+            TableCell::speedup(
+                record.gain(row.speedup_over_texels.filter(|_| row.route != "embree")),
+                row.texels_extrapolated,
+            ),
             speed(row.speedup_with_preparation),
             TableCell::speedup(record.gain(row.speedup_at_same_fbem), false),
         ]);

@@ -1,5 +1,6 @@
 //! Conversion of placements to triangles.
 
+use super::names::counted;
 use super::{Material, Object, Placement, Scene, compact::drop_unused, faces::has_area};
 use crate::{Error, Result, error::quote, math::Aabb};
 use std::collections::HashMap;
@@ -95,10 +96,14 @@ impl Scene {
         let (triangles, indices) = (self.visible_triangles(), u64::from(u32::MAX));
         if !self.placements.is_empty() && (triangles > max || vertices > indices || polygons > indices) {
             return Err(Error::Scene(format!(
-                "{} placements of {} meshes would become {triangles} triangles with {vertices} vertices, more than \
+                "{} of {} would become {triangles} triangles with {vertices} vertices, more than \
                  ⟨max_triangles⟩ {max} or {indices} vertices: place fewer or simplify the meshes",
-                self.placements.len(),
-                self.shared.len(),
+                counted(self.placements.len(), "placement"),
+                if self.shared.len() == 1 {
+                    "1 mesh".into()
+                } else {
+                    format!("{} meshes", self.shared.len())
+                },
             )));
         }
         Ok(())

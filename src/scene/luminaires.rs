@@ -2,6 +2,7 @@
 
 use super::load_options::{PlacedLuminaire, Placements};
 use super::names::{UniqueNames, counted};
+use super::photometry::WHITE_LUMENS_PER_WATT;
 use super::profile::{Distribution, Profile, axes};
 use super::read_luminaire::{Luminaire, read};
 use super::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial, Strength, power::unit_in_metres, size::ends};
@@ -165,6 +166,10 @@ pub fn lit_from_memory(format: &str, bytes: &[u8]) -> Result<super::Scene> {
     super::read_from_memory(None, "obj", FLOOR, &options)
 }
 
+/// Largest distance of luminaires from the origin, relative to the size of the scene, that is questioned: rooms in centimetres have it if it
+/// is stated in metres.
+const MAX_IN_METRES: f64 = 0.02;
+
 /// Adds the luminaires of the options to the scene's polygons.
 pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
     let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
@@ -185,16 +190,31 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
         Lamp { name, at, axes, size, distribution, scale, factors, colour: [1.0; 3] }
             .add(soup, extent, options);
     }
+    soup.repairs.messages.extend(in_metres(&options.luminaires.list, extent, &options.unit));
 }
 
-/// Asks for the unit if all emitters whose flux is stated in lumens light a scene in metres as if it were a thousand times too large.
+/// A question if luminaires in a scene in a smaller unit than metres are all so close to its origin that their positions may be in metres.
+fn in_metres(placed: &[PlacedLuminaire], extent: f64, unit: &str) -> Option<String> {
+    let farthest = placed.iter().map(|placed| placed.at.length()).fold(0.0, f64::max);
+    let is_smaller = unit_in_metres(unit).is_some_and(|metres| metres < 1.0);
+    (is_smaller && farthest > 0.0 && farthest < MAX_IN_METRES * extent).then(|| {
+        format!(
+            "all luminaires are within {farthest:.3} {unit} of the origin, in a scene of {extent:.0} {unit}: their positions are in {unit} as well; \
+             are they stated in metres?"
+        )
+    })
+}
+
+/// Asks for the unit if all emitters whose flux is stated, in lumens or watts, light a scene in metres as if it were a thousand times too large.
 pub(super) fn question_unit(soup: &mut Soup, options: &LoadOptions) {
     if options.unit != "m" {
         return;
     }
     let stated = options.emitters.iter().filter_map(|(_, strength)| match strength {
         Strength::Lumens(flux) => Some(*flux),
-        Strength::Watts(_) | Strength::Luminance(_) => None,
+        Strength::Watts(power) => Some(WHITE_LUMENS_PER_WATT * *power),
+        // The flux grows with the area.
+        Strength::Luminance(_) => None,
     });
     let fluxes: Vec<f64> = soup.fluxes.iter().copied().chain(stated).filter(|flux| *flux > 0.0).collect();
     let (low, high) = ends(soup.positions.iter().copied());

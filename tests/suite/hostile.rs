@@ -188,6 +188,20 @@ fn names_cannot_deceive() {
     let table = scratch.text("f.csv");
     assert!(table.contains("'=cmd|x") && !table.contains(",=cmd") && !table.contains("\n=cmd"), "{table}");
     assert!(!table.contains(['\u{202e}', '\u{2066}']), "{table}");
+    // Names of jobs, and arguments that are refused.
+    let name = turned.replace('.', "-");
+    let job = format!("[[job]]\nname = '{name}'\ncommand = 'info'\nscene = 'scene.obj'\n");
+    scratch.write("turned.toml", job);
+    for line in [
+        &["batch", "turned.toml", "--out", "b", "--dry-run"][..],
+        &["batch", "turned.toml", "--out", "b"],
+        &["report", "b"],
+        &["solve", "scene.obj", "--builder", turned],
+    ] {
+        let told = scratch.mrvis(line);
+        let text = told.stdout + &told.stderr;
+        assert!(!text.is_empty() && !text.contains(['\u{202e}', '\u{2066}']), "{line:?}: {text}");
+    }
 }
 
 /// Nothing is written beside the scene; a link of the former name of a cache file leads nowhere.

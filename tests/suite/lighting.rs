@@ -155,18 +155,24 @@ fn rooms_in_millimetres_are_questioned() {
     let scratch = Scratch::new();
     scratch.write("lamp.ies", "TILT=NONE\n1 -1 1 2 1 1 2 0.1 0.1 0\n1 1 20\n0 90\n0\n900 900\n");
     scratch.write("lum.toml", "[[luminaire]]\nfile = \"lamp.ies\"\nat = [1, 1, 2]\naim = [0, 0, -1]\n");
-    let room = |size: f64| {
+    let shown = |size: f64, more: &str| {
         let corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1]];
         let lines = corners.map(|corner| {
             let [x, y, z] = corner.map(|c| size * f64::from(c));
             format!("v {x} {y} {z}\n")
         });
         scratch.write("room.obj", lines.concat() + "f 1 2 3 4\nf 1 5 6 2\n");
-        scratch.mrvis("info room.obj --luminaires lum.toml").stdout
+        scratch.mrvis(&format!("info room.obj {more}")).stdout
     };
+    let room = |size| shown(size, "--luminaires lum.toml");
     assert!(room(3000.0).contains("is the file in millimetres? set --unit to mm"), "{}", room(3000.0));
     // A room of 3 m, and a hall of 100 m.
     assert!(!room(3.0).contains("millimetres") && !room(100.0).contains("millimetres"));
+    let watts = shown(3000.0, "--emitter room=60W");
+    assert!(watts.contains("is the file in millimetres?"), "{watts}");
+    // Who then forgets to state the positions of luminaires in millimetres is asked.
+    let converted = shown(3000.0, "--luminaires lum.toml --unit mm");
+    assert!(converted.contains("are they stated in metres?"), "{converted}");
 }
 
 /// A pixel that a lamp touches is not as bright as the lamp.

@@ -153,7 +153,7 @@ fn jobs_of_a_batch_run_on_all_ranks() {
         on_ranks(&scratch, count, &line).exits(0);
         assert_eq!(journal(&scratch.path(out)), [COUNT; 2]);
         assert_same(&scratch.path(out), &scratch.path("one"));
-        on_ranks(&scratch, count, &line).prints("14 were done before");
+        on_ranks(&scratch, count, &line).prints("14 done before");
     }
     on_ranks(&scratch, 2, &[&line("two")[..], &["--mpi", "--dry-run"]].concat())
         .prints("14 of 14 jobs, 0 to do");
@@ -182,7 +182,7 @@ fn goes_on_after(signal: &str, whole: &Path) {
         }
         assert!(code != Some(0) && before >= 3, "{signal}: {code:?}, {before} jobs were done");
         let ran = scratch.mrvis(&line).exits(0);
-        assert!(ran.stdout.contains(&format!("{before} were done before")), "{before}: {}", ran.stdout);
+        assert!(ran.stdout.contains(&format!("{before} done before")), "{before}: {}", ran.stdout);
         assert_eq!(journal(&scratch.path("o"))[1], COUNT);
         assert_same(&scratch.path("o"), whole);
         return;

@@ -9,7 +9,6 @@ use super::{
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use mrvis::internals::cache::CacheLocation;
-use mrvis::internals::error::is_obeyed;
 use mrvis::internals::files::{json_text, write_json};
 use mrvis::internals::scene::{Move, Photometry, parse_emitter, read_added, read_placements, unit_in_metres};
 use mrvis::internals::terrain::ReadOptions;
@@ -19,7 +18,6 @@ use mrvis::{Channels, Error, LoadOptions, Result, Scene, SkyOptions, UpAxis};
 use std::{
     collections::HashSet,
     ffi::OsStr,
-    io::Write as _,
     path::{Path, PathBuf},
     sync::Arc,
     time::Duration,
@@ -95,13 +93,11 @@ impl Common {
         if self.quiet {
             return Ok(());
         }
-        let text = printable(text);
         if self.json_is_piped() {
-            // A closed standard error is ignored.
-            let _ = std::io::stderr().write_all(text.as_bytes());
+            super::say(text.strip_suffix('\n').unwrap_or(text));
             return Ok(());
         }
-        super::print(&text)
+        super::print(text)
     }
 
     /// Checks before the work that the JSON file can be written.
@@ -135,12 +131,6 @@ impl Common {
         }
         super::print(&json_text(value).map_err(|e| Error::format(path, None, e.to_string()))?)
     }
-}
-
-/// A text without characters that a terminal could obey, besides ends of lines and tabs. Names and messages from files are
-/// in it.
-fn printable(text: &str) -> String {
-    text.chars().filter(|&c| !is_obeyed(c) || c == '\n' || c == '\t').collect()
 }
 
 /// A spinner on the terminal; see [`Common::spinner`].
@@ -346,7 +336,7 @@ const MAX_COPIED_TRIANGLES: u64 = 20_000_000;
 /// Writes warnings to standard error, one per line. A closed standard error is ignored.
 pub fn warn(common: &Common, messages: &[String]) {
     for message in with_flags(messages).iter().filter(|_| !common.quiet) {
-        super::say(&format!("mrvis: warning: {}", printable(message)));
+        super::say(&format!("mrvis: warning: {message}"));
     }
 }
 

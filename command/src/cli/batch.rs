@@ -12,6 +12,7 @@ mod runner;
 
 pub use job_run::run_requested;
 
+use super::args::counted;
 use super::inputs::{Inputs, Output};
 use super::mpi::MpiArgs;
 use super::{interruption, limits};
@@ -151,7 +152,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     written?;
     if !args.quiet {
         let before = plan.chosen.len() - to_do.len();
-        let mut text = format!("{} jobs done, {before} were done before", summary.done + summary.missed);
+        let mut text =
+            format!("{} done, {before} done before", counted(summary.done + summary.missed, "job"));
         for (count, what) in [
             (summary.missed, "missed their tolerance"),
             (summary.failed, "failed"),

@@ -8,7 +8,7 @@ use mrvis::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Join the outputs of parts of a batch (batch --shard) in one folder with one table. The exit code is 1 if jobs are missing.
+/// Join the outputs of parts of a batch (batch --shard) in one folder with one table. The exit code is 1 if jobs are missing or lines of a journal are damaged.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Output folders of the parts. One folder that all parts shared only gets its tables.
@@ -63,12 +63,15 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         let skipped = entries.values().filter(|e| e.status == Status::Skipped).count();
         let failed = entries.len() - done - skipped;
         let of = if entries.len() < in_all { format!(" of {in_all}") } else { String::new() };
-        let mut text = format!("{done}{of} jobs done, {failed} failed");
+        let mut text = format!(
+            "{done}{of} {} done, {failed} failed",
+            if of.is_empty() && done == 1 { "job" } else { "jobs" }
+        );
         text += &if skipped > 0 { format!(", {skipped} skipped") } else { String::new() };
         text += &missing(in_all - entries.len(), &damaged).map_or(String::new(), |what| format!("; {what}"));
         super::print(&format!("{text}; table: {}\n", out.join("results.csv").display()))?;
     }
-    Ok(if entries.len() < in_all { ExitCode::from(1) } else { ExitCode::SUCCESS })
+    Ok(if entries.len() < in_all || !damaged.is_empty() { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
 /// Takes out jobs whose outputs are not as they were made; returns them by name, with what is wrong. See [`publish_left`].
@@ -82,16 +85,21 @@ pub fn take_out_spoilt(out: &Path, entries: &mut Entries, may_publish: bool) -> 
     found
 }
 
-/// Says that jobs of the job file have no line in the journals, and which lines are damaged; nothing if none are missing.
+/// What is wrong with the journals: `count` jobs of the job file have no line, and lines are damaged; nothing if all is well.
 pub fn missing(count: usize, damaged: &[Error]) -> Option<String> {
     let lines = match damaged {
-        [] => String::new(),
-        [one] => format!(" ({one})"),
-        [first, more @ ..] => format!(" ({first}; so are {} more lines)", more.len()),
+        [] => return (count > 0).then(|| format!("{count} without a line in the journal: {MISSING_CURE}")),
+        [one] => one.to_string(),
+        [first, more @ ..] => format!("{first}; so are {} more lines", more.len()),
     };
-    let cure = "run the batch again, which names folders to be removed first, or merge its other parts";
-    (count > 0).then(|| format!("{count} without a line in the journal{lines}: {cure}"))
+    Some(match count {
+        0 => lines,
+        _ => format!("{count} without a line in the journal ({lines}): {MISSING_CURE}"),
+    })
 }
+
+const MISSING_CURE: &str =
+    "run the batch again, which names folders to be removed first, or merge its other parts";
 
 /// The error of a job whose outputs are not as they were made.
 fn spoilt(folder: &Path, what: &str) -> Error {

@@ -249,10 +249,12 @@ pub(crate) fn feature_sizes(path: &std::path::Path, bytes: &[u8]) -> Result<Vec<
     solve::parse_feature_sizes(path, bytes)
 }
 
-/// Writes to standard output.
+/// Writes to standard output what is [`printable`].
 fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| Error::io("standard output", e))
+    out.write_all(printable(text).as_bytes())
+        .and_then(|()| out.flush())
+        .map_err(|e| Error::io("standard output", e))
 }
 
 /// Cores that this process may use.
@@ -262,7 +264,12 @@ fn cores() -> usize {
 
 /// Prints a line to the standard error stream in one write, so that lines of other processes do not come between its parts.
 pub(crate) fn say(line: &str) {
-    let _ = std::io::stderr().write_all(format!("{line}\n").as_bytes());
+    let _ = std::io::stderr().write_all(printable(&format!("{line}\n")).as_bytes());
+}
+
+/// A text without characters that a terminal could obey, besides ends of lines and tabs. Names and messages from files are in it.
+pub(crate) fn printable(text: &str) -> String {
+    text.chars().filter(|&c| !is_obeyed(c) || c == '\n' || c == '\t').collect()
 }
 
 #[cfg(test)]

@@ -251,8 +251,7 @@ impl Outputs {
                 continue;
             }
             let width = self.image_size[0];
-            // Pixels without a surface are black unless they show the sky.
-            if frame.first.iter().all(Option::is_none) && frame.radiance.iter().all(|l| *l == [0.0; 3]) {
+            if frame.radiance.iter().all(|l| *l == [0.0; 3]) {
                 files.notes.push(self.sees_nothing(camera, scene));
             }
             let view = PageView::of(&stage, solution, camera, self.image_size, &frame);
@@ -268,7 +267,7 @@ impl Outputs {
         Ok(views)
     }
 
-    /// The note on a camera that no surface is in front of.
+    /// The note on a camera whose picture is black.
     fn sees_nothing(&self, camera: &Camera, scene: &Scene) -> String {
         let bounds = scene.world_bounds();
         let [low, high] = [bounds.min, bounds.max].map(|corner| {

@@ -77,7 +77,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         let what: String = faults.iter().map(|what| format!("{what}; ")).collect();
         super::print(&format!("{of}{what}report: {}\n", page.display()))?;
     }
-    Ok(if jobs < in_all { ExitCode::from(1) } else { ExitCode::SUCCESS })
+    Ok(if jobs < in_all || !damaged.is_empty() { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
 /// The pictures that a job has made, below its folder.

@@ -117,7 +117,7 @@ mod tests {
     /// Fronts of small partitions in a bright room and their backs in a dim one keep their power, however the areas differ.
     #[test]
     fn groups_of_small_sides_keep_their_power() {
-        let facing = |side: u32| if side % 2 == 0 { Vec3::Z } else { Vec3::NEG_Z };
+        let facing = |side: u32| if side.is_multiple_of(2) { Vec3::Z } else { Vec3::NEG_Z };
         let places = places(&[1; 98], facing);
         let areas: Vec<f64> = (0..98).map(|i| 1.0 + f64::from(i % 7)).collect();
         let light = |i| ElementLight {

@@ -42,12 +42,18 @@ pub fn ended(
 }
 
 /// A note if the ledger does not balance: by a larger fraction than [`MAX_IMBALANCE`] and the smaller of estimated and requested error.
-pub fn imbalance(ledger: &Ledger, estimate: Option<f64>, options: &Options) -> Option<String> {
+pub fn imbalance(
+    ledger: &Ledger,
+    estimate: Option<f64>,
+    ended: StopReason,
+    options: &Options,
+) -> Option<String> {
     let part = ledger.created / ledger.emitted;
     let asked = options.target_error.unwrap_or(options.error);
     let allowed = estimate.unwrap_or(0.0).min(asked).max(MAX_IMBALANCE);
     // For points alone, leaves have a few rays each, whatever the error.
     let cure = match options.elements {
+        true if ended == StopReason::Time => "more time (⟨max_seconds⟩) brings it down",
         true => "a smaller ⟨error⟩ or ⟨min_area⟩ brings it down",
         false => {
             "points have rays of their own; outputs of surfaces, such as meshes and pictures, balance it"
@@ -55,7 +61,7 @@ pub fn imbalance(ledger: &Ledger, estimate: Option<f64>, options: &Options) -> O
     };
     (part.abs() > allowed).then(|| {
         format!(
-            "the energy does not balance: {:.1} % of the emitted power {}, more than the {:.1} % that the error allows; {cure}",
+            "the energy does not balance: {:.2} % of the emitted power {}, more than the {:.2} % that the error allows; {cure}",
             100.0 * part.abs(),
             if part > 0.0 { "arrives without having been sent" } else { "is lost on its way" },
             100.0 * allowed
@@ -245,8 +251,12 @@ pub fn dark_points(irradiance: &[Rgb], dark: f64) -> Option<String> {
     let is_dark = !irradiance.is_empty() && irradiance.iter().flatten().all(|&e| e <= dark);
     is_dark.then(|| {
         format!(
-            "no light arrives at any of the {} points: they lie behind surfaces, or their normals point away from the light",
-            irradiance.len()
+            "no light arrives at {}: they lie behind surfaces, or their normals point away from the light",
+            if irradiance.len() == 1 {
+                "the point".into()
+            } else {
+                format!("any of the {} points", irradiance.len())
+            }
         )
     })
 }
@@ -278,8 +288,8 @@ pub fn coarse_links(options: &Options) -> Option<String> {
 pub fn walls_across_elements(count: usize) -> Option<String> {
     (count > 0).then(|| {
         format!(
-            "elements across which walls stand: {count}; their light is a mean over both sides of the wall and goes to both: \
-             without a local pass (⟨local_rays⟩ 0) dark rooms are too bright, small ones by up to the light of the lit side"
+            "{count} of the elements extend from one side of a wall to the other; each has one irradiance, so that without a local pass \
+             (⟨local_rays⟩ 0) light leaks to the dark side of the wall; a smaller ⟨min_area⟩ reduces it"
         )
     })
 }
@@ -302,13 +312,18 @@ mod tests {
     fn power_that_appears_or_vanishes_is_noted() {
         let noted = |created: f64, estimate: Option<f64>, error: f64, target_error: Option<f64>| {
             let ledger = Ledger { emitted: 50.0, created: 50.0 * created, ..Ledger::default() };
-            imbalance(&ledger, estimate, &Options { error, target_error, ..Options::default() })
+            imbalance(
+                &ledger,
+                estimate,
+                StopReason::Error,
+                &Options { error, target_error, ..Options::default() },
+            )
         };
         let lost = noted(-0.12, Some(1.48), 0.1, None).expect("a note");
-        assert!(lost.contains("12.0 % of the emitted power is lost") && lost.contains("10.0 %"), "{lost}");
+        assert!(lost.contains("12.00 % of the emitted power is lost") && lost.contains("10.00 %"), "{lost}");
         assert!(noted(-0.12, Some(1.48), 0.2, None).is_none());
         let made = noted(0.03, Some(0.02), 0.1, None).expect("a note");
-        assert!(made.contains("3.0 % of the emitted power arrives") && made.contains("2.0 %"), "{made}");
+        assert!(made.contains("3.00 % of the emitted power arrives") && made.contains("2.00 %"), "{made}");
         // A target counts instead of the error asked for, which is that of single links.
         assert!(noted(0.03, Some(0.04), 0.01, Some(0.05)).is_none());
         assert!(noted(0.06, Some(1.0), 0.5, Some(0.05)).is_some());

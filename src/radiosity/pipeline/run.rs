@@ -327,7 +327,7 @@ impl Stages<'_> {
         self.notes.extend(notes::ended(steps.ended, options, steps.iterations.last(), error_estimate));
         self.notes.extend(notes::missed(options, error_estimate));
         let ledger = solved.ledger(&scene.unit);
-        let imbalance = notes::imbalance(&ledger, error_estimate, options);
+        let imbalance = notes::imbalance(&ledger, error_estimate, steps.ended, options);
         let balanced = imbalance.is_none();
         self.notes.extend(imbalance);
         let (bytes, local_convergence) = match &solved.closing {

@@ -157,7 +157,7 @@ fn hidden_and_repainted_placements() {
         assert!(text.contains(want), "{text}");
     };
     let text = s.flattened(13).expect_err("too many").to_string();
-    assert!(text.contains("3 placements of 1 meshes would become 14 triangles"), "{text}");
+    assert!(text.contains("3 placements of 1 mesh would become 14 triangles"), "{text}");
     s.placements[1].material = Some(3);
     refused(&s, "`elm` has a material that emits");
     s.placements[1].material = Some(99);

@@ -107,7 +107,7 @@ fn a_full_disk_stops_the_batch_until_there_is_room() {
     let before = done("stopped");
     assert!(before.len() < COUNT, "{first}");
     assert_eq!(journal(&scratch.path("stopped")).len(), before.len(), "jobs without room count as not run");
-    assert!(text("second").contains(&format!("{} were done before", before.len())), "{}", text("second"));
+    assert!(text("second").contains(&format!("{} done before", before.len())), "{}", text("second"));
     let after = done("kept");
     assert_eq!((after.len(), &after[..before.len()]), (COUNT, &before[..]));
     batch(&scratch, &["--out", "undisturbed"]).exits(0);

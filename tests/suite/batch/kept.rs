@@ -67,13 +67,13 @@ fn a_moved_folder_is_done() {
             .mrvis(&["batch", &format!("{folder}/jobs.toml"), "--out", &format!("{folder}/o")])
             .prints(want);
     };
-    done("here", "1 jobs done, 0 were done before");
+    done("here", "1 job done, 0 done before");
     std::fs::rename(scratch.path("here"), scratch.path("there")).expect("moved");
-    done("there", "0 jobs done, 1 were done before");
+    done("there", "0 jobs done, 1 done before");
     let full = scratch.path("there");
-    done(&full.to_string_lossy(), "0 jobs done, 1 were done before");
+    done(&full.to_string_lossy(), "0 jobs done, 1 done before");
     scratch.write("there/m.mtl", "newmtl red\nKd 0.1 0.1 0.5\n");
-    done("there", "1 jobs done, 0 were done before");
+    done("there", "1 job done, 0 done before");
 }
 
 /// What a job made with other options is no result of a run in which it fails or is skipped.
@@ -123,7 +123,7 @@ fn an_output_without_a_place_fails_its_job_only() {
     scratch.write("o/compared", "in the way");
     batch(&scratch, &["--out", "o"])
         .exits(2)
-        .prints("10 jobs done, 0 were done before, 2 failed")
+        .prints("10 jobs done, 0 done before, 2 failed")
         .warns("failed compared/coarse: ");
     std::fs::remove_file(scratch.path("o/compared")).expect("removed");
     assert_eq!(ran(&scratch, "o").len(), 2);
@@ -133,7 +133,7 @@ fn an_output_without_a_place_fails_its_job_only() {
     unpublish(&scratch.path("p"), &["compared/coarse", "compared/fine"]);
     std::fs::remove_dir(scratch.path("p/compared")).expect("removed");
     scratch.write("p/compared", "in the way");
-    batch(&scratch, &["--out", "p"]).exits(2).prints("0 jobs done, 10 were done before, 2 failed");
+    batch(&scratch, &["--out", "p"]).exits(2).prints("0 jobs done, 10 done before, 2 failed");
 }
 
 /// Moves the folders of finished jobs back into the work folder, as a crash between the journal and the renaming leaves them.
@@ -330,10 +330,23 @@ fn an_altered_result_is_repeated() {
 
     batch(&scratch, &["--out", "o"])
         .warns(&format!("cm runs again: {what}"))
-        .prints("1 jobs done, 2 were done before");
+        .prints("1 job done, 2 done before");
     for command in ["merge", "report"] {
         scratch.mrvis(&format!("{command} o")).exits(0);
     }
+}
+
+/// A damaged line whose job has another line takes nothing away, and is said all the same.
+#[test]
+fn damaged_lines_of_journals_are_said() {
+    let scratch = finished();
+    let path = scratch.path("o/.mrvis-batch/journal.jsonl");
+    let whole = std::fs::read_to_string(&path).expect("a journal");
+    std::fs::write(&path, format!("{whole}XXXX\n")).expect("written");
+    for command in ["merge o", "report o"] {
+        scratch.mrvis(command).exits(1).prints("journal.jsonl:4: is damaged");
+    }
+    batch(&scratch, &["--out", "o"]).exits(2).warns("journal.jsonl:4: is damaged");
 }
 
 #[test]
@@ -368,5 +381,5 @@ fn a_short_or_damaged_journal_says_how_many_jobs_it_has() {
     for folder in ["o/cm", "o/mm"] {
         std::fs::remove_dir_all(scratch.path(folder)).expect("removed");
     }
-    batch(&scratch, &["--out", "o"]).prints("2 jobs done, 1 were done before");
+    batch(&scratch, &["--out", "o"]).prints("2 jobs done, 1 done before");
 }

@@ -1,7 +1,7 @@
 //! Progress reports of a running batch: progress bars on a terminal, plain lines elsewhere, and a log of JSON Lines.
 
 use crate::batch::{Entry, Status};
-use crate::cli::progress::time_left;
+use crate::cli::{printable, progress::time_left, say};
 use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressStyle};
 use mrvis::{Error, Result};
 use serde_json::json;
@@ -64,9 +64,9 @@ impl Reporter {
     /// Writes a line for people; a closed standard error is ignored.
     fn say(&self, text: &str) {
         match &self.bars {
-            Some((all, _)) => drop(all.println(text)),
+            Some((all, _)) => drop(all.println(printable(text))),
             None if self.quiet => {}
-            None => drop(writeln!(std::io::stderr(), "{text}")),
+            None => say(text),
         }
     }
 
@@ -88,7 +88,7 @@ impl Reporter {
         if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
             line.set_style(style);
         }
-        line.set_message(name.to_owned());
+        line.set_message(printable(name));
         self.state().lines.insert(job, line);
     }
 

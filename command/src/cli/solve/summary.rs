@@ -75,7 +75,12 @@ fn energy(text: &mut String, r: &Record, photometric: &Option<Luminous>) {
         let [red, green, blue] = r.mean_irradiance.map(number);
         let estimate = match r.error_estimate {
             Some(estimate) => {
-                format!("; estimated error of elements {} % of that{}", number(100.0 * estimate), upper(r))
+                format!(
+                    "; estimated error of elements {} % of that{}{}",
+                    number(100.0 * estimate),
+                    upper(r),
+                    unchecked(r)
+                )
             }
             None => "; error unknown".into(),
         };
@@ -123,6 +128,14 @@ fn side_by_side(r: &Record, v: &SideBySide) -> String {
         number(100.0 * v.difference.bias)
     );
     text
+}
+
+/// What is said of an estimate that no independent paths have checked, as after a time limit.
+fn unchecked(record: &Record) -> &'static str {
+    match record.error_estimate_upper {
+        Some(_) => "",
+        None => " (by the error bars, which independent paths have not checked)",
+    }
 }
 
 /// The upper end of the estimate's interval, if it has one.
