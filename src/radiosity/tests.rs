@@ -255,6 +255,27 @@ fn bars_hold_the_truth() {
     assert!(audit.rms_bar < 3.0 * audit.rms_error, "{audit:?}");
 }
 
+/// Direct light at points looks for no dark sides, makes no links, and is what it is beside the light of elements.
+#[test]
+fn direct_light_at_points_makes_nothing_else() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("room", 0.5).room(DVec3::ZERO, DVec3::new(3.0, 4.0, 2.5));
+    pieces.grey("box", 0.5).room(DVec3::new(1.6, 1.0, 0.2), DVec3::new(1.0, 1.8, 1.0));
+    pieces.grey("dark room", 0.5).room(DVec3::new(5.0, 0.0, 0.0), DVec3::new(7.0, 2.0, 2.0));
+    pieces.glowing("lamp", 10.0).polygon(&facing_down([1.0, 2.0], [1.0, 2.0], 2.4));
+    let (scene, points) = (pieces.scene(), floor(20));
+    let with = |elements| {
+        let options = Options { direct_only: true, elements, light_rays: Some(1024), ..coarse() };
+        solved(&scene, &points, &options)
+    };
+    let [alone, beside] = [false, true].map(with);
+    assert!(alone.record.links <= 1 && beside.record.links > 100);
+    assert!(alone.record.unlit.sides == 0 && beside.record.unlit.sides > 0, "{:?}", beside.record.unlit);
+    for (a, b) in alone.irradiance.iter().zip(&beside.irradiance) {
+        assert!((a[0] - b[0]).abs() <= 0.02 * b[0], "{a:?} {b:?}");
+    }
+}
+
 /// What no light arrives in has no error either.
 #[test]
 fn bars_of_channels_without_light_are_zero() {

@@ -385,9 +385,23 @@ fn lit_elements(
     let length = scene.ray_length();
     let around = |elements: &Elements| probe(elements, exact, length, options.seed, deadline);
     // Ranges of ids have room for all elements of the local pass.
-    let build = |open: &[u32]| {
+    let elements = |open: &[u32]| {
         let mut elements = Elements::build(scene, hierarchy, options.local_area() * area, open);
         elements.min_area = options.min_area * area;
+        elements
+    };
+    // Direct light at points needs to know where surfaces see the sky, and no more.
+    if options.direct_only && !options.elements {
+        let elements = elements(&[]);
+        let found = match scene.environment {
+            Some(_) => around(&elements),
+            None => Surroundings::unknown(&elements, length),
+        };
+        let of = elements.sides.len();
+        return (elements, found, Unlit { of, ..Unlit::default() });
+    }
+    let build = |open: &[u32]| {
+        let elements = elements(open);
         let found = around(&elements);
         (elements, found)
     };

@@ -25,6 +25,21 @@ pub struct Surroundings {
     pub entered: Vec<DarkSideHit>,
 }
 
+impl Surroundings {
+    /// Of elements whose surroundings do not matter: sides from which no ray leaves the scene or meets another side.
+    pub fn unknown(elements: &Elements, length: f32) -> Surroundings {
+        let (sides, clusters) = (elements.sides.len(), elements.clusters.len());
+        Surroundings {
+            enclosed: vec![0.0; clusters],
+            enclosed_emission: vec![0.0; clusters],
+            closed: vec![false; sides],
+            escaped: vec![0.0; sides],
+            length,
+            entered: Vec::new(),
+        }
+    }
+}
+
 /// Smallest number of rays of a side. Without a local pass 1 or 8 instead change irradiance by 0.02 % or 0.19 %
 /// (`constants.py solve`).
 const MIN_RAYS: f64 = 2.0;
