@@ -166,8 +166,8 @@ pub fn lit_from_memory(format: &str, bytes: &[u8]) -> Result<super::Scene> {
     super::read_from_memory(None, "obj", FLOOR, &options)
 }
 
-/// Largest distance of luminaires from the origin, relative to the size of the scene, that is questioned: rooms in centimetres have it if it
-/// is stated in metres.
+/// Largest distance of luminaires from the origin, relative to the size of the scene, that is questioned: rooms in centimetres have it if
+/// it is stated in metres.
 const MAX_IN_METRES: f64 = 0.02;
 
 /// Adds the luminaires of the options to the scene's polygons.
@@ -205,7 +205,8 @@ fn in_metres(placed: &[PlacedLuminaire], extent: f64, unit: &str) -> Option<Stri
     })
 }
 
-/// Asks for the unit if all emitters whose flux is stated, in lumens or watts, light a scene in metres as if it were a thousand times too large.
+/// Asks for the unit if all emitters whose flux is stated, in lumens or watts, light a scene in metres as if it were a thousand times too
+/// large.
 pub(super) fn question_unit(soup: &mut Soup, options: &LoadOptions) {
     if options.unit != "m" {
         return;

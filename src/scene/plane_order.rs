@@ -259,8 +259,8 @@ impl<'a> Planes<'a> {
     }
 
     /// The area of the part of a face, or of its surface if that is a flap or belongs to a covering; scene units squared. First with all
-    /// surfaces that continue it without a sharp edge, then its own. Several boards on a floor that walls stand on count less than the floor,
-    /// though they may reach below the walls.
+    /// surfaces that continue it without a sharp edge, then its own. Several boards on a floor that walls stand on count less than the
+    /// floor, though they may reach below the walls.
     fn areas(&self, t: u32) -> [f64; 2] {
         let is_surface = |of: &&Continued| of.is_flap || self.coverings.contains(&self.of.part(t));
         let Some(of) = self.continued_open(t).filter(is_surface) else { return [self.of.shape(t).area; 2] };

@@ -8,7 +8,8 @@ use mrvis::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Join the outputs of parts of a batch (batch --shard) in one folder with one table. The exit code is 1 if jobs are missing or lines of a journal are damaged.
+/// Join the outputs of parts of a batch (batch --shard) in one folder with one table. The exit code is 1 if jobs are missing or lines of a
+/// journal are damaged.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Output folders of the parts. One folder that all parts shared only gets its tables.

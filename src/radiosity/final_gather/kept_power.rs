@@ -8,8 +8,8 @@ use bytemuck::{Pod, Zeroable};
 /// Smallest number of elements of a group of sides whose own power is restored: those of the largest window of neighbours. Elements of
 /// smaller groups share most of their light with others.
 const MIN_ELEMENTS: usize = 49;
-/// Largest factor by which the light of a group, and that of all groups, is scaled to conserve its power, and the inverse of the smallest: a
-/// group that seems to lose more than half of its light by sharing most likely has too few rays to know.
+/// Largest factor by which the light of a group, and that of all groups, is scaled to conserve its power, and the inverse of the smallest:
+/// a group that seems to lose more than half of its light by sharing most likely has too few rays to know.
 const MAX_FACTOR: f64 = 2.0;
 
 /// Light of an element after sharing, by kind.
