@@ -137,7 +137,7 @@ fn up_follows_the_light_the_bounds_and_the_option() {
 
 /// The fluxes of all emitters that state them are one sum.
 #[test]
-fn emitters_of_lumens_in_scenes_of_millimetres_are_questioned() {
+fn emitters_in_scenes_of_millimetres_are_questioned() {
     let note = |size: f64, strengths: [Strength; 2]| {
         let square = |z: f64| format!("v 0 0 {z}\nv {size} 0 {z}\nv {size} {size} {z}\nv 0 {size} {z}\n");
         let faces = "o floor\nf 1 2 3 4\no window 1\nf 5 6 7 8\no window 2\nf 9 10 11 12\n";
@@ -153,7 +153,10 @@ fn emitters_of_lumens_in_scenes_of_millimetres_are_questioned() {
     let want = "2 emitters of 5000 lm in total in a scene of 5000 m x 5000 m, 2.0e-4 lx: is the file in millimetres?";
     assert!(found.len() == 1 && found[0].starts_with(want) && found[0].contains("to mm"), "{found:?}");
     assert_eq!(note(5000.0, [bright, watts]).len(), 1);
-    assert!(note(5000.0, [watts, watts]).is_empty() && note(5.0, [bright, dim]).is_empty());
+    // 179 lm for each watt.
+    let found = note(5000.0, [watts, watts]);
+    assert!(found.len() == 1 && found[0].starts_with("2 emitters of 358 lm"), "{found:?}");
+    assert!(note(5.0, [bright, dim]).is_empty() && note(5.0, [watts, watts]).is_empty());
 }
 
 #[test]
