@@ -259,7 +259,7 @@ impl<'a> Planes<'a> {
     }
 
     /// The area of the part of a face, or of its surface if that is a flap or belongs to a covering; scene units squared. First with all
-    /// surfaces that continue it without a sharp edge, then its own. Several boards on a floor that walls stand on count less than the
+    /// surfaces that continue it without a sharp edge, then its own. Several boards on a floor with walls around it count less than the
     /// floor, though they may reach below the walls.
     fn areas(&self, t: u32) -> [f64; 2] {
         let is_surface = |of: &&Continued| of.is_flap || self.coverings.contains(&self.of.part(t));
@@ -267,7 +267,9 @@ impl<'a> Planes<'a> {
         if of.joined_area == of.area {
             return [of.area; 2];
         }
-        let floors = self.neighbours[&t].iter().filter(|u| self.is_floor(**u));
+        let has_walls_around =
+            |u: &&u32| self.continued_open(**u).is_some_and(|of| of.length_of_walls() > 0.0);
+        let floors = self.neighbours[&t].iter().filter(has_walls_around);
         let below = |u: &u32| self.continued[u].joined_area * (1.0 - AREA_STEP);
         [floors.map(below).fold(of.joined_area, f64::min).max(of.area), of.area]
     }

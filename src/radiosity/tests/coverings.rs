@@ -146,3 +146,34 @@ fn carpets_lie_on_boards_and_these_on_floors() {
         });
     }
 }
+
+/// A rug around the hole of a storey, on whose inner border the railing stands: the floor is larger than the rug.
+#[test]
+fn a_rug_around_a_stairwell_lies_on_the_floor() {
+    check_contact("rug around a stairwell", &|gap| {
+        let corners = |[x0, x1]: [f64; 2], [y0, y1]: [f64; 2], z: f64| {
+            [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| DVec3::new(x, y, z))
+        };
+        let mut pieces = Pieces::empty();
+        pieces.grey("floor", 0.8);
+        pieces.polygon(&facing_up([-3.0, 4.0], [-3.0, 0.0], 0.0));
+        pieces.polygon(&facing_up([-3.0, 4.0], [2.0, 5.0], 0.0));
+        pieces.polygon(&facing_up([-3.0, 0.0], [0.0, 2.0], 0.0));
+        pieces.polygon(&facing_up([1.0, 4.0], [0.0, 2.0], 0.0));
+        let hole = corners([0.0, 1.0], [0.0, 2.0], 0.0);
+        let inner = corners([0.0, 1.0], [0.0, 2.0], gap);
+        let outer = corners([-0.8, 1.8], [-0.8, 2.8], gap);
+        pieces.grey("railing", 0.4);
+        for k in 0..4 {
+            let [a, b] = [hole[k], hole[(k + 1) % 4]];
+            pieces.rectangle(a, b - a, 0.9 * DVec3::Z);
+        }
+        pieces.grey("rug", 0.05);
+        for k in 0..4 {
+            let next = (k + 1) % 4;
+            pieces.polygon(&[outer[k], outer[next], inner[next], inner[k]]);
+        }
+        lamp(&mut pieces, -1.0, 1.0, 2.8);
+        (pieces, vec![above(-0.4, 1.0, 0.3)])
+    });
+}
