@@ -64,7 +64,7 @@ pub mod terrain {
 
 /// Files that appear whole or not at all.
 pub mod files {
-    pub use crate::files::{WholeFile, csv_text, input, json_text, write_json};
+    pub use crate::files::{WholeFile, csv_text, escaped, input, json_text, write_json};
 }
 
 /// Readers of files, for tests with damaged files.

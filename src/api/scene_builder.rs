@@ -117,7 +117,7 @@ impl SceneBuilder {
         check_name("instance", name, &self.objects)?;
         if mesh as usize >= self.placed.meshes.len() {
             let count = self.placed.meshes.len();
-            let problem = format!("the scene has {count} of them; add a mesh before its instances");
+            let problem = format!("shared meshes of the scene: {count}; add a mesh before its instances");
             return Err(Error::argument("mesh", format!("{mesh} {of}"), problem));
         }
         if self.placed.placements.len() == MAX_PLACEMENTS {

@@ -234,7 +234,7 @@ pub(super) fn map_rows(map: &MapRecord, record: &Record) -> [Table; 2] {
             number(row.fbem).into(),
             speed(row.speedup_at_same_rms),
             speed(row.speedup_with_setup),
-            // Exact rays gain by interpolation alone.
+            // What rows of plain Embree gain over one ray per texel comes from interpolation, not from visibility.
             TableCell::speedup(
                 record.gain(row.speedup_over_texels.filter(|_| row.route != "embree")),
                 row.texels_extrapolated,

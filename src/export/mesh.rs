@@ -8,6 +8,8 @@ use glam::{DVec3, Vec3};
 use rayon::slice::ParallelSliceMut;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
+use std::array::from_fn;
+use std::f32::consts::PI;
 
 /// A triangle mesh of all sides of surfaces, with light at the vertices. Vectors have one entry per vertex or per triangle.
 #[derive(Clone, Debug, Default)]
@@ -29,6 +31,8 @@ pub struct Mesh {
 /// Smallest cosine between normals of elements of one smooth surface: 26 degrees, between the 20 and 30 degrees of
 /// edges of round columns with 18 and 12 sides.
 const MIN_SMOOTH_COSINE: f32 = 0.9;
+/// Smallest sum of the angles of elements that surround a vertex, radians: between those at a corner of two walls, 3/2 π, and on a plane.
+const MIN_ANGLE_AROUND: f32 = 1.75 * PI;
 /// Relative difference of light that an 8-bit picture does not show.
 const VISIBLE_STEP: f64 = 1.0 / 255.0;
 /// Largest number of passes in which vertices of neighbours are found: the second finds those on edges of which the first has found an end,
@@ -273,11 +277,14 @@ fn at_outlines(
         solution.elements.iter().zip(outlines).map(|(e, outline)| weights(solution, e, outline)).collect();
     let of_elements: Vec<[f64; 3]> = solution.elements.iter().map(|e| e.irradiance).collect();
     let mut found = means(&of_elements)?;
-    let corrections = means(&lacking(solution, &weights, &found))?;
+    let lacks = lacking(solution, &weights, &found);
+    let corrections = means(&lacks)?;
     let correct = |e: usize, at: &mut Vec<[f64; 3]>| {
         for (k, v) in at.iter_mut().enumerate() {
-            let range = range_inside(&of_elements, normals, e, around.of(outlines[e][k]));
-            *v = std::array::from_fn(|c| {
+            let vertex = outlines[e][k];
+            let range =
+                range_inside(solution, normals, outlines, &lacks, [e as u32, vertex], around.of(vertex));
+            *v = from_fn(|c| {
                 let corrected = (v[c] + corrections[e][k][c]).max(0.0);
                 range.map_or(corrected, |[low, high]| corrected.clamp(low[c].min(v[c]), high[c].max(v[c])))
             });
@@ -292,23 +299,36 @@ fn at_outlines(
     Some(found.into_iter().map(|at| at.into_iter().map(|v| v.map(|v| v as f32)).collect()).collect())
 }
 
-/// Smallest and largest irradiance of the elements around a vertex that face as one of them does; none at the edges of surfaces, where
-/// fewer than three meet and light may be beyond theirs.
+/// Smallest and largest light at a vertex inside a surface: that of the elements that [`count_at`] it, and beyond it what all of these lack
+/// alike, as at a peak. None where the elements do not surround the vertex: at the edges of surfaces light may be beyond theirs.
 fn range_inside(
-    of_elements: &[[f64; 3]],
+    solution: &RadiosityMesh,
     normals: &[Vec3],
-    element: usize,
+    outlines: &[Vec<u32>],
+    lacks: &[[f64; 3]],
+    [element, vertex]: [u32; 2],
     around: &[u32],
 ) -> Option<[[f64; 3]; 2]> {
-    let faces = |e: &&u32| normals[**e as usize].dot(normals[element]) >= MIN_SMOOTH_COSINE;
-    let (mut low, mut high, mut count) = ([f64::INFINITY; 3], [0.0; 3], 0);
-    for &e in around.iter().filter(faces) {
-        count += 1;
-        let light = of_elements[e as usize];
-        low = std::array::from_fn(|c| light[c].min(low[c]));
-        high = std::array::from_fn(|c| light[c].max(high[c]));
+    let (mut low, mut high, mut angle) = ([f64::INFINITY; 3], [0.0; 3], 0.0);
+    let (mut least, mut most) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for e in count_at(solution, normals, element, vertex, around) {
+        let (light, lacks) = (solution.elements[e as usize].irradiance, lacks[e as usize]);
+        for c in 0..3 {
+            (low[c], high[c]) = (light[c].min(low[c]), light[c].max(high[c]));
+            (least[c], most[c]) = (lacks[c].min(least[c]), lacks[c].max(most[c]));
+        }
+        angle += angle_at(solution, &outlines[e as usize], vertex);
     }
-    (count > 2).then_some([low, high])
+    let range = [from_fn(|c| low[c] + most[c].min(0.0)), from_fn(|c| high[c] + least[c].max(0.0))];
+    (angle > MIN_ANGLE_AROUND).then_some(range)
+}
+
+/// Angle of an outline at one of its vertices, radians.
+fn angle_at(solution: &RadiosityMesh, outline: &[u32], vertex: u32) -> f32 {
+    let n = outline.len();
+    let place = |k: usize| solution.vertices[outline[k % n] as usize];
+    let at = |k: usize| (place(k + n - 1) - place(k)).angle_between(place(k + 1) - place(k));
+    outline.iter().position(|&v| v == vertex).map_or(0.0, at)
 }
 
 /// Changes the vertices of an element in one channel so that their mean lacks no more of the element's light than its uncertainty.
@@ -336,7 +356,7 @@ fn approach(e: &Element, c: usize, lacks: f64, weights: &[f64], at: &mut [[f64; 
 fn lacking(solution: &RadiosityMesh, weights: &[Vec<f64>], at_outlines: &[Vec<[f64; 3]>]) -> Vec<[f64; 3]> {
     let of = |((e, weights), at): ((&Element, &Vec<f64>), &Vec<[f64; 3]>)| {
         let lacks = |c: usize| e.irradiance[c] - weights.iter().zip(at).map(|(w, v)| w * v[c]).sum::<f64>();
-        std::array::from_fn(lacks)
+        from_fn(lacks)
     };
     solution.elements.iter().zip(weights).zip(at_outlines).map(of).collect()
 }
@@ -365,7 +385,7 @@ fn weights(solution: &RadiosityMesh, element: &Element, outline: &[u32]) -> Vec<
 }
 
 fn centroid(values: &[[f32; 3]]) -> [f32; 3] {
-    std::array::from_fn(|c| values.iter().map(|v| v[c]).sum::<f32>() / values.len() as f32)
+    from_fn(|c| values.iter().map(|v| v[c]).sum::<f32>() / values.len() as f32)
 }
 
 /// Whether a wall along an edge of the first element that has the vertex lies between it and the second.
@@ -387,9 +407,32 @@ fn is_beyond_wall(solution: &RadiosityMesh, [a, b]: [u32; 2], vertex: u32, norma
     })
 }
 
-/// Mean at a vertex of an element of the values of the elements around the vertex that face along its normal, weighted by the distance of
-/// their centres. Elements that other surfaces stand across, and sides that no light reaches, count only beside no others, and those
-/// beyond a wall not at all. Elements in a gap narrower than themselves and those beside it do not count for each other.
+/// The elements around a vertex of an element that face along its normal and whose light continues at the vertex. Elements that other
+/// surfaces stand across, and sides that no light reaches, count only beside no others, and those beyond a wall not at all. Elements in a
+/// gap narrower than themselves and those beside it do not count for each other.
+fn count_at(
+    solution: &RadiosityMesh,
+    normals: &[Vec3],
+    element: u32,
+    vertex: u32,
+    around: &[u32],
+) -> SmallVec<[u32; 8]> {
+    let normal = normals[element as usize];
+    let beyond = |a: u32, b: u32| is_beyond_wall(solution, [a, b], vertex, normal);
+    let is_narrow = |e: u32| solution.elements[e as usize].narrow;
+    let joins = |e: u32| {
+        e == element || is_narrow(e) == is_narrow(element) && !beyond(element, e) && !beyond(e, element)
+    };
+    let faces = |e: u32| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE && joins(e);
+    let counts = |e: u32| !solution.elements[e as usize].crossed && (e as usize) < solution.lit();
+    let mut found: SmallVec<[u32; 8]> = around.iter().copied().filter(|&e| faces(e)).collect();
+    if found.iter().any(|&e| counts(e)) {
+        found.retain(|e| counts(*e));
+    }
+    found
+}
+
+/// Mean at a vertex of an element of the values of the elements that [`count_at`] it, weighted by the distance of their centres.
 fn mean(
     solution: &RadiosityMesh,
     values: &[[f64; 3]],
@@ -399,16 +442,7 @@ fn mean(
     around: &[u32],
 ) -> [f64; 3] {
     let (mut sum, mut weights) = ([0.0; 3], 0.0);
-    let normal = normals[element as usize];
-    let beyond = |a: u32, b: u32| is_beyond_wall(solution, [a, b], vertex, normal);
-    let is_narrow = |e: u32| solution.elements[e as usize].narrow;
-    let joins = |e: u32| {
-        e == element || is_narrow(e) == is_narrow(element) && !beyond(element, e) && !beyond(e, element)
-    };
-    let faces = |e: u32| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE && joins(e);
-    let counts = |e: u32| !solution.elements[e as usize].crossed && (e as usize) < solution.lit();
-    let only_others = !around.iter().any(|&e| faces(e) && counts(e));
-    for &e in around.iter().filter(|&&e| faces(e) && (counts(e) || only_others)) {
+    for e in count_at(solution, normals, element, vertex, around) {
         let weight = 1.0 / solution.elements[e as usize].area.sqrt();
         weights += weight;
         sum.iter_mut().zip(values[e as usize]).for_each(|(s, x)| *s += weight * x);
@@ -427,8 +461,7 @@ struct Builder {
 
 impl Builder {
     fn vertex(&mut self, position: Vec3, normal: Vec3, irradiance: [f32; 3], element: &Element) -> u32 {
-        let radiosity: [f32; 3] =
-            std::array::from_fn(|c| element.exitance[c] as f32 + element.albedo[c] * irradiance[c]);
+        let radiosity: [f32; 3] = from_fn(|c| element.exitance[c] as f32 + element.albedo[c] * irradiance[c]);
         let mesh = &mut self.mesh;
         *self.known.entry((bits(position), bits(normal), radiosity.map(f32::to_bits))).or_insert_with(|| {
             mesh.positions.push(position);

@@ -13,9 +13,14 @@ use tempfile::NamedTempFile;
 
 /// The text of a JSON file: indented, with a line feed at its end. Characters of names that a terminal obeys are escaped.
 pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
-    let (text, is_escaped) = (serde_json::to_string_pretty(value)? + "\n", |c| is_obeyed(c) && c != '\n');
+    Ok(escaped(serde_json::to_string_pretty(value)? + "\n"))
+}
+
+/// A JSON text with the characters that a terminal obeys escaped, besides line feeds.
+pub fn escaped(text: String) -> String {
+    let is_escaped = |c| is_obeyed(c) && c != '\n';
     if !text.contains(is_escaped) {
-        return Ok(text);
+        return text;
     }
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
@@ -24,7 +29,7 @@ pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
             false => escaped.push(c),
         }
     }
-    Ok(escaped)
+    escaped
 }
 
 /// Writes a JSON file.

@@ -276,16 +276,21 @@ fn direct_light_at_points_makes_nothing_else() {
     }
 }
 
-/// What no light arrives in has no error either.
+/// What no light arrives in has no error either; where light of a channel is shown as 0 because it was negative by noise, its error is not.
 #[test]
 fn bars_of_channels_without_light_are_zero() {
     let mut pieces = Pieces::empty();
     pieces.grey("floor", 0.5).polygon(&facing_up([0.0, 2.0], [0.0, 2.0], 0.0));
     pieces.made_of("lamp", SoupMaterial::light("red", [10.0, 0.0, 0.0]));
     pieces.polygon(&facing_down([0.5, 1.5], [0.5, 1.5], 1.0));
-    let mesh = solved(&pieces.scene(), &[], &quick()).mesh;
+    let mesh = solved(&pieces.clone().scene(), &[], &quick()).mesh;
     let lit: Vec<_> = mesh.elements.iter().filter(|e| e.irradiance[0] > 0.0).collect();
     assert!(!lit.is_empty() && lit.iter().all(|e| e.error[0] > 0.0 && e.error[1..] == [0.0; 2]));
+    pieces.made_of("far lamp", SoupMaterial::light("green", [0.0, 10.0, 0.0]));
+    pieces.polygon(&facing_down([1.9, 2.0], [1.9, 2.0], 0.1));
+    let mesh = solved(&pieces.scene(), &[], &quick()).mesh;
+    let lit = || mesh.elements.iter().filter(|e| e.irradiance[0] > 0.0);
+    assert!(lit().any(|e| e.irradiance[1] == 0.0) && lit().all(|e| e.error[1] > 0.0 && e.error[2] == 0.0));
 }
 
 #[test]

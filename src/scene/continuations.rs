@@ -14,7 +14,7 @@ const MAX_AT_EDGE: usize = 64;
 /// Largest number of tests whether an edge of a triangle lies on a border: a second. Where more would be needed, none is made.
 const MAX_TESTS: usize = 10_000_000;
 
-/// Largest cosine between edges that lie on each other in opposite directions: 2.6 degrees.
+/// Largest cosine between edges that lie on each other in opposite directions, as with a consistent order of corners: 2.6 degrees.
 const MAX_COSINE: f32 = -0.999;
 
 /// Smallest cosine of the angle between neighbouring triangles of one surface: 26 degrees, more than the bends of a modelled terrain or of
@@ -38,6 +38,8 @@ struct OutlineEdge {
     length: f32,
     /// Number of triangles with this edge before the plane of its triangle, less that behind it.
     before: f32,
+    /// Whether a triangle before or behind the plane touches it, whatever its order of corners and its part.
+    is_touched: bool,
     /// Whether no triangle of the part shares it.
     is_border: bool,
 }
@@ -62,10 +64,16 @@ impl Surface {
         let length = sum(|edge| edge.before * edge.length);
         let differs = length.abs() > MIN_DIFFERENCE * sum(|edge| edge.before.abs() * edge.length);
         let length = if differs { length } else { 0.0 };
-        Continued { length, area, joined_area: area, is_flap: self.is_flap() }
+        let [all, continued, before, touched] = self.longest_outline();
+        let part = |of: f32| if all > 0.0 { of / all - MIN_CONTINUED } else { -1.0 };
+        let is_flap = part(continued) <= MIN_DIFFERENCE && part(before) < -MIN_DIFFERENCE;
+        let has_walls_around = part(touched) > MIN_DIFFERENCE;
+        Continued { surface: 0, joined: 0, length, area, joined_area: area, is_flap, has_walls_around }
     }
 
-    fn is_flap(&self) -> bool {
+    /// Length of the longest connected outline, and of its edges at which the surface continues, at which it continues before itself, and
+    /// which others touch; scene units.
+    fn longest_outline(&self) -> [f32; 4] {
         let mut numbers = HashMap::<u32, u32>::new();
         for v in self.outline.iter().flat_map(|edge| edge.ends) {
             let next = numbers.len() as u32;
@@ -73,19 +81,16 @@ impl Surface {
         }
         let mut sets = Sets::new(numbers.len());
         self.outline.iter().for_each(|edge| sets.join(numbers[&edge.ends[0]], numbers[&edge.ends[1]]));
-        // By connected outline, its length, and those of the edges at which the surface continues, all and before it.
-        let mut outlines = vec![[0.0; 3]; numbers.len()];
+        let mut outlines = vec![[0.0; 4]; numbers.len()];
         for edge in &self.outline {
-            let [all, continued, before] = &mut outlines[sets.root(numbers[&edge.ends[0]]) as usize];
-            *all += edge.length;
-            *continued += if edge.before == 0.0 { 0.0 } else { edge.length };
-            *before += if edge.before > 0.0 { edge.length } else { 0.0 };
+            let outline = &mut outlines[sets.root(numbers[&edge.ends[0]]) as usize];
+            let is_part =
+                [true, edge.before != 0.0, edge.before > 0.0, edge.before != 0.0 || edge.is_touched];
+            for (sum, is_part) in outline.iter_mut().zip(is_part) {
+                *sum += if is_part { edge.length } else { 0.0 };
+            }
         }
-        let longest = outlines.into_iter().max_by(|a, b| a[0].total_cmp(&b[0]));
-        longest.is_none_or(|[all, continued, before]| {
-            let part = |of: f32| of / all - MIN_CONTINUED;
-            part(continued) <= MIN_DIFFERENCE && part(before) < -MIN_DIFFERENCE
-        })
+        outlines.into_iter().max_by(|a, b| a[0].total_cmp(&b[0])).unwrap_or_default()
     }
 }
 
@@ -93,6 +98,10 @@ impl Surface {
 /// lie. Surfaces continue where the order of the corners is consistent.
 #[derive(Clone, Copy)]
 pub(super) struct Continued {
+    /// Number of the surface, in the order of the file.
+    pub surface: u32,
+    /// Number of the set of the surfaces of `joined_area`.
+    pub joined: u32,
     /// The length of the edges at which it continues before it, less that of the edges at which it continues behind it, scene units.
     pub length: f32,
     /// Area of the surface, scene units squared.
@@ -101,6 +110,8 @@ pub(super) struct Continued {
     pub joined_area: f64,
     /// Whether it is a flap ([`MIN_CONTINUED`]).
     pub is_flap: bool,
+    /// Whether others stand on, or hang from, more than half of its outline, whatever their winding.
+    pub has_walls_around: bool,
 }
 
 impl Continued {
@@ -129,7 +140,9 @@ pub(super) fn continuations(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, Co
     let mut areas = vec![0.0; all.len()];
     (0..).zip(&all).for_each(|(k, of)| areas[joined.root(k) as usize] += of.area);
     let of_surface = |(k, surface): (usize, &Surface)| {
-        let continued = Continued { joined_area: areas[joined.root(k as u32) as usize], ..all[k] };
+        let set = joined.root(k as u32);
+        let continued =
+            Continued { surface: k as u32, joined: set, joined_area: areas[set as usize], ..all[k] };
         surface.triangles.iter().map(|&t| (t, continued)).collect::<Vec<_>>()
     };
     surfaces.iter().enumerate().flat_map(of_surface).collect()
@@ -156,7 +169,8 @@ fn surface_around(seed: u32, at_edge: &[([u32; 2], u32)], faces: &Faces) -> Surf
         let normal = normal_of(faces, t);
         for ends in edges(faces, t) {
             let length = length(faces, ends);
-            let mut edge = OutlineEdge { triangle: t, ends, length, before: 0.0, is_border: true };
+            let mut edge =
+                OutlineEdge { triangle: t, ends, length, before: 0.0, is_touched: false, is_border: true };
             let mut is_inner = false;
             for u in neighbours(at_edge, ends, faces.properties.part(seed), faces) {
                 edge.is_border = false;
@@ -194,13 +208,15 @@ struct Contact {
     side: f32,
     /// Whether it continues the surface without a sharp edge.
     is_smooth: bool,
+    /// Whether the order of the corners is consistent.
+    is_consistent: bool,
     t: u32,
     edge: [u32; 2],
 }
 
-/// Adds the borders that lie on edges without neighbours of other triangles, for flaps and surfaces that continue as much before as behind
-/// them. Edges of closed boxes do not count: a rug as large as the box that it lies on is not a face of the box. Returns the sets of
-/// surfaces that continue each other without a sharp edge.
+/// Adds the borders that lie on edges of other triangles, for flaps and surfaces that continue as much before as behind them. They continue
+/// at edges without neighbours alone, not at those of closed boxes: a rug as large as the box that it lies on is not a face of the box.
+/// Returns the sets of surfaces that continue each other without a sharp edge.
 fn add_contacts(surfaces: &mut [Surface], faces: &Faces) -> Sets {
     let mut joined = Sets::new(surfaces.len());
     let alone =
@@ -239,11 +255,16 @@ fn add_contacts(surfaces: &mut [Surface], faces: &Faces) -> Sets {
             let edge = edges(faces, t).into_iter().find(touches)?;
             let is_smooth = normal_of(faces, of.triangle).dot(normal_of(faces, t)) > MIN_SMOOTH_COSINE;
             let side = if is_smooth { 0.0 } else { side_of(of.triangle, t, faces) };
-            Some(Contact { place: of.place, side, is_smooth, t, edge })
+            let is_consistent = cosine(faces, of.border, edge) < MAX_COSINE;
+            Some(Contact { place: of.place, side, is_smooth, is_consistent, t, edge })
         };
         near.iter().filter_map(contact).collect::<Vec<_>>()
     };
     let found: Vec<Contact> = parallel::flat_map(all, contacts);
+    for &Contact { place: [k, m], side, .. } in &found {
+        surfaces[k].outline[m].is_touched |= side != 0.0;
+    }
+    let found: Vec<Contact> = found.into_iter().filter(|of| of.is_consistent).collect();
     let at_edge = edges_of_parts(&found.iter().map(|of| of.t).collect::<Vec<_>>(), faces);
     let is_open =
         |of: &&Contact| neighbours(&at_edge, of.edge, faces.properties.part(of.t), faces).next().is_none();
@@ -271,15 +292,21 @@ fn neighbours<'a>(
     of_edge.map(|&(_, t)| t).filter(move |&t| faces.properties.part(t) == part).take(MAX_AT_EDGE)
 }
 
-/// Whether the middle of a border lies on an edge that runs in the opposite direction.
+/// Whether the middle of a border lies on an edge that runs along it.
 fn lies_on(faces: &Faces, middle: Vec3, border: [u32; 2], edge: [u32; 2], distance: f32) -> bool {
-    let [[p, q], [v, w]] = [border, edge].map(|edge| edge.map(|v| position(faces, v)));
+    let [v, w] = edge.map(|v| position(faces, v));
     let along = (w - v).normalize_or_zero();
     let at = (middle - v).dot(along);
     let is_between = at >= 0.0 && at <= v.distance(w);
     is_between
-        && (q - p).normalize_or_zero().dot(along) < MAX_COSINE
+        && cosine(faces, border, edge).abs() > -MAX_COSINE
         && (middle - v - at * along).length() <= distance
+}
+
+/// Cosine of the angle between two edges.
+fn cosine(faces: &Faces, edge: [u32; 2], other: [u32; 2]) -> f32 {
+    let [a, b] = [edge, other].map(|[v, w]| (position(faces, w) - position(faces, v)).normalize_or_zero());
+    a.dot(b)
 }
 
 /// 1 if a triangle lies before the plane of another one, -1 behind it, 0 in it; by its corner that is farthest from the plane.

@@ -166,10 +166,6 @@ pub fn lit_from_memory(format: &str, bytes: &[u8]) -> Result<super::Scene> {
     super::read_from_memory(None, "obj", FLOOR, &options)
 }
 
-/// Largest distance of luminaires from the origin, relative to the size of the scene, that is questioned: rooms in centimetres have it if
-/// it is stated in metres.
-const MAX_IN_METRES: f64 = 0.02;
-
 /// Adds the luminaires of the options to the scene's polygons.
 pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
     let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
@@ -190,17 +186,23 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
         Lamp { name, at, axes, size, distribution, scale, factors, colour: [1.0; 3] }
             .add(soup, extent, options);
     }
-    soup.repairs.messages.extend(in_metres(&options.luminaires.list, extent, &options.unit));
+    soup.repairs.messages.extend(in_metres(&options.luminaires.list, [low, high], &options.unit));
 }
 
-/// A question if luminaires in a scene in a smaller unit than metres are all so close to its origin that their positions may be in metres.
-fn in_metres(placed: &[PlacedLuminaire], extent: f64, unit: &str) -> Option<String> {
+/// A question if luminaires in a scene in a smaller unit than metres would all be in the scene, from `low` to `high`, if their positions
+/// were in metres.
+fn in_metres(placed: &[PlacedLuminaire], [low, high]: [DVec3; 2], unit: &str) -> Option<String> {
+    let metres = unit_in_metres(unit).filter(|metres| *metres < 1.0)?;
+    let fits = |placed: &PlacedLuminaire| {
+        let at = placed.at / metres;
+        at.clamp(low, high) == at
+    };
     let farthest = placed.iter().map(|placed| placed.at.length()).fold(0.0, f64::max);
-    let is_smaller = unit_in_metres(unit).is_some_and(|metres| metres < 1.0);
-    (is_smaller && farthest > 0.0 && farthest < MAX_IN_METRES * extent).then(|| {
+    (farthest > 0.0 && placed.iter().all(fits)).then(|| {
+        let [count, extent] = [counted(placed.len(), "luminaire"), format!("{:.0}", (high - low).length())];
         format!(
-            "all luminaires are within {farthest:.3} {unit} of the origin, in a scene of {extent:.0} {unit}: their positions are in {unit} as well; \
-             are they stated in metres?"
+            "{count} within {farthest:.3} {unit} of the origin, in a scene of {extent} {unit}: positions are in {unit} as well; are they stated \
+             in metres?"
         )
     })
 }

@@ -188,20 +188,26 @@ fn names_cannot_deceive() {
     let table = scratch.text("f.csv");
     assert!(table.contains("'=cmd|x") && !table.contains(",=cmd") && !table.contains("\n=cmd"), "{table}");
     assert!(!table.contains(['\u{202e}', '\u{2066}']), "{table}");
-    // Names of jobs, and arguments that are refused.
+    // Names of jobs, of files that a process of its own reads, and arguments that are refused.
     let name = turned.replace('.', "-");
     let job = format!("[[job]]\nname = '{name}'\ncommand = 'info'\nscene = 'scene.obj'\n");
-    scratch.write("turned.toml", job);
-    for line in [
-        &["batch", "turned.toml", "--out", "b", "--dry-run"][..],
-        &["batch", "turned.toml", "--out", "b"],
-        &["report", "b"],
-        &["solve", "scene.obj", "--builder", turned],
+    let library = "a\u{200f}.mtl";
+    scratch.write(library, "newmtl a\n");
+    scratch.write("library.obj", format!("mtllib {library}\n{SCENE}"));
+    let limited =
+        "[[job]]\nname = 'l'\ncommand = 'info'\nscene = 'library.obj'\nlimits = { memory = '4G' }\n";
+    scratch.write("turned.toml", job + limited);
+    for (line, code) in [
+        (&["batch", "turned.toml", "--out", "b", "--dry-run"][..], 0),
+        (&["batch", "turned.toml", "--out", "b", "--log", "log.jsonl"], 0),
+        (&["report", "b"], 0),
+        (&["solve", "scene.obj", "--builder", turned], 2),
     ] {
-        let told = scratch.mrvis(line);
+        let told = scratch.mrvis(line).exits(code);
         let text = told.stdout + &told.stderr;
         assert!(!text.is_empty() && !text.contains(['\u{202e}', '\u{2066}']), "{line:?}: {text}");
     }
+    assert!(!scratch.text("log.jsonl").contains(['\u{202e}', '\u{2066}']));
 }
 
 /// Nothing is written beside the scene; a link of the former name of a cache file leads nowhere.

@@ -195,11 +195,11 @@ fn a_camera_that_sees_nothing_says_so() {
     let shown = "--output image --image-size 16x12 --audit 0 --error 0.2";
     let solve = |camera: &str| scratch.mrvis(&format!("solve hall.obj --out s {shown} --camera {camera}"));
     let away = solve("2,-5,1,2,-9,1,50").exits(0);
-    let words = "view.png at 2, -5, 1 sees no lit surface (closed rooms are black from outside; --look-inside shows what is in \
+    let words = "view.png, of a camera at 2, -5, 1, is black (closed rooms are black from outside; --look-inside shows what is in \
                  them): the scene reaches from 0, 0, 0 to 7, 2, 2; give --camera";
     away.prints(words);
     assert!(scratch.json("s/solution.json")["warnings"].to_string().contains(words));
-    assert!(!solve("2,-5,1,2,1,1,50").stdout.contains("sees no lit surface"));
+    assert!(!solve("2,-5,1,2,1,1,50").stdout.contains("is black"));
 }
 
 /// A floor of 8 by 8 that a lamp lights, with the third coordinate up, or with the second.

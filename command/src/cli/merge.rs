@@ -40,7 +40,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     entries.retain(|_, entry| listed.has(entry));
     // Before the lines: without it a merge that is ended would leave lines that do not count.
     listed.write(out)?;
-    for folder in args.folders.iter().filter(|folder| !same(folder, out)) {
+    for (k, folder) in args.folders.iter().enumerate() {
+        if same(folder, out) || args.folders[..k].iter().any(|other| same(other, folder)) {
+            continue;
+        }
         let journals = read_listed(folder)?.0;
         damaged.extend(journals.damaged);
         let mut others: Vec<Entry> = journals.entries.into_values().collect();
@@ -91,7 +94,7 @@ pub fn missing(count: usize, damaged: &[Error]) -> Option<String> {
     let lines = match damaged {
         [] => return (count > 0).then(|| format!("{count} without a line in the journal: {MISSING_CURE}")),
         [one] => one.to_string(),
-        [first, more @ ..] => format!("{first}; so are {} more lines", more.len()),
+        [first, more @ ..] => format!("{first} (damaged lines in all: {})", more.len() + 1),
     };
     Some(match count {
         0 => lines,

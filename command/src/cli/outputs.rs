@@ -285,7 +285,7 @@ impl Outputs {
             " (closed rooms are black from outside; --look-inside shows what is in them)"
         };
         format!(
-            "the camera of {}.png at {eye} sees no lit surface{outside}: the scene reaches from {low} to {high}; {cure}",
+            "{}.png, of a camera at {eye}, is black{outside}: the scene reaches from {low} to {high}; {cure}",
             camera.name
         )
     }

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Write one page about the outputs of a batch: table of all jobs, differences from references against times, grids of points, pictures.
-/// The exit code is 1 if jobs are missing.
+/// The exit code is 1 if jobs are missing or lines of the journal are damaged.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Output folder of `mrvis batch`.

@@ -90,6 +90,12 @@ impl Solved {
         let (number, vertices) = weld(&corners);
         let (number, number_of_dark) = number.split_at(4 * leaves.len());
         let (light, links) = (self.shown_irradiance(), links_at(&self.linked));
+        // Part of each channel in all light: where light was negative by noise and is shown as 0, its error is not.
+        let sums = leaves.iter().fold([0.0; 3], |sums: [f64; 3], (e, ..)| {
+            let area = elements.elements[*e].area;
+            std::array::from_fn(|c| sums[c] + area * light[*e][c])
+        });
+        let parts = sums.map(|sum| sum / mean(sums).max(f64::MIN_POSITIVE));
         let of_side = |s: &Side, corners: &[u32], area: f64| Element {
             corners: std::array::from_fn(|k| corners[k]),
             radiosity: [0.0; 3],
@@ -113,7 +119,8 @@ impl Solved {
             let (element, state) = (&elements.elements[e], &elements.states[e]);
             let (side, irradiance) = (&elements.sides[side as usize], light[e]);
             let level = mean(irradiance);
-            let error = irradiance.map(|v| uncertainty[e] * if level > 0.0 { v / level } else { 1.0 });
+            let part = |c: usize| if irradiance[c] > 0.0 { irradiance[c] / level } else { parts[c] };
+            let error = std::array::from_fn(|c| uncertainty[e] * part(c));
             Element {
                 radiosity: side.radiosity(irradiance),
                 irradiance,

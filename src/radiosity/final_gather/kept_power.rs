@@ -5,11 +5,11 @@ use super::neighbours::{Place, axis};
 use crate::radiosity::rgb::{Rgb, mean};
 use bytemuck::{Pod, Zeroable};
 
-/// Smallest number of elements of a group of sides whose own power is restored: those of the largest window of neighbours. Elements of
-/// smaller groups share most of their light with others.
+/// Smallest number of elements of a group of sides: those of the largest window of neighbours. Elements of smaller groups share most of
+/// their light with others.
 const MIN_ELEMENTS: usize = 49;
-/// Largest factor by which the light of a group, and that of all groups, is scaled to conserve its power, and the inverse of the smallest:
-/// a group that seems to lose more than half of its light by sharing most likely has too few rays to know.
+/// Largest factor by which the light of a group is scaled to conserve its power, and the inverse of the smallest: a group that seems to
+/// lose more than half of its light by sharing most likely has too few rays to know.
 const MAX_FACTOR: f64 = 2.0;
 
 /// Light of an element after sharing, by kind.
@@ -29,14 +29,11 @@ struct Received {
     own: f64,
     /// Power after sharing.
     shared: f64,
-    /// Number of elements.
-    count: usize,
 }
 
-/// Scales the light after sharing, by [`MAX_FACTOR`] at most, so that its power equals that of the elements' own rays: in each group of
-/// sides ([`groups`]) with enough elements, then of all together. A plane fitted to light with a sharp peak, as of a lamp close to a wall,
-/// loses some of the light; and where few rays find light, as in a house under a sky, windows in which rays agree by chance are darker than
-/// the mean.
+/// Scales the light of each group of sides ([`groups`]) after sharing, by [`MAX_FACTOR`] at most, so that its power equals that of the
+/// elements' own rays. A plane fitted to light with a sharp peak, as of a lamp close to a wall, loses some of the light; and where few rays
+/// find light, as in a house under a sky, windows in which rays agree by chance are darker than the mean.
 pub(super) fn keep_power(
     kind: usize,
     places: &[Place],
@@ -47,52 +44,65 @@ pub(super) fn keep_power(
     let group_of_side = groups(places);
     let mut by_group = vec![Received::default(); group_of_side.iter().max().map_or(0, |last| last + 1)];
     for (i, shared) in all.iter().enumerate() {
-        let (area, own) = (areas[i], &light[i]);
         let group = &mut by_group[group_of_side[places[i].side as usize]];
-        group.count += 1;
-        group.own += area * own.mean(kind);
-        group.shared += area * mean(shared.irradiance[kind]);
+        group.own += areas[i] * light[i].mean(kind);
+        group.shared += areas[i] * mean(shared.irradiance[kind]);
     }
-    let factor_of = |Received { own, shared, count }: Received| match shared > 0.0 && count >= MIN_ELEMENTS {
+    let factor_of = |Received { own, shared }: Received| match shared > 0.0 {
         true => (own / shared).clamp(1.0 / MAX_FACTOR, MAX_FACTOR),
         false => 1.0,
     };
     let factors: Vec<f64> = by_group.into_iter().map(factor_of).collect();
-    let (mut own, mut sum) = (0.0, 0.0);
     for (i, shared) in all.iter_mut().enumerate() {
         let factor = factors[group_of_side[places[i].side as usize]];
         shared.irradiance[kind].iter_mut().for_each(|e| *e *= factor);
-        own += areas[i] * light[i].mean(kind);
-        sum += areas[i] * mean(shared.irradiance[kind]);
     }
-    let factor = if own > 0.0 && sum > 0.0 { (own / sum).clamp(1.0 / MAX_FACTOR, MAX_FACTOR) } else { 1.0 };
-    all.iter_mut().flat_map(|shared| &mut shared.irradiance[kind]).for_each(|e| *e *= factor);
 }
 
 /// The group of each side: sides of at least [`MIN_ELEMENTS`] elements by themselves, smaller ones with the next small ones that face the
-/// same way, up to that number; the two sides of a partition may have different light. Sides are numbered by clusters, so that most sides
-/// of one group lie close to each other.
+/// same way, up to that number; the two sides of a partition may have different light. What is left belongs to the last group that faces
+/// the same way, or where there is none to a group of all that is left, or to the last of all groups. Sides are numbered by clusters, so
+/// that most sides of one group lie close to each other.
 fn groups(places: &[Place]) -> Vec<usize> {
-    // By side, the number of its elements and the axis that it faces along.
-    let mut sides = vec![(0, 0); places.iter().map(|place| place.side as usize + 1).max().unwrap_or(0)];
-    places.iter().for_each(|place| {
-        let (count, facing) = &mut sides[place.side as usize];
-        (*count, *facing) = (*count + 1, axis(place.normal));
-    });
-    let mut next = 0;
-    // By axis, the group that is not complete, and the number of its elements.
+    #[derive(Clone, Copy, Default)]
+    struct Group {
+        /// Number of elements.
+        count: usize,
+        /// The axis that they face along.
+        facing: usize,
+    }
+    let mut sides = vec![Group::default(); places.iter().map(|of| of.side as usize + 1).max().unwrap_or(0)];
+    for place in places {
+        let side = &mut sides[place.side as usize];
+        *side = Group { count: side.count + 1, facing: axis(place.normal) };
+    }
+    let mut groups: Vec<Group> = Vec::new();
+    // By axis, the group that is not complete.
     let mut open = [None; 6];
-    let group = |(count, facing): (usize, usize)| {
-        let open = &mut open[facing];
-        let is_small = count < MIN_ELEMENTS;
-        let (own, so_far) = open.filter(|_| is_small).unwrap_or((next, 0));
-        next = next.max(own + 1);
+    let group_of = |side: &Group| {
+        let is_small = side.count < MIN_ELEMENTS;
+        let group = open[side.facing].filter(|_| is_small).unwrap_or(groups.len());
+        groups.resize(groups.len().max(group + 1), Group { count: 0, ..*side });
+        groups[group].count += side.count;
         if is_small {
-            *open = Some((own, so_far + count)).filter(|(_, count)| *count < MIN_ELEMENTS);
+            open[side.facing] = Some(group).filter(|_| groups[group].count < MIN_ELEMENTS);
         }
-        own
+        group
     };
-    sides.into_iter().map(group).collect()
+    let of_sides: Vec<usize> = sides.iter().map(group_of).collect();
+    let last = |faces: &dyn Fn(&Group) -> bool| {
+        groups.iter().rposition(|group| group.count >= MIN_ELEMENTS && faces(group))
+    };
+    let left: Vec<usize> = open.into_iter().flatten().collect();
+    let facing = |group: usize| last(&|of| of.facing == groups[group].facing);
+    let alone = || left.iter().copied().filter(|&group| facing(group).is_none());
+    let count: usize = alone().map(|group| groups[group].count).sum();
+    let of_rest = if count < MIN_ELEMENTS { last(&|_| true) } else { None }.or(alone().next());
+    let joined = |group: usize| match left.contains(&group) {
+        true => facing(group).or(of_rest).unwrap_or(group),
+        false => group,
+    };
+    of_sides.into_iter().map(joined).collect()
 }
 
 #[cfg(test)]
@@ -108,10 +118,16 @@ mod tests {
     #[test]
     fn small_sides_that_face_the_same_way_are_grouped() {
         let counts = [10, 60, 20, 25, 5, 49];
-        assert_eq!(groups(&places(&counts, |_| Vec3::Z)), [0, 1, 0, 0, 2, 3]);
-        // The fourth is the back of the third.
+        assert_eq!(groups(&places(&counts, |_| Vec3::Z)), [0, 1, 0, 0, 3, 3]);
+        // The fourth is the back of the third; what is left joins the last group.
         let normal = |side| if side == 3 { Vec3::NEG_Z } else { Vec3::Z };
-        assert_eq!(groups(&places(&counts, normal)), [0, 1, 0, 2, 0, 3]);
+        assert_eq!(groups(&places(&counts, normal)), [3, 1, 3, 3, 3, 3]);
+        assert_eq!(groups(&places(&[48, 25, 1, 49], |side| normal(side + 2))), [0, 2, 0, 2]);
+        // Small scenes have one group.
+        assert_eq!(groups(&places(&[3, 4, 5], normal)), [0, 0, 0]);
+        // Sides of a box make a group together.
+        let normal = |side| [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z][side as usize];
+        assert_eq!(groups(&places(&[40; 6], normal)), [0; 6]);
     }
 
     /// Fronts of small partitions in a bright room and their backs in a dim one keep their power, however the areas differ.

@@ -52,11 +52,15 @@ pub fn imbalance(
     let asked = options.target_error.unwrap_or(options.error);
     let allowed = estimate.unwrap_or(0.0).min(asked).max(MAX_IMBALANCE);
     // For points alone, leaves have a few rays each, whatever the error.
-    let cure = match options.elements {
-        true if ended == StopReason::Time => "more time (⟨max_seconds⟩) brings it down",
-        true => "a smaller ⟨error⟩ or ⟨min_area⟩ brings it down",
-        false => {
+    let cure = match ended {
+        _ if !options.elements => {
             "points have rays of their own; outputs of surfaces, such as meshes and pictures, balance it"
+        }
+        StopReason::Time => "more time (⟨max_seconds⟩) brings it down",
+        StopReason::Links => "more links (⟨max_links⟩) bring it down",
+        StopReason::Interrupted => "a run that is not interrupted brings it down",
+        StopReason::Error | StopReason::Target | StopReason::Nothing => {
+            "a smaller ⟨error⟩ or ⟨min_area⟩ brings it down"
         }
     };
     (part.abs() > allowed).then(|| {
@@ -288,7 +292,7 @@ pub fn coarse_links(options: &Options) -> Option<String> {
 pub fn walls_across_elements(count: usize) -> Option<String> {
     (count > 0).then(|| {
         format!(
-            "{count} of the elements extend from one side of a wall to the other; each has one irradiance, so that without a local pass \
+            "elements that extend from one side of a wall to the other: {count}; each has one irradiance, so that without a local pass \
              (⟨local_rays⟩ 0) light leaks to the dark side of the wall; a smaller ⟨min_area⟩ reduces it"
         )
     })
@@ -310,15 +314,20 @@ mod tests {
     /// sampling.
     #[test]
     fn power_that_appears_or_vanishes_is_noted() {
-        let noted = |created: f64, estimate: Option<f64>, error: f64, target_error: Option<f64>| {
+        let ended_by = |ended: StopReason, created: f64, estimate, error, target_error| {
             let ledger = Ledger { emitted: 50.0, created: 50.0 * created, ..Ledger::default() };
-            imbalance(
-                &ledger,
-                estimate,
-                StopReason::Error,
-                &Options { error, target_error, ..Options::default() },
-            )
+            imbalance(&ledger, estimate, ended, &Options { error, target_error, ..Options::default() })
         };
+        let noted = |created: f64, estimate: Option<f64>, error: f64, target_error: Option<f64>| {
+            ended_by(StopReason::Error, created, estimate, error, target_error)
+        };
+        for (ended, cure) in [
+            (StopReason::Error, "⟨min_area⟩"),
+            (StopReason::Time, "⟨max_seconds⟩"),
+            (StopReason::Links, "⟨max_links⟩"),
+        ] {
+            assert!(ended_by(ended, 0.2, None, 0.1, None).is_some_and(|note| note.contains(cure)));
+        }
         let lost = noted(-0.12, Some(1.48), 0.1, None).expect("a note");
         assert!(lost.contains("12.00 % of the emitted power is lost") && lost.contains("10.00 %"), "{lost}");
         assert!(noted(-0.12, Some(1.48), 0.2, None).is_none());

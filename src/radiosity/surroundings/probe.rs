@@ -26,7 +26,7 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
-    /// Of elements whose surroundings do not matter: sides from which no ray leaves the scene or meets another side.
+    /// Of elements whose surroundings nobody asks for: none is closed, and nothing escapes.
     pub fn unknown(elements: &Elements, length: f32) -> Surroundings {
         let (sides, clusters) = (elements.sides.len(), elements.clusters.len());
         Surroundings {

@@ -109,42 +109,83 @@ fn runners_and_mats_lie_on_stairs_terraces_and_in_corners() {
     });
 }
 
-/// A carpet that is smaller than the floor of boards below it, and larger than each board; and boards that reach a little below the walls
-/// that stand on the floor below them.
+/// Boards from x = -0.02 to `width` + 0.02, and as long, each shifted by `offset` so that they share no corners.
+fn boards(pieces: &mut Pieces, reflectance: f32, [width, length]: [f64; 2], offset: f64, z: f64) {
+    for k in 0..5 {
+        let [x, y] = [0.2 * (width + 0.04) * f64::from(k) - 0.02, offset * f64::from(k) - 0.02];
+        let board = facing_up([x, x + 0.2 * (width + 0.04)], [y, y + length + 0.04], z);
+        pieces.grey(&format!("board {k}"), reflectance).polygon(&board);
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Walls {
+    FacingIn,
+    FacingOut,
+    Boxes,
+}
+
+/// Walls around a floor, 2 m high.
+fn walls(pieces: &mut Pieces, of: Walls, [x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) {
+    let corners = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| DVec3::new(x, y, 0.0));
+    for k in 0..4 {
+        let [a, b] = [corners[k], corners[(k + 1) % 4]];
+        let out = 0.1 * (b - a).normalize().cross(DVec3::Z);
+        pieces.grey(&format!("wall {k} at {x0}"), 0.5);
+        match of {
+            Walls::FacingIn => pieces.rectangle(b, a - b, 2.0 * DVec3::Z),
+            Walls::FacingOut => pieces.rectangle(a, b - a, 2.0 * DVec3::Z),
+            Walls::Boxes => {
+                let [from, to] = [a.min(b).min(a + out), a.max(b).max(b + out)];
+                pieces.cuboid(from, to + 2.0 * DVec3::Z)
+            }
+        };
+    }
+}
+
+/// A carpet that is smaller than the floor of boards below it, and larger than each board; boards that reach a little below the walls of
+/// one or two rooms, on the floors of these; and a mat on boards that touches a wall.
 #[test]
 fn carpets_lie_on_boards_and_these_on_floors() {
-    let boards = |pieces: &mut Pieces, reflectance: f32, width: f64, offset: f64, z: f64| {
-        for k in 0..5 {
-            let [x, y] = [0.2 * (width + 0.04) * f64::from(k) - 0.02, offset * f64::from(k) - 0.02];
-            let board = facing_up([x, x + 0.2 * (width + 0.04)], [y, y + width + 0.04], z);
-            pieces.grey(&format!("board {k}"), reflectance).polygon(&board);
-        }
-    };
     for [offset, margin] in [[0.013, 0.12], [0.002, 0.01]] {
         check_contact(&format!("carpet, {margin} m before the end of the boards"), &|gap| {
             let mut pieces = Pieces::empty();
-            boards(&mut pieces, 0.9, 5.0, offset, 0.0);
+            boards(&mut pieces, 0.9, [5.0; 2], offset, 0.0);
             let [from, to] = [margin - 0.02, 5.02 - margin];
             pieces.grey("carpet", 0.05).polygon(&facing_up([from, to], [from + offset, to + offset], gap));
             lamp(&mut pieces, 2.5, 2.5, 3.0);
             (pieces, vec![above(1.5, 1.5, 0.5)])
         });
     }
-    for width in [1.2, 5.0] {
-        check_contact(&format!("boards in a room of {width} m"), &|gap| {
+    for (width, of) in [(1.2, Walls::FacingIn), (5.0, Walls::FacingOut), (5.0, Walls::Boxes)] {
+        check_contact(&format!("boards in a room of {width} m, walls {of:?}"), &|gap| {
             let mut pieces = Pieces::empty();
-            boards(&mut pieces, 0.05, width, 0.003, gap);
+            boards(&mut pieces, 0.05, [width; 2], 0.003, gap);
             pieces.grey("floor", 0.9).polygon(&facing_up([0.0, width], [0.0, width], 0.0));
-            let corners =
-                [[0.0, 0.0], [width, 0.0], [width, width], [0.0, width]].map(|[x, y]| DVec3::new(x, y, 0.0));
-            for k in 0..4 {
-                let [a, b] = [corners[k], corners[(k + 1) % 4]];
-                pieces.grey(&format!("wall {k}"), 0.5).rectangle(b, a - b, 2.0 * DVec3::Z);
-            }
+            walls(&mut pieces, of, [0.0, width], [0.0, width]);
             lamp(&mut pieces, 0.5 * width, 0.5 * width, 3.0);
             (pieces, vec![above(0.3 * width, 0.3 * width, 0.3)])
         });
     }
+    check_contact("boards in two rooms with a carpet", &|gap| {
+        let mut pieces = Pieces::empty();
+        for (k, x) in [[0.0, 5.0], [5.0, 7.0]].into_iter().enumerate() {
+            pieces.grey(&format!("floor {k}"), 0.5).polygon(&facing_up(x, [0.0, 5.0], -gap));
+            walls(&mut pieces, Walls::FacingIn, x, [0.0, 5.0]);
+        }
+        boards(&mut pieces, 0.9, [7.0, 5.0], 0.002, 0.0);
+        pieces.grey("carpet", 0.05).polygon(&facing_up([0.5, 4.5], [0.5, 4.5], gap));
+        lamp(&mut pieces, 2.5, 2.5, 1.9);
+        (pieces, vec![above(1.5, 1.5, 0.3), above(4.8, 2.5, 0.3)])
+    });
+    check_contact("mat at a wall, on boards", &|gap| {
+        let mut pieces = Pieces::empty();
+        boards(&mut pieces, 0.9, [5.0; 2], 0.002, 0.0);
+        walls(&mut pieces, Walls::FacingIn, [0.0, 5.0], [0.0, 5.0]);
+        pieces.grey("mat", 0.05).polygon(&facing_up([0.0, 3.0], [1.1, 4.2], gap));
+        lamp(&mut pieces, 2.5, 2.5, 3.0);
+        (pieces, vec![above(1.5, 2.5, 0.3)])
+    });
 }
 
 /// A rug around the hole of a storey, on whose inner border the railing stands: the floor is larger than the rug.

@@ -132,18 +132,19 @@ fn a_missed_target_is_recorded() {
 /// More rays are traced until independent paths find no larger error than the target; whether it is met is what the last audit finds.
 #[test]
 fn targets_are_kept_by_more_rays() {
-    // The last audit draws other elements than the one that ends the attempts. Of the seeds 1 to 8, this is the one with which it finds
-    // more than the target.
-    let coarse = Options { error: 0.2, seed: 2, ..Options::default() };
     let target = 0.014;
-    let solve = |target_error| {
-        let record = solved(&clutter(), &[], &Options { target_error, ..coarse.clone() }).record;
-        (record.error_estimate.expect("an audit"), record)
-    };
-    let ((first, without), (found, record)) = (solve(None), solve(Some(target)));
-    assert!(first > 1.3 * target && found <= 1.3 * target, "{first} {found}");
-    assert_eq!(record.target_met, Some(found <= target), "{found}");
-    assert!(2 * record.exact_rays > 3 * without.exact_rays, "{} {}", record.exact_rays, without.exact_rays);
+    for seed in [2, 3] {
+        let solve = |target_error| {
+            let options = Options { error: 0.2, seed, target_error, ..Options::default() };
+            let record = solved(&clutter(), &[], &options).record;
+            (record.error_estimate.expect("an audit"), record)
+        };
+        let ((first, without), (found, record)) = (solve(None), solve(Some(target)));
+        // The last audit draws other elements than the one that ends the attempts, and may find more than the target.
+        assert!(first > 1.3 * target && found <= 1.3 * target, "{first} {found}");
+        assert_eq!(record.target_met, Some(found <= target), "{found}");
+        assert!(2 * record.exact_rays > 3 * without.exact_rays, "{record:?}");
+    }
 }
 
 /// All three ways through clusters, in all scenes that are generated, with what is hidden left out and put in: light stays

@@ -121,8 +121,8 @@ fn lights_and_maps_that_are_not_read_are_noted() {
     assert!(noted(&scene, "1 map_Ke") && noted(&scene, "1 map_d"), "{:?}", scene.repairs.messages);
 }
 
-/// A library with 50,000 unreadable textures gives a few messages and the count; so do 150,000 names of libraries, which take longer than a
-/// test may if each is compared with all others.
+/// A library with 50,000 unreadable textures gives a few messages and the count; so do 150,000 names of libraries (minutes if each is
+/// compared with all others).
 #[test]
 fn missing_files_give_few_messages() {
     let library: String = (0..50_000).map(|i| format!("newmtl m{i}\nmap_Kd {i}.png\n")).collect();

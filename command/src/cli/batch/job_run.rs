@@ -4,7 +4,7 @@ use super::command_line::Line;
 use crate::batch::{HashedFile, Limits};
 use crate::cli::shared_scenes::SharedScenes;
 use crate::cli::{interruption, job_context, one_line};
-use mrvis::internals::{memory, threads::Threads};
+use mrvis::internals::{files::json_text, memory, threads::Threads};
 use mrvis::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
@@ -192,7 +192,7 @@ pub fn run_requested() -> Result<ExitCode> {
     let scenes = Arc::new(SharedScenes::new(Arc::default()));
     let mut ended = in_process(&line, &request.shown, request.threads, &scenes);
     ended.peak_bytes = peak();
-    let text = serde_json::to_string(&ended).map_err(|e| Error::format("answer", None, e.to_string()))?;
+    let text = json_text(&ended).map_err(|e| Error::format("answer", None, e.to_string()))?;
     crate::cli::print(&text)?;
     Ok(ExitCode::SUCCESS)
 }

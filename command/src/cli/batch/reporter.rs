@@ -3,6 +3,7 @@
 use crate::batch::{Entry, Status};
 use crate::cli::{printable, progress::time_left, say};
 use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressStyle};
+use mrvis::internals::files::escaped;
 use mrvis::{Error, Result};
 use serde_json::json;
 use std::collections::HashMap;
@@ -77,7 +78,7 @@ impl Reporter {
         what["event"] = event.into();
         what["time"] = now.as_secs_f64().into();
         let mut log = log.lock().unwrap_or_else(PoisonError::into_inner);
-        let _ = log.write_all(format!("{what}\n").as_bytes());
+        let _ = log.write_all(escaped(format!("{what}\n")).as_bytes());
     }
 
     /// A job starts.

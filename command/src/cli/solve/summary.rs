@@ -132,7 +132,7 @@ fn side_by_side(r: &Record, v: &SideBySide) -> String {
 
 /// What is said of an estimate that no independent paths have checked, as after a time limit.
 fn unchecked(record: &Record) -> &'static str {
-    match record.error_estimate_upper {
+    match record.audit {
         Some(_) => "",
         None => " (by the error bars, which independent paths have not checked)",
     }
