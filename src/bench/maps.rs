@@ -325,7 +325,7 @@ impl Map<'_> {
             speedup_at_same_rms: speedup(&row.route, queries.map(|found| found.0)),
             extrapolated: queries.is_some_and(|found| found.1),
             speedup_with_setup: with_setup(usize::MAX).map(|found| found.0),
-            speedup_over_texels: with_setup(1).map(|found| found.0),
+            speedup_over_texels: with_setup(1).map(|found| found.0).filter(|_| !row.is_exact()),
             texels_extrapolated: with_setup(1).is_some_and(|found| found.1),
             speedup_with_preparation: with_preparation.map(|found| found.0),
             speedup_at_same_fbem: speedup(

@@ -234,11 +234,7 @@ pub(super) fn map_rows(map: &MapRecord, record: &Record) -> [Table; 2] {
             number(row.fbem).into(),
             speed(row.speedup_at_same_rms),
             speed(row.speedup_with_setup),
-            // What rows of plain Embree gain over one ray per texel comes from interpolation, not from visibility.
-            TableCell::speedup(
-                record.gain(row.speedup_over_texels.filter(|_| row.route != "embree")),
-                row.texels_extrapolated,
-            ),
+            TableCell::speedup(record.gain(row.speedup_over_texels), row.texels_extrapolated),
             speed(row.speedup_with_preparation),
             TableCell::speedup(record.gain(row.speedup_at_same_fbem), false),
         ]);
@@ -289,14 +285,14 @@ pub(super) fn result(record: &Record) -> String {
         percent(best.rms),
         percent(best.aggregated_fraction)
     );
-    text += &more(record, best);
     if best.extrapolated {
         text += " No measured number of exact rays is as accurate: their time is extrapolated, as half the error takes four times the rays.";
     }
+    text += &more(record, best);
     text
 }
 
-/// Gains of features, certificates and classes of receivers.
+/// Gains of features, certificates, classes of receivers and maps.
 fn more(record: &Record, best: &MrRow) -> String {
     let (mut text, gain) = (String::new(), best.certificates_gain());
     if let Some((row, speed)) = record.faster_at_same_fbem() {
@@ -324,6 +320,23 @@ fn more(record: &Record, best: &MrRow) -> String {
             times(Some(speed)),
             row.compared_in_words(),
             length(row.feature_size, &record.unit)
+        );
+    }
+    // Maps may gain more than points, as far clusters look alike from neighbouring texels.
+    let of_map = |map: &MapRecord| -> Vec<(String, f64, f64)> {
+        let row = |row: &MapMrRow| {
+            let speed =
+                record.gain(row.speedup_with_setup.filter(|speed| speed.is_finite() && !row.is_exact()))?;
+            Some((quote(&map.receiver), row.feature_size, speed))
+        };
+        map.best_by_size().into_iter().filter_map(row).collect()
+    };
+    let gains = speed(best).unwrap_or(EQUAL_SPEED_RANGE[1]);
+    let fastest = record.maps.iter().flat_map(of_map).max_by(|a, b| a.2.total_cmp(&b.2));
+    if let Some((receiver, size, speed)) = fastest.filter(|of| of.2 > gains) {
+        let (factor, size) = (times(Some(speed)), length(size, &record.unit));
+        text += &format!(
+            " In the map of `{receiver}` it was {factor} as fast, with its set-up, at feature size {size}."
         );
     }
     text

@@ -211,7 +211,7 @@ fn maps_show_their_best_rows() {
     record.maps = vec![MapRecord {
         receiver: "<lawn>".into(),
         exact: vec![exact(16, 1, 0.4, 0.05), exact(16, 2, 0.1, 0.04), exact(64, 1, 1.6, 0.02)],
-        mr: vec![mr(0.1, 1, 3.5), mr(0.1, 2, 12.5), mr(0.4, 1, 20.5), mr(0.4, 4, f64::NAN)],
+        mr: vec![mr(0.1, 1, 3.5), mr(0.1, 2, 12.5), mr(0.4, 1, 95.5), mr(0.4, 4, f64::NAN)],
         ..MapRecord::default()
     }];
     let spacings: Vec<usize> = record.maps[0].best_by_size().iter().map(|row| row.spacing).collect();
@@ -219,8 +219,11 @@ fn maps_show_their_best_rows() {
     let rays: Vec<usize> = record.maps[0].best_exact().iter().map(|row| row.rays).collect();
     assert_eq!(rays, [16, 64]);
     let page = render(&record, &receivers, "").unwrap();
-    assert!(page.contains("<h3>&lt;lawn&gt;</h3>") && page.contains("12.5×") && page.contains("20.5×"));
+    assert!(page.contains("<h3>&lt;lawn&gt;</h3>") && page.contains("12.5×") && page.contains("95.5×"));
     assert!(!page.contains("3.5×"));
+    // The headline tells of a map that gains more than points.
+    let told = super::shown::result(&record);
+    assert!(told.contains("In the map of `<lawn>` it was 95.5× as fast, with its set-up"), "{told}");
 }
 
 /// A class has one line, that with the largest speed-up; a class whose rows err nowhere has one too.

@@ -10,7 +10,7 @@ pub const CERTIFIED: &str = "certified";
 pub const EQUAL_SPEED_RANGE: [f64; 2] = [0.95, 1.05];
 
 /// Route of rows that plain exact rays answer.
-const EMBREE: &str = "embree";
+pub const EMBREE: &str = "embree";
 
 /// The speed-up of a row by this route. A row of plain exact rays is compared with itself: its speed-up is 1, whatever the noise of its
 /// time.

@@ -1,5 +1,6 @@
 //! Maps: shadow images of whole surfaces, with time, set-up and interpolation of both engines.
 
+use super::compared::EMBREE;
 use serde::Serialize;
 
 /// A map of one receiver. `rms` and `bias` are errors of the fraction of the unoccluded light at each texel, in [0, 1].
@@ -73,7 +74,8 @@ pub struct MapMrRow {
     pub speedup_at_same_rms: Option<f64>,
     /// The same with `setup_s` in the time of MR. Exact rays need no preparation: the choice of their call is not counted.
     pub speedup_with_setup: Option<f64>,
-    /// As `speedup_with_setup`, over exact rays at every texel: what a program gains that does not interpolate its exact light.
+    /// As `speedup_with_setup`, over exact rays at every texel: what a program gains that does not interpolate its exact light. `null` for
+    /// rows by plain exact rays, whose gain is that of interpolation.
     pub speedup_over_texels: Option<f64>,
     /// As `extrapolated`, of `speedup_over_texels`: interpolation averages noise, so that maps may have smaller errors than any row of
     /// texels.
@@ -85,6 +87,13 @@ pub struct MapMrRow {
     pub speedup_at_same_fbem: Option<f64>,
     /// Whether `speedup_at_same_rms` is extrapolated beyond the most accurate exact row, with error ∝ time^(−1/2).
     pub extrapolated: bool,
+}
+
+impl MapMrRow {
+    /// Whether it was answered by plain exact rays.
+    pub fn is_exact(&self) -> bool {
+        self.route == EMBREE
+    }
 }
 
 impl MapRecord {
