@@ -299,7 +299,8 @@ fn without_optics_visibility_is_exact() {
 fn automatic_means_the_same_in_solutions_and_queries() {
     let model = forest();
     let solved = |engine, feature_size| {
-        let options = SolveOptions { engine, feature_size, error: 0.5, audit: 0, ..SolveOptions::default() };
+        let alone = SolveOptions { error: 0.5, audit: 0, local_rays: Some(0), ..SolveOptions::default() };
+        let options = SolveOptions { engine, feature_size, ..alone };
         model.solve(&options).unwrap().inner.record.options.engine
     };
     assert_eq!(solved(Engine::Automatic, Some(0.2)), Engine::MultiResolution);

@@ -322,7 +322,7 @@ fn more(record: &Record, best: &MrRow) -> String {
             length(row.feature_size, &record.unit)
         );
     }
-    // Maps may gain more than points, as far clusters look alike from neighbouring texels.
+    // Maps may gain more than points: what neighbouring texels see of far clusters is interpolated.
     let of_map = |map: &MapRecord| -> Vec<(String, f64, f64)> {
         let row = |row: &MapMrRow| {
             let speed =

@@ -6,7 +6,7 @@ use crate::math::Sets;
 use crate::math::parallel;
 use crate::math::{Aabb, triangle_area, triangle_normal};
 use glam::Vec3;
-use std::collections::{HashMap, HashSet};
+use rustc_hash::{FxHashMap, FxHashSet};
 
 /// Largest number of triangles at an edge that are compared, so that the time is in proportion to the triangles.
 const MAX_AT_EDGE: usize = 64;
@@ -74,7 +74,7 @@ impl Surface {
     /// Length of the longest connected outline, and of its edges at which the surface continues, at which it continues before itself, and
     /// which others touch; scene units.
     fn longest_outline(&self) -> [f32; 4] {
-        let mut numbers = HashMap::<u32, u32>::new();
+        let mut numbers = FxHashMap::<u32, u32>::default();
         for v in self.outline.iter().flat_map(|edge| edge.ends) {
             let next = numbers.len() as u32;
             numbers.entry(v).or_insert(next);
@@ -122,11 +122,11 @@ impl Continued {
 }
 
 /// How the surfaces of some triangles continue.
-pub(super) fn continuations(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, Continued> {
+pub(super) fn continuations(of: &FxHashSet<u32>, faces: &Faces) -> FxHashMap<u32, Continued> {
     let mut seeds: Vec<u32> = of.iter().copied().collect();
     seeds.sort_unstable();
     let at_edge = edges_of_parts(&seeds, faces);
-    let mut known = HashSet::new();
+    let mut known = FxHashSet::default();
     let mut surfaces = Vec::new();
     for seed in seeds {
         if !known.contains(&seed) {
@@ -150,7 +150,7 @@ pub(super) fn continuations(of: &HashSet<u32>, faces: &Faces) -> HashMap<u32, Co
 
 /// The edges of all triangles of the parts of some triangles, ascending, with their triangles.
 fn edges_of_parts(seeds: &[u32], faces: &Faces) -> Vec<([u32; 2], u32)> {
-    let parts: HashSet<u32> = seeds.iter().map(|&t| faces.properties.part(t)).collect();
+    let parts: FxHashSet<u32> = seeds.iter().map(|&t| faces.properties.part(t)).collect();
     let is_of_parts = |t: u32| parts.contains(&faces.properties.part(t));
     let all = 0..if parts.is_empty() { 0 } else { faces.triangles.len() as u32 };
     let with_triangle = |t: u32| edges(faces, t).map(|edge| (edge, t));
@@ -163,7 +163,7 @@ fn edges_of_parts(seeds: &[u32], faces: &Faces) -> Vec<([u32; 2], u32)> {
 /// The surface of a triangle, and where triangles continue it that share its edges.
 fn surface_around(seed: u32, at_edge: &[([u32; 2], u32)], faces: &Faces) -> Surface {
     let mut surface = Surface { triangles: vec![seed], outline: Vec::new() };
-    let (mut known, mut next) = (HashSet::from([seed]), 0);
+    let (mut known, mut next) = (FxHashSet::from_iter([seed]), 0);
     while let Some(&t) = surface.triangles.get(next) {
         next += 1;
         let normal = normal_of(faces, t);
@@ -269,7 +269,7 @@ fn add_contacts(surfaces: &mut [Surface], faces: &Faces) -> Sets {
     let is_open =
         |of: &&Contact| neighbours(&at_edge, of.edge, faces.properties.part(of.t), faces).next().is_none();
     let numbers = (0..).zip(surfaces.iter());
-    let surface_of: HashMap<u32, u32> =
+    let surface_of: FxHashMap<u32, u32> =
         numbers.flat_map(|(k, surface)| surface.triangles.iter().map(move |&t| (t, k))).collect();
     for &Contact { place: [k, m], side, is_smooth, t, .. } in found.iter().filter(is_open) {
         surfaces[k].outline[m].before += side;

@@ -13,8 +13,9 @@ use super::overlap::{FaceProperties, Faces, Overlap};
 use super::part_shapes::PartKind;
 use crate::math::{triangle_area, triangle_normal};
 use glam::Vec3;
-use std::cmp::Ordering;
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use rustc_hash::{FxHashMap, FxHashSet};
+use std::cmp::{Ordering, Reverse};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Smallest fraction of the area of a facade that lies on walls of the rooms in it: most of it, as a room whose normals point out also
 /// touches cupboards whose normals point in.
@@ -98,7 +99,7 @@ impl Place {
 }
 
 /// The places of all triangles that overlap with others.
-pub(super) type PlaneOrder = HashMap<u32, Place>;
+pub(super) type PlaneOrder = FxHashMap<u32, Place>;
 
 /// Whether an overlap of two triangles, `alike` if they face the same way, is worth a message: one may hide the other from those who see
 /// both, or a sheet is visible from its back.
@@ -120,11 +121,11 @@ enum Kind {
 /// Finds the order of overlapping faces.
 pub(super) fn plane_order(found: &[Overlap], faces: &Faces) -> PlaneOrder {
     if found.is_empty() {
-        return PlaneOrder::new();
+        return PlaneOrder::default();
     }
     let planes = Planes::new(found, faces);
     let kinds = planes.kinds();
-    let mut order = PlaneOrder::new();
+    let mut order = PlaneOrder::default();
     for &(start, ..) in found {
         if !order.contains_key(&start) {
             planes.order_plane(start, &kinds, &mut order);
@@ -138,21 +139,21 @@ struct Planes<'a> {
     faces: &'a Faces<'a>,
     of: &'a FaceProperties<'a>,
     /// By triangle, those that overlap with it.
-    neighbours: HashMap<u32, Vec<u32>>,
-    facades: HashSet<u32>,
+    neighbours: FxHashMap<u32, Vec<u32>>,
+    facades: FxHashSet<u32>,
     /// See [`Planes::coverings`].
-    coverings: HashSet<u32>,
+    coverings: FxHashSet<u32>,
     /// How the surfaces of open parts continue, by triangle.
-    continued: HashMap<u32, Continued>,
+    continued: FxHashMap<u32, Continued>,
     /// See [`Planes::areas_of_boards`].
-    areas_of_boards: HashMap<u32, f64>,
+    areas_of_boards: FxHashMap<u32, f64>,
     /// See [`Planes::areas_under`].
-    areas_under: HashMap<[u32; 2], f64>,
+    areas_under: FxHashMap<[u32; 2], f64>,
 }
 
 impl<'a> Planes<'a> {
     fn new(found: &'a [Overlap], faces: &'a Faces<'a>) -> Self {
-        let mut neighbours = HashMap::<u32, Vec<u32>>::new();
+        let mut neighbours = FxHashMap::<u32, Vec<u32>>::default();
         for &(s, t, _) in found {
             neighbours.entry(s).or_default().push(t);
             neighbours.entry(t).or_default().push(s);
@@ -162,11 +163,11 @@ impl<'a> Planes<'a> {
             faces,
             of: faces.properties,
             neighbours,
-            facades: HashSet::new(),
-            coverings: HashSet::new(),
-            continued: HashMap::new(),
-            areas_of_boards: HashMap::new(),
-            areas_under: HashMap::new(),
+            facades: FxHashSet::default(),
+            coverings: FxHashSet::default(),
+            continued: FxHashMap::default(),
+            areas_of_boards: FxHashMap::default(),
+            areas_under: FxHashMap::default(),
         };
         planes.facades = planes.facades();
         planes.coverings = planes.coverings();
@@ -187,7 +188,7 @@ impl<'a> Planes<'a> {
     }
 
     /// The parts that are facades: most of their area lies on walls of rooms in them.
-    fn facades(&self) -> HashSet<u32> {
+    fn facades(&self) -> FxHashSet<u32> {
         let is_facade_of = |facade: u32, room: u32, is_away: bool| {
             let [facade, room] = [facade, room].map(|t| self.of.shape(t));
             let is_room_of = match (facade.kind, room.kind) {
@@ -203,7 +204,7 @@ impl<'a> Planes<'a> {
             };
             is_room_of && facade.encloses(room)
         };
-        let mut covered = HashMap::<u32, f64>::new();
+        let mut covered = FxHashMap::<u32, f64>::default();
         for &(s, t, area) in self.found {
             let is_away = self.normal(s).dot(self.normal(t)) < 0.0;
             for (facade, _) in [(s, t), (t, s)].into_iter().filter(|&(s, t)| is_facade_of(s, t, is_away)) {
@@ -217,7 +218,7 @@ impl<'a> Planes<'a> {
 
     /// Open parts most of whose area lies on bodies that face as these parts do and of which they cover no more than a part, as the runner
     /// on a stair and its landing.
-    fn coverings(&self) -> HashSet<u32> {
+    fn coverings(&self) -> FxHashSet<u32> {
         let alike = self.found.iter().filter(|&&(s, t, _)| self.normal(s).dot(self.normal(t)) > 0.0);
         let mut on_body = BTreeMap::<[u32; 2], f64>::new();
         for &(s, t, area) in alike {
@@ -228,7 +229,7 @@ impl<'a> Planes<'a> {
             }
         }
         let area_of = |part: u32| self.of.shapes[part as usize].area;
-        let mut covered = HashMap::<u32, f64>::new();
+        let mut covered = FxHashMap::<u32, f64>::default();
         for ([part, body], area) in on_body {
             if area <= MIN_COVERING * area_of(body) {
                 *covered.entry(part).or_default() += area;
@@ -239,12 +240,12 @@ impl<'a> Planes<'a> {
     }
 
     /// By two parts, the area of the triangles of the second one that overlap with the first one, scene units squared.
-    fn areas_under(&self) -> HashMap<[u32; 2], f64> {
+    fn areas_under(&self) -> FxHashMap<[u32; 2], f64> {
         let pairs = self.found.iter().flat_map(|&(s, t, _)| [(self.of.part(s), t), (self.of.part(t), s)]);
         let mut pairs: Vec<(u32, u32)> = pairs.collect();
         pairs.sort_unstable();
         pairs.dedup();
-        let mut areas = HashMap::new();
+        let mut areas = FxHashMap::default();
         for (part, t) in pairs {
             let [a, b, c] = self.faces.triangles[t as usize].map(|v| self.faces.positions[v as usize]);
             *areas.entry([part, self.of.part(t)]).or_default() += triangle_area(a, b, c);
@@ -253,10 +254,10 @@ impl<'a> Planes<'a> {
     }
 
     /// The faces whose sides do not follow from the kind of their part: those of open parts, and of parts that touch themselves.
-    fn uncertain(&self) -> HashSet<u32> {
+    fn uncertain(&self) -> FxHashSet<u32> {
         let is_open = |t: &u32| self.of.is_two_sided(*t) || self.of.shape(*t).kind == PartKind::Sheet;
         let is_of_one_part = |&&(s, t, _): &&Overlap| self.of.part(s) == self.of.part(t);
-        let mut uncertain: HashSet<u32> = self.neighbours.keys().copied().filter(is_open).collect();
+        let mut uncertain: FxHashSet<u32> = self.neighbours.keys().copied().filter(is_open).collect();
         uncertain.extend(self.turned_away().filter(is_of_one_part).flat_map(|&(s, t, _)| [s, t]));
         uncertain
     }
@@ -284,10 +285,10 @@ impl<'a> Planes<'a> {
 
     /// Areas that floors count for at least, as boards lie on them, by triangle; scene units squared. Boards, surfaces that continue each
     /// other, may reach below the walls around one or more floors. They lie on these where the floors have [`MIN_FLOORS`] of their area.
-    fn areas_of_boards(&self) -> HashMap<u32, f64> {
+    fn areas_of_boards(&self) -> FxHashMap<u32, f64> {
         // By boards, the faces with walls around them that overlap with the boards.
         let mut on_boards = BTreeMap::<u32, BTreeSet<u32>>::new();
-        let mut joined_areas = HashMap::new();
+        let mut joined_areas = FxHashMap::default();
         for (&t, neighbours) in self.neighbours.iter().filter(|(t, _)| self.is_counted_alone(**t)) {
             let Continued { joined, area, joined_area, .. } = self.continued[&t];
             let is_floor = |of: &Continued| of.has_walls_around && of.joined != joined;
@@ -297,7 +298,7 @@ impl<'a> Planes<'a> {
                 on_boards.entry(joined).or_default().extend(floors);
             }
         }
-        let mut areas = HashMap::<u32, f64>::new();
+        let mut areas = FxHashMap::<u32, f64>::default();
         for (boards, mut faces) in on_boards {
             self.remove_mats(&mut faces);
             let surfaces = faces.iter().map(|t| &self.continued[t]).map(|of| (of.surface, of.area));
@@ -316,11 +317,11 @@ impl<'a> Planes<'a> {
     /// Removes the surfaces that lie on others of these faces, such as a mat in the corner of a floor: the smaller, or later in the file.
     fn remove_mats(&self, faces: &mut BTreeSet<u32>) {
         let surface = |t: u32| self.continued[&t].surface;
-        let place = |t: u32| (rounded(self.continued[&t].area), std::cmp::Reverse(surface(t)));
+        let place = |t: u32| (rounded(self.continued[&t].area), Reverse(surface(t)));
         let lies_on = |t: u32, u: u32| surface(t) != surface(u) && place(t) < place(u);
         let lies_on_any =
             |t: &&u32| self.neighbours[*t].iter().any(|u| faces.contains(u) && lies_on(**t, *u));
-        let mats: HashSet<u32> = faces.iter().filter(lies_on_any).map(|&t| surface(t)).collect();
+        let mats: FxHashSet<u32> = faces.iter().filter(lies_on_any).map(|&t| surface(t)).collect();
         faces.retain(|&t| !mats.contains(&surface(t)));
     }
 
@@ -330,7 +331,7 @@ impl<'a> Planes<'a> {
     }
 
     /// The kind of each overlapping face.
-    fn kinds(&self) -> HashMap<u32, Kind> {
+    fn kinds(&self) -> FxHashMap<u32, Kind> {
         let furnished = self.furnished();
         let kind = |t: u32| {
             let normal = self.normal(t);
@@ -357,7 +358,7 @@ impl<'a> Planes<'a> {
                 false => Kind::Body(-normal),
             }
         };
-        let mut kinds: HashMap<u32, Kind> = self.neighbours.keys().map(|&t| (t, kind(t))).collect();
+        let mut kinds: FxHashMap<u32, Kind> = self.neighbours.keys().map(|&t| (t, kind(t))).collect();
         for t in self.grounds_by_edges(&kinds) {
             kinds.insert(t, Kind::Sheet);
         }
@@ -372,7 +373,7 @@ impl<'a> Planes<'a> {
     }
 
     /// The open solids that are rooms whose normals point out: on their faces lie sheets inside of them that face inwards.
-    fn furnished(&self) -> HashSet<u32> {
+    fn furnished(&self) -> FxHashSet<u32> {
         let holds = |&(solid, sheet): &(u32, u32)| {
             let [part, held] = [solid, sheet].map(|t| self.of.shape(t));
             let kinds = part.kind == PartKind::Solid && held.kind == PartKind::Sheet;
@@ -384,8 +385,8 @@ impl<'a> Planes<'a> {
 
     /// The faces that are sides of a sheet: they overlap with faces that are turned away and belong to the same part, unless both continue
     /// to opposite sides as walls of two rooms do, or to another sheet that covers theirs and is covered by it.
-    fn sides_of_sheets(&self, kinds: &HashMap<u32, Kind>) -> HashSet<u32> {
-        let mut covered = HashMap::<u32, f64>::new();
+    fn sides_of_sheets(&self, kinds: &FxHashMap<u32, Kind>) -> FxHashSet<u32> {
+        let mut covered = FxHashMap::<u32, f64>::default();
         for &(s, t, area) in self.turned_away() {
             [s, t].into_iter().for_each(|t| *covered.entry(self.of.part(t)).or_default() += area);
         }
@@ -401,7 +402,7 @@ impl<'a> Planes<'a> {
     }
 
     /// The sheets that continue as a wall does, but lie outside of a room that has a wall of its own there: slabs between storeys.
-    fn grounds_by_edges(&self, kinds: &HashMap<u32, Kind>) -> Vec<u32> {
+    fn grounds_by_edges(&self, kinds: &FxHashMap<u32, Kind>) -> Vec<u32> {
         let is_beside = |sheet: u32, wall: u32| match (kinds[&sheet], kinds[&wall]) {
             (Kind::Wall(side), Kind::Wall(inside)) => {
                 side.dot(inside) > 0.0 && self.is_ground_of(sheet, wall)
@@ -415,7 +416,7 @@ impl<'a> Planes<'a> {
 
     /// The faces of closed boxes that glow on all sides and stand on sheets or touch walls of the room in which they are, such as a lamp on
     /// a table. Those beyond walls, or on sheets that face the same way, are recessed.
-    fn standing_glowing_boxes(&self, kinds: &HashMap<u32, Kind>) -> Vec<u32> {
+    fn standing_glowing_boxes(&self, kinds: &FxHashMap<u32, Kind>) -> Vec<u32> {
         let glows = |t: u32| self.of.emitter[t as usize] != u32::MAX;
         let stands = |t: &u32| {
             let inwards = -self.normal(*t);
@@ -433,14 +434,14 @@ impl<'a> Planes<'a> {
         let mut standing: Vec<u32> = self.neighbours.keys().copied().filter(stands).collect();
         if !standing.is_empty() {
             let dark = (0..self.faces.triangles.len() as u32).filter(|&t| !glows(t));
-            let dark: HashSet<u32> = dark.map(|t| self.of.part(t)).collect();
+            let dark: FxHashSet<u32> = dark.map(|t| self.of.part(t)).collect();
             standing.retain(|&t| !dark.contains(&self.of.part(t)));
         }
         standing
     }
 
     /// The faces of solids beyond walls of rooms in these solids.
-    fn bodies_around_rooms(&self, kinds: &HashMap<u32, Kind>) -> Vec<u32> {
+    fn bodies_around_rooms(&self, kinds: &FxHashMap<u32, Kind>) -> Vec<u32> {
         let is_around = |body: u32, wall: u32| match (kinds[&body], kinds[&wall]) {
             (Kind::Body(around), Kind::Wall(inside)) => {
                 let [body, room] = [body, wall].map(|t| self.of.shape(t));
@@ -453,7 +454,7 @@ impl<'a> Planes<'a> {
     }
 
     /// The side from which a sheet is visible, by the walls, facades and lamps that it overlaps with; `None` if it overlaps with none.
-    fn side_of_sheet(&self, t: u32, kinds: &HashMap<u32, Kind>) -> Option<Vec3> {
+    fn side_of_sheet(&self, t: u32, kinds: &FxHashMap<u32, Kind>) -> Option<Vec3> {
         let neighbours = || self.neighbours[&t].iter();
         let is_facade = |u: &u32| self.facades.contains(&self.of.part(*u));
         // A mat on the terrace above a room faces away from the room.
@@ -488,7 +489,7 @@ impl<'a> Planes<'a> {
 
     /// Area beyond that of the largest room outside of which a sheet lies that is visible from one side, and which is visible from this
     /// side as well; scene units squared.
-    fn area_inside(&self, t: u32, side: Vec3, kinds: &HashMap<u32, Kind>) -> f64 {
+    fn area_inside(&self, t: u32, side: Vec3, kinds: &FxHashMap<u32, Kind>) -> f64 {
         let is_inside = |u: &&u32| match kinds[*u] {
             Kind::Wall(inside) => inside.dot(side) > 0.0 && self.is_ground_of(t, **u),
             _ => false,
@@ -508,8 +509,8 @@ impl<'a> Planes<'a> {
     }
 
     /// Adds the places of the faces that are connected with one by overlaps.
-    fn order_plane(&self, start: u32, kinds: &HashMap<u32, Kind>, order: &mut PlaneOrder) {
-        let (mut members, mut known, mut next) = (vec![start], HashSet::from([start]), 0);
+    fn order_plane(&self, start: u32, kinds: &FxHashMap<u32, Kind>, order: &mut PlaneOrder) {
+        let (mut members, mut known, mut next) = (vec![start], FxHashSet::from_iter([start]), 0);
         while let Some(t) = members.get(next) {
             members.extend(self.neighbours[t].iter().filter(|t| known.insert(**t)));
             next += 1;
@@ -518,10 +519,8 @@ impl<'a> Planes<'a> {
             true => [f64::INFINITY; 2],
             false => self.areas(t),
         };
-        members.sort_by(|&s, &t| {
-            let [a, b] = [s, t].map(|t| areas(t).map(rounded));
-            a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(t.cmp(&s))
-        });
+        // Bits of positive numbers are in the order of these.
+        members.sort_by_cached_key(|&t| (areas(t).map(|area| rounded(area).to_bits()), Reverse(t)));
         let is_sheet = |t: &&u32| matches!(kinds[*t], Kind::Sheet);
         let default = members
             .iter()

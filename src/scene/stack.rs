@@ -9,7 +9,8 @@ use super::plane_order::{Place, PlaneOrder, Rank};
 use crate::math::Sets;
 use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
-use std::collections::{HashMap, HashSet, hash_map::Entry};
+use rustc_hash::{FxHashMap, FxHashSet};
+use std::collections::hash_map::Entry;
 
 /// Largest number of levels below the uppermost face: faces move by at most 8 × 9e-6 of the largest coordinate, .7 mm in a room of
 /// 10 m. In longer chains, as of shingles, the next face takes a level that is free beside those that it overlaps.
@@ -28,14 +29,14 @@ const MAX_TESTS: usize = 100_000_000;
 
 /// By triangle, the largest distance by which faces of its stack were moved off each other, scene units. Triangles that do not overlap with
 /// others have none.
-pub(crate) type StackDistances = HashMap<u32, f32>;
+pub(crate) type StackDistances = FxHashMap<u32, f32>;
 
 /// What [`stack`] did.
 #[derive(Default)]
 pub(super) struct Stacks {
     pub distances: StackDistances,
     /// Parts of moved triangles that were closed and consistently wound before.
-    pub wound: HashSet<u32>,
+    pub wound: FxHashSet<u32>,
     /// Pairs of objects with overlapping faces that face the same way or none of which is of a body; ascending.
     pub contacts: Vec<[u32; 2]>,
 }
@@ -73,15 +74,15 @@ pub(super) fn stack(
         let (normal, axis) = (normal(t), order[&t].axis);
         (t, if normal.dot(axis) < 0.0 { -normal } else { normal })
     };
-    let mut fronts: HashMap<u32, Vec3> = levels.keys().map(front).collect();
+    let mut fronts: FxHashMap<u32, Vec3> = levels.keys().map(front).collect();
     let mut stacks = Sets::new(triangles.len());
     pairs.iter().for_each(|&[s, t]| stacks.join(s, t));
     let stacked: Vec<u32> = levels.keys().copied().collect();
     let is_of_body = |t: &u32| order[t].rank.is_of_body();
-    let mut bodies: HashSet<u32> = stacked.iter().copied().filter(is_of_body).collect();
+    let mut bodies: FxHashSet<u32> = stacked.iter().copied().filter(is_of_body).collect();
     widen(&mut levels, &mut fronts, &mut bodies, &mut stacks, &part, positions, triangles);
     let steps = steps(&stacked, &mut stacks, positions, triangles);
-    let mut wound: HashSet<u32> = levels.keys().map(|&t| part(t as usize)).collect();
+    let mut wound: FxHashSet<u32> = levels.keys().map(|&t| part(t as usize)).collect();
     let with_part = |t: usize| (part(t), triangles[t]);
     let of_stacks = (0..triangles.len()).map(with_part).filter(|(part, _)| wound.contains(part));
     let open = badly_wound(of_stacks);
@@ -104,7 +105,7 @@ pub(super) fn stack(
     };
     let shifts: Vec<Shifted> = moved.iter().map(shifted).collect();
     // Neighbours in one plane share their moved vertices.
-    let mut vertices = HashMap::<(u32, u32, i32), Vec<(Vec3, u32)>>::new();
+    let mut vertices = FxHashMap::<(u32, u32, i32), Vec<(Vec3, u32)>>::default();
     for (&(t, level), shift) in moved.iter().zip(&shifts) {
         let (front, stack) = (fronts[&t], stacks.root(t));
         triangles[t as usize] = triangles[t as usize].map(|v| {
@@ -143,8 +144,8 @@ fn contacts(
 }
 
 /// The largest distance by which faces of the stack of each triangle were moved.
-fn distances(levels: &HashMap<u32, i32>, stacks: &mut Sets, steps: &HashMap<u32, f32>) -> StackDistances {
-    let mut deepest = HashMap::<u32, u32>::new();
+fn distances(levels: &FxHashMap<u32, i32>, stacks: &mut Sets, steps: &FxHashMap<u32, f32>) -> StackDistances {
+    let mut deepest = FxHashMap::<u32, u32>::default();
     for (&t, level) in levels {
         let of_stack = deepest.entry(stacks.root(t)).or_default();
         *of_stack = level.unsigned_abs().max(*of_stack);
@@ -155,7 +156,7 @@ fn distances(levels: &HashMap<u32, i32>, stacks: &mut Sets, steps: &HashMap<u32,
 
 /// Changes the levels of each plane so that the uppermost visible face stays or, if faces are visible from both sides, the plane is in
 /// their middle: points of files, which lie in the plane, find these faces. Faces of a body move inwards.
-fn shift_levels(levels: &mut HashMap<u32, i32>, order: &PlaneOrder) {
+fn shift_levels(levels: &mut FxHashMap<u32, i32>, order: &PlaneOrder) {
     /// Levels of the faces of a plane.
     struct Range {
         first_visible: i32,
@@ -165,7 +166,7 @@ fn shift_levels(levels: &mut HashMap<u32, i32>, order: &PlaneOrder) {
         last_before: i32,
         first_behind: i32,
     }
-    let mut ranges = HashMap::<u32, Range>::new();
+    let mut ranges = FxHashMap::<u32, Range>::default();
     for (t, &level) in &*levels {
         let Place { plane, rank, .. } = &order[t];
         let none = Range {
@@ -201,9 +202,9 @@ fn shift_levels(levels: &mut HashMap<u32, i32>, order: &PlaneOrder) {
 /// Adds the triangles that continue lower faces in their plane, with the level and the front of these: a ceiling stays flat. Stacks on
 /// faces of one part in one plane become one.
 fn widen(
-    levels: &mut HashMap<u32, i32>,
-    fronts: &mut HashMap<u32, Vec3>,
-    bodies: &mut HashSet<u32>,
+    levels: &mut FxHashMap<u32, i32>,
+    fronts: &mut FxHashMap<u32, Vec3>,
+    bodies: &mut FxHashSet<u32>,
     stacks: &mut Sets,
     part: &dyn Fn(usize) -> u32,
     positions: &[Vec3],
@@ -212,8 +213,8 @@ fn widen(
     let mut lower: Vec<(u32, i32)> =
         levels.iter().map(|(&t, &level)| (t, level)).filter(|of| of.1 != 0).collect();
     lower.sort_unstable();
-    let parts: HashSet<u32> = lower.iter().map(|of| part(of.0 as usize)).collect();
-    let mut at_vertex = HashMap::<u32, Vec<u32>>::new();
+    let parts: FxHashSet<u32> = lower.iter().map(|of| part(of.0 as usize)).collect();
+    let mut at_vertex = FxHashMap::<u32, Vec<u32>>::default();
     for t in (0..triangles.len()).filter(|&t| parts.contains(&part(t))) {
         triangles[t].iter().for_each(|&v| at_vertex.entry(v).or_default().push(t as u32));
     }
@@ -262,14 +263,14 @@ struct Body {
 /// a moved face of a body, which would leave a gap below it, except those of an open body: light would enter it.
 fn keep_contact(
     shifts: &[Shifted],
-    levels: &HashMap<u32, i32>,
+    levels: &FxHashMap<u32, i32>,
     part: &dyn Fn(usize) -> u32,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
 ) {
     let is_other = |t: usize| !levels.contains_key(&(t as u32));
     let top = levels.iter().filter(|&(_, &level)| level == 0).map(|(&t, _)| t as usize);
-    let stays: HashSet<(u32, u32)> = top.flat_map(|t| triangles[t].map(|v| (v, part(t)))).collect();
+    let stays: FxHashSet<(u32, u32)> = top.flat_map(|t| triangles[t].map(|v| (v, part(t)))).collect();
     let mut others: Vec<u32> = triangles
         .iter()
         .enumerate()
@@ -279,7 +280,7 @@ fn keep_contact(
     others.sort_unstable();
     others.dedup();
     // By vertex, the longest shift of a triangle there.
-    let mut shift_of = HashMap::<u32, Shifted>::new();
+    let mut shift_of = FxHashMap::<u32, Shifted>::default();
     let mut shift = |v: u32, of: &Shifted| {
         let known = shift_of.entry(v).or_insert(*of);
         if of.by.length_squared() > known.by.length_squared() {
@@ -290,7 +291,7 @@ fn keep_contact(
     for (of, v) in touching(shifts, others, positions) {
         shift(v, of);
     }
-    let mut copies = HashMap::<u32, u32>::new();
+    let mut copies = FxHashMap::<u32, u32>::default();
     for t in (0..triangles.len()).filter(|&t| is_other(t)) {
         let corners = triangles[t].map(|v| positions[v as usize]);
         // Bodies move inwards.
@@ -362,9 +363,9 @@ fn steps(
     stacks: &mut Sets,
     positions: &[Vec3],
     triangles: &[[u32; 3]],
-) -> HashMap<u32, f32> {
+) -> FxHashMap<u32, f32> {
     let magnitudes = face_magnitudes(positions, triangles);
-    let mut sizes = HashMap::<u32, (Aabb, f32)>::new();
+    let mut sizes = FxHashMap::<u32, (Aabb, f32)>::default();
     for &t in stacked {
         let (bounds, magnitude) = sizes.entry(stacks.root(t)).or_insert((Aabb::EMPTY, 0.0));
         *bounds = bounds.union(Aabb::of(triangles[t as usize].map(|v| positions[v as usize])));
@@ -376,10 +377,11 @@ fn steps(
 
 /// Number of steps by which each face lies below the top of its stack, from pairs of an upper and a lower face, sorted by the lower one
 /// from top to bottom.
-fn levels(pairs: &[[u32; 2]]) -> HashMap<u32, i32> {
-    let mut levels = HashMap::<u32, i32>::new();
+fn levels(pairs: &[[u32; 2]]) -> FxHashMap<u32, i32> {
+    let mut levels = FxHashMap::<u32, i32>::default();
     for group in pairs.chunk_by(|a, b| a[1] == b[1]) {
-        let taken: HashSet<i32> = group.iter().map(|[upper, _]| *levels.entry(*upper).or_default()).collect();
+        let taken: FxHashSet<i32> =
+            group.iter().map(|[upper, _]| *levels.entry(*upper).or_default()).collect();
         let below = 1 + taken.iter().max().copied().unwrap_or(0);
         let free = || (0..MAX_LEVELS).rev().find(|level| !taken.contains(level));
         let level = if below < MAX_LEVELS { below } else { free().unwrap_or(MAX_LEVELS) };
@@ -394,7 +396,7 @@ mod tests {
 
     #[test]
     fn each_face_lies_below_those_on_it_and_chains_are_bounded() {
-        assert_eq!(levels(&[[2, 1], [1, 0], [2, 0]]), HashMap::from([(2, 0), (1, 1), (0, 2)]));
+        assert_eq!(levels(&[[2, 1], [1, 0], [2, 0]]), FxHashMap::from_iter([(2, 0), (1, 1), (0, 2)]));
         let chain: Vec<[u32; 2]> = (0..100).rev().map(|k| [k + 1, k]).collect();
         let levels = levels(&chain);
         assert!(chain.iter().all(|[upper, lower]| levels[upper] != levels[lower]));

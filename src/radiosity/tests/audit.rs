@@ -39,7 +39,7 @@ fn paths_of_the_audit_have_the_light_of_elements() {
                 };
                 let points: Vec<Point> = (0..256).map(point).collect();
                 let light = match blocked {
-                    true => super::limits::truth(&scene, &points, 256),
+                    true => super::limits::truth(&scene, &points, 64),
                     false => points.iter().map(free).collect(),
                 };
                 let want = light.iter().sum::<f64>() / light.len() as f64;
