@@ -5,7 +5,6 @@
 //! evenly spread samples, and its time is that of as many rays for all samples; both use all cores. The error of both is the RMS
 //! difference to Embree's horizons in 512 azimuths, at the same samples.
 
-use mrvis::internals::ModelParts;
 use mrvis::internals::ray::{LANES, Occluder, Packet};
 use mrvis::internals::terrain::{Grid, Layer, SweepOptions, mountains, sky_view_factor, write_geotiff};
 use mrvis::{Detail, Model, PrepareOptions, Scene};

@@ -2,8 +2,6 @@
 
 mod parts;
 
-pub use parts::{AxisParts, BuilderParts, LoadParts, ModelParts, PrepareParts, SceneParts, SolutionParts};
-
 /// The measurement behind `mrvis bench`.
 #[cfg(feature = "reports")]
 pub mod bench {
@@ -24,11 +22,6 @@ pub mod bench {
 /// Clusters.
 pub mod clusters {
     pub use crate::clusters::{Builder, Cluster, FAN_OUT, Options, Tree, build};
-}
-
-/// Files of measured clusters.
-pub mod cache {
-    pub use crate::model::cache::CacheLocation;
 }
 
 /// Texts of errors.
@@ -155,9 +148,9 @@ pub mod metrics {
     pub use crate::metrics::norms::{Norms, norms};
 }
 
-/// Models.
+/// Models and files of measured clusters.
 pub mod model {
-    pub use crate::model::embree_version;
+    pub use crate::model::{cache::CacheLocation, embree_version};
 }
 
 /// Cluster optics.

@@ -8,7 +8,6 @@ use super::handle::handle;
 use super::model::mrv_model;
 use super::record::record;
 use super::solve::points_of;
-use mrvis::internals::ModelParts;
 use mrvis::{BenchOptions, BenchReport};
 use std::ffi::{CString, c_char, c_void};
 

@@ -8,7 +8,7 @@ use super::member_names::{add_record, c_name};
 use super::record::{Record, record};
 use super::solve::{mrv_solution, mrv_solve_options};
 use mrvis::Element;
-use mrvis::internals::{SolutionParts, error::worded};
+use mrvis::internals::error::worded;
 use std::ffi::{c_char, c_void};
 
 record!(112: struct mrv_elements {

@@ -7,7 +7,6 @@ use super::guard::Outcome;
 use super::handle::handle;
 use super::record::record;
 use super::scene::{NamedScene, mrv_scene};
-use mrvis::internals::ModelParts;
 use mrvis::{Builder, Detail, Model, PrepareOptions};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::OnceLock;

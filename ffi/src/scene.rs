@@ -8,7 +8,6 @@ use super::guard::Outcome;
 use super::handle::handle;
 use super::member_names::c_name;
 use super::record::record;
-use mrvis::internals::SceneParts;
 use mrvis::internals::error::worded;
 use mrvis::{Channels, GenerateOptions, LoadOptions, Scene, SkyOptions, Strength, UpAxis};
 use std::ffi::{CString, c_char, c_void};

@@ -8,7 +8,6 @@ use super::handle::handle;
 use super::model::mrv_model;
 use super::record::record;
 use super::visibility::{MRV_ENGINE_AUTOMATIC, engine_of};
-use mrvis::internals::SolutionParts;
 use mrvis::{Solution, SolveOptions, SurfacePoint};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::OnceLock;

@@ -5,7 +5,6 @@ use crate::arrays::{Numbers, Points, numbers, points};
 use crate::errors::{Raise, input, notes};
 use crate::solution::{by_name, camera_out};
 use crate::work::{Watch, long, short};
-use mrvis::internals::SceneParts;
 use mrvis::{LoadOptions, MeshArrays, Positions, Scene, SceneBuilder, Strength, UpAxis};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;

@@ -5,7 +5,6 @@ use crate::arrays::{points_f64, rows_out};
 use crate::errors::{input, notes};
 use crate::source::Normals;
 use crate::work::long;
-use mrvis::internals::SolutionParts;
 use mrvis::{Camera, Element, ImageOptions, Solution, SolveOptions, SurfacePoint};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;

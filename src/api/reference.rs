@@ -29,7 +29,8 @@ impl Model {
     }
 
     /// [`Model::reference`] at `count` points that `at` gives: they are copied once. `direct_only`: without reflections.
-    pub(crate) fn reference_of(
+    #[doc(hidden)]
+    pub fn reference_of(
         &self,
         count: usize,
         at: impl Fn(usize) -> SurfacePoint,

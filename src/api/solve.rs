@@ -152,11 +152,8 @@ impl Solution {
     }
 
     /// [`Solution::irradiance`] at `count` points that `at` gives: they are copied once, into 24 bytes each.
-    pub(crate) fn irradiance_of(
-        &self,
-        count: usize,
-        at: impl Fn(usize) -> SurfacePoint,
-    ) -> Result<Vec<[f64; 3]>> {
+    #[doc(hidden)]
+    pub fn irradiance_of(&self, count: usize, at: impl Fn(usize) -> SurfacePoint) -> Result<Vec<[f64; 3]>> {
         let solved = &self.inner.solved;
         let origin = solved.model().scene().origin;
         let kept = |p: Point| ((p.position - origin).as_vec3(), p.normal.as_vec3());
@@ -183,7 +180,8 @@ impl Solution {
     }
 
     /// The warnings of the report, with names of options between `⟨` and `⟩`.
-    pub(crate) fn notes(&self) -> &[String] {
+    #[doc(hidden)]
+    pub fn notes(&self) -> &[String] {
         &self.inner.record.warnings
     }
 

@@ -50,11 +50,12 @@ pub enum Builder {
 
 impl Builder {
     /// All builders, the default first.
-    pub(crate) const ALL: [Builder; 4] =
-        [Builder::Grids, Builder::KdTree, Builder::GoldsmithSalmon, Builder::Sah];
+    #[doc(hidden)]
+    pub const ALL: [Builder; 4] = [Builder::Grids, Builder::KdTree, Builder::GoldsmithSalmon, Builder::Sah];
 
     /// Name on the command line and in JSON.
-    pub(crate) fn name(self) -> &'static str {
+    #[doc(hidden)]
+    pub fn name(self) -> &'static str {
         match self {
             Builder::Grids => "grids",
             Builder::KdTree => "kdtree",

@@ -33,7 +33,8 @@ const TURN: &str =
 
 impl Model {
     /// Notes of emitters that are turned, or outside of a space.
-    pub(crate) fn notes_of_lost_light(&self) -> Vec<String> {
+    #[doc(hidden)]
+    pub fn notes_of_lost_light(&self) -> Vec<String> {
         let mut notes = self.notes_of_turned_emitters();
         notes.extend(self.note_of_outside_emitters());
         notes.extend(self.note_of_dome());
@@ -42,7 +43,8 @@ impl Model {
     }
 
     /// Notes of coordinates that are too coarse.
-    pub(crate) fn notes_of_coarseness(&self) -> Vec<String> {
+    #[doc(hidden)]
+    pub fn notes_of_coarseness(&self) -> Vec<String> {
         self.note_of_coarse_coordinates().into_iter().chain(self.note_of_small_things()).collect()
     }
 
@@ -115,7 +117,8 @@ impl Model {
     }
 
     /// Reason why no surface receives light, with advice.
-    pub(crate) fn cause_of_darkness(&self) -> String {
+    #[doc(hidden)]
+    pub fn cause_of_darkness(&self) -> String {
         let emitters = &self.scene().emitters;
         let lamps = emitters.iter().filter(|emitter| self.is_luminaire(emitter)).count();
         let mut causes = Vec::new();

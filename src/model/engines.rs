@@ -29,7 +29,8 @@ pub(super) struct Engines {
 
 impl Model {
     /// Exact rays.
-    pub(crate) fn exact(&self) -> Exact {
+    #[doc(hidden)]
+    pub fn exact(&self) -> Exact {
         Exact { scene: self.traced().clone(), traversal: self.widest_packets() }
     }
 

@@ -98,7 +98,8 @@ impl Model {
     }
 
     /// The scene that was prepared, shared.
-    pub(crate) fn shared_scene(&self) -> Arc<Scene> {
+    #[doc(hidden)]
+    pub fn shared_scene(&self) -> Arc<Scene> {
         self.inner.scene.clone()
     }
 
@@ -108,7 +109,8 @@ impl Model {
     }
 
     /// The mesh of the scene's own triangles.
-    pub(crate) fn base(&self) -> &Mesh {
+    #[doc(hidden)]
+    pub fn base(&self) -> &Mesh {
         &self.inner.meshes[0]
     }
 
@@ -118,7 +120,8 @@ impl Model {
     }
 
     /// The same model, of which each of these processes has prepared an equal one: they share its queries.
-    pub(crate) fn on_ranks(self, ranks: Ranks) -> Model {
+    #[doc(hidden)]
+    pub fn on_ranks(self, ranks: Ranks) -> Model {
         Model { ranks, ..self }
     }
 
@@ -216,7 +219,8 @@ impl Model {
     }
 
     /// Memory of what was prepared, bytes; the scene is not in it.
-    pub(crate) fn bytes(&self) -> u64 {
+    #[doc(hidden)]
+    pub fn bytes(&self) -> u64 {
         let clusters: usize = self.meshes().iter().map(|mesh| mesh.cluster_bytes()).sum();
         self.report().embree_bytes + clusters as u64
     }
@@ -227,7 +231,8 @@ impl Model {
     }
 
     /// A multi-resolution engine over all instances, if optics were prepared. What it hands over is traced by `traversal`.
-    pub(crate) fn engine(&self, traversal: Traversal, leaf: LeafMode) -> Option<MultiResolution> {
+    #[doc(hidden)]
+    pub fn engine(&self, traversal: Traversal, leaf: LeafMode) -> Option<MultiResolution> {
         let tree = self.base().measured()?.tree.clone();
         let groups = self.inner.top.as_ref().and_then(|top| top.groups.as_ref());
         let engine = MultiResolution::new(tree, self.traced().clone(), traversal, leaf)
@@ -279,7 +284,8 @@ impl Model {
     }
 
     /// Incoherent packets of the widest kind that Embree traces natively on this machine.
-    pub(crate) fn widest_packets(&self) -> Traversal {
+    #[doc(hidden)]
+    pub fn widest_packets(&self) -> Traversal {
         Traversal { width: self.native_width(), coherent: false }
     }
 
@@ -294,7 +300,8 @@ impl Model {
     }
 
     /// Largest coordinate magnitude, scene units: the scale of rounding errors.
-    pub(crate) fn magnitude(&self) -> f32 {
+    #[doc(hidden)]
+    pub fn magnitude(&self) -> f32 {
         self.bounds().magnitude()
     }
 
@@ -340,7 +347,8 @@ impl Model {
     }
 
     /// An end rule that holds on all faces.
-    pub(crate) fn end_rule(&self) -> EndRule {
+    #[doc(hidden)]
+    pub fn end_rule(&self) -> EndRule {
         EndRule::new(self.magnitude())
     }
 }

@@ -33,7 +33,8 @@ const RAY_OFFSET: f32 = 0.01;
 impl Model {
     /// A note if emitters light surfaces from so near that the precision of the surfaces' coordinates shows: rays start above a surface by
     /// [`EndRule::height`](crate::ray::EndRule::height), 2e-6 of its largest coordinate.
-    pub(crate) fn note_of_coarse_coordinates(&self) -> Option<String> {
+    #[doc(hidden)]
+    pub fn note_of_coarse_coordinates(&self) -> Option<String> {
         let tested = self.tested_emitters();
         let coarse = |emitter| self.coarsest_surface(emitter).map(|found| (found, emitter));
         let found: Vec<((f32, f32), &Emitter)> = parallel::flat_map(&tested, |emitter| coarse(*emitter));

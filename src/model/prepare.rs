@@ -124,19 +124,21 @@ impl Model {
     /// [`Error::Unsupported`] if the installed Embree is too old, [`Error::OutOfMemory`] or [`Error::Embree`] if it fails,
     /// [`Error::Argument`] for too many threads, [`Error::Cancelled`] if the caller's progress stops the preparation.
     pub fn prepare(scene: impl Into<Arc<Scene>>, options: &PrepareOptions) -> Result<Model> {
-        Model::prepare_watched(scene.into(), options, options.watcher.progress())
+        Model::prepare_watched(scene, options, options.watcher.progress())
     }
 
     /// [`Model::prepare`] that reports to a borrowed `progress`.
     ///
     /// # Errors
     /// As [`Model::prepare`].
-    pub(crate) fn prepare_watched(
-        scene: Arc<Scene>,
+    #[doc(hidden)]
+    pub fn prepare_watched(
+        scene: impl Into<Arc<Scene>>,
         options: &PrepareOptions,
         progress: &dyn Progress,
     ) -> Result<Model> {
         options.optics.check_ranges()?;
+        let scene = scene.into();
         let threads = Arc::new(Threads::new(options.threads)?);
         let options = PrepareOptions { watcher: Watcher::default(), ..options.clone() };
         threads.run(|| prepare(scene, &options, &threads, progress))?
@@ -171,7 +173,8 @@ impl Model {
 
     /// The model that [`Model::prepare`] would make of the same scene with these options, which differ from those of this one in
     /// their detail at most. Nothing is made again, and the report has only what is made now.
-    pub(crate) fn prepared_again(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
+    #[doc(hidden)]
+    pub fn prepared_again(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
         let PrepareReport { embree_bytes, origin, from_cache, .. } = self.inner.report;
         let report = PrepareReport { embree_bytes, ..PrepareReport::default() };
         if options.detail > self.detail() {

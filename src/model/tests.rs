@@ -171,7 +171,7 @@ fn a_preparation_ends_in_the_stage_in_which_it_is_stopped() {
     let prepare = |stage: &'static str, detail| {
         let options = PrepareOptions { detail, ..PrepareOptions::default() };
         let stop = stop_when(move |told| told.stage == stage);
-        let result = Model::prepare_watched(scene.clone().into(), &options, &stop);
+        let result = Model::prepare_watched(scene.clone(), &options, &stop);
         (result.err(), stop)
     };
     let cases = [

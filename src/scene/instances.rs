@@ -14,7 +14,8 @@ use std::sync::Arc;
 
 impl Scene {
     /// Number of triangles that block and receive light: the scene's own and those of each visible placement.
-    pub(crate) fn visible_triangles(&self) -> u64 {
+    #[doc(hidden)]
+    pub fn visible_triangles(&self) -> u64 {
         let count = |p: &Placement| self.shared.get(p.mesh as usize).map_or(0, |m| m.triangles.len() as u64);
         let placed = self.placements.iter().filter(|p| p.visible).map(count);
         placed.fold(self.triangles.len() as u64, u64::saturating_add)
@@ -22,7 +23,8 @@ impl Scene {
 
     /// Box around the own triangles and the visible placements, relative to [`Scene::origin`], scene units; see
     /// [`Placement::bounds`] for how tight it is. Equal to [`Scene::bounds`] for a scene without placements.
-    pub(crate) fn world_bounds(&self) -> Aabb {
+    #[doc(hidden)]
+    pub fn world_bounds(&self) -> Aabb {
         self.placed_bounds(self.bounds)
     }
 

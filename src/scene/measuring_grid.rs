@@ -58,7 +58,8 @@ impl Scene {
     ///
     /// # Errors
     /// Nothing has this name, the surface is not plane, or the grid has no point or too many.
-    pub(crate) fn measuring_grid(&self, name: &str, spacing: f64, height: f64) -> Result<MeasuringGrid> {
+    #[doc(hidden)]
+    pub fn measuring_grid(&self, name: &str, spacing: f64, height: f64) -> Result<MeasuringGrid> {
         let wrong = |what: String| Err(Error::argument("grid", format!("`{}`", quote(name)), what));
         let Some(mut plane) = self.plane_of(self.faces_named(name).map_err(|error| error.of("grid"))?) else {
             return wrong(

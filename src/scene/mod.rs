@@ -90,7 +90,6 @@ pub use {
     moves::Move,
     mtl::read_materials,
     power::parse_emitter,
-    up::UpFrom,
     write_gltf::write_gltf,
     write_obj::{mtl_path, write_obj},
 };
@@ -317,7 +316,8 @@ impl Scene {
     }
 
     /// Position and normal of a point of the map where it lies on a curved earth: lowered and turned as the surfaces of the scene are.
-    pub(crate) fn lowered(&self, position: DVec3, normal: DVec3) -> (DVec3, DVec3) {
+    #[doc(hidden)]
+    pub fn lowered(&self, position: DVec3, normal: DVec3) -> (DVec3, DVec3) {
         self.curved.map_or((position, normal), |curved| curved.place(position, normal))
     }
 
@@ -337,7 +337,8 @@ impl Scene {
     }
 
     #[inline]
-    pub(crate) fn corners(&self, triangle: u32) -> [Vec3; 3] {
+    #[doc(hidden)]
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
@@ -382,7 +383,8 @@ impl Scene {
     }
 
     /// Memory of vertices, faces, objects, materials and placements, bytes; each shared mesh counts once.
-    pub(crate) fn bytes(&self) -> usize {
+    #[doc(hidden)]
+    pub fn bytes(&self) -> usize {
         fn of<T>(list: &[T]) -> usize {
             size_of_val(list)
         }
@@ -405,7 +407,8 @@ impl Scene {
 
     /// Power of an emitter in watts, per channel: π L A, twice that for two-sided emission. Unknown units of length
     /// count as metres.
-    pub(crate) fn power(&self, emitter: &Emitter) -> [f64; 3] {
+    #[doc(hidden)]
+    pub fn power(&self, emitter: &Emitter) -> [f64; 3] {
         let metres = unit_in_metres(&self.unit).unwrap_or(1.0);
         let material = self.triangle_material[emitter.triangles[0] as usize] as usize;
         let both = self.two_sided_emission && self.materials[material].profile.is_none();

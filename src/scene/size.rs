@@ -22,7 +22,8 @@ impl Scene {
     }
 
     /// Diagonal of the box around these and the visible placements.
-    pub(crate) fn size(&self) -> f32 {
+    #[doc(hidden)]
+    pub fn size(&self) -> f32 {
         self.placed_bounds(self.near_bounds()).diagonal()
     }
 }

@@ -40,7 +40,8 @@ impl UpFrom {
 
 impl UpAxis {
     /// `y` or `z`.
-    pub(crate) fn name(self) -> &'static str {
+    #[doc(hidden)]
+    pub fn name(self) -> &'static str {
         match self {
             UpAxis::Y => "y",
             UpAxis::Z => "z",
@@ -48,7 +49,8 @@ impl UpAxis {
     }
 
     /// Its unit vector.
-    pub(crate) fn vector(self) -> Vec3 {
+    #[doc(hidden)]
+    pub fn vector(self) -> Vec3 {
         match self {
             UpAxis::Y => Vec3::Y,
             UpAxis::Z => Vec3::Z,
@@ -63,13 +65,15 @@ const MIN_FLATNESS: f32 = 1.1;
 
 impl Scene {
     /// The upward axis, see [`Scene::up_from`].
-    pub(crate) fn up_axis(&self) -> UpAxis {
+    #[doc(hidden)]
+    pub fn up_axis(&self) -> UpAxis {
         self.up_from().0
     }
 
     /// The upward axis, and where it is from: as the options say; y in glTF; in other formats the one of y and z down which most light is
     /// emitted; without such light the one along which the scene is shorter, or z where both are alike.
-    pub(crate) fn up_from(&self) -> (UpAxis, UpFrom) {
+    #[doc(hidden)]
+    pub fn up_from(&self) -> (UpAxis, UpFrom) {
         if let Some(up) = self.up {
             return (up, UpFrom::Given);
         }

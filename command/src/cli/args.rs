@@ -8,12 +8,11 @@ use super::{
     job_context, limits,
 };
 use indicatif::{ProgressBar, ProgressStyle};
-use mrvis::internals::cache::CacheLocation;
 use mrvis::internals::files::{json_text, write_json};
+use mrvis::internals::model::CacheLocation;
 use mrvis::internals::scene::{Move, Photometry, parse_emitter, read_added, read_placements, unit_in_metres};
 use mrvis::internals::terrain::ReadOptions;
 use mrvis::internals::threads::{MAX_THREADS, Threads};
-use mrvis::internals::{LoadParts, SceneParts};
 use mrvis::{Channels, Error, LoadOptions, Result, Scene, SkyOptions, UpAxis};
 use std::{
     collections::HashSet,

@@ -12,7 +12,6 @@ use mrvis::internals::form_factors::{
     Facets, Format, Grouping, Report, Settings, by_groups, compute, memory_bound, write,
 };
 use mrvis::internals::plot::number;
-use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::{Error, FormFactorOptions, FormFactors, Result};
 use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 

@@ -2,7 +2,6 @@
 
 use super::shared_scenes::{InUse, SharedScenes};
 use crate::batch::HashedFile;
-use mrvis::internals::ModelParts;
 use mrvis::{Detail, Model, PrepareOptions, Progress, Result, Scene};
 use std::cell::RefCell;
 use std::sync::Arc;

@@ -1,6 +1,5 @@
 //! Height fields as meshes: vertices on a regular grid of x and y, one z each.
 
-use mrvis::internals::SceneParts;
 use mrvis::internals::sky::DVec3;
 use mrvis::internals::terrain::{Georeference, Grid, Loaded, ReadOptions};
 use mrvis::{Error, Result, Scene};

@@ -11,7 +11,6 @@ use mrvis::Result;
 use mrvis::internals::path_tracer::{Settings, irradiance};
 use mrvis::internals::plot::number;
 use mrvis::internals::points::{Irradiance, read_points, write_irradiance};
-use mrvis::internals::{ModelParts, SceneParts};
 use std::{path::PathBuf, process::ExitCode, time::Instant};
 
 /// Irradiance at points by path tracing, with standard errors: independent values for comparison with solutions.

@@ -11,7 +11,6 @@ use mrvis::internals::plot::number;
 use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::RadiosityMesh;
 use mrvis::internals::scene::{Photometry, StoredCamera};
-use mrvis::internals::{AxisParts, SceneParts};
 use mrvis::{Progress, Result, Scene};
 use std::path::{Path, PathBuf};
 

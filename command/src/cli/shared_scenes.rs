@@ -4,7 +4,6 @@
 //! the same scene at the same time wait for the one that makes it.
 
 use crate::batch::{HashedFile, Hashes};
-use mrvis::internals::{ModelParts, PrepareParts, SceneParts};
 use mrvis::{Model, PrepareOptions, Progress, Result, Scene};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};

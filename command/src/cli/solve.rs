@@ -24,7 +24,6 @@ use mrvis::internals::plot::number;
 use mrvis::internals::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::internals::radiosity::{self, Options, Outcome, PointLight, Powers, Record, Solution, View};
 use mrvis::internals::scene::{Photometry, StoredCamera};
-use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::{Engine, Error, Progress, Result, Scene};
 use serde::Serialize;
 use std::cell::RefCell;

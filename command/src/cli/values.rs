@@ -2,7 +2,6 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use mrvis::internals::points::Point;
-use mrvis::internals::{BuilderParts, SceneParts};
 use mrvis::{Builder, Channels, Engine, Scene, UpAxis};
 
 /// Names, help and meanings of values.

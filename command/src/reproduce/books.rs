@@ -5,10 +5,10 @@ use super::item::{Item, Panel, Table, count, number};
 use super::view::irradiance;
 use super::{Context, MIN_STANDARD_ERRORS, by_links, by_rays, changed, counts_of, fixed};
 use glam::DVec3;
+use mrvis::internals::clusters;
 use mrvis::internals::math::parallel;
 use mrvis::internals::math::triangle_area;
 use mrvis::internals::radiosity::{self, Inside, Options, Outcome, RowNormalisation};
-use mrvis::internals::{ModelParts, PrepareParts, SceneParts, clusters};
 use mrvis::metrics::Image;
 use mrvis::{Model, PrepareOptions, Result, Scene};
 

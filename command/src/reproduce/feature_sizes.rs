@@ -8,7 +8,6 @@ use super::shadow::{Wall, mean, paper_features};
 use super::umbra::blocker_sizes;
 use super::{Context, MIN_STANDARD_ERRORS, Repeated, fixed, list};
 use glam::Vec3;
-use mrvis::internals::ModelParts;
 use mrvis::internals::metrics::{FeatureSet, norms};
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Series};
 use mrvis::internals::visibility::LeafMode;

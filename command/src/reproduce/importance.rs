@@ -5,7 +5,6 @@ use super::office_light::{ANGLE, SIZE, VIEW, bright};
 use super::view::{irradiance, seen};
 use super::{Context, MIN_STANDARD_ERRORS, by_links, changed, fixed};
 use glam::DVec3;
-use mrvis::internals::SceneParts;
 use mrvis::internals::points::Point;
 use mrvis::internals::radiosity::{self, Options};
 use mrvis::internals::scene::Object;

@@ -29,7 +29,6 @@ pub use item::Item;
 pub use page::page;
 
 use groups::Groups;
-use mrvis::internals::ModelParts;
 use mrvis::{Detail, Error, Model, PrepareOptions, Progress, Result, Scene, SolveOptions};
 use serde::Serialize;
 use std::sync::{Mutex, OnceLock, PoisonError};

@@ -10,7 +10,7 @@ use glam::Vec3;
 use mrvis::Scene;
 use mrvis::internals::clusters::{Cluster, FAN_OUT, Tree};
 use mrvis::internals::math::{Aabb, triangle_area};
-use mrvis::internals::{SceneParts, optics};
+use mrvis::internals::optics;
 
 /// Treatment of leaves that are reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,6 @@ use mrvis::internals::bench::{ReceiverPoint, Workload};
 use mrvis::internals::math::parallel;
 use mrvis::internals::ray::{LANES, Occluder, Packet};
 use mrvis::internals::visibility::{Bundle, Exact, MultiResolution, Workspace};
-use mrvis::internals::{ModelParts, SceneParts};
 use mrvis::metrics::{FeatureOptions, Features, Image, Morphology};
 use mrvis::{Model, Result};
 use std::ops::Range;

@@ -9,7 +9,6 @@ use super::item::{Item, Panel, Table, VISIBLE, count, number};
 use super::shadow::Wall;
 use super::{Context, fixed};
 use glam::{DVec3, Vec2, Vec3};
-use mrvis::internals::SceneParts;
 use mrvis::internals::clusters::Tree;
 use mrvis::internals::math::parallel;
 use mrvis::internals::plot::{Marks, Plot, PlotPoint, Series};

@@ -3,7 +3,6 @@
 use super::super::args::{distinct, plain};
 use super::AtPoints;
 use maud::{Markup, html};
-use mrvis::internals::SceneParts;
 use mrvis::internals::error::quote;
 use mrvis::internals::export::GridLight;
 use mrvis::internals::image_io::Picture;

@@ -1,7 +1,6 @@
 //! Progress, interruption and the time limit of a solve.
 
 use super::super::{interruption, job_context, progress::Bar};
-use mrvis::internals::ModelParts;
 use mrvis::internals::radiosity::Options;
 use mrvis::{Engine, Error, Model, Progress, Result, Scene};
 use std::sync::Arc;
