@@ -1,4 +1,4 @@
-//! Sky view factors of a height field by sweeps against horizons found by Embree rays, at the same error: `cargo bench --features internals
+//! Sky view factors of a height field by sweeps against horizons found by Embree rays, at the same error: `cargo bench --features reports
 //! --bench terrain -- 3000` for 3,000 × 3,000 samples.
 //!
 //! Embree's rays search the horizon of a sample in each azimuth by bisection of the elevation, sixteen azimuths in a packet. It is timed on

@@ -48,9 +48,8 @@ struct OutlineEdge {
 /// edges.
 const MIN_DIFFERENCE: f32 = 1e-4;
 
-/// Part of the longest outline of a surface at which it continues, as walls and floors of rooms and boxes do: at least that part before it,
-/// as a floor with two of its four walls, or more than that. Less is a flap, as paving that touches a house along one line, or a cloth that
-/// hangs over two edges of a table.
+/// A surface is a flap if at most this part of its longest outline continues, and less than this part before it: paving that touches a
+/// house along one line, or a cloth that hangs over two edges of a table, but no floor with two of its four walls.
 const MIN_CONTINUED: f32 = 0.5;
 
 impl Surface {
@@ -214,9 +213,9 @@ struct Contact {
     edge: [u32; 2],
 }
 
-/// Adds the borders that lie on edges of other triangles, for flaps and surfaces that continue as much before as behind them. They continue
-/// at edges without neighbours alone, not at those of closed boxes: a rug as large as the box that it lies on is not a face of the box.
-/// Returns the sets of surfaces that continue each other without a sharp edge.
+/// Adds the borders that lie on edges of other triangles, for surfaces whose side is undecided: flaps, and those that continue over equal
+/// lengths on both sides. They continue at edges without neighbours alone, not at those of closed boxes: a rug as large as the box that it
+/// lies on is not a face of the box. Returns the sets of surfaces that continue each other without a sharp edge.
 fn add_contacts(surfaces: &mut [Surface], faces: &Faces) -> Sets {
     let mut joined = Sets::new(surfaces.len());
     let alone =

@@ -21,18 +21,18 @@ pub(super) struct PartShape {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum PartKind {
-    /// Its normals point into it.
+    /// A closed part with its normals inwards.
     Room,
-    /// Its normals point out of it.
+    /// A closed part with its normals outwards.
     Solid,
     /// A sheet without volume.
     Sheet,
 }
 
 impl PartShape {
-    /// Whether two faces of parts of these shapes in one plane, `alike` if they face the same way, are the sides of a wall: of two rooms,
-    /// also if the normals of one or both point out, or of a room and the facade around it, or of a room and a cupboard in it. Two boxes on
-    /// each other without a lamp in one of them are not: the gap between them would be refined in vain.
+    /// Whether two faces of parts of these shapes in one plane, `alike` if they face the same way, are the sides of a wall. They are for
+    /// two rooms, a room and the facade around it, and a room and a cupboard in it, whatever their normals. They are not for two boxes
+    /// without a lamp in one of them: the gap between these would be refined in vain.
     pub fn share_wall(&self, other: &PartShape, alike: bool) -> bool {
         match (self.kind, other.kind) {
             (PartKind::Sheet, _) | (_, PartKind::Sheet) => false,

@@ -52,9 +52,9 @@ pub(super) struct Place {
     /// The normal of the plane.
     pub axis: Vec3,
     pub rank: Rank,
-    /// Areas that are compared in turn, scene units squared: that of the largest room outside of which the face lies, or of the face's
-    /// surface with those that continue it if that is larger; that of its surface; and that of its part where it is a floor that walls
-    /// stand on, or else 0. Infinity for facades: these lie behind all faces of rooms.
+    /// Areas by which faces are sorted, one after the other, scene units squared. Infinity for facades: these lie behind all faces of
+    /// rooms. 0. The larger one of: the area of the largest room that the face is outside of, the area of its surface with those that
+    /// continue it. 1. The area of its surface. 2. The area of its part if walls stand on its surface, otherwise 0.
     areas: [f64; 3],
     /// Whether walls of rooms lie in the plane.
     has_walls: bool,
@@ -85,8 +85,8 @@ impl Rank {
 }
 
 impl Place {
-    /// Order of the faces at two places of one plane: by rank, then the smaller ones towards those who see them, but the larger ones of
-    /// open bodies; of equal ones the later in the file.
+    /// Order of the faces at two places of one plane: by rank; then smaller faces lie nearer to the viewer, of open bodies larger ones;
+    /// then later faces of the file.
     pub fn compare(&self, index: u32, other: &Place, index_of_other: u32) -> Ordering {
         let signed = |of: &Place| of.areas.map(|area| if of.is_open_body { -area } else { area });
         let [a, b] = [signed(self), signed(other)];
@@ -101,8 +101,8 @@ impl Place {
 /// The places of all triangles that overlap with others.
 pub(super) type PlaneOrder = FxHashMap<u32, Place>;
 
-/// Whether an overlap of two triangles, `alike` if they face the same way, is worth a message: one may hide the other from those who see
-/// both, or a sheet is visible from its back.
+/// Whether an overlap of two triangles, `alike` if they face the same way, is worth a message: they are visible from the same side, so that
+/// one hides the other, or a sheet is visible from its back.
 pub(super) fn may_hide(order: &PlaneOrder, s: u32, t: u32, alike: bool) -> bool {
     let [s, t] = [&order[&s], &order[&t]];
     let are_visible = s.rank == t.rank || !s.has_walls && (s.rank.is_of_body() || t.rank.is_of_body());
@@ -414,8 +414,8 @@ impl<'a> Planes<'a> {
         grounds.map(|(&sheet, _)| sheet).collect()
     }
 
-    /// The faces of closed boxes that glow on all sides and stand on sheets or touch walls of the room in which they are, such as a lamp on
-    /// a table. Those beyond walls, or on sheets that face the same way, are recessed.
+    /// The faces of closed boxes that glow on all sides and stand on a sheet or touch a wall of their own room, such as a lamp on a table.
+    /// A box behind a wall, or on a sheet that faces the same way, is recessed and not among them.
     fn standing_glowing_boxes(&self, kinds: &FxHashMap<u32, Kind>) -> Vec<u32> {
         let glows = |t: u32| self.of.emitter[t as usize] != u32::MAX;
         let stands = |t: &u32| {
@@ -487,8 +487,8 @@ impl<'a> Planes<'a> {
             .or_else(|| agreed(&by_fixed))
     }
 
-    /// Area beyond that of the largest room outside of which a sheet lies that is visible from one side, and which is visible from this
-    /// side as well; scene units squared.
+    /// A little more than the area of the largest room whose wall overlaps with a sheet that is visible from `side`, faces this side as
+    /// well and has the sheet on its outside; scene units squared.
     fn area_inside(&self, t: u32, side: Vec3, kinds: &FxHashMap<u32, Kind>) -> f64 {
         let is_inside = |u: &&u32| match kinds[*u] {
             Kind::Wall(inside) => inside.dot(side) > 0.0 && self.is_ground_of(t, **u),
