@@ -166,6 +166,10 @@ pub fn lit_from_memory(format: &str, bytes: &[u8]) -> Result<super::Scene> {
     super::read_from_memory(None, "obj", FLOOR, &options)
 }
 
+/// Largest distance of luminaires from the origin, relative to the size of the scene, that is questioned: rooms in centimetres have it if
+/// it is stated in metres.
+const MAX_IN_METRES: f64 = 0.02;
+
 /// Adds the luminaires of the options to the scene's polygons.
 pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
     let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
@@ -189,20 +193,21 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
     soup.repairs.messages.extend(in_metres(&options.luminaires.list, [low, high], &options.unit));
 }
 
-/// A question if luminaires in a scene in a smaller unit than metres would all be in the scene, from `low` to `high`, if their positions
-/// were in metres.
+/// A question if luminaires in a scene in a smaller unit than metres are all close to its origin, and would be in the scene, from `low` to
+/// `high`, or above it if their positions were in metres.
 fn in_metres(placed: &[PlacedLuminaire], [low, high]: [DVec3; 2], unit: &str) -> Option<String> {
     let metres = unit_in_metres(unit).filter(|metres| *metres < 1.0)?;
+    let extent = (high - low).length();
     let fits = |placed: &PlacedLuminaire| {
         let at = placed.at / metres;
-        at.clamp(low, high) == at
+        at.clamp(low, high).distance(at) < extent
     };
     let farthest = placed.iter().map(|placed| placed.at.length()).fold(0.0, f64::max);
-    (farthest > 0.0 && placed.iter().all(fits)).then(|| {
-        let [count, extent] = [counted(placed.len(), "luminaire"), format!("{:.0}", (high - low).length())];
+    (farthest > 0.0 && farthest < MAX_IN_METRES * extent && placed.iter().all(fits)).then(|| {
+        let count = counted(placed.len(), "luminaire");
         format!(
-            "{count} within {farthest:.3} {unit} of the origin, in a scene of {extent} {unit}: positions are in {unit} as well; are they stated \
-             in metres?"
+            "{count} within {farthest:.3} {unit} of the origin, in a scene of {extent:.0} {unit}: positions are in {unit} as well; are they \
+             stated in metres?"
         )
     })
 }

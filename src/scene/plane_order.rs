@@ -291,11 +291,14 @@ impl<'a> Planes<'a> {
         let mut joined_areas = FxHashMap::default();
         for (&t, neighbours) in self.neighbours.iter().filter(|(t, _)| self.is_counted_alone(**t)) {
             let Continued { joined, area, joined_area, .. } = self.continued[&t];
-            let is_floor = |of: &Continued| of.has_walls_around && of.joined != joined;
+            let is_floor = |u: &&u32| {
+                let of = self.continued_open(**u);
+                let has_walls = of.is_some_and(|of| of.has_walls_around && of.joined != joined);
+                has_walls && self.normal(t).dot(self.normal(**u)) > 0.0
+            };
             if joined_area != area {
                 joined_areas.insert(joined, joined_area);
-                let floors = neighbours.iter().filter(|u| self.continued_open(**u).is_some_and(is_floor));
-                on_boards.entry(joined).or_default().extend(floors);
+                on_boards.entry(joined).or_default().extend(neighbours.iter().filter(is_floor));
             }
         }
         let mut areas = FxHashMap::<u32, f64>::default();
@@ -314,11 +317,11 @@ impl<'a> Planes<'a> {
         areas
     }
 
-    /// Removes the surfaces that lie on others of these faces, such as a mat in the corner of a floor: the smaller, or later in the file.
+    /// Removes the surfaces that lie on larger ones of these faces, such as a mat in the corner of a floor.
     fn remove_mats(&self, faces: &mut BTreeSet<u32>) {
         let surface = |t: u32| self.continued[&t].surface;
-        let place = |t: u32| (rounded(self.continued[&t].area), Reverse(surface(t)));
-        let lies_on = |t: u32, u: u32| surface(t) != surface(u) && place(t) < place(u);
+        let area = |t: u32| rounded(self.continued[&t].area);
+        let lies_on = |t: u32, u: u32| area(t) < area(u);
         let lies_on_any =
             |t: &&u32| self.neighbours[*t].iter().any(|u| faces.contains(u) && lies_on(**t, *u));
         let mats: FxHashSet<u32> = faces.iter().filter(lies_on_any).map(|&t| surface(t)).collect();

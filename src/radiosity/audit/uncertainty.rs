@@ -90,7 +90,8 @@ impl Solved {
         let (number, vertices) = weld(&corners);
         let (number, number_of_dark) = number.split_at(4 * leaves.len());
         let (light, links) = (self.shown_irradiance(), links_at(&self.linked));
-        // Part of each channel in all light: where light was negative by noise and is shown as 0, its error is not.
+        // Part of each channel in all light: where an element has little light of a channel, or 0 because noise made it negative, its error
+        // is not smaller.
         let sums = leaves.iter().fold([0.0; 3], |sums: [f64; 3], (e, ..)| {
             let area = elements.elements[*e].area;
             std::array::from_fn(|c| sums[c] + area * light[*e][c])
@@ -119,7 +120,7 @@ impl Solved {
             let (element, state) = (&elements.elements[e], &elements.states[e]);
             let (side, irradiance) = (&elements.sides[side as usize], light[e]);
             let level = mean(irradiance);
-            let part = |c: usize| if irradiance[c] > 0.0 { irradiance[c] / level } else { parts[c] };
+            let part = |c: usize| if level > 0.0 { parts[c].max(irradiance[c] / level) } else { parts[c] };
             let error = std::array::from_fn(|c| uncertainty[e] * part(c));
             Element {
                 radiosity: side.radiosity(irradiance),

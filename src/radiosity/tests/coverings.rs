@@ -167,6 +167,24 @@ fn carpets_lie_on_boards_and_these_on_floors() {
             (pieces, vec![above(0.3 * width, 0.3 * width, 0.3)])
         });
     }
+    check_contact("boards on a screed on a slab, above a room", &|gap| {
+        let mut pieces = Pieces::empty();
+        pieces.grey("ceiling below", 0.5).polygon(&facing_down([0.0, 5.0], [0.0, 5.0], -2.0 * gap));
+        pieces.grey("slab", 0.9).polygon(&facing_up([0.0, 5.0], [0.0, 5.0], -gap));
+        pieces.grey("screed", 0.9).polygon(&facing_up([0.0, 5.0], [0.0, 5.0], 0.0));
+        boards(&mut pieces, 0.05, [5.0; 2], 0.003, gap);
+        walls(&mut pieces, Walls::FacingIn, [0.0, 5.0], [0.0, 5.0]);
+        for (k, [x, y]) in [[0.0, 0.0], [0.0, 5.0]].into_iter().enumerate() {
+            let foot = DVec3::new(x, y, -2.0);
+            pieces.grey(&format!("lower wall {k}"), 0.5).rectangle(foot, 5.0 * DVec3::X, 2.0 * DVec3::Z);
+        }
+        for (k, x) in [0.0, 5.0].into_iter().enumerate() {
+            let foot = DVec3::new(x, 0.0, -2.0);
+            pieces.grey(&format!("lower side {k}"), 0.5).rectangle(foot, 5.0 * DVec3::Y, 2.0 * DVec3::Z);
+        }
+        lamp(&mut pieces, 2.5, 2.5, 1.9);
+        (pieces, vec![above(1.5, 1.5, 0.3)])
+    });
     check_contact("boards in two rooms with a carpet", &|gap| {
         let mut pieces = Pieces::empty();
         for (k, x) in [[0.0, 5.0], [5.0, 7.0]].into_iter().enumerate() {
