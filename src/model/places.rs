@@ -6,13 +6,14 @@ use crate::math::sampling::{cosine_direction, numbers};
 use crate::math::{edge_distance, places_around};
 use crate::ray::{EndRule, LANES, Packet};
 use glam::Vec3;
+use smallvec::SmallVec;
 
 /// Pairs of places around a point that lie opposite each other.
 const OPPOSITE: [[usize; 2]; 4] = [[1, 2], [3, 4], [5, 7], [6, 8]];
 
 impl Model {
     /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where a
-    /// wall stands on the surface at the point, the places from which most rays pass the wall come first, of equal ones those from which
+    /// walls stand on the surface at the point, the places from which most rays pass the walls come first, of equal ones those from which
     /// rays go farther: on the line where a box touches a floor, light is that of the floor beside the box, not that of the floor in it.
     /// `size` is the largest coordinate of the point or of the faces around it.
     pub(crate) fn places_of(&self, point: Vec3, normal: Vec3, size: f32) -> [Vec3; 9] {
@@ -24,10 +25,13 @@ impl Model {
         }
         let mut hits = [Hits::NONE];
         self.traced().first_hits(self.widest_packets(), &[across], &mut hits);
-        let Some(wall) = (0..OPPOSITE.len()).find_map(|lane| self.part_met(&hits[0], lane)) else {
+        // In a corner of walls that are boxes of their own, each counts: from inside of one of them all rays would pass the other.
+        let walls: SmallVec<[_; 4]> =
+            (0..OPPOSITE.len()).filter_map(|lane| self.part_met(&hits[0], lane)).collect();
+        if walls.is_empty() {
             return places;
-        };
-        let open = lifted.map(|place| self.openness(place, normal, wall));
+        }
+        let open = lifted.map(|place| self.openness(place, normal, &walls));
         let mut order: [usize; 9] = std::array::from_fn(|k| k);
         order.sort_by(|&a, &b| open[b].total_cmp(&open[a]));
         // The point itself lies in the wall.
@@ -63,9 +67,9 @@ impl Model {
         (triangle != Hits::NO_HIT).then(|| (instance, part()))
     }
 
-    /// Number of cosine-weighted rays from a point that do not meet a wall, plus the mean distance to which all go, as a fraction of the
-    /// longest in the scene.
-    fn openness(&self, from: Vec3, normal: Vec3, wall: (u32, u32)) -> f32 {
+    /// Number of cosine-weighted rays from a point that meet none of some walls, plus the mean distance to which all go, as a fraction of
+    /// the longest in the scene.
+    fn openness(&self, from: Vec3, normal: Vec3, walls: &[(u32, u32)]) -> f32 {
         let length = 1.01 * self.bounds().diagonal();
         let mut packet = Packet::EMPTY;
         for lane in 0..LANES {
@@ -76,7 +80,7 @@ impl Model {
         self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
         let open = |lane: usize| match self.part_met(&hits[0], lane) {
             None => 1.0 + 1.0 / LANES as f32,
-            Some(part) => f32::from(u8::from(part != wall)) + hits[0].t[lane] / LANES as f32,
+            Some(part) => f32::from(u8::from(!walls.contains(&part))) + hits[0].t[lane] / LANES as f32,
         };
         (0..LANES).map(open).sum()
     }
