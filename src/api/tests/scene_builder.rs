@@ -175,7 +175,7 @@ fn wrong_arrays_are_named() {
     builder.add_object(&square()).unwrap();
     says(builder.add_object(&square()), "this name is taken");
     says(builder.add_shared_mesh(&square().material(1)), "its material `light` emits");
-    says(builder.add_instance(0, "i", rows(&DAffine3::IDENTITY)), "the scene has 0 of them");
+    says(builder.add_instance(0, "i", rows(&DAffine3::IDENTITY)), "shared meshes of the scene: 0;");
     builder.add_shared_mesh(&square()).unwrap();
     says(builder.add_instance(0, "a", rows(&DAffine3::IDENTITY)), "this name is taken");
     says(builder.add_instance(0, "i", rows(&DAffine3::from_scale(DVec3::new(1.0, 2.0, 1.0)))), "ratio 2.000");
