@@ -342,7 +342,7 @@ fn damaged_lines_of_journals_are_said() {
     let scratch = finished();
     let path = scratch.path("o/.mrvis-batch/journal.jsonl");
     let whole = std::fs::read_to_string(&path).expect("a journal");
-    std::fs::write(&path, format!("{whole}XXXX\n")).expect("written");
+    std::fs::write(&path, format!("{whole}not JSON\n")).expect("written");
     for command in ["merge o", "report o"] {
         scratch.mrvis(command).exits(1).prints("journal.jsonl:4: is damaged");
     }
