@@ -5,6 +5,7 @@ use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, numbers};
 use crate::math::{edge_distance, places_around};
 use crate::ray::{EndRule, LANES, Packet};
+use crate::scene::magnitude;
 use glam::Vec3;
 use smallvec::SmallVec;
 
@@ -12,10 +13,10 @@ use smallvec::SmallVec;
 const OPPOSITE: [[usize; 2]; 4] = [[1, 2], [3, 4], [5, 7], [6, 8]];
 
 impl Model {
-    /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where a
+    /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where
     /// walls stand on the surface at the point, the places from which most rays pass the walls come first, of equal ones those from which
     /// rays go farther: on the line where a box touches a floor, light is that of the floor beside the box, not that of the floor in it.
-    /// `size` is the largest coordinate of the point or of the faces around it.
+    /// `size` is the coordinate by whose rounding the places differ, see [`Model::sizes_around`].
     pub(crate) fn places_of(&self, point: Vec3, normal: Vec3, size: f32) -> [Vec3; 9] {
         let mut places = places_around(point, normal, edge_distance(size));
         let lifted = places.map(|place| EndRule::new(size).lifted(place, normal));
@@ -38,6 +39,32 @@ impl Model {
         order.sort_by_key(|&k| k == 0);
         places = order.map(|k| places[k]);
         places
+    }
+
+    /// The coordinates by whose rounding a point may miss its surface: the larger one of its own and of those of the smallest face within
+    /// `distance` of it, as coordinates of the point may be 0; then those of the largest of these faces.
+    pub(crate) fn sizes_around(&self, point: Vec3, normal: Vec3, distance: f32) -> [f32; 2] {
+        let places = places_around(point, normal, distance);
+        let mut packet = Packet::EMPTY;
+        for (lane, place) in places.into_iter().enumerate() {
+            packet.set_between(lane, place + distance * normal, place - distance * normal, [0.0, 1.0]);
+        }
+        for (k, ends) in OPPOSITE.into_iter().enumerate() {
+            let [from, to] = ends.map(|end| places[end] + distance * normal);
+            packet.set_between(places.len() + k, from, to, [0.0, 1.0]);
+        }
+        let mut hits = [Hits::NONE];
+        self.traced().first_hits(self.widest_packets(), std::slice::from_ref(&packet), &mut hits);
+        let size = |lane: usize| {
+            let (triangle, instance) = (hits[0].triangle[lane], hits[0].instance[lane]);
+            let transform = self.instances()[instance as usize].affine();
+            let placed = |corner: Vec3| transform.transform_point3(corner.as_dvec3()).as_vec3();
+            (triangle != Hits::NO_HIT)
+                .then(|| magnitude(self.mesh_of(instance).corners(triangle).map(placed)))
+        };
+        let own = magnitude([point]);
+        let sizes = || packet.lanes().filter_map(size);
+        [sizes().reduce(f32::min).map_or(own, |smallest| smallest.max(own)), sizes().fold(own, f32::max)]
     }
 
     /// The place on the ground above a point, along its normal, and its face, if the point may lie on a face that stands for fine ground:

@@ -77,11 +77,11 @@ impl<'a> Surfaces<'a> {
     pub fn start(&self, given: Vec3, normal: Vec3) -> (Vec3, f32) {
         let distance =
             |points: &[Vec3]| edge_distance(points.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max));
-        let found = self
-            .model
-            .places_of(given, normal, given.abs().max_element())
-            .into_iter()
-            .find_map(|place| Some((place, self.nearest(place, normal)?)));
+        let near = |size| {
+            let mut places = self.model.places_of(given, normal, size).into_iter();
+            places.find_map(|place| Some((place, self.nearest(place, normal)?)))
+        };
+        let found = self.model.sizes_around(given, normal, self.slack).into_iter().find_map(near);
         let Some((place, (depth, hit))) = found else {
             let given = self.model.ground_above(given, normal).map_or(given, |(place, _)| place);
             let skin = skin([given]);

@@ -8,6 +8,8 @@
 //!   lies, is outside of the room. Sheets on each other are visible from the front of the largest.
 //! * Lamps, facades, and the two sides of one sheet are visible from their fronts.
 
+mod boards;
+
 use super::continuations::{Continued, continuations};
 use super::overlap::{FaceProperties, Faces, Overlap};
 use super::part_shapes::PartKind;
@@ -15,7 +17,7 @@ use crate::math::{triangle_area, triangle_normal};
 use glam::Vec3;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::cmp::{Ordering, Reverse};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Smallest fraction of the area of a facade that lies on walls of the rooms in it: most of it, as a room whose normals point out also
 /// touches cupboards whose normals point in.
@@ -28,10 +30,6 @@ const MIN_SHEET_COVER: f64 = 0.99;
 /// Smallest fraction of the area of a covering that lies on bodies, and largest fraction of the area of each body that it covers: more than
 /// half, as the bottom and two sides of a crate that stands in a corner of another one are three faces of five.
 const MIN_COVERING: f64 = 0.6;
-
-/// Smallest part of the area of boards that the floors below them have: boards that reach 2 cm below the walls around a room of 1.2 m have
-/// 6 % more than its floor.
-const MIN_FLOORS: f64 = 0.9;
 
 /// Bits by which areas are compared: equal surfaces that are divided into different triangles differ by rounding.
 const AREA_BITS: u32 = 16;
@@ -149,6 +147,8 @@ struct Planes<'a> {
     areas_of_boards: FxHashMap<u32, f64>,
     /// See [`Planes::areas_under`].
     areas_under: FxHashMap<[u32; 2], f64>,
+    /// See [`Planes::sheets_of_pieces`].
+    sheets_of_pieces: BTreeMap<u32, boards::SheetOfPieces>,
 }
 
 impl<'a> Planes<'a> {
@@ -168,11 +168,13 @@ impl<'a> Planes<'a> {
             continued: FxHashMap::default(),
             areas_of_boards: FxHashMap::default(),
             areas_under: FxHashMap::default(),
+            sheets_of_pieces: BTreeMap::new(),
         };
         planes.facades = planes.facades();
         planes.coverings = planes.coverings();
         planes.areas_under = planes.areas_under();
         planes.continued = continuations(&planes.uncertain(), faces);
+        planes.sheets_of_pieces = planes.sheets_of_pieces();
         planes.areas_of_boards = planes.areas_of_boards();
         planes
     }
@@ -180,6 +182,11 @@ impl<'a> Planes<'a> {
     fn normal(&self, t: u32) -> Vec3 {
         let [a, b, c] = self.faces.triangles[t as usize].map(|v| self.faces.positions[v as usize]);
         triangle_normal(a, b, c)
+    }
+
+    fn area_of(&self, t: u32) -> f64 {
+        let [a, b, c] = self.faces.triangles[t as usize].map(|v| self.faces.positions[v as usize]);
+        triangle_area(a, b, c)
     }
 
     /// The overlaps of faces turned away from each other.
@@ -247,8 +254,7 @@ impl<'a> Planes<'a> {
         pairs.dedup();
         let mut areas = FxHashMap::default();
         for (part, t) in pairs {
-            let [a, b, c] = self.faces.triangles[t as usize].map(|v| self.faces.positions[v as usize]);
-            *areas.entry([part, self.of.part(t)]).or_default() += triangle_area(a, b, c);
+            *areas.entry([part, self.of.part(t)]).or_default() += self.area_of(t);
         }
         areas
     }
@@ -281,51 +287,6 @@ impl<'a> Planes<'a> {
     /// Whether the area of the surface of a face counts, not that of its part.
     fn is_counted_alone(&self, t: u32) -> bool {
         self.continued_open(t).is_some_and(|of| of.is_flap || self.coverings.contains(&self.of.part(t)))
-    }
-
-    /// Areas that floors count for at least, as boards lie on them, by triangle; scene units squared. Boards, surfaces that continue each
-    /// other, may reach below the walls around one or more floors. They lie on these where the floors have [`MIN_FLOORS`] of their area.
-    fn areas_of_boards(&self) -> FxHashMap<u32, f64> {
-        // By boards, the faces with walls around them that overlap with the boards.
-        let mut on_boards = BTreeMap::<u32, BTreeSet<u32>>::new();
-        let mut joined_areas = FxHashMap::default();
-        for (&t, neighbours) in self.neighbours.iter().filter(|(t, _)| self.is_counted_alone(**t)) {
-            let Continued { joined, area, joined_area, .. } = self.continued[&t];
-            let is_floor = |u: &&u32| {
-                let of = self.continued_open(**u);
-                let has_walls = of.is_some_and(|of| of.has_walls_around && of.joined != joined);
-                has_walls && self.normal(t).dot(self.normal(**u)) > 0.0
-            };
-            if joined_area != area {
-                joined_areas.insert(joined, joined_area);
-                on_boards.entry(joined).or_default().extend(neighbours.iter().filter(is_floor));
-            }
-        }
-        let mut areas = FxHashMap::<u32, f64>::default();
-        for (boards, mut faces) in on_boards {
-            self.remove_mats(&mut faces);
-            let surfaces = faces.iter().map(|t| &self.continued[t]).map(|of| (of.surface, of.area));
-            let floors: f64 = surfaces.collect::<BTreeMap<u32, f64>>().into_values().sum();
-            let boards = joined_areas[&boards];
-            if floors >= MIN_FLOORS * boards {
-                for t in faces {
-                    let area = areas.entry(t).or_default();
-                    *area = area.max(boards * (1.0 + AREA_STEP));
-                }
-            }
-        }
-        areas
-    }
-
-    /// Removes the surfaces that lie on larger ones of these faces, such as a mat in the corner of a floor.
-    fn remove_mats(&self, faces: &mut BTreeSet<u32>) {
-        let surface = |t: u32| self.continued[&t].surface;
-        let area = |t: u32| rounded(self.continued[&t].area);
-        let lies_on = |t: u32, u: u32| area(t) < area(u);
-        let lies_on_any =
-            |t: &&u32| self.neighbours[*t].iter().any(|u| faces.contains(u) && lies_on(**t, *u));
-        let mats: FxHashSet<u32> = faces.iter().filter(lies_on_any).map(|&t| surface(t)).collect();
-        faces.retain(|&t| !mats.contains(&surface(t)));
     }
 
     /// Whether walls stand on the borders of the surface of a face of an open part.
@@ -503,8 +464,11 @@ impl<'a> Planes<'a> {
     }
 
     /// Whether a sheet is outside of the room of a wall: it is larger than the faces of the room that it overlaps with, and extends beyond
-    /// the room.
+    /// the room. See [`Planes::is_ground_of_pieces`] for sheets of more than one surface.
     fn is_ground_of(&self, sheet: u32, wall: u32) -> bool {
+        if let Some(is_ground) = self.is_ground_of_pieces(sheet, wall) {
+            return is_ground;
+        }
         let [sheet_part, wall_part] = [sheet, wall].map(|t| self.of.part(t));
         let [sheet, room] = [sheet, wall].map(|t| self.of.shape(t));
         let is_larger = || sheet.area > self.areas_under[&[sheet_part, wall_part]];

@@ -3,7 +3,7 @@
 use super::gather_point::GatherPoint;
 use super::gatherer::FinalGather;
 use crate::embree::Hits;
-use crate::math::{edge_distance, off_edges, on_plane, places_around, triangle_normal};
+use crate::math::{edge_distance, off_edges, on_plane, triangle_normal};
 use crate::radiosity::elements::Elements;
 use crate::ray::{EndRule, Packet};
 use crate::scene::magnitude;
@@ -26,8 +26,7 @@ impl FinalGather<'_> {
             let mut places = self.model.places_of(at, normal, size).into_iter();
             places.find_map(|place| self.surface_near(place, normal))
         };
-        // Rounding at a corner with small coordinates, as in the origin, is that of the other corners of its faces.
-        let found = near(magnitude([at])).or_else(|| self.size_around(at, normal).and_then(near));
+        let found = self.model.sizes_around(at, normal, self.slack).into_iter().find_map(near);
         let in_ground = || {
             let (at, face) = self.model.ground_above(at, normal)?;
             Some((at, EndRule::new(magnitude([at])), self.feature_size_at(face, at, normal)))
@@ -35,19 +34,6 @@ impl FinalGather<'_> {
         let unknown = || (at, EndRule::new(magnitude([at])), self.feature_size);
         let (on_surface, end, feature_size) = found.or_else(in_ground).unwrap_or_else(unknown);
         GatherPoint { on_surface, at: end.lifted(on_surface, normal), normal, end, feature_size, seed }
-    }
-
-    /// The largest coordinate of the faces within the slack around a point, `None` without faces.
-    fn size_around(&self, at: Vec3, normal: Vec3) -> Option<f32> {
-        let mut packet = Packet::EMPTY;
-        for (lane, place) in places_around(at, normal, self.slack).into_iter().enumerate() {
-            let [from, to] = [1.0, -1.0].map(|sign| place + sign * self.slack * normal);
-            packet.set_between(lane, from, to, [0.0, 1.0]);
-        }
-        let mut hits = [Hits::NONE];
-        self.traced.first_hits(self.traversal, std::slice::from_ref(&packet), &mut hits);
-        let met = packet.lanes().map(|lane| hits[0].triangle[lane]).filter(|t| *t != Hits::NO_HIT);
-        met.map(|triangle| magnitude(self.scene.corners(triangle))).reduce(f32::max)
     }
 
     /// The place on the surface nearest to a point along its normal, the end rule there and the feature size of its side.

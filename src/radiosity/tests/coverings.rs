@@ -236,3 +236,51 @@ fn a_rug_around_a_stairwell_lies_on_the_floor() {
         (pieces, vec![above(-0.4, 1.0, 0.3)])
     });
 }
+
+/// A room on a ground of two slabs whose joint is staggered, with and without a ceiling; and mats in a doorway, with the threshold between
+/// them.
+#[test]
+fn grounds_of_slabs_lie_below_rooms_and_mats_in_doorways_above_floors() {
+    for has_ceiling in [true, false] {
+        check_contact(&format!("room on two slabs, with a ceiling: {has_ceiling}"), &|gap| {
+            let mut pieces = Pieces::empty();
+            pieces.grey("west", 0.05).polygon(&facing_up([-0.5, 2.0], [-0.5, 4.5], -gap));
+            pieces.grey("east", 0.05).polygon(&facing_up([2.0, 4.5], [-0.5, 4.49], -gap));
+            let [low, high] = [DVec3::ZERO, DVec3::new(4.0, 4.0, 2.5)];
+            pieces.grey("room", 0.9);
+            if has_ceiling {
+                pieces.room(low, high);
+            } else {
+                pieces.room_without(Wall::Ceiling, low, high);
+            }
+            lamp(&mut pieces, 1.5, 1.5, 2.4);
+            (pieces, vec![above(1.0, 1.0, 0.3), above(3.0, 3.0, 0.3)])
+        });
+    }
+    check_contact("mats in a doorway", &|gap| {
+        let mut pieces = Pieces::empty();
+        for (wall, x, end, out) in [(Wall::HighX, [0.0, 3.0], 3.0, 1.0), (Wall::LowX, [3.2, 6.2], 3.2, -1.0)]
+        {
+            let [low, high] = [DVec3::new(x[0], 0.0, 0.0), DVec3::new(x[1], 3.0, 2.5)];
+            pieces.grey("room", 0.8).room_without(wall, low, high);
+            let [y, z] = [3.0 * DVec3::Y, 2.5 * DVec3::Z];
+            match wall {
+                Wall::HighX => pieces.pierced(end * DVec3::X, [z, y], [[0.0, 1.0], [2.0, 2.0]]),
+                _ => pieces.pierced(end * DVec3::X, [y, z], [[1.0, 0.0], [2.0, 2.0]]),
+            };
+            let inner: f64 = end - 0.6 * out;
+            let mat = facing_up([inner.min(end), inner.max(end)], [1.0, 2.0], gap);
+            pieces.grey("mat", 0.05).polygon(&mat);
+            lamp(&mut pieces, x[0] + 1.0, 1.0, 2.4);
+        }
+        let [low, high] = [DVec3::new(3.0, 1.0, 0.0), DVec3::new(3.2, 2.0, 2.0)];
+        pieces.grey("doorway", 0.8);
+        for (wall, corners) in crate::scene::testing::walls(low, high) {
+            if !matches!(wall, Wall::LowX | Wall::HighX) {
+                pieces.polygon(&corners);
+            }
+        }
+        pieces.grey("threshold", 0.05).polygon(&facing_up([3.0, 3.2], [1.0, 2.0], gap));
+        (pieces, [2.7, 3.1, 3.5].map(|x| above(x, 1.5, 0.2)).to_vec())
+    });
+}

@@ -192,23 +192,24 @@ fn the_foot_of_a_box_has_the_light_beside_it() {
 }
 
 /// Light in the corner of two walls that are boxes of their own, on a floor that goes on below them, is that of the room, not that in one
-/// of the boxes.
+/// of the boxes; also in the origin.
 #[test]
 fn corners_of_walls_that_are_boxes_have_the_light_of_the_room() {
-    let mut pieces = Pieces::empty();
-    let corner = DVec3::new(1.5, 2.25, 0.5);
-    pieces.grey("floor", 0.5).polygon(&level(corner + DVec3::X, 12.0, true));
-    let ends = [[-0.4, -0.4, 3.0, 0.0], [-0.4, 0.0, 0.0, 3.0]];
-    for (k, [x0, y0, x1, y1]) in ends.into_iter().enumerate() {
-        let [low, high] = [DVec3::new(x0, y0, 0.0), DVec3::new(x1, y1, 2.0)];
-        pieces.grey(&format!("wall {k}"), 0.5).cuboid(corner + low.min(high), corner + low.max(high));
-    }
-    pieces.glowing("lamp", 10.0).polygon(&level(corner + DVec3::new(1.5, 1.5, 3.0), 1.0, false));
-    let scene = pieces.scene();
-    let beside = corner + DVec3::new(1e-3, 1e-3, 0.0);
-    let points = [corner, beside].map(|position| Point { position, normal: DVec3::Z });
-    for [found, want] in at_points(&scene, &points).map(|light| [light[0], light[1]]) {
-        assert!(want > 0.1 && (found / want - 1.0).abs() < 0.05, "{found} beside {want}");
+    for (corner, width) in [(DVec3::new(1.5, 2.25, 0.5), 12.0), (DVec3::ZERO, 12.0), (DVec3::ZERO, 1e4)] {
+        let mut pieces = Pieces::empty();
+        pieces.grey("floor", 0.5).polygon(&level(corner + DVec3::X, width, true));
+        let ends = [[-0.4, -0.4, 3.0, 0.0], [-0.4, 0.0, 0.0, 3.0]];
+        for (k, [x0, y0, x1, y1]) in ends.into_iter().enumerate() {
+            let [low, high] = [DVec3::new(x0, y0, 0.0), DVec3::new(x1, y1, 2.0)];
+            pieces.grey(&format!("wall {k}"), 0.5).cuboid(corner + low.min(high), corner + low.max(high));
+        }
+        pieces.glowing("lamp", 10.0).polygon(&level(corner + DVec3::new(1.5, 1.5, 3.0), 1.0, false));
+        let scene = pieces.scene();
+        let beside = corner + DVec3::new(1e-3, 1e-3, 0.0);
+        let points = [corner, beside].map(|position| Point { position, normal: DVec3::Z });
+        for [found, want] in at_points(&scene, &points).map(|light| [light[0], light[1]]) {
+            assert!(want > 0.1 && (found / want - 1.0).abs() < 0.05, "{found} beside {want}");
+        }
     }
 }
 
