@@ -303,6 +303,7 @@ fn more(record: &Record, best: &MrRow) -> String {
         let factor = times(Some(gain));
         text += &format!(" Certificates alone, without averaging, make exact rays {factor} as fast.");
     }
+    let about = |is_extrapolated| if is_extrapolated { "about " } else { "" };
     // Where all points together gain nothing, those of a class may.
     let speed = |row: &MrRow| row.speedup_at_same_rms.filter(|speed| *speed >= EQUAL_SPEED_RANGE[1]);
     let of_class = |class| {
@@ -316,27 +317,27 @@ fn more(record: &Record, best: &MrRow) -> String {
             " At the {} receiver points of class “{}” alone it was {}{} as fast as {} at feature size {}.",
             count(class.points as u64),
             class.class.name(),
-            if row.extrapolated { "about " } else { "" },
+            about(row.extrapolated),
             times(Some(speed)),
             row.compared_in_words(),
             length(row.feature_size, &record.unit)
         );
     }
     // Maps may gain more than points: what neighbouring texels see of far clusters is interpolated.
-    let of_map = |map: &MapRecord| -> Vec<(String, f64, f64)> {
+    let of_map = |map: &MapRecord| -> Vec<(String, f64, f64, &str)> {
         let row = |row: &MapMrRow| {
             let speed =
                 record.gain(row.speedup_with_setup.filter(|speed| speed.is_finite() && !row.is_exact()))?;
-            Some((quote(&map.receiver), row.feature_size, speed))
+            Some((quote(&map.receiver), row.feature_size, speed, about(row.extrapolated)))
         };
         map.best_by_size().into_iter().filter_map(row).collect()
     };
     let gains = speed(best).unwrap_or(EQUAL_SPEED_RANGE[1]);
     let fastest = record.maps.iter().flat_map(of_map).max_by(|a, b| a.2.total_cmp(&b.2));
-    if let Some((receiver, size, speed)) = fastest.filter(|of| of.2 > gains) {
+    if let Some((receiver, size, speed, about)) = fastest.filter(|of| of.2 > gains) {
         let (factor, size) = (times(Some(speed)), length(size, &record.unit));
         text += &format!(
-            " In the map of `{receiver}` it was {factor} as fast, with its set-up, at feature size {size}."
+            " In the map of `{receiver}` it was {about}{factor} as fast, with its set-up, at feature size {size}."
         );
     }
     text

@@ -215,9 +215,9 @@ fn read(path: &Path) -> Result<Journals> {
         }
         let mut entry: Entry = match value.and_then(serde_json::from_value) {
             Ok(entry) => entry,
-            Err(e) => {
-                let what = format!("is damaged ({e}); remove the line to run its job again");
-                journals.damaged.push(at(what));
+            Err(_) => {
+                let what = "is damaged; remove the line, then run the batch again for its job";
+                journals.damaged.push(at(what.into()));
                 continue;
             }
         };

@@ -98,7 +98,7 @@ pub fn missing(count: usize, damaged: &[Error]) -> Option<String> {
     };
     Some(match count {
         0 => lines,
-        _ => format!("{count} without a line in the journal ({lines}): {MISSING_CURE}"),
+        _ => format!("{count} without a line in the journal; {lines}"),
     })
 }
 

@@ -4,7 +4,7 @@ mod grids;
 mod summary;
 mod watch;
 
-use super::args::{CacheArgs, Common, SceneArgs, command_line, counted, grouped};
+use super::args::{CacheArgs, Common, SceneArgs, command_line, counted};
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output, check_folder};
 use super::interruption;
@@ -333,6 +333,12 @@ impl AtPoints {
             .map_or_else(|| irradiance.iter().sum::<f64>() / 3.0, |photometry| photometry.of(irradiance))
     }
 
+    /// The points in the dark, in words.
+    pub fn dark_in_words(&self) -> String {
+        let verb = if self.dark == 1 { "receives" } else { "receive" };
+        format!("{} that {verb} no light", counted(self.dark, "point"))
+    }
+
     /// The numbers in words.
     pub fn words(&self) -> String {
         let AtPoints { count, unit, minimum, mean, maximum, dark, uniformity } = self;
@@ -350,8 +356,7 @@ impl AtPoints {
         if let Some(uniformity) = uniformity {
             let _ = write!(line, ", uniformity U0 (minimum / mean) {uniformity:.2}");
             if *dark > 0 {
-                let of = if *dark == 1 { "point that receives" } else { "points that receive" };
-                let _ = write!(line, " with {} {of} no light (below or inside of things?)", grouped(*dark));
+                let _ = write!(line, " with {} (below or inside of things?)", self.dark_in_words());
             }
         }
         line

@@ -88,8 +88,9 @@ impl Planes<'_> {
         faces.iter().copied().filter(|&t| !mats.contains(&surface(t))).collect()
     }
 
-    /// Whether a sheet of more than one surface is outside of the room of a wall; `None` if the sheet is one surface or overlaps itself. It is a ground, and
-    /// not boards, if it extends beyond the room and the faces of rooms that it overlaps with have less than [`MIN_FLOORS`] of its area.
+    /// Whether a sheet of more than one surface is outside of the room of a wall; `None` if the sheet is one surface or overlaps itself. It
+    /// is a ground, and not boards, if it extends beyond the room and the faces of rooms that it overlaps with have less than
+    /// [`MIN_FLOORS`] of its area.
     pub(super) fn is_ground_of_pieces(&self, sheet: u32, wall: u32) -> Option<bool> {
         let of = self.continued_open(sheet).filter(|_| self.is_counted_alone(sheet))?;
         let pieces = self.sheets_of_pieces.get(&of.joined).filter(|pieces| !pieces.overlaps_itself)?;

@@ -144,7 +144,12 @@ pub fn section(grids: &[MeasuredGrid], pictures: &[Picture], unit: &str) -> Resu
         section {
             h2 { "Grids of points" }
             (table(&columns, &rows))
-            p.note { "Uniformity U0 is the minimum divided by the mean (EN 12464). Isolines are at the limits of the colours." }
+            p.note {
+                "Uniformity U0 is the minimum divided by the mean (EN 12464). Isolines are at the limits of the colours."
+                @for MeasuredGrid { name, light, .. } in grids.iter().filter(|grid| grid.light.dark > 0) {
+                    " " (light.dark_in_words()) " on " (name) " (below or inside of things?)."
+                }
+            }
             div.views {
                 @for (MeasuredGrid { name, height, light, .. }, url) in grids.iter().zip(&urls) {
                     figure {
@@ -193,7 +198,7 @@ mod tests {
             minimum: 120.0,
             mean: 300.0,
             maximum: 456.0,
-            dark: 0,
+            dark: 2,
             uniformity: Some(0.4),
         };
         let desk = MeasuredGrid {
