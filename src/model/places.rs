@@ -3,14 +3,15 @@
 use super::Model;
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, numbers};
-use crate::math::{edge_distance, places_around};
+use crate::math::{edge_distance, off_edges, places_around};
 use crate::ray::{EndRule, LANES, Packet};
 use crate::scene::magnitude;
 use glam::Vec3;
 use smallvec::SmallVec;
 
-/// Pairs of places around a point that lie opposite each other.
-const OPPOSITE: [[usize; 2]; 4] = [[1, 2], [3, 4], [5, 7], [6, 8]];
+/// Pairs of places around a point between which all walls at the point pass: the sides of two squares, one of which stands on its corner,
+/// so that no wall passes through the ends of all.
+const AROUND: [[usize; 2]; 8] = [[5, 6], [6, 7], [7, 8], [8, 5], [1, 3], [3, 2], [2, 4], [4, 1]];
 
 impl Model {
     /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where
@@ -21,14 +22,16 @@ impl Model {
         let mut places = places_around(point, normal, edge_distance(size));
         let lifted = places.map(|place| EndRule::new(size).lifted(place, normal));
         let mut across = Packet::EMPTY;
-        for (lane, [from, to]) in OPPOSITE.into_iter().enumerate() {
-            across.set_between(lane, lifted[from], lifted[to], [0.0, 1.0]);
+        // Both ways: where two walls pass between places, a ray meets the nearer one alone.
+        for (lane, [a, b]) in AROUND.into_iter().enumerate() {
+            across.set_between(lane, lifted[a], lifted[b], [0.0, 1.0]);
+            across.set_between(AROUND.len() + lane, lifted[b], lifted[a], [0.0, 1.0]);
         }
         let mut hits = [Hits::NONE];
-        self.traced().first_hits(self.widest_packets(), &[across], &mut hits);
-        // In a corner of walls that are boxes of their own, each counts: from inside of one of them all rays would pass the other.
+        self.traced().first_hits(self.widest_packets(), std::slice::from_ref(&across), &mut hits);
+        // In a corner each wall counts: from inside of one of them all rays would pass the other.
         let walls: SmallVec<[_; 4]> =
-            (0..OPPOSITE.len()).filter_map(|lane| self.part_met(&hits[0], lane)).collect();
+            across.lanes().filter_map(|lane| self.part_met(&hits[0], lane)).collect();
         if walls.is_empty() {
             return places;
         }
@@ -49,7 +52,7 @@ impl Model {
         for (lane, place) in places.into_iter().enumerate() {
             packet.set_between(lane, place + distance * normal, place - distance * normal, [0.0, 1.0]);
         }
-        for (k, ends) in OPPOSITE.into_iter().enumerate() {
+        for (k, ends) in AROUND.into_iter().take(LANES - places.len()).enumerate() {
             let [from, to] = ends.map(|end| places[end] + distance * normal);
             packet.set_between(places.len() + k, from, to, [0.0, 1.0]);
         }
@@ -65,6 +68,20 @@ impl Model {
         let own = magnitude([point]);
         let sizes = || packet.lanes().filter_map(size);
         [sizes().reduce(f32::min).map_or(own, |smallest| smallest.max(own)), sizes().fold(own, f32::max)]
+    }
+
+    /// A point of a face, moved off the edges of the face ([`off_edges`]) by the rounding of its coordinates, unless a wall stands between
+    /// the point and that place. `end`: the end rule of the face.
+    pub(crate) fn off_edges(&self, face: [Vec3; 3], point: Vec3, normal: Vec3, end: EndRule) -> Vec3 {
+        let moved = off_edges(face, point, edge_distance(magnitude(face)));
+        if moved == point {
+            return point;
+        }
+        let mut between = Packet::EMPTY;
+        between.set_between(0, end.lifted(point, normal), end.lifted(moved, normal), [0.0, 1.0]);
+        let mut hits = [Hits::NONE];
+        self.traced().first_hits(self.widest_packets(), &[between], &mut hits);
+        if hits[0].triangle[0] == Hits::NO_HIT { moved } else { point }
     }
 
     /// The place on the ground above a point, along its normal, and its face, if the point may lie on a face that stands for fine ground:

@@ -1,10 +1,9 @@
 //! Traced geometry with normals, reflectances and emission of hit points.
 
 use crate::embree::{CommittedScene, Hits, Traversal};
-use crate::math::{edge_distance, off_edges};
 use crate::model::Model;
-use crate::ray::Packet;
-use crate::scene::{FineGround, Profile};
+use crate::ray::{EndRule, Packet};
+use crate::scene::{FineGround, Profile, magnitude};
 use glam::{DVec3, Vec3};
 
 /// Path rays are incoherent; single rays are fastest.
@@ -75,8 +74,6 @@ impl<'a> Surfaces<'a> {
     /// the skin of the surface. Without one, the point is taken as it is, lifted. On an edge or in a corner the start is inside the
     /// surface. Also returns its distance from the surface.
     pub fn start(&self, given: Vec3, normal: Vec3) -> (Vec3, f32) {
-        let distance =
-            |points: &[Vec3]| edge_distance(points.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max));
         let near = |size| {
             let mut places = self.model.places_of(given, normal, size).into_iter();
             places.find_map(|place| Some((place, self.nearest(place, normal)?)))
@@ -87,7 +84,8 @@ impl<'a> Surfaces<'a> {
             let skin = skin([given]);
             return (given + skin * normal, skin);
         };
-        let inside = off_edges(hit.corners, place - depth * normal, distance(&hit.corners));
+        let end = EndRule::new(magnitude(hit.corners));
+        let inside = self.model.off_edges(hit.corners, place - depth * normal, normal, end);
         (inside + hit.skin * normal, hit.skin)
     }
 

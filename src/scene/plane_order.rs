@@ -141,6 +141,8 @@ struct Planes<'a> {
     facades: FxHashSet<u32>,
     /// See [`Planes::coverings`].
     coverings: FxHashSet<u32>,
+    /// See [`Planes::furnished`].
+    furnished: FxHashSet<u32>,
     /// How the surfaces of open parts continue, by triangle.
     continued: FxHashMap<u32, Continued>,
     /// See [`Planes::areas_of_boards`].
@@ -165,6 +167,7 @@ impl<'a> Planes<'a> {
             neighbours,
             facades: FxHashSet::default(),
             coverings: FxHashSet::default(),
+            furnished: FxHashSet::default(),
             continued: FxHashMap::default(),
             areas_of_boards: FxHashMap::default(),
             areas_under: FxHashMap::default(),
@@ -172,6 +175,7 @@ impl<'a> Planes<'a> {
         };
         planes.facades = planes.facades();
         planes.coverings = planes.coverings();
+        planes.furnished = planes.furnished();
         planes.areas_under = planes.areas_under();
         planes.continued = continuations(&planes.uncertain(), faces);
         planes.sheets_of_pieces = planes.sheets_of_pieces();
@@ -294,35 +298,36 @@ impl<'a> Planes<'a> {
         self.continued_open(t).is_some_and(|of| of.length > 0.0)
     }
 
+    /// The kind of a face by its own part and how it continues.
+    fn kind(&self, t: u32) -> Kind {
+        let normal = self.normal(t);
+        let shape = self.of.shape(t);
+        if self.of.emitter[t as usize] != u32::MAX {
+            return Kind::Fixed(normal);
+        }
+        if self.facades.contains(&self.of.part(t)) {
+            return Kind::Fixed(if shape.kind == PartKind::Room { -normal } else { normal });
+        }
+        // Open parts may be several rooms of different winding.
+        let is_before = match self.continued_open(t) {
+            Some(of) if of.length_of_walls() > 0.0 => true,
+            _ if self.coverings.contains(&self.of.part(t)) => return Kind::Sheet,
+            Some(of) if of.length_of_walls() < 0.0 => false,
+            Some(of) if of.is_flap => return Kind::Sheet,
+            _ if shape.kind == PartKind::Sheet => return Kind::Sheet,
+            _ => shape.kind == PartKind::Room,
+        };
+        let is_room = || shape.is_lit_inside || self.furnished.contains(&self.of.part(t));
+        match is_before {
+            true => Kind::Wall(normal),
+            false if is_room() => Kind::Wall(-normal),
+            false => Kind::Body(-normal),
+        }
+    }
+
     /// The kind of each overlapping face.
     fn kinds(&self) -> FxHashMap<u32, Kind> {
-        let furnished = self.furnished();
-        let kind = |t: u32| {
-            let normal = self.normal(t);
-            let shape = self.of.shape(t);
-            if self.of.emitter[t as usize] != u32::MAX {
-                return Kind::Fixed(normal);
-            }
-            if self.facades.contains(&self.of.part(t)) {
-                return Kind::Fixed(if shape.kind == PartKind::Room { -normal } else { normal });
-            }
-            // Open parts may be several rooms of different winding.
-            let is_before = match self.continued_open(t) {
-                Some(of) if of.length_of_walls() > 0.0 => true,
-                _ if self.coverings.contains(&self.of.part(t)) => return Kind::Sheet,
-                Some(of) if of.length_of_walls() < 0.0 => false,
-                Some(of) if of.is_flap => return Kind::Sheet,
-                _ if shape.kind == PartKind::Sheet => return Kind::Sheet,
-                _ => shape.kind == PartKind::Room,
-            };
-            let is_room = || shape.is_lit_inside || furnished.contains(&self.of.part(t));
-            match is_before {
-                true => Kind::Wall(normal),
-                false if is_room() => Kind::Wall(-normal),
-                false => Kind::Body(-normal),
-            }
-        };
-        let mut kinds: FxHashMap<u32, Kind> = self.neighbours.keys().map(|&t| (t, kind(t))).collect();
+        let mut kinds: FxHashMap<u32, Kind> = self.neighbours.keys().map(|&t| (t, self.kind(t))).collect();
         for t in self.grounds_by_edges(&kinds) {
             kinds.insert(t, Kind::Sheet);
         }

@@ -3,7 +3,7 @@
 use super::gather_point::GatherPoint;
 use super::gatherer::FinalGather;
 use crate::embree::Hits;
-use crate::math::{edge_distance, off_edges, on_plane, triangle_normal};
+use crate::math::{on_plane, triangle_normal};
 use crate::radiosity::elements::Elements;
 use crate::ray::{EndRule, Packet};
 use crate::scene::magnitude;
@@ -68,7 +68,7 @@ impl FinalGather<'_> {
                 let mut at = packet.point(0, t);
                 // The coarse face that fine ground replaces has neither the height nor the edges of the fine ground.
                 if !is_fine {
-                    at = off_edges(corners, on_plane(corners, at), edge_distance(magnitude(corners)));
+                    at = self.model.off_edges(corners, on_plane(corners, at), normal, end);
                 }
                 found = Some((at, end, self.feature_size_at(triangle, at, normal)));
                 nearest = (t - 0.5).abs();

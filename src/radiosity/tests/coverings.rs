@@ -196,6 +196,16 @@ fn carpets_lie_on_boards_and_these_on_floors() {
         lamp(&mut pieces, 2.5, 2.5, 1.9);
         (pieces, vec![above(1.5, 1.5, 0.3), above(4.8, 2.5, 0.3)])
     });
+    check_contact("boards below closed rooms whose faces have a smaller area", &|gap| {
+        let mut pieces = Pieces::empty();
+        boards(&mut pieces, 0.05, [6.2, 4.2], 0.003, gap);
+        for (k, [x, y]) in [[0.0, 0.0], [3.2, 0.0], [0.0, 2.2], [3.2, 2.2]].into_iter().enumerate() {
+            let low = DVec3::new(x, y, 0.0);
+            pieces.grey(&format!("room {k}"), 0.9).room(low, low + DVec3::new(3.0, 2.0, 1.2));
+        }
+        lamp(&mut pieces, 1.0, 0.5, 1.1);
+        (pieces, vec![above(0.5, 0.5, 0.3), above(2.5, 1.5, 0.3)])
+    });
     check_contact("mat at a wall, on boards", &|gap| {
         let mut pieces = Pieces::empty();
         boards(&mut pieces, 0.9, [5.0; 2], 0.002, 0.0);
@@ -237,13 +247,19 @@ fn a_rug_around_a_stairwell_lies_on_the_floor() {
     });
 }
 
-/// A room on a ground of two slabs whose joint is staggered, with and without a ceiling; and mats in a doorway, with the threshold between
-/// them.
+/// A room on a ground of two slabs whose joint is staggered, with and without a ceiling, also on soil and in a hall; and mats in a doorway,
+/// with the threshold between them.
 #[test]
 fn grounds_of_slabs_lie_below_rooms_and_mats_in_doorways_above_floors() {
-    for has_ceiling in [true, false] {
-        check_contact(&format!("room on two slabs, with a ceiling: {has_ceiling}"), &|gap| {
+    for (has_ceiling, below) in [(true, ""), (false, ""), (true, "soil"), (true, "hall")] {
+        check_contact(&format!("room on two slabs, with a ceiling: {has_ceiling}, {below}"), &|gap| {
             let mut pieces = Pieces::empty();
+            let corner = |width: f64, z: f64| DVec3::new(2.0 + width, 2.0 + width, z);
+            match below {
+                "soil" => pieces.grey(below, 0.5).cuboid(corner(-6.0, -1.0), corner(6.0, -2.0 * gap)),
+                "hall" => pieces.grey(below, 0.5).room(corner(-6.0, -2.0 * gap), corner(6.0, 5.0)),
+                _ => &mut pieces,
+            };
             pieces.grey("west", 0.05).polygon(&facing_up([-0.5, 2.0], [-0.5, 4.5], -gap));
             pieces.grey("east", 0.05).polygon(&facing_up([2.0, 4.5], [-0.5, 4.49], -gap));
             let [low, high] = [DVec3::ZERO, DVec3::new(4.0, 4.0, 2.5)];

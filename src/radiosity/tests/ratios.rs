@@ -3,6 +3,7 @@
 use super::*;
 use crate::form_factors::analytic::{point_to_polygon, polygon_to_polygon};
 use crate::path_tracer;
+use glam::DMat3;
 
 /// A square with this centre, width and normal direction (up or down the z axis).
 fn level(centre: DVec3, width: f64, up: bool) -> [DVec3; 4] {
@@ -192,25 +193,47 @@ fn the_foot_of_a_box_has_the_light_beside_it() {
 }
 
 /// Light in the corner of two walls that are boxes of their own, on a floor that goes on below them, is that of the room, not that in one
-/// of the boxes; also in the origin.
+/// of the boxes; also in the origin, and where the diagonal of the floor passes through the corner.
 #[test]
 fn corners_of_walls_that_are_boxes_have_the_light_of_the_room() {
-    for (corner, width) in [(DVec3::new(1.5, 2.25, 0.5), 12.0), (DVec3::ZERO, 12.0), (DVec3::ZERO, 1e4)] {
+    let cases = [(DVec3::new(1.5, 2.25, 0.5), 12.0), (DVec3::ZERO, 12.0), (DVec3::ZERO, 1e4)];
+    for ((corner, width), angle) in cases.into_iter().flat_map(|case| [(case, 0.0), (case, 0.5), (case, 1.0)])
+    {
+        let turn = DMat3::from_rotation_z(angle);
+        let block = |low: DVec3, high: DVec3| {
+            (corner + turn * (0.5 * (low + high)), turn * DMat3::from_diagonal(high - low))
+        };
         let mut pieces = Pieces::empty();
-        pieces.grey("floor", 0.5).polygon(&level(corner + DVec3::X, width, true));
+        pieces.grey("floor", 0.5).polygon(&level(corner + angle * DVec3::X, width, true));
         let ends = [[-0.4, -0.4, 3.0, 0.0], [-0.4, 0.0, 0.0, 3.0]];
         for (k, [x0, y0, x1, y1]) in ends.into_iter().enumerate() {
-            let [low, high] = [DVec3::new(x0, y0, 0.0), DVec3::new(x1, y1, 2.0)];
-            pieces.grey(&format!("wall {k}"), 0.5).cuboid(corner + low.min(high), corner + low.max(high));
+            let (centre, axes) = block(DVec3::new(x0, y0, 0.0), DVec3::new(x1, y1, 2.0));
+            pieces.grey(&format!("wall {k}"), 0.5).block(centre, axes);
         }
-        pieces.glowing("lamp", 10.0).polygon(&level(corner + DVec3::new(1.5, 1.5, 3.0), 1.0, false));
+        let lamp = corner + turn * DVec3::new(1.5, 1.5, 3.0);
+        pieces.glowing("lamp", 10.0).polygon(&level(lamp, 1.0, false));
         let scene = pieces.scene();
-        let beside = corner + DVec3::new(1e-3, 1e-3, 0.0);
+        let beside = corner + turn * DVec3::new(1e-3, 1e-3, 0.0);
         let points = [corner, beside].map(|position| Point { position, normal: DVec3::Z });
         for [found, want] in at_points(&scene, &points).map(|light| [light[0], light[1]]) {
-            assert!(want > 0.1 && (found / want - 1.0).abs() < 0.05, "{found} beside {want}");
+            assert!(want > 0.1 && (found / want - 1.0).abs() < 0.05, "{angle} {found} beside {want}");
         }
     }
+}
+
+/// On a floor of 200 m, whose coordinates are rounded by more than the distances at which points beside walls are told apart, the foot of a
+/// wall has the light of the floor beside it.
+#[test]
+fn feet_of_walls_on_large_floors_have_the_light_of_walls() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("floor", 0.5).polygon(&level(DVec3::ZERO, 200.0, true));
+    pieces.grey("wall", 0.5).cuboid(DVec3::new(-0.4, 0.0, 0.0), DVec3::new(0.0, 3.0, 2.0));
+    pieces.glowing("lamp", 10.0).polygon(&level(DVec3::new(1.5, 1.5, 3.0), 1.0, false));
+    let points = [0.0, 1e-3].map(|x| Point { position: DVec3::new(x, 1.5, 0.0), normal: DVec3::Z });
+    let options = Options { audit: 0, elements: false, ..Options::default() };
+    let found = solved(&pieces.scene(), &points, &options).irradiance;
+    let [foot, beside] = [mean(found[0]), mean(found[1])];
+    assert!((foot / beside - 1.0).abs() < 0.05, "{foot} beside {beside}");
 }
 
 /// Fins two centimetres before a lamp of four metres: coarse elements get as much light on each side as fine ones.
