@@ -2,8 +2,9 @@
 
 use super::Model;
 use crate::embree::Hits;
+use crate::error::number;
 use crate::math::sampling::{cosine_direction, numbers};
-use crate::math::{edge_distance, off_edges, places_around};
+use crate::math::{edge_distance, off_edges, parallel, places_around};
 use crate::ray::{EndRule, LANES, Packet};
 use crate::scene::magnitude;
 use glam::Vec3;
@@ -13,12 +14,37 @@ use smallvec::SmallVec;
 /// so that no wall passes through the ends of all.
 const AROUND: [[usize; 2]; 8] = [[5, 6], [6, 7], [7, 8], [8, 5], [1, 3], [3, 2], [2, 4], [4, 1]];
 
+/// Smallest coordinate of a point, relative to the largest of the scene, for which faces around it are not asked for theirs: places are
+/// then at a distance (4e-6) of at least 2.5 times the rounding of any of them (4e-7).
+const MIN_MAGNITUDE: f32 = 0.25;
+
+/// Distance from surfaces, as a fraction of the scene's diagonal, above which a point is reported as off all surfaces: 1 cm in a room
+/// of 10 m, above the rounding of files with four digits.
+const FAR_OFF: f32 = 1e-3;
+
 impl Model {
+    /// What `find` returns for the first place around a point for which it finds something: places by the rounding of the point, then by
+    /// that of the largest face within `distance` of it.
+    pub(crate) fn find_around<T>(
+        &self,
+        point: Vec3,
+        normal: Vec3,
+        distance: f32,
+        mut find: impl FnMut(Vec3) -> Option<T>,
+    ) -> Option<T> {
+        let own = magnitude([point]);
+        let mut near = |size| self.places_of(point, normal, size).into_iter().find_map(&mut find);
+        // No face has much larger coordinates.
+        let is_large = own >= MIN_MAGNITUDE * self.magnitude();
+        let smallest = if is_large { own } else { self.sizes_around(point, normal, distance)[0] };
+        near(smallest).or_else(|| near(self.sizes_around(point, normal, distance)[1]))
+    }
+
     /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where
     /// walls stand on the surface at the point, the places from which most rays pass the walls come first, of equal ones those from which
     /// rays go farther: on the line where a box touches a floor, light is that of the floor beside the box, not that of the floor in it.
     /// `size` is the coordinate by whose rounding the places differ, see [`Model::sizes_around`].
-    pub(crate) fn places_of(&self, point: Vec3, normal: Vec3, size: f32) -> [Vec3; 9] {
+    fn places_of(&self, point: Vec3, normal: Vec3, size: f32) -> [Vec3; 9] {
         let mut places = places_around(point, normal, edge_distance(size));
         let lifted = places.map(|place| EndRule::new(size).lifted(place, normal));
         let mut across = Packet::EMPTY;
@@ -46,7 +72,7 @@ impl Model {
 
     /// The coordinates by whose rounding a point may miss its surface: the larger one of its own and of those of the smallest face within
     /// `distance` of it, as coordinates of the point may be 0; then those of the largest of these faces.
-    pub(crate) fn sizes_around(&self, point: Vec3, normal: Vec3, distance: f32) -> [f32; 2] {
+    fn sizes_around(&self, point: Vec3, normal: Vec3, distance: f32) -> [f32; 2] {
         let places = places_around(point, normal, distance);
         let mut packet = Packet::EMPTY;
         for (lane, place) in places.into_iter().enumerate() {
@@ -82,6 +108,44 @@ impl Model {
         let mut hits = [Hits::NONE];
         self.traced().first_hits(self.widest_packets(), &[between], &mut hits);
         if hits[0].triangle[0] == Hits::NO_HIT { moved } else { point }
+    }
+
+    /// A note if points, given by their positions and normals, lie off all surfaces.
+    #[doc(hidden)]
+    pub fn note_of_free_points(&self, points: &[(Vec3, Vec3)]) -> Option<String> {
+        let reach = FAR_OFF * self.scene().ray_length();
+        let misses = |places: &[(Vec3, Vec3)]| {
+            let mut packet = Packet::EMPTY;
+            for (lane, &(place, normal)) in places.iter().enumerate() {
+                packet.set_between(lane, place + reach * normal, place - reach * normal, [0.0, 1.0]);
+            }
+            let mut hits = [Hits::NONE];
+            self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
+            hits[0].triangle.map(|triangle| triangle == Hits::NO_HIT)
+        };
+        // On an edge or in a corner the places around a point may be on its surface.
+        let is_free = |&(at, normal): &(Vec3, Vec3)| {
+            misses(&places_around(at, normal, reach).map(|place| (place, normal)))
+                .iter()
+                .all(|misses| *misses)
+        };
+        let free_of = |points: &[(Vec3, Vec3)]| {
+            let missed = misses(points);
+            points.iter().zip(missed).filter(|(point, missed)| *missed && is_free(point)).count()
+        };
+        let free: usize = parallel::map(parallel::chunks(points, LANES), free_of).into_iter().sum();
+        (free > 0).then(|| {
+            let some = match points.len() {
+                1 => "the point lies".into(),
+                all => format!("{free} of {all} points lie"),
+            };
+            format!(
+                "{some} in free space, farther than {} {} from every surface: the results there are for a small plane with the given \
+                 normal, as on a work plane",
+                number(reach.into()),
+                self.scene().unit
+            )
+        })
     }
 
     /// The place on the ground above a point, along its normal, and its face, if the point may lie on a face that stands for fine ground:

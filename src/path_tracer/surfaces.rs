@@ -74,11 +74,8 @@ impl<'a> Surfaces<'a> {
     /// the skin of the surface. Without one, the point is taken as it is, lifted. On an edge or in a corner the start is inside the
     /// surface. Also returns its distance from the surface.
     pub fn start(&self, given: Vec3, normal: Vec3) -> (Vec3, f32) {
-        let near = |size| {
-            let mut places = self.model.places_of(given, normal, size).into_iter();
-            places.find_map(|place| Some((place, self.nearest(place, normal)?)))
-        };
-        let found = self.model.sizes_around(given, normal, self.slack).into_iter().find_map(near);
+        let near = |place| Some((place, self.nearest(place, normal)?));
+        let found = self.model.find_around(given, normal, self.slack, near);
         let Some((place, (depth, hit))) = found else {
             let given = self.model.ground_above(given, normal).map_or(given, |(place, _)| place);
             let skin = skin([given]);

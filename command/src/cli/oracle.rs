@@ -7,10 +7,10 @@ use super::job_context;
 use super::mpi::MpiArgs;
 use super::progress::Bar;
 use super::values::lower;
-use mrvis::Result;
 use mrvis::internals::path_tracer::{Settings, irradiance};
 use mrvis::internals::plot::number;
-use mrvis::internals::points::{Irradiance, read_points, write_irradiance};
+use mrvis::internals::points::{Irradiance, Point, read_points, write_irradiance};
+use mrvis::{Model, Result};
 use std::{path::PathBuf, process::ExitCode, time::Instant};
 
 /// Irradiance at points by path tracing, with standard errors: independent values for comparison with solutions.
@@ -68,11 +68,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     write_irradiance(&args.out, &found, photometry.map(|_| &lux as _))?;
     let (mean, noise) = (mean(&found), noise(&found));
     let mut warnings = scene.parts().repairs.messages.clone();
-    let notes = if mean > 0.0 {
-        [model.notes_of_lost_light(), model.notes_of_coarseness()].concat()
-    } else {
-        Vec::from_iter(model.note_of_coarse_coordinates())
-    };
+    let notes = notes(&model, &points, mean > 0.0);
     warn(common, &notes);
     warnings.extend(notes);
     if mean == 0.0 && !scene.parts().emitters.is_empty() {
@@ -114,6 +110,18 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         luminous.map_or(String::new(), |(_, lx)| format!("mean illuminance {} lx\n", number(lx))),
     ))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Notes on the model for these points.
+fn notes(model: &Model, points: &[Point], is_lit: bool) -> Vec<String> {
+    let mut notes = match is_lit {
+        true => [model.notes_of_lost_light(), model.notes_of_coarseness()].concat(),
+        false => Vec::from_iter(model.note_of_coarse_coordinates()),
+    };
+    let origin = model.scene().parts().origin;
+    let local = |p: &Point| ((p.position - origin).as_vec3(), p.normal.as_vec3());
+    notes.extend(model.note_of_free_points(&points.iter().map(local).collect::<Vec<_>>()));
+    notes
 }
 
 /// Mean over points and channels.

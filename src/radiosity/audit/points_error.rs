@@ -19,9 +19,11 @@ const MAX_PATHS: usize = 1 << 13;
 pub struct PointsError {
     /// Points that were computed again, evenly spaced among all.
     pub points: usize,
-    /// Root mean square of their errors, less the noise of the paths, relative to the mean irradiance of all points; at least the
-    /// detection limit of the paths.
+    /// Root mean square of their errors, less the noise of the paths, relative to the mean irradiance of all points; at least
+    /// `detection_limit`.
     pub rms: f64,
+    /// Smallest error that can be told from the noise of the paths, relative to the same mean.
+    pub detection_limit: f64,
     /// Upper end of its 95 % interval.
     pub rms_upper: f64,
 }
@@ -75,6 +77,7 @@ impl PointsError {
         Some(PointsError {
             points: count,
             rms: found.max(resolved).sqrt() / level,
+            detection_limit: resolved.sqrt() / level,
             rms_upper: (found.max(0.0) + 2.0 * resolved).sqrt() / level,
         })
     }

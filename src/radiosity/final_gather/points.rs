@@ -3,15 +3,12 @@
 use super::direct_light::CHUNK;
 use super::gatherer::{Buffers, FinalGather};
 use super::smooth_light::SmoothLight;
-use crate::embree::Hits;
-use crate::error::number;
 use crate::math::parallel;
 use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::options::Options;
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,9 +17,6 @@ use std::sync::Arc;
 const TIMED_POINTS: usize = CHUNK / 4;
 /// Smallest number of rays of each kind, however short the time: the lower bounds of [`Options::light_rays`] and [`Options::gather_rays`].
 const MIN_POINT_RAYS: usize = 64;
-/// Distance from surfaces, as a fraction of the scene's diagonal, above which a point is reported as off all surfaces: 1 cm in a room
-/// of 10 m, above the rounding of files with four digits.
-const FAR_OFF: f32 = 1e-3;
 
 /// Options with this fraction of the rays of a point, but at least a minimum of each kind.
 pub fn with_fewer_rays(options: &Options, part: f64) -> Options {
@@ -159,39 +153,5 @@ impl FinalGather<'_> {
         } else {
             1.0
         }
-    }
-
-    /// A warning if points lie off all surfaces.
-    pub fn far_off(&self, points: &[(Vec3, Vec3)]) -> Option<String> {
-        let reach = FAR_OFF * self.length;
-        let off = parallel::map(parallel::chunks(points, LANES), |points| {
-            let mut packet = Packet::EMPTY;
-            for (lane, &(at, normal)) in points.iter().enumerate() {
-                // On an edge or in a corner the places around the point may be on its surface.
-                let at = self.gather_point(at, normal, 0).at;
-                for axis in 0..3 {
-                    packet.origin[axis][lane] = (at + reach * normal)[axis];
-                    packet.direction[axis][lane] = -2.0 * reach * normal[axis];
-                }
-                (packet.near[lane], packet.far[lane]) = (0.0, 1.0);
-                packet.active |= 1 << lane;
-            }
-            let mut hits = [Hits::NONE];
-            self.traced.first_hits(self.traversal, &[packet], &mut hits);
-            (0..points.len()).filter(|&lane| hits[0].triangle[lane] == Hits::NO_HIT).count()
-        });
-        let off: usize = off.into_iter().sum();
-        (off > 0).then(|| {
-            let some = match points.len() {
-                1 => "the point lies".into(),
-                all => format!("{off} of {all} points lie"),
-            };
-            format!(
-                "{some} in free space, farther than {} {} from every surface: the results there are for a small plane with the given \
-                 normal, as on a work plane",
-                number(reach.into()),
-                self.scene.unit
-            )
-        })
     }
 }

@@ -22,11 +22,7 @@ impl FinalGather<'_> {
     /// within rounding. A point that lies higher receives the light at its place in space. A point without a surface is not moved onto
     /// one, but is lifted too: its surface may end beside it. On an edge or in a corner the light is the limit from inside the surface.
     pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
-        let near = |size| {
-            let mut places = self.model.places_of(at, normal, size).into_iter();
-            places.find_map(|place| self.surface_near(place, normal))
-        };
-        let found = self.model.sizes_around(at, normal, self.slack).into_iter().find_map(near);
+        let found = self.model.find_around(at, normal, self.slack, |place| self.surface_near(place, normal));
         let in_ground = || {
             let (at, face) = self.model.ground_above(at, normal)?;
             Some((at, EndRule::new(magnitude([at])), self.feature_size_at(face, at, normal)))

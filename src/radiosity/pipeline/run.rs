@@ -258,7 +258,7 @@ impl Stages<'_> {
             }
         });
         let on_surfaces = points.len().saturating_sub(options.points_in_space);
-        self.notes.extend(gather.far_off(&points[..on_surfaces]));
+        self.notes.extend(self.model.note_of_free_points(&points[..on_surfaces]));
         found
     }
 

@@ -177,9 +177,11 @@ pub fn lines(points: Option<&AtPoints>, grids: &[MeasuredGrid], record: &Record)
     };
     let error = record.points_error.map(|error| {
         let [rms, upper] = [error.rms, error.rms_upper].map(|e| number(100.0 * e));
-        format!(
-            "estimated error at all points {rms} % of their mean (at most {upper} % with 95 % probability)"
-        )
+        let found = match error.rms > error.detection_limit {
+            true => format!("{rms} % of their mean"),
+            false => format!("less than {rms} % of their mean, the noise of the paths that check it"),
+        };
+        format!("estimated error at all points {found} (at most {upper} % with 95 % probability)")
     });
     let lines = points.map(AtPoints::words).into_iter().chain(grids.iter().map(grid));
     lines.chain(error).map(|line| line + "\n").collect()
