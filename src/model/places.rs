@@ -193,3 +193,24 @@ impl Model {
         (0..LANES).map(open).sum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::model::{Detail, testing::model};
+    use crate::scene::testing::{Pieces, facing_up};
+    use glam::Vec3;
+
+    #[test]
+    fn points_off_all_surfaces_are_counted() {
+        let mut pieces = Pieces::empty();
+        pieces.grey("floor", 0.5).polygon(&facing_up([0.0, 1.0], [0.0, 1.0], 0.0));
+        let model = model(&pieces.scene(), Detail::Rays);
+        let at = |x: f32, z: f32| (Vec3::new(x, 0.5, z), Vec3::Z);
+        // On the floor, on its edge and within a thousandth of the diagonal above it.
+        let on = [at(0.3, 0.0), at(1.0, 0.0), at(0.3, 1e-3)];
+        assert_eq!(model.note_of_free_points(&on), None);
+        let free = [at(0.3, 0.1), at(1.1, 0.0)];
+        let note = model.note_of_free_points(&[&on[..], &free].concat()).expect("a note");
+        assert!(note.starts_with("2 of 5 points lie in free space"), "{note}");
+    }
+}
