@@ -70,9 +70,9 @@ impl<'a> Surfaces<'a> {
     }
 
     /// The start of the paths of a given point, above the surface that the point lies on: of the surfaces whose normals are within 60° of
-    /// that of the point, the nearest one along the normal of the point: above it within 1e-5 of the scene's diagonal, below it within
-    /// the skin of the surface. Without one, the point is taken as it is, lifted. On an edge or in a corner the start is inside the
-    /// surface. Also returns its distance from the surface.
+    /// that of the point, the nearest one along the normal of the point. The point may be below it by 1e-5 of the scene's diagonal, above
+    /// it by the skin of the surface, and either by twice the distance by which stacked faces were moved. Without one, the point is taken
+    /// as it is, lifted. On an edge or in a corner the start is inside the surface. Also returns its distance from the surface.
     pub fn start(&self, given: Vec3, normal: Vec3) -> (Vec3, f32) {
         let near = |place| Some((place, self.nearest(place, normal)?));
         let found = self.model.find_around(given, normal, self.slack, near);
@@ -103,9 +103,9 @@ impl<'a> Surfaces<'a> {
             // Of faces that were moved off each other the first is that of this side of the common plane.
             let is_nearer =
                 |(other, _): &(f32, SurfaceHit)| depth.abs() + 2.0 * stack_distance + hit.skin < other.abs();
-            // A point that lies higher than rays start has the light of its place.
-            let is_on =
-                depth <= hit.skin.max(skin([given])) && -depth <= self.slack.max(2.0 * stack_distance);
+            // A point that lies higher than rays start has the light of its place; stacked faces were moved either way.
+            let stack = 2.0 * stack_distance;
+            let is_on = depth <= hit.skin.max(skin([given])).max(stack) && -depth <= self.slack.max(stack);
             if hit.cosine.abs() >= 0.5 && is_on && found.as_ref().is_none_or(is_nearer) {
                 found = Some((depth, hit));
             }

@@ -58,8 +58,10 @@ impl FinalGather<'_> {
             let is_nearer = (t - 0.5).abs() + moved < nearest;
             let depth = 2.0 * (t - 0.5) * self.reach;
             let rounding = end.slack().max(EndRule::new(magnitude([at])).slack());
+            // Stacked faces were moved either way.
+            let stack = 2.0 * stack_distance;
             let is_on =
-                depth <= MAX_SURFACE_HEIGHT * rounding && -depth <= self.slack.max(2.0 * stack_distance);
+                depth <= (MAX_SURFACE_HEIGHT * rounding).max(stack) && -depth <= self.slack.max(stack);
             if parallel && is_on && is_nearer {
                 let mut at = packet.point(0, t);
                 // The coarse face that fine ground replaces has neither the height nor the edges of the fine ground.

@@ -236,6 +236,23 @@ fn feet_of_walls_on_large_floors_have_the_light_of_walls() {
     assert!((foot / beside - 1.0).abs() < 0.05, "{foot} beside {beside}");
 }
 
+/// The foot of a wall outside of a room has the light of the ground there, also where the floor of the room lies on that ground, in its
+/// plane.
+#[test]
+fn feet_of_walls_outside_have_the_light_of_the_ground() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("ground", 0.2).polygon(&facing_up([-2.0, 8.0], [-2.0, 3.6], 0.0));
+    pieces.grey("floor", 0.4).polygon(&facing_up([0.0, 5.0], [0.0, 3.5], 0.0));
+    pieces.grey("wall", 0.5).cuboid(DVec3::new(5.0, 1.2, 0.0), DVec3::new(5.2, 2.8, 0.9));
+    pieces.glowing("lamp", 10.0).polygon(&level(DVec3::new(6.5, 2.0, 3.0), 1.0, false));
+    let points =
+        [0.0, 3e-5, 1e-3].map(|x| Point { position: DVec3::new(5.2 + x, 2.0, 0.0), normal: DVec3::Z });
+    for light in at_points(&pieces.scene(), &points) {
+        let beside = light[2];
+        assert!(beside > 0.1 && light.iter().all(|at| (at / beside - 1.0).abs() < 0.05), "{light:?}");
+    }
+}
+
 /// Fins two centimetres before a lamp of four metres: coarse elements get as much light on each side as fine ones.
 #[test]
 fn fins_close_to_a_lamp_have_its_light() {
