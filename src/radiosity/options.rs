@@ -173,6 +173,6 @@ impl SolveOptions {
 /// makes a third more elements, whose mean light errs by 3.24 instead of 3.14 % in a valley (`scenes/room.py SCENE --elements 1500`).
 const RAYS_OF_SMALLEST_ELEMENT: f64 = 140.0;
 /// Rays of the local pass times the square of the error, as noise falls with one over the root of the rays: 18.75 million rays at the
-/// default error of 0.02. By 14, 17 and 20 million, elements of an office err by 3.7, 3.5 and 3.1 %, the mean of four seeds
-/// (`scenes/room.py scenes/real/office.obj --elements 3000 --options="--local-rays N --seed S"`), in 37.7, 38.4 and 41.0 s of user time.
+/// default error of 0.02. By 14, 17 and 20 million, elements of an office err by 3.7, 3.5 and 3.1 %, the mean of four seeds, in about 38,
+/// 39 and 41 s of user time (`scenes/room.py scenes/real/office.obj --elements 3000` with these numbers as [`SolveOptions::local_rays`]).
 const LOCAL_RAYS_TIMES_ERROR_SQUARED: f64 = 7500.0;
