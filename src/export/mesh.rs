@@ -388,23 +388,43 @@ fn centroid(values: &[[f32; 3]]) -> [f32; 3] {
     from_fn(|c| values.iter().map(|v| v[c]).sum::<f32>() / values.len() as f32)
 }
 
-/// Whether a wall along an edge of the first element that has the vertex lies between it and the second.
-fn is_beyond_wall(solution: &RadiosityMesh, [a, b]: [u32; 2], vertex: u32, normal: Vec3) -> bool {
-    let [a, b] = [a, b].map(|e| &solution.elements[e as usize]);
-    if a.walls == 0 {
-        return false;
-    }
+/// Distance of a vertex from a wall, as a fraction of the diameter of its elements, up to which they are parted by it: those that the wall
+/// crosses farther from their corners are cut along it.
+const NEAR_WALL: f32 = 1.0 / 64.0;
+
+/// A wall along an edge of an element near a vertex: the ends of the edge, counterclockwise around the element.
+type Wall = [Vec3; 2];
+
+/// Whether a wall passes between two elements at a vertex that it meets or passes near.
+fn is_between(
+    solution: &RadiosityMesh,
+    [from, to]: Wall,
+    elements: [u32; 2],
+    vertex: u32,
+    normal: Vec3,
+) -> bool {
     let place = |v: u32| solution.vertices[v as usize];
-    let corners = a.outline();
-    let middle = b.corners.iter().map(|&v| place(v)).sum::<Vec3>() / 4.0;
-    let at = place(vertex);
-    (0..corners.len()).filter(|k| a.walls >> k & 1 != 0).any(|k| {
-        let (from, to) = (place(corners[k]), place(corners[(k + 1) % corners.len()]));
-        // The vertex is an end of the edge or in its middle but for rounding, and the element lies on the left of it.
-        let rounding = rounding(from.abs().max(to.abs()));
-        let is_on = at.distance(from) + at.distance(to) <= (1.0 + 1e-5) * from.distance(to) + rounding;
-        is_on && (to - from).cross(middle - from).dot(normal) < 0.0
-    })
+    let [a, b] = elements.map(|e| {
+        let e = &solution.elements[e as usize];
+        let middle = e.corners.iter().map(|&v| place(v)).sum::<Vec3>() / 4.0;
+        ((to - from).cross(middle - from).dot(normal), e.area.sqrt() as f32)
+    });
+    let (at, along) = (place(vertex), to - from);
+    let part = ((at - from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+    let rounding = rounding(from.abs().max(to.abs()));
+    a.0 * b.0 < 0.0 && at.distance(from + part * along) <= rounding + NEAR_WALL * a.1.max(b.1)
+}
+
+/// The walls along the edges of some elements.
+fn walls_of(solution: &RadiosityMesh, elements: &[u32]) -> SmallVec<[Wall; 4]> {
+    let place = |v: u32| solution.vertices[v as usize];
+    let mut found = SmallVec::new();
+    for e in elements.iter().map(|&e| &solution.elements[e as usize]).filter(|e| e.walls != 0) {
+        let corners = e.outline();
+        let edges = (0..corners.len()).filter(|k| e.walls >> k & 1 != 0);
+        found.extend(edges.map(|k| [place(corners[k]), place(corners[(k + 1) % corners.len()])]));
+    }
+    found
 }
 
 /// The elements around a vertex of an element that face along its normal and whose light continues at the vertex. Elements that other
@@ -418,14 +438,13 @@ fn count_at(
     around: &[u32],
 ) -> SmallVec<[u32; 8]> {
     let normal = normals[element as usize];
-    let beyond = |a: u32, b: u32| is_beyond_wall(solution, [a, b], vertex, normal);
-    let is_narrow = |e: u32| solution.elements[e as usize].narrow;
-    let joins = |e: u32| {
-        e == element || is_narrow(e) == is_narrow(element) && !beyond(element, e) && !beyond(e, element)
-    };
-    let faces = |e: u32| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE && joins(e);
-    let counts = |e: u32| !solution.elements[e as usize].crossed && (e as usize) < solution.lit();
+    let faces = |e: u32| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE;
     let mut found: SmallVec<[u32; 8]> = around.iter().copied().filter(|&e| faces(e)).collect();
+    let walls = walls_of(solution, &found);
+    let is_narrow = |e: u32| solution.elements[e as usize].narrow;
+    let beyond = |e: u32| walls.iter().any(|&wall| is_between(solution, wall, [element, e], vertex, normal));
+    found.retain(|e| *e == element || is_narrow(*e) == is_narrow(element) && !beyond(*e));
+    let counts = |e: u32| !solution.elements[e as usize].crossed && (e as usize) < solution.lit();
     if found.iter().any(|&e| counts(e)) {
         found.retain(|e| counts(*e));
     }

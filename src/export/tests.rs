@@ -468,6 +468,42 @@ fn vertices_are_not_shared_across_a_wall() {
     check(&solution);
 }
 
+/// A wall cuts the upper left cell in two and passes so near to the corner of the lower left one that this is not cut: the dark elements
+/// get nothing of its light at that corner, whether the wall lies along them or not.
+#[test]
+fn a_corner_that_reaches_through_a_wall_lights_no_vertex_behind_it() {
+    let mut solution = RadiosityMesh::default();
+    let places = [
+        [0.0, 0.0],
+        [0.5, 0.0],
+        [0.5, 0.5],
+        [0.0, 0.5],
+        [0.498, 0.5],
+        [0.448, 1.0],
+        [0.0, 1.0],
+        [0.5, 1.0],
+        [1.0, 0.5],
+        [1.0, 1.0],
+    ];
+    solution.vertices.extend(places.map(|[x, y]| Vec3::new(x, y, 0.0)));
+    // The lower left cell, the lit and the dark part of the upper left one, and the upper right one.
+    for (corners, light, walls) in [
+        ([0, 1, 2, 3], 1.0, 0),
+        ([3, 4, 5, 6], 1.0, 1 << 1),
+        ([4, 2, 7, 5], 0.0, 1 << 3),
+        ([2, 8, 9, 7], 0.0, 0),
+    ] {
+        let error = [0.01; 3];
+        solution.elements.push(Element { error, walls, ..grey(corners, light, 0.1, 0) });
+    }
+    let mesh = Mesh::new(&solution);
+    for (triangle, &e) in mesh.triangles.iter().zip(&mesh.element) {
+        let light = triangle.map(|v| mesh.irradiance[v as usize][0]);
+        let is_lit = solution.elements[e as usize].irradiance[0] > 0.0;
+        assert!(light.iter().all(|&x| if is_lit { x > 0.5 } else { x == 0.0 }), "{e}: {light:?}");
+    }
+}
+
 /// A wall hides what is behind it from its dark side, unless the picture looks inside.
 #[test]
 fn walls_are_opaque_from_outside_unless_pictures_look_inside() {
