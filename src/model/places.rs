@@ -14,6 +14,13 @@ use smallvec::SmallVec;
 /// so that no wall passes through the ends of all.
 const AROUND: [[usize; 2]; 8] = [[5, 6], [6, 7], [7, 8], [8, 5], [1, 3], [3, 2], [2, 4], [4, 1]];
 
+/// Smallest cosines between the normals of a point and of its surface, in the order in which they are tried: that of 26°, the largest angle
+/// between neighbouring faces of a smooth surface, then that of 60°, as files hold smoothed normals.
+const MIN_COSINES: [f32; 2] = [0.9, 0.5];
+
+/// Smallest distance of a place around a point from a wall, relative to that from the point: in a corner of 90 degrees, some place has .38.
+const MIN_WALL_DISTANCE: f32 = 0.25;
+
 /// Smallest coordinate of a point, relative to the largest of the scene, for which faces around it are not asked for theirs: places are
 /// then at a distance (4e-6) of at least 2.5 times the rounding of any of them (4e-7).
 const MIN_MAGNITUDE: f32 = 0.25;
@@ -22,30 +29,70 @@ const MIN_MAGNITUDE: f32 = 0.25;
 /// of 10 m, above the rounding of files with four digits.
 const FAR_OFF: f32 = 1e-3;
 
+/// The plane of a face, with the unit normal of its front.
+struct Wall {
+    corner: Vec3,
+    normal: Vec3,
+}
+
+impl Wall {
+    fn height(&self, place: Vec3) -> f32 {
+        self.normal.dot(place - self.corner)
+    }
+}
+
+/// Walls that stand at a point.
+struct WallsAt {
+    point: Vec3,
+    /// Distance of the places around the point, scene units.
+    distance: f32,
+    /// Instances and edge-connected parts.
+    parts: SmallVec<[(u32, u32); 4]>,
+}
+
+/// What a place sees of walls at its point.
+struct WallsSeen {
+    /// Number of cosine-weighted rays from the place that meet none of the walls, less half of the number of those that meet their backs,
+    /// as from below a ground, plus the mean distance to which all rays go, as a fraction of the longest in the scene.
+    openness: f32,
+    /// Whether none of these rays meets the back of a face at the point.
+    is_before: bool,
+    /// Whether the place sees the sky, a sun or an emitter.
+    is_lit: bool,
+}
+
 impl Model {
     /// What `find` returns for the first place around a point for which it finds something: places by the rounding of the point, then by
-    /// that of the largest face within `distance` of it.
+    /// that of the largest face within `distance` of it. `find` also gets the smallest cosine between the normals of the point and of its
+    /// surface: first a large one, as a point where a wall meets a sloping roof lies on both.
     pub(crate) fn find_around<T>(
         &self,
         point: Vec3,
         normal: Vec3,
         distance: f32,
-        mut find: impl FnMut(Vec3) -> Option<T>,
+        find: impl Fn(Vec3, f32) -> Option<T>,
     ) -> Option<T> {
         let own = magnitude([point]);
-        let mut near = |size| self.places_of(point, normal, size).into_iter().find_map(&mut find);
+        let near = |size, cosine| {
+            self.places_of(point, normal, size).into_iter().find_map(|place| find(place, cosine))
+        };
         // No face has much larger coordinates.
         let is_large = own >= MIN_MAGNITUDE * self.magnitude();
         let smallest = if is_large { own } else { self.sizes_around(point, normal, distance)[0] };
-        near(smallest).or_else(|| near(self.sizes_around(point, normal, distance)[1]))
+        let among_all = |cosine| {
+            near(smallest, cosine).or_else(|| near(self.sizes_around(point, normal, distance)[1], cosine))
+        };
+        MIN_COSINES.into_iter().find_map(among_all)
     }
 
     /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where
-    /// walls stand on the surface at the point, the places from which most rays pass the walls come first, of equal ones those from which
-    /// rays go farther: on the line where a box touches a floor, light is that of the floor beside the box, not that of the floor in it.
+    /// walls stand on the surface at the point, the places come first that are off all walls; of these those before the fronts of the walls
+    /// that light reaches directly, as inside of a hut of sheets on a ground; then those of the largest [`WallsSeen::openness`]: on the
+    /// line where a box touches a floor, light is that of the floor beside the box, not that of the floor in it.
     /// `size` is the coordinate by whose rounding the places differ, see [`Model::sizes_around`].
     fn places_of(&self, point: Vec3, normal: Vec3, size: f32) -> [Vec3; 9] {
-        let mut places = places_around(point, normal, edge_distance(size));
+        let distance = edge_distance(size);
+        let mut places = places_around(point, normal, distance);
         let lifted = places.map(|place| EndRule::new(size).lifted(place, normal));
         let mut across = Packet::EMPTY;
         // Both ways: where two walls pass between places, a ray meets the nearer one alone.
@@ -56,16 +103,26 @@ impl Model {
         let mut hits = [Hits::NONE];
         self.traced().first_hits(self.widest_packets(), std::slice::from_ref(&across), &mut hits);
         // In a corner each wall counts: from inside of one of them all rays would pass the other.
-        let walls: SmallVec<[_; 4]> =
+        let parts: SmallVec<[_; 4]> =
             across.lanes().filter_map(|lane| self.part_met(&hits[0], lane)).collect();
-        if walls.is_empty() {
+        if parts.is_empty() {
             return places;
         }
-        let open = lifted.map(|place| self.openness(place, normal, &walls));
+        let walls: SmallVec<[Wall; LANES]> =
+            across.lanes().filter_map(|lane| self.wall_met(&hits[0], lane)).collect();
+        // Rays from a place in a wall may meet it or not, and a wall between a place and its rays belongs to neither side.
+        let is_in_wall: [bool; 9] = std::array::from_fn(|k| {
+            walls.iter().any(|wall| {
+                let [low, high] = [places[k], lifted[k]].map(|at| wall.height(at));
+                low.abs().min(high.abs()) < MIN_WALL_DISTANCE * distance || low * high < 0.0
+            })
+        });
+        let at = WallsAt { point, distance, parts };
+        let seen = lifted.map(|place| self.walls_seen(place, normal, &at));
         let mut order: [usize; 9] = std::array::from_fn(|k| k);
-        order.sort_by(|&a, &b| open[b].total_cmp(&open[a]));
+        order.sort_by(|&a, &b| seen[b].openness.total_cmp(&seen[a].openness));
         // The point itself lies in the wall.
-        order.sort_by_key(|&k| k == 0);
+        order.sort_by_key(|&k| (k == 0, is_in_wall[k], !(seen[k].is_before && seen[k].is_lit)));
         places = order.map(|k| places[k]);
         places
     }
@@ -84,13 +141,7 @@ impl Model {
         }
         let mut hits = [Hits::NONE];
         self.traced().first_hits(self.widest_packets(), std::slice::from_ref(&packet), &mut hits);
-        let size = |lane: usize| {
-            let (triangle, instance) = (hits[0].triangle[lane], hits[0].instance[lane]);
-            let transform = self.instances()[instance as usize].affine();
-            let placed = |corner: Vec3| transform.transform_point3(corner.as_dvec3()).as_vec3();
-            (triangle != Hits::NO_HIT)
-                .then(|| magnitude(self.mesh_of(instance).corners(triangle).map(placed)))
-        };
+        let size = |lane: usize| self.face_met(&hits[0], lane).map(magnitude);
         let own = magnitude([point]);
         let sizes = || packet.lanes().filter_map(size);
         [sizes().reduce(f32::min).map_or(own, |smallest| smallest.max(own)), sizes().fold(own, f32::max)]
@@ -175,22 +226,72 @@ impl Model {
         (triangle != Hits::NO_HIT).then(|| (instance, part()))
     }
 
-    /// Number of cosine-weighted rays from a point that meet none of some walls, plus the mean distance to which all go, as a fraction of
-    /// the longest in the scene.
-    fn openness(&self, from: Vec3, normal: Vec3, walls: &[(u32, u32)]) -> f32 {
-        let length = 1.01 * self.bounds().diagonal();
-        let mut packet = Packet::EMPTY;
-        for lane in 0..LANES {
+    /// The corners of the face that a ray has met, where it stands.
+    fn face_met(&self, hits: &Hits, lane: usize) -> Option<[Vec3; 3]> {
+        let (triangle, instance) = (hits.triangle[lane], hits.instance[lane]);
+        let transform = || self.instances()[instance as usize].affine();
+        let placed = |corner: Vec3| transform().transform_point3(corner.as_dvec3()).as_vec3();
+        (triangle != Hits::NO_HIT).then(|| self.mesh_of(instance).corners(triangle).map(placed))
+    }
+
+    /// The plane of the face that a ray has met.
+    fn wall_met(&self, hits: &Hits, lane: usize) -> Option<Wall> {
+        let [corner, ..] = self.face_met(hits, lane)?;
+        let (triangle, instance) = (hits.triangle[lane], hits.instance[lane]);
+        let normal = self.mesh_of(instance).face_normal(triangle);
+        Some(Wall { corner, normal: self.instances()[instance as usize].turned(normal) })
+    }
+
+    /// What a place above a surface with this normal sees of the walls at a point near it.
+    fn walls_seen(&self, from: Vec3, normal: Vec3, at: &WallsAt) -> WallsSeen {
+        let length = self.scene().ray_length();
+        let directions: [Vec3; LANES] = std::array::from_fn(|lane| {
             let [u, v, ..] = numbers(0, lane as u64);
-            packet.set_between(lane, from, from + length * cosine_direction(normal, u, v), [0.0, 1.0]);
+            cosine_direction(normal, u, v)
+        });
+        let mut packets = [Packet::EMPTY; 2];
+        for (lane, &direction) in directions.iter().enumerate() {
+            packets[0].set_between(lane, from, from + length * direction, [0.0, 1.0]);
         }
-        let mut hits = [Hits::NONE];
-        self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
-        let open = |lane: usize| match self.part_met(&hits[0], lane) {
-            None => 1.0 + 1.0 / LANES as f32,
-            Some(part) => f32::from(u8::from(!walls.contains(&part))) + hits[0].t[lane] / LANES as f32,
-        };
-        (0..LANES).map(open).sum()
+        for (lane, to) in self.lights_before(from, normal).into_iter().enumerate() {
+            packets[1].set_between(lane, from, to, [0.0, 1.0]);
+        }
+        let mut hits = [Hits::NONE; 2];
+        self.traced().first_hits(self.widest_packets(), &packets, &mut hits);
+        let is_free = |packet: usize, lane: usize| hits[packet].triangle[lane] == Hits::NO_HIT;
+        let sees_sky = self.scene().sky().is_some_and(|sky| sky.sky().is_some());
+        let is_lit = sees_sky && (0..LANES).any(|lane| is_free(0, lane))
+            || packets[1].lanes().any(|lane| is_free(1, lane));
+        let mut seen = WallsSeen { openness: 0.0, is_before: true, is_lit };
+        for (lane, direction) in directions.into_iter().enumerate() {
+            let Some((part, wall)) = self.part_met(&hits[0], lane).zip(self.wall_met(&hits[0], lane)) else {
+                seen.openness += 1.0 + 1.0 / LANES as f32;
+                continue;
+            };
+            seen.openness += hits[0].t[lane] / LANES as f32;
+            if !at.parts.contains(&part) {
+                seen.openness += 1.0;
+            } else if wall.normal.dot(direction) > 0.0 {
+                seen.openness -= 0.5;
+                seen.is_before &= wall.height(at.point).abs() > 2.0 * at.distance;
+            }
+        }
+        seen
+    }
+
+    /// Ends of rays from a place above a surface with this normal to suns and to emitters, at most [`LANES`]: they end before the emitters.
+    fn lights_before(&self, from: Vec3, normal: Vec3) -> SmallVec<[Vec3; LANES]> {
+        let scene = self.scene();
+        let suns = scene.sky().map_or(&[][..], |sky| sky.suns());
+        let to_suns = suns.iter().map(|sun| from + scene.ray_length() * sun.sample([0.5; 2]).as_vec3());
+        let step = scene.emitters.len().div_ceil(LANES).max(1);
+        let to_emitters = scene.emitters.iter().step_by(step).filter_map(|emitter| {
+            let face = emitter.triangles[emitter.triangles.len() / 2];
+            let middle = scene.corners(face).into_iter().sum::<Vec3>() / 3.0;
+            let is_front = scene.face_normal(face).dot(from - middle) > 0.0;
+            is_front.then(|| from + 0.999 * (middle - from))
+        });
+        to_suns.chain(to_emitters).filter(|to| (*to - from).dot(normal) > 0.0).take(LANES).collect()
     }
 }
 

@@ -74,40 +74,43 @@ impl<'a> Surfaces<'a> {
     /// it by the skin of the surface, and either by twice the distance by which stacked faces were moved. Without one, the point is taken
     /// as it is, lifted. On an edge or in a corner the start is inside the surface. Also returns its distance from the surface.
     pub fn start(&self, given: Vec3, normal: Vec3) -> (Vec3, f32) {
-        let near = |place| Some((place, self.nearest(place, normal)?));
+        let near = |place, min_cosine| Some((place, self.nearest(place, normal, min_cosine)?));
         let found = self.model.find_around(given, normal, self.slack, near);
-        let Some((place, (depth, hit))) = found else {
+        let Some((place, (depth, stack, hit))) = found else {
             let given = self.model.ground_above(given, normal).map_or(given, |(place, _)| place);
             let skin = skin([given]);
             return (given + skin * normal, skin);
         };
         let end = EndRule::new(magnitude(hit.corners));
-        let inside = self.model.off_edges(hit.corners, place - depth * normal, normal, end);
+        // Where a lower face of a stack was moved below the point, light arrives in the common plane, as beside a carpet.
+        let above = depth.clamp(0.0, stack);
+        let inside = self.model.off_edges(hit.corners, place + (above - depth) * normal, normal, end);
         (inside + hit.skin * normal, hit.skin)
     }
 
-    /// The nearest of the surfaces along the normal of a point that are about parallel to it, and its distance against the normal.
-    fn nearest(&self, given: Vec3, normal: Vec3) -> Option<(f32, SurfaceHit<'_>)> {
+    /// The nearest of the surfaces along the normal of a point whose normals have at least this cosine with it, its distance against the
+    /// normal, and the largest distance of faces of its stack from their common plane.
+    fn nearest(&self, given: Vec3, normal: Vec3, min_cosine: f32) -> Option<(f32, f32, SurfaceHit<'_>)> {
         /// Largest number of surfaces that are tried: bounds the time where many sheets lie on each other.
         const MAX_SURFACES: usize = 64;
         let mut ray = Packet::EMPTY;
         ray.set_ray(0, given + self.reach * normal, -normal);
         (ray.near[0], ray.far[0]) = (0.0, 2.0 * self.reach);
-        let mut found: Option<(f32, SurfaceHit)> = None;
+        let mut found: Option<(f32, f32, SurfaceHit)> = None;
         for _ in 0..MAX_SURFACES {
             let mut hits = Hits::NONE;
             self.intersect(std::slice::from_ref(&ray), std::slice::from_mut(&mut hits));
             let Some(hit) = self.place(&ray, &hits, 0, -normal) else { break };
             let depth = hits.t[0] - self.reach;
-            let stack_distance = self.model.stack_distance(hits.instance[0], hits.triangle[0]);
+            // Stacked faces were moved either way.
+            let stack = 2.0 * self.model.stack_distance(hits.instance[0], hits.triangle[0]);
             // Of faces that were moved off each other the first is that of this side of the common plane.
             let is_nearer =
-                |(other, _): &(f32, SurfaceHit)| depth.abs() + 2.0 * stack_distance + hit.skin < other.abs();
-            // A point that lies higher than rays start has the light of its place; stacked faces were moved either way.
-            let stack = 2.0 * stack_distance;
+                |(other, ..): &(f32, f32, SurfaceHit)| depth.abs() + stack + hit.skin < other.abs();
+            // A point that lies higher than rays start has the light of its place.
             let is_on = depth <= hit.skin.max(skin([given])).max(stack) && -depth <= self.slack.max(stack);
-            if hit.cosine.abs() >= 0.5 && is_on && found.as_ref().is_none_or(is_nearer) {
-                found = Some((depth, hit));
+            if hit.cosine.abs() >= min_cosine && is_on && found.as_ref().is_none_or(is_nearer) {
+                found = Some((depth, stack, hit));
             }
             ray.near[0] = hits.t[0].next_up();
         }

@@ -27,8 +27,8 @@ const MAX_DEPTH: f32 = 0.25;
 /// for that many.
 const MAX_TESTS: usize = 100_000_000;
 
-/// By triangle, the largest distance by which faces of its stack were moved off each other, scene units. Triangles that do not overlap with
-/// others have none.
+/// By triangle, the largest distance by which faces of its stack were moved off each other, or by which it follows such a face
+/// ([`keep_contact`]), scene units. Others have none.
 pub(crate) type StackDistances = FxHashMap<u32, f32>;
 
 /// What [`stack`] did.
@@ -87,7 +87,6 @@ pub(super) fn stack(
     let of_stacks = (0..triangles.len()).map(with_part).filter(|(part, _)| wound.contains(part));
     let open = badly_wound(of_stacks);
     wound.retain(|part| !open.contains(part));
-    let before = positions.len();
     // Bodies thinner than that stay.
     let mut is_moved = |t: u32, level: i32| {
         let (distance, shape) = (level.unsigned_abs() as f32 * steps[&stacks.root(t)], of.shape(t));
@@ -118,11 +117,12 @@ pub(super) fn stack(
             positions.len() as u32 - 1
         });
     }
-    keep_contact(&shifts, &levels, &part, positions, triangles);
-    if positions.len() > before {
+    let mut distances = distances(&levels, &mut stacks, &steps);
+    keep_contact(&shifts, &levels, &part, positions, triangles, &mut distances);
+    if !shifts.is_empty() {
         drop_unused(positions, triangles, 0);
     }
-    Stacks { distances: distances(&levels, &mut stacks, &steps), wound, contacts }
+    Stacks { distances, wound, contacts }
 }
 
 /// The pairs of objects with overlapping faces that face the same way or none of which is of a body.
@@ -260,13 +260,15 @@ struct Body {
 
 /// Moves the vertices of faces outside the stacks that lie on a moved triangle with it: otherwise light would pass between a moved ceiling
 /// and the walls and partitions below it. Faces connected with the uppermost face of a stack stay with it. So do those on the inner side of
-/// a moved face of a body, which would leave a gap below it, except those of an open body: light would enter it.
+/// a moved face of a body, which would leave a gap below it, except those of an open body: light would enter it. Adds the largest
+/// distance by which corners of these faces move.
 fn keep_contact(
     shifts: &[Shifted],
     levels: &FxHashMap<u32, i32>,
     part: &dyn Fn(usize) -> u32,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
+    distances: &mut StackDistances,
 ) {
     let is_other = |t: usize| !levels.contains_key(&(t as u32));
     let top = levels.iter().filter(|&(_, &level)| level == 0).map(|(&t, _)| t as usize);
@@ -294,6 +296,7 @@ fn keep_contact(
     let mut copies = FxHashMap::<u32, u32>::default();
     for t in (0..triangles.len()).filter(|&t| is_other(t)) {
         let corners = triangles[t].map(|v| positions[v as usize]);
+        let mut moved = 0.0f32;
         // Bodies move inwards.
         let is_outside = |from: Vec3, inwards: Vec3| {
             let height = |p: &Vec3| (*p - from).dot(inwards);
@@ -305,12 +308,18 @@ fn keep_contact(
             {
                 v
             }
-            Some(of) if !stays.contains(&(v, part(t))) => *copies.entry(v).or_insert_with(|| {
-                positions.push(positions[v as usize] + of.by);
-                positions.len() as u32 - 1
-            }),
+            Some(of) if !stays.contains(&(v, part(t))) => {
+                moved = moved.max(of.by.length());
+                *copies.entry(v).or_insert_with(|| {
+                    positions.push(positions[v as usize] + of.by);
+                    positions.len() as u32 - 1
+                })
+            }
             _ => v,
         });
+        if moved > 0.0 {
+            distances.insert(t as u32, moved);
+        }
     }
 }
 

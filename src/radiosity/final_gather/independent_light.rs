@@ -67,9 +67,12 @@ impl FinalGather<'_> {
                 let face = &self.emitters.emitters[emitter].faces[face];
                 let ray = self.emitter_ray(&self.emitters, cut, vertex, |q| q, random);
                 let sampled = ray.as_ref().map_or(Vec3::ZERO, |ray| ray.light);
+                let Side { normal, end, .. } = self.linked.elements.sides[vertex.side as usize];
+                let height = face.normal.dot(vertex.at - face.corners[0]);
                 let expected = match face.profile {
+                    // The back of a lamp without thickness lies in the plane of its front, where the closed form has no value.
+                    None if height <= end.rounding_of_heights(face.end) => Vec3::ZERO,
                     None => {
-                        let Side { normal, .. } = self.linked.elements.sides[vertex.side as usize];
                         let factor = face.factor(vertex.at.as_dvec3(), normal.as_dvec3()) as f32;
                         // The probability of the face is the density of the point times the face's area.
                         let chance = density * mean(face.exitance) as f32 * face.area;

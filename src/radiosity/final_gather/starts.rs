@@ -13,8 +13,6 @@ use glam::Vec3;
 const MAX_SURFACES: usize = 64;
 /// Height above a surface up to which a point lies on it, in roundings of its coordinates: the height at which rays start.
 const MAX_SURFACE_HEIGHT: f32 = 5.0;
-/// Smallest cosine between the normals of a point and of its surface, that of 60°: files hold smoothed normals.
-const MIN_COSINE: f32 = 0.5;
 
 impl FinalGather<'_> {
     /// A given point, with its seed, and the start of its rays above the surface on which it lies: the surface nearest to the point along
@@ -22,7 +20,8 @@ impl FinalGather<'_> {
     /// within rounding. A point that lies higher receives the light at its place in space. A point without a surface is not moved onto
     /// one, but is lifted too: its surface may end beside it. On an edge or in a corner the light is the limit from inside the surface.
     pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
-        let found = self.model.find_around(at, normal, self.slack, |place| self.surface_near(place, normal));
+        let near = |place, min_cosine| self.surface_near(place, normal, min_cosine);
+        let found = self.model.find_around(at, normal, self.slack, near);
         let in_ground = || {
             let (at, face) = self.model.ground_above(at, normal)?;
             Some((at, EndRule::new(magnitude([at])), self.feature_size_at(face, at, normal)))
@@ -32,8 +31,9 @@ impl FinalGather<'_> {
         GatherPoint { on_surface, at: end.lifted(on_surface, normal), normal, end, feature_size, seed }
     }
 
-    /// The place on the surface nearest to a point along its normal, the end rule there and the feature size of its side.
-    fn surface_near(&self, at: Vec3, normal: Vec3) -> Option<(Vec3, EndRule, f32)> {
+    /// The place on the surface nearest to a point along its normal, with at least this cosine between their normals, the end rule there
+    /// and the feature size of its side.
+    fn surface_near(&self, at: Vec3, normal: Vec3, min_cosine: f32) -> Option<(Vec3, EndRule, f32)> {
         let (from, to) = (at + self.reach * normal, at - self.reach * normal);
         let mut packet = Packet::EMPTY;
         packet.set_between(0, from, to, [0.0, 1.0]);
@@ -51,7 +51,7 @@ impl FinalGather<'_> {
             let is_fine = self.scene.fine_ground.as_ref().is_some_and(|ground| ground.replaces(triangle));
             let end = if is_fine { EndRule::new(magnitude(corners)) } else { self.end_of(triangle) };
             let cosine = triangle_normal(a, b, c).dot(normal);
-            let parallel = cosine.abs() >= MIN_COSINE;
+            let parallel = cosine.abs() >= min_cosine;
             // Of coplanar faces that were moved apart, the first one found is that of this side of the plane.
             let stack_distance = self.scene.stack_distance(triangle);
             let moved = (2.0 * stack_distance + end.slack()) / (2.0 * self.reach);
@@ -66,7 +66,9 @@ impl FinalGather<'_> {
                 let mut at = packet.point(0, t);
                 // The coarse face that fine ground replaces has neither the height nor the edges of the fine ground.
                 if !is_fine {
-                    at = self.model.off_edges(corners, on_plane(corners, at), normal, end);
+                    // Where a lower face of a stack was moved below the point, light arrives in the common plane, as beside a carpet.
+                    let at_point = on_plane(corners, at) + depth.clamp(0.0, stack) * normal;
+                    at = self.model.off_edges(corners, at_point, normal, end);
                 }
                 found = Some((at, end, self.feature_size_at(triangle, at, normal)));
                 nearest = (t - 0.5).abs();

@@ -53,3 +53,16 @@ fn paths_of_the_audit_have_the_light_of_elements() {
         });
     }
 }
+
+/// A lamp hangs above the plane of another one's back, which lies in the plane of its front: no light passes between these two.
+#[test]
+fn the_back_of_a_lamp_gets_none_of_its_own_light() {
+    let mut pieces = Pieces::empty();
+    pieces.grey("room", 0.5).room(DVec3::ZERO, DVec3::new(4.0, 5.0, 2.8));
+    pieces.glowing("level lamp", 50.0).polygon(&facing_down([1.0, 1.8], [2.0, 3.0], 2.7));
+    let (edge, slope) = (DVec3::new(2.2, 2.1, 2.7), DVec3::new(0.0, 1.2, -0.2));
+    pieces.glowing("tilted lamp", 50.0).rectangle(edge, slope, 0.8 * DVec3::X);
+    let options = Options { audit: 200, ..coarse() };
+    let audit = solved(&pieces.scene(), &[], &options).record.audit.expect("an audit");
+    assert!(audit.elements >= 50 && audit.expected_rms < 0.1, "{audit:?}");
+}

@@ -253,6 +253,91 @@ fn feet_of_walls_outside_have_the_light_of_the_ground() {
     }
 }
 
+/// A point where faces touch, its normal, and the direction in which the light goes on.
+type Touching = ([f64; 3], DVec3, DVec3);
+
+/// Points exactly where faces touch, or within rounding of it, have the light a millimetre beside, in solutions and references.
+#[test]
+fn points_where_faces_touch_have_the_light_beside() {
+    let at = DVec3::new;
+    let check = |name: &str, turn: f64, pieces: Pieces, points: &[Touching]| {
+        let turn = glam::DMat3::from_rotation_z(turn);
+        let placed = |place: DVec3, normal: DVec3| Point { position: turn * place, normal: turn * normal };
+        let pair = |&(place, normal, along): &Touching| {
+            [0.0, 1e-3].map(|step| placed(DVec3::from(place) + step * along, normal))
+        };
+        let all: Vec<Point> = points.iter().flat_map(pair).collect();
+        for light in at_points(&pieces.turned(turn).scene(), &all) {
+            for (pair, (place, ..)) in light.chunks(2).zip(points) {
+                assert!(
+                    pair[1] > 0.02 && (pair[0] / pair[1] - 1.0).abs() < 0.05,
+                    "{name} {place:?}: {pair:?}"
+                );
+            }
+        }
+    };
+    let with_lamp = |lamp: DVec3, up: bool| {
+        let mut pieces = Pieces::empty();
+        pieces.glowing("lamp", 10.0).polygon(&level(lamp, 1.0, up));
+        pieces
+    };
+    let ground = |pieces: &mut Pieces| {
+        pieces.grey("ground", 0.2).polygon(&facing_up([-9.0, 11.0], [-8.0, 12.0], 0.0));
+    };
+
+    // Beside a carpet, and above one that ends at a wall, on a ground in its plane.
+    let mut carpet = with_lamp(at(0.0, 0.0, 2.4), false);
+    ground(&mut carpet);
+    carpet.grey("carpet", 0.3).polygon(&facing_up([-1.0, 1.0], [-0.5, 0.5], 0.0));
+    carpet.grey("wall", 0.5).cuboid(at(-1.2, -2.0, 0.0), at(-1.0, 2.0, 2.0));
+    let points = [
+        ([1.0, 0.1, 0.0], DVec3::Z, DVec3::X),
+        ([1.0 + 1e-5, 0.1, 0.0], DVec3::Z, DVec3::X),
+        ([-1.0, 0.1, 0.0], DVec3::X, DVec3::Z),
+    ];
+    check("carpet", 0.0, carpet, &points);
+
+    // The wall of a house that goes on below the ground, on the line of the ground.
+    let mut house = with_lamp(at(2.0, 0.5, 3.0), false);
+    ground(&mut house);
+    house.grey("house", 0.5).cuboid(at(-3.0, -2.0, -1.0), at(0.0, 2.0, 2.5));
+    check("house in the ground", 0.3, house, &[([0.0, 0.5, 0.0], DVec3::X, DVec3::Z)]);
+
+    // A wall below a roof that slopes down beyond it, lit from below.
+    let mut eaves = with_lamp(at(2.0, 0.5, 0.0), true);
+    eaves.grey("wall", 0.5).rectangle(at(0.0, -2.0, 0.0), 4.0 * DVec3::Y, 2.5 * DVec3::Z);
+    let down = at(1.2, 0.0, -0.9);
+    eaves.grey("roof", 0.5).rectangle(at(-0.8, -2.0, 3.1), down, 4.0 * DVec3::Y);
+    check("eaves", 0.0, eaves, &[([0.0, 0.5, 2.5], DVec3::X, -DVec3::Z)]);
+
+    // A hut of sheets that face into it, on a ground, and a floor of its own that ends at sheets.
+    for name in ["ground", "floor"] {
+        let mut hut = with_lamp(at(2.0, 1.5, 2.3), false);
+        match name {
+            "ground" => ground(&mut hut),
+            _ => _ = hut.grey("floor", 0.2).polygon(&facing_up([0.0, 4.0], [0.0, 3.0], 0.0)),
+        }
+        hut.grey("hut", 0.5).room_without(Wall::Floor, DVec3::ZERO, at(4.0, 3.0, 2.5));
+        let foot = |y: f64| ([0.0, y, 0.0], DVec3::Z, DVec3::X);
+        let feet = [0.6, 0.93, 1.41, 1.8, 2.31].map(foot);
+        for turn in [0.0, 0.3, std::f64::consts::FRAC_PI_4] {
+            check(name, turn, hut.clone(), &feet);
+        }
+    }
+
+    // A house on a slab in a hole of the ground, with a terrace beside it on the ground: the slab follows the ground below the terrace.
+    let mut slab = with_lamp(at(2.0, 1.5, 2.3), false);
+    slab.grey("ground", 0.2).pierced(
+        at(-8.0, -8.0, 0.0),
+        [20.0 * DVec3::X, 20.0 * DVec3::Y],
+        [[7.8, 7.8], [12.2, 11.2]],
+    );
+    slab.grey("slab", 0.3).cuboid(at(-0.2, -0.2, -0.2), at(4.2, 3.2, 0.0));
+    slab.grey("wall", 0.5).cuboid(at(0.0, 3.0, 0.0), at(4.0, 3.2, 2.5));
+    slab.grey("terrace", 0.4).polygon(&facing_up([4.2, 7.0], [-0.2, 3.2], 0.0));
+    check("slab", 0.0, slab, &[([2.3, 3.0, 0.0], DVec3::Z, -DVec3::Y)]);
+}
+
 /// Fins two centimetres before a lamp of four metres: coarse elements get as much light on each side as fine ones.
 #[test]
 fn fins_close_to_a_lamp_have_its_light() {

@@ -47,7 +47,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], sources: &mut Sources, options: &L
         true => DMat4::from_mat3(from_y_to_z()),
         false => DMat4::IDENTITY,
     };
-    let mut nodes = reader.nodes(&document, root)?;
+    let mut nodes = reader.nodes(&document, &nodes::transforms(json_of(bytes)), root)?;
     sharing::scene(&mut reader, &document, &mut nodes, options)
 }
 
@@ -111,13 +111,16 @@ fn count_nodes(bytes: &[u8]) -> usize {
     if bytes.len() < 3 * MAX_PLACEMENTS {
         return 0;
     }
-    let json = if bytes.starts_with(b"glTF") {
-        let length = bytes.get(12..16).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes);
-        bytes.get(20..20 + length as usize).unwrap_or_default()
-    } else {
-        bytes
-    };
-    serde_json::from_slice(json).map_or(0, |root: Root| root.nodes.len())
+    serde_json::from_slice(json_of(bytes)).map_or(0, |root: Root| root.nodes.len())
+}
+
+/// The JSON text of a file; empty if a GLB is too short.
+fn json_of(bytes: &[u8]) -> &[u8] {
+    if !bytes.starts_with(b"glTF") {
+        return bytes;
+    }
+    let length = bytes.get(12..16).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes);
+    bytes.get(20..20 + length as usize).unwrap_or_default()
 }
 
 /// Bytes of a URI: `data:`, or a file whose place is relative to the scene's.

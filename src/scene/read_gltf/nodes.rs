@@ -15,10 +15,43 @@ pub(super) struct MeshNode {
     pub world: DAffine3,
 }
 
+/// The transforms of all nodes of a document, by index, from its JSON text: the crate reads numbers in 32 bits, which places meshes far
+/// from the origin off by rounding. None if the text is not that of a glTF file (reported elsewhere).
+pub(super) fn transforms(json: &[u8]) -> Vec<DMat4> {
+    #[derive(serde::Deserialize)]
+    struct Root {
+        #[serde(default)]
+        nodes: Vec<Transform>,
+    }
+    #[derive(serde::Deserialize)]
+    struct Transform {
+        matrix: Option<[f64; 16]>,
+        translation: Option<[f64; 3]>,
+        rotation: Option<[f64; 4]>,
+        scale: Option<[f64; 3]>,
+    }
+    let matrix = |of: &Transform| {
+        let turn = of.rotation.map_or(DQuat::IDENTITY, DQuat::from_array);
+        let turn = if turn.length_squared() > 0.0 { turn.normalize() } else { DQuat::IDENTITY };
+        let [scale, to] =
+            [of.scale.unwrap_or([1.0; 3]), of.translation.unwrap_or_default()].map(DVec3::from_array);
+        of.matrix.map_or_else(
+            || DMat4::from_scale_rotation_translation(scale, turn, to),
+            |columns| DMat4::from_cols_array(&columns),
+        )
+    };
+    serde_json::from_slice(json).map_or(Vec::new(), |root: Root| root.nodes.iter().map(matrix).collect())
+}
+
 impl Reader<'_> {
-    /// Visits the default scene, or the first, or all nodes if there is none, whose root has the transform `root`. Each node is visited
-    /// once, so that cycles end.
-    pub fn nodes(&mut self, document: &gltf::Document, root: DMat4) -> Result<Vec<MeshNode>> {
+    /// Visits the default scene, or the first, or all nodes if there is none, whose root has the transform `root`, with the transforms of
+    /// the nodes. Each node is visited once, so that cycles end.
+    pub fn nodes(
+        &mut self,
+        document: &gltf::Document,
+        transforms: &[DMat4],
+        root: DMat4,
+    ) -> Result<Vec<MeshNode>> {
         let (mut found, mut names, mut camera_names) =
             (Vec::new(), UniqueNames::default(), UniqueNames::default());
         let mut entered = vec![false; document.nodes().count()];
@@ -32,8 +65,8 @@ impl Reader<'_> {
             if std::mem::replace(&mut entered[node.index()], true) {
                 continue;
             }
-            let local = DMat4::from_cols_array_2d(&node.transform().matrix().map(|c| c.map(f64::from)));
-            let world = parent * local;
+            let rounded = || DMat4::from_cols_array_2d(&node.transform().matrix().map(|c| c.map(f64::from)));
+            let world = parent * transforms.get(node.index()).copied().unwrap_or_else(rounded);
             if let Some(mesh) = node.mesh() {
                 let name =
                     node.name().or(mesh.name()).map_or(format!("object {}", node.index()), str::to_owned);

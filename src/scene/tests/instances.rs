@@ -186,6 +186,16 @@ fn stretched_nodes_are_copied() {
     );
 }
 
+/// Numbers of 32 bits would place a mesh at five thousand kilometres up to a quarter of a metre beside its place.
+#[test]
+fn nodes_far_from_the_origin_keep_their_places() {
+    let far = 5_432_109.3;
+    let s =
+        read(&file(json!([{ "name": "ground", "mesh": 0, "translation": [far, 0, 0] }]))).expect("a ground");
+    let right = s.origin.x + f64::from(s.bounds.max.x);
+    assert!((right - far - 1.0).abs() < 1e-6, "{right}");
+}
+
 #[test]
 fn emitters_are_never_placements() {
     let mut nodes = orchard();
@@ -302,7 +312,10 @@ fn matrices_that_mean_harm() {
         let text = read(&file(nodes)).expect_err(want).to_string();
         assert!(text.contains(want), "{text}");
     };
-    check(json!({ "name": "x", "mesh": 1, "scale": [1e39, 1, 1] }), "the matrix of node `x` is not finite");
+    check(
+        json!({ "name": "x", "mesh": 1, "scale": [1e39, 1, 1] }),
+        "of `x` has a coordinate that is not finite or beyond 1e12",
+    );
     check(
         json!({ "name": "x", "mesh": 1, "translation": [1e13, 0, 0] }),
         "node `x` places its mesh at coordinates",
