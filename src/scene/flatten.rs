@@ -1,7 +1,7 @@
 //! Conversion of placements to triangles.
 
 use super::names::counted;
-use super::{Material, Object, Placement, Scene, compact::drop_unused, faces::has_area};
+use super::{Material, Object, Placement, Scene, compact::drop_unused, faces::has_area, stack::StackMove};
 use crate::{Error, Result, error::quote, math::Aabb};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -168,8 +168,9 @@ impl Flat {
                 dropped += 1;
                 continue;
             }
-            if let Some(distance) = mesh.stack_distances.get(&(t as u32)) {
-                s.stack_distances.insert(s.triangles.len() as u32, scale * distance);
+            if let Some(&StackMove { largest, by }) = mesh.stack_moves.get(&(t as u32)) {
+                let by = p.transform.transform_vector3(by.as_dvec3()).as_vec3();
+                s.stack_moves.insert(s.triangles.len() as u32, StackMove { largest: scale * largest, by });
             }
             let own_part = mesh.triangle_component[t];
             if mesh.wound_parts.contains(&own_part) {

@@ -4,7 +4,7 @@ use super::Scene;
 use super::{emitters::hull, size::ends};
 use crate::error::quote;
 use crate::{Error, Result};
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 
 /// Largest number of points of a grid: 2,000 in either direction. Of a finer grid, the spacing is most likely stated in another unit.
 const MAX_POINTS: f64 = 4e6;
@@ -168,7 +168,9 @@ impl Scene {
         let mut height = vec![f64::NAN; counts[0] * counts[1]];
         let middle = |cell: usize, axis: usize| low[axis] + (cell as f64 + 0.5) * steps[axis];
         for &face in &plane.faces {
-            let corners = self.corners(face).map(|p| plane.place(p.as_dvec3()));
+            // Points lie in the plane of the file, not in that to which a face below others was moved.
+            let moved = self.stack_moves.get(&face).map_or(Vec3::ZERO, |of| of.by);
+            let corners = self.corners(face).map(|p| plane.place((p - moved).as_dvec3()));
             let range = |axis: usize| {
                 let at = corners.map(|corner| (corner[axis] - low[axis]) / steps[axis]);
                 let [first, last] = [at[0].min(at[1]).min(at[2]), at[0].max(at[1]).max(at[2])];
@@ -264,6 +266,18 @@ mod tests {
         // Of a solid the upward plane counts.
         let grid = furnished(0.0).measuring_grid("table", 0.5, 0.0).expect("a grid");
         assert!(grid.points.len() == 4 && grid.points.iter().all(|p| (p.z - 2.0).abs() < 1e-6));
+    }
+
+    #[test]
+    fn points_below_a_rug_lie_in_the_plane_of_the_file() {
+        let text = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\no floor\nf 1 2 3 4\n\
+                    v 1 1 0\nv 2 1 0\nv 2 2 0\nv 1 2 0\no rug\nf 5 6 7 8\n";
+        let grid = scene(text).measuring_grid("floor", 1.0, 0.0).expect("a grid");
+        assert!(
+            grid.points.len() == 16 && grid.points.iter().all(|p| p.z.abs() < 1e-12),
+            "{:?}",
+            grid.points
+        );
     }
 
     #[test]

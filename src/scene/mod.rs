@@ -259,8 +259,8 @@ pub struct Scene {
     pub(crate) cameras: Vec<StoredCamera>,
     /// Bounding box of all vertices of faces.
     pub(crate) bounds: Aabb,
-    /// Distances by which triangles in one plane were moved off each other.
-    pub(crate) stack_distances: stack::StackDistances,
+    /// How triangles in one plane were moved off each other.
+    pub(crate) stack_moves: stack::StackMoves,
     /// Parts of these triangles that were closed and consistently wound before the triangles were moved.
     pub(crate) wound_parts: HashSet<u32>,
     /// Pairs of objects with overlapping faces in one plane that face the same way or none of which is of a body such as furniture;
@@ -298,12 +298,12 @@ impl Scene {
 
     /// The largest distance by which faces of the stack of overlapping faces of a triangle were moved off each other, scene units.
     pub(crate) fn stack_distance(&self, triangle: u32) -> f32 {
-        self.stack_distances.get(&triangle).copied().unwrap_or(0.0)
+        self.stack_moves.get(&triangle).map_or(0.0, |of| of.largest)
     }
 
     /// The largest of these distances in the scene, scene units.
     pub(crate) fn largest_stack_distance(&self) -> f32 {
-        self.stack_distances.values().copied().fold(0.0, f32::max)
+        self.stack_moves.values().map(|of| of.largest).fold(0.0, f32::max)
     }
 
     /// Lights the scene by the suns of its file, if there are any.

@@ -141,7 +141,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         materials,
         emitters,
         environment: None,
-        stack_distances: stacks.distances,
+        stack_moves: stacks.moves,
         wound_parts,
         contacts: stacks.contacts,
         curved: None,

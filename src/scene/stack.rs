@@ -27,14 +27,22 @@ const MAX_DEPTH: f32 = 0.25;
 /// for that many.
 const MAX_TESTS: usize = 100_000_000;
 
-/// By triangle, the largest distance by which faces of its stack were moved off each other, or by which it follows such a face
-/// ([`keep_contact`]), scene units. Others have none.
-pub(crate) type StackDistances = FxHashMap<u32, f32>;
+/// How a triangle was moved as one of a stack, or with one ([`keep_contact`]); scene units.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct StackMove {
+    /// The largest distance by which faces of the stack were moved off each other, or by which a corner follows one of them.
+    pub largest: f32,
+    /// By what the triangle was moved; 0 if its corners were moved by different lengths.
+    pub by: Vec3,
+}
+
+/// The moves of the triangles that overlap with others or follow these.
+pub(crate) type StackMoves = FxHashMap<u32, StackMove>;
 
 /// What [`stack`] did.
 #[derive(Default)]
 pub(super) struct Stacks {
-    pub distances: StackDistances,
+    pub moves: StackMoves,
     /// Parts of moved triangles that were closed and consistently wound before.
     pub wound: FxHashSet<u32>,
     /// Pairs of objects with overlapping faces that face the same way or none of which is of a body; ascending.
@@ -83,9 +91,8 @@ pub(super) fn stack(
     widen(&mut levels, &mut fronts, &mut bodies, &mut stacks, &part, positions, triangles);
     let steps = steps(&stacked, &mut stacks, positions, triangles);
     let mut wound: FxHashSet<u32> = levels.keys().map(|&t| part(t as usize)).collect();
-    let with_part = |t: usize| (part(t), triangles[t]);
-    let of_stacks = (0..triangles.len()).map(with_part).filter(|(part, _)| wound.contains(part));
-    let open = badly_wound(of_stacks);
+    let of_stacks = (0..triangles.len()).filter(|&t| wound.contains(&part(t)));
+    let open = badly_wound(of_stacks.map(|t| (part(t), triangles[t])));
     wound.retain(|part| !open.contains(part));
     // Bodies thinner than that stay.
     let mut is_moved = |t: u32, level: i32| {
@@ -98,6 +105,7 @@ pub(super) fn stack(
     moved.sort_unstable();
     let mut shift_of = |t: u32, level: i32| -(level as f32) * steps[&stacks.root(t)] * fronts[&t];
     let shifted = |&(t, level): &(u32, i32)| Shifted {
+        triangle: t,
         corners: triangles[t as usize],
         by: shift_of(t, level),
         body: bodies.contains(&t).then(|| Body { part: part(t as usize), is_closed: !of.is_two_sided(t) }),
@@ -117,12 +125,12 @@ pub(super) fn stack(
             positions.len() as u32 - 1
         });
     }
-    let mut distances = distances(&levels, &mut stacks, &steps);
-    keep_contact(&shifts, &levels, &part, positions, triangles, &mut distances);
+    let mut moves = moves(&levels, &mut stacks, &steps, &shifts);
+    keep_contact(&shifts, &levels, &part, positions, triangles, &mut moves);
     if !shifts.is_empty() {
         drop_unused(positions, triangles, 0);
     }
-    Stacks { distances, wound, contacts }
+    Stacks { moves, wound, contacts }
 }
 
 /// The pairs of objects with overlapping faces that face the same way or none of which is of a body.
@@ -143,15 +151,25 @@ fn contacts(
     pairs
 }
 
-/// The largest distance by which faces of the stack of each triangle were moved.
-fn distances(levels: &FxHashMap<u32, i32>, stacks: &mut Sets, steps: &FxHashMap<u32, f32>) -> StackDistances {
+/// The moves of the triangles of stacks.
+fn moves(
+    levels: &FxHashMap<u32, i32>,
+    stacks: &mut Sets,
+    steps: &FxHashMap<u32, f32>,
+    shifts: &[Shifted],
+) -> StackMoves {
     let mut deepest = FxHashMap::<u32, u32>::default();
     for (&t, level) in levels {
         let of_stack = deepest.entry(stacks.root(t)).or_default();
         *of_stack = level.unsigned_abs().max(*of_stack);
     }
-    let distance = |&t: &u32| (t, deepest[&stacks.root(t)] as f32 * steps[&stacks.root(t)]);
-    levels.keys().map(distance).collect()
+    let of = |&t: &u32| {
+        let largest = deepest[&stacks.root(t)] as f32 * steps[&stacks.root(t)];
+        (t, StackMove { largest, by: Vec3::ZERO })
+    };
+    let mut moves: StackMoves = levels.keys().map(of).collect();
+    shifts.iter().for_each(|shift| moves.entry(shift.triangle).or_default().by = shift.by);
+    moves
 }
 
 /// Changes the levels of each plane so that the uppermost visible face stays or, if faces are visible from both sides, the plane is in
@@ -246,6 +264,7 @@ fn widen(
 /// A triangle before it was moved, and how it was moved.
 #[derive(Clone, Copy)]
 struct Shifted {
+    triangle: u32,
     corners: [u32; 3],
     by: Vec3,
     body: Option<Body>,
@@ -260,15 +279,15 @@ struct Body {
 
 /// Moves the vertices of faces outside the stacks that lie on a moved triangle with it: otherwise light would pass between a moved ceiling
 /// and the walls and partitions below it. Faces connected with the uppermost face of a stack stay with it. So do those on the inner side of
-/// a moved face of a body, which would leave a gap below it, except those of an open body: light would enter it. Adds the largest
-/// distance by which corners of these faces move.
+/// a moved face of a body, which would leave a gap below it, except those of an open body: light would enter it. Adds the moves of
+/// these faces.
 fn keep_contact(
     shifts: &[Shifted],
     levels: &FxHashMap<u32, i32>,
     part: &dyn Fn(usize) -> u32,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
-    distances: &mut StackDistances,
+    moves: &mut StackMoves,
 ) {
     let is_other = |t: usize| !levels.contains_key(&(t as u32));
     let top = levels.iter().filter(|&(_, &level)| level == 0).map(|(&t, _)| t as usize);
@@ -296,29 +315,31 @@ fn keep_contact(
     let mut copies = FxHashMap::<u32, u32>::default();
     for t in (0..triangles.len()).filter(|&t| is_other(t)) {
         let corners = triangles[t].map(|v| positions[v as usize]);
-        let mut moved = 0.0f32;
+        let mut by = [Vec3::ZERO; 3];
         // Bodies move inwards.
         let is_outside = |from: Vec3, inwards: Vec3| {
             let height = |p: &Vec3| (*p - from).dot(inwards);
             corners.iter().map(height).fold(0.0, f32::min) < -inwards.length_squared()
         };
-        triangles[t] = triangles[t].map(|v| match shift_of.get(&v) {
-            Some(Shifted { body: Some(body), by, .. })
-                if (body.is_closed || body.part != part(t)) && !is_outside(positions[v as usize], *by) =>
-            {
-                v
+        for (v, by) in triangles[t].iter_mut().zip(&mut by) {
+            match shift_of.get(v) {
+                Some(Shifted { body: Some(body), by, .. })
+                    if (body.is_closed || body.part != part(t))
+                        && !is_outside(positions[*v as usize], *by) => {}
+                Some(of) if !stays.contains(&(*v, part(t))) => {
+                    *by = of.by;
+                    *v = *copies.entry(*v).or_insert_with(|| {
+                        positions.push(positions[*v as usize] + of.by);
+                        positions.len() as u32 - 1
+                    });
+                }
+                _ => {}
             }
-            Some(of) if !stays.contains(&(v, part(t))) => {
-                moved = moved.max(of.by.length());
-                *copies.entry(v).or_insert_with(|| {
-                    positions.push(positions[v as usize] + of.by);
-                    positions.len() as u32 - 1
-                })
-            }
-            _ => v,
-        });
-        if moved > 0.0 {
-            distances.insert(t as u32, moved);
+        }
+        let largest = by.map(Vec3::length).into_iter().fold(0.0, f32::max);
+        if largest > 0.0 {
+            let is_one = by[1] == by[0] && by[2] == by[0];
+            moves.insert(t as u32, StackMove { largest, by: if is_one { by[0] } else { Vec3::ZERO } });
         }
     }
 }

@@ -152,7 +152,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         triangle_component,
         // Follows from `positions`.
         bounds: _,
-        stack_distances: _,
+        stack_moves: _,
         wound_parts: _,
         // Clusters do not depend on materials; `tests/suite/tidy.rs` checks this.
         triangle_material: _,
