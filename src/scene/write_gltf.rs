@@ -50,7 +50,7 @@ pub fn write_gltf(path: &Path, placed: &PlacedSoup, generator: &str) -> Result<(
         }
         let mesh =
             meshes.get(p.mesh as usize).ok_or_else(|| wrong("refers to a mesh that does not exist"))?;
-        let matrix = glam::DMat4::from(p.transform).as_mat4().to_cols_array();
+        let matrix = glam::DMat4::from(p.transform).to_cols_array();
         nodes.push(GltfNode { name: &p.name, mesh: *mesh, matrix: Some(matrix) });
     }
     out.write(path, nodes, generator)
@@ -83,7 +83,7 @@ struct GltfNode<'a> {
     name: &'a str,
     mesh: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
-    matrix: Option<[f32; 16]>,
+    matrix: Option<[f64; 16]>,
 }
 
 const EMISSIVE_STRENGTH: &str = "KHR_materials_emissive_strength";

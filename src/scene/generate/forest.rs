@@ -77,8 +77,6 @@ pub(super) fn placed(spec: &Spec) -> PlacedSoup {
         let turn = DMat3::from_rotation_z(random.between(0.0, 2.0 * PI));
         let scale = random.between(MIN_SCALE, MAX_SCALE);
         let transform = DAffine3::from_mat3_translation(turn * scale, foot(&mut random, spec, i));
-        let rounded = transform.to_cols_array().map(|x| f64::from(x as f32));
-        let transform = DAffine3::from_cols_array(&rounded);
         Placement { mesh, transform, name: tree_name(i), material: None, visible: true }
     };
     let placements = (0..spec.trees).map(&mut place).collect();
