@@ -155,8 +155,8 @@ impl Model {
             (count > 0)
                 .then(|| format!("the light of {which} leaves the scene, {why}: {names}{more}; {cure}"))
         };
-        let of_faces = (faces, "as their fronts face away from everything", TURN);
-        let of_lamps = (lamps, "as these luminaires shine away from everything", AIM);
+        let of_faces = (faces, "as it is sent away from all surfaces", TURN);
+        let of_lamps = (lamps, "as it is aimed away from all surfaces", AIM);
         [of_faces, of_lamps].into_iter().filter_map(note).collect()
     }
 

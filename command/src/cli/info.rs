@@ -1,6 +1,6 @@
 //! `mrvis info SCENE`: contents of a scene and its repairs.
 
-use super::args::{Common, SceneArgs, grouped};
+use super::args::{Common, SceneArgs, counted, grouped};
 use super::flags::with_flags;
 use super::inputs::Inputs;
 use super::values::ClusterArgs;
@@ -128,9 +128,9 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
     writeln!(out, "  materials   {:>12}", grouped(p.materials.len()))?;
     writeln!(
         out,
-        "  parts       {:>12} closed, {} sheets",
+        "  parts       {:>12} closed, {}",
         grouped(stored(s, |m| m.parts().closed_parts)),
-        grouped(stored(s, |m| m.parts().sheet_parts))
+        counted(stored(s, |m| m.parts().sheet_parts), "sheet")
     )?;
     writeln!(out, "  size        {} x {} x {} {unit}", round(e.x), round(e.y), round(e.z))?;
     let (up, from) = s.up_from();
@@ -157,8 +157,9 @@ fn stored(s: &Scene, count: impl Fn(&Scene) -> usize) -> usize {
 
 fn clusters(out: &mut String, counts: ClusterCounts) -> std::fmt::Result {
     let ClusterCounts { clusters, levels, large, .. } = counts;
-    writeln!(out, "  clusters    {:>12} in {levels} levels", grouped(clusters))?;
-    writeln!(out, "  large       {:>12} triangles of large surfaces, never averaged", grouped(large))
+    writeln!(out, "  clusters    {:>12} in {}", grouped(clusters), counted(levels, "level"))?;
+    let triangles = if large == 1 { "triangle" } else { "triangles" };
+    writeln!(out, "  large       {:>12} {triangles} of large surfaces, never averaged", grouped(large))
 }
 
 /// Clusters of the scene's own triangles and of its shared meshes, each once.

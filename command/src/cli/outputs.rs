@@ -328,9 +328,12 @@ impl Outputs {
         wanted.contains(&kind) && !wanted.contains(&Kind::None)
     }
 
-    /// Whether files show the light of elements.
+    /// Whether files show the light of elements: all but pictures whose pixels are gathered. Without any files and points, the light of
+    /// elements is what is reported.
     pub fn need_elements(&self, with_points: bool) -> bool {
-        !with_points || KINDS.into_iter().any(|kind| self.wants(kind, with_points))
+        let mut wanted = KINDS.into_iter().filter(|&kind| self.wants(kind, with_points)).peekable();
+        let is_idle = !with_points && wanted.peek().is_none();
+        is_idle || wanted.any(|kind| kind != Kind::Image || !self.gather)
     }
 
     /// Whether irradiance of pixels will be computed.

@@ -4,7 +4,7 @@ use crate::error::number;
 use crate::radiosity::audit::Ledger;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::Options;
-use crate::radiosity::refinement::{Iteration, StopReason};
+use crate::radiosity::refinement::StopReason;
 use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::Unlit;
 use crate::radiosity::transport::Convergence;
@@ -22,12 +22,7 @@ const MIN_RAY_FRACTION: f64 = 0.9;
 const USUAL_UNLIT_AREA: f64 = 0.5;
 
 /// A note if refinement ended before the requested error.
-pub fn ended(
-    ended: StopReason,
-    options: &Options,
-    last: Option<&Iteration>,
-    estimate: Option<f64>,
-) -> Option<String> {
+pub fn ended(ended: StopReason, options: &Options, estimate: Option<f64>) -> Option<String> {
     let why = match ended {
         StopReason::Error | StopReason::Target | StopReason::Interrupted | StopReason::Nothing => {
             return None;
@@ -35,10 +30,8 @@ pub fn ended(
         StopReason::Time => limit(options),
         StopReason::Links => format!("⟨max_links⟩ {}", options.max_links),
     };
-    let reached =
-        last.map_or_else(String::new, |i| format!("at links with errors of {}, ", number(i.error_bound)));
     let (error, estimate) = (options.error, in_words(estimate));
-    Some(format!("{why} ended refinement {reached}before ⟨error⟩ {error} was reached; {estimate}"))
+    Some(format!("{why} ended refinement before all links had the accuracy of ⟨error⟩ {error}; {estimate}"))
 }
 
 /// A note if the ledger does not balance: by a larger fraction than [`MAX_IMBALANCE`] and the smaller of estimated and requested error.
@@ -54,7 +47,7 @@ pub fn imbalance(
     // For points alone, leaves have a few rays each, whatever the error.
     let cure = match ended {
         _ if !options.elements => {
-            "points have rays of their own; outputs of surfaces, such as meshes and pictures, balance it"
+            "points have rays of their own; outputs of surfaces, such as meshes, balance it"
         }
         StopReason::Time => "more time (⟨max_seconds⟩) brings it down",
         StopReason::Links => "more links (⟨max_links⟩) bring it down",
@@ -74,13 +67,15 @@ pub fn imbalance(
 }
 
 /// A note if the estimated error is larger than the target.
-pub fn missed(options: &Options, estimate: Option<f64>) -> Option<String> {
+pub fn missed(options: &Options, ended: StopReason, estimate: Option<f64>) -> Option<String> {
     let target = options.target_error.filter(|target| estimate.is_none_or(|e| e > *target))?;
     let estimate = in_words(estimate);
-    Some(format!(
-        "⟨target_error⟩ {target} was missed: {estimate}; a smaller ⟨error⟩ or ⟨min_area⟩, more time or \
-         more links bring it down"
-    ))
+    let cure = match ended {
+        StopReason::Links => "more links (⟨max_links⟩) bring it down",
+        _ if options.max_seconds.is_some() => "more time (⟨max_seconds⟩) brings it down",
+        _ => "a smaller ⟨error⟩ or ⟨min_area⟩ brings it down",
+    };
+    Some(format!("⟨target_error⟩ {target} was missed: {estimate}; {cure}"))
 }
 
 fn in_words(estimate: Option<f64>) -> String {
@@ -90,12 +85,23 @@ fn in_words(estimate: Option<f64>) -> String {
     )
 }
 
+/// Fraction of the light of emitters below which it counts as lost: less than the usual error of a solution.
+const MIN_ABSORBED: f64 = 1e-3;
+
 /// A note if light does not arrive although a target is set.
 pub fn lost_with_target(options: &Options) -> Option<String> {
-    options.target_error.map(|_| {
-        "the target counts as missed, because light does not arrive where it should (see the note before): without ⟨target_error⟩ that is \
-         a note alone"
-            .into()
+    options
+        .target_error
+        .map(|_| "⟨target_error⟩ counts as missed, because light is lost (see the note before)".into())
+}
+
+/// A note, with its cause, if next to all of the light that emitters send leaves the scene, as that of a spotlight past all surfaces.
+pub fn all_lost(ledger: &Ledger, cause: &str) -> Option<String> {
+    (ledger.absorbed < MIN_ABSORBED * ledger.emitted).then(|| {
+        format!(
+            "{:.2} % of the light of the emitters arrives at surfaces: {cause}",
+            100.0 * ledger.absorbed / ledger.emitted
+        )
     })
 }
 
@@ -254,14 +260,14 @@ pub fn unconverged(convergence: &Convergence, deadline: &Deadline) -> Option<Str
 pub fn dark_points(irradiance: &[Rgb], dark: f64) -> Option<String> {
     let is_dark = !irradiance.is_empty() && irradiance.iter().flatten().all(|&e| e <= dark);
     is_dark.then(|| {
-        format!(
-            "no light arrives at {}: they lie behind surfaces, or their normals point away from the light",
-            if irradiance.len() == 1 {
-                "the point".into()
-            } else {
-                format!("any of the {} points", irradiance.len())
-            }
-        )
+        let (which, why) = match irradiance.len() {
+            1 => ("the point".into(), "it lies behind surfaces, or its normal points away from the light"),
+            count => (
+                format!("any of the {count} points"),
+                "they lie behind surfaces, or their normals point away from the light",
+            ),
+        };
+        format!("no light arrives at {which}: {why}")
     })
 }
 

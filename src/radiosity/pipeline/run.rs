@@ -97,7 +97,9 @@ pub fn solve(
     tally.add(audit_tally);
     let parts = RecordParts { unlit, steps, tally, audit, uncertainty: &uncertainty, points_error, arrives };
     let record = stages.record(&solved, parts);
-    let mesh = if options.elements { solved.mesh(scene, &uncertainty) } else { RadiosityMesh::default() };
+    // Pictures of further points show the mesh.
+    let has_mesh = options.elements || options.more_points;
+    let mesh = if has_mesh { solved.mesh(scene, &uncertainty) } else { RadiosityMesh::default() };
     let outcome = Outcome { mesh, record, irradiance };
     Ok((
         outcome,
@@ -297,7 +299,13 @@ impl Stages<'_> {
         } else {
             self.notes.extend(model.notes_of_coarseness());
             let dark = notes::dark_points(irradiance, dark);
-            model.notes_of_lost_light().into_iter().chain(dark).collect()
+            let lost: Vec<String> = model.notes_of_lost_light().into_iter().chain(dark).collect();
+            let all_lost = || notes::all_lost(&solved.ledger(&scene.unit), &model.cause_of_darkness());
+            if lost.is_empty() && scene.environment.is_none() {
+                all_lost().into_iter().collect()
+            } else {
+                lost
+            }
         };
         let arrives = lost.is_empty();
         self.notes.extend(lost);
@@ -324,8 +332,8 @@ impl Stages<'_> {
             false => points_error.map(ErrorEstimate::of_points),
         };
         let error_estimate = estimate.map(|e| e.rms);
-        self.notes.extend(notes::ended(steps.ended, options, steps.iterations.last(), error_estimate));
-        self.notes.extend(notes::missed(options, error_estimate));
+        self.notes.extend(notes::ended(steps.ended, options, error_estimate));
+        self.notes.extend(notes::missed(options, steps.ended, error_estimate));
         let ledger = solved.ledger(&scene.unit);
         let imbalance = notes::imbalance(&ledger, error_estimate, steps.ended, options);
         let balanced = imbalance.is_none();
