@@ -388,22 +388,28 @@ fn centroid(values: &[[f32; 3]]) -> [f32; 3] {
     from_fn(|c| values.iter().map(|v| v[c]).sum::<f32>() / values.len() as f32)
 }
 
-/// Distance of a vertex from a wall, as a fraction of the diameter of its elements, up to which they are parted by it: those that the wall
-/// crosses farther from their corners are cut along it.
+/// Distance of a vertex from a wall, relative to the root of the area of its elements, up to which the wall parts them: elements that a
+/// wall crosses farther than 1/128 of their diameter from their corners are cut along it (`radiosity::refinement::crossings`).
 const NEAR_WALL: f32 = 1.0 / 64.0;
 
-/// A wall along an edge of an element near a vertex: the ends of the edge, counterclockwise around the element.
-type Wall = [Vec3; 2];
+/// A wall along an edge of an element.
+struct WalledEdge {
+    element: u32,
+    /// The ends of the edge, counterclockwise around the element.
+    ends: [Vec3; 2],
+}
 
-/// Whether a wall passes between two elements at a vertex that it meets or passes near.
+/// Whether a wall passes between two elements at a vertex that it meets or passes near. At the end of a wall, elements beyond it that it
+/// does not touch share their light.
 fn is_between(
     solution: &RadiosityMesh,
-    [from, to]: Wall,
+    wall: &WalledEdge,
     elements: [u32; 2],
     vertex: u32,
     normal: Vec3,
 ) -> bool {
     let place = |v: u32| solution.vertices[v as usize];
+    let [from, to] = wall.ends;
     let [a, b] = elements.map(|e| {
         let e = &solution.elements[e as usize];
         let middle = e.corners.iter().map(|&v| place(v)).sum::<Vec3>() / 4.0;
@@ -412,17 +418,22 @@ fn is_between(
     let (at, along) = (place(vertex), to - from);
     let part = ((at - from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
     let rounding = rounding(from.abs().max(to.abs()));
-    a.0 * b.0 < 0.0 && at.distance(from + part * along) <= rounding + NEAR_WALL * a.1.max(b.1)
+    let is_end = || wall.ends.iter().any(|end| end.distance(at) <= rounding);
+    a.0 * b.0 < 0.0
+        && at.distance(from + part * along) <= rounding + NEAR_WALL * a.1.max(b.1)
+        && (elements.contains(&wall.element) || !is_end())
 }
 
 /// The walls along the edges of some elements.
-fn walls_of(solution: &RadiosityMesh, elements: &[u32]) -> SmallVec<[Wall; 4]> {
+fn walls_of(solution: &RadiosityMesh, elements: &[u32]) -> SmallVec<[WalledEdge; 4]> {
     let place = |v: u32| solution.vertices[v as usize];
     let mut found = SmallVec::new();
-    for e in elements.iter().map(|&e| &solution.elements[e as usize]).filter(|e| e.walls != 0) {
+    for &element in elements.iter().filter(|&&e| solution.elements[e as usize].walls != 0) {
+        let e = &solution.elements[element as usize];
         let corners = e.outline();
         let edges = (0..corners.len()).filter(|k| e.walls >> k & 1 != 0);
-        found.extend(edges.map(|k| [place(corners[k]), place(corners[(k + 1) % corners.len()])]));
+        let ends = |k: usize| [place(corners[k]), place(corners[(k + 1) % corners.len()])];
+        found.extend(edges.map(|k| WalledEdge { element, ends: ends(k) }));
     }
     found
 }
@@ -442,7 +453,7 @@ fn count_at(
     let mut found: SmallVec<[u32; 8]> = around.iter().copied().filter(|&e| faces(e)).collect();
     let walls = walls_of(solution, &found);
     let is_narrow = |e: u32| solution.elements[e as usize].narrow;
-    let beyond = |e: u32| walls.iter().any(|&wall| is_between(solution, wall, [element, e], vertex, normal));
+    let beyond = |e: u32| walls.iter().any(|wall| is_between(solution, wall, [element, e], vertex, normal));
     found.retain(|e| *e == element || is_narrow(*e) == is_narrow(element) && !beyond(*e));
     let counts = |e: u32| !solution.elements[e as usize].crossed && (e as usize) < solution.lit();
     if found.iter().any(|&e| counts(e)) {

@@ -146,17 +146,19 @@ impl Model {
         let turned: Vec<&Emitter> = parallel::flat_map(&tested, |e| self.is_turned(e).then_some(*e));
         let (lamps, faces): (Vec<&Emitter>, Vec<&Emitter>) =
             turned.into_iter().partition(|emitter| self.is_luminaire(emitter));
-        let note = |(turned, why, cure): (Vec<&Emitter>, &str, &str)| {
+        let note = |(turned, why, cure): (Vec<&Emitter>, [&str; 2], &str)| {
             let names: Vec<String> =
                 turned.iter().take(MAX_NAMES).map(|e| format!("`{}`", quote(&e.name))).collect();
             let more = if turned.len() > MAX_NAMES { ", ..." } else { "" };
             let (count, of, names) = (turned.len(), tested.len(), names.join(", "));
+            let why = why[usize::from(count > 1)];
             let which = if of == 1 { "the only emitter".into() } else { format!("{count} of {of} emitters") };
             (count > 0)
-                .then(|| format!("the light of {which} leaves the scene, {why}: {names}{more}; {cure}"))
+                .then(|| format!("the light of {which} leaves the scene, as {why}: {names}{more}; {cure}"))
         };
-        let of_faces = (faces, "as it is sent away from all surfaces", TURN);
-        let of_lamps = (lamps, "as it is aimed away from all surfaces", AIM);
+        let of_faces =
+            (faces, ["its front faces away from everything", "their fronts face away from everything"], TURN);
+        let of_lamps = (lamps, ["it shines away from everything", "they shine away from everything"], AIM);
         [of_faces, of_lamps].into_iter().filter_map(note).collect()
     }
 

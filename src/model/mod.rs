@@ -34,6 +34,7 @@ use glam::Vec3;
 pub use instance::{Instance, InstanceChange};
 pub use mesh::Mesh;
 pub(crate) use mesh::face_magnitudes;
+pub(crate) use places::SurfaceSearch;
 pub use prepare::{Detail, PrepareOptions, PrepareReport};
 use std::sync::Arc;
 use top_level::TopLevel;

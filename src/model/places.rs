@@ -14,9 +14,19 @@ use smallvec::SmallVec;
 /// so that no wall passes through the ends of all.
 const AROUND: [[usize; 2]; 8] = [[5, 6], [6, 7], [7, 8], [8, 5], [1, 3], [3, 2], [2, 4], [4, 1]];
 
-/// Smallest cosines between the normals of a point and of its surface, in the order in which they are tried: that of 26°, the largest angle
-/// between neighbouring faces of a smooth surface, then that of 60°, as files hold smoothed normals.
-const MIN_COSINES: [f32; 2] = [0.9, 0.5];
+/// Which surfaces count as that of a point.
+#[derive(Clone, Copy)]
+pub(crate) struct SurfaceSearch {
+    /// Smallest cosine between the normals of the point and of the surface.
+    pub min_cosine: f32,
+    /// Whether the surface lies within rounding of the point; otherwise it may lie above it, as files contain few digits.
+    pub is_near: bool,
+}
+
+/// The searches for the surface of a point, in their order: a point where a wall meets a sloping roof lies on both, and belongs to the one
+/// with about its normal (within 26°); then any surface within 60°, as files hold smoothed normals.
+const SEARCHES: [SurfaceSearch; 2] =
+    [SurfaceSearch { min_cosine: 0.9, is_near: true }, SurfaceSearch { min_cosine: 0.5, is_near: false }];
 
 /// Smallest distance of a place around a point from a wall, relative to that from the point: in a corner of 90 degrees, some place has .38.
 const MIN_WALL_DISTANCE: f32 = 0.25;
@@ -63,32 +73,31 @@ struct WallsSeen {
 
 impl Model {
     /// What `find` returns for the first place around a point for which it finds something: places by the rounding of the point, then by
-    /// that of the largest face within `distance` of it. `find` also gets the smallest cosine between the normals of the point and of its
-    /// surface: first a large one, as a point where a wall meets a sloping roof lies on both.
+    /// that of the largest face within `distance` of it; in turn for each of the [`SEARCHES`].
     pub(crate) fn find_around<T>(
         &self,
         point: Vec3,
         normal: Vec3,
         distance: f32,
-        find: impl Fn(Vec3, f32) -> Option<T>,
+        find: impl Fn(Vec3, SurfaceSearch) -> Option<T>,
     ) -> Option<T> {
         let own = magnitude([point]);
-        let near = |size, cosine| {
-            self.places_of(point, normal, size).into_iter().find_map(|place| find(place, cosine))
+        let near = |size, search| {
+            self.places_of(point, normal, size).into_iter().find_map(|place| find(place, search))
         };
         // No face has much larger coordinates.
         let is_large = own >= MIN_MAGNITUDE * self.magnitude();
         let smallest = if is_large { own } else { self.sizes_around(point, normal, distance)[0] };
-        let among_all = |cosine| {
-            near(smallest, cosine).or_else(|| near(self.sizes_around(point, normal, distance)[1], cosine))
+        let among_all = |search| {
+            near(smallest, search).or_else(|| near(self.sizes_around(point, normal, distance)[1], search))
         };
-        MIN_COSINES.into_iter().find_map(among_all)
+        SEARCHES.into_iter().find_map(among_all)
     }
 
     /// The places where the surface of a point is looked for, in this order: the point, then those around it ([`places_around`]). Where
-    /// walls stand on the surface at the point, the places come first that are off all walls; of these those before the fronts of the walls
-    /// that light reaches directly, as inside of a hut of sheets on a ground; then those of the largest [`WallsSeen::openness`]: on the
-    /// line where a box touches a floor, light is that of the floor beside the box, not that of the floor in it.
+    /// walls stand on the surface at the point, the places come first that lie off all walls before fronts that light reaches directly, as
+    /// inside of a hut of sheets on a ground; then others off all walls; of these those of the largest [`WallsSeen::openness`]: on the line
+    /// where a box touches a floor, light is that of the floor beside the box, not that of the floor in it.
     /// `size` is the coordinate by whose rounding the places differ, see [`Model::sizes_around`].
     fn places_of(&self, point: Vec3, normal: Vec3, size: f32) -> [Vec3; 9] {
         let distance = edge_distance(size);
@@ -121,8 +130,16 @@ impl Model {
         let seen = lifted.map(|place| self.walls_seen(place, normal, &at));
         let mut order: [usize; 9] = std::array::from_fn(|k| k);
         order.sort_by(|&a, &b| seen[b].openness.total_cmp(&seen[a].openness));
-        // The point itself lies in the wall.
-        order.sort_by_key(|&k| (k == 0, is_in_wall[k], !(seen[k].is_before && seen[k].is_lit)));
+        let rank = |k: usize| match &seen[k] {
+            // The point itself lies in the wall.
+            _ if k == 0 => 4,
+            // In an acute corner all places of the room may be near a wall: they come before those inside of bodies.
+            _ if is_in_wall[k] => 2,
+            WallsSeen { is_before: true, is_lit: true, .. } => 0,
+            of if of.is_before || of.openness >= 1.0 => 1,
+            _ => 3,
+        };
+        order.sort_by_key(|&k| rank(k));
         places = order.map(|k| places[k]);
         places
     }
@@ -272,7 +289,6 @@ impl Model {
             if !at.parts.contains(&part) {
                 seen.openness += 1.0;
             } else if wall.normal.dot(direction) > 0.0 {
-                seen.openness -= 0.5;
                 seen.is_before &= wall.height(at.point).abs() > 2.0 * at.distance;
             }
         }

@@ -1,7 +1,7 @@
 //! Traced geometry with normals, reflectances and emission of hit points.
 
 use crate::embree::{CommittedScene, Hits, Traversal};
-use crate::model::Model;
+use crate::model::{Model, SurfaceSearch};
 use crate::ray::{EndRule, Packet};
 use crate::scene::{FineGround, Profile, magnitude};
 use glam::{DVec3, Vec3};
@@ -74,7 +74,7 @@ impl<'a> Surfaces<'a> {
     /// it by the skin of the surface, and either by twice the distance by which stacked faces were moved. Without one, the point is taken
     /// as it is, lifted. On an edge or in a corner the start is inside the surface. Also returns its distance from the surface.
     pub fn start(&self, given: Vec3, normal: Vec3) -> (Vec3, f32) {
-        let near = |place, min_cosine| Some((place, self.nearest(place, normal, min_cosine)?));
+        let near = |place, search| Some((place, self.nearest(place, normal, search)?));
         let found = self.model.find_around(given, normal, self.slack, near);
         let Some((place, (depth, stack, hit))) = found else {
             let given = self.model.ground_above(given, normal).map_or(given, |(place, _)| place);
@@ -90,7 +90,12 @@ impl<'a> Surfaces<'a> {
 
     /// The nearest of the surfaces along the normal of a point whose normals have at least this cosine with it, its distance against the
     /// normal, and the largest distance of faces of its stack from their common plane.
-    fn nearest(&self, given: Vec3, normal: Vec3, min_cosine: f32) -> Option<(f32, f32, SurfaceHit<'_>)> {
+    fn nearest(
+        &self,
+        given: Vec3,
+        normal: Vec3,
+        search: SurfaceSearch,
+    ) -> Option<(f32, f32, SurfaceHit<'_>)> {
         /// Largest number of surfaces that are tried: bounds the time where many sheets lie on each other.
         const MAX_SURFACES: usize = 64;
         let mut ray = Packet::EMPTY;
@@ -108,8 +113,10 @@ impl<'a> Surfaces<'a> {
             let is_nearer =
                 |(other, ..): &(f32, f32, SurfaceHit)| depth.abs() + stack + hit.skin < other.abs();
             // A point that lies higher than rays start has the light of its place.
-            let is_on = depth <= hit.skin.max(skin([given])).max(stack) && -depth <= self.slack.max(stack);
-            if hit.cosine.abs() >= min_cosine && is_on && found.as_ref().is_none_or(is_nearer) {
+            let near = hit.skin.max(skin([given]));
+            let above = if search.is_near { near } else { self.slack };
+            let is_on = depth <= near.max(stack) && -depth <= above.max(stack);
+            if hit.cosine.abs() >= search.min_cosine && is_on && found.as_ref().is_none_or(is_nearer) {
                 found = Some((depth, stack, hit));
             }
             ray.near[0] = hits.t[0].next_up();

@@ -30,7 +30,8 @@ const MAX_TESTS: usize = 100_000_000;
 /// How a triangle was moved as one of a stack, or with one ([`keep_contact`]); scene units.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct StackMove {
-    /// The largest distance by which faces of the stack were moved off each other, or by which a corner follows one of them.
+    /// The largest distance by which faces of the stack were moved off each other, or by which a corner follows one of them along the
+    /// normal of its face.
     pub largest: f32,
     /// By what the triangle was moved; 0 if its corners were moved by different lengths.
     pub by: Vec3,
@@ -336,7 +337,9 @@ fn keep_contact(
                 _ => {}
             }
         }
-        let largest = by.map(Vec3::length).into_iter().fold(0.0, f32::max);
+        // Walls on a ground that moves down stay in their planes.
+        let normal = triangle_normal(corners[0], corners[1], corners[2]);
+        let largest = by.map(|by| by.dot(normal).abs()).into_iter().fold(0.0, f32::max);
         if largest > 0.0 {
             let is_one = by[1] == by[0] && by[2] == by[0];
             moves.insert(t as u32, StackMove { largest, by: if is_one { by[0] } else { Vec3::ZERO } });

@@ -71,10 +71,6 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let notes = notes(&model, &points, mean > 0.0);
     warn(common, &notes);
     warnings.extend(notes);
-    if mean == 0.0 && !scene.parts().emitters.is_empty() {
-        let cause = model.cause_of_darkness();
-        warn(common, &[format!("no light arrives at any point; if that is wrong: {cause}")]);
-    }
     let mut json = serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),
         "scene": args.scene.scene,
@@ -114,10 +110,15 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 
 /// Notes on the model for these points.
 fn notes(model: &Model, points: &[Point], is_lit: bool) -> Vec<String> {
-    let mut notes = match is_lit {
-        true => [model.notes_of_lost_light(), model.notes_of_coarseness()].concat(),
-        false => Vec::from_iter(model.note_of_coarse_coordinates()),
-    };
+    let mut notes = model.notes_of_lost_light();
+    match is_lit {
+        true => notes.extend(model.notes_of_coarseness()),
+        false => {
+            let why = "the points lie behind surfaces, or their normals point away from the light";
+            let dark = notes.is_empty().then(|| format!("no light arrives at any point: {why}"));
+            notes.extend(dark.into_iter().chain(model.note_of_coarse_coordinates()));
+        }
+    }
     let origin = model.scene().parts().origin;
     let local = |p: &Point| ((p.position - origin).as_vec3(), p.normal.as_vec3());
     notes.extend(model.note_of_free_points(&points.iter().map(local).collect::<Vec<_>>()));

@@ -328,12 +328,9 @@ impl Outputs {
         wanted.contains(&kind) && !wanted.contains(&Kind::None)
     }
 
-    /// Whether files show the light of elements: all but pictures whose pixels are gathered. Without any files and points, the light of
-    /// elements is what is reported.
+    /// Whether files show the light of elements.
     pub fn need_elements(&self, with_points: bool) -> bool {
-        let mut wanted = KINDS.into_iter().filter(|&kind| self.wants(kind, with_points)).peekable();
-        let is_idle = !with_points && wanted.peek().is_none();
-        is_idle || wanted.any(|kind| kind != Kind::Image || !self.gather)
+        !with_points || KINDS.into_iter().any(|kind| self.wants(kind, with_points))
     }
 
     /// Whether irradiance of pixels will be computed.

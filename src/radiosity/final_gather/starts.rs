@@ -4,6 +4,7 @@ use super::gather_point::GatherPoint;
 use super::gatherer::FinalGather;
 use crate::embree::Hits;
 use crate::math::{on_plane, triangle_normal};
+use crate::model::SurfaceSearch;
 use crate::radiosity::elements::Elements;
 use crate::ray::{EndRule, Packet};
 use crate::scene::magnitude;
@@ -20,7 +21,7 @@ impl FinalGather<'_> {
     /// within rounding. A point that lies higher receives the light at its place in space. A point without a surface is not moved onto
     /// one, but is lifted too: its surface may end beside it. On an edge or in a corner the light is the limit from inside the surface.
     pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
-        let near = |place, min_cosine| self.surface_near(place, normal, min_cosine);
+        let near = |place, search| self.surface_near(place, normal, search);
         let found = self.model.find_around(at, normal, self.slack, near);
         let in_ground = || {
             let (at, face) = self.model.ground_above(at, normal)?;
@@ -33,7 +34,7 @@ impl FinalGather<'_> {
 
     /// The place on the surface nearest to a point along its normal, with at least this cosine between their normals, the end rule there
     /// and the feature size of its side.
-    fn surface_near(&self, at: Vec3, normal: Vec3, min_cosine: f32) -> Option<(Vec3, EndRule, f32)> {
+    fn surface_near(&self, at: Vec3, normal: Vec3, search: SurfaceSearch) -> Option<(Vec3, EndRule, f32)> {
         let (from, to) = (at + self.reach * normal, at - self.reach * normal);
         let mut packet = Packet::EMPTY;
         packet.set_between(0, from, to, [0.0, 1.0]);
@@ -51,7 +52,7 @@ impl FinalGather<'_> {
             let is_fine = self.scene.fine_ground.as_ref().is_some_and(|ground| ground.replaces(triangle));
             let end = if is_fine { EndRule::new(magnitude(corners)) } else { self.end_of(triangle) };
             let cosine = triangle_normal(a, b, c).dot(normal);
-            let parallel = cosine.abs() >= min_cosine;
+            let parallel = cosine.abs() >= search.min_cosine;
             // Of coplanar faces that were moved apart, the first one found is that of this side of the plane.
             let stack_distance = self.scene.stack_distance(triangle);
             let moved = (2.0 * stack_distance + end.slack()) / (2.0 * self.reach);
@@ -60,8 +61,9 @@ impl FinalGather<'_> {
             let rounding = end.slack().max(EndRule::new(magnitude([at])).slack());
             // Stacked faces were moved either way.
             let stack = 2.0 * stack_distance;
-            let is_on =
-                depth <= (MAX_SURFACE_HEIGHT * rounding).max(stack) && -depth <= self.slack.max(stack);
+            let near = MAX_SURFACE_HEIGHT * rounding;
+            let above = if search.is_near { near } else { self.slack };
+            let is_on = depth <= near.max(stack) && -depth <= above.max(stack);
             if parallel && is_on && is_nearer {
                 let mut at = packet.point(0, t);
                 // The coarse face that fine ground replaces has neither the height nor the edges of the fine ground.

@@ -31,7 +31,7 @@ pub fn ended(ended: StopReason, options: &Options, estimate: Option<f64>) -> Opt
         StopReason::Links => format!("⟨max_links⟩ {}", options.max_links),
     };
     let (error, estimate) = (options.error, in_words(estimate));
-    Some(format!("{why} ended refinement before all links had the accuracy of ⟨error⟩ {error}; {estimate}"))
+    Some(format!("{why} ended refinement with links not yet refined to ⟨error⟩ {error}; {estimate}"))
 }
 
 /// A note if the ledger does not balance: by a larger fraction than [`MAX_IMBALANCE`] and the smaller of estimated and requested error.
@@ -72,7 +72,7 @@ pub fn missed(options: &Options, ended: StopReason, estimate: Option<f64>) -> Op
     let estimate = in_words(estimate);
     let cure = match ended {
         StopReason::Links => "more links (⟨max_links⟩) bring it down",
-        _ if options.max_seconds.is_some() => "more time (⟨max_seconds⟩) brings it down",
+        StopReason::Time => "more time (⟨max_seconds⟩) brings it down",
         _ => "a smaller ⟨error⟩ or ⟨min_area⟩ brings it down",
     };
     Some(format!("⟨target_error⟩ {target} was missed: {estimate}; {cure}"))
@@ -85,24 +85,20 @@ fn in_words(estimate: Option<f64>) -> String {
     )
 }
 
-/// Fraction of the light of emitters below which it counts as lost: less than the usual error of a solution.
-const MIN_ABSORBED: f64 = 1e-3;
+/// Power relative to that of all emitters up to which it is rounding: of 10⁶ elements, each of which adds one of 10⁻¹⁶ or so.
+const ROUNDING: f64 = 1e-10;
 
 /// A note if light does not arrive although a target is set.
 pub fn lost_with_target(options: &Options) -> Option<String> {
     options
         .target_error
-        .map(|_| "⟨target_error⟩ counts as missed, because light is lost (see the note before)".into())
+        .map(|_| "⟨target_error⟩ counts as missed, because light is lost (see the note before); without it that is a note alone".into())
 }
 
-/// A note, with its cause, if next to all of the light that emitters send leaves the scene, as that of a spotlight past all surfaces.
+/// A note, with its cause, if no light of emitters arrives at surfaces but for rounding, as that of a narrow beam past all of them.
 pub fn all_lost(ledger: &Ledger, cause: &str) -> Option<String> {
-    (ledger.absorbed < MIN_ABSORBED * ledger.emitted).then(|| {
-        format!(
-            "{:.2} % of the light of the emitters arrives at surfaces: {cause}",
-            100.0 * ledger.absorbed / ledger.emitted
-        )
-    })
+    (ledger.absorbed <= ROUNDING * ledger.emitted)
+        .then(|| format!("none of the light of the emitters arrives at surfaces: {cause}"))
 }
 
 /// A note if more of the scene is unlit than objects usually hide.

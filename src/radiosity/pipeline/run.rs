@@ -97,9 +97,7 @@ pub fn solve(
     tally.add(audit_tally);
     let parts = RecordParts { unlit, steps, tally, audit, uncertainty: &uncertainty, points_error, arrives };
     let record = stages.record(&solved, parts);
-    // Pictures of further points show the mesh.
-    let has_mesh = options.elements || options.more_points;
-    let mesh = if has_mesh { solved.mesh(scene, &uncertainty) } else { RadiosityMesh::default() };
+    let mesh = if options.elements { solved.mesh(scene, &uncertainty) } else { RadiosityMesh::default() };
     let outcome = Outcome { mesh, record, irradiance };
     Ok((
         outcome,

@@ -312,7 +312,10 @@ fn matrices_that_mean_harm() {
         let text = read(&file(nodes)).expect_err(want).to_string();
         assert!(text.contains(want), "{text}");
     };
-    check(json!({ "name": "x", "mesh": 1, "scale": [1e39, 1, 1] }), "number out of range at line");
+    check(
+        json!({ "name": "x", "mesh": 1, "scale": [1e39, 1, 1] }),
+        "of `x` has a coordinate that is not finite or beyond 1e12",
+    );
     check(
         json!({ "name": "x", "mesh": 1, "translation": [1e13, 0, 0] }),
         "node `x` places its mesh at coordinates",

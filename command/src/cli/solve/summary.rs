@@ -53,6 +53,9 @@ pub fn summary(reported: &Reported) -> String {
     text
 }
 
+/// Power relative to that of all emitters below which it is rounding: of 10⁶ elements, each of which adds one of 10⁻¹⁶ or so.
+const ROUNDING: f64 = 1e-10;
+
 /// Powers, and the mean irradiance of lit surfaces.
 fn energy(text: &mut String, r: &Record, photometric: &Option<Luminous>) {
     let l = &r.ledger;
@@ -61,9 +64,11 @@ fn energy(text: &mut String, r: &Record, photometric: &Option<Luminous>) {
     // Direct light at points needs no light of elements.
     let has_elements = !powers.absorbed.is_nan();
     if has_elements {
+        // Sums err by the rounding of 64 bits.
+        let shown = |p: f64| number(if p.abs() < ROUNDING * powers.emitted { 0.0 } else { p });
         let [emitted, absorbed, escaped, wrong] =
             [powers.emitted, powers.absorbed, powers.escaped, powers.created.abs()]
-                .map(|p| format!("{} {unit}", number(p)));
+                .map(|p| format!("{} {unit}", shown(p)));
         let error = format!("{} by error {wrong}", if powers.created < 0.0 { "lost" } else { "created" });
         let of = if photometry.is_none() { " (mean of the channels)" } else { "" };
         let _ = writeln!(text, "emitted {emitted}, absorbed {absorbed}, escaped {escaped}, {error}{of}");
