@@ -338,6 +338,33 @@ fn points_where_faces_touch_have_the_light_beside() {
     check("slab", 0.0, slab, &[([2.3, 3.0, 0.0], DVec3::Z, -DVec3::Y)]);
 }
 
+/// A level deck 5 mm above a slope, and a blind 3 cm before a wall on a ground with a terrace in its plane, in scenes of kilometres: points
+/// of the slope and of the wall keep their shadow.
+#[test]
+fn points_close_behind_others_are_not_moved_onto_these() {
+    let at = DVec3::new;
+    let mut deck = Pieces::empty();
+    deck.grey("ground", 0.5).polygon(&level(DVec3::ZERO, 1000.0, true));
+    deck.grey("slope", 0.5).rectangle(at(0.0, -5.0, 0.0), at(6.0, 0.0, 4.2), 10.0 * DVec3::Y);
+    deck.grey("deck", 0.5).polygon(&facing_up([1.0, 3.5], [-2.0, 2.0], 2.105));
+    deck.glowing("lamp", 10.0).polygon(&level(at(3.0, 0.0, 9.0), 2.0, false));
+    let mut blind = Pieces::empty();
+    blind.grey("ground", 0.5).polygon(&level(DVec3::ZERO, 4000.0, true));
+    blind.grey("terrace", 0.5).polygon(&facing_up([0.0, 5.0], [-4.0, 4.0], 0.0));
+    blind.grey("house", 0.5).cuboid(at(-8.0, -5.0, 0.0), at(0.0, 5.0, 6.0));
+    blind.grey("blind", 0.5).rectangle(at(0.03, -1.0, 1.0), 2.0 * DVec3::Y, 1.5 * DVec3::Z);
+    blind.glowing("lamp", 10.0).rectangle(at(4.0, -1.0, 1.0), 2.0 * DVec3::Z, 2.0 * DVec3::Y);
+    for (pieces, hidden, open, normal) in [
+        (deck, at(3.0, 0.0, 2.1), at(3.0, 0.0, 2.105), DVec3::Z),
+        (blind, at(0.0, 0.0, 1.75), at(0.0, 3.0, 1.75), DVec3::X),
+    ] {
+        let points = [hidden, open].map(|position| Point { position, normal });
+        for light in at_points(&pieces.scene(), &points) {
+            assert!(light[1] > 0.05 && light[0] < 0.1 * light[1], "{light:?}");
+        }
+    }
+}
+
 /// Fins two centimetres before a lamp of four metres: coarse elements get as much light on each side as fine ones.
 #[test]
 fn fins_close_to_a_lamp_have_its_light() {
