@@ -28,7 +28,8 @@ pub(crate) struct SurfaceSearch {
 const SEARCHES: [SurfaceSearch; 2] =
     [SurfaceSearch { min_cosine: 0.9, is_near: true }, SurfaceSearch { min_cosine: 0.5, is_near: false }];
 
-/// Smallest distance of a place around a point from a wall, relative to that from the point: in a corner of 90 degrees, some place has .38.
+/// Smallest distance of a place around a point from a wall, relative to that from the point. Places are 45 degrees apart, so that in a
+/// corner of 90 degrees some place has sin 22.5° = .38; in one below 75 degrees all may have less than this, sin 14.5°.
 const MIN_WALL_DISTANCE: f32 = 0.25;
 
 /// Smallest coordinate of a point, relative to the largest of the scene, for which faces around it are not asked for theirs: places are
@@ -62,10 +63,10 @@ struct WallsAt {
 
 /// What a place sees of walls at its point.
 struct WallsSeen {
-    /// Number of cosine-weighted rays from the place that meet none of the walls, less half of the number of those that meet their backs,
-    /// as from below a ground, plus the mean distance to which all rays go, as a fraction of the longest in the scene.
+    /// Number of [`LANES`] cosine-weighted rays from the place that meet none of the walls, less half of the number of those that meet
+    /// their backs, as from below a ground, plus the mean distance to which all rays go, as a fraction of the longest in the scene.
     openness: f32,
-    /// Whether none of these rays meets the back of a face at the point.
+    /// Whether none of these rays meets the back of a face whose plane passes within two distances of places of the point.
     is_before: bool,
     /// Whether the place sees the sky, a sun or an emitter.
     is_lit: bool,

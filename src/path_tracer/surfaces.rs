@@ -82,7 +82,7 @@ impl<'a> Surfaces<'a> {
             return (given + skin * normal, skin);
         };
         let end = EndRule::new(magnitude(hit.corners));
-        // Where a lower face of a stack was moved below the point, light arrives in the common plane, as beside a carpet.
+        // Paths start in the plane of the file: from a face that was moved below it, the edge of a carpet hides light.
         let above = depth.clamp(0.0, stack);
         let inside = self.model.off_edges(hit.corners, place + (above - depth) * normal, normal, end);
         (inside + hit.skin * normal, hit.skin)

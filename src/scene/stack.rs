@@ -33,7 +33,7 @@ pub(crate) struct StackMove {
     /// The largest distance by which faces of the stack were moved off each other, or by which a corner follows one of them along the
     /// normal of its face.
     pub largest: f32,
-    /// By what the triangle was moved; 0 if its corners were moved by different lengths.
+    /// By what the triangle was moved; 0 if its corners were moved differently.
     pub by: Vec3,
 }
 

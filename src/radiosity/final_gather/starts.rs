@@ -68,7 +68,7 @@ impl FinalGather<'_> {
                 let mut at = packet.point(0, t);
                 // The coarse face that fine ground replaces has neither the height nor the edges of the fine ground.
                 if !is_fine {
-                    // Where a lower face of a stack was moved below the point, light arrives in the common plane, as beside a carpet.
+                    // Rays start in the plane of the file: from a face that was moved below it, the edge of a carpet hides light.
                     let at_point = on_plane(corners, at) + depth.clamp(0.0, stack) * normal;
                     at = self.model.off_edges(corners, at_point, normal, end);
                 }

@@ -16,7 +16,7 @@ pub(super) struct MeshNode {
 }
 
 /// The transforms of all nodes of a document, by index, from its JSON text: the crate reads numbers in 32 bits, which places meshes far
-/// from the origin off by rounding. None if the text is not that of a glTF file (reported elsewhere).
+/// from the origin off by rounding. Empty if the text is not that of a glTF file (reported elsewhere).
 pub(super) fn transforms(json: &[u8]) -> Vec<DMat4> {
     #[derive(serde::Deserialize)]
     struct Root {
