@@ -27,6 +27,8 @@ const MIN_THICKNESS: f64 = 1e-2;
 /// coordinates that are half of the extent, so that neither plate hides the other.
 const MIN_SEPARATION: f64 = 2.5e-6;
 
+/// Illuminance that only burning glasses reach, lx: that of the sun times a hundred.
+const BURNING_ILLUMINANCE: f64 = 1e7;
 /// Illuminance of a clear night with a quarter moon, lx.
 const NIGHT_ILLUMINANCE: f64 = 0.01;
 /// Illuminances of lit rooms and halls, lx, with room for a few lamps in the first and for spots in the second.
@@ -213,11 +215,9 @@ fn in_metres(placed: &[PlacedLuminaire], [low, high]: [DVec3; 2], unit: &str) ->
 }
 
 /// Asks for the unit if all emitters whose flux is stated, in lumens or watts, light a scene in metres as if it were a thousand times too
-/// large.
+/// large, or one in a smaller unit as if that should be metres.
 pub(super) fn question_unit(soup: &mut Soup, options: &LoadOptions) {
-    if options.unit != "m" {
-        return;
-    }
+    let Some(metres) = unit_in_metres(&options.unit).filter(|metres| *metres <= 1.0) else { return };
     let stated = options.emitters.iter().filter_map(|(_, strength)| match strength {
         Strength::Lumens(flux) => Some(*flux),
         Strength::Watts(power) => Some(WHITE_LUMENS_PER_WATT * *power),
@@ -226,15 +226,40 @@ pub(super) fn question_unit(soup: &mut Soup, options: &LoadOptions) {
     });
     let fluxes: Vec<f64> = soup.fluxes.iter().copied().chain(stated).filter(|flux| *flux > 0.0).collect();
     let (low, high) = ends(soup.positions.iter().copied());
-    soup.repairs.messages.extend(too_large(high - low, fluxes.iter().sum(), fluxes.len()));
+    let (extents, flux) = (high - low, fluxes.iter().sum());
+    soup.repairs.messages.extend(match metres {
+        1.0 => too_large(extents, flux, fluxes.len()),
+        _ => too_small(extents, flux, fluxes.len(), &options.unit, metres),
+    });
+}
+
+/// Width and length of a scene, and its height, the smallest of its extents.
+fn sides(extents: DVec3) -> [f64; 3] {
+    let mut sides = extents.to_array();
+    sides.sort_by(f64::total_cmp);
+    let [height, width, length] = sides;
+    [width, length, height]
+}
+
+/// A question if emitters light a scene as nothing does, and would light a room well if the lengths were metres. `extents`: those of the
+/// scene in its unit, of so many `metres`; `flux`: that of its emitters, lm.
+fn too_small(extents: DVec3, flux: f64, emitters: usize, unit: &str, metres: f64) -> Option<String> {
+    let [width, length, _] = sides(extents);
+    let in_metres = flux / (width * length);
+    let lux = in_metres / (metres * metres);
+    ((MIN_LUX..MAX_LUX).contains(&in_metres) && lux > BURNING_ILLUMINANCE).then(|| {
+        let some = counted(emitters, "emitter");
+        format!(
+            "{some} of {flux:.0} lm in total in a scene of {length:.1} {unit} x {width:.1} {unit}, {lux:.1e} lx: is the file in metres? leave \
+             ⟨LoadOptions::unit⟩ out"
+        )
+    })
 }
 
 /// A question if emitters light less than a clear night does, and would light a room well if the lengths were millimetres. `extents`:
 /// those of the scene, m; `flux`: that of its emitters, lm.
 fn too_large(extents: DVec3, flux: f64, emitters: usize) -> Option<String> {
-    let mut sides = extents.to_array();
-    sides.sort_by(f64::total_cmp);
-    let [height, width, length] = sides;
+    let [width, length, height] = sides(extents);
     let lux = flux / (width * length);
     // Terrains are flatter than 1 km.
     let is_a_room = height > 1000.0 && (MIN_LUX..MAX_LUX).contains(&(1e6 * lux));

@@ -207,7 +207,9 @@ fn names_cannot_deceive() {
         let text = told.stdout + &told.stderr;
         assert!(!text.is_empty() && !text.contains(['\u{202e}', '\u{2066}']), "{line:?}: {text}");
     }
-    assert!(!scratch.text("log.jsonl").contains(['\u{202e}', '\u{2066}']));
+    for file in ["log.jsonl", "b/results.jsonl", "b/results.csv"] {
+        assert!(!scratch.text(file).contains(['\u{202e}', '\u{2066}']), "{file}");
+    }
 }
 
 /// Nothing is written beside the scene; a link of the former name of a cache file leads nowhere.

@@ -74,7 +74,7 @@ impl Listed {
     }
 }
 
-/// The list of an output folder, if it has one.
+/// The list of an output folder; none before its first batch.
 fn read(out: &Path) -> Result<Option<Listed>> {
     let path = out.join(FOLDER).join(NAME);
     match std::fs::read(&path) {
@@ -86,14 +86,21 @@ fn read(out: &Path) -> Result<Option<Listed>> {
     }
 }
 
-/// The lines of the journals of an output folder that count, and its list. Without a list all lines count.
+/// The lines of the journals of an output folder that count, and its list.
 ///
 /// # Errors
-/// A journal or the list cannot be read.
+/// A journal or the list cannot be read. The list of a folder with jobs is missing: jobs without a line would be missing without a word.
 pub fn read_listed(out: &Path) -> Result<(Journals, Listed)> {
     let mut journals = read_journals(out)?;
-    let all = || journals.entries.values().map(|entry| (entry.job.clone(), entry.key.clone()));
-    let listed = read(out)?.unwrap_or_else(|| Listed::new("", all()));
+    let listed = match read(out)? {
+        Some(listed) => listed,
+        None if journals.entries.is_empty() && journals.damaged.is_empty() => Listed::default(),
+        None => {
+            let path = out.join(FOLDER).join(NAME);
+            let what = "is missing: it lists the jobs of the batch; run the batch again";
+            return Err(Error::format(path, None, what));
+        }
+    };
     journals.entries.retain(|_, entry| listed.has(entry));
     Ok((journals, listed))
 }

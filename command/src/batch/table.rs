@@ -2,7 +2,7 @@
 
 use super::expand::outputs_of;
 use super::journal::Entry;
-use mrvis::internals::files::{WholeFile, csv_text};
+use mrvis::internals::files::{WholeFile, csv_text, escaped};
 use mrvis::{Error, Result};
 use serde::Deserialize;
 use serde_json::{Map, Value, Value as Json};
@@ -61,7 +61,7 @@ fn add_comparisons(rows: &mut [Row]) {
 /// A table cannot be written.
 fn write_tables(out: &Path, rows: &[Row]) -> Result<()> {
     let lines = rows.iter().map(|row| serde_json::to_string(row).unwrap_or_default() + "\n");
-    WholeFile::write(&out.join("results.jsonl"), lines.collect::<String>())?;
+    WholeFile::write(&out.join("results.jsonl"), escaped(lines.collect()))?;
     let columns = columns(rows);
     let path = out.join("results.csv");
     let at = |e: csv::Error| Error::format(&path, None, e.to_string());

@@ -164,7 +164,8 @@ fn text(args: &Args, matrix: &FormFactors, r: &Report, seconds: f64) -> String {
     // Writing to a string cannot fail.
     let _ = writeln!(
         out,
-        "row sums + escaped + lost differ from 1 by {off} in the mean, {worst} at most{before}; standard error of a row {noise}"
+        "light that a facet sends to others, out of the scene and to back sides adds up to 100 % within {off} in the mean, {worst} at \
+         most{before}; standard error {noise}"
     );
     if r.closed_rows > 0 {
         let [closed, of] = [r.closed_rows, r.facets].map(grouped);
@@ -174,9 +175,18 @@ fn text(args: &Args, matrix: &FormFactors, r: &Report, seconds: f64) -> String {
             "{closed} of {of} facets lose no light: their rows sum to 1 with a mean error of {off}"
         );
     }
-    let (off, residual) = (percent((1.0 - low).abs().max((high - 1.0).abs())), number(*reciprocity_residual));
-    let _ = writeln!(out, "row sums alone differ from 1 by {off} at most; reciprocity residual {residual}");
-    let _ = writeln!(out, "escaped {}, lost on back sides {}", percent(r.escaped), percent(r.lost));
+    let (off, residual) =
+        (percent((1.0 - low).abs().max((high - 1.0).abs())), percent(*reciprocity_residual));
+    let _ = writeln!(
+        out,
+        "sums of rows differ from 1 by up to {off}; both factors of a pair, times areas, differ by {residual} of them"
+    );
+    let _ = writeln!(
+        out,
+        "of all light {} leaves the scene, {} falls on back sides",
+        percent(r.escaped),
+        percent(r.lost)
+    );
     for (facet, why) in &r.bad {
         let _ = writeln!(out, "  facet {facet} {why}");
     }

@@ -355,9 +355,9 @@ impl AtPoints {
         // Writing to a string cannot fail.
         if let Some(uniformity) = uniformity {
             let _ = write!(line, ", uniformity U0 (minimum / mean) {uniformity:.2}");
-            if *dark > 0 {
-                let _ = write!(line, " with {} (below or inside of things?)", self.dark_in_words());
-            }
+        }
+        if *dark > 0 {
+            let _ = write!(line, ", with {} (below or inside of things?)", self.dark_in_words());
         }
         line
     }

@@ -156,7 +156,7 @@ impl FinalGather<'_> {
         (high, tally)
     }
 
-    /// Mean irradiance of the sides that light arrives at, W/m².
+    /// Mean irradiance of the sides that [count](LinkedScene::lit_sides), W/m².
     fn level(&self) -> f64 {
         let elements = &self.linked().elements;
         let (mut area, mut light) = (0.0, 0.0);

@@ -144,7 +144,7 @@ impl Solved {
         light
     }
 
-    /// Mean irradiance of the sides at which light arrives, W/m²; NaN where elements have no light.
+    /// Mean irradiance of the sides that [count](LinkedScene::lit_sides), W/m²; NaN where elements have no light.
     pub fn mean_irradiance(&self) -> Rgb {
         if matches!(self.closing, FinalLight::Nothing) {
             return [f64::NAN; 3];

@@ -51,7 +51,7 @@ pub fn link_uncertainty(linked: &LinkedScene) -> Vec<f64> {
     variance.into_iter().map(|v| carried * v.sqrt()).collect()
 }
 
-/// Root mean square of the uncertainty over the sides that light arrives at, relative to their mean irradiance.
+/// Root mean square of the uncertainty over the sides that [count](LinkedScene::lit_sides), relative to their mean irradiance.
 pub fn error_estimate(linked: &LinkedScene, uncertainty: &[f64]) -> f64 {
     let elements = &linked.elements;
     let (mut squares, mut sum, mut all) = (0.0, 0.0, 0.0);

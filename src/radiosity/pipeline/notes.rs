@@ -294,8 +294,8 @@ pub fn coarse_links(options: &Options) -> Option<String> {
 pub fn walls_across_elements(count: usize) -> Option<String> {
     (count > 0).then(|| {
         format!(
-            "elements that extend from one side of a wall to the other: {count}; each has one irradiance, so that without a local pass \
-             (⟨local_rays⟩ 0) light leaks to the dark side of the wall; a smaller ⟨min_area⟩ reduces it"
+            "{count} elements lie on both sides of a wall and have one irradiance for both, so that without a local pass (⟨local_rays⟩ 0) \
+             light leaks through the wall; a smaller ⟨min_area⟩ reduces it"
         )
     })
 }

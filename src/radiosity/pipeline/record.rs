@@ -105,7 +105,8 @@ pub struct Record {
     pub points_error: Option<PointsError>,
     /// Comparison of error bars with errors; none if reflected light was omitted or the light of elements not asked for.
     pub audit: Option<ErrorBarAudit>,
-    /// Mean irradiance over the sides at which light arrives, W/m², RGB; NaN where only direct light at points was computed.
+    /// Mean irradiance over the lit sides, or over those of the inside if most of what is lit is inside, W/m², RGB; NaN where only direct
+    /// light at points was computed.
     pub mean_irradiance: Rgb,
     /// Whether the caller interrupted the solution.
     pub interrupted: bool,

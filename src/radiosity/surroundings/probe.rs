@@ -19,6 +19,9 @@ pub struct Surroundings {
     pub closed: Vec<bool>,
     /// By side: fraction of its rays that left the scene, in `[0, 1]`.
     pub escaped: Vec<f32>,
+    /// By side: probability that one of two rays leaves the scene and the other does not, in `[0, 1]`. It is small within rooms and on
+    /// the outsides of rooms, and not in the open.
+    pub differ: Vec<f32>,
     /// Length of rays, more than the scene's diagonal; scene units.
     pub length: f32,
     /// Rays that met faces on a side without an element, in the order of the sides that they started from.
@@ -34,6 +37,7 @@ impl Surroundings {
             enclosed_emission: vec![0.0; clusters],
             closed: vec![false; sides],
             escaped: vec![0.0; sides],
+            differ: vec![0.0; sides],
             length,
             entered: Vec::new(),
         }
@@ -123,14 +127,16 @@ pub fn probe(
             own && (rays.len() as u32 >= MIN_CLOSED_RAYS || (escaped == 0 && all >= MIN_CLOSED_RAYS))
         })
         .collect();
-    let escaped = |rays: &&Vec<ProbeRay>| {
-        let gone = rays.iter().filter(|ray| ray.met == ESCAPED).count();
-        gone as f32 / rays.len().max(1) as f32
+    let counts = |rays: &&Vec<ProbeRay>| [rays.iter().filter(|ray| ray.met == ESCAPED).count(), rays.len()];
+    let escaped = found.iter().map(counts).map(|[gone, all]| gone as f32 / all.max(1) as f32).collect();
+    // Of all pairs of rays.
+    let differ = |[gone, all]: [usize; 2]| {
+        (2 * gone * (all - gone)) as f32 / (all * all.saturating_sub(1)).max(1) as f32
     };
-    let escaped = found.iter().map(escaped).collect();
+    let differ = found.iter().map(counts).map(differ).collect();
     let part = |of: f64, all: f64| if all > 0.0 { (of / all).min(1.0) as f32 } else { 0.0 };
     let parts = |k: usize| enclosed.iter().zip(&traced).map(|(of, all)| part(of[k], all[k])).collect();
-    Surroundings { enclosed: parts(0), enclosed_emission: parts(1), closed, escaped, length, entered }
+    Surroundings { enclosed: parts(0), enclosed_emission: parts(1), closed, escaped, differ, length, entered }
 }
 
 fn add(sums: &mut [f64; 2], counts: [f64; 2]) {

@@ -116,3 +116,21 @@ fn open_floors_are_lit_by_the_closed_form() {
         assert!(rms < 0.05 && solution.elements.len() > 500, "{middle}: {rms} {}", solution.elements.len());
     }
 }
+
+/// The mean irradiance, to which errors are relative, is that of the inside: a lamp above the room changes nothing. In the open all lit
+/// sides count.
+#[test]
+fn the_mean_is_that_of_the_inside() {
+    let mean = |pieces: Pieces| solved(&pieces.scene(), &[], &coarse()).record.mean_irradiance[0];
+    let above = |mut pieces: Pieces| {
+        pieces.glowing("lamp above", 10.0).polygon(&facing_down([1.0, 2.0], [1.0, 2.0], 4.0));
+        pieces
+    };
+    let mut ground = Pieces::empty();
+    ground.grey("ground", 0.2).polygon(&facing_up([-9.0, 12.0], [-8.0, 12.0], 0.0));
+    let (alone, with_more) = (mean(hall(&[])), mean(above(hall(&[]))));
+    assert!((with_more / alone - 1.0).abs() < 0.02, "{alone} {with_more}");
+    // All light of the lamp, of 10 W/m²sr and 1 m², would bring 10 π W over 420 m².
+    let (open, all) = (mean(above(ground)), 10.0 * std::f64::consts::PI / 420.0);
+    assert!(open > 0.8 * all && open < all, "{open} of {all} W/m\u{b2}");
+}

@@ -138,16 +138,18 @@ fn up_follows_the_light_the_bounds_and_the_option() {
 /// The fluxes of all emitters that state them are one sum.
 #[test]
 fn emitters_in_scenes_of_millimetres_are_questioned() {
-    let note = |size: f64, strengths: [Strength; 2]| {
+    let note_in = |unit: &str, size: f64, strengths: [Strength; 2]| {
         let square = |z: f64| format!("v 0 0 {z}\nv {size} 0 {z}\nv {size} {size} {z}\nv 0 {size} {z}\n");
         let faces = "o floor\nf 1 2 3 4\no window 1\nf 5 6 7 8\no window 2\nf 9 10 11 12\n";
         let obj = square(0.0) + &square(0.5 * size) + &square(size) + faces;
         let names = ["window 1", "window 2"].map(String::from);
         let emitters = names.into_iter().zip(strengths).collect();
-        let scene = load_with(&obj, &[], &LoadOptions { emitters, ..LoadOptions::default() });
+        let unit = unit.into();
+        let scene = load_with(&obj, &[], &LoadOptions { emitters, unit, ..LoadOptions::default() });
         let notes = scene.expect("a scene").repairs.messages.clone();
-        notes.into_iter().filter(|note| note.contains("millimetres")).collect::<Vec<_>>()
+        notes.into_iter().filter(|note| note.contains("is the file in")).collect::<Vec<_>>()
     };
+    let note = |size, strengths| note_in("m", size, strengths);
     let [bright, dim, watts] = [Strength::Lumens(3000.0), Strength::Lumens(2000.0), Strength::Watts(1.0)];
     let found = note(5000.0, [bright, dim]);
     let want = "2 emitters of 5000 lm in total in a scene of 5000 m x 5000 m, 2.0e-4 lx: is the file in millimetres?";
@@ -157,6 +159,14 @@ fn emitters_in_scenes_of_millimetres_are_questioned() {
     let found = note(5000.0, [watts, watts]);
     assert!(found.len() == 1 && found[0].starts_with("2 emitters of 358 lm"), "{found:?}");
     assert!(note(5.0, [bright, dim]).is_empty() && note(5.0, [watts, watts]).is_empty());
+    // Metres that are read as millimetres, a room in millimetres, and one in inches.
+    let found = note_in("mm", 5.0, [bright, dim]);
+    let want =
+        "2 emitters of 5000 lm in total in a scene of 5.0 mm x 5.0 mm, 2.0e8 lx: is the file in metres?";
+    assert!(found.len() == 1 && found[0].starts_with(want), "{found:?}");
+    assert!(
+        note_in("mm", 5000.0, [bright, dim]).is_empty() && note_in("in", 200.0, [bright, dim]).is_empty()
+    );
 }
 
 #[test]

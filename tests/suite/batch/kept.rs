@@ -372,8 +372,15 @@ fn a_short_or_damaged_journal_says_how_many_jobs_it_has() {
         assert!(page.contains(&format!("<strong>{known}</strong> of <strong>3</strong>")), "{page}");
         std::fs::remove_dir_all(scratch.path("all")).expect("removed");
     }
-    // Nothing says who made the folders whose lines are lost.
     std::fs::write(&path, lines[0]).expect("written");
+    // Nothing says how many jobs there are.
+    let list = [scratch.path("o/.mrvis-batch/jobs.json"), scratch.path("jobs.json")];
+    std::fs::rename(&list[0], &list[1]).expect("moved");
+    for command in [&["merge", "o"][..], &["report", "o"]] {
+        scratch.mrvis(command).exits(2).warns("jobs.json: is missing").warns("run the batch again");
+    }
+    std::fs::rename(&list[1], &list[0]).expect("moved back");
+    // Nothing says who made the folders whose lines are lost.
     batch(&scratch, &["--out", "o"])
         .exits(2)
         .warns("o/cm: exists and was not made by this batch")

@@ -76,7 +76,7 @@ impl JobPicture {
         match (size, stem.ends_with("difference")) {
             // Sizes of `fbem` may be in texels.
             (Some(size), _) if stem.starts_with("mask-") => {
-                format!("mask of features larger than {}", number(size))
+                format!("mask of features larger than {} texels or scene units, as in the job", number(size))
             }
             (Some(size), _) => format!("mask of features larger than {} scene units", number(size)),
             (None, true) => "difference from the reference".into(),

@@ -179,7 +179,9 @@ pub fn lines(points: Option<&AtPoints>, grids: &[MeasuredGrid], record: &Record)
         let [rms, upper] = [error.rms, error.rms_upper].map(|e| number(100.0 * e));
         let found = match error.rms > error.detection_limit {
             true => format!("{rms} % of their mean"),
-            false => format!("less than {rms} % of their mean, the noise of the paths that check it"),
+            false => {
+                format!("below {rms} % of their mean: the paths that check it have this noise themselves")
+            }
         };
         format!("estimated error at all points {found} (at most {upper} % with 95 % probability)")
     });

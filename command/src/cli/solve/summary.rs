@@ -30,7 +30,7 @@ pub fn summary(reported: &Reported) -> String {
     }
     let _ = writeln!(
         text,
-        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, local {:.2} s, points {:.2} s",
+        "reading {:.2} s, Embree {:.2} s, clusters {:.2} s, optics {:.2} s, elements {:.2} s, links {:.2} s, local pass {:.2} s, points {:.2} s",
         s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.local, s.points
     );
     energy(&mut text, r, photometric);
