@@ -188,7 +188,8 @@ pub mod points {
 pub mod radiosity {
     pub use crate::radiosity::mesh::{Element, RadiosityMesh};
     pub use crate::radiosity::{
-        Inside, Options, Outcome, PointLight, Powers, Record, RowNormalisation, Solution, View, run, solve,
+        Inside, Ledger, Options, Outcome, PointLight, Powers, Record, RowNormalisation, Solution, View, run,
+        solve,
     };
 }
 

@@ -338,10 +338,10 @@ fn more(record: &Record, best: &MrRow) -> String {
         format!(" In the map of `{receiver}` {what} {about}{factor} as fast at feature size {size}")
     };
     if let Some(with_setup) = fastest(|row| row.speedup_with_setup) {
-        text += &(said(with_setup, "it was, with its set-up,") + ".");
+        text += &(said(with_setup, "it was, with set-up,") + ".");
     } else if let Some(queries) = fastest(|row| row.speedup_at_same_rms) {
         let all = times(queries.1.speedup_with_setup);
-        text += &(said(queries, "its queries were") + &format!("; with its set-up, {all}."));
+        text += &(said(queries, "its queries were") + &format!("; with set-up, {all}."));
     }
     text
 }
@@ -511,10 +511,10 @@ mod tests {
         };
         let text = said(map(25.8, 0.96));
         assert!(
-            text.contains("its queries were 25.8× as fast") && text.contains("with its set-up, 0.96×"),
+            text.contains("its queries were 25.8× as fast") && text.contains("with set-up, 0.96×"),
             "{text}"
         );
-        assert!(said(map(25.8, 12.0)).contains("it was, with its set-up, 12.0× as fast"));
+        assert!(said(map(25.8, 12.0)).contains("it was, with set-up, 12.0× as fast"));
         assert!(!said(map(1.0, 0.9)).contains("map"));
     }
 

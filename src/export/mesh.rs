@@ -331,10 +331,12 @@ fn angle_at(solution: &RadiosityMesh, outline: &[u32], vertex: u32) -> f32 {
     outline.iter().position(|&v| v == vertex).map_or(0.0, at)
 }
 
-/// Changes the vertices of an element in one channel so that their mean lacks no more of the element's light than its uncertainty.
+/// Changes the vertices of an element in one channel so that their mean lacks no more of the element's light than its uncertainty. Light is
+/// never negative, so that an element without light is dark at all its vertices.
 fn approach(e: &Element, c: usize, lacks: f64, weights: &[f64], at: &mut [[f64; 3]]) {
     let own = e.irradiance[c];
-    let beyond = lacks.abs() - e.error[c].max(VISIBLE_STEP * own);
+    let allowed = if own > 0.0 { e.error[c].max(VISIBLE_STEP * own) } else { 0.0 };
+    let beyond = lacks.abs() - allowed;
     if beyond <= 0.0 {
         return;
     }

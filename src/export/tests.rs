@@ -504,6 +504,19 @@ fn a_corner_that_reaches_through_a_wall_lights_no_vertex_behind_it() {
     }
 }
 
+/// Light is not negative: where an element has none on average it has none anywhere, however uncertain it is.
+#[test]
+fn elements_without_light_are_black() {
+    let (_, mut solution) = square(|p| f64::from(u8::from(p.x > 0.5)));
+    solution.elements.iter_mut().for_each(|e| e.error = [0.3; 3]);
+    let mesh = Mesh::new(&solution);
+    let is_dark = |e: u32| solution.elements[e as usize].irradiance[0] == 0.0;
+    let dark = mesh.triangles.iter().zip(&mesh.element).filter(|(_, e)| is_dark(**e));
+    let light: Vec<f32> =
+        dark.flat_map(|(triangle, _)| triangle.map(|v| mesh.irradiance[v as usize][0])).collect();
+    assert!(!light.is_empty() && light.iter().all(|x| *x == 0.0), "{light:?}");
+}
+
 /// A wall hides what is behind it from its dark side, unless the picture looks inside.
 #[test]
 fn walls_are_opaque_from_outside_unless_pictures_look_inside() {

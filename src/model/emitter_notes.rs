@@ -45,7 +45,8 @@ impl Model {
     /// Notes of coordinates that are too coarse.
     #[doc(hidden)]
     pub fn notes_of_coarseness(&self) -> Vec<String> {
-        self.note_of_coarse_coordinates().into_iter().chain(self.note_of_small_things()).collect()
+        let coarse = self.note_of_coarse_coordinates().into_iter().chain(self.note_of_small_things());
+        coarse.chain(self.note_of_rounded_emitters()).collect()
     }
 
     /// A note if the light of emitters ends on the outside of a space, as that of luminaires above a ceiling does.

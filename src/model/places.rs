@@ -40,15 +40,41 @@ const MIN_MAGNITUDE: f32 = 0.25;
 /// of 10 m, above the rounding of files with four digits.
 const FAR_OFF: f32 = 1e-3;
 
+/// Largest number of points that are tested for walls close to them, evenly spread: limits the time to 32,000 short rays.
+const MAX_TESTED_POINTS: usize = 4096;
+/// Distances of the places around a point within which a wall is close: at 5 km, walls within 1 cm gave the light of their other side, and
+/// reflected light erred by up to a quarter up to 10 cm before them.
+const COARSE_DISTANCES: f32 = 4.0;
+/// Coordinates of a point relative to the second largest extent of a wall from which on they are coarse for it: that of a room is 2.5 m, and
+/// rooms up to 1.3 km from the middle of a scene had no wrong light.
+const COARSE_MAGNITUDE: f32 = 500.0;
+/// Fraction of the points for which coordinates are coarse from which on they are told of: of random points on furniture some lie beside
+/// very small parts.
+const MIN_COARSE_POINTS: f64 = 0.01;
+
+/// Distance of a point from a plane that is rounding of their coordinates, relative to these: of the point, and of the plane's corners.
+const ROUNDING: f32 = 4e-7;
+/// Smallest cosine between the normals of the faces of one wall, which need not be exactly parallel: within 26 degrees.
+const MIN_PARALLEL: f32 = 0.9;
+
+/// Fraction of its way to an emitter at which a ray to it ends, before the emitter's own faces.
+const BEFORE_EMITTER: f32 = 0.999;
+
 /// The plane of a face, with the unit normal of its front.
-struct Wall {
+struct Plane {
     corner: Vec3,
     normal: Vec3,
 }
 
-impl Wall {
+impl Plane {
     fn height(&self, place: Vec3) -> f32 {
         self.normal.dot(place - self.corner)
+    }
+
+    /// Whether a place lies on the other side than a point that is farther from the plane than the rounding of coordinates of this `size`.
+    fn parts(&self, point: Vec3, place: Vec3, size: f32) -> bool {
+        let height = self.height(point);
+        height.abs() > ROUNDING * size && height * self.height(place) < 0.0
     }
 }
 
@@ -118,14 +144,21 @@ impl Model {
         if parts.is_empty() {
             return places;
         }
-        let walls: SmallVec<[Wall; LANES]> =
-            across.lanes().filter_map(|lane| self.wall_met(&hits[0], lane)).collect();
+        let walls: SmallVec<[Plane; LANES]> =
+            across.lanes().filter_map(|lane| self.plane_met(&hits[0], lane)).collect();
         // Rays from a place in a wall may meet it or not, and a wall between a place and its rays belongs to neither side.
         let is_in_wall: [bool; 9] = std::array::from_fn(|k| {
             walls.iter().any(|wall| {
                 let [low, high] = [places[k], lifted[k]].map(|at| wall.height(at));
                 low.abs().min(high.abs()) < MIN_WALL_DISTANCE * distance || low * high < 0.0
             })
+        });
+        // Both faces of a thin wall stand between the point and a place in the next room.
+        let is_beyond_body: [bool; 9] = std::array::from_fn(|k| {
+            let mut passed = walls.iter().filter(|wall| wall.parts(point, lifted[k], size));
+            passed
+                .next()
+                .is_some_and(|first| passed.any(|wall| wall.normal.dot(first.normal) < -MIN_PARALLEL))
         });
         let at = WallsAt { point, distance, parts };
         let seen = lifted.map(|place| self.walls_seen(place, normal, &at));
@@ -134,6 +167,7 @@ impl Model {
         let rank = |k: usize| match &seen[k] {
             // The point itself lies in the wall.
             _ if k == 0 => 4,
+            _ if is_beyond_body[k] => 5,
             // In an acute corner all places of the room may be near a wall: they come before those inside of bodies.
             _ if is_in_wall[k] => 2,
             WallsSeen { is_before: true, is_lit: true, .. } => 0,
@@ -179,9 +213,53 @@ impl Model {
         if hits[0].triangle[0] == Hits::NO_HIT { moved } else { point }
     }
 
-    /// A note if points, given by their positions and normals, lie off all surfaces.
+    /// Notes of points, given by their positions and normals, off all surfaces, and so close to walls that coordinates are too coarse.
     #[doc(hidden)]
-    pub fn note_of_free_points(&self, points: &[(Vec3, Vec3)]) -> Option<String> {
+    pub fn notes_of_points(&self, points: &[(Vec3, Vec3)]) -> Vec<String> {
+        self.note_of_free_points(points).into_iter().chain(self.note_of_coarse_points(points)).collect()
+    }
+
+    /// A note if points lie so close to walls, but not on them, that rounding of coordinates there decides what light they have.
+    fn note_of_coarse_points(&self, points: &[(Vec3, Vec3)]) -> Option<String> {
+        let bounds = self.scene().component_bounds();
+        let tested: Vec<&(Vec3, Vec3)> =
+            points.iter().step_by(points.len().div_ceil(MAX_TESTED_POINTS).max(1)).collect();
+        // The distance from a wall within which a point is too close, if there is such a wall.
+        let too_close = |&&(point, normal): &&(Vec3, Vec3)| {
+            let size = magnitude([point]);
+            let reach = COARSE_DISTANCES * edge_distance(size);
+            let lift = EndRule::new(size);
+            let mut packet = Packet::EMPTY;
+            for (lane, place) in places_around(point, normal, reach).into_iter().enumerate().skip(1) {
+                packet.set_between(lane, lift.lifted(point, normal), lift.lifted(place, normal), [0.0, 1.0]);
+            }
+            let mut hits = [Hits::NONE];
+            self.traced().first_hits(self.widest_packets(), std::slice::from_ref(&packet), &mut hits);
+            let is_coarse = |lane: usize| {
+                let Some((0, part)) = self.part_met(&hits[0], lane) else { return false };
+                let mut sides = bounds[part as usize].extent().to_array();
+                sides.sort_by(f32::total_cmp);
+                size > COARSE_MAGNITUDE * sides[1]
+                    && self
+                        .plane_met(&hits[0], lane)
+                        .is_some_and(|wall| wall.height(point).abs() > ROUNDING * size)
+            };
+            packet.lanes().any(is_coarse).then_some(reach)
+        };
+        let found: Vec<f32> = parallel::flat_map(&tested, too_close);
+        let reach = found.iter().copied().reduce(f32::max)?;
+        (found.len() as f64 >= MIN_COARSE_POINTS * tested.len() as f64).then(|| {
+            let (unit, percent) = (&self.scene().unit, number(100.0 * found.len() as f64 / tested.len() as f64));
+            format!(
+                "{percent} % of the points lie within {} {unit} of walls, far from the middle of the scene, where coordinates resolve no more: \
+                 they may have the light of the other side; leave out what is far from there",
+                number(reach.into())
+            )
+        })
+    }
+
+    /// A note if points lie off all surfaces.
+    fn note_of_free_points(&self, points: &[(Vec3, Vec3)]) -> Option<String> {
         let reach = FAR_OFF * self.scene().ray_length();
         let misses = |places: &[(Vec3, Vec3)]| {
             let mut packet = Packet::EMPTY;
@@ -253,11 +331,11 @@ impl Model {
     }
 
     /// The plane of the face that a ray has met.
-    fn wall_met(&self, hits: &Hits, lane: usize) -> Option<Wall> {
+    fn plane_met(&self, hits: &Hits, lane: usize) -> Option<Plane> {
         let [corner, ..] = self.face_met(hits, lane)?;
         let (triangle, instance) = (hits.triangle[lane], hits.instance[lane]);
         let normal = self.mesh_of(instance).face_normal(triangle);
-        Some(Wall { corner, normal: self.instances()[instance as usize].turned(normal) })
+        Some(Plane { corner, normal: self.instances()[instance as usize].turned(normal) })
     }
 
     /// What a place above a surface with this normal sees of the walls at a point near it.
@@ -282,7 +360,7 @@ impl Model {
             || packets[1].lanes().any(|lane| is_free(1, lane));
         let mut seen = WallsSeen { openness: 0.0, is_before: true, is_lit };
         for (lane, direction) in directions.into_iter().enumerate() {
-            let Some((part, wall)) = self.part_met(&hits[0], lane).zip(self.wall_met(&hits[0], lane)) else {
+            let Some((part, wall)) = self.part_met(&hits[0], lane).zip(self.plane_met(&hits[0], lane)) else {
                 seen.openness += 1.0 + 1.0 / LANES as f32;
                 continue;
             };
@@ -306,7 +384,7 @@ impl Model {
             let face = emitter.triangles[emitter.triangles.len() / 2];
             let middle = scene.corners(face).into_iter().sum::<Vec3>() / 3.0;
             let is_front = scene.face_normal(face).dot(from - middle) > 0.0;
-            is_front.then(|| from + 0.999 * (middle - from))
+            is_front.then(|| from + BEFORE_EMITTER * (middle - from))
         });
         to_suns.chain(to_emitters).filter(|to| (*to - from).dot(normal) > 0.0).take(LANES).collect()
     }

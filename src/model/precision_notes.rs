@@ -19,6 +19,9 @@ const MAX_SHADOW_LOSS: f32 = 0.1;
 /// of the emitter errs by no more than this fraction otherwise.
 const MIN_COARSE_SHARE: f64 = 0.05;
 
+/// Largest rounding of both ends of an emitter, relative to its second largest extent, without a note: its area errs by up to twice this.
+const MAX_SIZE_ERROR: f32 = 0.005;
+
 /// Largest number of things that are tested, evenly spread: limits the time to 0.1 million rays.
 const MAX_THINGS: usize = 4096;
 /// Height of a thing, as a fraction of its diagonal, up to which it is flush with the surface, as a panel in a ceiling is.
@@ -33,8 +36,7 @@ const RAY_OFFSET: f32 = 0.01;
 impl Model {
     /// A note if emitters light surfaces from so near that the precision of the surfaces' coordinates shows: rays start above a surface by
     /// [`EndRule::height`](crate::ray::EndRule::height), 2e-6 of its largest coordinate.
-    #[doc(hidden)]
-    pub fn note_of_coarse_coordinates(&self) -> Option<String> {
+    pub(super) fn note_of_coarse_coordinates(&self) -> Option<String> {
         let tested = self.tested_emitters();
         let coarse = |emitter| self.coarsest_surface(emitter).map(|found| (found, emitter));
         let found: Vec<((f32, f32), &Emitter)> = parallel::flat_map(&tested, |emitter| coarse(*emitter));
@@ -50,6 +52,35 @@ impl Model {
             two_digits(height),
             100.0 * (height / distance).min(1.0),
             self.cure_of_coarseness(height, worst.triangles[0])
+        ))
+    }
+
+    /// A note if emitters are so small that the rounding of their coordinates changes their size, and with it all of their light.
+    pub(super) fn note_of_rounded_emitters(&self) -> Option<String> {
+        let scene = self.scene();
+        let rounded = |emitter: &Emitter| {
+            let corners: Vec<Vec3> = emitter.triangles.iter().flat_map(|&t| scene.corners(t)).collect();
+            let mut sides = Aabb::of(corners.iter().copied()).extent().to_array();
+            sides.sort_by(f32::total_cmp);
+            let (size, rounding) = (sides[1], f32::EPSILON * magnitude(corners));
+            (rounding > MAX_SIZE_ERROR * size).then_some((rounding, size))
+        };
+        let found: Vec<(f32, f32, &Emitter)> = {
+            let tested = self.tested_emitters();
+            parallel::flat_map(&tested, |emitter| {
+                rounded(emitter).map(|(rounding, size)| (rounding, size, *emitter))
+            })
+        };
+        let &(rounding, size, worst) = found.iter().max_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1)))?;
+        let unit = &scene.unit;
+        let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
+        Some(format!(
+            "the emitter `{}`{more} is {} {unit} wide, and coordinates are rounded by up to {} {unit} there, far from the middle of the scene: \
+             all of its light may be wrong by up to {:.0} %; leave out what is far from it",
+            quote(&worst.name),
+            two_digits(size),
+            two_digits(0.5 * rounding),
+            100.0 * (2.0 * rounding / size).min(1.0)
         ))
     }
 
@@ -231,6 +262,17 @@ mod tests {
         let found = note(1e5, 1.0).expect("a note");
         assert!(
             found.contains("the emitter `lamp` is so close to a surface") && found.contains("smaller faces"),
+            "{found}"
+        );
+    }
+
+    /// Coordinates at 80,000 are rounded by up to 0.004, those of both ends of a lamp of 0.5 by 2 % of it.
+    #[test]
+    fn lamps_with_coarse_coordinates_are_named() {
+        assert_eq!(scene(1e4, 100.0, 1.0).note_of_rounded_emitters(), None);
+        let found = scene(1e5, 100.0, 1.0).note_of_rounded_emitters().expect("a note");
+        assert!(
+            found.starts_with("the emitter `lamp` is 0.5 m wide") && found.contains("up to 4 %"),
             "{found}"
         );
     }

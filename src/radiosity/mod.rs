@@ -25,7 +25,8 @@ mod tests;
 mod transport;
 
 #[cfg(feature = "reports")]
-pub(crate) use {audit::Ledger, pipeline::Seconds};
+pub use audit::Ledger;
+pub(crate) use pipeline::Seconds;
 pub use {
     audit::Powers,
     options::{Inside, Options, RowNormalisation, SolveOptions, View},

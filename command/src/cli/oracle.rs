@@ -111,17 +111,14 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 /// Notes on the model for these points.
 fn notes(model: &Model, points: &[Point], is_lit: bool) -> Vec<String> {
     let mut notes = model.notes_of_lost_light();
-    match is_lit {
-        true => notes.extend(model.notes_of_coarseness()),
-        false => {
-            let why = "the points lie behind surfaces, or their normals point away from the light";
-            let dark = notes.is_empty().then(|| format!("no light arrives at any point: {why}"));
-            notes.extend(dark.into_iter().chain(model.note_of_coarse_coordinates()));
-        }
+    if !is_lit && notes.is_empty() {
+        let why = "the points lie behind surfaces, or their normals point away from the light";
+        notes.push(format!("no light arrives at any point: {why}"));
     }
+    notes.extend(model.notes_of_coarseness());
     let origin = model.scene().parts().origin;
     let local = |p: &Point| ((p.position - origin).as_vec3(), p.normal.as_vec3());
-    notes.extend(model.note_of_free_points(&points.iter().map(local).collect::<Vec<_>>()));
+    notes.extend(model.notes_of_points(&points.iter().map(local).collect::<Vec<_>>()));
     notes
 }
 

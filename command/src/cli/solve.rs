@@ -474,7 +474,7 @@ mod tests {
         assert_eq!((found.uniformity, found.dark), (Some(0.5), 0));
         let found = AtPoints::of(&[[0.0; 3], [6.0; 3]], None).expect("points");
         assert!(
-            found.words().ends_with("0.00 with 1 point that receives no light (below or inside of things?)")
+            found.words().ends_with("0.00, with 1 point that receives no light (below or inside of things?)")
         );
         assert_eq!(AtPoints::of(&[[0.0; 3]], None).expect("a point").uniformity, None);
         assert_eq!(AtPoints::of(&[], None), None);

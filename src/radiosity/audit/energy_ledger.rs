@@ -172,6 +172,9 @@ pub(super) struct RowSums {
 }
 
 impl Ledger {
+    /// Power relative to that of all emitters up to which it is rounding: of 10⁶ elements, each of which adds one of 10⁻¹⁶ or so.
+    pub const ROUNDING: f64 = 1e-10;
+
     /// The ledger with powers in watts, if the unit of length is known. `powers` are in W/m² times squares of that unit.
     fn with_powers(self, powers: Powers<Rgb>, unit: &str) -> Ledger {
         let (metres, unit) = match unit_in_metres(unit) {

@@ -34,7 +34,7 @@ pub use lookup::Lookup;
 pub use profiles::{emission_gain, mean_over};
 pub use side_sampling::SideSampler;
 use std::sync::Arc;
-pub use subdivision::{area as surface_area, centres_of_quarters, quarters};
+pub use subdivision::{area as surface_area, centres_of_quarters, centroid, inner_radius, quarters};
 
 /// Number of signed axes, in the order +x, -x, +y, -y, +z, -z.
 pub const DIRECTIONS: usize = 6;
@@ -249,6 +249,9 @@ pub struct ElementState {
     /// Whether the element lies in a gap narrower than itself, along which light decays within its size. Such an element exchanges no
     /// light either.
     pub narrow: bool,
+    /// Width of the rim of an element along which another surface stands, scene units, 0 of other elements: no rays start there, as the
+    /// other surface may stand within the rim.
+    pub rim: f32,
 }
 
 impl ElementState {
@@ -263,6 +266,7 @@ impl ElementState {
         importance: 1.0,
         crossed: false,
         narrow: false,
+        rim: 0.0,
     };
 
     /// Whether the element does not exchange light, and paths that hit it continue from the hit point.

@@ -74,7 +74,18 @@ pub(super) fn surface(side: u32, corners: [Vec3; 4]) -> Element {
     }
 }
 
-pub(super) fn centroid(c: &[Vec3; 4]) -> Vec3 {
+/// Smallest distance of an edge of a triangle or quad from the [`centroid`], scene units.
+pub fn inner_radius(corners: &[Vec3; 4]) -> f32 {
+    let (count, middle) = (if is_triangle(corners) { 3 } else { 4 }, centroid(corners));
+    let to_edge = |k: usize| {
+        let (a, edge) = (corners[k], corners[(k + 1) % count] - corners[k]);
+        edge.cross(middle - a).length() / edge.length()
+    };
+    (0..count).map(to_edge).fold(f32::INFINITY, f32::min)
+}
+
+/// The mean of the corners of a triangle or quad.
+pub fn centroid(c: &[Vec3; 4]) -> Vec3 {
     if is_triangle(c) { (c[0] + c[1] + c[2]) / 3.0 } else { 0.25 * (c[0] + c[1] + c[2] + c[3]) }
 }
 

@@ -7,7 +7,7 @@ use crate::form_factors::analytic::clip;
 use crate::math::sampling::{mix, point_on, shifted};
 use crate::radiosity::elements::emitter_tree::EmitterCut;
 use crate::radiosity::elements::emitters::{EmitterFace, Emitters, density_ratio};
-use crate::radiosity::elements::{Elements, Shape, Side, emission_gain, mean_over};
+use crate::radiosity::elements::{Elements, Shape, Side, centroid, emission_gain, inner_radius, mean_over};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
 use crate::ray::{LANES, Packet};
@@ -280,7 +280,8 @@ impl FinalGather<'_> {
             let element = &self.linked.elements.elements[leaf as usize];
             let Shape::Surface { side, corners } = element.shape else { unreachable!("leaves are surfaces") };
             let height = self.linked.elements.sides[side as usize].end.height();
-            let corners = inset(corners, EDGE_HEIGHTS * height);
+            let rim = self.linked.elements.states[leaf as usize].rim;
+            let corners = inset(corners, rim.max(EDGE_HEIGHTS * height));
             for Sequence { seed, first } in of.sequences {
                 for k in first..first + of.count {
                     let [u, v, ..] = sample_4d(k, 1, seed);
@@ -452,14 +453,8 @@ impl FinalGather<'_> {
 
 /// The corners of an element, moved towards their mean by at most half of the way, so that its edges lie inwards by `distance`.
 fn inset(corners: [Vec3; 4], distance: f32) -> [Vec3; 4] {
-    let count = if corners[2] == corners[3] { 3 } else { 4 };
-    let middle = corners[..count].iter().sum::<Vec3>() / count as f32;
-    let to_edge = |k: usize| {
-        let (a, edge) = (corners[k], corners[(k + 1) % count] - corners[k]);
-        edge.cross(middle - a).length() / edge.length()
-    };
-    let inner = (0..count).map(to_edge).fold(f32::INFINITY, f32::min);
-    let scale = (1.0 - distance / inner).max(0.5);
+    let middle = centroid(&corners);
+    let scale = (1.0 - distance / inner_radius(&corners)).max(0.5);
     corners.map(|c| middle + scale * (c - middle))
 }
 

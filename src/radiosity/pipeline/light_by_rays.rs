@@ -97,6 +97,7 @@ impl Stages<'_> {
             linked.split_near_emitters(scene, deadline);
             linked.divide_at_crossings(scene, &self.model.exact(), deadline);
             linked.mark_gaps(&self.model.exact());
+            linked.mark_rims(&self.model.exact());
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all);
             let rays = rays.map(|rays| rays.min(useful));

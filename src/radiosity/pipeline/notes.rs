@@ -85,9 +85,6 @@ fn in_words(estimate: Option<f64>) -> String {
     )
 }
 
-/// Power relative to that of all emitters up to which it is rounding: of 10⁶ elements, each of which adds one of 10⁻¹⁶ or so.
-const ROUNDING: f64 = 1e-10;
-
 /// A note if light does not arrive although a target is set.
 pub fn lost_with_target(options: &Options) -> Option<String> {
     options
@@ -97,7 +94,7 @@ pub fn lost_with_target(options: &Options) -> Option<String> {
 
 /// A note, with its cause, if no light of emitters arrives at surfaces but for rounding, as that of a narrow beam past all of them.
 pub fn all_lost(ledger: &Ledger, cause: &str) -> Option<String> {
-    (ledger.absorbed <= ROUNDING * ledger.emitted)
+    (ledger.absorbed <= Ledger::ROUNDING * ledger.emitted)
         .then(|| format!("none of the light of the emitters arrives at surfaces: {cause}"))
 }
 

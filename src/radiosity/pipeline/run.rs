@@ -258,7 +258,7 @@ impl Stages<'_> {
             }
         });
         let on_surfaces = points.len().saturating_sub(options.points_in_space);
-        self.notes.extend(self.model.note_of_free_points(&points[..on_surfaces]));
+        self.notes.extend(self.model.notes_of_points(&points[..on_surfaces]));
         found
     }
 
@@ -292,7 +292,7 @@ impl Stages<'_> {
             .flatten()
             .all(|&e| e <= dark || e.is_nan())
         {
-            self.notes.extend(model.note_of_coarse_coordinates());
+            self.notes.extend(model.notes_of_coarseness());
             vec![format!("no light arrives anywhere: {}", model.cause_of_darkness())]
         } else {
             self.notes.extend(model.notes_of_coarseness());

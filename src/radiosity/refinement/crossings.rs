@@ -10,7 +10,7 @@ use crate::embree::Hits;
 use crate::math::Aabb;
 use crate::math::parallel;
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::{CutPlane, Elements, Shape, Side, centres_of_quarters};
+use crate::radiosity::elements::{CutPlane, Elements, Shape, Side, centres_of_quarters, inner_radius};
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
 use crate::visibility::Exact;
@@ -297,6 +297,22 @@ impl LinkedScene {
         self.elements.states.iter_mut().for_each(|state| state.narrow = false);
         for (leaf, _) in leaves.into_iter().zip(covered).filter(|(_, quarters)| *quarters == ALL) {
             self.elements.states[leaf as usize].narrow = true;
+        }
+    }
+}
+
+impl LinkedScene {
+    /// Sets the [rims](crate::radiosity::elements::ElementState::rim) of leaves: surfaces that cross a leaf within [`INSET`] of its edges
+    /// are not known.
+    pub fn mark_rims(&mut self, exact: &Exact) {
+        let leaves = self.leaves();
+        let walls = self.walls_along(exact, &leaves);
+        let Elements { elements, states, .. } = &mut self.elements;
+        states.iter_mut().for_each(|state| state.rim = 0.0);
+        for (leaf, _) in leaves.into_iter().zip(walls).filter(|(_, edges)| *edges != 0) {
+            if let Shape::Surface { corners, .. } = &elements[leaf as usize].shape {
+                states[leaf as usize].rim = 2.0 * INSET * inner_radius(corners);
+            }
         }
     }
 }

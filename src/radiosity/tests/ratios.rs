@@ -365,6 +365,31 @@ fn points_close_behind_others_are_not_moved_onto_these() {
     }
 }
 
+/// A room 2.5 km from the middle of a scene, where places around a point are 1 cm off it, with a wall 5 mm thick across it: the dark half is
+/// dark 5 mm behind the wall, and a note says how fine coordinates are there.
+#[test]
+fn thin_walls_far_from_the_middle_are_opaque() {
+    let low = DVec3::new(2500.0, 2.0, 0.0);
+    let mut pieces = Pieces::empty();
+    pieces.grey("far away", 0.5).polygon(&level(DVec3::new(-2500.0, 0.0, 0.0), 1.0, true));
+    pieces.grey("room", 0.6).room(low, low + DVec3::new(6.0, 4.0, 3.0));
+    pieces.grey("wall", 0.6).cuboid(low + 3.0 * DVec3::X, low + DVec3::new(3.005, 4.0, 3.0));
+    pieces.glowing("lamp", 10.0).polygon(&level(low + DVec3::new(1.5, 2.0, 2.9), 1.0, false));
+    let scene = pieces.scene();
+    let at = |x: f64| Point { position: low + DVec3::new(x, 1.3, 0.0), normal: DVec3::Z };
+    let points = [3.01, 3.5, 2.995, 2.5].map(at);
+    let outcome = solved(&scene, &points, &quick());
+    let [by_solve, by_paths] = at_points(&scene, &points);
+    for light in [by_solve, by_paths] {
+        assert!(
+            light[0] < 1e-3 * light[3] && light[1] < 1e-3 * light[3] && light[2] > 0.5 * light[3],
+            "{light:?}"
+        );
+    }
+    let notes = &outcome.record.warnings;
+    assert!(notes.iter().any(|note| note.starts_with("50 % of the points lie within")), "{notes:?}");
+}
+
 /// Fins two centimetres before a lamp of four metres: coarse elements get as much light on each side as fine ones.
 #[test]
 fn fins_close_to_a_lamp_have_its_light() {

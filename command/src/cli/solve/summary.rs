@@ -5,7 +5,7 @@ use super::super::values::{ENGINES, name_of};
 use super::{Luminous, Reported, grids};
 use mrvis::internals::bench::side_by_side::{ComparedRecord, SideBySide};
 use mrvis::internals::plot::number;
-use mrvis::internals::radiosity::Record;
+use mrvis::internals::radiosity::{Ledger, Record};
 use std::fmt::Write as _;
 
 /// The record as text.
@@ -53,9 +53,6 @@ pub fn summary(reported: &Reported) -> String {
     text
 }
 
-/// Power relative to that of all emitters below which it is rounding: of 10⁶ elements, each of which adds one of 10⁻¹⁶ or so.
-const ROUNDING: f64 = 1e-10;
-
 /// Powers, and the mean irradiance of lit surfaces.
 fn energy(text: &mut String, r: &Record, photometric: &Option<Luminous>) {
     let l = &r.ledger;
@@ -65,7 +62,7 @@ fn energy(text: &mut String, r: &Record, photometric: &Option<Luminous>) {
     let has_elements = !powers.absorbed.is_nan();
     if has_elements {
         // Sums err by the rounding of 64 bits.
-        let shown = |p: f64| number(if p.abs() < ROUNDING * powers.emitted { 0.0 } else { p });
+        let shown = |p: f64| number(if p.abs() <= Ledger::ROUNDING * powers.emitted { 0.0 } else { p });
         let [emitted, absorbed, escaped, wrong] =
             [powers.emitted, powers.absorbed, powers.escaped, powers.created.abs()]
                 .map(|p| format!("{} {unit}", shown(p)));
