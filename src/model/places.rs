@@ -45,8 +45,8 @@ const MAX_TESTED_POINTS: usize = 4096;
 /// Distances of the places around a point within which a wall is close: at 5 km, walls within 1 cm gave the light of their other side, and
 /// reflected light erred by up to a quarter up to 10 cm before them.
 const COARSE_DISTANCES: f32 = 4.0;
-/// Coordinates of a point relative to the second largest extent of a wall from which on they are coarse for it: that of a room is 2.5 m, and
-/// rooms up to 1.3 km from the middle of a scene had no wrong light.
+/// Coordinates of a point relative to the second largest extent of a wall from which on they are coarse for it: that of a wall of a room is
+/// 2.5 m, and rooms up to 1.3 km from the middle of a scene had no wrong light.
 const COARSE_MAGNITUDE: f32 = 500.0;
 /// Fraction of the points for which coordinates are coarse from which on they are told of: of random points on furniture some lie beside
 /// very small parts.

@@ -365,8 +365,8 @@ fn points_close_behind_others_are_not_moved_onto_these() {
     }
 }
 
-/// A room 2.5 km from the middle of a scene, where places around a point are 1 cm off it, with a wall 5 mm thick across it: the dark half is
-/// dark 5 mm behind the wall, and a note says how fine coordinates are there.
+/// A room 2.5 km from the middle of a scene, where places around a point are 1 cm off it, with a wall 5 mm thick: the dark half is dark
+/// 5 mm behind the wall, and a note names the resolution of coordinates.
 #[test]
 fn thin_walls_far_from_the_middle_are_opaque() {
     let low = DVec3::new(2500.0, 2.0, 0.0);
