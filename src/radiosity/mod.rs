@@ -25,10 +25,9 @@ mod tests;
 mod transport;
 
 #[cfg(feature = "reports")]
-pub use audit::Ledger;
 pub(crate) use pipeline::Seconds;
 pub use {
-    audit::Powers,
+    audit::{Ledger, Powers},
     options::{Inside, Options, RowNormalisation, SolveOptions, View},
     pipeline::{Outcome, PointLight, Record, Solution, run, solve},
 };
