@@ -492,7 +492,7 @@ mod tests {
         );
     }
 
-    /// Whatever a map gains that its table shows is in the result too, with what set-up takes of it.
+    /// What the queries of a map gain is in the result even if set-up takes it away.
     #[test]
     fn the_result_names_what_maps_gain() {
         let map = |queries, with_setup| MapRecord {

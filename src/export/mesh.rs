@@ -292,8 +292,16 @@ fn at_outlines(
     };
     parallel::for_each_mut(&mut found, correct);
     let lacks = lacking(solution, &weights, &found);
-    let with_own_light = |e: usize, at: &mut Vec<[f64; 3]>| {
-        (0..3).for_each(|c| approach(&solution.elements[e], c, lacks[e][c], &weights[e], at));
+    let is_dark = |e: u32| solution.elements[e as usize].irradiance == [0.0; 3];
+    // An element without light beside others without light lies behind a wall. A single one has met no light by chance.
+    let is_behind = |e: usize| {
+        let beside = |&v: &u32| count_at(solution, normals, e as u32, v, around.of(v));
+        is_dark(e as u32)
+            && outlines[e].iter().flat_map(beside).any(|other| other != e as u32 && is_dark(other))
+    };
+    let with_own_light = |e: usize, at: &mut Vec<[f64; 3]>| match is_behind(e) {
+        true => at.iter_mut().for_each(|v| *v = [0.0; 3]),
+        false => (0..3).for_each(|c| approach(&solution.elements[e], c, lacks[e][c], &weights[e], at)),
     };
     parallel::for_each_mut(&mut found, with_own_light);
     Some(found.into_iter().map(|at| at.into_iter().map(|v| v.map(|v| v as f32)).collect()).collect())
@@ -331,12 +339,10 @@ fn angle_at(solution: &RadiosityMesh, outline: &[u32], vertex: u32) -> f32 {
     outline.iter().position(|&v| v == vertex).map_or(0.0, at)
 }
 
-/// Changes the vertices of an element in one channel so that their mean lacks no more of the element's light than its uncertainty. Light is
-/// never negative, so that an element without light is dark at all its vertices.
+/// Changes the vertices of an element in one channel so that their mean lacks no more of the element's light than its uncertainty.
 fn approach(e: &Element, c: usize, lacks: f64, weights: &[f64], at: &mut [[f64; 3]]) {
     let own = e.irradiance[c];
-    let allowed = if own > 0.0 { e.error[c].max(VISIBLE_STEP * own) } else { 0.0 };
-    let beyond = lacks.abs() - allowed;
+    let beyond = lacks.abs() - e.error[c].max(VISIBLE_STEP * own);
     if beyond <= 0.0 {
         return;
     }

@@ -504,7 +504,7 @@ fn a_corner_that_reaches_through_a_wall_lights_no_vertex_behind_it() {
     }
 }
 
-/// Light is not negative: where an element has none on average it has none anywhere, however uncertain it is.
+/// Light is not negative: where elements beside each other have none on average they have none anywhere, however uncertain they are.
 #[test]
 fn elements_without_light_are_black() {
     let (_, mut solution) = square(|p| f64::from(u8::from(p.x > 0.5)));

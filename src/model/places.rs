@@ -4,7 +4,7 @@ use super::Model;
 use crate::embree::Hits;
 use crate::error::number;
 use crate::math::sampling::{cosine_direction, numbers};
-use crate::math::{edge_distance, off_edges, parallel, places_around};
+use crate::math::{Aabb, edge_distance, off_edges, parallel, places_around};
 use crate::ray::{EndRule, LANES, Packet};
 use crate::scene::magnitude;
 use glam::Vec3;
@@ -45,7 +45,7 @@ const MAX_TESTED_POINTS: usize = 4096;
 /// Distances of the places around a point within which a wall is close: at 5 km, walls within 1 cm gave the light of their other side, and
 /// reflected light erred by up to a quarter up to 10 cm before them.
 const COARSE_DISTANCES: f32 = 4.0;
-/// Coordinates of a point relative to the second largest extent of a wall from which on they are coarse for it: that of a wall of a room is
+/// Coordinates of a point relative to the second largest extent of a face from which on they are coarse for it: that of a wall of a room is
 /// 2.5 m, and rooms up to 1.3 km from the middle of a scene had no wrong light.
 const COARSE_MAGNITUDE: f32 = 500.0;
 /// Fraction of the points for which coordinates are coarse from which on they are told of: of random points on furniture some lie beside
@@ -71,10 +71,10 @@ impl Plane {
         self.normal.dot(place - self.corner)
     }
 
-    /// Whether a place lies on the other side than a point that is farther from the plane than the rounding of coordinates of this `size`.
+    /// Whether a place lies on the other side than a point. Points within the rounding of coordinates of this `size` lie on the front.
     fn parts(&self, point: Vec3, place: Vec3, size: f32) -> bool {
-        let height = self.height(point);
-        height.abs() > ROUNDING * size && height * self.height(place) < 0.0
+        let is_in_front = |height: f32| height > -ROUNDING * size;
+        is_in_front(self.height(point)) != is_in_front(self.height(place))
     }
 }
 
@@ -155,10 +155,9 @@ impl Model {
         });
         // Both faces of a thin wall stand between the point and a place in the next room.
         let is_beyond_body: [bool; 9] = std::array::from_fn(|k| {
-            let mut passed = walls.iter().filter(|wall| wall.parts(point, lifted[k], size));
-            passed
-                .next()
-                .is_some_and(|first| passed.any(|wall| wall.normal.dot(first.normal) < -MIN_PARALLEL))
+            let passed: SmallVec<[&Plane; LANES]> =
+                walls.iter().filter(|wall| wall.parts(point, lifted[k], size)).collect();
+            passed.iter().any(|a| passed.iter().any(|b| a.normal.dot(b.normal) < -MIN_PARALLEL))
         });
         let at = WallsAt { point, distance, parts };
         let seen = lifted.map(|place| self.walls_seen(place, normal, &at));
@@ -221,7 +220,6 @@ impl Model {
 
     /// A note if points lie so close to walls, but not on them, that rounding of coordinates there decides what light they have.
     fn note_of_coarse_points(&self, points: &[(Vec3, Vec3)]) -> Option<String> {
-        let bounds = self.scene().component_bounds();
         let tested: Vec<&(Vec3, Vec3)> =
             points.iter().step_by(points.len().div_ceil(MAX_TESTED_POINTS).max(1)).collect();
         // The distance from a wall within which a point is too close, if there is such a wall.
@@ -236,8 +234,8 @@ impl Model {
             let mut hits = [Hits::NONE];
             self.traced().first_hits(self.widest_packets(), std::slice::from_ref(&packet), &mut hits);
             let is_coarse = |lane: usize| {
-                let Some((0, part)) = self.part_met(&hits[0], lane) else { return false };
-                let mut sides = bounds[part as usize].extent().to_array();
+                let Some(face) = self.face_met(&hits[0], lane) else { return false };
+                let mut sides = Aabb::of(face).extent().to_array();
                 sides.sort_by(f32::total_cmp);
                 size > COARSE_MAGNITUDE * sides[1]
                     && self
@@ -251,8 +249,8 @@ impl Model {
         (found.len() as f64 >= MIN_COARSE_POINTS * tested.len() as f64).then(|| {
             let (unit, percent) = (&self.scene().unit, number(100.0 * found.len() as f64 / tested.len() as f64));
             format!(
-                "{percent} % of the points lie within {} {unit} of walls, far from the middle of the scene, where coordinates resolve no more: \
-                 they may have the light of the other side; leave out what is far from there",
+                "{percent} % of the points lie within {} {unit} of walls, so far from the middle of the scene that positions there are not known \
+                 well enough: they may have the light of the other side of a wall; remove objects far from this part of the scene",
                 number(reach.into())
             )
         })

@@ -75,8 +75,8 @@ impl Model {
         let unit = &scene.unit;
         let more = if found.len() > 1 { format!(" (and {} more)", found.len() - 1) } else { String::new() };
         Some(format!(
-            "the emitter `{}`{more} is {} {unit} wide, and coordinates are rounded by up to {} {unit} there, far from the middle of the scene: \
-             all of its light may be wrong by up to {:.0} %; leave out what is far from it",
+            "the emitter `{}`{more} is {} {unit} wide, and so far from the middle of the scene that its corners are rounded by up to {} {unit}: \
+             its size and light, unless its power is stated, may be wrong by up to {:.0} %; remove objects far from it",
             quote(&worst.name),
             two_digits(size),
             two_digits(0.5 * rounding),

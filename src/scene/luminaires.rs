@@ -27,8 +27,8 @@ const MIN_THICKNESS: f64 = 1e-2;
 /// coordinates that are half of the extent, so that neither plate hides the other.
 const MIN_SEPARATION: f64 = 2.5e-6;
 
-/// Illuminance that only burning glasses reach, lx: that of the sun times a hundred.
-const BURNING_ILLUMINANCE: f64 = 1e7;
+/// 100 times full sunlight, lx: far above any lighting.
+const MAX_ILLUMINANCE: f64 = 1e7;
 /// Illuminance of a clear night with a quarter moon, lx.
 const NIGHT_ILLUMINANCE: f64 = 0.01;
 /// Illuminances of lit rooms and halls, lx, with room for a few lamps in the first and for spots in the second.
@@ -215,9 +215,11 @@ fn in_metres(placed: &[PlacedLuminaire], [low, high]: [DVec3; 2], unit: &str) ->
 }
 
 /// Asks for the unit if all emitters whose flux is stated, in lumens or watts, light a scene in metres as if it were a thousand times too
-/// large, or one in a smaller unit as if that should be metres.
+/// large, or one in millimetres as if they were metres.
 pub(super) fn question_unit(soup: &mut Soup, options: &LoadOptions) {
-    let Some(metres) = unit_in_metres(&options.unit).filter(|metres| *metres <= 1.0) else { return };
+    if !["m", "mm"].contains(&options.unit.as_str()) {
+        return;
+    }
     let stated = options.emitters.iter().filter_map(|(_, strength)| match strength {
         Strength::Lumens(flux) => Some(*flux),
         Strength::Watts(power) => Some(WHITE_LUMENS_PER_WATT * *power),
@@ -227,10 +229,8 @@ pub(super) fn question_unit(soup: &mut Soup, options: &LoadOptions) {
     let fluxes: Vec<f64> = soup.fluxes.iter().copied().chain(stated).filter(|flux| *flux > 0.0).collect();
     let (low, high) = ends(soup.positions.iter().copied());
     let (extents, flux) = (high - low, fluxes.iter().sum());
-    soup.repairs.messages.extend(match metres {
-        1.0 => too_large(extents, flux, fluxes.len()),
-        _ => too_small(extents, flux, fluxes.len(), &options.unit, metres),
-    });
+    let question = if options.unit == "m" { too_large } else { too_small };
+    soup.repairs.messages.extend(question(extents, flux, fluxes.len()));
 }
 
 /// Width and length of a scene, and its height, the smallest of its extents.
@@ -242,15 +242,14 @@ fn sides(extents: DVec3) -> [f64; 3] {
 }
 
 /// A question if emitters light a scene as nothing does, and would light a room well if the lengths were metres. `extents`: those of the
-/// scene in its unit, of so many `metres`; `flux`: that of its emitters, lm.
-fn too_small(extents: DVec3, flux: f64, emitters: usize, unit: &str, metres: f64) -> Option<String> {
+/// scene, mm; `flux`: that of its emitters, lm.
+fn too_small(extents: DVec3, flux: f64, emitters: usize) -> Option<String> {
     let [width, length, _] = sides(extents);
-    let in_metres = flux / (width * length);
-    let lux = in_metres / (metres * metres);
-    ((MIN_LUX..MAX_LUX).contains(&in_metres) && lux > BURNING_ILLUMINANCE).then(|| {
+    let (in_metres, lux) = (flux / (width * length), 1e6 * flux / (width * length));
+    ((MIN_LUX..MAX_LUX).contains(&in_metres) && lux > MAX_ILLUMINANCE).then(|| {
         let some = counted(emitters, "emitter");
         format!(
-            "{some} of {flux:.0} lm in total in a scene of {length:.1} {unit} x {width:.1} {unit}, {lux:.1e} lx: is the file in metres? leave \
+            "{some} of {flux:.0} lm in total in a scene of {length:.1} mm x {width:.1} mm, {lux:.1e} lx: is the file in metres? leave \
              ⟨LoadOptions::unit⟩ out"
         )
     })

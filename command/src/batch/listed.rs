@@ -89,7 +89,7 @@ fn read(out: &Path) -> Result<Option<Listed>> {
 /// The lines of the journals of an output folder that count, and its list.
 ///
 /// # Errors
-/// A journal or the list cannot be read. The list of a folder with jobs is missing: jobs without a line would be missing without a word.
+/// A journal or the list cannot be read. The list of a folder with jobs is missing: the result would leave out jobs that have not run.
 pub fn read_listed(out: &Path) -> Result<(Journals, Listed)> {
     let mut journals = read_journals(out)?;
     let listed = match read(out)? {

@@ -179,7 +179,7 @@ fn text(args: &Args, matrix: &FormFactors, r: &Report, seconds: f64) -> String {
         (percent((1.0 - low).abs().max((high - 1.0).abs())), percent(*reciprocity_residual));
     let _ = writeln!(
         out,
-        "sums of rows differ from 1 by up to {off}; both factors of a pair, times areas, differ by {residual} of them"
+        "sums of rows differ from 1 by up to {off}; A_i F_ij and A_j F_ji differ by {residual} in the mean"
     );
     let _ = writeln!(
         out,

@@ -249,8 +249,8 @@ pub struct ElementState {
     /// Whether the element lies in a gap narrower than itself, along which light decays within its size. Such an element exchanges no
     /// light either.
     pub narrow: bool,
-    /// Width of the rim of an element along which another surface stands, scene units, 0 of other elements: no rays start there, as the
-    /// other surface may stand within the rim.
+    /// Width of the rim of an element that another surface crosses so near to an edge that it is not cut there, scene units; 0 of other
+    /// elements. No rays start in the rim, as part of it lies beyond that surface.
     pub rim: f32,
 }
 

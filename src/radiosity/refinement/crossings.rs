@@ -10,7 +10,9 @@ use crate::embree::Hits;
 use crate::math::Aabb;
 use crate::math::parallel;
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::{CutPlane, Elements, Shape, Side, centres_of_quarters, inner_radius};
+use crate::radiosity::elements::{
+    CutPlane, Elements, Shape, Side, centres_of_quarters, centroid, inner_radius,
+};
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
 use crate::visibility::Exact;
@@ -24,6 +26,10 @@ const INSET: f32 = 1.0 / 128.0;
 /// sides of the element have different light if the gap is narrower. With 1/8 or 1/2, light 2 cm behind a lit sheet with a gap of 3 mm is
 /// 23 % or 56 % too bright (`cargo test the_bright_foot`).
 const INSET_CLEAR: f32 = 1.0 / 4.0;
+/// Fractions of an edge at which segments across the rim of an element along it look for surfaces, and fraction of the rim's width at which
+/// these begin: of a narrower strip beyond a surface the light is less than 1/1,000 of that of the element.
+const RIM_PLACES: [f32; 2] = [0.25, 0.75];
+const RIM_START: f32 = 1.0 / 16.0;
 /// Largest number of times that an element of the size of the local pass is split: its parts are then an eighth as wide. Four times
 /// adds twice as many elements, a tenth of those of the Cornell box.
 const MAX_SPLITS: i32 = 3;
@@ -266,10 +272,21 @@ fn set_across(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Sid
     }
 }
 
+/// Sets lanes from `first` on to segments in the rims of an element, above its plane: across each rim at the fraction `along` of its edge.
+/// They begin off the edge, where other surfaces stand that do not cross the element.
+fn set_rims(packet: &mut Packet, first: usize, corners: &[Vec3; 4], side: &Side, along: f32) {
+    let (count, middle, _) = frame(corners, side, 0.0);
+    for k in 0..count {
+        let edge = corners[k].lerp(corners[(k + 1) % count], along);
+        let within = |part: f32| side.end.lifted(edge + 2.0 * INSET * part * (middle - edge), side.normal);
+        packet.set_between(first + k, within(RIM_START), within(1.0), [0.0, 1.0]);
+    }
+}
+
 /// The number of corners of an element, their mean, and the offset of segments from its plane for this fraction of its diameter.
 fn frame(corners: &[Vec3; 4], side: &Side, part: f32) -> (usize, Vec3, Vec3) {
     let count = if corners[2] == corners[3] { 3 } else { 4 };
-    let middle = corners[..count].iter().sum::<Vec3>() / count as f32;
+    let middle = centroid(corners);
     let diameter = 2.0 * corners.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
     (count, middle, side.end.height().max(part * diameter) * side.normal)
 }
@@ -299,17 +316,20 @@ impl LinkedScene {
             self.elements.states[leaf as usize].narrow = true;
         }
     }
-}
 
-impl LinkedScene {
-    /// Sets the [rims](crate::radiosity::elements::ElementState::rim) of leaves: surfaces that cross a leaf within [`INSET`] of its edges
-    /// are not known.
+    /// Sets the [rims](crate::radiosity::elements::ElementState::rim) of leaves that a surface crosses so near to an edge that they are not
+    /// cut there.
     pub fn mark_rims(&mut self, exact: &Exact) {
-        let leaves = self.leaves();
-        let walls = self.walls_along(exact, &leaves);
+        let leaves = divided(&self.elements, &self.leaves());
+        let [first, second] = RIM_PLACES.map(|along| {
+            blocked(&self.elements, exact, &leaves, |packet, first, corners, side| {
+                set_rims(packet, first, corners, side, along)
+            })
+        });
         let Elements { elements, states, .. } = &mut self.elements;
         states.iter_mut().for_each(|state| state.rim = 0.0);
-        for (leaf, _) in leaves.into_iter().zip(walls).filter(|(_, edges)| *edges != 0) {
+        let edges = first.into_iter().zip(second).map(|(first, second)| first | second);
+        for (leaf, _) in leaves.into_iter().zip(edges).filter(|(_, edges)| *edges != 0) {
             if let Shape::Surface { corners, .. } = &elements[leaf as usize].shape {
                 states[leaf as usize].rim = 2.0 * INSET * inner_radius(corners);
             }

@@ -163,7 +163,7 @@ impl LinkedScene {
 
     /// By side, whether it counts in means of light and relative errors: light arrives there, at least [`MIN_LIT`] of the mean over all
     /// sides, and it belongs to the inside if the scene has one. So means depend neither on whether the outsides of a closed room have
-    /// elements nor on lamps or a sky above it.
+    /// elements nor on lamps above it. Under a sky the outside counts as well.
     pub fn lit_sides(&self) -> Vec<bool> {
         let Elements { elements, states, sides, .. } = &self.elements;
         let (mut light, mut all) = (vec![0.0; sides.len()], 0.0);
@@ -177,6 +177,9 @@ impl LinkedScene {
         let least = MIN_LIT * all.max(0.0) / self.elements.area;
         let area = |side: usize| elements[sides[side].element as usize].area;
         let mut lit: Vec<bool> = (0..sides.len()).map(|side| light[side] > least * area(side)).collect();
+        if self.environment.is_some() {
+            return lit;
+        }
         let Surroundings { escaped, differ, .. } = &self.surroundings;
         let is_inside = |side: usize| escaped[side] < MAX_ESCAPED_INSIDE;
         // Sums over lit sides, by area and by light: of all, of the inside, and of pairs of rays that differ.
@@ -196,7 +199,7 @@ impl LinkedScene {
         lit
     }
 
-    /// The leaves of these sides.
+    /// The leaves of the sides that [count](LinkedScene::lit_sides).
     pub fn lit_leaves(&self) -> Vec<u32> {
         let lit = self.lit_sides();
         let mut leaves = self.leaves();

@@ -127,13 +127,15 @@ pub fn probe(
             own && (rays.len() as u32 >= MIN_CLOSED_RAYS || (escaped == 0 && all >= MIN_CLOSED_RAYS))
         })
         .collect();
-    let counts = |rays: &&Vec<ProbeRay>| [rays.iter().filter(|ray| ray.met == ESCAPED).count(), rays.len()];
-    let escaped = found.iter().map(counts).map(|[gone, all]| gone as f32 / all.max(1) as f32).collect();
-    // Of all pairs of rays.
-    let differ = |[gone, all]: [usize; 2]| {
-        (2 * gone * (all - gone)) as f32 / (all * all.saturating_sub(1)).max(1) as f32
+    let counts: Vec<[usize; 2]> =
+        found.iter().map(|rays| [rays.iter().filter(|ray| ray.met == ESCAPED).count(), rays.len()]).collect();
+    let escaped = counts.iter().map(|[gone, all]| *gone as f32 / (*all).max(1) as f32).collect();
+    // Of all pairs of rays; a side without rays is not known to lie inside or outside.
+    let differ = |&[gone, all]: &[usize; 2]| match all {
+        0 => 1.0,
+        _ => (2 * gone * (all - gone)) as f32 / (all * (all - 1)).max(1) as f32,
     };
-    let differ = found.iter().map(counts).map(differ).collect();
+    let differ = counts.iter().map(differ).collect();
     let part = |of: f64, all: f64| if all > 0.0 { (of / all).min(1.0) as f32 } else { 0.0 };
     let parts = |k: usize| enclosed.iter().zip(&traced).map(|(of, all)| part(of[k], all[k])).collect();
     Surroundings { enclosed: parts(0), enclosed_emission: parts(1), closed, escaped, differ, length, entered }

