@@ -427,7 +427,7 @@ impl FinalGather<'_> {
                 add_to(vertex.path, other);
                 continue;
             }
-            match self.reflected_or_next(found.met, found.distance, near.len() as u32) {
+            match self.reflected_or_next(found.met, found.distance, 0.0, near.len() as u32) {
                 Ok(value) => add_to(vertex.path, other + part * value),
                 Err(next) => {
                     near.push(PathVertex { share: part * next.share, ..next });

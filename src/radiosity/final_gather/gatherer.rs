@@ -188,7 +188,11 @@ impl<'a> FinalGather<'a> {
                     std::array::from_fn(|k| (state.radiosity[k] - emitted[k]) as f32)
                 }
             };
-            let trusted_from = if state.is_excluded() { f32::INFINITY } else { e.radius };
+            let trusted_from = match (state.is_excluded(), elements.large_from > 0) {
+                (true, _) => f32::INFINITY,
+                (false, true) => e.radius,
+                (false, false) => 0.0,
+            };
             Reflected { light, trusted_from }
         });
         let slack = 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude;

@@ -263,15 +263,17 @@ impl FinalGather<'_> {
         std::mem::swap(vertices, next_vertices);
     }
 
-    /// The reflected radiosity at the point that a ray has met, or the vertex from which its path continues if the element is too near.
+    /// The reflected radiosity at the point that a ray has met, or the vertex from which its path continues if the element is too near:
+    /// nearer than [`Reflected::trusted_from`](super::reflected::Reflected::trusted_from), or nearer than `least`, scene units.
     pub(super) fn reflected_or_next(
         &self,
         met: PathVertex,
         distance: f32,
+        least: f32,
         path: u32,
     ) -> Result<Vec3, PathVertex> {
         let reflected = &self.reflected[met.leaf as usize];
-        if distance >= reflected.trusted_from {
+        if distance >= reflected.trusted_from.max(least) {
             Ok(Vec3::from(reflected.light))
         } else {
             Err(self.continued(met, Vec3::ONE, path))

@@ -6,8 +6,8 @@ pub struct Reflected {
     /// Reflected radiosity by channel, W/m².
     pub light: [f32; 3],
     /// Smallest distance from which the mean light of the element stands for the light at each of its points (secondary final gathers,
-    /// Jensen 2001), scene units: the radius of the element, as in a dim corner elements have a quarter more light than the corner; infinite
-    /// outside the exchange.
+    /// Jensen 2001), scene units: the radius of the element; 0 in scenes without clusters, where links have divided elements as finely as
+    /// their light varies; infinite outside the exchange.
     pub trusted_from: f32,
 }
 
