@@ -177,8 +177,9 @@ fn light_does_not_depend_on_the_unit_of_length() {
         let points: Vec<Point> =
             floor(9).into_iter().map(|p| Point { position: scale * p.position, ..p }).collect();
         let outcome = solved(&scene, &points, &quick());
+        // Rays of points that end nearby continue as paths, which have noise.
         for value in outcome.irradiance {
-            assert!((value[0] / 2.0 - 1.0).abs() < 2e-3, "{scale}: {value:?}");
+            assert!((value[0] / 2.0 - 1.0).abs() < 5e-3, "{scale}: {value:?}");
         }
         assert!((outcome.record.mean_irradiance[0] / 2.0 - 1.0).abs() < 2e-3, "{scale}");
     }
