@@ -348,7 +348,7 @@ fn light_on_edges_is_the_limit_from_inside() {
     }
 }
 
-/// A dim corner below a white ceiling: the elements around it have up to a third more light than the points in it.
+/// A dim corner below a white ceiling: the elements around it have more light than the points in it.
 #[test]
 fn dim_corners_have_the_light_of_paths() {
     const HEIGHT: f64 = 2.84;
@@ -362,7 +362,7 @@ fn dim_corners_have_the_light_of_paths() {
         let along = floor[k] - floor[(k + 1) % 4];
         pieces.grey("wall", reflectance).rectangle(floor[(k + 1) % 4], along, HEIGHT * DVec3::Z);
     }
-    let lamp = [[0.38, 1.66], [-0.02, 1.36], [0.28, 0.96], [0.68, 1.26]];
+    let lamp = [[0.38, 1.66], [0.68, 1.26], [0.28, 0.96], [-0.02, 1.36]];
     pieces.glowing("lamp", 20.0).polygon(&lamp.map(|[x, y]| DVec3::new(x, y, 2.79)));
     let scene = pieces.scene();
     let points = [floor[1], floor[3]].map(|along| {
@@ -373,7 +373,7 @@ fn dim_corners_have_the_light_of_paths() {
     let found =
         solved(&scene, &points, &Options { elements: false, audit: 0, ..Options::default() }).irradiance;
     for (found, truth) in found.iter().zip(traced(&scene, &points, 1 << 14, 1)) {
-        assert!((found[0] / truth[0] - 1.0).abs() < 0.15, "{found:?} instead of {truth:?}");
+        assert!((found[0] / truth[0] - 1.0).abs() < 0.08, "{found:?} instead of {truth:?}");
     }
 }
 
