@@ -348,35 +348,6 @@ fn light_on_edges_is_the_limit_from_inside() {
     }
 }
 
-/// A dim corner below a white ceiling: the elements around it have more light than the points in it.
-#[test]
-fn dim_corners_have_the_light_of_paths() {
-    const HEIGHT: f64 = 2.84;
-    let floor = [[0.0, 0.0], [3.19, 2.41], [1.39, 4.80], [-1.81, 2.40]].map(|[x, y]| DVec3::new(x, y, 0.0));
-    let mut pieces = Pieces::empty();
-    pieces.grey("floor", 0.5).polygon(&floor);
-    let mut ceiling = floor.map(|p| p + HEIGHT * DVec3::Z);
-    ceiling.reverse();
-    pieces.grey("ceiling", 0.85).polygon(&ceiling);
-    for (k, reflectance) in [0.5, 0.3, 0.1, 0.5].into_iter().enumerate() {
-        let along = floor[k] - floor[(k + 1) % 4];
-        pieces.grey("wall", reflectance).rectangle(floor[(k + 1) % 4], along, HEIGHT * DVec3::Z);
-    }
-    let lamp = [[0.38, 1.66], [0.68, 1.26], [0.28, 0.96], [-0.02, 1.36]];
-    pieces.glowing("lamp", 20.0).polygon(&lamp.map(|[x, y]| DVec3::new(x, y, 2.79)));
-    let scene = pieces.scene();
-    let points = [floor[1], floor[3]].map(|along| {
-        let position = HEIGHT * DVec3::Z;
-        let normal = if along.x > 0.0 { DVec3::Z.cross(along) } else { along.cross(DVec3::Z) };
-        Point { position, normal: normal.normalize() }
-    });
-    let found =
-        solved(&scene, &points, &Options { elements: false, audit: 0, ..Options::default() }).irradiance;
-    for (found, truth) in found.iter().zip(traced(&scene, &points, 1 << 14, 1)) {
-        assert!((found[0] / truth[0] - 1.0).abs() < 0.08, "{found:?} instead of {truth:?}");
-    }
-}
-
 /// The corner of a turned room that lies in the origin: its coordinates are 0, but not the rounding errors of its faces.
 #[test]
 fn corners_in_the_origin_have_the_light_of_points_beside_them() {
